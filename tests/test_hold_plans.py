@@ -13,7 +13,7 @@ from test_passive_delta_v import failed_states, fired, least_ratio
 
 COSTS = json.loads((Path(__file__).parent / "data" / "hold_costs.json").read_text(encoding="utf-8"))
 DEARER = 1.01
-SEVERAL = {2: 1.03, 6: 1.25}  # plans nearby, to which ends that are moved by a micrometre lead
+SEVERAL = {2: 1.03, 3: 1.4, 6: 1.25}  # plans nearby, to which ends that are moved by a micrometre lead
 
 
 @pytest.mark.parametrize("k", range(NUMBER))

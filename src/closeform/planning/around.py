@@ -230,7 +230,9 @@ def impulsive(clear: Path | None, problem: Problem, task: Around) -> Avoidance:
     if found.flown is None and clear is None:
         reason = f"no clear path among {ways}; raise budget for more"
         if problem.drift is not None:
-            reason = f"no passively safe path among {ways}{unseparated(problem, ('path', *task.names))}"
+            beyond_it = "" if limits is None or found.limited else ", nor without the thrust limit"
+            reason = f"no passively safe path among {ways}{beyond_it}"
+            reason += unseparated(problem, ("path", *task.names))
         none = refused(problem, Status.NOT_FOUND, reason, found.tried, free.least)
         if found.enough is None or limits is None:
             return none

@@ -6,10 +6,11 @@ fine, so that thrust comes to be full or none, along the primer.                
 """
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import replace
 from itertools import product
-from math import ceil, inf, pi
-from typing import Any
+from math import ceil, inf, pi, sqrt
+from typing import Any, Self
 
 import numpy as np
 
@@ -24,6 +25,7 @@ from closeform.motion.saturated import BOUND
 from closeform.motion.within_limit import TooLittleThrust, limited
 from closeform.planning.impulse_alone import answers_alone
 from closeform.planning.impulse_checks import Failures, Spent
+from closeform.planning.impulse_descent import cleared
 from closeform.planning.impulse_local import FEWER, FIRED, IDLE, LAST, WIDEST, ImpulseSolver
 from closeform.planning.impulse_moments import Moments, sizes_of, some_of_each
 from closeform.planning.problem import Problem
@@ -38,6 +40,9 @@ BESIDE = 0.1  # of a burn: the slots next to it
 TOUCHING = 1e-9  # of a craft's time: burns no further apart are one
 FURTHER = 1e-5  # of a zone: planes moved out, that fewer slots are clear of it
 ALONE = 8  # rounds in which burns settle where nothing is in the way
+ROOMY = 1.05  # times as long as at the limit are burns about impulses, that they have room to change
+SHORT = 1e-4  # of a craft's time: burns no longer are as good as impulses
+LEVELS, CLOSER = 14, 1.07  # limits that are tried on the way to a limit, and how close together at least
 
 
 class BurnSolver(ImpulseSolver):
@@ -53,6 +58,7 @@ class BurnSolver(ImpulseSolver):
     ) -> None:
         super().__init__(problem, thrusters, names, failures)
         self.limits = np.where(np.isfinite(limits), limits, 0.0)
+        self.enough = inf  # times these limits, within which safe burns were found on the way to the limits
         spans = problem.base[:, [START, END]]
         self.times = np.ptp(spans, axis=1)
         turns = problem.orbit.mean_motion * self.times / (2.0 * pi)
@@ -105,6 +111,71 @@ class BurnSolver(ImpulseSolver):
             found = self.priced(self.following(found), Contacts.none(), LAST, inf)
         return found and replace(found, least=super().unconstrained().least)
 
+    def tightened(self, safe: Spent) -> Spent | None:
+        """Clear burns within the limits near to safe paths by impulses, or by what burns the limits allow.
+
+        Where those about impulses are not safe, and no step makes them so, limits come down to what they are
+        from where they are, the way there being halved until it leads on.  `enough` tells how far they came.
+        """
+        sizes = [own[own > 0.0] for own in sizes_of(safe.impulses)]
+        short = [own.max(initial=0.0) / (SHORT * time) for own, time in zip(sizes, self.times, strict=True)]
+        limited = self.limits > 0.0
+        reached = max(1.0, float((np.array(short)[limited] / self.limits[limited]).max()))
+        tried = 1.0
+        for _ in range(LEVELS):
+            solver = self.within(tried)
+            near = solver.about(safe)
+            found = None if near is None else cleared(solver, near)
+            if found is not None:
+                if tried == 1.0:
+                    return found
+                self.enough = reached = tried
+                safe, tried = found, 1.0
+            elif reached < CLOSER * tried:
+                break
+            else:
+                tried = sqrt(tried * reached)
+        return None
+
+    def within(self, factor: float) -> Self:
+        """The same within so many times the limits."""
+        other = copy(self)
+        other.limits = factor * self.limits
+        return other
+
+    def about(self, paths: Spent) -> Spent | None:
+        """Paths whose impulses or burns are burns a little below the limits about the same times.
+
+        Burns in each other's way are moved apart by as little as it takes; None where time is too short.
+        """
+        moments, pushes = [], []
+        for i, (own, given) in enumerate(zip(paths.fired(0.0), paths.impulses, strict=True)):
+            sizes = np.linalg.norm(given, axis=1)
+            given, sizes, limit = given[sizes > 0.0], sizes[sizes > 0.0], self.limits[i]
+            if limit:
+                lengths = np.maximum(ROOMY * sizes / limit, BRIEFEST * self.times[i])
+                first, last = self.edges[i][[0, -1]]
+                if lengths.sum() > last - first:
+                    return None
+                begins = apart(own.times + 0.5 * (own.widths - lengths), lengths, sizes, first, last)
+                pieces = np.ceil(lengths / self.fine(i)).astype(int)
+                widths, before = np.repeat(lengths / pieces, pieces), np.cumsum(pieces) - pieces
+                within = np.arange(pieces.sum()) - np.repeat(before, pieces)
+                starts = np.repeat(begins, pieces) + within * widths
+                own = Moments(starts, np.zeros(len(starts), dtype=np.int64), widths)
+                given = np.repeat(given / pieces[:, None], pieces, axis=0)
+            moments.append(own)
+            pushes.append(given)
+        table = np.zeros((len(pushes), max(map(len, pushes)), 3))
+        for row, given in zip(table, pushes, strict=True):
+            row[: len(given)] = given
+        return self.fired_at(moments, table, paths)
+
+    def fine(self, i: int) -> float:
+        """How long slots of a craft are at most where it burns [s]."""
+        n = self.problem.orbit.mean_motion
+        return float(min(FINEST * self.times[i], FINE / n) if n > 0.0 else FINEST * self.times[i])
+
     def following(self, found: Spent) -> list[Moments]:
         """The slots of the next round, cut where thrust begins and ends."""
         sizes, following = sizes_of(found.impulses), super().following(found)
@@ -119,8 +190,7 @@ class BurnSolver(ImpulseSolver):
         """The edges (J + 1,) of a craft's slots, fine in and beside its `burns` (B, 2)."""
         whole, brief = self.times[i], BRIEFEST * self.times[i]
         first, last = self.edges[i][[0, -1]]
-        n = self.problem.orbit.mean_motion
-        fine = min(FINEST * whole, FINE / n) if n > 0.0 else FINEST * whole
+        fine = self.fine(i)
         edges, open_edges = [], self.edges[i]
         for start, end in without_gaps(burns, TOUCHING * whole):
             if end - start < brief:
@@ -182,6 +252,21 @@ def burn_times(slots: Moments, shares: Floats, peaks: Floats) -> Floats:
             start = min(max(middle - 0.5 * length, start), start + width - length)
         found.append((start, start + length))
     return np.array(found).reshape(-1, 2)
+
+
+def apart(begins: Floats, lengths: Floats, weights: Floats, first: float, last: float) -> Floats:
+    """When burns (B,) of some lengths begin so that none is in the way of another, nor before the first time.
+
+    Near to `begins`, in the mean square by weights; all of them fit.
+    """
+    from scipy.optimize import isotonic_regression  # half a second to import
+
+    if not len(begins):
+        return begins
+    ahead = np.cumsum(lengths) - lengths
+    found = isotonic_regression(begins - ahead, weights=weights).x
+    moved: Floats = np.clip(found, first, last - lengths.sum()) + ahead
+    return moved
 
 
 def without_gaps(burns: Floats, apart: float) -> list[list[Any]]:

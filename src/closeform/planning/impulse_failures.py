@@ -190,18 +190,20 @@ class ImpulseFailures:
         for k in np.flatnonzero(contacts.drifts.any(axis=1)):
             i, side = craft[k], int(np.argmax(contacts.drifts[k]))
             lost, brief = contacts.times[k] - contacts.drifts[k, side], BRIEF * self.lengths[i]
-            times, whole = after[i].times, np.linalg.norm(impulses[i, : len(before[i].times)], axis=1)
-            given = whole * np.clip(0.5 * (lost - before[i].times) / brief + 0.5, 0.0, 1.0)
-            owner = np.abs(before[i].times[:, None] - times).argmin(axis=1)
-            total = np.bincount(owner, whole, len(times))
-            share = np.bincount(owner, given, len(times)) / np.where(total > 0.0, total, 1.0)
+            whole = np.linalg.norm(impulses[i, : len(before[i].times)], axis=1)
+            begun, ended = before[i].burns(brief).T
+            begins, ends = after[i].burns(brief).T
+            given = whole * np.clip((lost - begun) / (ended - begun), 0.0, 1.0)
+            owner = np.abs((begun + ended)[:, None] - (begins + ends)).argmin(axis=1)
+            total = np.bincount(owner, whole, len(begins))
+            share = np.bincount(owner, given, len(begins)) / np.where(total > 0.0, total, 1.0)
             part = total * ((share > OPEN) & (share < 1.0 - OPEN))
             if part.any():
                 m = part.argmax()
-                lost = times[m] + (2.0 * share[m] - 1.0) * brief
+                lost = begins[m] + share[m] * (ends[m] - begins[m])
             else:
-                low = np.max(times[(total > 0.0) & (share >= 1.0 - OPEN)] + brief, initial=-np.inf)
-                high = np.min(times[(total > 0.0) & (share <= OPEN)] - brief, initial=np.inf)
+                low = np.max(ends[(total > 0.0) & (share >= 1.0 - OPEN)], initial=-np.inf)
+                high = np.min(begins[(total > 0.0) & (share <= OPEN)], initial=np.inf)
                 lost = min(max(lost, low), high)
             drifts[k, side] = max(contacts.times[k] - lost, 0.0)
         return contacts._replace(drifts=drifts)

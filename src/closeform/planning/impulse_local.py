@@ -152,13 +152,20 @@ class ImpulseSolver:
         known = before.checked.lost.joined(found.contacts)
         here, there = (self.problem.motions(one.flown, known)[:, 0] for one in (before, found))
         farthest = float(np.linalg.norm(there - here, axis=1).max(initial=0.0))
-        share = SHARE if farthest * SHARE <= stride else stride / farthest
+        return self.part_way(before, found, SHARE if farthest * SHARE <= stride else stride / farthest)
+
+    def part_way(self, before: Spent, found: Spent, share: float) -> Spent:
+        """Paths a `share` of the way from those before to those found."""
         moments, impulses = blended((before.moments, found.moments), (before.impulses, found.impulses), share)
         fleet = self.fleet(moments)
         keep_fewest(fleet, self.planes(found.contacts).some(found.pushing), impulses)
-        flown, spent = self.flown(fleet, impulses), float(sizes_of(impulses).sum())
-        checked = self.checked(flown, found.contacts)
-        return replace(found, flown=flown, delta_v=spent, checked=checked, moments=moments, impulses=impulses)
+        return self.fired_at(moments, impulses, found)
+
+    def fired_at(self, moments: list[Moments], impulses: Floats, known: Spent) -> Spent:
+        """What impulses at moments come to, checked where the contacts of `known` paths are."""
+        flown = self.flown(self.fleet(moments), impulses)
+        spent, checked = float(sizes_of(impulses).sum()), self.checked(flown, known.contacts)
+        return replace(known, flown=flown, delta_v=spent, checked=checked, moments=moments, impulses=impulses)
 
     def following(self, found: Spent) -> list[Moments]:
         """When each craft may fire in the round after one."""

@@ -8,6 +8,8 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.fuel.thrusters import Thrusters
 
+SLIVER = 1e-15  # of times: slots no longer are rounding
+
 
 class Moments(NamedTuple):
     """Times (J,) in order, and which direction (J,) an impulse has there; the only one is free.
@@ -46,6 +48,30 @@ class Moments(NamedTuple):
         new = np.ones(len(order), dtype=bool)
         new[1:] = (times[1:] != times[:-1]) | (which[1:] != which[:-1])
         return every.some(order[new])
+
+    def burns(self, brief: float) -> Floats:
+        """When each begins and ends (J, 2); an impulse is a burn from so long before its time to after it."""
+        about = np.where(self.widths > 0.0, 0.0, brief)
+        return np.stack([self.times - about, self.times + self.widths + about], axis=1)
+
+    def crossed(self, other: "Moments") -> "Moments":
+        """Those of both; slots are cut where either set's begin and end."""
+        if not (self.widths.any() or other.widths.any()):
+            return self.joined(other)
+        ends = [own.times + own.widths for own in (self, other)]
+        edges = np.unique(np.concatenate([self.times, other.times, *ends]))
+        cut = Moments.slots(edges[np.diff(edges, append=np.inf) > SLIVER * np.abs(edges).max()])
+        return cut.some(cut.shares(self).any(axis=1) | cut.shares(other).any(axis=1))
+
+    def shares(self, other: "Moments") -> Floats:
+        """How much (J, K) of each of the `other` moments falls into each of these."""
+        if not self.widths.any():
+            same = (self.times[:, None] == other.times) & (self.which[:, None] == other.which)
+            return np.where(same, 1.0, 0.0)
+        middles, widths = self.times + 0.5 * self.widths, self.widths[:, None]
+        within = (middles[:, None] > other.times) & (middles[:, None] < other.times + other.widths)
+        found: Floats = np.where(within, widths / other.widths, 0.0)
+        return found
 
     def merged(self, peaks: "Moments", apart: float, fixed: bool) -> "Moments":
         """Those that stand for all no further apart, of one direction: the peaks where there are some.
@@ -92,12 +118,11 @@ def blended(
     """Moments (N) and impulses (N, J, 3) a `share` of the way from the first paths to the second."""
     fired = [sizes_of(given) > 0.0 for given in impulses]
     used = list(map(some_of_each, moments, fired))
-    every = list(map(Moments.joined, *used))
+    every = list(map(Moments.crossed, *used))
     found = np.zeros((len(every), max(len(own.times) for own in every), 3))
     for rows, given, chosen, part in zip(used, impulses, fired, (1.0 - share, share), strict=True):
         for all_own, own, pushes, some, into in zip(every, rows, given, chosen, found, strict=True):
-            same = (all_own.times[:, None] == own.times) & (all_own.which[:, None] == own.which)
-            into[same.argmax(axis=0)] += part * pushes[some]
+            into[: len(all_own.times)] += part * all_own.shares(own) @ pushes[: len(some)][some]
     return every, found
 
 

@@ -13,6 +13,7 @@ from closeform.motion.arc import END, START
 from closeform.motion.saturated import CLOSE
 from closeform.motion.within_limit import TooLittleThrust
 from closeform.planning.impulse_checks import Spent
+from closeform.planning.impulse_descent import descended
 from closeform.planning.impulse_local import ImpulseSolver, beside
 from closeform.planning.limits import FULL
 from closeform.planning.passive_planes import TOGETHER
@@ -50,16 +51,30 @@ def solve_impulses(
         from closeform.planning.impulse_failures import ImpulseFailures
 
         failures = ImpulseFailures(problem)
+    impulses = ImpulseSolver(problem, thrusters, names, failures)
     if limits is None:
-        return solved(ImpulseSolver(problem, thrusters, names, failures), by_energy, budget, more)
+        return solved(impulses, by_energy, budget, more)
     from closeform.planning.burn_local import BurnSolver  # which plans without limits can spare
 
-    found, free = solved(BurnSolver(problem, limits, thrusters, names, failures), by_energy, budget, more)
+    burns = BurnSolver(problem, limits, thrusters, names, failures)
+    safe: list[Spent] = []
+
+    def near() -> Spent | None:
+        best, _ = searched(impulses, impulses.unconstrained(), by_energy, budget, more)
+        safe.extend([] if best is None else [best])
+        return None if best is None else burns.tightened(best)
+
+    found, free = solved(burns, by_energy, budget, more, None if failures is None else near)
     if found.flown is not None:
         peaks = problem.path(found.flown).peak_thrust
-        if (peaks > FULL * limits).any():  # of least energy
-            return Outcome(None, (), nan, 1.0, False, found.tried, enough=peaks), free
-    return found, free
+        if (peaks <= FULL * limits).all():
+            return found, free
+    known = np.isfinite(limits)
+    times = inf if found.flown is None else float((peaks[known] / limits[known]).max())  # of least energy
+    times = min(times, burns.enough)
+    enough = None if times == inf else np.where(known, times * limits, 0.0)
+    none = Outcome(None, (), nan, 1.0, False, found.tried, found.blocked, enough=enough, limited=bool(safe))
+    return none, free
 
 
 def unconstrained(problem: Problem, thrusters: Sequence[Thrusters | None], names: Sequence[str]) -> Spent:
@@ -68,32 +83,18 @@ def unconstrained(problem: Problem, thrusters: Sequence[Thrusters | None], names
 
 
 def solved(
-    solver: ImpulseSolver, by_energy: Callable[[], Outcome], budget: int | None = None, more: bool = False
+    solver: ImpulseSolver,
+    by_energy: Callable[[], Outcome],
+    budget: int | None = None,
+    more: bool = False,
+    near: Callable[[], Spent | None] | None = None,
 ) -> tuple[Outcome, Spent]:
-    """The same of one solver, `by_energy` being the paths of least energy."""
+    """The same of one solver, `by_energy` being the paths of least energy, `near` others that are clear."""
     problem, free = solver.problem, solver.unconstrained()
     if free.checked.clear:
         return Outcome(free.flown, (), 0.0, 1.0, True, 0, delta_v=free.delta_v), free
-    most = budget or (ONE if problem.count == 1 else MANY) * (MORE if more or solver.failures else 1)
-    best: Spent | None = None
-    tried = 0
-    for start in starts(solver, free, by_energy):
-        if tried == most:
-            break
-        for holding, stride in ways_on(solver):
-            if solver.failures is not None:
-                solver.failures.holding = holding
-            # planes turn: of the first start neither way is left for what it costs before it is clear
-            bar = inf if best is None or tried == 0 else best.delta_v
-            found = solver.solve(start, bar, stride)
-            if found is not None and solver.failures is not None and strayed(problem, free, found):
-                continue
-            best = found if best is None or (found is not None and found.delta_v < best.delta_v) else best
-        tried += 1
+    best, tried = searched(solver, free, by_energy, budget, more, near)
     if best is not None:
-        if solver.failures is not None:
-            solver.failures.holding = False
-        best = solver.fewest(solver.focused(best))
         if solver.failures is not None and (plain := cheaper(solver, best, by_energy)) is not None:
             return replace(plain, tried=tried + plain.tried), free
         touched, at, priced = solver.settled(best).some(best.pushing), best.flown, True
@@ -109,12 +110,51 @@ def solved(
     return replace(other, tried=tried + other.tried), free
 
 
+def searched(
+    solver: ImpulseSolver,
+    free: Spent,
+    by_energy: Callable[[], Outcome],
+    budget: int | None,
+    more: bool,
+    near: Callable[[], Spent | None] | None = None,
+) -> tuple[Spent | None, int]:
+    """The cheapest clear paths that starts lead to, and how many starts were examined."""
+    if free.checked.clear:
+        return free, 0
+    most = budget or (ONE if solver.problem.count == 1 else MANY) * (MORE if more or solver.failures else 1)
+    best: Spent | None = None
+    tried = 0
+    for start in starts(solver, free, by_energy):
+        if tried == most:
+            break
+        for holding, stride in ways_on(solver):
+            if solver.failures is not None:
+                solver.failures.holding = holding
+            # planes turn: of the first start neither way is left for what it costs before it is clear
+            bar = inf if best is None or tried == 0 else best.delta_v
+            found = solver.solve(start, bar, stride)
+            if found is not None and solver.failures is not None and strayed(solver.problem, free, found):
+                continue
+            best = found if best is None or (found is not None and found.delta_v < best.delta_v) else best
+        tried += 1
+    if solver.failures is not None:
+        solver.failures.holding = False
+    other = None if near is None else near()
+    if other is not None and (best is None or other.delta_v < best.delta_v):
+        best = other
+    if best is not None:
+        best = solver.fewest(solver.focused(best))
+        if solver.failures is not None:
+            best = solver.fewest(descended(solver, best))
+    return best, tried
+
+
 def ways_on(solver: ImpulseSolver) -> tuple[tuple[bool, float], ...]:
     """How rounds go on from a start: whether planes that press are held, and how far a step leads."""
     if solver.failures is None:
         return ((False, inf),)
     held = (False, inf), (True, inf)
-    return held if solver.limits.any() else (*held, (False, STRIDE))  # burns of two paths overlap
+    return held if solver.limits.any() else (*held, (False, STRIDE))  # steps would cut slots ever finer
 
 
 def strayed(problem: Problem, free: Spent, found: Spent) -> bool:

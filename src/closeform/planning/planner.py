@@ -27,7 +27,7 @@ class Outcome:
     times as large.
     `order`: that in which craft planned one after another, where it is not the one asked for.
     `delta_v` [m/s] is told where it was least, summed over thrusters.  `enough` (N,) [m/s^2]: thrust of clear
-    paths, where none was found within limits.
+    paths, where none was found within limits; `limited`: there are paths without them.
     `priced`: multipliers of contacts are the slopes of what was to be least.
     """
 
@@ -42,6 +42,7 @@ class Outcome:
     delta_v: float = nan
     priced: bool = True
     enough: Floats | None = None
+    limited: bool = False
 
 
 def solve(problem: Problem, budget: int | None = None, more: bool = False) -> Outcome:

@@ -282,7 +282,9 @@ def _fired(plan: Plan, problem: Problem, request: Request, budget: int | None, m
         return replace(plan, status=Status.TOO_WEAK, weak=weak, reason=weakness(weak, names[weak.craft]))
     if found.flown is None:
         reason = _blocked(names, found.blocked, found.tried)
-        reason += "" if problem.drift is None else unseparated(problem, names)
+        if problem.drift is not None:
+            reason += "" if limits is None or found.limited else ", and without thrust limits, too"
+            reason += unseparated(problem, names)
         return replace(plan, blocked=found.blocked, reason=reason)
     paths, contacts, spent = problem.path(found.flown), once(found.contacts), found.delta_v
     bound, number = min(free.least, spent), len(contacts)
