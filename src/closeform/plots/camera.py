@@ -56,9 +56,15 @@ class Camera:
 
 def across(axis: Floats) -> Floats:
     """Two unit vectors (2, 3) that complete an axis."""
-    first = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
+    first = cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
     first /= np.linalg.norm(first)
-    return np.array([first, np.cross(axis, first)])
+    return np.array([first, cross(axis, first)])
+
+
+def cross(one: Floats, other: Floats) -> Floats:
+    """The product of two vectors (3,), in a tenth of the time that `np.cross` takes: films have thousands."""
+    (x, y, z), (u, v, w) = one.tolist(), other.tolist()
+    return np.array([y * w - z * v, z * u - x * w, x * v - y * u])
 
 
 def ring(axis: Floats, half_angle: float, size: float = 1.0) -> Floats:
@@ -69,7 +75,7 @@ def ring(axis: Floats, half_angle: float, size: float = 1.0) -> Floats:
 def hull(points: Floats) -> Floats:
     """The convex outline (K, 2) of points (M, 2)."""
     chains: list[list[tuple[float, float]]] = []
-    ordered = sorted({(float(x), float(y)) for x, y in points})
+    ordered = sorted({(x, y) for x, y in points.tolist()})
     for side in (ordered, ordered[::-1]):
         chain: list[tuple[float, float]] = []
         for x, y in side:
