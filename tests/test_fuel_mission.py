@@ -478,6 +478,32 @@ def test_examples_say_what_they_cost(name, ran):
     plain(run)
 
 
+def test_the_inspector_needs_six_impulses(ran):
+    """Weak duality by exponentials: the primer through all six is nowhere longer than 1: none costs less."""
+    run = ran((EXAMPLES / "safety_ellipse.toml").read_text())
+    burns = [burn for burn in run.table("burns") if burn["size_m_s"] > 0.0]
+    assert len(burns) == 6
+    assert min(burn["size_m_s"] for burn in burns) > 0.04 * sum(burn["size_m_s"] for burn in burns)
+    end = run.summary["stages"][0]["end_s"]
+    given = np.array(
+        [[burn[f"{key}_m_s"] for key in ("radial", "along_track", "cross_track")] for burn in burns]
+    )
+    reached = [expm(hill(N) * (end - burn["start_s"]))[:, 3:].T for burn in burns]  # of the end, by a push
+    along = given / np.linalg.norm(given, axis=1)[:, None]
+    price, *_ = np.linalg.lstsq(np.vstack(reached), along.ravel())
+    step = expm(hill(N) * end / 4000)
+    primers = [np.linalg.matrix_power(step, k)[:, 3:].T @ price for k in range(4001)]
+    assert np.linalg.norm(primers, axis=1).max() < 1.0 + 1e-6  # printed to 1e-9, through the matrix's scale
+    needed = sum(to.T @ push for to, push in zip(reached, given, strict=True))
+    spent = sum(burn["size_m_s"] for burn in burns)
+    assert price @ needed == pytest.approx(spent, rel=1e-7)
+    there = kicked(burns, START, end)
+    turned = np.array([expm(hill(N) * time)[:3] @ there for time in np.linspace(0.0, TURN, 400)])
+    assert np.ptp(turned, axis=0) == pytest.approx(
+        [100.0, 200.0, 100.0], rel=1e-4
+    )  # the ellipse, on which it stays
+
+
 TIGHT = """\
 closeform = 1
 title = "Burns closer than they are long"

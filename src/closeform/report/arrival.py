@@ -16,9 +16,7 @@ def lines(
     """
     if asked is None or goal is None or goal.shape is None or goal.shape.phase_angle is None:
         return
-    how = (
-        "the cheapest" if asked.is_open else f'as given; {goal.shape.phased} = "cheapest" takes the cheapest'
-    )
+    how = "the cheapest" if asked.is_open else f'as given; {goal.shape.phased} = "cheapest" is the cheapest'
     if drifts:
         how += ", whatever drifts from there lead to"
     orbit = str(goal.called).replace("_", " ")
