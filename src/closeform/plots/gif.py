@@ -50,10 +50,12 @@ class Reel:
                 (artist.axes or self.figure).draw_artist(artist)
             return Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3].copy())
 
-        palette = common_palette([picture(time) for time in times[:: max(1, len(times) // 5)]], self.firm)
+        typical = {time: picture(time) for time in times[:: max(1, len(times) // 5)]}
+        palette = common_palette([*typical.values()], self.firm)
         coded = []
         for done, time in enumerate(times[share], start=1):
-            coded.append(picture(time).quantize(palette=palette, dither=Image.Dither.NONE))
+            drawn = typical.get(time) or picture(time)
+            coded.append(drawn.quantize(palette=palette, dither=Image.Dither.NONE))
             if progress is not None:
                 progress(done, len(times[share]))
         return coded
