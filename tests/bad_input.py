@@ -2103,8 +2103,13 @@ CALLS = (
     ),
     Call(
         "thrusters that cannot push where the field asks for it beside the plan",
-        "cf.thrust(chief.orbit.transfer([0, 200, 0, 0, 0, 0], [40, -150, 0, 0, -0.09, 0], 3000.0), cf.Field(chief), thrusters=cf.Thrusters(thrusters.directions[:4], acceleration=2e-3, period=30.0))",
-        "thrusters: craft 0: at 1747.5 s what corrects the plan for this field pushes where they cannot, along +z of their frame; add one there, or fly without thrusters",
+        "cf.thrust(chief.orbit.transfer([0, 200, 0, 0, 0, 0], [40, -150, 0, 0, -0.09, 0], 3000.0), cf.Field(chief), thrusters=cf.Thrusters(thrusters.directions[:5], acceleration=2e-3, period=30.0))",
+        "thrusters: craft 0: at 2992.55 s what corrects the plan for this field pushes where they cannot, along -z of their frame; add one there, or fly without thrusters",
+    ),
+    Call(
+        "room beside thrusters of which none pushes across the track",
+        "cf.room(chief.orbit.transfer([0, 200, 0, 0, 0, 0], [40, -150, 0, 0, -0.09, 0], 3000.0), cf.Field(chief), thrusters=cf.Thrusters(thrusters.directions[:4], acceleration=2e-3, period=30.0))",
+        "thrusters: craft 0: to some side none pushes, and how far it drifts there is not bounded; add one, or give a margin in metres",
     ),
     Call(
         "thrusters that say only where they push",

@@ -219,14 +219,7 @@ def test_a_run_flies_a_dead_client(tmp_path: Path, capsys):
 
 def _drift(scenario, path: cf.Path, time: float) -> float:
     """How far off its path one craft is by DOP853 in the scenario's field."""
-    import test_lost_thrust
-
-    kept = test_lost_thrust.FIELD
-    test_lost_thrust.FIELD = scenario.field
-    try:
-        return float(np.linalg.norm(drifted(0.0, path.state(0.0), time) - path.position(time)))
-    finally:
-        test_lost_thrust.FIELD = kept
+    return float(np.linalg.norm(drifted(0.0, path.state(0.0), time, scenario.field) - path.position(time)))
 
 
 def test_auto_leaves_room_for_the_drift():

@@ -1,11 +1,16 @@
 """Thrust that is lost in flight: the same flight until then, and a drift by another integrator after it."""
 
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
 import closeform as cf
 from closeform.campaign import case_of, flown
+from closeform.cli import main
+from closeform.flown_run import FlownRun
 from closeform.mission import fly
 from closeform.scenario import parse
 from field_scenario import swap
@@ -29,9 +34,9 @@ KINDS = {
 }
 
 
-def drifted(start: float, state: np.ndarray, end: float) -> np.ndarray:
-    """Where a state at a time leads to by DOP853, in the chief's axes."""
-    origin = FIELD.chief_states([start])[0]
+def drifted(start: float, state: np.ndarray, end: float, field: cf.Field = FIELD) -> np.ndarray:
+    """Where a state at a time leads to by DOP853, in the axes of the chief of a field of J2."""
+    origin = field.chief_states([start])[0]
     felt = textbook(origin[:3])
     both = np.vstack([origin, cf.inertial_from_relative(origin, state, acceleration=felt)])
 
@@ -169,3 +174,28 @@ def test_cases_whose_craft_fail_are_flown_so():
     assert mission.flights.flight.least_ratio == campaign.column("flown_ratio")[first]
     near = campaign.column("drift_ratio")[first]
     assert campaign.column("flown_ratio")[first] == pytest.approx(min(near, 1.01), abs=0.1)
+
+
+def test_a_case_is_flown_from_its_folder_as_it_was(tmp_path: Path):
+    """What guidance knew, and when thrust was lost, are kept: the same flights, and drifts by DOP853."""
+    stages = '\n[[stage]]\ndo = "coast"\nfor = "10 min"\n'
+    scenario = parse(swap(more=stages + STUDY), "fails.toml")
+    case = next(k for k in range(12) if len(fly(case_of(scenario, k)).lost) == 1)
+    file, out, again = (str(tmp_path / name) for name in ("fails.toml", "case", "flown"))
+    Path(file).write_text(scenario.text)
+    assert main(["run", file, "--case", str(case), "--out", out, "--no-viewer"]) == 1
+    loaded, mission = cf.load(out), fly(case_of(scenario, case))
+    (lost,) = mission.lost
+    assert loaded.lost == mission.lost
+    own = FlownRun.of(loaded, "track", scenario.flight, seeds=range(3))
+    then = FlownRun.of(mission, "track", scenario.flight, seeds=range(3))
+    assert (own.flight.states == then.flight.states).all()
+    k, failed = scenario.names.index(lost.craft), own.flight.times == lost.time
+    for flight in own.flight.states[:, k]:
+        end = drifted(lost.time, flight[failed][0], own.flight.times[-1], scenario.field)
+        assert flight[-1, :3] == pytest.approx(end, abs=1e-3)
+    status = main(["fly", out, "--out", again, "--seeds", "3"])
+    told = json.loads((Path(again) / "summary.json").read_text())
+    assert status == (1 if (own.flight.ratios < 1.0).any() else 0)
+    assert told["worst_flights"][0]["ratio"] == own.flight.least_ratio
+    assert main(["fly", out, "--out", str(tmp_path / "anew"), "--control", "replan"]) == 2

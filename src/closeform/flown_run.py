@@ -151,6 +151,20 @@ class FlownRun:
         return tuple(name for name, one in zip(self.names, own, strict=True) if one is not None)
 
     @cached_property
+    def unled(self) -> dict[str, float]:
+        """Who drifts to sides to which none of its thrusters pushes, and how far off its plan at most [m]."""
+        from closeform.field.reachable import lacks, reachable
+
+        flight, found = self.flight, dict[str, float]()
+        off = flight.states[..., :3] - flight.planned.position(flight.times)
+        for k, own in enumerate(self.told.get("thrusters", ())):
+            if own is not None and lacks(own):
+                led = reachable(own, flight.orbit.mean_motion * flight.times)
+                aside = off[:, k] - np.einsum("tij,stj->sti", led, off[:, k])
+                found[self.names[k]] = float(np.linalg.norm(aside, axis=-1).max())
+        return found
+
+    @cached_property
     def propellant(self) -> Floats:
         """What each craft burns (S, N) [kg]; nan for one without mass and specific impulse."""
         return self.burnt(slice(None), self.flight.delta_v)

@@ -24,6 +24,7 @@ from closeform.scenario import Scenario, ScenarioError, StageTable, parse
 from closeform.search.gather_result import Event, EventKind, Gathering, GatherStatus, who_is_left
 from closeform.search.schedule import Search
 from closeform.stage_burns import COLUMNS
+from closeform.verdict import LostThrust
 
 Columns = Mapping[str, Any]
 NO_BURNS = {key: np.empty(0) for key in ("stage", *COLUMNS)}  # of a run in which nobody moves
@@ -95,12 +96,15 @@ class LoadedRun(Stages):
         The stages as flown.
     summary : Mapping of str
         The content of `summary.json`: verdict, limits, every figure that was printed.
+    lost : tuple of LostThrust
+        Whose thrust was lost in a case of a study, and when; `planned` of stages is what guidance knew.
     """
 
     scenario: Scenario
     orbit: Orbit
     results: tuple[LoadedStage, ...]
     summary: Mapping[str, Any]
+    lost: tuple[LostThrust, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -187,7 +191,9 @@ def load(directory: str | PathLike[str]) -> LoadedRun | LoadedStudy:
         return LoadedStudy(scenario, cases, summary)
     orbit = Orbit(summary["mean_motion_rad_s"])
     with intact(place, "its tables"):
-        return LoadedRun(scenario, orbit, tuple(RunTables(place, scenario, orbit, summary).stages), summary)
+        stages = tuple(RunTables(place, scenario, orbit, summary).stages)
+        lost = tuple(LostThrust.of(one) for one in summary.get("lost", ()))
+        return LoadedRun(scenario, orbit, stages, summary, lost)
 
 
 def _scenario(place: FilePath, summary: Mapping[str, Any]) -> Scenario:
@@ -304,17 +310,9 @@ class RunTables:
         pushes = np.stack([rows[f"dv{axis}_m_s"] for axis in "xyz"], axis=1).astype(float)
         events = tuple(
             Event(
-                time,
-                EventKind(kind),
-                where[first],
-                -1 if second is None else where[second],
-                phase,
-                number,
-                case,
-                label,
-                push,
+                *(time, EventKind(kind), where[first], -1 if second is None else where[second], *rest, push)
             )
-            for (time, kind, first, second, phase, number, case, label), push in zip(
+            for (time, kind, first, second, *rest), push in zip(
                 _tuples(rows, "time_s", "kind", "first", "second", "phase", "round", "case", "label"),
                 pushes,
                 strict=True,

@@ -1,13 +1,18 @@
 """The margin that a stage keeps beyond zones: a length, or what feedback leaves of its own plan."""
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from dataclasses import replace
+from math import nan
+from typing import TYPE_CHECKING, Any
 
 from closeform.motion.path import Path
 from closeform.named_craft import as_listed
 from closeform.scenario import Avoid, Joint, Scenario
 from closeform.stage_start import StageStart, followed
 from closeform.zones.pair_zones import PairZones
+
+if TYPE_CHECKING:
+    from closeform.planning.plan import Avoidance, Plan
 
 
 def with_margin(
@@ -19,37 +24,43 @@ def with_margin(
 ) -> Any:
     """The plan that `make` makes for a margin, for the first of the craft `who` around the `others`.
 
-    Made anew, where the margin is "auto", until what its flight in the scenario's field needs is kept.
-    Raises ValueError where that cannot be said.
+    Made anew, where the margin is "auto", until what its flight in the scenario's field needs is kept; where
+    that is not, or its flight takes what nobody has, none, which says why.
     """
     if stage.margin != "auto":
         return make(stage.margin or 0.0)
     from closeform.field.feedback import usual_feedback
     from closeform.field.fitted import fit_margin
-    from closeform.field.grounded import Grounded
 
     told, known = start.scenario.flight, start.scenario.field
     assert known is not None
-    try:
-        found = fit_margin(
-            make,
-            known._of(who),
-            PairZones.of([start.keep_out[k] for k in who]),
-            told["feedback"] or usual_feedback("track", led_by_impulses(start.scenario)),
-            told["navigation"],
-            obstacles=others,
-            held=True,
-            before=followed(start.flown)[who] if start.flown else None,
-            thrust_error=told["thrust_error"][who],
-            errors=flown_errors(start, who),
-            thrusters=[start.scenario.craft[k].fired(1.0) for k in who],
-            engine=told["engine"][who],
-        )
-    except Grounded as error:
-        raise Grounded(as_listed(str(error), [start.scenario.names[k] for k in who])) from None
-    if found.plan.ok and not found.fits:
-        raise ValueError(f"margin: {found.reason}; give better navigation, or more time")
-    return found.plan
+    found = fit_margin(
+        make,
+        known._of(who),
+        PairZones.of([start.keep_out[k] for k in who]),
+        told["feedback"] or usual_feedback("track", led_by_impulses(start.scenario)),
+        told["navigation"],
+        obstacles=others,
+        held=True,
+        before=followed(start.flown)[who] if start.flown else None,
+        thrust_error=told["thrust_error"][who],
+        errors=flown_errors(start, who),
+        thrusters=[start.scenario.craft[k].fired(1.0) for k in who],
+        engine=told["engine"][who],
+    )
+    if found.fits or not found.plan.ok:
+        return found.plan
+    remedy = "" if ";" in found.reason else "; give better navigation, or more time"
+    return unfit(found.plan, as_listed(found.reason, [start.scenario.names[k] for k in who]) + remedy)
+
+
+def unfit(plan: "Plan | Avoidance", reason: str) -> "Plan | Avoidance":
+    """A plan that is none, for want of a margin that fits."""
+    from closeform.planning.plan import Plan, Status
+
+    without: Any = {"paths": None} if isinstance(plan, Plan) else {"path": None, "extra_energy": nan}
+    without |= {"energy": nan, "delta_v": nan, "contacts": ()}
+    return replace(plan, status=Status.NO_MARGIN, reason=reason, **without)
 
 
 def flown_errors(start: StageStart, who: list[int]) -> list[Any] | None:

@@ -1,8 +1,8 @@
 """Verdict: what a run has come to, and its exit status: all found, clear, limits kept; or what is not so."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from math import ceil, floor, inf, log10
+from math import ceil, floor, inf, isnan, log10, nan
 from typing import TYPE_CHECKING, Any, Self
 
 from closeform.arrays import Floats
@@ -140,6 +140,24 @@ class LostThrust:
     needed: bool
     ratio: float
     other: str | None
+
+    @property
+    def figures(self) -> dict[str, Any]:
+        """The same for `summary.json`; of no zone the ratio is None."""
+        ratio = None if isnan(self.ratio) else self.ratio
+        return {
+            "craft": self.craft,
+            "time_s": self.time,
+            "needed": self.needed,
+            "ratio": ratio,
+            "other": self.other,
+        }
+
+    @classmethod
+    def of(cls, figures: Mapping[str, Any]) -> Self:
+        """From its `figures`."""
+        ratio = nan if figures["ratio"] is None else figures["ratio"]
+        return cls(figures["craft"], figures["time_s"], figures["needed"], ratio, figures["other"])
 
     @property
     def asked(self) -> Asked:

@@ -13,6 +13,7 @@ from closeform.arrays import Floats, instance, of_each, shown
 from closeform.field.feedback import Feedback, Navigation, nonnegative
 from closeform.field.field import Field
 from closeform.field.flown_plan import following, paths_to_fly, spanning
+from closeform.field.grounded import Grounded
 from closeform.field.room import Room, needed_room, room
 from closeform.field.timetable import SAME
 from closeform.field.tube import tube
@@ -39,7 +40,7 @@ class FittedMargin(Result):
     plan : Plan or Avoidance
         The last that was made; flown in the field, its pairs stay clear of their zones.
     room : Room or None
-        How far its craft are off it; None where it has no paths.
+        How far its craft are off it; None where it has no paths, or cannot be flown.
     margin : array of shape (B, B) [m]
         Of each pair of bodies that it was made with.
     fits : bool
@@ -130,8 +131,8 @@ def fit_margin(
     Returns
     -------
     FittedMargin
-        Not `fits` where no plan was found with the margin that was needed, or one asks for more thrust than a
-        craft has.
+        Not `fits` where no plan was found with the margin that was needed, one asks for more thrust than a
+        craft has, or none can fly what the field adds to it.
 
     Raises
     ------
@@ -191,17 +192,20 @@ def fit_margin(
         craft = len(paths)
         if held and others is not None:
             paths = stack([paths[k] for k in range(craft)] + [during(others[k], paths) for k in range(fixed)])
-        found = room(
-            *(_after(before, paths), field, feedback, sight),
-            cancel=cancel,
-            residual=residual,
-            thrust_error=thrust_error,
-            errors=errors,
-            minimum_bit=minimum_bit,
-            thrusters=thrusters,
-            sigmas=sigmas,
-            engine=engine,
-        )
+        try:
+            found = room(
+                *(_after(before, paths), field, feedback, sight),
+                cancel=cancel,
+                residual=residual,
+                thrust_error=thrust_error,
+                errors=errors,
+                minimum_bit=minimum_bit,
+                thrusters=thrusters,
+                sigmas=sigmas,
+                engine=engine,
+            )
+        except Grounded as error:
+            return FittedMargin(plan, None, margin, False, made, f"the plan cannot be flown: {error}")
         if before is not None:
             found = found._since(float(paths.start[0]))
         limits = of_each("max_acceleration", limit, len(paths))

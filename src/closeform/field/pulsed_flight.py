@@ -22,6 +22,7 @@ from closeform.field.holding import Holding, fires
 from closeform.field.lost_thrust import flown_by_each, losses, until_lost
 from closeform.field.nozzles import nozzles_of
 from closeform.field.pulsed_way import PulsedWay
+from closeform.field.reachable import reachable
 from closeform.field.residual import residuals
 from closeform.field.retargeted import Retargeted, changed_impulses, retargeted
 from closeform.field.timetable import BESIDE, edges_of, impulses_of, joined
@@ -50,14 +51,20 @@ def fired_in(
     """What thrusters fire for planned paths (N,) in a field: their thrust less the residual, or `jumps`.
 
     These are impulses as changed for the field.  Of craft that have thrusters; nothing for those that coast,
-    nor on coasts that are held under feedback by a `law`.
+    nor on coasts that are held under feedback by a `law`.  To where none of its thrusters pushes a craft is
+    left to the field.
     """
     holding, asked = Holding.of(paths, law), []
-    steady = _commanded(paths, field, holding.bounds)
+    steady, n = _commanded(paths, field, holding.bounds, thrusters), paths.orbit.mean_motion
     shooters = [k for k, own in enumerate(thrusters) if own is not None]
     for k in shooters:
         one, own, arcs = paths[k], holding.among([k]), paths[k].arcs.copy()
-        arcs[fires(arcs), IMPULSE : IMPULSE + 3] = jumps.impulse[jumps.craft == k]
+        fitted = thrusters[k]
+        assert fitted is not None
+        mine, planned = jumps.craft == k, jumps.planned[jumps.craft == k]
+        pushed = reachable(fitted, n * jumps.time[mine])
+        changed = np.einsum("tij,tj->ti", pushed, jumps.impulse[mine] - planned)
+        arcs[fires(arcs), IMPULSE : IMPULSE + 3] = planned + changed
         if one.delta_v:
             lasting, opposed = (own.opposed(some[:, [START, END]].mean(1))[0] for some in (arcs, steady[k]))
             arcs = np.concatenate([arcs[~lasting], steady[k][opposed]])
@@ -95,15 +102,22 @@ def _fired(
         raise Grounded(named(str(error), [f"craft {k}" for k in shooters])) from None
 
 
-def _commanded(paths: Path, field: Field, bounds: Floats) -> Floats:
-    """Arcs (N, M, 30) of the thrust less the residual, without states; some end at `bounds` (B,) [s]."""
+def _commanded(paths: Path, field: Field, bounds: Floats, thrusters: Sequence[Thrusters | None]) -> Floats:
+    """Arcs (N, M, 30) of the thrust less the residual, without states; some end at `bounds` (B,) [s].
+
+    Less what `thrusters` push of it.
+    """
     n, start, end = paths.orbit.mean_motion, float(paths.start[0]), float(paths.end[0])
     even = np.linspace(start, end, int(np.ceil((end - start) / PIECE)) + 1)
     edges = np.union1d(even, joined(np.concatenate([edges_of(paths), bounds]), even))
     lengths = np.diff(edges)
     within = edges[:-1, None] + lengths[:, None] * INSIDE
     times = within.ravel()
-    thrust = paths.thrust(times) - residuals(field, ChiefFrame.of(field, times), paths.state(times), n)
+    left_out = residuals(field, ChiefFrame.of(field, times), paths.state(times), n)
+    for k, own in enumerate(thrusters):
+        if own is not None:
+            left_out[k] = np.einsum("tij,tj->ti", reachable(own, n * times), left_out[k])
+    thrust = paths.thrust(times) - left_out
     angle = n * lengths[:, None] * INSIDE
     # of 1, t, P1, P2
     basis = np.stack([angle**0, angle, 1.0 - np.cos(angle), angle - np.sin(angle)], axis=-1)

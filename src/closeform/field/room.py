@@ -17,7 +17,9 @@ from closeform.field.feedback import Feedback, Navigation, nonnegative, thrust_e
 from closeform.field.field import Field
 from closeform.field.flown_plan import paths_to_fly
 from closeform.field.followed import Followed, instants
+from closeform.field.grounded import Grounded
 from closeform.field.natural import drifting
+from closeform.field.reachable import lacks
 from closeform.fuel.thrusters import Thrusters, each_set
 from closeform.motion.path import Path, fires_impulses
 from closeform.result import Result
@@ -190,6 +192,12 @@ def room(
     many = float(nonnegative("sigmas", number("sigmas", sigmas)))
     unknown = nonnegative("residual", of_each("residual", residual, count))
     if shooters.any():
+        for k in np.flatnonzero(shooters).tolist():
+            if lacks(own[k]):
+                raise Grounded(
+                    f"thrusters: craft {k}: to some side none pushes, and how far it drifts there is not "
+                    "bounded; add one, or give a margin in metres"
+                )
         from closeform.field.pulsed_flight import led_by_pulses  # whose kernels only thrusters need
 
         if not cancel or least > 0.0:

@@ -30,6 +30,8 @@ class Status(StrEnum):
     - `NOT_FOUND`: none of the candidates was clear, which proves nothing; raise `budget`, or give more time.
     - `TOO_WEAK`: beyond `max_acceleration` for every duration that was allowed; give more thrust or time.
       `weak` says by how much.
+    - `NO_MARGIN`: clear, but not by the margin that its own flight in a field needs, in a stage whose margin
+      is "auto"; give a length, measure better, or give more time.
     """
 
     CLEAR = "clear already"
@@ -38,6 +40,7 @@ class Status(StrEnum):
     END_UNSAFE = "end not passively safe"
     NOT_FOUND = "no clear path found"
     TOO_WEAK = "thrust limit exceeded"
+    NO_MARGIN = "no margin fits"
 
 
 @dataclass(frozen=True, eq=False, repr=False)

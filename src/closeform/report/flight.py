@@ -166,6 +166,11 @@ class FlightTold:
             for name in self.flown.thrusters
             if short[name] > 0.0
         ]
+        told += [
+            f"{name}: to some side none of its thrusters pushes; there nobody leads it back, it drifts up to "
+            f"{aside:.3g} m off"
+            for name, aside in self.flown.unled.items()
+        ]
         return tuple(told)
 
     @cached_property

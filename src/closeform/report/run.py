@@ -183,6 +183,7 @@ class RunReport:
             "propellant_kg": dict(zip(scenario.names, propellant.tolist(), strict=True)),
             "used": limits.used(mission).records if self.closing else [],
             "asked": found.figures(mission),
+            **({} if not mission.lost else {"lost": [one.figures for one in mission.lost]}),
             "budget": budget.figures(mission, self.thrusting),
             "stages": [section.figures for section in self.sections],
             **({} if self.flights is None else {"flights": self.flights.figures}),
@@ -297,7 +298,7 @@ def exact(mission: Mission) -> dict[str, dict[str, Any]]:
         flights = {"after": result.after} | (
             {"before": result.before} if result.before is not result.after else {}
         )
-        if result.pulsed is not None:
+        if result.planned is not result.after:  # of thrusters, or where a case has drawn what happens
             flights["planned"] = result.planned
         for when, flight in flights.items():
             arcs.append(arc_tables.of_paths(flight.paths, flight.names, result.number, when))

@@ -1,0 +1,80 @@
+"""Thrusters that push to no side across the track: what they fly, what they leave to the field."""
+
+import numpy as np
+import pytest
+
+import closeform as cf
+from closeform.field.reachable import lacks, reachable
+from closeform.mission import fly
+from closeform.scenario import parse
+from field_scenario import swap
+from test_field_scenario import flown_apart
+from test_lost_thrust import FIELD, ORBIT, SIGHT
+
+IN_PLANE = cf.Thrusters([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]], acceleration=0.02, period=30.0)
+NAVIGATION = '\n[navigation]\nposition = "10 cm"\nvelocity = "0.3 mm/s"\n\n[flight]\nseeds = 2\n'
+CRAFT = """\
+thrusters = { directions = [[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, -1.0, 0.0]] }
+max_acceleration = "20 mm/s^2"
+period = "30 s"
+"""
+
+
+def test_what_is_spanned_is_the_nearest_that_thrusters_push():
+    """By least squares, of thrusters that are tilted and fixed to the stars."""
+    draws = np.random.default_rng(1)
+    sides = draws.normal(size=(2, 3))
+    unit = sides / np.linalg.norm(sides, axis=1, keepdims=True)
+    own = cf.Thrusters(np.vstack([unit, -unit]), "inertial")
+    pushes, angles = draws.normal(size=(5, 3)), np.linspace(0.0, 4.0, 5)
+    found = np.einsum("tij,tj->ti", reachable(own, angles), pushes)
+    for push, angle, led in zip(pushes, angles, found, strict=True):
+        c, s = np.cos(angle), np.sin(angle)
+        turned = unit @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1.0]]).T
+        amounts = np.linalg.lstsq(turned.T, push)[0]
+        assert led == pytest.approx(turned.T @ amounts, abs=1e-12)
+    assert lacks(own)
+    assert not lacks(cf.Thrusters.rtn())
+
+
+def test_what_nobody_pushes_is_left_to_the_field():
+    """Across the track a craft drifts as DOP853 says of thrust as planned; in the plane it is led back."""
+    z = ORBIT.coast([0, 0, 300.0, 0, 0, 0], 3000.0).state(3000.0)[[2, 5]]
+    path = ORBIT.transfer([[0, 200.0, 300.0, 0, 0, 0]], [[40, -150, z[0], 0, -0.09, z[1]]], 3000.0)
+    found = cf.fly(path, FIELD, thrusters=IN_PLANE)
+    off = found.states[0, 0, :, :3] - path.position(found.times)[0]
+    apart = flown_apart(path, FIELD, found.times)[0] - path.position(found.times)[0]
+    assert np.abs(apart[:, 2]).max() > 0.1  # m
+    # in the plane the two are metres apart, by which J2 pulls across otherwise
+    assert off[:, 2] == pytest.approx(apart[:, 2], abs=0.05 * np.abs(apart[:, 2]).max())
+    assert np.abs(off[-1, :2]).max() < 0.5 < np.abs(apart[-1, :2]).max()
+
+
+def test_a_run_says_so_and_a_margin_is_none():
+    """Flown with a margin in metres, and it says how far off; "auto" ends the mission with a reason."""
+    text = swap(craft=CRAFT, more='margin = "auto"\n' + NAVIGATION)
+    for sign in ("", "-"):
+        text = text.replace(f'"0 0 {sign}120 m"', f'"0 {sign}120 0 m"')
+    mission = fly(parse(text))
+    assert mission.stopped is not None
+    assert mission.stopped.startswith("stage 1 (reconfigure): no margin fits: the plan cannot be flown: ")
+    assert "thrusters: A: to some side none pushes" in mission.stopped
+    assert mission.verdict.status == 1
+    flown = fly(parse(text.replace('"auto"', '"1 m"')))
+    assert flown.stopped is None
+    off = flown.flights.flight.states[..., 2]
+    assert flown.flights.unled == pytest.approx(
+        dict(zip("AB", np.abs(off).max(axis=(0, 2)).tolist(), strict=True)), rel=1e-9
+    )
+    path = ORBIT.transfer([0, 200, 0, 0, 0, 0], [40, -150, 0, 0, -0.09, 0], 3000.0)
+    far = ORBIT.coast([0, 0, 500.0, 0, 0, 0], 3000.0)
+    none = cf.fit_margin(
+        lambda margin: cf.avoid(path, far, cf.Sphere(9.0), margin=margin),
+        *(FIELD, cf.Sphere(9.0)),
+        navigation=SIGHT,
+        obstacles=far,
+        thrusters=IN_PLANE,
+    )
+    assert not none.fits
+    assert none.room is None
+    assert none.reason.startswith("the plan cannot be flown: thrusters: craft 0: to some side")
