@@ -52,7 +52,7 @@ def test_before_a_plan_a_run_says_what_becomes_of_it():
     assert least < 0.99  # as planned they touch
     assert stage.validity.flown[0] == pytest.approx(least, abs=5e-4)  # 15 mm
     (warning,) = mission.warnings
-    assert warning.startswith("stage 1: thrust as planned, in the field of J2, leads A and B into zones")
+    assert warning.startswith("stage 1: flown as planned, in the field of J2, leads A and B into zones")
     verdict = mission.verdict
     assert verdict.predicted == stage.validity.flown[0]
     assert str(verdict).startswith("clear as planned, not as predicted in the field: no conflict remains")
@@ -72,9 +72,9 @@ def test_what_is_printed_and_left(tmp_path: Path, capsys):
     assert main(["run", str(file), "--out", str(tmp_path / "out"), "--no-viewer"]) == 0
     lines = capsys.readouterr().out.splitlines()
     at = next(k for k, line in enumerate(lines) if line.startswith("Stage 1"))
-    assert lines[at + 1].startswith("In J2 to J4 and drag, thrust as planned ends ")
+    assert lines[at + 1].startswith("In J2 to J4 and drag, flown as planned, ")
     assert " x zone (entered), A and B; as planned 1.0000. Hill's equations leave out " in lines[at + 2]
-    assert any(line.startswith("Warning: stage 1: thrust as planned") for line in lines)
+    assert any(line.startswith("Warning: stage 1: flown as planned") for line in lines)
     told = json.loads((tmp_path / "out" / "summary.json").read_text())["stages"][0]["in_field"]
     assert told["field"] == "J2 to J4 and drag"
     assert told["least_ratio"] < 0.99 < told["planned_ratio"]

@@ -89,7 +89,7 @@ def in_flight(flights: "FlownRun | None", grounded: str | None) -> tuple[Asked, 
 
 
 def predicted(mission: "Mission") -> float | None:
-    """The least ratio in a field, thrust as planned, of pairs that are clear as planned; None without any."""
+    """The least ratio in a field, flown as planned, of pairs that are clear as planned; None without any."""
     return min((float(found.flown[k]) for _, found, clear in foreseen(mission) for k in clear), default=None)
 
 
@@ -100,7 +100,7 @@ def eaten(mission: "Mission") -> Iterator[str]:
         if entered:
             first, second = found.pairs[min(entered, key=lambda k: float(found.flown[k]))].tolist()
             names, more = result.after.names, f" and {len(entered) - 1} more" * (len(entered) > 1)
-            where = f"stage {result.number}: thrust as planned, in the field of {found.field},"
+            where = f"stage {result.number}: flown as planned, in the field of {found.field},"
             pair = f"{names[first]} and {names[second]}{more}"
             remedy = 'closeform fly corrects it, and margin = "auto" leaves room for errors'
             yield f"{where} leads {pair} into zones that the plan keeps; {remedy}"

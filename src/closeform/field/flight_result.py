@@ -103,7 +103,10 @@ class Flight(Rows):
 
     @property
     def feedback_delta_v(self) -> Any:
-        """What each craft spends on errors of all kinds (S, N) [m/s], less what limits keep back."""
+        """What each craft spends on errors of all kinds (S, N) [m/s], less what limits keep back.
+
+        Where impulses or pulses lead back it holds coasts against the field, too.
+        """
         spent = self.delta_v - self.planned_delta_v - self.field_delta_v
         return np.where(np.abs(spent) > ROUNDING * self.delta_v, spent, 0.0)
 

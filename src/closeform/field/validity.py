@@ -176,7 +176,7 @@ def in_words(found: Validity, names: Sequence[str] | None = None) -> tuple[str, 
     """The lines of a Validity, with names of its craft, or their indices."""
     worst = int(np.argmax(found.ends))
     who = f"craft {worst}" if names is None else names[worst]
-    ends = f"In {found.field}, thrust as planned ends {found.ends[worst]:.3g} m off ({who})"
+    ends = f"In {found.field}, flown as planned, {who} ends {found.ends[worst]:.3g} m off"
     left_out = f"Hill's equations leave out {found.residual.max():.2g} m/s²"
     if not len(found.pairs):
         return (ends, left_out)

@@ -62,6 +62,8 @@ def tables(flown: FlownRun) -> tuple[Table, ...]:
     fuel = effort.in_grams(flown, replace(effort.FUEL, heading=burnt if weighed else None))
     ends = "; ends off in the median, in 95 % and at most" if many else ", and how far off it ends"
     spends = "; on feedback in the median flight and at most" if many else ""
+    if flown.control == "track" and flown.told["feedback"].impulses:
+        spends += "; feedback holds coasts against the field, too"
     stages, costs = (
         some if many else tuple(replace(one, heading=ALONE.get(one.key or "", one.heading)) for one in some)
         for some in (STAGES, (*SPENT[:-1], fuel, SPENT[-1]))

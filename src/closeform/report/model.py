@@ -171,8 +171,8 @@ def certainties(flown: list[StageResult[Any, Any]]) -> Iterator[tuple[str, str]]
     for field in dict.fromkeys(one.validity.field for one in flown if one.validity is not None):
         yield (
             f"In the field of {field}",
-            "predicted of thrust as planned, to a few per cent; thrust corrected for it flies the plan, and "
-            "what is certified of it holds there: closeform fly",
+            "predicted of what is flown as planned, to a few per cent; thrust corrected for it flies the "
+            "plan, and what is certified of it holds there: closeform fly",
         )
     if any(result.passive is not None for result in flown):
         yield (
