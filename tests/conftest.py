@@ -9,7 +9,7 @@ from pathlib import Path
 import hypothesis
 import pytest
 
-from closeform import own_process
+from closeform import own_compiler, own_process
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
@@ -73,11 +73,9 @@ def begin() -> None:
     That kernels are compiled is said before a test looks at what a command says on standard error.
     """
     own_process.begin()
-    own_process.import_numba()
-    from closeform import compiled, kernel_memory, kernel_writing, warmup
+    own_compiler.prepare_numba()
+    from closeform import compiled, warmup
 
-    kernel_memory.remember()
-    kernel_writing.write_less()
     with redirect_stderr(io.StringIO()):
         compiled.announce()
 

@@ -268,11 +268,9 @@ def test_parts_that_moved_are_others(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 OURS = """
-from closeform import own_process
+from closeform import own_compiler, own_process
 own_process.begin()
-own_process.import_numba()
-from closeform import kernel_memory
-kernel_memory.remember()
+own_compiler.prepare_numba()
 """
 TOTALS = """
 from closeform.compiled import prepare

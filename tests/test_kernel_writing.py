@@ -82,11 +82,9 @@ print([float(value).hex() for value in (*more, total, *given[0].table.ravel(), *
 print(sum(lengths))
 """
 OURS = """
-from closeform import own_process
+from closeform import own_compiler, own_process
 own_process.begin()
-own_process.import_numba()
-from closeform import kernel_writing
-kernel_writing.write_less()
+own_compiler.prepare_numba()
 """
 
 
@@ -113,3 +111,11 @@ def test_what_is_not_written_changes_no_bit(tmp_path):
     whole, long = computed(tmp_path / "whole")
     assert ours == whole == python
     assert short < 0.75 * long
+
+
+def test_a_numba_that_nobody_has_tried_compiles_as_it_is(tmp_path):
+    unknown = "import numba\nnumba.version_info = numba.version_info._replace(short=(0, 99))\n"
+    ours, length = computed(tmp_path / "unknown", unknown + OURS)
+    whole, long = computed(tmp_path / "whole")
+    assert ours == whole
+    assert length == long

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import App, CycloptsError, Parameter
 
-from closeform import own_process
+from closeform import own_compiler, own_process
 from closeform.console import (
     WIDTH,
     OutputError,
@@ -92,11 +92,7 @@ def make_haste(tokens: list[str]) -> None:
 
         drawing.begin(drawing.STUDIED if tokens[0] == "study" else drawing.AHEAD)
     if tokens[:1] in (["run"], ["check"], ["fly"], ["screen"], ["encounter"], ["study"]):
-        own_process.import_numba()
-        from closeform import kernel_memory, kernel_writing
-
-        kernel_memory.remember()
-        kernel_writing.write_less()
+        own_compiler.prepare_numba()
 
 
 @app.command(sort_key=0)

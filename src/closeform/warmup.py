@@ -40,12 +40,10 @@ def compile_for(text: str) -> None:
 def compile_beside(modules: list[str]) -> None:
     """Start a process that compiles the kernels of `modules`; it ends with this one at the latest."""
     code = f"""
-from closeform import own_process
+from closeform import own_compiler, own_process
 own_process.begin()
-own_process.import_numba()
-from closeform import kernel_memory, kernel_writing, warmup
-kernel_memory.remember()
-kernel_writing.write_less()
+own_compiler.prepare_numba()
+from closeform import warmup
 warmup.compile_all({modules})
 """
     command = [sys.executable, "-P", "-c", code]  # nothing from the folder where the user stands
