@@ -88,6 +88,36 @@ def test_plain_monte_carlo(mean, covariance, zone, n):
     assert bound.high == pytest.approx(figure.at_start + figure.mean_entries, rel=2e-4)
 
 
+@pytest.mark.parametrize("thin", [0.0, 1e-6, 1e-3, 0.2])
+def test_who_is_inside_at_the_start_of_thin_errors(thin):
+    """A disc of errors 4 m off the centre of a sphere of 15 m, next to nothing across it."""
+    width = 7.0
+    covariance = np.diag([width, thin, width, 1e-3, 1e-3, 1e-3]) ** 2
+    path, other = coasts([0, 4.0, 0, 0, 0, 0], 1.0)
+    figure = cf.collision_probability(path, other, ZONE, cf.Errors(covariance), method="bound")
+
+    def slice_of(d):
+        return norm.pdf(d) * -np.expm1(-0.5 * (225.0 - (4.0 + thin * d) ** 2) / width**2)
+
+    assert figure.at_start == pytest.approx(quad(slice_of, -9.0, 9.0, epsabs=1e-12)[0], rel=1e-6)
+    line = np.diag([0.0, width, 0.0, 1e-3, 1e-3, 1e-3]) ** 2
+    figure = cf.collision_probability(path, other, ZONE, cf.Errors(line), method="bound")
+    assert figure.at_start == pytest.approx(norm.cdf(11.0 / width) - norm.cdf(-19.0 / width), rel=1e-6)
+
+
+def test_three_errors_of_velocity():
+    """Where a position tells all of a history, nothing is left to draw: half of the drawn never entered."""
+    mean = [8.4, -34.3, -3.2, 7e-4, -0.031, 8.6e-3]
+    root = np.zeros((6, 3))
+    root[3:] = [[0.0177, -0.0034, -0.009], [0.0034, -0.0118, -0.0026], [0.0079, 0.0032, -0.0062]]
+    duration = 2.125 * PERIOD
+    _, ever, entries = flown(mean, root @ root.T, duration, ZONE, times=1600)
+    figure = cf.collision_probability(*coasts(mean, duration), ZONE, cf.Errors(root @ root.T))
+    agree(figure.value, ever)
+    agree(figure.mean_entries, entries)
+    assert figure.repeated > 0.1
+
+
 def test_errors_of_both_craft_add():
     """Two craft, independent: as one with the sum of both; and of burns and impulses, twelve columns."""
     path, other = coasts(AHEAD, 2 * PERIOD)
@@ -169,7 +199,7 @@ def test_rate_is_rices_in_one_dimension():
     columns, _ = relative_errors(path, other, slab(width), cf.Errors(covariance), None)
     seen = Histories.of(path, other, columns, 0.0, slab(width))
     times = np.linspace(1.0, 799.0, 9)
-    found = rates(seen, times, 4.0)[:, 1]
+    found = rates(seen, times, 4.0)[:, 0]
     for time, rate in zip(times, found, strict=True):
         moved = np.array([[1.0, time], [0.0, 1.0]])
         spread = moved @ root @ root.T @ moved.T

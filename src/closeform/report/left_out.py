@@ -1,7 +1,8 @@
 """What Hill's equations leave out of a mission: as predicted in a field, or by rule for its altitude."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from math import pi
+from math import isfinite, pi
 from typing import Any
 
 import numpy as np
@@ -91,19 +92,48 @@ class ByRule:
 
 def by_rule(mission: Mission) -> ByRule | None:
     """The rule for a mission around the Earth that has no field; None for others."""
+    flown = [result for result in mission.results if result.flown]
+    radius = _earths_radius(mission)
+    if not flown or radius is None or mission.scenario.orbit.field is not None:
+        return None
+    half, most = (_off(mission, flown, flown[-1].end, radius, rule) for rule in (HALF, MOST))
+    chief = mission.scenario.chief
+    return ByRule(radius - EARTH_RADIUS, None if chief is None else chief.eccentricity, half, most)
+
+
+def of_drift(mission: Mission, result: StageResult[Any, Any]) -> tuple[str, ...]:
+    """That a drift is safe by less than what Hill's equations leave out until then, by the same rule."""
+    passive, radius = result.passive, _earths_radius(mission)
+    if passive is None or radius is None or not passive.safe:
+        return ()
+    worst = passive.worst
+    if worst is None or not isfinite(worst.time):
+        return ()
+    spare = worst.distance * (1.0 - 1.0 / worst.ratio)
+    off = _off(mission, [result], worst.time, radius, HALF)
+    if off <= spare:
+        return ()
+    return (
+        f"Certified of Hill's equations, which leave out about {off:.3g} m by {worst.time:.1f} s (rule of "
+        f"thumb) where {spare:.3g} m are to spare: measure and judge anew before, or make the zone larger",
+    )
+
+
+def _earths_radius(mission: Mission) -> float | None:
+    """Semi-major axis [m] of an orbit around the Earth; None of others."""
     n, chief = mission.orbit.mean_motion, mission.scenario.chief
     mu = chief.mu if chief is not None else mission.scenario.orbit.mu or EARTH_MU
-    flown = [result for result in mission.results if result.flown]
-    earth = chief is None or chief.center.upper() == "EARTH"
-    if not n or not flown or mission.scenario.orbit.field is not None or not earth:
+    if not n or (chief is not None and chief.center.upper() != "EARTH"):
         return None
     radius = float(semi_major_axis_from_mean_motion(n, mu))
-    if abs(mu / EARTH_MU - 1.0) > EARTHLIKE or radius < EARTH_RADIUS:
-        return None
-    reach, turns = Reach.of([result.after for result in flown]), flown[-1].end * n / (2.0 * pi)
-    e = None if chief is None else chief.eccentricity
-    half, most = (
-        ends_off(reach.distance, turns, radius, e or 0.0, flattening_at(radius), rule)
-        for rule in (HALF, MOST)
-    )
-    return ByRule(radius - EARTH_RADIUS, e, float(half), float(most))
+    return None if abs(mu / EARTH_MU - 1.0) > EARTHLIKE or radius < EARTH_RADIUS else radius
+
+
+def _off(
+    mission: Mission, flown: Sequence[StageResult[Any, Any]], time: float, radius: float, rule: Any
+) -> float:
+    """How far off [m] craft are by rule, at a time of a mission."""
+    chief, reach = mission.scenario.chief, Reach.of([result.after for result in flown])
+    e = 0.0 if chief is None else chief.eccentricity or 0.0
+    turns = time * mission.orbit.mean_motion / (2.0 * pi)
+    return float(ends_off(reach.distance, turns, radius, e, flattening_at(radius), rule))

@@ -233,6 +233,7 @@ def section(mission: Mission, result: StageResult[Any, Any]) -> Section:
             *told.closing,
             *closing,
             *drift.lines(result),
+            *left_out.of_drift(mission, result),
             *not_filmed(told.pictures, count),
         ),
         pictures=tuple(

@@ -26,12 +26,12 @@ NODE = 4  # columns of a node: q in principal axes, and its share of the rate
 
 
 @kernel()
-def nearer(frame, radius, x, y, z, best):
+def nearer(frame, x, y, z, best):
     """Squared distance, in deviations, from the mean to the sphere's point along (x, y, z), if below `best`.
 
     Then it is noted in the frame.
     """
-    scale = radius / sqrt(x * x + y * y + z * z)
+    scale = 1.0 / sqrt(x * x + y * y + z * z)
     dx = (x * scale - frame[MEAN, 0]) / frame[SIGMA, 0]
     dy = (y * scale - frame[MEAN, 1]) / frame[SIGMA, 1]
     dz = (z * scale - frame[MEAN, 2]) / frame[SIGMA, 2]
@@ -42,45 +42,45 @@ def nearer(frame, radius, x, y, z, best):
 
 
 @kernel()
-def nearest_square(frame, radius):
+def nearest_square(frame):
     """The least of these over the sphere: by Lagrange's condition, q_i = b_i / (1 + x s_i^2)."""
     b0, b1, b2 = frame[MEAN, 0], frame[MEAN, 1], frame[MEAN, 2]
     s0, s1, s2 = frame[SIGMA, 0] ** 2, frame[SIGMA, 1] ** 2, frame[SIGMA, 2] ** 2
-    out = sqrt(b0 * b0 + b1 * b1 + b2 * b2) / radius - 1.0
+    out = sqrt(b0 * b0 + b1 * b1 + b2 * b2) - 1.0
     best = inf
     for axis in range(6):  # for a mean at the centre
         sign = 1.0 if axis < 3 else -1.0
         k = axis % 3
-        best = nearer(frame, radius, sign * (k == 0), sign * (k == 1), sign * (k == 2), best)
+        best = nearer(frame, sign * (k == 0), sign * (k == 1), sign * (k == 2), best)
     if out == -1.0:
         return best
-    best = nearer(frame, radius, b0, b1, b2, best)
+    best = nearer(frame, b0, b1, b2, best)
     # outside x > 0, in steps of its logarithm; inside -1 / s2 < x < 0
     low, high = (out / s2, out / s0) if out > 0.0 else (0.0, 1.0)
     for _ in range(60):
         middle = sqrt(low * high) if out > 0.0 else 0.5 * (low + high)
         x = middle if out > 0.0 else -middle / s2
         qx, qy, qz = b0 / (1.0 + x * s0), b1 / (1.0 + x * s1), b2 / (1.0 + x * s2)
-        larger = qx * qx + qy * qy + qz * qz > radius * radius
+        larger = qx * qx + qy * qy + qz * qz > 1.0
         if larger == (out > 0.0):
             low = middle
         else:
             high = middle
     if qx * qx + qy * qy + qz * qz > 0.0:
-        best = nearer(frame, radius, qx, qy, qz, best)
+        best = nearer(frame, qx, qy, qz, best)
     return best
 
 
 @kernel()
-def inward(frame, x, y, z, nx, ny, nz):
-    """Mean speed inward at q = (x, y, z), where n points outward."""
+def inward(frame, x, y, z):
+    """Mean speed inward at q = (x, y, z), which points outward there."""
     dx = (x - frame[MEAN, 0]) / frame[SIGMA, 0]
     dy = (y - frame[MEAN, 1]) / frame[SIGMA, 1]
     dz = (z - frame[MEAN, 2]) / frame[SIGMA, 2]
     vx = frame[VELOCITY, 0] + frame[GAIN, 0] * dx + frame[GAIN, 1] * dy + frame[GAIN, 2] * dz
     vy = frame[VELOCITY, 1] + frame[GAIN + 1, 0] * dx + frame[GAIN + 1, 1] * dy + frame[GAIN + 1, 2] * dz
     vz = frame[VELOCITY, 2] + frame[GAIN + 2, 0] * dx + frame[GAIN + 2, 1] * dy + frame[GAIN + 2, 2] * dz
-    return -(nx * vx + ny * vy + nz * vz)
+    return -(x * vx + y * vy + z * vz)
 
 
 @kernel()
@@ -102,19 +102,19 @@ def inflow(mu, sigma):
 
 
 @kernel()
-def inward_on_arc(frame, radius, tilt, e, f, angle):
+def inward_on_arc(frame, tilt, e, f, angle):
     """Mean speed inward at an angle of a quadrant, on the circle at some tilt from the least axis."""
     height, width = cos(tilt), sin(tilt)
     x, y = e * width * cos(angle), f * width * sin(angle)
-    return inward(frame, radius * height, radius * x, radius * y, height, x, y)
+    return inward(frame, height, x, y)
 
 
 @kernel()
-def sign_change(frame, radius, tilt, e, f, low, high, at_low, at_high):
+def sign_change(frame, tilt, e, f, low, high, at_low, at_high):
     """Where between two angles the mean speed inward changes sign: by secants (Illinois)."""
     for _ in range(14):
         angle = low + (high - low) * at_low / (at_low - at_high)
-        mu = inward_on_arc(frame, radius, tilt, e, f, angle)
+        mu = inward_on_arc(frame, tilt, e, f, angle)
         if mu * at_low > 0.0:
             low, at_low, at_high = angle, mu, 0.5 * at_high
         else:
@@ -138,28 +138,28 @@ def is_sharp(frame):
 
 
 @kernel()
-def inward_on_meridian(frame, radius, quadrant, tilt):
+def inward_on_meridian(frame, quadrant, tilt):
     """Mean speed inward at a tilt, in the middle of a quadrant."""
     e = 1.0 if quadrant % 2 == 0 else -1.0
     f = 1.0 if quadrant < 2 else -1.0
-    return inward_on_arc(frame, radius, tilt, e, f, 0.25 * pi)
+    return inward_on_arc(frame, tilt, e, f, 0.25 * pi)
 
 
 @kernel()
-def fill_panels(frame, radius, begin, end, sharp, panels):
+def fill_panels(frame, begin, end, sharp, panels):
     """Tilts between which the rate is smooth, and how many: signs change there on four meridians."""
     panels[0] = begin
     count = 1
     for quadrant in range(4 if sharp else 0):
-        low, at_low = begin, inward_on_meridian(frame, radius, quadrant, begin)
+        low, at_low = begin, inward_on_meridian(frame, quadrant, begin)
         for k in range(1, PARTS + 1):
             high = begin + (end - begin) * k / PARTS
-            at_high = inward_on_meridian(frame, radius, quadrant, high)
+            at_high = inward_on_meridian(frame, quadrant, high)
             if at_low * at_high < 0.0:
                 u, w, at_u, at_w = low, high, at_low, at_high
                 for _ in range(10):
                     middle = u + (w - u) * at_u / (at_u - at_w)
-                    mu = inward_on_meridian(frame, radius, quadrant, middle)
+                    mu = inward_on_meridian(frame, quadrant, middle)
                     if mu * at_u > 0.0:
                         u, at_u, at_w = middle, mu, 0.5 * at_w
                     else:
@@ -198,41 +198,40 @@ def side(mean, reach, sigma, width):
 
 
 @kernel()
-def arc_rate(frame, radius, tilt, weight, e, f, begin, end, rules, fineness, nodes, count):
-    """Density and rate along an arc of a quadrant at one tilt, and the new count of nodes."""
-    density, rate = 0.0, 0.0
+def arc_rate(frame, tilt, weight, e, f, begin, end, rules, fineness, nodes, count):
+    """The rate along an arc of a quadrant at one tilt, and the new count of nodes."""
+    rate = 0.0
     height, width = cos(tilt), sin(tilt)
     b1, s1, b2, s2 = frame[MEAN, 1], frame[SIGMA, 1], frame[MEAN, 2], frame[SIGMA, 2]
     along = (cos(begin) - cos(end)) / s1 + (sin(end) - sin(begin)) / s2
-    size = node_count(fineness, 2.5, radius * width * along, len(rules) - 1)
+    size = node_count(fineness, 2.5, width * along, len(rules) - 1)
     for k in range(size):
         angle = 0.5 * (begin + end) + 0.5 * (end - begin) * rules[size, k, 0]
         x, y = e * width * cos(angle), f * width * sin(angle)
-        d1, d2 = (radius * x - b1) / s1, (radius * y - b2) / s2
+        d1, d2 = (x - b1) / s1, (y - b2) / s2
         share = 0.5 * (end - begin) * rules[size, k, 1] * weight * exp(-0.5 * (d1 * d1 + d2 * d2))
-        mu = inward(frame, radius * height, radius * x, radius * y, height, x, y)
+        mu = inward(frame, height, x, y)
         part = share * inflow(mu, deviation(frame, height, x, y))
-        density += share
         rate += part
         if count < len(nodes) and part > 0.0:
             nodes[count, 0], nodes[count, 1], nodes[count, 2], nodes[count, 3] = height, x, y, part
             count += 1
-    return density, rate, count
+    return rate, count
 
 
 @kernel()
-def circle_rate(frame, radius, tilt, weight, left, sharp, rules, fineness, nodes, count):
-    """Density and rate around the circle at one tilt, and the new count of nodes.
+def circle_rate(frame, tilt, weight, left, sharp, rules, fineness, nodes, count):
+    """The rate around the circle at one tilt, and the new count of nodes.
 
     Looked at are arcs of each quadrant, where both coordinates are monotone, on which the squared distance
     across the least axis is up to `left`; cut where the inflow has an edge.
     """
-    density, rate = 0.0, 0.0
-    width = radius * sin(tilt)
+    rate = 0.0
+    width = sin(tilt)
     b1, s1, b2, s2 = frame[MEAN, 1], frame[SIGMA, 1], frame[MEAN, 2], frame[SIGMA, 2]
     reach1, reach2 = left - gap(b2, width, s2), left - gap(b1, width, s1)
     if not (reach1 > 0.0 and reach2 > 0.0):
-        return density, rate, count
+        return rate, count
     reach1, reach2 = sqrt(reach1), sqrt(reach2)
     for quadrant in range(4):
         e = 1.0 if quadrant % 2 == 0 else -1.0
@@ -243,44 +242,38 @@ def circle_rate(frame, radius, tilt, weight, left, sharp, rules, fineness, nodes
         if not begin < end:
             continue
         first = begin
-        before = inward_on_arc(frame, radius, tilt, e, f, begin) if sharp else 0.0
+        before = inward_on_arc(frame, tilt, e, f, begin) if sharp else 0.0
         for k in range(1, PARTS + 1 if sharp else 2):
             last = end
             if sharp:
                 here = begin + (end - begin) * k / PARTS
-                after = inward_on_arc(frame, radius, tilt, e, f, here)
+                after = inward_on_arc(frame, tilt, e, f, here)
                 if before * after < 0.0:
                     step = (end - begin) / PARTS
-                    last = sign_change(frame, radius, tilt, e, f, here - step, here, before, after)
+                    last = sign_change(frame, tilt, e, f, here - step, here, before, after)
                 elif k < PARTS:
                     last = first
                 before = after
             if first < last:
-                more, faster, count = arc_rate(
-                    frame, radius, tilt, weight, e, f, first, last, rules, fineness, nodes, count
-                )
-                density += more
-                rate += faster
+                more, count = arc_rate(frame, tilt, weight, e, f, first, last, rules, fineness, nodes, count)
+                rate += more
                 first = last
         if first < end:
-            more, faster, count = arc_rate(
-                frame, radius, tilt, weight, e, f, first, end, rules, fineness, nodes, count
-            )
-            density += more
-            rate += faster
-    return density, rate, count
+            more, count = arc_rate(frame, tilt, weight, e, f, first, end, rules, fineness, nodes, count)
+            rate += more
+    return rate, count
 
 
 @kernel()
-def band(frame, radius, left):
+def band(frame, left):
     """Tilts from the least axis between which the squared distance is up to `left`."""
     b0, b1, b2 = frame[MEAN, 0], frame[MEAN, 1], frame[MEAN, 2]
-    across = gap(b1, radius, frame[SIGMA, 1]) + gap(b2, radius, frame[SIGMA, 2])
+    across = gap(b1, 1.0, frame[SIGMA, 1]) + gap(b2, 1.0, frame[SIGMA, 2])
     reach = sqrt(left - across)
-    bottom = max(-1.0, (b0 - reach * frame[SIGMA, 0]) / radius)
-    top = min(1.0, (b0 + reach * frame[SIGMA, 0]) / radius)
+    bottom = max(-1.0, b0 - reach * frame[SIGMA, 0])
+    top = min(1.0, b0 + reach * frame[SIGMA, 0])
     begin, end = acos(top), acos(bottom)
-    centre, side_reach = sqrt(b1 * b1 + b2 * b2) / radius, sqrt(left) * frame[SIGMA, 2] / radius
+    centre, side_reach = sqrt(b1 * b1 + b2 * b2), sqrt(left) * frame[SIGMA, 2]
     narrow, wide = asin(min(1.0, max(0.0, centre - side_reach))), asin(min(1.0, centre + side_reach))
     if bottom > 0.0:  # all on one side of the equator
         begin, end = max(begin, narrow), min(end, wide)
@@ -290,38 +283,37 @@ def band(frame, radius, left):
 
 
 @kernel()
-def ball_rate(frame, radius, rules, fineness, nodes):
-    """(density integrated over the sphere, the rate of entries, how many nodes were noted in `nodes`).
+def ball_rate(frame, rules, fineness, nodes):
+    """(the rate of entries, how many nodes were noted in `nodes`).
 
     `rules` (K, K, 2) are Gauss's places in (-1, 1) and weights by their number; nodes are noted where
     there is room.
     """
-    density, rate, count = 0.0, 0.0, 0
-    least = nearest_square(frame, radius)
+    rate, count = 0.0, 0
+    least = nearest_square(frame)
     if least > UNDERFLOW:
-        return density, rate, count
+        return rate, count
     b0, s0, s1 = frame[MEAN, 0], frame[SIGMA, 0], frame[SIGMA, 1]
     left = least + TAIL
-    begin, end = band(frame, radius, left)
+    begin, end = band(frame, left)
     sharp = is_sharp(frame)
     panels = stack_vector(18)  # the ends, and for each meridian what each part may have
-    count_of_panels = fill_panels(frame, radius, begin, end, sharp, panels)
-    scale = radius * radius / ((2.0 * pi) ** 1.5 * s0 * s1 * frame[SIGMA, 2])
+    count_of_panels = fill_panels(frame, begin, end, sharp, panels)
+    scale = 1.0 / ((2.0 * pi) ** 1.5 * s0 * s1 * frame[SIGMA, 2])
     most = 2.0 * sqrt(left)
     for panel in range(count_of_panels):
         low, high = panels[panel], panels[panel + 1]
         if not high - low > 1e-6 * (end - begin):
             continue
-        along = min(most, radius * (cos(low) - cos(high)) / s0)
-        along += min(most, radius * abs(sin(high) - sin(low)) / s1)
+        along = min(most, (cos(low) - cos(high)) / s0)
+        along += min(most, abs(sin(high) - sin(low)) / s1)
         size = node_count(fineness, 1.0 + 3.0 * min(1.0, high - low), along, len(rules) - 1)
         for a in range(size):
             tilt = 0.5 * (low + high) + 0.5 * (high - low) * rules[size, a, 0]
-            d0 = (radius * cos(tilt) - b0) / s0
+            d0 = (cos(tilt) - b0) / s0
             weight = 0.5 * (high - low) * rules[size, a, 1] * sin(tilt) * scale * exp(-0.5 * d0 * d0)
-            more, faster, count = circle_rate(
-                frame, radius, tilt, weight, left - d0 * d0, sharp, rules, fineness, nodes, count
+            more, count = circle_rate(
+                frame, tilt, weight, left - d0 * d0, sharp, rules, fineness, nodes, count
             )
-            density += more
-            rate += faster
-    return density, rate, count
+            rate += more
+    return rate, count

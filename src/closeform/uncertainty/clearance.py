@@ -84,8 +84,8 @@ def clearance_in_sigmas(
     mostly far smaller.  From 1e4 sigmas on they count as inf.
 
     Covariances may be singular, errors along a line or in a plane: these come from planes that are compared
-    one by one, each time in about a millisecond.  What is nil on the diagonal stays nil; of errors in a plane
-    that leans, 16 digits of a covariance leave some 1e-8 of their size across it, which count.  Where k times
+    one by one, each time in about a millisecond.  What 16 digits of a covariance cannot tell from nothing
+    across a line or a plane, 6e-8 of its size, is nothing.  Where k times
     the errors is a million times the zone, 1e-16 of that is above 1e-10 of the zone, and rounding is seen.
 
     References

@@ -11,6 +11,9 @@ from closeform.motion.frames import relative_from_inertial
 
 # Of sqrt(P_ii P_jj): what differs by less is symmetric; an eigenvalue as far below 0 is rounding.
 ROUNDING = 1e-9
+# Of a covariance scaled by its diagonal: an eigenvalue that 16 digits cannot tell from 0 is 0, so that errors
+# along a line or in a plane are.
+UNTOLD = 4e-15
 
 
 def root_of(name: str, covariance: ArrayLike) -> Floats:
@@ -32,7 +35,7 @@ def root_of(name: str, covariance: ArrayLike) -> Floats:
             f"{name}: no covariance, its least eigenvalue, scaled by its diagonal, is {values[0]:.3g}; "
             "none may be below 0; were digits or signs lost?"
         )
-    return np.asarray(deviations[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))
+    return np.asarray(deviations[:, None] * vectors * np.sqrt(np.where(values > UNTOLD, values, 0.0)))
 
 
 def roots_of(covariances: Floats) -> Floats:

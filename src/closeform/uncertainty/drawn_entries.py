@@ -12,12 +12,13 @@ from closeform.arrays import Floats
 from closeform.confidence import CONFIDENCE, DEVIATIONS
 from closeform.uncertainty.entry_rate import draw_entries
 from closeform.uncertainty.histories import CORES, Histories
-from closeform.uncertainty.mean_entries import Flux, pool, rules
+from closeform.uncertainty.mean_entries import Flux, Unresolved, pool, rules
 
 SEEN = 5  # histories that tell how much each of them counts less; none counts less than nothing
 FEW = 30  # histories, up to which their share is told by the interval of Clopper and Pearson
 PRECISION = 1e-3  # of a probability, half of its interval, where nobody says how many histories
 COARSER = 0.5  # nodes on the surface, from which those are drawn that tell how many are enough
+GRAZES = 1e-3  # of histories that enter, lost to rounding
 TRIED, FEWEST, MOST = 2000, 8000, 100_000  # histories that tell how many are enough; how many these may be
 SURE = 1.2  # times as many as the tried ones tell
 
@@ -67,7 +68,12 @@ def drawn(histories: Histories, flux: Flux, samples: int, seed: int, stream: int
 
 
 def lost_of(counts: Any) -> Floats:
-    """What each drawn entry (began inside, entries) counts less than one history.  # theory (62)"""
+    """What each drawn entry (began inside, entries) counts less than one history.  # theory (62)
+
+    Raises Unresolved where more than grazes are lost, of histories that all enter.
+    """
+    if np.mean(counts[:, 1] == 0) > GRAZES:
+        raise Unresolved
     entries = np.maximum(counts[:, 1], 1)  # a graze can be lost to rounding
     return np.where(counts[:, 0] > 0, 1.0, 1.0 - 1.0 / entries)
 

@@ -7,7 +7,7 @@ from numba import float64, int64, void
 
 from closeform.compiled import kernel
 from closeform.kernel_loans import borrowed, stack_matrix
-from closeform.uncertainty.ball_surface import NODE, ball_rate, deviation, inward, nearest_square
+from closeform.uncertainty.ball_surface import NODE, ball_rate, inward, nearest_square
 from closeform.uncertainty.whitened import MEAN, SIGMA, principal
 
 
@@ -16,18 +16,16 @@ from closeform.uncertainty.whitened import MEAN, SIGMA, principal
         float64[:, ::1],
         float64[:, :, ::1],
         float64[:, ::1],
-        float64[::1],
         float64[:, :, ::1],
         float64,
         float64[:, ::1],
     )
 )
-def surface_integrals(means, factors, matrix, radii, rules, fineness, out):
-    """For each time: the density over a sphere of some radius, the rate of entries, the mean's distance.
+def surface_integrals(means, factors, matrix, rules, fineness, out):
+    """For each time: the rate of entries into the unit ball, and the mean's distance (T, 2).
 
-    Of states (T, 6) and factors (T, 6, M) of their covariance, at times or (one row) at one; radii (T,)
-    in zone coordinates.  The distance is that to the sphere in deviations, 0 from inside; with a fineness
-    of 0 it is all that is found.
+    Of states (T, 6) and factors (T, 6, M) of their covariance, in zone coordinates.  The distance is that
+    to the ball in deviations, 0 from inside; with a fineness of 0 it is all that is found.
     """
     means, factors, matrix, out = borrowed(means), borrowed(factors), borrowed(matrix), borrowed(out)
     rules = borrowed(rules)
@@ -35,16 +33,13 @@ def surface_integrals(means, factors, matrix, radii, rules, fineness, out):
     rows = np.empty((6, factors.shape[2]))
     nodes = np.empty((0, NODE))
     for k in range(len(out)):
-        if k == 0 or len(means) > 1:
-            principal(means[k], factors[k], matrix, frame, rows)
-        radius = radii[k]
+        principal(means[k], factors[k], matrix, frame, rows)
         b0, b1, b2 = frame[MEAN, 0], frame[MEAN, 1], frame[MEAN, 2]
-        out[k, 2] = 0.0
-        if b0 * b0 + b1 * b1 + b2 * b2 > radius * radius:
-            out[k, 2] = sqrt(nearest_square(frame, radius))
         out[k, 0], out[k, 1] = 0.0, 0.0
+        if b0 * b0 + b1 * b1 + b2 * b2 > 1.0:
+            out[k, 1] = sqrt(nearest_square(frame))
         if fineness > 0.0:
-            out[k, 0], out[k, 1], _ = ball_rate(frame, radius, rules, fineness, nodes)
+            out[k, 0], _ = ball_rate(frame, rules, fineness, nodes)
 
 
 @kernel()
@@ -102,7 +97,7 @@ def draw_entries(means, factors, matrix, rules, fineness, first, shares, errors)
         if first[k] == first[k + 1]:
             continue
         principal(means[k], factors[k], matrix, frame, rows)
-        _, rate, count = ball_rate(frame, 1.0, rules, fineness, nodes)
+        rate, count = ball_rate(frame, rules, fineness, nodes)
         node, reached = 0, nodes[0, 3]
         for p in range(first[k], first[k + 1]):
             while reached < shares[p, 0] * rate and node + 1 < count:
@@ -123,13 +118,13 @@ def place_errors(frame, rows, xi, along, x, y, z, share):
             move -= rows[i, j] * xi[j]
         for j in range(size):
             xi[j] += move * rows[i, j]
-    mu = inward(frame, x, y, z, x, y, z)
-    sigma = deviation(frame, x, y, z)
-    here = mu
+    mu = inward(frame, x, y, z)
+    here, square = mu, 0.0
     for j in range(size):
         along[j] = -(x * rows[3, j] + y * rows[4, j] + z * rows[5, j])
         here += along[j] * xi[j]
-    if sigma > 0.0:
-        lift = (speed_of_entry(mu, sigma, share) - here) / (sigma * sigma)
+        square += along[j] * along[j]
+    if square > 0.0:
+        lift = (speed_of_entry(mu, sqrt(square), share) - here) / square
         for j in range(size):
             xi[j] += lift * along[j]

@@ -13,7 +13,7 @@ from closeform.uncertainty.entry_rate import surface_integrals
 from closeform.uncertainty.histories import CORES, Histories
 from closeform.uncertainty.quadrature import Integral, integral
 
-TOLERANCE = 1e-4  # of an integral, over time or radius
+TOLERANCE = 1e-4  # of an integral over time
 ROUND = 5e-5  # of a rate, over the surface
 FINENESS = (1.0, 1.4, 2.0, 2.8, 4.0, 5.6, 8.0)  # of nodes on the surface
 MOST = 96  # nodes in height, or along an arc
@@ -65,42 +65,21 @@ def pool() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(CORES)
 
 
-def surface(mean: Floats, factor: Floats, matrix: Floats, radii: Floats, fineness: float) -> Floats:
-    """Density on the sphere, rate of entries, distance in deviations (T, 3), on all cores; see the kernel."""
-    out = np.empty((len(radii), 3))
+def rates(histories: Histories, times: Floats, fineness: float) -> Floats:
+    """Rate of entries and the mean's distance in deviations (T, 2) at some times, on all cores."""
+    mean, factor = histories.states(times)
+    out = np.empty((len(times), 2))
 
     def some(part: slice) -> None:
-        whole = part if len(mean) > 1 else slice(None)
-        surface_integrals(mean[whole], factor[whole], matrix, radii[part], rules(), fineness, out[part])
+        surface_integrals(mean[part], factor[part], histories.zone.matrix, rules(), fineness, out[part])
 
-    size = max(24, -(-len(radii) // (4 * CORES)))
-    parts = [slice(k, k + size) for k in range(0, len(radii), size)]
+    size = max(24, -(-len(times) // (4 * CORES)))
+    parts = [slice(k, k + size) for k in range(0, len(times), size)]
     if len(parts) == 1:
         some(parts[0])
     else:
         list(pool().map(some, parts))
     return out
-
-
-def rates(histories: Histories, times: Floats, fineness: float) -> Floats:
-    """Those of `surface` of the zone at some times."""
-    return surface(*histories.states(times), histories.zone.matrix, np.ones(len(times)), fineness)
-
-
-def inside(histories: Histories, time: float, fineness: float) -> tuple[float, float]:
-    """Probability to be within the zone at a time, and what it may be off by: shells of one sphere."""
-    mean, factor = histories.states(np.array([time]))
-    matrix = histories.zone.matrix
-    centre = float(np.linalg.norm(matrix @ mean[0, :3]))
-    widths = np.linalg.svd(matrix @ factor[0, :3], compute_uv=False)
-    about = [centre + reach * width for width in widths for reach in (-6.0, -2.0, 0.0, 2.0, 6.0)]
-    edges = np.unique(np.clip([0.0, 0.5, 1.0, *about], 0.0, 1.0))
-
-    def shells(radii: Floats) -> Floats:
-        return surface(mean, factor, matrix, radii, fineness)[:, 0]
-
-    found = integral(shells, edges, TOLERANCE)
-    return found.value, found.error + ROUND * found.value
 
 
 def nearest_times(histories: Histories) -> tuple[Floats, Floats]:
@@ -111,7 +90,7 @@ def nearest_times(histories: Histories) -> tuple[Floats, Floats]:
         turns = n * (end - begin) / (2.0 * np.pi)
         grid.append(np.linspace(begin, end, max(9, int(np.ceil(SAMPLES * (turns if n else 1.0))) + 1)))
     times = np.unique(np.concatenate(grid))
-    distances = rates(histories, times, 0.0)[:, 2]
+    distances = rates(histories, times, 0.0)[:, 1]
     if not np.isfinite(distances).all():
         raise Unresolved
     around = np.concatenate([[np.inf], distances, [np.inf]])
@@ -120,11 +99,11 @@ def nearest_times(histories: Histories) -> tuple[Floats, Floats]:
     before, after = times[np.maximum(low - 1, 0)], times[np.minimum(low + 1, len(times) - 1)]
     for _ in range(ZOOMS):
         inner = before + (after - before) * np.linspace(0.0, 1.0, 9)[:, None]
-        found = rates(histories, inner.ravel(), 0.0)[:, 2].reshape(inner.shape)
+        found = rates(histories, inner.ravel(), 0.0)[:, 1].reshape(inner.shape)
         place, each = found.argmin(axis=0), np.arange(len(low))
         before, after = inner[np.maximum(place - 1, 0), each], inner[np.minimum(place + 1, 8), each]
     best = np.concatenate([times[low], 0.5 * (before + after)])
-    reached = rates(histories, best, 0.0)[:, 2]
+    reached = rates(histories, best, 0.0)[:, 1]
     counts = reached**2 < reached.min() ** 2 + NEAR
     return best[counts], reached[counts]
 
@@ -156,7 +135,7 @@ def expected_entries(histories: Histories) -> Flux:
     order = np.argsort(distances, kind="stable")
     edges = passages(histories, nearest)
     some = np.concatenate([nearest, 0.5 * (edges[1:] + edges[:-1])])
-    found = rates(histories, some, FINENESS[0])[:, 1]
+    found = rates(histories, some, FINENESS[0])[:, 0]
     level, off = _enough(histories, some[np.argsort(found)[-CHECKED:]], 0)
     while True:
         fineness = FINENESS[level]
@@ -175,14 +154,14 @@ def expected_entries(histories: Histories) -> Flux:
 
 def _entries(histories: Histories, fineness: float, times: Floats) -> Floats:
     """The rate of entries at some times."""
-    return rates(histories, times, fineness)[:, 1]
+    return rates(histories, times, fineness)[:, 0]
 
 
 def _enough(histories: Histories, times: Floats, level: int) -> tuple[int, float]:
     """The first level from which on more nodes change next to nothing, and how much: of all rates' sum."""
-    few = rates(histories, times, FINENESS[level])[:, 1]
+    few = rates(histories, times, FINENESS[level])[:, 0]
     while True:
-        many = rates(histories, times, FINENESS[level + 1])[:, 1]
+        many = rates(histories, times, FINENESS[level + 1])[:, 0]
         off = float(np.abs(many - few).sum() / many.sum()) if many.any() else 0.0
         if off <= ROUND or level + 2 == len(FINENESS):
             return level, off

@@ -10,13 +10,14 @@ import numpy as np
 from closeform.arrays import Floats, shown, whole
 from closeform.motion.path import Path
 from closeform.result import Result, Rows
+from closeform.uncertainty.ball_share import inside
 from closeform.uncertainty.drawn_entries import clopper_pearson, drawn, enough, interval_of_mean, lost_of
 from closeform.uncertainty.errors import Errors
+from closeform.uncertainty.few_errors import FewErrors, few_ways
 from closeform.uncertainty.histories import Histories
-from closeform.uncertainty.mean_entries import Flux, Unresolved, expected_entries, inside
+from closeform.uncertainty.mean_entries import Flux, Unresolved, expected_entries
 from closeform.uncertainty.relative_errors import relative_errors
 from closeform.uncertainty.short_encounter import passes_through
-from closeform.uncertainty.single_error import SingleError, single_direction
 from closeform.zones.shapes import BALL
 from closeform.zones.zone import Zone
 
@@ -24,7 +25,6 @@ LEAST = 100  # samples
 HISTORIES = 40_000  # by Monte Carlo, where nobody says how many
 PASSAGES = 8  # nearest ones, at which a bound looks at who is inside
 UNRESOLVED = 0.05  # of a probability, that quadrature may be off by
-EXACT = 1e-6  # of a probability of a single error: half of its interval
 Method = Literal["entries", "bound", "monte-carlo", "short-encounter"]
 METHODS = ("entries", "bound", "monte-carlo", "short-encounter")
 NONE = np.empty(0)
@@ -139,9 +139,9 @@ def collision_probability(
 
     Notes
     -----
-    Where all that is uncertain moves along one line, as a single error does, or nothing moves by 1e-9 of the
-    zone, "entries" and "bound" give the exact integral of that one number, and draw nothing.  Of errors in
-    a plane they refuse those whose rate of entries cannot be told.
+    Where all that is uncertain is one number or two, or nothing moves by 1e-9 of the zone, "entries" and
+    "bound" give the exact integral of these, and draw nothing.  Of more they refuse those whose rate of
+    entries cannot be told.
     Histories are counted by the certified march: no entry between time steps is missed.  White noise of
     thrust has no finite number of columns, so that histories with it cannot be drawn: "bound" counts it.
 
@@ -172,22 +172,22 @@ def collision_probability(
 
 
 def _by_entries(histories: Histories, method: Method, samples: int | None, seed: int) -> Probability:
-    """By the mean rate of entries: a bound, or entries drawn from it; of a single error exactly."""
-    if not histories.noise and (direction := single_direction(histories)) is not None:
-        found, nan = SingleError.of(histories, direction), float("nan")
+    """By the mean rate of entries: a bound, or entries drawn from it; of one or two errors exactly."""
+    if not histories.noise and (ways := few_ways(histories)) is not None:
+        found, nan = FewErrors.of(histories, ways), float("nan")
         ever, entries = found.ever, found.entries
-        low, high = ever * (1.0 - EXACT), min(ever * (1.0 + EXACT), 1.0)
+        low, high = ever * (1.0 - found.off), min(ever * (1.0 + found.off), 1.0)
         return Probability(ever, low, high, found.at_start, entries, nan, NONE, NONE, method, 0)
     flux = expected_entries(histories)
     start = float(histories.edges[0])
-    at_start, off = inside(histories, start, flux.fineness)
+    at_start, off = inside(histories, start)
     off += flux.error
     known = at_start, flux.value
     if not off <= UNRESOLVED * (at_start + flux.value):  # nor if it is no number
         raise Unresolved
     if method == "bound":
         times = flux.nearest[:PASSAGES].tolist()
-        low = max(at_start, *(inside(histories, time, flux.fineness)[0] for time in times))
+        low = max(at_start, *(inside(histories, time)[0] for time in times))
         high = at_start + flux.value
         nan = float("nan")
         return _told(high, low, high, off, known, nan, flux, method, 0)

@@ -14,6 +14,8 @@ SIGMA, MEAN, VELOCITY, AXES, GAIN, SPREAD = 0, 1, 2, 3, 6, 9
 NEAREST = 12  # set by `entry_rate`: the nearest point, in standard normals
 THINNEST = 1e-9  # of the zone: a deviation below it is taken for it, as of errors that are all in one plane
 
+TOLD = 1e-12  # of a velocity's deviation: less is left by rounding where positions tell all of it
+
 
 @kernel()
 def principal(mean, factor, matrix, frame, rows):
@@ -95,8 +97,14 @@ def make_orthogonal(frame, rows, size):
 
 @kernel()
 def part_velocity(frame, rows, size):
-    """Part the velocity's rows into what goes with the position and what does not."""
+    """Part the velocity's rows into what goes with the position and what does not.
+
+    What is left of rounding is nothing: of three errors at most, positions mostly tell all of the velocity.
+    """
     for i in range(3):
+        whole, left = 0.0, 0.0
+        for j in range(size):
+            whole += rows[3 + i, j] * rows[3 + i, j]
         for k in range(3):
             share = 0.0
             for j in range(size):
@@ -104,6 +112,11 @@ def part_velocity(frame, rows, size):
             for j in range(size):
                 rows[3 + i, j] -= share * rows[k, j]
             frame[GAIN + i, k] = share
+        for j in range(size):
+            left += rows[3 + i, j] * rows[3 + i, j]
+        if left <= TOLD * TOLD * whole:
+            for j in range(size):
+                rows[3 + i, j] = 0.0
     for i in range(3):
         for k in range(3):
             frame[SPREAD + i, k] = 0.0

@@ -1,9 +1,10 @@
-"""Probabilities of errors along one line, against integrals over that one number and plain Monte Carlo."""
+"""Probabilities of one error or two, against integrals over these numbers and plain Monte Carlo."""
 
 import warnings
 
 import numpy as np
 import pytest
+from scipy.integrate import dblquad
 from scipy.linalg import expm
 from scipy.optimize import brentq
 from scipy.stats import norm
@@ -30,9 +31,11 @@ def hill():
     return matrix
 
 
-def asked(mean, direction, method="entries", zone=ZONE):
+def asked(mean, directions, method="entries", zone=ZONE):
+    """Of one direction (6,) or several (6, K)."""
     path, other = ORBIT.coast(mean, 2 * PERIOD), ORBIT.coast(np.zeros(6), 2 * PERIOD)
-    errors = cf.Errors(np.outer(direction, direction))
+    root = np.reshape(directions, (6, -1))
+    errors = cf.Errors(root @ root.T)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # velocities without positions
         return cf.collision_probability(path, other, zone, errors, method=method)
@@ -117,6 +120,72 @@ def test_edges_of_who_ever_comes_in():
 def test_errors_that_move_nothing(ahead, met):
     figure = asked([0, ahead, 0, 0, 0, 0], 1e-10 * SIZES)
     assert (figure.value, figure.at_start, figure.mean_entries) == (met, met, 0.0)
+
+
+PLANES = {
+    "positions": np.array([[7.7, -0.2], [20.0, -34.0], [-5.2, 8.7], [0, 0], [0, 0], [0, 0]]),
+    "velocities": np.array([[0, 0], [0, 0], [0, 0], [6 * N, 2 * N], [-3 * N, 5 * N], [2 * N, 9 * N]]),
+    "all": SIZES[:, None] * [[1, 0.3], [0.2, -1], [-0.5, 0.4], [0.2, 0.6], [-0.4, 0.1], [0.7, -0.8]],
+    "axes": np.diag([0, 30.0, 0, 0, 0, 12 * N])[:, [1, 5]],
+}
+
+
+@pytest.mark.parametrize("mean", MEANS[1:3])
+@pytest.mark.parametrize("plane", PLANES)
+def test_two_numbers_are_integrated(mean, plane):
+    """Histories on a grid of both, weighed; 600 times an orbit, an instant off by 5 s."""
+    edges = np.linspace(-5.0, 5.0, 501)
+    number, weight = 0.5 * (edges[1:] + edges[:-1]), np.diff(norm.cdf(edges))
+    both = np.stack(np.meshgrid(number, number, indexing="ij")).reshape(2, -1)
+    moved = np.array([expm(hill() * t)[:3] for t in np.linspace(0.0, 2 * PERIOD, 1200)])
+    middle, lines = moved @ mean, moved @ PLANES[plane]
+    began = before = ever = ((middle[0][:, None] + lines[0] @ both) ** 2).sum(axis=0) <= 225.0
+    entries = np.zeros(both.shape[1])
+    for m, c in zip(middle[1:], lines[1:], strict=True):
+        inside = ((m[:, None] + c @ both) ** 2).sum(axis=0) <= 225.0
+        entries += inside & ~before
+        before, ever = inside, ever | inside
+    weights = np.outer(weight, weight).ravel()
+    figure = asked(mean, PLANES[plane])
+    # cells of 0.02 a side that edges cut through, of density up to 0.16, err either way
+    assert figure.at_start == pytest.approx(weights @ began, abs=3e-3)
+    assert figure.value == pytest.approx(weights @ ever, abs=4e-3)
+    assert figure.mean_entries == pytest.approx(weights @ entries, abs=1.2e-2)
+    assert figure.low <= figure.value <= figure.high <= figure.low + 1e-4
+
+
+@pytest.mark.parametrize("miss", [0.0, 25.0, 60.0])
+@pytest.mark.parametrize(("along", "scale"), [(0.0, 1.0), (3.0, 1.0), (3.0, 400.0)])
+def test_two_errors_are_fosters_integral(miss, along, scale):
+    """In deep space, across the way of passing or slanting over it: who passes through enters once.
+
+    Beside errors of kilometres those who do are a spot of some thousandths of a deviation.
+    """
+    orbit, radius, speed = cf.Orbit(0.0), 15.0, 0.5
+    miss, across = miss * scale, scale * np.array([[8.0, 3.0], [-2.0, 12.0]])
+    root = np.zeros((6, 2))
+    root[[0, 2]], root[1] = across, along
+    path = orbit.coast([miss, -300 * speed, 0.3 * miss, 0, speed, 0], 600.0)
+    inverse, size = np.linalg.inv(across @ across.T), 2 * np.pi * abs(np.linalg.det(across))
+
+    def density(z, x):
+        gap = np.array([x - miss, z - 0.3 * miss])
+        return np.exp(-0.5 * gap @ inverse @ gap) / size
+
+    expected, _ = dblquad(
+        density,
+        -radius,
+        radius,
+        lambda x: -np.sqrt(radius**2 - x**2),
+        lambda x: np.sqrt(radius**2 - x**2),
+        epsabs=0.0,
+    )
+    figure = cf.collision_probability(
+        path, orbit.coast(np.zeros(6), 600.0), cf.Sphere(radius), cf.Errors(root @ root.T)
+    )
+    assert figure.value == pytest.approx(expected, rel=2e-5)
+    assert figure.low <= expected <= figure.high
+    assert figure.mean_entries == pytest.approx(expected, rel=2e-5)
 
 
 def test_who_is_refused_is_told_the_remedy():

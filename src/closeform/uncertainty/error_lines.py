@@ -1,0 +1,304 @@
+"""Lines through the space of errors: who of a line's histories is ever inside a ball, exactly.
+
+Histories along a line of errors x e are, at a time t, the points m(t) + x c(t) of a line, and those inside a
+ball an interval of x.  Over time intervals begin, move and end: who is ever inside is in their union, and
+who enters is what an interval begins with and what its ends move outward over.  An end moves outward where
+its own history moves inward.
+
+           x |      ____hi
+             |   __/    \\____        entries: from `first` on upward along hi, downward along lo
+             |  (first        )
+             |   \\__lo_____/
+             +--------------------- t
+"""
+
+from math import erf, erfc, exp, expm1, pi, sqrt
+
+import numpy as np
+from numba import boolean, float64, int64, void
+
+from closeform.compiled import kernel
+from closeform.kernel_loans import borrowed, stack_matrix, stack_vector
+from closeform.motion.certified_march import relative_state
+
+BIG = 40.0  # deviations: nobody is beyond
+NOTHING = 1e-9  # of the zone: an error that moves craft less is none
+SAMPLES = 512  # an orbit (or a window, in deep space), between which what counts happens once
+TURN = 0.2  # of its length, by which a line's direction changes from sample to sample
+FINEST = 1.0 / 4096.0  # of a sample's time: a line that passes through nothing turns faster
+HALVINGS = 50  # of a sample's time, for when an interval begins, and for when an end turns
+MOST = 1024  # intervals of a line that are apart
+
+AT_START, EVER, ENTRIES = 0, 1, 2  # what is found of a line
+MET, LOW, HIGH, LEAST, GREATEST, SPANS, ENTERED = 0, 1, 2, 3, 4, 5, 6  # of `run`: how it stands by now
+
+
+@kernel()
+def weight(low, high, plane):
+    """Probability of an interval of a line: of one normal number, or (twice) of a ray's in a plane."""
+    if not low < high:
+        return 0.0
+    if high <= 0.0:
+        low, high = -high, -low
+    if plane:
+        if low >= 0.0:
+            return -0.5 * exp(-0.5 * low * low) * expm1(0.5 * (low - high) * (low + high))
+        return -0.5 * (expm1(-0.5 * low * low) + expm1(-0.5 * high * high))
+    if low >= 0.0:
+        return 0.5 * (erfc(low / sqrt(2.0)) - erfc(high / sqrt(2.0)))
+    return 0.5 * (erf(high / sqrt(2.0)) - erf(low / sqrt(2.0)))
+
+
+@kernel()
+def look(mean, line, order, n, t, at):
+    """The line at a time of a window: `at` (4, 3) its middle, where it leads, and the rates of both."""
+    at[0, 0], at[0, 1], at[0, 2], at[2, 0], at[2, 1], at[2, 2] = relative_state(mean, order, n, t)
+    at[1, 0], at[1, 1], at[1, 2], at[3, 0], at[3, 1], at[3, 2] = relative_state(line, order, n, t)
+
+
+@kernel()
+def dot(a, b):
+    """Of two vectors."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@kernel()
+def inward(at, x):
+    """How fast the square of a history's distance grows: below 0 where it moves inward."""
+    total = 0.0
+    for i in range(3):
+        total += (at[0, i] + x * at[1, i]) * (at[2, i] + x * at[3, i])
+    return total
+
+
+@kernel()
+def nearest(at):
+    """Which history of the line is nearest to the centre, and how far within the ball it is."""
+    a = dot(at[1], at[1])
+    x = -dot(at[0], at[1]) / a if a > NOTHING * NOTHING else 0.0
+    square = 0.0
+    for i in range(3):
+        p = at[0, i] + x * at[1, i]
+        square += p * p
+    return x, 1.0 - square
+
+
+@kernel()
+def ends(at):
+    """Between which errors a history is inside: (low, high), low above high where none is."""
+    x, depth = nearest(at)
+    if depth < 0.0:
+        return 1.0, -1.0
+    a = dot(at[1], at[1])
+    half = sqrt(depth / a) if a > NOTHING * NOTHING else 2.0 * BIG
+    return min(max(x - half, -BIG), BIG), min(max(x + half, -BIG), BIG)
+
+
+@kernel()
+def note(spans, run):
+    """Join the union of intervals with one that ended; those held are apart, in no order."""
+    low, high, kept = run[LEAST], run[GREATEST], 0
+    for k in range(int(run[SPANS])):
+        if spans[k, 0] <= high and low <= spans[k, 1]:
+            low, high = min(low, spans[k, 0]), max(high, spans[k, 1])
+        else:
+            spans[kept, 0], spans[kept, 1] = spans[k, 0], spans[k, 1]
+            kept += 1
+    kept = min(kept, MOST - 1)
+    spans[kept, 0], spans[kept, 1] = low, high
+    run[SPANS] = kept + 1
+
+
+@kernel()
+def begin(run, low, high, plane):
+    """An interval begins."""
+    run[MET], run[LOW], run[HIGH], run[LEAST], run[GREATEST] = 1.0, low, high, low, high
+    run[ENTERED] += weight(low, high, plane)
+
+
+@kernel()
+def finish(spans, run):
+    """The interval ends."""
+    if run[MET] > 0.0:
+        note(spans, run)
+    run[MET] = 0.0
+
+
+@kernel()
+def move(run, side, x, plane):
+    """An end of the interval moves on, one way: `side` is LOW or HIGH."""
+    out = weight(x, run[LOW], plane) if side == LOW else weight(run[HIGH], x, plane)
+    run[ENTERED] += out
+    run[side] = x
+    run[LEAST], run[GREATEST] = min(run[LEAST], x), max(run[GREATEST], x)
+
+
+@kernel()
+def follow(mean, line, order, n, t, stop, outward, outward_then, at, run, plane):
+    """Both ends from t to `stop`, where `at` is the line: each may turn once, if the signs of it differ.
+
+    `outward`, `outward_then` (LOW and HIGH): below 0 where an end moves outward, at t and at `stop`.
+    """
+    low, high = ends(at)
+    for side in (LOW, HIGH):
+        if outward[side] * outward_then[side] < 0.0:
+            first, last = t, stop
+            turned = run[side]
+            for _ in range(HALVINGS):
+                middle = 0.5 * (first + last)
+                look(mean, line, order, n, middle, at)
+                one, other = ends(at)
+                if one > other:
+                    break
+                turned = one if side == LOW else other
+                if inward(at, turned) * outward[side] > 0.0:
+                    first = middle
+                else:
+                    last = middle
+            move(run, side, turned, plane)
+        move(run, side, low if side == LOW else high, plane)
+
+
+@kernel()
+def edge(mean, line, order, n, t, stop, met, at):
+    """When between two times a line comes to be met, or no longer is; `at` is it then, while it is met."""
+    for _ in range(HALVINGS):
+        middle = 0.5 * (t + stop)
+        look(mean, line, order, n, middle, at)
+        if (nearest(at)[1] >= 0.0) == met:
+            t = middle
+        else:
+            stop = middle
+    inner = t if met else stop
+    look(mean, line, order, n, inner, at)
+    return inner
+
+
+@kernel()
+def deepest(mean, line, order, n, t, stop, at):
+    """When between two times a line is nearest to the centre; `at` is it then."""
+    for _ in range(HALVINGS):
+        middle = 0.5 * (t + stop)
+        look(mean, line, order, n, middle, at)
+        if inward(at, nearest(at)[0]) < 0.0:
+            t = middle
+        else:
+            stop = middle
+    look(mean, line, order, n, t, at)
+    return t
+
+
+@kernel()
+def step(mean, line, order, n, t, stop, before, after, at, outward, spans, run, plane):
+    """From one sample to the next: `before` and `after` are the line there."""
+    low, high = ends(after)
+    met, meets = run[MET] > 0.0, low <= high
+    if met and meets:
+        if dot(before[1], after[1]) < 0.0 and (low > run[HIGH] or high < run[LOW]):
+            far = BIG if run[LOW] + run[HIGH] > 0.0 else -BIG  # by infinity, and back from the other side
+            move(run, LOW, far, plane)
+            move(run, HIGH, far, plane)
+            finish(spans, run)
+            begin(run, -far, -far, plane)
+            move(run, LOW, low, plane)
+            move(run, HIGH, high, plane)
+            return
+        for side in (LOW, HIGH):
+            outward[0, side] = inward(before, run[side])
+        outward[1, LOW], outward[1, HIGH] = inward(after, low), inward(after, high)
+        copy(after, at)
+        follow(mean, line, order, n, t, stop, outward[0], outward[1], at, run, plane)
+    elif met:
+        for side in (LOW, HIGH):
+            outward[0, side], outward[1, side] = inward(before, run[side]), 1.0
+        last = edge(mean, line, order, n, t, stop, True, at)
+        follow(mean, line, order, n, t, last, outward[0], outward[1], at, run, plane)
+        finish(spans, run)
+    elif meets:
+        first = edge(mean, line, order, n, t, stop, False, at)
+        low, high = ends(at)
+        begin(run, low, high, plane)
+        outward[0, LOW], outward[0, HIGH] = -1.0, -1.0
+        low, high = ends(after)
+        outward[1, LOW], outward[1, HIGH] = inward(after, low), inward(after, high)
+        copy(after, at)
+        follow(mean, line, order, n, first, stop, outward[0], outward[1], at, run, plane)
+
+
+@kernel()
+def copy(source, target):
+    """One line's state into another's."""
+    for i in range(4):
+        for k in range(3):
+            target[i, k] = source[i, k]
+
+
+@kernel()
+def comes_between(before, after):
+    """Whether a line that is met at neither of two samples may be in between."""
+    return inward(before, nearest(before)[0]) < 0.0 < inward(after, nearest(after)[0])
+
+
+@kernel()
+def sample_time(n, length, at):
+    """How long to the next sample."""
+    base = 2.0 * pi / (SAMPLES * n) if n > 0.0 else length / SAMPLES
+    size, rate = sqrt(dot(at[1], at[1])), sqrt(dot(at[3], at[3]))
+    if TURN * size < base * rate:
+        return max(TURN * size / rate, FINEST * base)
+    return base
+
+
+@kernel(
+    void(float64[::1], int64[::1], float64, float64[:, :, :, ::1], float64[:, ::1], boolean, float64[:, ::1])
+)
+def follow_lines(times, orders, n, windows, ways, plane, out):
+    """Of each line of errors along `ways` (K, M): inside at the start, ever, entries expected (K, 3).
+
+    `plane`: weighed as lines through the middle of a plane, over all directions of which this is a mean.
+    """
+    windows, ways, out = borrowed(windows), borrowed(ways), borrowed(out)
+    line, spans = stack_matrix(8, 3), np.empty((MOST, 2))
+    before, between, after, at = (
+        stack_matrix(4, 3),
+        stack_matrix(4, 3),
+        stack_matrix(4, 3),
+        stack_matrix(4, 3),
+    )
+    outward, run = stack_matrix(2, 3), stack_vector(7)
+    for p in range(len(ways)):
+        for k in range(7):
+            run[k] = 0.0
+        for w in range(len(orders)):
+            order, length, mean = orders[w], times[w + 1] - times[w], windows[w, 0]
+            for k in range(8):
+                for i in range(3):
+                    line[k, i] = 0.0
+                    for j in range(ways.shape[1]):
+                        line[k, i] += ways[p, j] * windows[w, j + 1, k, i]
+            look(mean, line, order, n, 0.0, before)
+            if w == 0:
+                low, high = ends(before)
+                if low <= high:
+                    begin(run, low, high, plane)
+                out[p, AT_START] = run[ENTERED]
+                run[ENTERED] = 0.0
+            t = 0.0
+            while t < length:
+                stop = min(length, t + sample_time(n, length, before))
+                look(mean, line, order, n, stop, after)
+                middle = t
+                if run[MET] == 0.0 and nearest(after)[1] < 0.0 and comes_between(before, after):
+                    middle = deepest(mean, line, order, n, t, stop, at)
+                    if nearest(at)[1] >= 0.0:
+                        copy(at, between)
+                        step(mean, line, order, n, t, middle, before, between, at, outward, spans, run, plane)
+                        copy(between, before)
+                        t = middle
+                step(mean, line, order, n, t, stop, before, after, at, outward, spans, run, plane)
+                copy(after, before)
+                t = stop
+        finish(spans, run)
+        out[p, EVER], out[p, ENTRIES] = 0.0, run[ENTERED]
+        for k in range(int(run[SPANS])):
+            out[p, EVER] += weight(spans[k, 0], spans[k, 1], plane)

@@ -1,0 +1,113 @@
+"""Histories of one or two errors, or of none: who is inside, exactly, by lines through the space of errors.
+
+One error is a line.  Of two, lines through the middle of the plane that they span go all ways round, and what
+each of them finds is integrated over the angle; its edges are where the zone, as errors see it, is widest.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.uncertainty.ball_share import inside
+from closeform.uncertainty.error_lines import ENTRIES, EVER, NOTHING, follow_lines
+from closeform.uncertainty.histories import Histories
+from closeform.uncertainty.quadrature import integral
+
+SAMPLES = 512  # times an orbit (or a piece, in deep space), at which errors are looked at
+THIN = 1e-7, 1e-6  # of the greatest, and of the zone: what 16 digits of a covariance leave across
+LINE = 1e-6  # of a probability of one error: half of its interval
+PLANE = 1e-5  # of one of two
+EVEN = np.linspace(0.0, np.pi, 13)
+
+
+@dataclass(frozen=True, eq=False)
+class FewErrors:
+    """Probability to be inside at the start, to be ever inside, and how many entries are expected.
+
+    `off` is the share of them by which they may be off.
+    """
+
+    at_start: float
+    ever: float
+    entries: float
+    off: float
+
+    @classmethod
+    def of(cls, histories: Histories, ways: Floats) -> FewErrors:
+        """Of errors along one or two directions (1 or 2, M) at right angles, of length 1, or nil of none."""
+        if len(ways) == 1:
+            at_start, ever, entries = map(float, _followed(histories, ways, plane=False)[0])
+            return cls(at_start, ever, entries, LINE)
+        edges = _angles(histories, ways)
+        who, many = (
+            integral(partial(_round, histories, ways, what), edges, PLANE) for what in (EVER, ENTRIES)
+        )
+        at_start, _ = inside(histories, float(histories.edges[0]))
+        off = PLANE + (who.error / who.value if who.value > 0.0 else 0.0)
+        return cls(at_start, min(who.value / np.pi, 1.0), many.value / np.pi, off)
+
+
+def _round(histories: Histories, ways: Floats, what: int, angles: Floats) -> Floats:
+    """What is found of lines through the middle of a plane, at some angles (K,)."""
+    along = np.cos(angles)[:, None] * ways[0] + np.sin(angles)[:, None] * ways[1]
+    return np.asarray(_followed(histories, along, plane=True)[:, what])
+
+
+def _followed(histories: Histories, ways: Floats, plane: bool) -> Floats:
+    """What is found of lines along some directions (K, M): (K, 3)."""
+    out = np.empty((len(ways), 3))
+    held = histories.times, histories.orders, histories.mean_motion, histories.windows
+    follow_lines(*held, np.ascontiguousarray(ways), plane, out)
+    return out
+
+
+def few_ways(histories: Histories) -> Floats | None:
+    """The directions (1 or 2, M) of all errors that move craft, nil where there are none; None of more."""
+    moved = _moved(histories)[1].reshape(-1, len(histories.columns))
+    _, sizes, directions = np.linalg.svd(moved / np.sqrt(len(moved) / 3), full_matrices=False)
+    if sizes[0] <= NOTHING:
+        return np.zeros((1, moved.shape[1]))
+    many = 1 + int((sizes[1:] > max(NOTHING, min(THIN[0] * sizes[0], THIN[1]))).sum())
+    return np.ascontiguousarray(directions[:many]) if many <= 2 else None
+
+
+def _moved(histories: Histories) -> tuple[Floats, Floats]:
+    """Where craft are (T, 3), and where each error moves them (T, 3, M), in zone coordinates, over time."""
+    n, grid = histories.mean_motion, []
+    for begin, end in zip(histories.edges[:-1], histories.edges[1:], strict=True):
+        turns = n * (end - begin) / (2.0 * np.pi) if n else 1.0
+        grid.append(np.linspace(begin, end, int(np.ceil(SAMPLES * turns)) + 9))
+    mean, factor = histories.states(np.unique(np.concatenate(grid)))
+    matrix = histories.zone.matrix
+    return mean[:, :3] @ matrix.T, np.einsum("ij,tjm->tim", matrix, factor[:, :3])
+
+
+def _angles(histories: Histories, ways: Floats) -> Floats:
+    """Angles from 0 to pi, with those between which lines meet the zone, where these are most or least."""
+    middle, moved = _moved(histories)
+    both = moved @ ways.T  # (T, 3, 2)
+    along = np.einsum("ti,tij->tj", middle, both)
+    # a line along e meets the ball where e K e >= 0
+    square = (middle**2).sum(axis=1)[:, None, None] - 1.0
+    form = along[:, :, None] * along[:, None, :] - square * np.einsum("tij,tik->tjk", both, both)
+    mid, swing = (
+        0.5 * (form[:, 0, 0] + form[:, 1, 1]),
+        np.stack([0.5 * (form[:, 0, 0] - form[:, 1, 1]), form[:, 0, 1]]),
+    )
+    size = np.hypot(*swing)
+    some = np.abs(mid) < size
+    axis = np.unwrap(np.arctan2(swing[1], swing[0]))
+    half = np.arccos(np.divide(-mid, size, out=np.zeros_like(mid), where=some))
+    found = [EVEN]
+    change = np.flatnonzero(np.diff(some.astype(int), prepend=0, append=0))
+    for first, last in change.reshape(-1, 2):
+        for track in ((axis - half)[first:last], (axis + half)[first:last]):
+            rate = np.sign(np.diff(track))
+            turns = 1 + np.flatnonzero(rate[1:] != rate[:-1])
+            found.append(0.5 * track[[0, *turns, len(track) - 1]] % np.pi)
+    edges = np.unique(np.concatenate(found))
+    return np.asarray(edges[np.concatenate([[True], np.diff(edges) > 1e-9])])
