@@ -285,7 +285,7 @@ class Strip:
                     first, min(last, end), facecolor=FAINT, alpha=0.35 + 0.5 * (k % 2), linewidth=0.0
                 )
                 share = (min(last, end) - first) / end
-                told = f"{name}: {SPELLED[name]}" if share > SPACIOUS else name
+                told = f"{name}: {SPELLED[name]} search" if share > SPACIOUS else name
                 if share > NARROW:
                     word(axes, (first, 0.5), told, shift=(5, 0), ha="left")
         above = blended_transform_factory(axes.transData, axes.transAxes)

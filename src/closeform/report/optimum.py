@@ -16,8 +16,8 @@ KEYS = {  # of the slopes of a cost, by the metre and by the factor of a zone
 NOTHING = 1e-9  # m/s: what is left by rounding where nobody has to burn
 SAME = 1e-6  # of what is spent: a bound that is no better than that of free paths
 WIDE = 1e-3  # a gap that `prove` may close, as far as it goes
-NO_ZONES = "which is without zones in the way: a clear plan that comes nearer may not exist"
-DUAL = "by duality: a plan that comes nearer may not exist"
+NO_ZONES, DUAL = "without zones in the way", "by duality"
+NEARER = "A plan that comes nearer may not exist"
 TOUCHING = 1.0 + 2e-5  # a margin up to this is for rounding only
 
 
@@ -38,14 +38,14 @@ def bounds(found: Avoidance | Plan, free: float, stage: Clearing) -> Iterator[st
     `free`: what it costs with no zones in the way, in the unit of what is least.
     """
     share = f"{100 * found.gap:.3f} % " if found.lower_bound > 0.0 else ""
-    above, unit = f"{share}above the lower bound of", UNITS[found.cost]
-    said = ""
-    if not found.proven:
+    above = f"{share}above the lower bound of {found.lower_bound:.6g} {UNITS[found.cost]}"
+    if found.proven:
+        yield f"{found.cost.capitalize()} {above}"
+    else:
         nothing = abs(found.lower_bound - free) <= SAME * found.spent
-        said = f", {NO_ZONES if nothing else DUAL}"
-        if found.gap > WIDE and stage.prove is None and stage.unprovable is None:
-            said += '; prove = "10 s" in the stage looks closer'
-    yield f"{found.cost.capitalize()} {above} {found.lower_bound:.6g} {unit}{said}"
+        yield f"{found.cost.capitalize()} {above}, {NO_ZONES if nothing else DUAL}"
+        closer = found.gap > WIDE and stage.prove is None and stage.unprovable is None
+        yield NEARER + ('; prove = "10 s" in the stage looks closer' if closer else "")
     if found.margin > TOUCHING:
         yield f"Planned for zones {100 * (found.margin - 1.0):.2g} % larger: none was clear closer to them"
 

@@ -80,7 +80,7 @@ def phases(search: Search, rounds: int = 1) -> Table:
 def spelled(search: Search) -> str:
     """What the names of its phases stand for."""
     names = dict.fromkeys(name for name, *_ in search.phases)
-    return ", ".join(f"{name} is the {SPELLED[name]}" for name in names)
+    return ", ".join(f"{name} {SPELLED[name]}" for name in names) + " search"
 
 
 def turns(search: Search) -> Table:

@@ -18,11 +18,11 @@ from closeform.search.coverage import greatest
 
 Group = Literal["A", "B"]
 
-SPELLED = {  # phases of a search
-    "IPS": "in-plane search",
-    "OPS": "out-of-plane search",
-    "mOPS": "modified out-of-plane search",
-    "NFS": "near-field search",
+SPELLED = {  # phases: which search each is
+    "IPS": "in-plane",
+    "OPS": "out-of-plane",
+    "mOPS": "modified out-of-plane",
+    "NFS": "near-field",
 }
 SUN = np.array([0.0, 0.0, -1.0])  # direction to it
 START_ATTITUDE = {  # columns: body x at the sun, body y, boresight
