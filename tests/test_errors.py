@@ -231,9 +231,7 @@ def test_what_is_not_built_is_said_with_the_rest(desk: Path, capsys: pytest.Capt
 
 
 def test_a_key_that_cannot_vary_is_told_those_that_can() -> None:
-    with pytest.raises(
-        ScenarioError, match=r"use one of craft\.silent.*, craft\.position, craft\.velocity"
-    ):
+    with pytest.raises(ScenarioError, match=r"use one of craft\.silent.*, craft\.position, craft\.velocity"):
         parse(LOST.replace("craft.velocity", "launch day"))
 
 
