@@ -535,12 +535,15 @@ def test_impulses_under_feedback():
     blind = cf.fly(path, field, "open", thrust_error=(0.01, 0.01), seeds=20)
     assert flights.greatest_end < 0.2 * blind.greatest_end
     assert (flights.feedback_delta_v > 0.0).all()
-    went = flights.path(flights.worst).state(flights.times[:-1])
-    assert went == pytest.approx(flights.states[flights.worst][:, :-1], abs=1e-9)
+    went = flights.path(flights.worst).state(flights.times)
+    assert went == pytest.approx(flights.states[flights.worst], abs=1e-9)  # after the last impulse
     coarse = cf.fly(path, field, navigation=seen, minimum_bit=0.01, seeds=20)
     sizes = np.linalg.norm((coarse.states - coarse.arrivals)[..., 3:], axis=-1)
     assert sizes[sizes > 1e-9].min() >= 0.01 * (1.0 - 1e-9)
     fine = cf.fly(path, field, navigation=seen, seeds=20)
+    for craft, spent in zip(fine.path(3), fine.delta_v[3], strict=True):
+        assert sum(np.linalg.norm(push) for _, push in craft.impulses) == pytest.approx(spent, rel=1e-6)
+        assert (craft.impulses[0][0], craft.impulses[-1][0]) == (craft.start, craft.end)
     sizes = np.linalg.norm((fine.states - fine.arrivals)[..., 3:], axis=-1)
     assert sizes[sizes > 1e-9].min() < 0.01
 

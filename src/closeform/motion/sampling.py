@@ -8,6 +8,7 @@ from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, START, STATE, WIDTH
 from closeform.motion.duration import flaw
 from closeform.motion.effort import ENERGY, totals
 from closeform.motion.ends import checked_below
+from closeform.motion.path import Path, path_of
 from closeform.motion.steering import steer
 
 # Of the energy of cubics through the same samples, what Hill's motion may need where a craft is said
@@ -43,6 +44,22 @@ def arcs_through(
     arcs[..., 1:, IMPULSE : IMPULSE + 3] = (nodes - ends)[..., 1:-1, 3:]
     finals = np.ascontiguousarray(ends[..., 1:, :]).reshape(-1, 6)
     return interpolated(mean_motion, arcs.reshape(-1, WIDTH), finals).reshape(arcs.shape)
+
+
+def fired_at_ends(path: Path, jumps: Floats) -> Path:
+    """Paths (N,) of one time that fire at its start and its end, too: `jumps` (N, 2, 3) of velocity [m/s]."""
+    arcs = path.arcs.copy()
+    arcs[path.offsets[:-1], IMPULSE : IMPULSE + 3] = jumps[:, 0]
+    last = np.flatnonzero(jumps[:, 1].any(axis=1))
+    after = np.zeros((len(last), WIDTH))  # arcs without length, as of planned impulses
+    after[:, START] = after[:, END] = path.end[last]
+    after[:, MEAN_MOTION] = path.orbit.mean_motion
+    after[:, STATE : STATE + 6] = path.state(float(path.end[0]))[last]
+    after[:, STATE + 3 : STATE + 6] += jumps[last, 1]
+    after[:, IMPULSE : IMPULSE + 3] = jumps[last, 1]
+    more = np.isin(np.arange(len(path)), last)
+    offsets = path.offsets + np.concatenate([[0], np.cumsum(more)])
+    return path_of(path.orbit, np.insert(arcs, path.offsets[last + 1], after, axis=0), offsets, path.shape)
 
 
 def interpolated(n: float, arcs: Floats, finals: Floats) -> Floats:
