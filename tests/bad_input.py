@@ -2319,7 +2319,12 @@ CALLS = (
     Call(
         "histories of white noise",
         "cf.collision_probability(plan, other, cf.Sphere(9.0), cf.Errors(noise=1e-9))",
-        'errors: "entries" draws errors, white noise has no finite number of them; use method="bound"',
+        'errors: "entries" draws errors, white noise has no finite number of them; use method="monte-carlo" or "bound"',
+    ),
+    Call(
+        "white noise that no step resolves",
+        "cf.collision_probability(plan, other, cf.Sphere(9.0), cf.Errors(noise=1e7), method='monte-carlo')",
+        'errors: noise of 1e+07 m^2/s^3 moves craft too far beside the zone in each of 10000 steps; use method="bound"',
     ),
     Call(
         "a collision probability from a handful of samples",

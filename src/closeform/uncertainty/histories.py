@@ -9,9 +9,11 @@ history beyond it.
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any
+from math import inf
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import float64, int64, void
@@ -192,6 +194,26 @@ def count_histories(times, orders, n, windows, planes, form, errors, out):
         out[p, 1] = count
 
 
+class Drawn(NamedTuple):
+    """Of random histories how many begin inside, are ever inside, all entries, how many enter again.
+
+    `least` and `most` of them are ever inside, whatever is left out of each.
+    """
+
+    began: int
+    met: int
+    entries: int
+    again: int
+    least: int
+    most: int
+
+
+def summed(chunk: Callable[[int], Floats], count: int) -> Drawn:
+    """The sum of what chunks of histories come to, on all cores."""
+    with ThreadPoolExecutor(CORES) as pool:
+        return Drawn(*sum(pool.map(chunk, range(count))).tolist())  # type: ignore[union-attr]
+
+
 @dataclass(frozen=True, eq=False)
 class Histories:
     """The relative motion of two craft, and what each of M independent errors adds to it.
@@ -211,22 +233,26 @@ class Histories:
     planes: Floats  # (W, 1 + M, 4)
 
     @classmethod
-    def of(cls, path: Path, other: Path, columns: Path, noise: float, zone: Zone) -> Histories:
-        """Look at all arcs in windows as long as the march's bounds allow."""
+    def of(
+        cls, path: Path, other: Path, columns: Path, noise: float, zone: Zone, longest: float = inf
+    ) -> Histories:
+        """Look at all arcs in windows as long as the march's bounds allow; shorter ones may have thrust."""
         n = path.orbit.mean_motion
+        pushed = n > 0.0 and longest < inf
         rows = np.concatenate([path.arcs, other.arcs, columns.arcs])
         start = max(path.start, other.start)
         end = min(path.end, other.end)
         joints = rows[:, START]
         edges = np.unique(np.concatenate([[start, end], joints[(joints > start) & (joints < end)]]))
-        thrusting = rows[:, THRUST:].any(axis=1) | (rows[:, MEAN_MOTION] != n)
-        cubic = (rows[:, MEAN_MOTION] == 0.0) & ~rows[:, PUSH + 3 :].any(axis=1)
+        thrusting = rows[:, THRUST:].any(axis=1) | (rows[:, MEAN_MOTION] != n) | pushed
+        cubic = (rows[:, MEAN_MOTION] == 0.0) & ~rows[:, PUSH + 3 :].any(axis=1) & (not pushed)
         times, orders = [start], []
         for begin, stop in zip(edges[:-1], edges[1:], strict=True):
             here = (rows[:, START] <= begin) & (rows[:, END] >= stop)
             natural = n > 0.0 and not thrusting[here].any()
             order = 4 if natural or cubic[here].all() else 8
-            pieces = max(1, int(np.ceil(n * (stop - begin) / (COAST_ANGLE if natural else ANGLE))))
+            turn = n * (stop - begin) / (COAST_ANGLE if natural else ANGLE)
+            pieces = max(1, int(np.ceil(max(turn, (stop - begin) / longest))))
             times += np.linspace(begin, stop, pieces + 1)[1:].tolist()
             orders += [order] * pieces
         windows = np.zeros((len(orders), 1 + len(columns), 8, 3))
@@ -263,25 +289,23 @@ class Histories:
             list(pool.map(lambda part: self._count(errors[part], out[part]), jobs))
         return out
 
-    def drawn(self, samples: int, seed: int) -> tuple[int, int, int, int]:
-        """Of random histories how many begin inside, are ever inside, their entries, how many enter again.
+    def drawn(self, samples: int, seed: int) -> Drawn:
+        """Of random histories what became of them.
 
         Chunk k has a stream of Philox's of its own: the same numbers however many threads.
         """
 
-        def chunk(k: int) -> Any:
+        def chunk(k: int) -> Floats:
             philox = np.random.Philox(key=seed, counter=[0, 0, 0, k])
             count = min(CHUNK, samples - k * CHUNK)
             errors = np.random.Generator(philox).standard_normal((count, len(self.columns)))
             out = np.empty((count, 2), dtype=np.int64)
             self._count(errors, out)
             began, entries = out.T
-            met = (began > 0) | (entries > 0)
-            return np.array([began.sum(), met.sum(), entries.sum(), (entries > 1).sum()])
+            met = ((began > 0) | (entries > 0)).sum()
+            return np.array([began.sum(), met, entries.sum(), (entries > 1).sum(), met, met])
 
-        with ThreadPoolExecutor(CORES) as pool:
-            began, met, entries, again = sum(pool.map(chunk, range(-(-samples // CHUNK)))).tolist()
-        return began, met, entries, again
+        return summed(chunk, -(-samples // CHUNK))
 
     def _count(self, errors: Floats, out: Any) -> None:
         held = self.times, self.orders, self.mean_motion, self.windows, self.planes

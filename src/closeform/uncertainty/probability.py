@@ -16,6 +16,7 @@ from closeform.uncertainty.errors import Errors
 from closeform.uncertainty.few_errors import FewErrors, few_ways
 from closeform.uncertainty.histories import Histories
 from closeform.uncertainty.mean_entries import Flux, Unresolved, expected_entries
+from closeform.uncertainty.noisy_histories import NoisyHistories
 from closeform.uncertainty.relative_errors import relative_errors
 from closeform.uncertainty.short_encounter import passes_through
 from closeform.zones.shapes import BALL
@@ -142,8 +143,10 @@ def collision_probability(
     Where all that is uncertain is one number or two, or nothing moves by 1e-9 of the zone, "entries" and
     "bound" give the exact integral of these, and draw nothing.  Of more they refuse those whose rate of
     entries cannot be told.
-    Histories are counted by the certified march: no entry between time steps is missed.  White noise of
-    thrust has no finite number of columns, so that histories with it cannot be drawn: "bound" counts it.
+    Histories are counted by the certified march: no entry between time steps is missed.  White noise has no
+    finite number of columns: "bound" counts it, and "monte-carlo" draws it in short exact steps.  What a path
+    between them leaves out is bounded, mostly by a thousandth of the zone: `low` is of a zone that is smaller
+    by as much, `high` of a larger one.
 
     References
     ----------
@@ -155,13 +158,16 @@ def collision_probability(
         whole("samples", samples, LEAST)
     whole("seed", seed)
     columns, noise = relative_errors(path, other, zone, errors, other_errors)
-    if noise and method in ("entries", "monte-carlo"):
+    if noise and method == "entries":
         raise ValueError(
-            f'errors: "{method}" draws errors, white noise has no finite number of them; use method="bound"'
+            'errors: "entries" draws errors, white noise has no finite number of them; use '
+            'method="monte-carlo" or "bound"'
         )
-    histories = Histories.of(path, other, columns, noise, zone)
     if method == "monte-carlo":
-        return _monte_carlo(histories, HISTORIES if samples is None else samples, seed)
+        kind = NoisyHistories if noise else Histories
+        random = kind.of(path, other, columns, noise, zone)
+        return _monte_carlo(random, HISTORIES if samples is None else samples, seed)
+    histories = Histories.of(path, other, columns, noise, zone)
     if zone.shape != BALL:
         raise ValueError(f'zone: "{method}" holds for spheres and ellipsoids; use method="monte-carlo"')
     if method == "short-encounter":
@@ -237,10 +243,10 @@ def _told(
     )
 
 
-def _monte_carlo(histories: Histories, samples: int, seed: int) -> Probability:
+def _monte_carlo(histories: Histories | NoisyHistories, samples: int, seed: int) -> Probability:
     """The share of drawn histories that are ever inside."""
-    began, met, entries, again = histories.drawn(samples, seed)
-    low, high = clopper_pearson(met, samples)
+    began, met, entries, again, least, most = histories.drawn(samples, seed)
+    low, high = clopper_pearson(least, samples)[0], clopper_pearson(most, samples)[1]
     return Probability(
         met / samples,
         low,

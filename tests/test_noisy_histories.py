@@ -1,0 +1,211 @@
+"""Probabilities of histories with white noise, against plain ones in short exact steps, and Rice's formula.
+
+What noise adds to a state in a step is integrated here by Gauss's rule over matrix exponentials.
+"""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.linalg import expm
+from scipy.stats import norm
+
+import closeform as cf
+from closeform.uncertainty import histories as histories_module
+from closeform.uncertainty import noisy_histories
+from closeform.uncertainty.noisy_histories import OFF, NoisyHistories
+from closeform.uncertainty.relative_errors import relative_errors
+from test_probability import AHEAD, DEEP, ORBIT, PERIOD, SLOW, ZONE, N, coasts, hill
+
+
+def noise_of(density, n, step):
+    """Covariance (6, 6) of what white noise adds to a state in a step."""
+    nodes, weights = np.polynomial.legendre.leggauss(20)
+    pushed = np.array([expm(hill(n) * t)[:, 3:] for t in 0.5 * step * (nodes + 1.0)])
+    return density * np.einsum("t,tik,tjk->ij", 0.5 * step * weights, pushed, pushed)
+
+
+def shaken(means, covariance, density, duration, zone, n=N, samples=12_000, seed=3):
+    """Plain Monte Carlo about means (T, 3), in T - 1 exact steps: inside at the start, ever, and entries."""
+    step = duration / (len(means) - 1)
+    root, moved = np.linalg.cholesky(noise_of(density, n, step)), expm(hill(n) * step)
+    random = np.random.default_rng(seed)
+    states = random.multivariate_normal(np.zeros(6), covariance, size=samples, method="eigh")
+    began = inside = zone.norm(means[0] + states[:, :3]) <= 1.0
+    ever, entries = began, np.zeros(samples)
+    for mean in means[1:]:
+        states = states @ moved.T + random.standard_normal(states.shape) @ root.T
+        now = zone.norm(mean + states[:, :3]) <= 1.0
+        entries += now & ~inside
+        inside, ever = now, ever | now
+    return began, ever, entries
+
+
+def drawn(path, other, zone, *errors, **more):
+    asked = {"method": "monte-carlo", "samples": 20_000} | more
+    return cf.collision_probability(path, other, zone, *errors, **asked)
+
+
+def compared(figure, began, ever, entries):
+    """A drawn figure against drawn ones: four deviations of both."""
+    for found, sample in (
+        (figure.value, ever),
+        (figure.at_start, began),
+        (figure.mean_entries, entries),
+    ):
+        error = np.std(sample) * np.sqrt(1.0 / len(sample) + 1.0 / figure.samples)
+        assert abs(found - np.mean(sample)) <= 4.0 * max(error, 1.0 / len(sample))
+    assert figure.low <= np.mean(ever) + 4.0 * np.std(ever) / np.sqrt(len(ever))
+    assert figure.high >= np.mean(ever) - 4.0 * np.std(ever) / np.sqrt(len(ever))
+
+
+@pytest.mark.parametrize(
+    ("mean", "zone", "density", "n"),
+    [
+        (AHEAD, ZONE, 1e-8, N),
+        (AHEAD, ZONE, 1e-6, N),  # spreads to ten times the zone
+        ([0, 14, 0, 0, 0, 0], ZONE, 1e-7, N),  # many begin inside, and come again
+        ([5, 30, -10, 0, -0.01, 0.01], cf.Box([10, 30, 15]), 1e-8, N),
+        ([5, 30, -10, 0, -0.01, 0.01], cf.HalfSpaces([[0, -1, 0], [1, 0, 1]], [25.0, 30.0]), 1e-8, N),
+        ([30, 30, 0, -0.01, -0.01, 0], ZONE, 1e-8, 0.0),
+    ],
+)
+def test_plain_monte_carlo_of_short_steps(mean, zone, density, n):
+    path, other = coasts(mean, PERIOD, cf.Orbit(n))
+    means = np.array([(expm(hill(n) * t) @ mean)[:3] for t in np.linspace(0.0, PERIOD, 1201)])
+    figure = drawn(path, other, zone, cf.Errors(SLOW, noise=density))
+    compared(figure, *shaken(means, SLOW, density, PERIOD, zone, n))
+
+
+def test_burns_of_both_craft_with_noise():
+    """A plan of two arcs that is shaken, past one that is, too: densities add."""
+    path = cf.join(
+        [
+            ORBIT.transfer([0, 200, 0, 0, 0, 0], [0, 60, 0, 0, 0, 0], 2000.0),
+            ORBIT.coast([0, 60, 0, 0, 0.02, 0], 1500.0, start=2000.0),
+        ]
+    )
+    other, zone = ORBIT.coast([5.0, 0, 0, 0, 0, 0], 3500.0), cf.Sphere(30.0)
+    means = path.position(np.linspace(0.0, 3500.0, 1201)) - other.position(np.linspace(0.0, 3500.0, 1201))
+    figure = drawn(path, other, zone, cf.Errors(0.3 * SLOW, noise=2e-7), cf.Errors(noise=3e-7))
+    assert 0.02 < figure.value < 0.98
+    compared(figure, *shaken(means, 0.3 * SLOW, 5e-7, 3500.0, zone))
+
+
+def test_entries_are_as_many_as_their_rate_says():
+    """Into a slab in deep space (Rice 1944), from a state that is known: noise is all there is."""
+    width, mean, speed, density, duration = 10.0, 14.0, -0.005, 1e-6, 800.0
+
+    def rate(time):
+        spread = density * np.array([[time**3 / 3, time**2 / 2], [time**2 / 2, time]])
+        total = 0.0
+        for level in (-width, width):
+            centre, gain = mean + speed * time, spread[0, 1] / spread[0, 0]
+            inward = -np.sign(level) * (speed + gain * (level - centre))
+            sigma = np.sqrt(spread[1, 1] - gain * spread[0, 1])
+            flow = sigma * norm.pdf(inward / sigma) + inward * norm.cdf(inward / sigma)
+            total += norm.pdf(level, centre, np.sqrt(spread[0, 0])) * flow
+        return total
+
+    expected = quad(rate, 1.0, duration, limit=200)[0]
+    path, other = coasts([mean, 0, 0, speed, 0, 0], duration, DEEP)
+    slab = cf.Ellipsoid([width, 1e6, 1e6])
+    figure = drawn(path, other, slab, cf.Errors(noise=density), samples=100_000)
+    assert 0.2 < expected < 0.9
+    assert figure.at_start == 0.0
+    assert abs(figure.mean_entries - expected) < 4.0 * np.sqrt(expected / 100_000)
+
+
+def test_next_to_no_noise_is_none():
+    """Of 1e-16 m^2/s^3, 1 mm in an orbit: the exact figure without any, within the interval."""
+    path, other = coasts(AHEAD, 2 * PERIOD)
+    exact = cf.collision_probability(path, other, ZONE, cf.Errors(SLOW))
+    figure = drawn(path, other, ZONE, cf.Errors(SLOW, noise=1e-16))
+    error = np.sqrt(exact.value / figure.samples)
+    assert abs(figure.value - exact.value) < 4.0 * error
+    assert abs(figure.repeated - exact.repeated * exact.mean_entries) < 0.01
+    assert figure.low < exact.value + 2.0 * error
+    assert figure.high > exact.value - 2.0 * error
+
+
+@pytest.mark.parametrize(("n", "length"), [(0.0, 50.0), (N, 0.2 / N)])
+def test_what_a_step_leaves_out(n, length):
+    """Noise in 40 exact parts of a step beside the path that is marched: theory (65), and its variance."""
+    density, parts, samples = 1e-8, 40, 20_000
+    path, other = coasts(AHEAD, length, cf.Orbit(n))
+    asked = relative_errors(path, other, ZONE, cf.Errors(noise=density), None)
+    seen = NoisyHistories.of(path, other, *asked, cf.Sphere(1e4))
+    assert len(seen.kinds) == 1
+    root, moved = np.linalg.cholesky(noise_of(density, n, length / parts)), expm(hill(n) * length / parts)
+    random, states = np.random.default_rng(1), [np.zeros((samples, 6))]
+    for _ in range(parts):
+        states.append(states[-1] @ moved.T + random.standard_normal((samples, 6)) @ root.T)
+    times = np.linspace(0.0, length, parts + 1)
+    increments = np.linalg.solve(seen.steps[0, :, 6:], states[-1].T)
+    rates = list(seen.bridges[0, 6:].transpose(1, 0, 2))  # D^8 = -2 n^2 D^6 - n^4 D^4
+    for _ in range(6):
+        rates.append(-2.0 * n**2 * rates[-2] - n**4 * rates[-4])
+    powers = np.hstack([np.ones((parts + 1, 1)), (times[:, None] / np.arange(1.0, 14.0)).cumprod(axis=1)])
+    likeliest = 1e4 * np.einsum("tk,kji,js->tsi", powers, np.array(rates), increments)
+    off = np.array(states)[..., :3] - likeliest
+    assert np.abs(off[-1]).max() < 1e-9 * np.abs(states[-1][:, :3]).max()
+    expected = density * (times * (length - times)) ** 3 / (3.0 * length**3)
+    variance = (off**2).mean(axis=(1, 2))
+    assert np.abs(variance - expected).max() < 0.03 * expected.max()  # four deviations of 60 000: 2.3 %
+    assert np.linalg.norm(off, axis=2).max() < 0.8 * OFF * np.sqrt(density * length**3)
+    assert np.cov(increments) == pytest.approx(np.eye(6), abs=0.04)  # four deviations
+
+
+def test_the_chance_to_leave_a_step():
+    """Rice's rate at which three such bridges leave a ball: the mean number of exits bounds the chance."""
+
+    def rate(s, radius):
+        flow = np.array([[1.0, 1.0 - s], [0.0, 1.0]])
+        early, whole = (np.array([[t**3 / 3, t**2 / 2], [t**2 / 2, t]]) for t in (s, 1.0))
+        ahead = early @ flow.T
+        left = early - ahead @ np.linalg.solve(whole, ahead.T)
+        assert left[0, 0] == pytest.approx((s * (1 - s)) ** 3 / 3, rel=1e-6)
+        speed = left[0, 1] / left[0, 0] * radius
+        sigma = np.sqrt(left[1, 1] - left[0, 1] ** 2 / left[0, 0])
+        density = np.sqrt(2 / np.pi) * radius**2 / left[0, 0] ** 1.5 * np.exp(-0.5 * radius**2 / left[0, 0])
+        return density * (sigma * norm.pdf(speed / sigma) + speed * norm.cdf(speed / sigma))
+
+    turned = 1.003  # of the variance, up to n h = 0.2
+    chance = quad(lambda s: rate(s, OFF / np.sqrt(turned)), 0.1, 0.9, points=[0.5], epsabs=0.0, limit=200)[0]
+    assert 1e-16 < chance < 1e-13
+
+
+def test_steps_that_are_long_make_the_interval_wide(monkeypatch):
+    path, other = coasts(AHEAD, PERIOD)
+    fine = drawn(path, other, ZONE, cf.Errors(SLOW, noise=1e-6))
+    monkeypatch.setattr(noisy_histories, "STEPS", 50)
+    coarse = drawn(path, other, ZONE, cf.Errors(SLOW, noise=1e-6))
+    assert coarse.high - coarse.low > 1.3 * (fine.high - fine.low)
+    assert coarse.low < fine.low < fine.value < coarse.high
+
+
+def test_the_same_for_any_number_of_cores(monkeypatch):
+    path, other = coasts(AHEAD, PERIOD)
+    one, again, third = (
+        drawn(path, other, ZONE, cf.Errors(SLOW, noise=1e-8), seed=seed) for seed in (1, 1, 2)
+    )
+    assert one.value == again.value != third.value
+    monkeypatch.setattr(histories_module, "CORES", 1)
+    alone = drawn(path, other, ZONE, cf.Errors(SLOW, noise=1e-8), seed=1)
+    assert dataclasses.astuple(alone)[:6] == dataclasses.astuple(one)[:6]
+
+
+def test_bound_holds_what_is_drawn():
+    path, other = coasts(AHEAD, PERIOD)
+    errors = cf.Errors(SLOW, noise=1e-8)
+    bound = cf.collision_probability(path, other, ZONE, errors, method="bound")
+    figure = drawn(path, other, ZONE, errors, samples=100_000)
+    assert bound.low < figure.value < bound.high + 4.0 * np.sqrt(bound.high / 100_000)
+    assert abs(bound.mean_entries - figure.mean_entries) < 4.0 * np.sqrt(bound.mean_entries / 100_000)
+
+
+def test_noise_beyond_all_steps_is_refused():
+    path, other = coasts(AHEAD, PERIOD)
+    with pytest.raises(ValueError, match=r"^errors: noise of 1e\+06 m\^2/s\^3 moves craft too far"):
+        drawn(path, other, ZONE, cf.Errors(SLOW, noise=1e6))
