@@ -146,6 +146,19 @@ def test_thrust_at_full_strength_is_one_burn():
     assert firing.deviation_bound < 1e-3
 
 
+def test_an_impulse_at_the_end_that_is_less_than_a_bit():
+    """It is dropped, and bounded as what the craft then lacks in velocity: it ends where it was to."""
+    orbit = cf.Orbit.circular(500e3)
+    begin, late = np.array([0.0, -100, 0, 0, 0, 0]), np.array([0, 0, 0, 0, 2e-4, 1e-4])
+    end = orbit.coast(begin + [0, 0, 0, 0, 0.02, 0], 3000.0).state(3000.0) + late
+    plan = orbit.two_impulse(begin, end, 3000.0)
+    fired = cf.fire(plan, cf.Thrusters.rtn(acceleration=1e-2, minimum_bit=1e-3))
+    assert fired.dropped.start == pytest.approx([3000.0, 3000.0])
+    assert fired.dropped.impulse == pytest.approx([2e-4, 1e-4])
+    assert fired.path.state(3000.0) == pytest.approx(end - late, abs=0.01)
+    assert 0 < fired.deviation <= fired.deviation_bound < 0.01
+
+
 def test_bits_are_gathered_or_dropped():
     """No pulse is below the bit; what is dropped is told, and its cost is part of the bound."""
     fine, coarse = (

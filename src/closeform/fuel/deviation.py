@@ -131,6 +131,7 @@ def _left(orbit: Orbit, misfit: Misfit, starts: Floats, steps: Floats, first: fl
 def _held(thrusters: Thrusters, chunks: Chunks, misfit: Misfit, starts: Floats) -> Floats:
     """How large F of all thrusters together is at most from each of `starts` on to the next."""
     begin, over = np.searchsorted(starts, misfit.start), np.searchsorted(starts, misfit.end)
+    begin = np.minimum(begin, len(starts) - 1)  # an impulse at the very end that is not fired
     sizes = np.zeros((len(thrusters) + 1, len(starts) + 1))
     both = np.stack([chunks.thruster, np.full(len(chunks), len(thrusters))])
     what = np.stack([misfit.size, misfit.astray])
