@@ -199,7 +199,10 @@ CALLS = {
     ),
     "plots.primer": turned(path=MOVE, craft=0, thrusters=SIX),
     "plots.trade": turned(
-        found=cf.arrivals(ORBIT, START[0], START, np.array([900.0, 1800.0])), plan=[MOVE], fired=2.0
+        found=cf.arrivals(ORBIT, START[0], START, np.array([900.0, 1800.0])),
+        plan=[MOVE],
+        fired=2.0,
+        asked=1800.0,
     ),
     "plots.clearance": turned(found=cf.clearance_costs(MOVE, [REST], BALL, [0.5, 1.0]), most=None),
     "plots.pulses": turned(firing=cf.fire(MOVE, SIX), craft=0),

@@ -1,5 +1,6 @@
 """One craft that goes to a relative orbit by its name: the phase that is given, or the cheapest of all."""
 
+import re
 from functools import cache
 
 import numpy as np
@@ -11,7 +12,7 @@ import closeform as cf
 from closeform.mission import fly
 from closeform.report import arrival
 from closeform.report.run import RunReport
-from closeform.scenario import Destination, ScenarioError, parse
+from closeform.scenario import ScenarioError, parse
 from test_least_delta_v_plans import rates
 
 FILE = """\
@@ -79,26 +80,41 @@ def test_a_phase_that_is_given(do):
     assert flown.clear
     end = flown.results[0].after.path("Inspector").state(DURATION)
     np.testing.assert_allclose(end, state_at(np.radians(70.0)), atol=1e-6)
-    told = [line for line in lines(flown) if "arrives" in line]
-    assert told == [
-        'Inspector arrives on the safety ellipse at 70.00 deg, as given; phase = "cheapest" is the cheapest'
-    ]
+    costs = [least_energy(state_at(np.radians(phase))) for phase in (70.0, *np.arange(0.0, 360.0, 0.5))]
+    own, beside = (line for line in lines(flown) if "cheapest" in line)
+    arrives = "Inspector arrives on the safety ellipse at 70.00 deg, as given; the cheapest would be"
+    phase = float(re.fullmatch(rf"{arrives} ([\d.]+) deg", own).group(1))
+    told = re.fullmatch(
+        r"By free thrust, with nobody in the way: ([-\de.]+) m²/s³, "
+        r'at the cheapest ([-\de.]+) m²/s³ \(phase = "cheapest"\)',
+        beside,
+    )
+    here, spent = map(float, told.groups())
+    assert here == pytest.approx(costs[0], rel=1e-3)
+    assert min(costs) * (1.0 - 1e-3) < spent <= min(costs) * (1.0 + 1e-3)  # of half degrees; four digits
+    assert spent == pytest.approx(least_energy(state_at(np.radians(phase))), rel=1e-3)
+    (figures,) = (one.get("change", one.get("transfer")) for one in (RunReport(flown).sections[0].figures,))
+    assert figures["arrival"]["cheapest_deg"] == pytest.approx(phase, abs=0.005)
     first = mission(do, "energy")
     np.testing.assert_allclose(
         first.results[0].after.path("Inspector").state(DURATION), state_at(0.0), atol=1e-6
     )
 
 
-def test_who_asks_for_safe_drifts_is_told_that_the_cheapest_takes_no_account_of_them():
-    orbit = {"safety_ellipse": {"radial": "50 m", "cross_track": "80 m", "phase": "cheapest"}}
-    open_, given = (Destination.model_validate(one) for one in (orbit, {
-        "safety_ellipse": orbit["safety_ellipse"] | {"phase": "20 deg"}
-    }))  # fmt: skip
-    end = ", whatever drifts from there lead to"
-    for asked, how in ((open_, "the cheapest"), (given, 'as given; phase = "cheapest" is the cheapest')):
-        for drifts in (False, True):
-            (line,) = arrival.lines("F1", asked, given, drifts)
-            assert line == f"F1 arrives on the safety ellipse at 20.00 deg, {how}{end * drifts}"
+@pytest.mark.parametrize("phase", ["cheapest", "20 deg"])
+def test_who_asks_for_safe_drifts_is_told_that_the_cheapest_takes_no_account_of_them(phase):
+    goal = mission("transfer", "delta-v", f', phase = "{phase}"').results[0].result.goal
+    plain, told = ([*arrival.lines("F1", goal, drifts)] for drifts in (False, True))
+    assert told == [*plain, "The cheapest takes no account of where drifts from there lead"]
+    *_, last = arrival.lines("F1", goal, True, True)
+    assert last == "The cheapest of those from which it drifts into no zone; a safe way there may not exist"
+
+
+def test_a_phase_that_is_given_and_the_cheapest():
+    best = arrival.phase_of(mission("transfer", "energy", ', phase = "cheapest"').results[0].result.goal)
+    flown = mission("transfer", "energy", f', phase = "{best:.2f} deg"')
+    (told,) = (line for line in lines(flown) if "phase" in line or "arrives" in line)
+    assert f"{best:.2f} deg, as given, the cheapest: " in told
 
 
 @pytest.mark.parametrize("do", ["avoid", "transfer"])

@@ -19,6 +19,8 @@ from closeform.report.run import RunReport, states
 from closeform.scenario import ScenarioError, parse
 from test_chief import to_fifty_digits
 
+pytestmark = pytest.mark.usefixtures("unpainted")
+
 ROOT = Path(__file__).parents[1]
 GRACE = ROOT / "examples" / "grace"
 PLAIN = """\

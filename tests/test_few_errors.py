@@ -136,15 +136,23 @@ def test_two_numbers_are_integrated(mean, plane):
     """Histories on a grid of both, weighed; 600 times an orbit, an instant off by 5 s."""
     edges = np.linspace(-5.0, 5.0, 501)
     number, weight = 0.5 * (edges[1:] + edges[:-1]), np.diff(norm.cdf(edges))
-    both = np.stack(np.meshgrid(number, number, indexing="ij")).reshape(2, -1)
     moved = np.array([expm(hill() * t)[:3] for t in np.linspace(0.0, 2 * PERIOD, 1200)])
-    middle, lines = moved @ mean, moved @ PLANES[plane]
-    began = before = ever = ((middle[0][:, None] + lines[0] @ both) ** 2).sum(axis=0) <= 225.0
-    entries = np.zeros(both.shape[1])
-    for m, c in zip(middle[1:], lines[1:], strict=True):
-        inside = ((m[:, None] + c @ both) ** 2).sum(axis=0) <= 225.0
-        entries += inside & ~before
-        before, ever = inside, ever | inside
+    middle, first, second = moved @ mean, *np.moveaxis(moved @ PLANES[plane], -1, 0)
+    up = np.stack([number**0, number, number**2])
+    before, ever, entries = None, np.zeros((500, 500), dtype=bool), np.zeros((500, 500), dtype=np.int8)
+    for m, one, other in zip(middle, first, second, strict=True):
+        # |m + x one + y other|^2, in powers of y
+        constant = ((m + number[:, None] * one) ** 2).sum(axis=1)
+        linear = 2.0 * (m + number[:, None] * one) @ other
+        square = np.full(len(number), other @ other)
+        inside = np.stack([constant, linear, square], axis=1) @ up <= 225.0
+        if before is None:
+            began = inside
+        else:
+            entries += (inside > before).view(np.int8)
+        before = inside
+        ever |= inside
+    began, ever, entries = began.ravel(), ever.ravel(), entries.ravel()
     weights = np.outer(weight, weight).ravel()
     figure = asked(mean, PLANES[plane])
     # cells of 0.02 a side that edges cut through, of density up to 0.16, err either way

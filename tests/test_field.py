@@ -8,10 +8,11 @@ import mpmath
 import numpy as np
 import pytest
 from numpy.polynomial import Legendre
-from scipy.integrate import solve_ivp
+from scipy.integrate import DOP853, solve_ivp
 from scipy.interpolate import CubicHermiteSpline
 
 import closeform as cf
+from closeform.field.dormand_prince import tableau
 from closeform.field.field import EARTH_ZONALS, GRAVITY_RADIUS
 
 MU = cf.EARTH_MU
@@ -384,6 +385,10 @@ def test_impulses_are_changed_for_the_field(kind):
         assert np.abs(kept - final[k])[:3].max() < 1e-3  # m, and of velocity
         assert np.abs(kept - final[k])[3:].max() < 1e-6
         assert np.linalg.norm((left - final[k])[:3]) > 1.0
+        jumps = dict(table.path[k].impulses)  # those at its ends, too
+        assert np.array([jumps[time] for time in times]) == pytest.approx(
+            table.impulses.impulse[own], abs=1e-12
+        )
     assert table.delta_v == pytest.approx(table.planned_delta_v, rel=0.01)
     sizes = np.linalg.norm(table.impulses.impulse, axis=1)
     assert np.bincount(table.impulses.craft, sizes) == pytest.approx(table.delta_v, rel=1e-9)
@@ -896,3 +901,7 @@ def test_thrust_that_bends_within_a_step():
     assert 100.0 * flight.least_ratio == pytest.approx(100.0 * nearest.ratio, abs=0.01)
     end = flight.states[0, 0, -1]
     assert end == pytest.approx(path.state(2000.0), abs=1e-3)  # its speed, too
+
+
+def test_the_weights_of_dormand_and_prince_are_scipys():
+    np.testing.assert_array_equal(tableau(), np.vstack([DOP853.A, DOP853.B]))

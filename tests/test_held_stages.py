@@ -11,6 +11,8 @@ from closeform.cli import main
 from test_field import chief, fired, pushed
 from test_room import at, deviations
 
+pytestmark = pytest.mark.usefixtures("unpainted")
+
 FIELD = cf.Field(chief())
 ORBIT = FIELD.orbit
 DAY = 86_400.0

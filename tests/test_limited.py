@@ -289,3 +289,48 @@ def test_strong_motors(limit):
         assert np.abs(path.state(0.0) - a).max() == 0.0
         assert np.abs(path.state(duration) - b)[:3].max() < 1e-5  # m, of hundreds
         assert np.abs(path.state(duration) - b)[3:].max() < 1e-8
+
+
+@pytest.mark.parametrize(("factor", "seed"), [(3e3, 42), (1e5, 43)])
+def test_short_burns_cost_hardly_more_than_any_thrust_within_the_limit(factor, seed):
+    """The bound from its primer alone, by sums, closer where craft burn; the end by matrix exponentials.
+
+    The bound of impulses is below by half a burn at an end: by 5e-5 at 3000 times the peak.
+    """
+    begins, ends, durations, free, _ = cases(seed, 15, 1.0, 1.0)
+    limits = factor * free.peak_thrust
+    bound = cf.least_delta_v(ORBIT, begins, ends, durations, limits)
+    paths = ORBIT.transfer(begins, ends, durations, 0.0, limits, "delta-v")
+    np.testing.assert_array_equal(bound.upper, paths.delta_v)
+    assert bound.proven.all()
+    assert (bound.upper <= (1.0 + 1e-6) * bound.lower).all()
+    assert (bound.lower <= (1.0 + 1e-9) * bound.upper).all()
+    for k, path in enumerate(paths):
+        even = np.linspace(0.0, durations[k], 50_001)
+        worth = np.einsum("ij,ij->i", bound.primer[k].position(even), free[k].thrust(even))
+        burning = [arc[:2] for arc in path.arcs if path.thrust(0.5 * (arc[0] + arc[1])).any()]
+        around = [np.linspace(a - (b - a), b + (b - a), 4001) for a, b in burning]
+        times = np.unique(np.clip(np.concatenate([even[::100], *around]), 0.0, durations[k]))
+        excess = np.maximum(np.linalg.norm(bound.primer[k].position(times), axis=1) - 1.0, 0.0)
+        dual = np.trapezoid(worth, even) - limits[k] * np.trapezoid(excess, times)
+        assert bound.lower[k] == pytest.approx(dual, rel=1e-7)
+        state = begins[k]
+        for arc in path.arcs:
+            block = np.zeros((9, 9))
+            block[:6, :6], block[3:6, 6:] = hill(ORBIT.mean_motion), np.eye(3)
+            thrust = path.thrust(0.5 * (arc[0] + arc[1]))
+            assert np.linalg.norm(thrust) <= limits[k] * (1.0 + 1e-9)
+            state = (expm(block * (arc[1] - arc[0])) @ np.concatenate([state, thrust]))[:6]
+        assert np.abs(state - ends[k])[:3].max() < 1e-7  # m, of hundreds
+        assert np.abs(state - ends[k])[3:].max() < 1e-10
+
+
+def test_burns_of_one_craft_are_not_told_of_another(monkeypatch):
+    """Short burns that are too dear are left to another method; the next of the batch may be refused."""
+    begins, ends, durations, free, _ = cases(42, 12, 1.0, 1.0)
+    limits = free.peak_thrust * np.tile([1100.0, 0.3], 6)
+    monkeypatch.setattr("closeform.motion.within_limit.WORST", -1.0)
+    for k in range(0, 12, 2):
+        two = slice(k, k + 2)
+        with pytest.raises(ValueError, match=r"^max_acceleration: craft 1: no thrust within"):
+            ORBIT.transfer(begins[two], ends[two], durations[two], 0.0, limits[two], "delta-v")

@@ -16,6 +16,8 @@ from closeform.scenario import parse
 from field_scenario import swap
 from test_field import axes_of, chief, textbook
 
+pytestmark = pytest.mark.usefixtures("unpainted")
+
 FIELD = cf.Field(chief())
 ORBIT = FIELD.chief.orbit
 START = np.array([[0, 400, 0, 0, 0, 0], [0, 0, 300, 0, 0, 0], [0, -200, 50, 0, 0, 0.0]])

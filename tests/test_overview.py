@@ -52,6 +52,7 @@ def test_thrust_is_as_high_as_it_is_strong(picture, stages):
     """The area above the chaser's row, against the path's own thrust; nobody else has one."""
     _, rows, _ = panels(picture)
     (area,) = [one for one in rows.collections if isinstance(one, PolyCollection)]
+    assert area.get_linewidths()[0] >= 1.0  # or pulses of seconds in hours have no width
     (shape,) = (path.vertices for path in area.get_paths())
     inside = shape[(shape[:, 0] > 10.0) & (shape[:, 0] < 25.0)]  # minutes
     path = stages[1][1]

@@ -215,3 +215,21 @@ def test_a_hold_beside_the_zone_is_reached_safely(radius):
     states = failed_states(begin, plan.path, lost, rng.uniform(size=600))
     assert least_ratio(states, lost, PERIOD + drift) * RADIUS / sphere > 1.0 - 1e-5
     assert np.abs(failed_states(begin, plan.path, np.array([PERIOD]), np.ones(1))[0] - final).max() < 1e-6
+
+
+def test_limits_of_inf_are_none() -> None:
+    """One of all craft is as if none were given; between limits and impulses NumPy had the word."""
+    far = cf.targets.safety_ellipse(ORBIT, 1, 150.0, 150.0, along_track=200.0)[0]
+    close = [25.0, 0.0, 50.0, 0.0, -2.0 * ORBIT.mean_motion * 25.0, 0.0]
+    direct, zone, drift = ORBIT.transfer(far, close, ORBIT.period), cf.Sphere(20.0), ORBIT.period
+    client = ORBIT.coast(np.zeros(6), 2.0 * ORBIT.period)
+    free = cf.avoid(direct, client, zone, drift=drift, cost="delta-v")
+    unlimited = cf.avoid(direct, client, zone, drift=drift, cost="delta-v", max_acceleration=np.inf)
+    assert free.ok
+    assert unlimited.delta_v == free.delta_v
+    ends = ORBIT, [far], [close], ORBIT.period, zone
+    given = {"obstacles": [client], "drift": drift, "cost": "delta-v"}
+    free = cf.reconfigure(*ends, **given)
+    unlimited = cf.reconfigure(*ends, **given, max_acceleration=[np.inf])
+    assert free.ok
+    assert unlimited.delta_v == free.delta_v

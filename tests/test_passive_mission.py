@@ -16,9 +16,11 @@ from bridge import hill
 from closeform import plots
 from closeform.cli import main
 from closeform.mission import fly
+from closeform.passive import PairDrift
 from closeform.report import drift
 from closeform.report.run import RunReport
 from closeform.scenario import parse
+from test_picture_words import Shown
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 ROUNDING = 1e-6  # of a zone: exponentials of Hill's matrix over a day, and samples refined to less than that
@@ -138,7 +140,7 @@ def test_what_hill_leaves_out_beside_what_is_to_spare(name, told):
     off = turns * (5.8 * flat * far + 7.7 * far**2 / radius)
     spare = worst.distance - worst.distance / worst.ratio
     assert (off > spare) == told
-    said = [line for line in RunReport(mission).sections[0].closing if "which leave out about" in line]
+    said = [line for line in RunReport(mission).sections[0].lines if "which leave out about" in line]
     assert len(said) == told
     if told:
         about, left = (float(one) for one in re.findall(r"(\S+) m ", said[0])[:2])
@@ -365,7 +367,10 @@ STOPS = """
 closeform = 1
 title = "An end from which one drifts into the client"
 [orbit]
-altitude = "550 km"
+epoch = "2026-11-22T12:00:00Z"
+chief = { elements = { altitude = "550 km", inclination = "60 deg", latitude = "0 deg" } }
+field = { zonals = 2 }
+[flight]
 [craft]
 name = ["Client", "Inspector"]
 position = ["0 0 0 m", "0 200 0 m"]
@@ -380,8 +385,87 @@ drift = "24 h"
 """
 
 
-def test_of_a_stage_that_stops_a_run_says_that_its_drift_was_not_judged():
+def test_of_a_stage_that_stops_a_run_says_what_is_not_flown():
     mission = fly(parse(STOPS, "file.toml", "run"))
     assert mission.stopped is not None
+    report = RunReport(mission)
+    (section,) = report.sections
+    assert section.lines[0] == "Not flown: no clear path found"
+    assert section.lines[1].startswith(
+        "Passively safe for 24 h: no, since there is no path; by the direct path "
+    )
+    assert section.lines[2] == "In the field: not predicted, since these paths are not flown"
+    (flight,) = report.in_flight
+    assert flight.lines == ("Nothing is flown: the mission stopped in its first stage",)
+    said = {}
+    for picture in section.pictures:
+        picture.leave(shown := Shown(), lambda text: None)
+        said[picture.plot] = shown.figure.get_suptitle()
+    assert "formation_paths" in said
+    assert all(words.startswith("Not flown: ") for words in said.values() if words)
+
+
+@pytest.mark.parametrize(("metres", "told"), [(5.686e-14, "0 m"), (2e-6, "2e-06 m"), (7.8124, "7.812 m")])
+def test_a_distance_that_is_rounding_is_none(metres, told):
+    pair = PairDrift("A", "B", cf.Sphere(20.0), 1.0, 2.0, metres / 20.0, metres)
+    assert drift.near(pair) == f"{metres / 20.0:.4f} x zone ({told})"
+
+
+def test_from_a_hold_on_an_ellipse_the_way_is_safe_and_from_one_at_rest_it_is_not():
+    """As the comment of the example says."""
+    text = (EXAMPLES / "inspector_hold.toml").read_text()
+    held = '{ safety_ellipse = { radial = "60 m", cross_track = "60 m", along_track = "-300 m" } }'
+    assert text.count(held) == 1
+    for start, safe in ((held, True), ('{ palmer = "0 0 0 -300 0 0 m" }', False)):
+        mission = fly(parse(text.replace(held, start)))
+        assert mission.clear
+        assert mission.verdict.ok == safe
+        assert [result.passive.safe for result in mission.results] == [True, safe, True]
+
+
+def test_of_a_stage_that_stops_a_run_says_what_the_direct_path_leads_to():
+    """Flown here: the distance that is told is met when thrust is lost then, and none at others is less."""
+    mission = fly(parse(STOPS, "file.toml", "run"))
+    assert mission.stopped is not None
+    (result,) = mission.results
+    direct = result.unplanned
     (section,) = RunReport(mission).sections
-    assert "Passively safe for 24 h: not judged, since these paths are not flown" in section.closing
+    (said,) = (line for line in section.lines if "Passively safe for 24 h" in line)
+    assert said.startswith(
+        "Passively safe for 24 h: no, since there is no path; by the direct path Inspector"
+    )
+    told = float(re.search(r"([0-9.e-]+) x zone", said)[1])
+    assert told == pytest.approx(direct.ratio, abs=1e-4)
+    client, inspector = result.before.paths[0], result.before.paths[1]
+    until = result.before.end + 86400.0
+    lost = [direct.failed_at, *np.linspace(1.0, result.before.end - 1.0, 10)]
+    least = [drifted(inspector, client, at, until) for at in lost]
+    assert least[0] == pytest.approx(direct.distance, abs=0.01)
+    assert min(least) >= direct.distance - 1e-6
+
+
+BACK = '{ position = "0 60 0 m", velocity = "0 0.003 0 m/s" }'
+ELLIPSE = '{ safety_ellipse = { radial = "RADIAL", cross_track = "18 m", phase = "cheapest" } }'
+
+
+@pytest.mark.parametrize(
+    ("to", "drift", "stops"),
+    [
+        (BACK, "24 h", True),
+        (ELLIPSE.replace("RADIAL", "12 m"), "2 orbits", True),  # open, but each of its phases comes to 12 m
+        (ELLIPSE.replace("RADIAL", "25 m").replace("18 m", "60 m"), "2 orbits", False),
+        (BACK, "10 s", False),
+    ],
+)
+def test_check_says_at_once_that_an_end_cannot_be_safe(to, drift, stops, tmp_path, capsys):
+    """As the run then does, before it plans."""
+    text = re.sub(r"^to = .*$", f"to = {to}", STOPS.replace("24 h", drift), flags=re.MULTILINE)
+    file = tmp_path / "file.toml"
+    file.write_text(text)
+    status = main(["check", str(file)])
+    said = capsys.readouterr().err
+    assert status == (2 if stops else 0)
+    assert ("no plan with that end is passively safe" in said) == stops
+    if stops:
+        (result,) = fly(parse(text)).results
+        assert "no plan with that end is passively safe" in result.failure

@@ -49,7 +49,10 @@ def test_trade_is_what_arrivals_found():
     unit = 1e-3 if "mm/s" in figure.axes[0].get_ylabel() else 1.0
     assert curve.get_xdata() * 60.0 == pytest.approx(found.duration[order])
     assert curve.get_ydata() * unit == pytest.approx(found.delta_v[order])
-    assert [text.get_text() for text in figure.axes[0].texts] == ["slot 0"]
+    assert not figure.axes[0].texts  # there is but one slot to name
+    first, last = (f"{found.delta_v[k] / unit:.4g}" for k in (1, 0))
+    name = "mm/s" if unit == 1e-3 else "m/s"
+    assert figure.get_suptitle() == f"Least delta-v {first} {name} in 50 min, {last} {name} in 150 min"
     with pytest.raises(ValueError, match="found: has no duration"):
         cf.plots.trade(cf.arrivals(ORBIT, START, slots, []))
 
@@ -130,7 +133,7 @@ def test_a_plan_for_thrusters_has_a_primer_along_them():
     figure = cf.plots.primer(path, thrusters=six)
     assert dots(figure) == pytest.approx(np.ones(len(path.impulses)), abs=1e-4)
     assert curve_of(figure).get_ydata().max() <= 1.001
-    assert figure.get_suptitle().endswith("by its thrusters: the least")
+    assert figure.get_suptitle().endswith("the least of these thrusters")
     around = cf.avoid(ROUND.impulsive(BEGIN, END, LONG), *IN_THE_WAY, cost="delta-v", thrusters=six)
     figure = cf.plots.primer(around, thrusters=six)
     assert dots(figure) == pytest.approx(np.ones(len(around.path.impulses)), abs=2e-2)
@@ -150,3 +153,29 @@ def test_the_trade_marks_what_is_planned_and_what_is_fired():
     assert {"this plan", "this plan, as fired"} <= {text.get_text() for text in figure.axes[0].texts}
     with pytest.raises(ValueError, match=r"^fired: .* give it with the plan"):
         cf.plots.trade(found, fired=1.0)
+
+
+def test_the_trade_has_one_mark_for_what_is_fired_as_it_is_planned():
+    found = cf.arrivals(ROUND, BEGIN, np.zeros((1, 6)), np.linspace(1000.0, 9000.0, 9))
+    path = ROUND.transfer(BEGIN, np.zeros(6), LONG)
+    figure = cf.plots.trade(found, path, fired=1.001 * path.delta_v)
+    assert [text.get_text() for text in figure.axes[0].texts] == ["this plan, as fired"]
+
+
+def test_the_trade_marks_what_is_asked_for_where_there_is_no_plan():
+    found = cf.arrivals(ROUND, BEGIN, np.zeros((1, 6)), np.linspace(1000.0, 9000.0, 9))
+    axes = cf.plots.trade(found, asked=LONG).axes[0]
+    assert [*axes.lines[-1].get_xdata()] == pytest.approx([LONG / 60.0] * 2)
+    assert [text.get_text() for text in axes.texts] == ["asked for"]
+    assert (axes.get_yscale() == "log") == (found.delta_v.max() > 4.0 * found.delta_v.min())
+    with pytest.raises(ValueError, match=r"^asked: a duration above 0 s, got 0$"):
+        cf.plots.trade(found, asked=0.0)
+
+
+def test_the_trade_names_slots_where_the_cheapest_changes():
+    slots = cf.targets.safety_ellipse(ROUND, 3, 100.0, 100.0)
+    found = cf.arrivals(ROUND, BEGIN, slots, np.linspace(0.2, 3.0, 12) * ROUND.period)
+    assert len(set(found.slot.tolist())) > 1
+    named = [text.get_text() for text in cf.plots.trade(found).axes[0].texts]
+    assert named[0] == f"slot {found.slot[0]}"
+    assert len(named) == 1 + np.count_nonzero(np.diff(found.slot))

@@ -12,6 +12,7 @@ from scipy.optimize import brentq
 from scipy.stats import norm
 
 import closeform as cf
+from closeform.uncertainty.ball_share import inside
 from closeform.uncertainty.columns import columns_of
 from closeform.uncertainty.histories import Histories
 from closeform.uncertainty.mean_entries import rates
@@ -88,21 +89,32 @@ def test_plain_monte_carlo(mean, covariance, zone, n):
     assert bound.high == pytest.approx(figure.at_start + figure.mean_entries, rel=2e-4)
 
 
+WIDTH = 7.0  # of errors 4 m off the centre of a sphere of 15 m
+OFF_CENTRE = coasts([0, 4.0, 0, 0, 0, 0], 1.0)
+
+
 @pytest.mark.parametrize("thin", [0.0, 1e-6, 1e-3, 0.2])
 def test_who_is_inside_at_the_start_of_thin_errors(thin):
-    """A disc of errors 4 m off the centre of a sphere of 15 m, next to nothing across it."""
-    width = 7.0
-    covariance = np.diag([width, thin, width, 1e-3, 1e-3, 1e-3]) ** 2
-    path, other = coasts([0, 4.0, 0, 0, 0, 0], 1.0)
-    figure = cf.collision_probability(path, other, ZONE, cf.Errors(covariance), method="bound")
+    """A disc of errors, next to nothing across it."""
 
     def slice_of(d):
-        return norm.pdf(d) * -np.expm1(-0.5 * (225.0 - (4.0 + thin * d) ** 2) / width**2)
+        return norm.pdf(d) * -np.expm1(-0.5 * (225.0 - (4.0 + thin * d) ** 2) / WIDTH**2)
 
-    assert figure.at_start == pytest.approx(quad(slice_of, -9.0, 9.0, epsabs=1e-12)[0], rel=1e-6)
-    line = np.diag([0.0, width, 0.0, 1e-3, 1e-3, 1e-3]) ** 2
-    figure = cf.collision_probability(path, other, ZONE, cf.Errors(line), method="bound")
-    assert figure.at_start == pytest.approx(norm.cdf(11.0 / width) - norm.cdf(-19.0 / width), rel=1e-6)
+    errors = cf.Errors(np.diag([WIDTH, thin, WIDTH, 1e-2, 1e-2, 1e-2]) ** 2)
+    columns, noise = relative_errors(*OFF_CENTRE, ZONE, errors, None)
+    share, _ = inside(Histories.of(*OFF_CENTRE, columns, noise, ZONE), 0.0)
+    assert share == pytest.approx(quad(slice_of, -9.0, 9.0, epsabs=1e-12)[0], rel=1e-6)
+    bound = cf.collision_probability(*OFF_CENTRE, ZONE, errors, method="bound")
+    assert bound.at_start == share
+    if thin < 0.1:  # in 1 s: over a circle of positions, at the speed inward of three independent ones
+        rate = 15.0 / WIDTH**2 * np.exp(-0.5 * (225.0 - 16.0) / WIDTH**2) * 1e-2 / np.sqrt(2.0 * np.pi)
+        assert bound.mean_entries == pytest.approx(rate, rel=5e-3)  # it falls by 7e-3 in that second
+
+
+def test_who_is_inside_at_the_start_of_errors_along_a_line():
+    line = np.diag([0.0, WIDTH, 0.0, 1e-3, 1e-3, 1e-3]) ** 2
+    figure = cf.collision_probability(*OFF_CENTRE, ZONE, cf.Errors(line), method="bound")
+    assert figure.at_start == pytest.approx(norm.cdf(11.0 / WIDTH) - norm.cdf(-19.0 / WIDTH), rel=1e-6)
 
 
 def test_three_errors_of_velocity():
@@ -155,6 +167,35 @@ def test_errors_of_burns_and_impulses():
     assert figure.repeated > 0.01
     agree(figure.value, np.concatenate(ever))
     agree(figure.mean_entries, np.concatenate(entries))
+
+
+def test_pointing_alone():
+    """Three errors, at each time of a plane that turns: 12 000 of them, flown along their columns.
+
+    Where rounding makes up a third direction of positions the rate leaps between two values.
+    """
+    arriving = ORBIT.transfer([0, 200, 0, 0, 0, 0], [0, 60, 0, 0, 0, 0], 2000.0)
+    path = cf.join([arriving, ORBIT.coast([0, 60, 0, 0, 0, 0], 3000.0, start=2000.0)])
+    errors = cf.Errors(pointing=0.05)
+    times = np.linspace(0.0, 5000.0, 2000)
+    sizes = np.random.default_rng(9).standard_normal((12_000, 3))
+    motions = columns_of(path, errors).position(times)
+    ever = [
+        counted(path.position(times) + np.einsum("sm,mti->sti", some, motions), ZONE)[1]
+        for some in np.array_split(sizes, 40)
+    ]
+    figure = cf.collision_probability(path, ORBIT.coast(np.zeros(6), 5000.0), ZONE, errors)
+    agree(figure.value, np.concatenate(ever))
+    assert figure.high - figure.low < 2e-3 * figure.value
+
+
+def test_a_plane_of_errors_that_never_meets_a_flat_zone():
+    """60 m ahead errors of pointing lead along the track and across, and the zone is flat there."""
+    arriving = ORBIT.transfer([0, 200, 0, 0, 0, 0], [0, 60, 0, 0, 0, 0], 2000.0)
+    path = cf.join([arriving, ORBIT.coast([0, 60, 0, 0, 0, 0], 3000.0, start=2000.0)])
+    asked = path, ORBIT.coast(np.zeros(6), 5000.0), cf.Ellipsoid([0.2, 20, 20]), cf.Errors(pointing=0.1)
+    assert cf.collision_probability(*asked).high == 0.0
+    assert cf.collision_probability(*asked, method="monte-carlo", samples=20_000).value == 0.0
 
 
 def test_white_noise_is_in_the_bound():

@@ -9,7 +9,7 @@ from scipy.stats import binom
 import closeform as cf
 from closeform.confidence import CONFIDENCE
 from closeform.uncertainty import histories as histories_module
-from closeform.uncertainty.drawn_entries import drawn, interval_of_mean, lost_of
+from closeform.uncertainty.drawn_entries import drawn, interval_of_mean, lost_of, strata
 from closeform.uncertainty.histories import Histories
 from closeform.uncertainty.mean_entries import expected_entries
 from closeform.uncertainty.relative_errors import relative_errors
@@ -31,10 +31,10 @@ def test_intervals_hold_the_truth_as_often_as_they_say():
     columns, _ = relative_errors(path, other, ZONE, cf.Errors(SLOW), None)
     seen = Histories.of(path, other, columns, 0.0, ZONE)
     flux = expected_entries(seen)
-    truth = lost_of(seen.counted(drawn(seen, flux, 200_000, 99))).mean()
+    truth, *_ = interval_of_mean(lost_of(seen.counted(drawn(seen, flux, 200_000, 99))))
     held = 0
     for seed in range(120):
-        low, high = interval_of_mean(lost_of(seen.counted(drawn(seen, flux, 1000, seed))))
+        _, low, high = interval_of_mean(lost_of(seen.counted(drawn(seen, flux, 1000, seed))))
         held += low < truth < high
     assert binom.ppf(1e-3, 120, CONFIDENCE) <= held <= binom.ppf(1 - 1e-3, 120, CONFIDENCE)
 
@@ -59,6 +59,29 @@ def test_entries_are_drawn_from_all_of_the_surface():
     zone, errors = cf.Ellipsoid([10, 30, 15]), cf.Errors(4 * SLOW)
     found = cf.collision_probability(*paths, zone, errors, samples=300_000, seed=5)
     assert abs(found.value - 0.39760) <= 3.0 * np.hypot(0.00015, 0.25 * (found.high - found.low))
+
+
+@pytest.mark.parametrize("samples", [100, 101, 777, 4000, 8191, 40_000])
+def test_strata_of_any_number_of_samples(samples):
+    """Each has two or more, and the mean of a sum over all axes and its interval are those of strata."""
+    stratum, axes = strata(samples)
+    sizes = np.bincount(stratum)
+    assert len(sizes) == np.prod(axes)
+    assert sizes.min() >= 2
+    assert sizes.max() <= 4
+    cells = np.stack(np.unravel_index(stratum, axes), axis=1)
+    random = np.random.default_rng(samples)
+    means, halves = [], []
+    for _ in range(400):
+        places = (cells + random.uniform(size=cells.shape)) / axes
+        mean, low, high = interval_of_mean(places.sum(axis=1) / 3.0)
+        means.append(mean)
+        halves.append(0.5 * (high - low))
+    # uniform within each stratum: a twelfth of the square of what it is wide, along each axis
+    exact = np.sqrt((1.0 / (12.0 * 9.0 * np.square(axes))).sum() * (1.0 / sizes).mean() / len(sizes))
+    assert np.std(means) == pytest.approx(exact, rel=0.15)  # of 400: five deviations
+    assert np.mean(halves) == pytest.approx(1.96 * exact, rel=0.05)
+    assert abs(np.mean(means) - 0.5) < 5.0 * exact / np.sqrt(400)
 
 
 def test_seeds_and_cores(monkeypatch):

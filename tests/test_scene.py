@@ -446,6 +446,6 @@ def test_screened_ephemerides_and_messages_have_a_page(
     assert main(["encounter", str(EXAMPLES / "slow_encounter.cdm"), "--out", str(tmp_path / "met")]) == 0
     met = Seen.of((tmp_path / "met" / "viewer.html").read_text())
     assert fits(met.record, "Scene")
-    assert "collision probability 0.026825" in met.record["verdict"]
+    assert "collision probability 0.026819" in met.record["verdict"]
     assert len(met.record["tubes"]) == 2
     capsys.readouterr()

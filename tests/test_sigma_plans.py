@@ -341,3 +341,18 @@ def test_formations_that_ask_for_sigmas_are_planned_with_them():
     assert kept.results[-1].result.plan.sigmas == 3.0
     assert without.results[-1].uncertain.nearest.sigmas < 3.0 <= kept.results[-1].uncertain.nearest.sigmas
     assert kept.verdict.ok
+
+
+def test_zones_by_pair_at_sigmas():
+    """Of each pair the zone that the table gives, at so many sigmas of what is known of both."""
+    known = cf.Errors(np.diag([1.0, 2.0, 1.0, 1e-3, 1e-3, 1e-3]) ** 2)
+    path = ORBIT.transfer([3, 41, -39, 0, 0, 0], [-4, -60, 43, 0, 0, 0], 0.4 * ORBIT.period)
+    others = [ORBIT.coast([0, ahead, 0, 0, 0, 0], path.end) for ahead in (0.0, -100.0)]
+    zones = cf.PairZones.of([cf.Sphere(10.0), cf.Box([15.0, 25.0, 15.0]), cf.Sphere(5.0)])
+    plan = cf.avoid(path, others, zones, errors=known, other_errors=[None, known], sigmas=2.0)
+    assert plan.ok
+    assert plan.contacts
+    for k, (other, theirs) in enumerate(zip(others, (None, known), strict=True)):
+        zone = zones.between(0, k + 1)
+        assert cf.clearance_in_sigmas(plan.path, other, zone, known, theirs).sigmas >= 2.0
+    assert cf.clearance_in_sigmas(path, others[0], zones.between(0, 1), known).sigmas < 2.0

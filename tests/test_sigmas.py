@@ -31,11 +31,26 @@ def deviations(places, speeds):
     return np.diag([*places, *speeds]) ** 2
 
 
+OF_SPEEDS = np.array(  # three errors that make most of their way later, m and m/s
+    [
+        [0.36, 4.1, -0.65],
+        [-0.79, 0.55, 7.3],
+        [-2.2, 0.49, -2.7],
+        [4.7e-4, -2.3e-3, -1.8e-3],
+        [-5.1e-5, -9.8e-4, -6.6e-4],
+        [-2.1e-3, -1.2e-3, 1.2e-3],
+    ]
+)
 CASES = {  # mean state, errors, duration
     "V-bar": ([0, 200, 0, 0, 0, 0], deviations([2, 5, 2], [1e-3, 1.5e-3, 2e-3]), 2 * PERIOD),
     "ellipse": ([60, 0, 0, 0, -2 * N * 60, N * 60], deviations([3, 6, 3], [3e-3] * 3), 2 * PERIOD),
     "walking": ([50, 400, 0, 0, -2 * N * 50 - 2 * N, N * 50], deviations([2, 6, 2], [2e-3] * 3), 5 * PERIOD),
     "flat": ([40, 90, 0, 0.01, 0, 0.02], deviations([1, 3, 0], [1e-3, 1e-3, 0]), PERIOD),  # nothing across
+    "other minima": (
+        [70.7, -240, 17.2, 0.0618, -0.134, 0.0374],
+        OF_SPEEDS @ OF_SPEEDS.T,
+        6100.0,
+    ),  # far above
     "a line": ([60, 60, 30, -0.02, 0, 0], deviations([0, 2, 0], [0, 0, 0]), PERIOD),  # rank one
 }
 

@@ -259,7 +259,7 @@ def test_a_disk_that_fills(original: Path, desk: Path) -> None:
         assert subprocess.run(STUDY, cwd=disk, capture_output=True).returncode == 0
         same(original, disk)
     finally:
-        subprocess.run(["umount", str(disk)], check=False)
+        subprocess.run(["umount", "--lazy", str(disk)], check=False)  # compiling may go on in it
 
 
 def test_a_file_that_may_not_grow(original: Path, desk: Path) -> None:

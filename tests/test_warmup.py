@@ -5,6 +5,7 @@ import sys
 from importlib import import_module
 from pathlib import Path
 
+import pytest
 from numba import float64
 
 from closeform import compiled
@@ -34,18 +35,30 @@ def test_every_module_that_is_compiled_ahead_has_kernels() -> None:
             assert any(entry.__module__ == f"closeform.{module}" for entry in compiled.ENTRIES), module
 
 
-def test_what_a_run_calls_is_compiled_ahead_and_what_it_does_not_call_is_not(monkeypatch, tmp_path) -> None:
-    """A swap of twelve by energy: all but what finds conflicts between chords, which few runs need."""
+@pytest.mark.parametrize(
+    ("name", "late"),
+    [
+        ("swap", {"closeform.conflicts.exclusion", "closeform.planning.turns"}),  # which few runs need
+        ("three_sigmas", set()),
+        ("slow_encounter", set()),
+        ("passive_inspector", set()),
+        ("inspector_hold", set()),
+        ("flown_swap", set()),
+    ],
+)
+def test_what_a_run_calls_is_compiled_ahead_and_what_it_does_not_call_is_not(
+    name, late, monkeypatch, tmp_path
+) -> None:
     code = (
         "import sys; from closeform.cli import main; from closeform.compiled import ENTRIES;"
         "main(sys.argv[1:]);"
         "print(*{entry.__module__ for entry in ENTRIES if entry.overloads})"
     )
-    command = [sys.executable, "-c", code, "run", str(EXAMPLES / "swap.toml"), "--no-viewer"]
+    command = [sys.executable, "-c", code, "run", str(EXAMPLES / f"{name}.toml"), "--no-viewer"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
     called = set(done.stdout.splitlines()[-1].split())
-    assert called - {*needed("swap", monkeypatch)} == {"closeform.conflicts.exclusion"}
-    assert {*needed("swap", monkeypatch)} - called == set()
+    assert called - {*needed(name, monkeypatch)} == late
+    assert {*needed(name, monkeypatch)} - called == set()
 
 
 def test_check_has_nothing_compiled_that_only_a_run_needs(monkeypatch) -> None:

@@ -52,6 +52,7 @@ EXAMPLES = {
         "flown_cases": "flown-ratios",
     },
     "Thrust fails": {
+        "inspector_hold": "drift",
         "passive_inspector": "drift",
         "station_ellipsoid": "drift",
         "station_sphere": "drift",

@@ -14,9 +14,10 @@ from dataclasses import replace
 import numpy as np
 
 import closeform as cf
+from closeform.uncertainty.ball_share import inside
 from closeform.uncertainty.drawn_entries import drawn, enough, interval_of_mean, lost_of
 from closeform.uncertainty.histories import Histories
-from closeform.uncertainty.mean_entries import expected_entries, inside
+from closeform.uncertainty.mean_entries import expected_entries
 from closeform.uncertainty.relative_errors import relative_errors
 
 ORBIT = cf.Orbit.circular(500e3)
@@ -38,12 +39,12 @@ def main() -> int:
         flux = expected_entries(seen)
         finer = replace(flux, fineness=2.0 * flux.fineness)
         counts = seen.counted(drawn(seen, finer, 1_000_000, seeds))
-        truth = lost_of(counts).mean()
-        at_start, off = inside(seen, 0.0, flux.fineness)
+        truth, *_ = interval_of_mean(lost_of(counts))
+        at_start, off = inside(seen, 0.0)
         held, drawn_each = 0, []
         for seed in range(seeds):
             drawn_each.append(enough(seen, flux, at_start, off + flux.error, seed))
-            low, high = interval_of_mean(lost_of(seen.counted(drawn(seen, flux, drawn_each[-1], seed))))
+            _, low, high = interval_of_mean(lost_of(seen.counted(drawn(seen, flux, drawn_each[-1], seed))))
             held += low < truth < high
         value = at_start + flux.value * (1.0 - truth)
         twice = 100.0 * (counts[:, 1] > 1).mean()

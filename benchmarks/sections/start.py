@@ -16,22 +16,7 @@ from timing import say, side_by_side
 COMMAND = Path(sys.executable).with_name("closeform")
 PHASES = Path(__file__).parents[1] / "phases.py"
 EXAMPLES = Path(__file__).parents[2] / "examples"
-NAMES = (
-    "cluster",
-    "swap",
-    "swap_deep_space",
-    "f6_scatter",
-    "tpf",
-    "find_then_fly",
-    "swarm",
-    "h03",
-    "s04",
-    "s04_counterexample",
-    "safety_ellipse",
-    "cubesats",
-    "swap_impulses",
-    "flown_swap",
-)
+NAMES = ("cluster", *sorted(file.stem for file in EXAMPLES.glob("*.toml") if file.stem != "cluster"))
 BY_FUEL = re.compile(r'^\s*(cost\s*=\s*"delta-v"|thrusters\s*=|do\s*=\s*"transfer")', re.MULTILINE)
 FUEL = ("fuel.", "motion.constant_primers", "motion.impulses", "planning.impulse_", "planning.joint_dual")
 PLANNED = "swap_impulses"  # whose first run is compared with that of the same file planned for least energy

@@ -12,7 +12,7 @@ from numba.core import config
 from numba.core.types import Array, BaseTuple, unliteral
 
 from closeform.kernel_cache import KernelCache, alone, is_under_way, parts
-from closeform.kernel_parts import PartCompiler
+from closeform.kernel_parts import EntryCompiler, PartCompiler
 from closeform.own_process import is_ours, with_room
 from closeform.part_cache import PartCache
 
@@ -29,7 +29,7 @@ def announce(damaged: str = "") -> None:
         return
     _announced.append(True)
     print(
-        damaged or "closeform: compiling the kernels that this needs, once (half a minute)",
+        damaged or "closeform: compiling the kernels that this needs, once (some ten seconds)",
         file=sys.stderr,
     )
     for begin in before_first_compilation:
@@ -159,7 +159,7 @@ def kernel(signature: Any = None, inline: bool = False) -> Callable[[Callable[..
         return lambda function: _part(numba.njit(**options)(function))
 
     def declare(function: Callable[..., Any]) -> Any:
-        entry = numba.njit(**options)(function)
+        entry = numba.njit(**options, pipeline_class=EntryCompiler)(function)
         entry._cache = KernelCache(entry, signature)
         entry._compile_for_args = _match(entry)
         ENTRIES.append(entry)

@@ -168,15 +168,17 @@ def content_of(path: Path) -> bytes | None:
     return content[CHECKSUM:]
 
 
-def keep(path: Path, data: bytes) -> None:
-    """Write a file that is whole, or none."""
-    written = path.with_name(f"{path.name}.{os.getpid()}")
+def keep(path: Path, data: bytes) -> bytes | None:
+    """Write a file that is whole, or none; returns its checksum."""
+    written, checksum = path.with_name(f"{path.name}.{os.getpid()}"), hashlib.sha256(data).digest()
     with suppress(OSError):
         try:
-            written.write_bytes(hashlib.sha256(data).digest() + data)
+            written.write_bytes(checksum + data)
             written.replace(path)
+            return checksum
         finally:
             written.unlink(missing_ok=True)
+    return None
 
 
 def intact(content: bytes) -> bool:

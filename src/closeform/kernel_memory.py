@@ -5,8 +5,10 @@ from typing import Any
 
 from numba.core import interpreter, ir
 from numba.core.base import BaseContext
+from numba.core.datamodel.manager import DataModelManager
 from numba.core.postproc import PostProcessor, VariableLifetime
 from numba.core.transforms import canonicalize_cfg
+from numba.core.typeinfer import ConstraintNetwork, TypeVarMap
 from numba.core.types.functions import BaseFunction
 
 from closeform.own_process import without_blas
@@ -17,12 +19,17 @@ def remember() -> None:
 
     For the sum of two numbers it tries a dozen templates at each place where it stands, and words why
     each does not fit; for the size of a variable, which only debuggers are told, it has LLVM parse a text;
-    for whatever it does not know at once it imports again all that could teach it; and seven times it reckons
-    where each variable of a function ends, which it asks at the end.
+    for whatever it does not know at once it imports again all that could teach it; all types that it has
+    inferred it infers once more, to see that none changes; and seven times it reckons where each variable of
+    a function ends, which it asks at the end.
     """
     BaseFunction.get_call_type = typed_once(BaseFunction.get_call_type)
     BaseContext.get_abi_sizeof = measured_once(BaseContext.get_abi_sizeof)
     BaseContext.refresh = taught_once(BaseContext.refresh)
+    DataModelManager.lookup = DataModelManager.__getitem__ = modelled_once(DataModelManager.lookup)
+    TypeVarMap.__getitem__ = noted(TypeVarMap.__getitem__)
+    ConstraintNetwork.append = lambda self, made: self.constraints.append(Constraint(made))
+    ConstraintNetwork.propagate = settled_once(ConstraintNetwork.propagate)
     PostProcessor.run = lived_once(PostProcessor.run)
     interpreter.peep_hole_delete_with_exit = left_without_with(interpreter.peep_hole_delete_with_exit)
     ir.Stmt.list_vars = lambda self: variables(self.__dict__)
@@ -58,6 +65,63 @@ def measured_once(measure: Any) -> Any:
         return sizes[text]
 
     return get_abi_sizeof
+
+
+def modelled_once(look: Any) -> Any:
+    """How a type is laid out, of which numba looks for one that is equal through weak references."""
+
+    def lookup(self: Any, kind: Any) -> Any:
+        known = vars(self).setdefault("_known", {})
+        if kind not in known:
+            known[kind] = look(self, kind)
+        return known[kind]
+
+    return lookup
+
+
+def noted(look: Any) -> Any:
+    """The variables of a function by name; those that the present constraint looks at are kept in `asked`."""
+
+    def look_up(self: Any, name: str) -> Any:
+        variable = look(self, name)
+        if (asked := vars(self).get("asked")) is not None:
+            asked[name] = variable
+        return variable
+
+    return look_up
+
+
+class Constraint:
+    """One of numba's constraints between types, and those that it has looked at."""
+
+    def __init__(self, own: Any) -> None:
+        self.own, self.loc = own, own.loc
+        self.seen: list[tuple[Any, Any]] = []
+
+    def __call__(self, inference: Any) -> None:
+        """Infer types, or raise; one that nobody knows yet may be known the next time."""
+        asked: dict[str, Any] = {}
+        inference.typevars.asked = asked
+        self.own(inference)
+        seen = [(variable, variable.type) for variable in asked.values()]
+        self.seen = [] if any(kind is None for _, kind in seen) else seen
+
+    def is_settled(self) -> bool:
+        """Whether all types are as they were."""
+        return bool(self.seen) and all(variable.type is kind for variable, kind in self.seen)
+
+
+def settled_once(propagate: Any) -> Any:
+    """A round of inference, which leaves constraints that are settled as it comes to them."""
+
+    def propagated(self: Any, inference: Any) -> Any:
+        every, self.constraints = self.constraints, (one for one in self.constraints if not one.is_settled())
+        try:
+            return propagate(self, inference)
+        finally:
+            self.constraints = every
+
+    return propagated
 
 
 def taught_once(learn: Any) -> Any:

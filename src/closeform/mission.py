@@ -161,10 +161,12 @@ def shares_left(scenario: Scenario, results: list[StageResult[Any, Any]]) -> Flo
 
 def with_drift(scenario: Scenario, result: StageResult[Any, Any]) -> StageResult[Any, Any]:
     """A stage with whether it is safe when something fails, where that is asked."""
-    if getattr(result.stage, "drift", None) is None or not result.flown:
+    if getattr(result.stage, "drift", None) is None:
         return result
-    from closeform.passive import judged
+    from closeform.passive import judged, unplanned
 
+    if not result.flown:
+        return replace(result, unplanned=unplanned(scenario, result))
     return replace(result, passive=judged(scenario, result))
 
 

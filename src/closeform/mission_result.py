@@ -16,7 +16,7 @@ from closeform.motion.joining import join
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
 from closeform.result import Result
-from closeform.scenario import Destination, Scenario, StageTable
+from closeform.scenario import Scenario, StageTable
 from closeform.search.schedule import Search
 from closeform.verdict import Asked, Late, LostThrust, Use, Verdict, conflicts_in, thrust_use
 from closeform.zones.zone import Zone
@@ -24,10 +24,11 @@ from closeform.zones.zone import Zone
 if TYPE_CHECKING:
     from closeform.field.validity import Validity
     from closeform.flown_run import FlownRun
-    from closeform.passive import PassiveSafety
+    from closeform.passive import PairDrift, PassiveSafety
     from closeform.planning.plan import Avoidance, Plan
     from closeform.pulsed import Pulsed
     from closeform.search.locks import Locks
+    from closeform.stage_start import Arrival
     from closeform.uncertain_stage import UncertainStage
 
 AnyStage = TypeVar("AnyStage", bound=StageTable)
@@ -43,8 +44,9 @@ class StageResult(Result, Generic[AnyStage, AnyResult]):
     count, which those of a plan that failed do not; `late`: by how much it takes longer than asked;
     `pulsed`: what thrusters fire to fly the plan, where `after` is what they fly.  `uncertain`: what errors
     of the craft make of it, None without any.  `passive`: whether it is safe when something fails, where that
-    is asked.  `validity`: what becomes of it in the scenario's field, where that has one.  `commanded`: the
-    plan, where `after` has the errors that a case of a study has drawn.
+    is asked, and `unplanned`: how near direct paths come then, where a plan failed.  `validity`: what becomes
+    of it in the scenario's field, where that has one.  `commanded`: the plan, where `after` has the errors
+    that a case of a study has drawn.
     """
 
     number: int
@@ -59,6 +61,7 @@ class StageResult(Result, Generic[AnyStage, AnyResult]):
     pulsed: "Pulsed | None" = None
     uncertain: "UncertainStage | None" = None
     passive: "PassiveSafety | None" = None
+    unplanned: "PairDrift | None" = None
     validity: "Validity | None" = None
     commanded: WatchedFlight | None = None
 
@@ -113,7 +116,7 @@ class AvoidResult:
     plain: Path
     avoidance: "Avoidance"
     asked: float
-    goals: Mapping[str, Destination]
+    goals: "Mapping[str, Arrival]"
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -133,7 +136,7 @@ class TransferResult:
     final: Floats
     asked: float
     free: Path
-    goal: Destination
+    goal: "Arrival"
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,8 +14,8 @@ from numba.core.compiler import compile_result
 from numba.core.dispatcher import Dispatcher
 from numba.core.serialize import dumps
 
-from closeform.kernel_cache import content_of, described, file_of, keep, used
-from closeform.kernel_parts import PartLibrary
+from closeform.kernel_cache import content_of, described, file_of, folder, keep, used
+from closeform.kernel_parts import PartLibrary, reached
 from closeform.own_process import is_ours
 
 if is_ours():
@@ -24,13 +24,41 @@ if is_ours():
     FunctionIdentity._unique_ids = iter(lambda: randbits(60), None)
 
 
-class LoadedPart(PartLibrary):
-    """Code that another process has compiled."""
+_known: dict[bytes, PartLibrary] = {}  # by the checksums of their files
 
-    def __init__(self, codegen: Any, name: str, code: bytes) -> None:
+
+class LoadedPart(PartLibrary):
+    """Code that another process has compiled, and the parts that it calls."""
+
+    def __init__(self, codegen: Any, name: str, code: bytes, called: list[PartLibrary]) -> None:
         super().__init__(codegen, name)
-        self._final_module = self._shared_module = parse_bitcode(code)
+        self._final_module = parse_bitcode(code)
+        self._linking_libraries += called
         self._finalize_final_module()
+
+
+def library_in(content: bytes, file: str, codegen: Any) -> PartLibrary | None:
+    """The part in a file of some content, None if one that it calls is gone, or was compiled anew."""
+    checksum = hashlib.sha256(content).digest()
+    if checksum not in _known:
+        name, code, calls, _ = pickle.loads(content)
+        found = [library_at(place, wanted, codegen) for place, wanted in calls]
+        called = [each for each in found if each is not None]
+        if called != found:
+            return None
+        _known[checksum] = LoadedPart(codegen, name, code, called)
+        _known[checksum].kept = file, checksum
+    return _known[checksum]
+
+
+def library_at(file: str, checksum: bytes, codegen: Any) -> PartLibrary | None:
+    """The part that a file held as it had this checksum, None if it does no longer."""
+    if checksum in _known:
+        return _known[checksum]
+    content = content_of(folder() / file)
+    if content is None or hashlib.sha256(content).digest() != checksum:
+        return None
+    return library_in(content, file, codegen)
 
 
 class PartCache(NullCache):
@@ -46,11 +74,11 @@ class PartCache(NullCache):
 
     def load_overload(self, signature: Any, target: Any) -> Any:
         """The compiled part, None if there is none, or none that is whole."""
-        content = content_of(self.path(signature))
-        if content is None:
+        path, codegen = self.path(signature), target.codegen()
+        content = content_of(path)
+        if content is None or (library := library_in(content, path.name, codegen)) is None:
             return None
-        name, code, description, environment, signature = pickle.loads(content)
-        library = LoadedPart(target.codegen(), name, code)
+        description, environment, signature = pickle.loads(pickle.loads(content)[-1])
         return compile_result(
             target_context=target,
             typing_context=target.typing_context,
@@ -65,14 +93,16 @@ class PartCache(NullCache):
         )
 
     def save_overload(self, signature: Any, result: Any) -> None:
-        """Keep a compiled part, if the folder can be written."""
-        description, library = result.fndesc, result.library
+        """Keep a compiled part, if the folder can be written; what it calls has files of its own."""
+        description, library, path = result.fndesc, result.library, self.path(signature)
         description.typemap = description.calltypes = None  # as numba's `_reduce` has it
-        code = library._get_module_for_linking().as_bitcode()
-        keep(
-            self.path(signature),
-            dumps((library.name, code, description, result.environment, result.signature)),
-        )
+        called = reached(library, kept=False)
+        kept = [each.kept for each in reversed(called) if getattr(each, "kept", None)]
+        code = library.with_called(each for each in called if not getattr(each, "kept", None)).as_bitcode()
+        told = dumps((description, result.environment, result.signature))
+        checksum = keep(path, pickle.dumps((library.name, code, kept, told)))
+        if checksum is not None:
+            library.kept, _known[checksum] = (path.name, checksum), library
 
 
 @cache

@@ -112,6 +112,15 @@ def judged(scenario: Scenario, result: StageResult[Any, Any]) -> PassiveSafety |
     return PassiveSafety(where, stage.lasting, until, failure, pairs, count, planned, worst)
 
 
+def unplanned(scenario: Scenario, result: StageResult[Any, Any]) -> PairDrift | None:
+    """The nearest pair of a stage's direct paths, where it asks to be safe; None without."""
+    if not isinstance(result.stage, Drifting) or result.stage.drift is None:
+        return None
+    until = result.before.end + result.stage.drift.on(result.before.paths.orbit.mean_motion)
+    pairs, _ = nearest(result.before, scenario.zones, until, result.stage.what_fails)
+    return pairs[0] if pairs else None
+
+
 def nearest(
     flight: WatchedFlight, zones: PairZones, until: float, failure: Failure
 ) -> tuple[tuple[PairDrift, ...], int]:

@@ -9,6 +9,7 @@ import numpy as np
 from closeform.conflicts.flight import WatchedFlight
 from closeform.mission_result import StageResult
 from closeform.named_craft import as_listed
+from closeform.scenario import Avoid, Joint
 from closeform.stage_start import BurnRoom, StageStart
 
 if TYPE_CHECKING:
@@ -19,6 +20,9 @@ Result = TypeVar("Result", bound=StageResult[Any, Any])
 TRIES = 12  # plans that are made for room that grows
 SPARE = 1.02  # times the time that burns stick out: another plan has other burns
 GROWTH = 1.5  # times what pulses lead a pair nearer than planned: those of another plan lead elsewhere
+# Of a zone: by no more it grows from plan to plan, as small pulses before a long drift lead far from some
+# plans and not from those beside them; and by less than that there is no plan between two.
+LEAP, FINEST = 0.15, 0.02
 REMEDY = "give it more thrust or time, or cost 'energy', which spreads it"
 
 
@@ -26,62 +30,71 @@ REMEDY = "give it more thrust or time, or cost 'energy', which spreads it"
 class Pulsed:
     """A stage whose craft `names` fire pulses: the `firing` counts them in this order.
 
-    `planned` is the flight that the pulses follow, in the `room` that it leaves them.
+    `planned` is the flight that the pulses follow, in the `room` that it leaves them; `short`: where that is
+    not enough, which room there is no plan for, and why.
     """
 
     names: tuple[str, ...]
     firing: "Firing"
     planned: WatchedFlight
     room: BurnRoom
+    short: str | None = None
 
 
 def pulsed(start: StageStart, plan: Callable[[StageStart], Result]) -> Result:
     """The StageResult of a `plan`, flown by the thrusters of those that have some.
 
-    Burns that would begin before the stage or end after it, and pulses that lead into a zone, ask for room:
-    the plan is made anew within coasts, or for larger zones.  Where there is none, conflicts remain.
+    Burns that would begin before the stage or end after it, and pulses that lead into a zone, or would where
+    thrust is lost, ask for room: the plan is made anew within coasts, or for larger zones.  Where there is
+    none, conflicts remain, or drifts that are not safe.
     """
     room = BurnRoom()
     kept: Result | None = None
-    clearest = -1.0  # the norm in conflicts of what is kept
+    clearest, planned = -1.0, 1.0  # the least norm of what is kept, and for which zones there was a plan last
     for _ in range(TRIES):
         later = start.leaving(room)
         found = plan(later)
         if found.failure is not None:
-            return found if kept is None else kept
+            if kept is None or room.larger - planned < FINEST:
+                return without(kept, found, room, found.failure)
+            room = replace(room, larger=0.5 * (planned + room.larger))
+            continue
         if not (shooting := shooters(start, found.after)):
             return found
         from closeform.fuel.order import Overlap  # whose kernels only thrusters need
-        from closeform.fuel.pulses import extended
 
         try:
             names, shot = fired(start, found.after, shooting)
         except Overlap as overlap:
             failure = f"{str(overlap).partition(': ')[2].partition(';')[0]}; {REMEDY}"
-            return replace(found, failure=failure, flown=False) if kept is None else kept
+            return without(kept, found, room, failure)
         end = found.after.end + room.after
         early, late = start.time - float(np.min(shot.path.start)), float(np.max(shot.path.end)) - end
         if max(early, late) > 0.0:
             before, after = (SPARE * max(one, 0.0) for one in (early, late))
             room = replace(room, before=room.before + before, after=room.after + after)
-            asked = start.asked(found.stage)
-            if kept is None and room.time >= asked:
-                break
-            continue
-        flies = dict(zip(names, [shot.path[k] for k in range(len(names))], strict=True))
-        paths = [flies.get(name, found.after.path(name)) for name in found.after.names]
-        flight = start.flight([extended(path, start.time, end) for path in paths])
-        norm = nearest(flight, found.after)
+            if room.time < (asked := start.asked(found.stage)):
+                continue
+            failure = f"burns at its ends take {room.time:.6g} s of the {asked:.6g} s that it has; {REMEDY}"
+            return without(kept, found, room, failure)
+        flight = shooting_flight(start, found.after, names, shot, end)
+        norm = min(nearest(flight, found.after), adrift(later, found.stage, flight))
         if norm > clearest:
             flies_now = Pulsed(names, shot, found.after, room)
             kept, clearest = replace(found, start=start.time, after=flight, pulsed=flies_now), norm
-        if norm >= 1.0:
-            break
-        room = replace(room, larger=1.0 + GROWTH * (room.larger - norm))
-    if kept is None:
-        failure = f"burns at its ends take {room.time:.6g} s of the {asked:.6g} s that it has; {REMEDY}"
-        return replace(found, failure=failure, flown=False)
-    return kept
+        if kept is not None and norm > 1.0:
+            return kept
+        planned = room.larger
+        room = replace(room, larger=min(1.0 + GROWTH * (planned - norm), planned + LEAP))
+    return without(kept, found, room, f"{TRIES} plans are not enough; {REMEDY}")
+
+
+def without(kept: Result | None, found: Result, room: BurnRoom, why: str) -> Result:
+    """What is kept though pulses need more `room`, which was asked for in vain, or else a failure."""
+    if kept is None or kept.pulsed is None:
+        return replace(found, failure=why, flown=False)
+    short = f"zones {100.0 * (room.larger - 1.0):.3g} % larger: {why}"
+    return replace(kept, pulsed=replace(kept.pulsed, short=short))
 
 
 def shooters(start: StageStart, flight: WatchedFlight) -> list[int]:
@@ -114,8 +127,31 @@ def fired(start: StageStart, flight: WatchedFlight, shooting: list[int]) -> "tup
         raise type(error)(as_listed(str(error), names)) from None
 
 
+def shooting_flight(
+    start: StageStart, planned: WatchedFlight, names: tuple[str, ...], shot: "Firing", end: float
+) -> WatchedFlight:
+    """A flight on which some craft fire, and the others do as planned, from the stage's start to its end."""
+    from closeform.fuel.pulses import extended
+
+    flies = dict(zip(names, [shot.path[k] for k in range(len(names))], strict=True))
+    paths = [flies.get(name, planned.path(name)) for name in planned.names]
+    return start.flight([extended(path, start.time, end) for path in paths])
+
+
 def nearest(flight: WatchedFlight, planned: WatchedFlight) -> float:
     """The least norm in conflicts of a flight, of pairs that are planned to have none; inf without."""
     asked = {(conflict.first, conflict.second) for conflict in planned.conflicts}
     norms = [one.ratio for one in flight.conflicts if (one.first, one.second) not in asked]
     return min(norms, default=np.inf)
+
+
+def adrift(start: StageStart, stage: Any, flight: WatchedFlight) -> float:
+    """The least norm where craft lose their thrust on a flight that is planned for that; inf without."""
+    if not isinstance(stage, Avoid | Joint) or stage.drift is None or start.planned_drift(stage) is None:
+        return np.inf
+    from closeform.passive import nearest as nearest_drifts  # whose kernels only a drift needs
+
+    until = flight.end + stage.drift.on(start.orbit.mean_motion)
+    pairs, _ = nearest_drifts(flight, start.scenario.zones, until, stage.what_fails)
+    fail = stage.moving(flight.names)[: 1 if isinstance(stage, Avoid) else None]  # fellows are not planned
+    return min((pair.ratio for pair in pairs if pair.fails in fail), default=np.inf)

@@ -33,14 +33,14 @@ def around(start: StageStart, stage: Avoid) -> StageResult[Avoid, AvoidResult]:
 
     names, asked = start.scenario.names, start.asked(stage)
     mover = names.index(stage.craft)
-    targets = {
-        fellow.craft: start.settled(fellow.to, names.index(fellow.craft), asked, stage.cost)
+    goals = {
+        fellow.craft: start.arrival(fellow.to, names.index(fellow.craft), asked, stage.cost)
         for fellow in stage.meanwhile
     }
     rest = tuple(name for name in names if name != stage.craft)
     own = start.transfer if stage.cost == "energy" else start.own_transfer  # which keeps limits
     moves = {
-        name: own(targets[name], names.index(name), asked, stage.cost) for name in rest if name in targets
+        name: own(goals[name].target, names.index(name), asked, stage.cost) for name in rest if name in goals
     }
 
     def other(name: str, duration: float) -> Path:
@@ -60,7 +60,10 @@ def around(start: StageStart, stage: Avoid) -> StageResult[Avoid, AvoidResult]:
     def clear(finals: Floats) -> Any:
         return outside(finals, others, zones, start.time + asked, drift or 0.0)
 
-    to = None if stage.to is None else start.settled(stage.to, mover, asked, stage.cost, clear)
+    to = None
+    if stage.to is not None:
+        goals[stage.craft] = start.arrival(stage.to, mover, asked, stage.cost, clear)
+        to = goals[stage.craft].target
 
     def flight(path: Path) -> WatchedFlight:
         around = [other(name, path.end - start.time) for name in rest]
@@ -104,7 +107,6 @@ def around(start: StageStart, stage: Avoid) -> StageResult[Avoid, AvoidResult]:
     after = flight(avoidance.path) if avoidance.path not in (None, direct) else before
     late = too_late(start, stage, after, {craft.name: avoidance.punctual})
     plain = way((after.end - start.time) / asked) if late is not None else direct
-    goals = {stage.craft: to, **targets} if to is not None else targets
     result = AvoidResult(stage.craft, rest, zones, direct, plain, avoidance, asked, goals)
     failure = None if avoidance.ok else avoidance.reason
     return StageResult(start.number, stage, start.time, before, after, result, failure, avoidance.ok, late)
@@ -135,7 +137,8 @@ def moved(start: StageStart, stage: Transfer) -> StageResult[Transfer, TransferR
     """The plan of one craft that moves alone."""
     names, asked = start.scenario.names, start.asked(stage)
     k = 0 if stage.craft is None else names.index(stage.craft)
-    to = start.settled(stage.to, k, asked, stage.cost)
+    goal = start.arrival(stage.to, k, asked, stage.cost)
+    to = goal.target
     initial, final = start.states[k], start.goal(to, asked)
     failure = None
     free = path = start.transfer(to, k, asked, stage.cost)
@@ -144,5 +147,5 @@ def moved(start: StageStart, stage: Transfer) -> StageResult[Transfer, TransferR
     except ValueError as error:
         failure = str(error)
     before, after = (start.mixed([k], one) for one in (free, path))
-    result = TransferResult(names[k], initial, final, asked, free, to)
+    result = TransferResult(names[k], initial, final, asked, free, goal)
     return StageResult(start.number, stage, start.time, before, after, result, failure, failure is None)

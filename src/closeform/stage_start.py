@@ -149,36 +149,23 @@ class StageStart:
         """The state (6,) in which a plan of this `duration` [s] ends that leads to a target."""
         return self.earlier(target.state(self.orbit, self.latitude(duration + self.room.after)))
 
-    def settled(
-        self, target: Destination, k: int, duration: float, cost: Cost, clear: Clear | None = None
-    ) -> Destination:
-        """A target at the phase that is the cheapest for craft k, where that is left open.
+    def arrival(
+        self, asked: Destination, k: int, duration: float, cost: Cost, clear: Clear | None = None
+    ) -> "Arrival":
+        """Where craft k arrives after a `duration` [s]: at the cheapest phase where that is left open."""
+        given = Arrival(self, asked, asked, k, duration, cost, clear)
+        return given.cheapest if asked.is_open else given
 
-        To a hundredth of a degree, by what it costs in this `duration` [s] with nothing in the way; of those
-        that are `clear`, if any.
-        """
-        if not target.is_open:
-            return target
-        shape = target.at_phase(0.0).shape
-        assert shape is not None
-        every = self.earlier(shape.states(self.orbit, PHASES))
-
-        def best(phases: Any) -> Any:
-            kept = phases if clear is None else phases[clear(every[phases])]
-            kept = kept if len(kept) else phases
-            return kept[self.cheapest(k, every[kept], duration, cost)]
-
-        about = best(np.arange(0, PHASES, A_DEGREE)) + np.arange(-A_DEGREE, A_DEGREE + 1)
-        return target.at_phase(2.0 * pi * float(best(about % PHASES)) / PHASES)
-
-    def cheapest(self, k: int, finals: Floats, duration: float, cost: Cost) -> int:
-        """Which of some final states (S, 6) it costs craft k least to be in."""
+    def cheapest(self, k: int, finals: Floats, duration: float, cost: Cost) -> tuple[int, float]:
+        """Which of some final states (S, 6) it costs craft k least to be in, and how much that is."""
         if cost == "energy":
-            return int(np.argmin(self.orbit.transfer(self.states[k], finals, duration).energy))
+            spent = self.orbit.transfer(self.states[k], finals, duration).energy
+            return int(np.argmin(spent)), float(np.min(spent))
         from closeform.fuel.arrivals import arrivals  # whose kernels only this needs
 
         slots = finals @ self.orbit.transition(-duration).T
-        return int(arrivals(self.orbit, self.states[k], slots, [duration]).slot[0])
+        found = arrivals(self.orbit, self.states[k], slots, [duration])
+        return int(found.slot[0]), float(found.delta_v[0])
 
     def transfer(self, target: Target, k: int, duration: float, cost: Cost) -> Path:
         """Craft k's way to a target at the least cost, by thrust without limit in any direction."""
@@ -216,6 +203,46 @@ class StageStart:
         flying = {k: paths[place] if paths.shape else paths for place, k in enumerate(who)}
         flying |= {k: self.coast(k, duration) for k in range(len(self.states)) if k not in flying}
         return self.flight([flying[k] for k in sorted(flying)])
+
+
+@dataclass(frozen=True, eq=False)
+class Arrival:
+    """That craft k of a stage's `start`, which was `asked` to go somewhere, arrives at its `target`.
+
+    What a phase costs is told of free thrust in this `duration` [s], with nothing in the way.
+    """
+
+    start: StageStart
+    asked: Destination
+    target: Destination
+    k: int
+    duration: float
+    cost: Cost
+    clear: Clear | None = None
+
+    @cached_property
+    def spent(self) -> float:
+        """What arriving there costs [m/s; of energy m^2/s^3]."""
+        finals = self.start.goal(self.target, self.duration)[None]
+        return self.start.cheapest(self.k, finals, self.duration, self.cost)[1]
+
+    @cached_property
+    def cheapest(self) -> "Arrival":
+        """At the phase that costs least, to a hundredth of a degree; of those that are `clear`, if any."""
+        if self.asked.is_open and not self.target.is_open:
+            return self
+        shape, start = self.asked.at_phase(0.0).shape, self.start
+        assert shape is not None
+        every = start.earlier(shape.states(start.orbit, PHASES))
+
+        def best(phases: Any) -> Any:
+            kept = phases if self.clear is None else phases[self.clear(every[phases])]
+            kept = kept if len(kept) else phases
+            return kept[start.cheapest(self.k, every[kept], self.duration, self.cost)[0]]
+
+        about = best(np.arange(0, PHASES, A_DEGREE)) + np.arange(-A_DEGREE, A_DEGREE + 1)
+        phase = 2.0 * pi * float(best(about % PHASES)) / PHASES
+        return replace(self, target=self.asked.at_phase(phase))
 
 
 def followed(stages: "Sequence[StageResult[Any, Any]]") -> Path:

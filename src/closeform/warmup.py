@@ -9,17 +9,34 @@ from importlib import import_module
 
 from closeform.compiled import ENTRIES, before_first_compilation, meanwhile, prepare
 
+STAGE = r"(?:(?!^\s*\[\[)[\s\S])*?"  # as little as there is, within a stage
+
 # What a line of a scenario file begins with, and the modules whose kernels that needs; the longest first, for
 # the process that flies begins with others.
 NEEDS = (
     (
-        r'do\s*=\s*"(avoid|reconfigure|scatter|regather)"',
-        "planning.local planning.dual_bound planning.turns planning.deflection planning.qp"
-        " planning.approaches",
+        rf'do\s*=\s*"(avoid(?!"{STAGE}^\s*drift\s*=)|reconfigure|scatter|regather)"',
+        "planning.local planning.qp",
     ),
+    (
+        r'do\s*=\s*"(avoid|reconfigure|scatter|regather)"',
+        "planning.dual_bound planning.deflection planning.approaches",
+    ),
+    (r"sigmas\s*=", "uncertainty.stays uncertainty.gauges planning.passive_planes"),
+    (
+        rf'do\s*=\s*"(avoid|reconfigure|regather)"{STAGE}^\s*drift\s*=',
+        "planning.failures planning.passive_planes",
+    ),
+    (r"drift\s*=", "drift.search"),
+    (r"covariance\s*=", "uncertainty.levels uncertainty.spread"),
+    (r"hard_body\s*=", "uncertainty.entry_rate uncertainty.histories"),
+    (r"field\s*=", "field.gravity field.least_ratios"),
     (r'do\s*=\s*"gather"', "search.gather_events"),
     (r'do\s*=\s*"lock"', "search.lock_march"),
-    (r'cost\s*=\s*"delta-v"', "planning.joint_dual planning.impulse_peaks planning.impulse_flight"),
+    (
+        rf'do\s*=\s*"(avoid|reconfigure|scatter|regather)"{STAGE}^\s*cost\s*=\s*"delta-v"',
+        "planning.joint_dual planning.impulse_peaks planning.impulse_flight",
+    ),
     (r'cost\s*=\s*"delta-v"|do\s*=\s*"transfer"|thrusters\s*=', "motion.impulses motion.constant_primers"),
     (r"thrusters\s*=", "motion.saturated"),
     (r'do\s*=\s*"(?!lock)', "conflicts.entries"),

@@ -70,7 +70,9 @@ def vertex_count(side):
     kind = side.now[KIND]
     if kind == WEAK:
         return 8
-    return 4 if kind == LOST or kind == STUCK else 1
+    if kind == STUCK:
+        return 12
+    return 4 if kind == LOST else 1
 
 
 @kernel()
@@ -136,8 +138,67 @@ def single(side, cell, o, n, rows):
 
 
 @kernel()
+def column_of(one, width, k):
+    """The column of the low end of a cell's k-th unknown."""
+    mine = parameter_count(one)
+    return SIDE + LOW + 2 * k if k < mine else SIDE + width + LOW + 2 * (k - mine)
+
+
+@kernel()
+def moved(row, source, by, x, y, z, vx, vy, vz):
+    """Make a row a natural motion to which so much of another state of the same time is added."""
+    a = STATE
+    natural(
+        row,
+        source[START],
+        source[MEAN_MOTION],
+        source[a] + by * x,
+        source[a + 1] + by * y,
+        source[a + 2] + by * z,
+        source[a + 3] + by * vx,
+        source[a + 4] + by * vy,
+        source[a + 5] + by * vz,
+    )
+
+
+@kernel()
+def span_stuck(side, piece, at, n, third, short, long, end, rows):
+    """Fill the six rows of one end of a cell of thrust stuck on from `short` to `long`.
+
+    Points of a parabola in how long it is stuck at `end` (0 or 3), and of its derivative by the instant a
+    `third` of the cell on.                                                                  # theory (48)
+    """
+    u, w, push = stack_matrix(7, 3), stack_matrix(7, 3), stack_vector(12)
+    own, half, inner = side.numbers[HELD] < 0.0, 0.5 * (long - short), 1 if end == 0 else 2
+    stuck_thrust(side, piece, at, n, w)
+    for k in range(7):
+        u[k, 0] = u[k, 1] = u[k, 2] = 0.0
+    if third != 0.0:
+        thrust_derivatives(side.arcs[piece // 2], n, at, u)
+    for k in range(12):
+        push[k] = u[1, k] if own and k < 3 else 0.0
+    wx, wy, wz = w[0, 0], w[0, 1], w[0, 2]
+    for j in range(0, 3, 2):
+        row, stuck = rows[4 * j + end], short if j == 0 else long
+        failed_row(side, piece, at, n, 0.0, w, stuck, row)
+        x, y, z, vx, vy, vz = pushed(n, stuck, push, 0)
+        if not own:
+            x, y, z, vx, vy, vz = coast(n, stuck, 0.0, 0.0, 0.0, u[0, 0] - wx, u[0, 1] - wy, u[0, 2] - wz)
+        vx, vy, vz = vx + wx, vy + wy, vz + wz
+        moved(rows[4 * j + inner], row, third, x, y, z, vx, vy, vz)
+        if j == 0:
+            moved(rows[4 + end], row, half, 0.0, 0.0, 0.0, wx, wy, wz)
+            vx += half * (push[0] - 2.0 * n * wy)
+            vy += half * (push[1] + 2.0 * n * wx)
+            vz += half * push[2]
+            moved(
+                rows[4 + inner], rows[4 + end], third, x - half * wx, y - half * wy, z - half * wz, vx, vy, vz
+            )
+
+
+@kernel()
 def span_cell(side, cell, o, n, rows):
-    """Fill four rows with the motions that span a cell's side, and say how far others are off them.
+    """Fill rows with the motions that span a cell's side, and say how far others are off them.
 
     That is in place, in speed and for good, from the epoch of the cell's start on: four numbers.
     """
@@ -150,18 +211,17 @@ def span_cell(side, cell, o, n, rows):
     h = 0.0 if piece % 2 == 1 else high - low
     if kind == STUCK:
         short, long = cell[o + LOW + 2], cell[o + HIGH + 2]
-        stuck_thrust(side, piece, low, n, w)
-        failed_row(side, piece, low, n, 0.0, w, short, rows[0])
-        epoch = failed_row(side, piece, low, n, 0.0, w, long, rows[2])
-        stuck_thrust(side, piece, high, n, w)
-        failed_row(side, piece, high, n, 0.0, w, short, rows[1])
-        failed_row(side, piece, high, n, 0.0, w, long, rows[3])
+        span_stuck(side, piece, low, n, h / 3.0, short, long, 0, rows)
+        span_stuck(side, piece, high, n, -h / 3.0, short, long, 3, rows)
         for k in range(7):
             u[k, 0] = u[k, 1] = u[k, 2] = 0.0
         if h > 0.0:
             thrust_derivatives(arc, n, low, u)
-        rest, speed = stuck_remainder(n, u, h, side.numbers[HELD], long, long - short)
-        return 0.0, speed, rest, epoch
+        place, speed, rest = stuck_remainder(
+            n, arc[MEAN_MOTION], u, h, side.numbers[HELD], long, long - short
+        )
+        start = arc[START] if piece % 2 == 1 else low
+        return place, speed, rest, start - h - (long - short)
     if h > 0.0:
         thrust_derivatives(arc, n, low, u)
         thrust_derivatives(arc, n, high, w)

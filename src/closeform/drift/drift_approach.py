@@ -10,10 +10,11 @@ import numpy as np
 
 from closeform.arrays import Floats, broadcast, instance, shown
 from closeform.conflicts.two_paths import check_comparable, craft_of
-from closeform.drift.cells import FLIES, KIND, LOW, MISSED, PIECE, SIDE, Side
+from closeform.drift.cells import FLIES, KIND, LOW, MISSED, PIECE, SIDE, STUCK, WEAK, Side
 from closeform.drift.ends import FAILURES, checked_end, drift_end, forgiven, last_times, soon_after
 from closeform.drift.failures import Failure, ThrustLost
 from closeform.drift.flown import MEETS
+from closeform.drift.many_unknowns import worst_of_many
 from closeform.drift.search import FAILURE, LOWER, PLACE, RATIO, TIME, worst_failures
 from closeform.drift.sides import room_for, side_of
 from closeform.motion.arc import START
@@ -251,11 +252,12 @@ def search_pairs(
     far = end + (MOST_ORBITS * orbit.period if for_ever else 0.0)
     tube = zone.form if zone.shape == FACES and not (for_ever and certain == 0.0) else tube_form(zone)
     rest = orbit.mean_motion, zone.form, zone.stretch, certain, most, far * for_ever, tube, room
+    find = worst_of_many if {WEAK, STUCK} & {int(one.now[KIND]), int(two.now[KIND])} else worst_failures
     ends = np.full(len(first), end)
     left = np.arange(len(first))
     while len(left):
         some = np.zeros((len(left), rows.shape[1]))
-        worst_failures(one, two, first[left], second[left], ends[left], *rest, some)
+        find(one, two, first[left], second[left], ends[left], *rest, some)
         rows[left] = some
         left = left[some[:, RATIO] == -np.inf]
         if len(left):

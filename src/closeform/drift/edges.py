@@ -27,7 +27,7 @@ def find_edges(one, two, room, window):
                 count += 1
         elif kind != FLIES:
             for k in range(1 if kind == LOST else 2):
-                corner = base + (k + 1 if kind == STUCK else (4 if k == 1 else 3))
+                corner = base + (3 if k == 0 else (8 if kind == STUCK else 4))
                 for axis in range(3):
                     edges[count, axis] = sign * (places[corner, axis] - places[base, axis])
                 count += 1

@@ -33,19 +33,19 @@ from closeform.motion.arc import ANGLE, END, MEAN_MOTION, START, derivatives_at,
 from closeform.motion.certified_march import COAST_ANGLE, locate, store
 from closeform.motion.hill import inverse_transforms, oscillation
 
-OTHER, PATH, BURNING, GENERATORS = 8, 16, 17, 18  # of `motions`: where the second side's begin, and so on
+OTHER, PATH, GENERATORS = 12, 24, 25  # of `motions`: where the second side's begin, and so on
 
 
 class PairRoom(NamedTuple):
     """Room for the work on one pair."""
 
     cells: Floats  # (C, W): those that are still to be searched
-    point: Floats  # (2, W): a cell without extent, and the best failure that was met
-    rows: Floats  # (2, 4, 30): natural motions of both sides
-    motions: Floats  # (18 + G, 8, 3): derivatives of all motions at a window's start, in zone coordinates
-    bends: Floats  # (18 + G, 3): bounds of their accelerations
-    places: Floats  # (18 + G, 6): places and velocities at one time
-    terms: Floats  # (18 + G, 5): along a plane: place, rate, bend; drift, swing
+    point: Floats  # (3, W): a cell without extent, the best failure that was met, and one to be kept
+    rows: Floats  # (2, 12, 30): natural motions of both sides
+    motions: Floats  # (25 + G, 8, 3): derivatives of all motions at a window's start, in zone coordinates
+    bends: Floats  # (25 + G, 3): bounds of their accelerations
+    places: Floats  # (25 + G, 6): places and velocities at one time
+    terms: Floats  # (25 + G, 5): along a plane: place, rate, bend; drift, swing
     edges: Floats  # (P, 3): of the set at one time, a direction for each parameter
     shares: Floats  # (P,): where on them the set is nearest
 
@@ -117,7 +117,7 @@ def see_side(side, cell, o, rows, count, i, t, order, sign, room, base, first):
         if kind == MISSED:
             see_burns(side, cell, o, side.arcs[i], t, order, sign, room, base, first)
         return
-    for k in range(count):
+    for k in range(12 if kind == STUCK and count > 1 else count):
         see(rows[k], t, order, 1.0, motions[base + k], True)
     if kind == WEAK:
         low, high = cell[o + LOW + 2], cell[o + HIGH + 2]

@@ -13,6 +13,7 @@ from closeform.drift.cells import (
     PIECE,
     SIDE,
     STUCK,
+    column_of,
     earliest,
     parameter_count,
     single,
@@ -214,10 +215,10 @@ def cut(one, two, width, top, t, room, count):
     off are clear the sooner.  How many cells there are then: as many as without it, if all in it is one
     failure.
     """
-    cells, mine = room.cells, parameter_count(one)
+    cells = room.cells
     which, _ = widest(room, count)
     for _ in range(count):
-        column = SIDE + LOW + 2 * which if which < mine else SIDE + width + LOW + 2 * (which - mine)
+        column = column_of(one, width, which)
         low, high = cells[top, column], cells[top, column + 1]
         share = room.shares[which]
         if not LEAST_SHARE < share < 1.0 - LEAST_SHARE:

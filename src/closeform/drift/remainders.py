@@ -24,7 +24,7 @@ from closeform.motion.arc import (
     pushes,
 )
 
-SWING_RATE = 4.2  # |d Phi_vv/dt| is at most n sqrt(17)
+SWING_RATE = 4.2  # |d Phi_vv/dt| is at most n sqrt(17), and each derivative n times that
 
 
 @kernel()
@@ -119,16 +119,21 @@ def growth(n, t):
 
 
 @kernel()
-def stuck_remainder(n, u, h, held, longest, span):
-    """How far a motion with thrust stuck on is off the bilinear one of a cell's four corners.
+def stuck_remainder(n, m, u, h, held, longest, span):
+    """How far a motion with thrust stuck on is off the one of a cell's twelve points.
 
-    h^2/8 |d^2 r/ds^2| + span^2/8 |d^2 r/dd^2| for instants h apart and `span` of how long it is stuck,
-    `longest` at most: a part for itself, and one that grows with Phi_rv.                 # theory (48)
+    h^4/384 |d^4 r/ds^4| + 2 span^3/81 (|d^3 r/dd^3| + h/4 |d^4 r/ds dd^3|) for instants h apart and `span`
+    of how long it is stuck, `longest` at most: parts that grow with Phi_rr and Phi_rv, and one for itself.
+    `m` is the mean motion of which thrust is.                                              # theory (48)
     """
-    swing = 1.0 if n == 0.0 else 9.0  # of Phi_vv = d Phi_rv/dt
-    push, rate, bend = greatest(u, 0, h), greatest(u, 1, h), greatest(u, 2, h)
-    share, rest = 0.125 * h * h, 0.125 * span * span
+    turn = SWING_RATE * n  # of Phi_vv and, times n, of its derivatives
+    push, rate, bend, twist = greatest(u, 0, h), greatest(u, 1, h), greatest(u, 2, h), greatest(u, 3, h)
+    place, speed = lost_remainder(n, u, h)
+    share, cube = h * h * h * h / 384.0, 2.0 * span * span * span / 81.0
     if held >= 0.0:  # a thrust that does not depend on s
-        turn = min(2.0 * swing, SWING_RATE * n * longest)  # of Phi_vv, from when it sticks to its end
-        return share * (swing * push + turn * held) + rest * swing * held, share * rate
-    return swing * push * (3.0 * share + rest), share * (5.0 * rate + longest * bend)
+        late = min(2.0, n * longest) * n * turn
+        return place, speed, held * (share * late + cube * turn * (1.0 + 0.25 * n * h))
+    swing = 1.0 if n == 0.0 else 9.0  # of Phi_vv = d Phi_rv/dt
+    late = 4.0 * swing * twist + turn * (6.0 * bend + 4.0 * n * rate + n * n * push)
+    always = share * longest * late + cube * turn * (push + 0.25 * h * (rate + n * push))
+    return place, speed + share * longest * m * m * bend, always

@@ -124,6 +124,38 @@ def march_drift(one, two, cell, width, calm, end, n, form, tube, scale, target, 
 
 
 @kernel()
+def visit(one, two, cell, width, calm, end, n, form, tube, scale, target, best, count, room):
+    """Whether a cell is clear; from when on it is not, and until when a failure in it was flown instead.
+
+    And the least norm of that, if below `best`, and its time; it is `room.point[0]`.
+    """
+    rest = span_both(one, two, cell, width, n, room.rows)
+    t, near = cell[FROM], inf
+    if has_extent(one, cell, SIDE) or has_extent(two, cell, SIDE + width):
+        t, clear, near = march_drift(
+            one, two, cell, width, calm, end, n, form, tube, scale, target, best, rest, room
+        )
+        if clear:
+            return True, t, end, best, nan
+    begin, stop = near_by(one, two, cell, width, t, near, end, n, count, room)
+    least, time = fly(one, two, room.point[0], width, begin, stop, n, form, room, best)
+    return False, t, stop, least, time
+
+
+@kernel()
+def divide(one, two, width, top, t, stop, end, room, count):
+    """Cut a cell, to go on from time t, or from where it was flown to if all in it is one failure.
+
+    How many cells there are then.
+    """
+    parts = cut(one, two, width, top, t, room, count)
+    if parts == top and stop < end:
+        room.cells[top, FROM] = stop
+        parts += 1
+    return parts
+
+
+@kernel()
 def search(one, two, top, width, end, n, form, scale, tube, certain, most, room):
     """Least norm over all failures and drifts, its time, and how certain it is after MANY cells at most.
 
@@ -149,17 +181,12 @@ def search(one, two, top, width, end, n, form, scale, tube, certain, most, room)
         cell = room.cells[top]
         if cell[FROM] > end:
             continue
-        rest = span_both(one, two, cell, width, n, room.rows)
-        t, near = cell[FROM], inf
+        clear, t, stop, least, time = visit(
+            one, two, cell, width, calm, end, n, form, tube, scale, target, best, count, room
+        )
+        if clear:
+            continue
         extended = has_extent(one, cell, SIDE) or has_extent(two, cell, SIDE + width)
-        if extended:
-            t, clear, near = march_drift(
-                one, two, cell, width, calm, end, n, form, tube, scale, target, best, rest, room
-            )
-            if clear:
-                continue
-        begin, stop = near_by(one, two, cell, width, t, near, end, n, count, room)
-        least, time = fly(one, two, room.point[0], width, begin, stop, n, form, room, best)
         if least < best:
             much = best - least > RETRIED * widest(room, count)[1]
             best, when = least, time
@@ -175,12 +202,58 @@ def search(one, two, top, width, end, n, form, scale, tube, certain, most, room)
         if extended:
             if top + 2 > len(room.cells):
                 return -inf, float(top), 0.0
-            parts = cut(one, two, width, top, t, room, count)
-            if parts == top and stop < end:  # all in it is one failure
-                cell[FROM] = stop
-                parts += 1
-            top = parts
+            top = divide(one, two, width, top, t, stop, end, room, count)
     return best, when, certain
+
+
+@kernel()
+def begin_pair(one, two, first, second, end, n, room, told):
+    """Choose a pair and fill its cells: how many, 0 without a common time, -1 where there is no room."""
+    width = (room.cells.shape[1] - SIDE) // 2
+    choose(one, first)
+    choose(two, second)
+    begin = max(one.arcs[one.now[1], START], two.arcs[two.now[1], START])
+    told[TIME], told[RATIO], told[LOWER] = nan, inf, inf
+    if begin > end:
+        return 0
+    top = fill_cells(one, two, begin, width, n, room.cells)
+    if 2 * top > len(room.cells):
+        told[TIME], told[RATIO] = top, -inf
+        return -1
+    return top
+
+
+@kernel()
+def go_on(one, two, found, width, end, far, n, form, scale, tube, certain, room):
+    """The least norm, its time and how certain it is: what was `found`, or the drift from `end` to `far`."""
+    ratio, when, known = found
+    top = fill_cells(one, two, end, width, n, room.cells)
+    ratio, later, late = search_tail(one, two, top, width, far, n, form, scale, tube, certain, room, ratio)
+    if later == -inf:
+        return -inf, float(2 * len(room.cells)), known
+    return ratio, later if later == later else when, max(known, late)
+
+
+@kernel()
+def tell(one, two, found, end, n, form, room, told):
+    """Fill the columns of a pair with its worst failure, `room.point[1]`, if there is one."""
+    ratio, when, known = found
+    width = (room.cells.shape[1] - SIDE) // 2
+    if ratio == -inf or (ratio == 1.0 and when != when):  # too little room, or nothing is certain
+        told[TIME], told[RATIO] = when, ratio
+    if ratio == -inf or when != when:
+        return
+    worst = room.point[1]
+    single(one, worst, SIDE, n, room.rows[0])
+    single(two, worst, SIDE + width, n, room.rows[1])
+    seen = when if when < inf else end
+    open_window(one, two, worst, width, seen, end, n, 1, seen, form, room)
+    lower = ratio - known * max(abs(ratio), 1.0)
+    told[TIME], told[RATIO], told[LOWER] = when, ratio, lower if form[0] == FACES else max(lower, 0.0)
+    for axis in range(3):
+        told[PLACE + axis] = room.motions[0, 0, axis]
+    for c in range(len(worst)):
+        told[FAILURE + c] = worst[c]
 
 
 @kernel(
@@ -216,40 +289,12 @@ def worst_failures(one, two, first, second, ends, n, form, scale, certain, most,
     tube = tube[0], borrowed(tube[1]), borrowed(tube[2])
     width = (room.cells.shape[1] - SIDE) // 2
     for p in range(len(first)):
-        choose(one, first[p])
-        choose(two, second[p])
         end = ends[p]
-        begin = max(one.arcs[one.now[1], START], two.arcs[two.now[1], START])
-        out[p, TIME], out[p, RATIO], out[p, LOWER] = nan, inf, inf
-        if begin > end:
-            continue
-        top = fill_cells(one, two, begin, width, n, room.cells)
-        if 2 * top > len(room.cells):
-            out[p, RATIO] = -inf
-            out[p, TIME] = top
+        top = begin_pair(one, two, first[p], second[p], end, n, room, out[p])
+        if top <= 0:
             continue
         ratio, when, known = search(one, two, top, width, end, n, form, scale, tube, certain, most, room)
+        found = ratio, when, known
         if far > 0.0 and ratio > -inf and (certain > 0.0 or when != when):
-            top = fill_cells(one, two, end, width, n, room.cells)
-            ratio, later, late = search_tail(
-                one, two, top, width, far, n, form, scale, tube, certain, room, ratio
-            )
-            known = max(known, late)
-            if later == -inf:
-                ratio, when = -inf, float(2 * len(room.cells))
-            elif later == later:
-                when = later
-        if ratio == -inf or (ratio == 1.0 and when != when):  # too little room, or nothing is certain
-            out[p, TIME], out[p, RATIO] = when, ratio
-        if ratio == -inf or when != when:
-            continue
-        worst = room.point[1]
-        single(one, worst, SIDE, n, room.rows[0])
-        single(two, worst, SIDE + width, n, room.rows[1])
-        seen = when if when < inf else end
-        open_window(one, two, worst, width, seen, end, n, 1, seen, form, room)
-        out[p, TIME], out[p, RATIO], out[p, LOWER] = when, ratio, ratio - known * max(abs(ratio), 1.0)
-        for axis in range(3):
-            out[p, PLACE + axis] = room.motions[0, 0, axis]
-        for c in range(len(worst)):
-            out[p, FAILURE + c] = worst[c]
+            found = go_on(one, two, found, width, end, far, n, form, scale, tube, certain, room)
+        tell(one, two, found, end, n, form, room, out[p])

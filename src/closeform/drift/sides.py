@@ -110,8 +110,8 @@ def room_for(one: Side, two: Side, cells: int = CELLS) -> PairRoom:
     parameters = 2 * max(2, *burns)
     return PairRoom(
         np.zeros((cells, SIDE + 2 * width)),
-        np.zeros((2, SIDE + 2 * width)),
-        np.zeros((2, 4, WIDTH)),
+        np.zeros((3, SIDE + 2 * width)),
+        np.zeros((2, 12, WIDTH)),
         np.zeros((motions, 8, 3)),
         np.zeros((motions, 3)),
         np.zeros((motions, 6)),

@@ -9,7 +9,6 @@ from itertools import islice
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
-from scipy.linalg import solve_discrete_lyapunov
 
 from closeform.arrays import Floats
 from closeform.field.feedback import Feedback, Navigation, kicked, kicks_back, left_of, slots_of, way_back
@@ -189,7 +188,8 @@ class ClosedLoop:
         step, new = np.zeros((12, 12)), np.zeros((12, 12))
         step[:6, :6], step[:6, 6:], step[6:, 6:] = left[-1], taken[-1], kept * np.eye(6)
         new[6:, 6:] = (1.0 - kept**2) * white
-        return np.asarray(solve_discrete_lyapunov(step, new))
+        steady = np.linalg.solve(np.eye(144) - np.kron(step, step), new.ravel())  # S = step S step^T + new
+        return np.asarray(steady.reshape(12, 12))
 
     def noise(self, sight: Navigation, wrong: Floats | None = None) -> tuple[float, float]:
         """Standard deviations in the worst direction, of position [m] and of thrust [m/s^2]; as above."""

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.integrate import solve_ivp
 
 from closeform.arrays import Floats, broadcast, instance, number, shown
 from closeform.exchange.chief import Chief
@@ -220,6 +219,8 @@ class Field:
         if self.acceleration is None:
             fly(self._constants, ballistic, start, since, LONGEST, TABLEAU, out)
             return out
+
+        from scipy.integrate import solve_ivp  # which loads half of scipy
 
         def rates(t: float, s: Floats) -> Floats:
             return np.concatenate([s[3:], self.accelerations(np.array(begin + t), s)])

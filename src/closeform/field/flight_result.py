@@ -11,7 +11,6 @@ import numpy as np
 from closeform.arrays import Floats, whole
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
-from closeform.motion.sampling import fired_at_ends
 from closeform.result import Rows
 
 if TYPE_CHECKING:
@@ -183,5 +182,4 @@ class Flight(Rows):
         if whole("seed", seed) >= len(self.states):
             raise ValueError(f"seed: there are {len(self.states)} flights, got {seed}")
         states, arrivals = self.states[seed], self.arrivals[seed]
-        between = self.planned.orbit._through(self.times, states, arrivals)
-        return fired_at_ends(between, (states - arrivals)[:, [0, -1], 3:])
+        return self.planned.orbit._through(self.times, states, arrivals)

@@ -13,15 +13,15 @@ from math import exp, sqrt
 
 import numpy as np
 from numba import float64, void
-from scipy.integrate import DOP853
 
 from closeform.arrays import Floats
 from closeform.compiled import kernel
+from closeform.field.dormand_prince import tableau
 from closeform.kernel_loans import borrowed, stack_vector
 
 MU, RADIUS, ZONALS, DENSITY, REFERENCE, SCALE_HEIGHT, SPIN, WIDTH = 0, 1, 2, 7, 8, 9, 10, 11  # of constants
 DEGREES = 5  # of zonals, from the second on
-TABLEAU: Floats = np.vstack([DOP853.A, DOP853.B])  # Hairer, Norsett and Wanner 1993, II.10
+TABLEAU: Floats = tableau()
 
 
 @kernel(inline=True)

@@ -26,6 +26,18 @@ def distance(g, gained, scale):
 
 
 @kernel()
+def damped_step(g, gained, hessian, scale, damping, work, step):
+    """Fill `step` with Newton's, of a `hessian` to which so much of the scales is added."""
+    for i in range(6):
+        for j in range(i, 6):
+            work[i, j] = hessian[i, j]
+        work[i, i] += damping * scale[i]
+        step[i] = g[i] - gained[i]
+    factorise(work, 6)
+    back_substitute(work, step, 6)
+
+
+@kernel()
 def downhill(g, gained, hessian, scale, work, step):
     """Fill `step` with Newton's, of a `hessian` that is made definite; returns the slope along it."""
     most = 0.0
@@ -33,13 +45,7 @@ def downhill(g, gained, hessian, scale, work, step):
         most = max(most, hessian[i, i] / scale[i])
     damping = 1e-15 * most
     while True:
-        for i in range(6):
-            for j in range(i, 6):
-                work[i, j] = hessian[i, j]
-            work[i, i] += damping * scale[i]
-            step[i] = g[i] - gained[i]
-        factorise(work, 6)
-        back_substitute(work, step, 6)
+        damped_step(g, gained, hessian, scale, damping, work, step)
         slope = dot(g, step) - dot(gained, step)
         if slope > 0.0 or damping > 1e3 * most or most == 0.0:
             return slope

@@ -17,7 +17,7 @@ from closeform.motion.mean_motion import (
     mean_motion_from_period,
     mean_motion_from_semi_major_axis,
 )
-from closeform.motion.steering import transitions
+from closeform.motion.steering import transition_matrices
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,4 @@ class CircularOrbit:
         ----------
         docs/theory.md section 1.
         """
-        times = checked_below("duration", duration)
-        out = np.empty((times.size, 6, 6))
-        transitions(self.mean_motion, np.ravel(times), out)
-        return out.reshape(times.shape + (6, 6))
+        return transition_matrices(self.mean_motion, checked_below("duration", duration))

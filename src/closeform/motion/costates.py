@@ -19,6 +19,7 @@ from closeform.kernel_loans import stack_matrix, stack_vector
 from closeform.motion.hill import coast, oscillation
 from closeform.motion.primer import NARROWEST, UNCLEAR, kind_of, series
 
+FREE = 1e200  # a limit that nothing reaches
 COASTING, RISING, SATURATED = 0, 1, 2  # |p| below both levels, between them, beyond both
 
 # Six points of Gauss and their weights on [0, 1]; a piece turns the direction of p by TURN at most

@@ -20,7 +20,7 @@ from closeform.arrays import Floats, shown
 from closeform.motion.arc import END, START, STATE
 from closeform.motion.impulses import longest_turn
 from closeform.motion.reduced import ANSWER, COUNT, FIRST, LOWER, PRIMER, UNIQUE, UPPER
-from closeform.motion.steering import transitions
+from closeform.motion.steering import transition_matrices
 
 GRID, GRID_PER_TURN = 25, 24.0  # times of the first program
 FINE_PER_TURN = 128.0  # intervals of the certificate, at least
@@ -53,8 +53,7 @@ class Program:
 
     def rows(self, times: Floats) -> tuple[Floats, Floats]:
         """What d_i . p is by c, and its rate: (T, m, 6) each."""
-        moves = np.empty((len(times), 6, 6))
-        transitions(self.n, np.ascontiguousarray(times), moves)
+        moves = transition_matrices(self.n, times)
         toward = turned(self.directions, self.inertial, self.phase + self.n * times)
         values, rates = toward @ moves[:, :3], toward @ moves[:, 3:]
         if self.inertial:  # the rate of d is n times that of a quarter of a turn
@@ -158,9 +157,8 @@ def answers_of(
     out = np.zeros((len(arcs), ANSWER))
     for k, (arc, final) in enumerate(zip(arcs, finals, strict=True)):
         duration = arc[END] - arc[START]
-        back = np.empty((1, 6, 6))
-        transitions(mean_motion, np.array([-duration]), back)
-        x, y, z, vx, vy, vz = back[0] @ final - arc[STATE : STATE + 6]
+        back = transition_matrices(mean_motion, -duration)
+        x, y, z, vx, vy, vz = back @ final - arc[STATE : STATE + 6]
         twice = 2.0 * mean_motion
         g = np.array([vx - twice * y, vy + twice * x, vz, -x / duration, -y / duration, -z / duration])
         size = np.linalg.norm(g)

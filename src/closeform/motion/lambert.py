@@ -77,7 +77,8 @@ def _reached(orbit: "Orbit", shape: tuple[int, ...], rows: Floats, arrived: Floa
         return
     craft = f"craft {', '.join(map(str, np.unravel_index(k, shape)))}: " if shape else ""
     apart = f"{lengths[k]:g} s ({lengths[k] / orbit.period:.6g} orbits) apart"
-    place = ", ".join(f"{coordinate:.9g}" for coordinate in arrived[k, :3])
+    within = np.where(np.abs(arrived[k, :3]) > FORGIVEN * places[k], arrived[k, :3], 0.0)
+    place = ", ".join(f"{coordinate:.9g}" for coordinate in within)
     raise ValueError(
         f"final: {craft}two impulses {apart} come no nearer than {missed[k]:.6g} m, at [{place}]; "
         "end there, or change the duration"

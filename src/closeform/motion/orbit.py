@@ -14,7 +14,7 @@ from closeform.motion.circular import CircularOrbit
 from closeform.motion.ends import arcs_between, arcs_from, checked_below
 from closeform.motion.lambert import drifts
 from closeform.motion.path import Path, path_of
-from closeform.motion.sampling import arcs_through
+from closeform.motion.sampling import arcs_through, fired_at_ends
 from closeform.motion.steering import fix_inertially, steer
 from closeform.motion.within_limit import limited
 
@@ -328,11 +328,14 @@ class Orbit(CircularOrbit):
         return self._through(times, states)
 
     def _through(self, times: ArrayLike, states: ArrayLike, arrivals: Floats | None = None) -> Path:
-        """The path through samples, from `arrivals` on by impulses where these are other states."""
+        """The path through samples, by impulses, at its ends too, where `arrivals` are other states."""
         arcs = arcs_through(self.mean_motion, times, states, arrivals)
         *batch, each, _ = arcs.shape
         offsets = each * np.arange(int(np.prod(batch, dtype=int)) + 1)
-        return Path(self, arcs.reshape(-1, WIDTH), offsets, tuple(batch))
+        path = Path(self, arcs.reshape(-1, WIDTH), offsets, tuple(batch))
+        if arrivals is None:
+            return path
+        return fired_at_ends(path, (np.asarray(states) - arrivals)[..., [0, -1], 3:])
 
     def _path(self, arcs: Any) -> Path:
         rows = np.ascontiguousarray(arcs).reshape(-1, WIDTH)

@@ -15,7 +15,7 @@ from closeform.compiled import kernel
 from closeform.kernel_loans import borrowed, stack_matrix, stack_vector
 from closeform.motion.arc import END, MEAN_MOTION, PUSH, START, STATE, THRUST, WIDTH, state_at
 from closeform.motion.ascent import DONE, IMPOSSIBLE, climb, distance, downhill, least_limit, sharpen
-from closeform.motion.costates import COASTING, RISING, piece_end, side, sum_up
+from closeform.motion.costates import COASTING, FREE, RISING, piece_end, side, sum_up
 from closeform.motion.hill import coast, oscillation
 from closeform.motion.linear import dot
 from closeform.motion.primer import NARROWEST, functional
@@ -25,7 +25,6 @@ from closeform.motion.primer import NARROWEST, functional
 OFF = 3e-9
 ROUNDING = 1e-14  # of |p|, in thrust of size (|p| - 1) / e
 NOISE = 1e-13  # of states, by rounding
-FREE = 1e200  # a limit that nothing reaches
 CLOSE = 1e-6  # of the least limit: so well it is told
 WORST = 1e-6  # a path's cost over its lower bound
 

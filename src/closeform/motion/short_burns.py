@@ -1,4 +1,4 @@
-"""Impulses of least delta-v as burns about their times, where a thrust limit makes them short."""
+"""Burns about the impulses of least delta-v, where a thrust limit makes them short."""
 
 from typing import NamedTuple
 
@@ -6,16 +6,18 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.motion.arc import END, MEAN_MOTION, PUSH, START, STATE, WIDTH
+from closeform.motion.burn_bound import prove_burns
 from closeform.motion.impulses import answers
 from closeform.motion.path import evaluate
 from closeform.motion.reduced import COUNT, FIRST, LOWER, PRIMER, UPPER
-from closeform.motion.steering import transitions
+from closeform.motion.steering import transition_matrices
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(8)
-ROOM = 1e-9  # of a burn, by which it is longer than the limit asks
-REPAIRS = 6  # of what burns of some length leave open at the end
-MISSED = 1e-12  # of what is to be gained
+ROOM = 1e-7  # of a burn, by which it is longer than the limit asks
+ROUNDS = 4  # of impulses that leave burns at the ends room
 NOTHING = 1e-9  # of all delta-v: an impulse that is rounding
+TURN = 1e-3  # of the orbit, in which a burn keeps its direction: a loss of some TURN^2/24
+DEPENDENT = 1e-6  # of the largest singular value: burns by which a primer is not known
 
 
 class ShortBurns(NamedTuple):
@@ -26,60 +28,146 @@ class ShortBurns(NamedTuple):
     bound: float
     primer: Floats
 
+    @property
+    def gap(self) -> float:
+        """By what share they cost more than the bound."""
+        return self.delta_v / self.bound - 1.0
+
+
+class Impulses(NamedTuple):
+    """Times (K,) [s] and pushes (K, 3) [m/s] of impulses of least delta-v, which their primer (6,) bounds."""
+
+    times: Floats
+    pushes: Floats
+    primer: Floats
+    bound: float
+
+
+class Burns(NamedTuple):
+    """Begins, lengths [s] and pushes (M, 3) [m/s] of burns in parts, and the spans (K, 2) of whole ones."""
+
+    begins: Floats
+    lengths: Floats
+    pushes: Floats
+    whole: Floats
+
 
 def short_burns(n: float, arc: Floats, final: Floats, limit: float) -> ShortBurns | None:
-    """The impulses of least delta-v as burns at a limit; None where burns do not fit.
+    """The impulses of least delta-v as burns at a limit; None where there are none, or burns do not fit.
 
-    `arc` (30,) gives the times and the initial state, `final` (6,) the state at its end.  A burn of length b
-    costs a share of (n b)^2/24 more than its impulse, and is changed by as little as makes all meet the end.
+    `arc` (30,) gives the times and the initial state, `final` (6,) the state at its end.
     """
-    found = answers(n, arc[None], final[None])[0]
-    table = found[FIRST:].reshape(-1, 4)[: int(found[COUNT])]
-    duration = arc[END] - arc[START]
-    scale = np.array([1.0] * 3 + [1.0 / duration] * 3)
-    gain = scale * _effects(n, table[:, 0], np.zeros(len(table)), table[:, 1:]).sum(axis=0)
-    table = table[np.linalg.norm(table[:, 1:], axis=1) > NOTHING * found[UPPER]]
-    pushes = table[:, 1:].copy()
-    for _ in range(REPAIRS):
-        sizes = np.linalg.norm(pushes, axis=1)
-        lengths = (1.0 + ROOM) * sizes / limit
-        begins = np.clip(table[:, 0] - 0.5 * lengths, 0.0, duration - lengths)
-        if (begins < 0.0).any() or (begins[1:] < (begins + lengths)[:-1]).any():
-            return None
-        missing = gain - scale * _effects(n, begins, lengths, pushes).sum(axis=0)
-        if np.abs(missing).max() <= MISSED * np.abs(gain).max():
-            break
-        ways = scale[:, None, None] * _mean_rows(n, begins, lengths).transpose(2, 0, 1) * sizes[:, None]
-        change = np.linalg.lstsq(ways.reshape(6, -1), missing, rcond=1e-13)[0]
-        pushes += change.reshape(-1, 3) * sizes[:, None]
-    else:
+    duration = float(arc[END] - arc[START])
+    least = impulses = _impulses(n, arc, final, np.zeros(2))
+    if not len(least.times):
         return None
-    arcs = _flown(n, arc, begins, lengths, pushes)
-    return ShortBurns(arcs, float(sizes.sum()), float(found[LOWER]), found[PRIMER : PRIMER + 6])
+    aim, kept = final, np.zeros(2)
+    for _ in range(ROUNDS):  # impulses whose burns do what the least impulses do
+        burns = _burns(n, duration, impulses, limit)
+        if burns is None:
+            return None
+        half = 0.5 * (burns.whole[[0, -1], 1] - burns.whole[[0, -1], 0])
+        off = np.array([impulses.times[0], duration - impulses.times[-1]])
+        kept = np.where(off <= (1.0 + 2.0 * ROOM) * np.maximum(half, kept), half, 0.0)
+        aim = aim + _missing(n, duration, least, burns)
+        impulses = _impulses(n, arc, aim, kept)
+    burns = _burns(n, duration, impulses, limit)
+    pushes = None if burns is None else _repaired(n, duration, least, burns, limit)
+    if burns is None or pushes is None:
+        return None
+    burns = burns._replace(pushes=pushes)
+    gain = np.einsum("kij,ki->j", transition_matrices(n, least.times)[:, :3], least.pushes)  # theory (27)
+    near = _primer_of(n, impulses.primer, burns.whole, duration)
+    starts = np.array([least.primer, impulses.primer, near])
+    proof, spent = np.empty(6), float(np.linalg.norm(pushes, axis=1).sum())
+    bound = prove_burns(n, duration, gain, limit, starts, proof)
+    if bound < least.bound:
+        bound, proof = least.bound, least.primer
+    return ShortBurns(_flown(n, arc, burns), spent, bound, proof)
 
 
-def _mean_rows(n: float, begins: Floats, lengths: Floats) -> Floats:
-    """Psi (K, 3, 6) in the mean over burns."""
-    times = begins[:, None] + 0.5 * lengths[:, None] * (1.0 + NODES)
-    rows = np.empty((times.size, 6, 6))
-    transitions(n, times.ravel(), rows)
-    mean: Floats = np.einsum("g,kgij->kij", 0.5 * WEIGHTS, rows.reshape(*times.shape, 6, 6)[:, :, :3])
+def _impulses(n: float, arc: Floats, final: Floats, kept: Floats) -> Impulses:
+    """The impulses of least delta-v, none of them so near to the start and the end [s]."""
+    way = transition_matrices(n, np.array([kept[0], -kept[1], -kept[0]]))
+    inner = arc.copy()
+    inner[END] -= kept.sum()
+    inner[STATE : STATE + 6] = way[0] @ arc[STATE : STATE + 6]
+    found = answers(n, inner[None], (way[1] @ final)[None])[0]
+    table = found[FIRST:].reshape(-1, 4)[: int(found[COUNT])]
+    table = table[np.linalg.norm(table[:, 1:], axis=1) > NOTHING * found[UPPER]]
+    primer = way[2] @ found[PRIMER : PRIMER + 6]
+    return Impulses(table[:, 0] + kept[0], table[:, 1:], primer, float(found[LOWER]))
+
+
+def _burns(n: float, duration: float, impulses: Impulses, limit: float) -> Burns | None:
+    """Burns about impulses, cut into parts along the primer; None where they do not fit."""
+    sizes = np.linalg.norm(impulses.pushes, axis=1)
+    lengths = (1.0 + ROOM) * sizes / limit
+    begins = np.clip(impulses.times - 0.5 * lengths, 0.0, duration - lengths)
+    whole = np.stack([begins, begins + lengths], axis=1)
+    if (whole < 0.0).any() or (whole[1:, 0] < whole[:-1, 1]).any():
+        return None
+    parts = 1 + (n / TURN * lengths).astype(int)
+    of = np.repeat(np.arange(len(sizes)), parts)  # the burn of each part
+    before = np.arange(len(of)) - (np.cumsum(parts) - parts)[of]
+    lengths = (lengths / parts)[of]
+    begins = begins[of] + before * lengths
+    along = transition_matrices(n, begins + 0.5 * lengths)[:, :3] @ impulses.primer
+    along *= (sizes / parts)[of, None] / np.linalg.norm(along, axis=1)[:, None]
+    return Burns(begins, lengths, along, whole)
+
+
+def _missing(n: float, duration: float, least: Impulses, burns: Burns) -> Floats:
+    """What burns leave open of the state (6,) at the end, to which impulses lead."""
+    reached = np.einsum("kij,kj->i", transition_matrices(n, duration - least.times)[:, :, 3:], least.pushes)
+    open_left: Floats = reached - np.einsum("kij,kj->i", _mean_effects(n, duration, burns), burns.pushes)
+    return open_left
+
+
+def _repaired(n: float, duration: float, least: Impulses, burns: Burns, limit: float) -> Floats | None:
+    """Pushes changed by as little as makes all meet the end; None where that breaks the limit."""
+    scale = np.array([1.0] * 3 + [duration] * 3)
+    sizes = np.linalg.norm(burns.pushes, axis=1)
+    ways = scale[:, None, None] * _mean_effects(n, duration, burns).transpose(1, 0, 2) * sizes[:, None]
+    missing = scale * _missing(n, duration, least, burns)
+    change = np.linalg.lstsq(ways.reshape(6, -1), missing, rcond=1e-13)[0]
+    pushes: Floats = burns.pushes + change.reshape(-1, 3) * sizes[:, None]
+    return pushes if (np.linalg.norm(pushes, axis=1) <= limit * burns.lengths).all() else None
+
+
+def _mean_effects(n: float, duration: float, burns: Burns) -> Floats:
+    """What pushes change (M, 6, 3) of the state at the end, in the mean over burns."""
+    times = burns.begins[:, None] + 0.5 * burns.lengths[:, None] * (1.0 + NODES)
+    rows = transition_matrices(n, duration - times)[..., 3:]
+    mean: Floats = np.einsum("g,kgij->kij", 0.5 * WEIGHTS, rows)
     return mean
 
 
-def _effects(n: float, begins: Floats, lengths: Floats, pushes: Floats) -> Floats:
-    """What burns gain (K, 6), as primers see it.                                             # theory (27)"""
-    gained: Floats = np.einsum("kij,ki->kj", _mean_rows(n, begins, lengths), pushes)
-    return gained
+def _primer_of(n: float, primer: Floats, burns: Floats, duration: float) -> Floats:
+    """The primer (6,) near that of impulses whose length is 1 where burns (K, 2) begin and end, on average.
+
+    The bound that it proves is of second order in lengths, that of impulses at an end of first. # theory (32)
+    """
+    switches = np.where([burns[:, 0] > 0.0, burns[:, 1] < duration], burns.T, burns[:, ::-1].T)
+    rows = transition_matrices(n, switches.ravel())[:, :3]
+    scale = np.array([1.0] * 3 + [1.0 / duration] * 3)
+    for _ in range(2):
+        there = rows @ primer
+        size = np.linalg.norm(there, axis=1)
+        slopes = np.einsum("ki,kij->kj", there / size[:, None], rows)
+        mean, short = (one.reshape(2, len(burns), -1).mean(axis=0) for one in (slopes, 1.0 - size))
+        primer = primer + scale * np.linalg.lstsq(mean * scale, short[:, 0], rcond=DEPENDENT)[0]
+    return primer
 
 
-def _flown(n: float, arc: Floats, begins: Floats, lengths: Floats, pushes: Floats) -> Floats:
+def _flown(n: float, arc: Floats, burns: Burns) -> Floats:
     """The arcs of burns and of the coasts between them."""
     rows: list[Floats] = []
     state, now = arc[STATE : STATE + 6], 0.0
-    ends = np.append(np.stack([begins, begins + lengths], axis=1), arc[END] - arc[START])
+    spans = np.stack([burns.begins, burns.begins + burns.lengths], axis=1)
+    ends = np.append(spans, arc[END] - arc[START])
     thrusts = np.zeros((len(ends), 3))
-    thrusts[1::2] = pushes / lengths[:, None]
+    thrusts[1::2] = burns.pushes / burns.lengths[:, None]
     for last, thrust in zip(ends, thrusts, strict=True):
         if last <= now:
             continue

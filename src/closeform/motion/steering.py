@@ -36,6 +36,13 @@ def steer(n: float, arcs: Floats, finals: Floats) -> None:
                 arc[THRUST + i] += rhs[i]
 
 
+def transition_matrices(n: float, times: Floats) -> Floats:
+    """Those of natural motion (..., 6, 6) by times (...) [s]."""
+    out = np.empty((times.size, 6, 6))
+    transitions(n, np.ascontiguousarray(times).ravel(), out)
+    return out.reshape((*times.shape, 6, 6))
+
+
 @kernel(void(float64, float64[::1], float64[:, :, ::1]))
 def transitions(n: float, times: Floats, out: Floats) -> None:
     for p in range(len(times)):

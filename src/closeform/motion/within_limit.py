@@ -7,12 +7,14 @@ from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, broadcast
 from closeform.motion.arc import END, START, WIDTH
+from closeform.motion.effort import ENERGY, totals
 from closeform.motion.mean_motion import checked
-from closeform.motion.saturated import CLOSE, ENOUGH, NEEDED, POSSIBLE, PROOF, UNDECIDED, limit_thrust
+from closeform.motion.saturated import CLOSE, ENOUGH, NEEDED, POSSIBLE, PROOF, UNDECIDED, WORST, limit_thrust
 from closeform.motion.short_burns import short_burns
 
 ROOM, MORE = 40, 1000  # arcs a path, of which a batch is given room at first, and beside
-DEARER = 1e-3  # by what share of impulses short burns may cost more
+DEARER = 1e-3  # by what share of their bound short burns may cost more where nothing else is found
+BRIEF = 1e-3  # of the duration
 
 
 class TooLittleThrust(ValueError):
@@ -43,28 +45,43 @@ def limited(
     limits = np.full(shape, limits).ravel()
     pieces, offsets = [np.empty((0, WIDTH))], np.zeros(len(rows) + 1, dtype=np.int64)
     facts, k, room = np.zeros((len(rows), PROOF + 6)), 0, ROOM * len(rows) + MORE
+    brief = _brief(n, rows, limits) & sparing
     while k < len(rows):
-        made, ends = np.empty((room, WIDTH)), np.full(len(rows) - k + 1, -1)
-        ends[0] = 0
-        limit_thrust(n, rows[k:], finals[k:], limits[k:], sparing, made, ends, facts[k:])
-        done = int(np.count_nonzero(ends >= 0)) - 1
-        pieces.append(made[: ends[done]])
-        offsets[k + 1 : k + done + 1] = offsets[k] + ends[1 : done + 1]
-        k += done
-        if k < len(rows) and facts[k, NEEDED] != POSSIBLE:
+        burns = short_burns(n, rows[k], finals[k], limits[k]) if brief[k] else None
+        if burns is None or burns.gap > WORST:
+            until = next((later for later in range(k + 1, len(rows)) if brief[later]), len(rows))
+            made, ends = np.empty((room, WIDTH)), np.full(until - k + 1, -1)
+            ends[0] = 0
+            limit_thrust(
+                n, rows[k:until], finals[k:until], limits[k:until], sparing, made, ends, facts[k:until]
+            )
+            done = int(np.count_nonzero(ends >= 0)) - 1
+            pieces.append(made[: ends[done]])
+            offsets[k + 1 : k + done + 1] = offsets[k] + ends[1 : done + 1]
+            k += done
+            if k == until or facts[k, NEEDED] == POSSIBLE:
+                room *= 1 if done else 4
+                continue
             undecided = sparing and facts[k, NEEDED] == UNDECIDED
             burns = short_burns(n, rows[k], finals[k], limits[k]) if undecided else None
-            if burns is None or not burns.delta_v <= (1.0 + DEARER) * burns.bound:
+            if burns is None or burns.gap > DEARER:
                 name = f"craft {', '.join(map(str, np.unravel_index(k, shape)))}: " if shape else ""
                 words = f"max_acceleration: {name}{refusal(rows[k], limits[k], facts[k])}"
                 raise TooLittleThrust(words, k, facts[k])
-            facts[k] = [POSSIBLE, 0.0, burns.bound, burns.delta_v, *burns.primer]
-            pieces.append(burns.arcs)
-            offsets[k + 1] = offsets[k] + len(burns.arcs)
-            k += 1
-        elif not done:
-            room *= 4
+        facts[k] = [POSSIBLE, 0.0, burns.bound, burns.delta_v, *burns.primer]
+        pieces.append(burns.arcs)
+        offsets[k + 1] = offsets[k] + len(burns.arcs)
+        k += 1
     return np.concatenate(pieces), offsets, shape, facts
+
+
+def _brief(n: float, arcs: Floats, limits: Floats) -> Any:
+    """Where burns at a limit are surely short beside the transfer: by the optima's delta-v without one."""
+    energies = np.empty(len(arcs))
+    totals(arcs, np.arange(len(arcs) + 1), n, ENERGY, energies)
+    duration = arcs[:, END] - arcs[:, START]
+    most = np.sqrt(2.0 * energies * duration)  # of what is fired
+    return (most > 0.0) & (most < BRIEF * limits * duration)
 
 
 def refusal(arc: Floats, limit: float, facts: Floats) -> str:

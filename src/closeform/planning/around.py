@@ -158,6 +158,8 @@ class Around:
         limit = numbers("max_acceleration", max_acceleration)
         if limit.shape or not limit > 0.0:
             raise ValueError(f"max_acceleration: one positive number [m/s^2], got {shown(max_acceleration)}")
+        if limit == np.inf:
+            return self.plan(direct(1.0), prove)
         task = replace(self, limit=float(limit)) if self.cost == "delta-v" else self
         return within_limit(task, direct, float(limit), longer, prove)
 
@@ -231,7 +233,7 @@ def impulsive(clear: Path | None, problem: Problem, task: Around) -> Avoidance:
         reason = f"no clear path among {ways}; raise budget for more"
         if problem.drift is not None:
             beyond_it = "" if limits is None or found.limited else ", nor without the thrust limit"
-            reason = f"no passively safe path among {ways}{beyond_it}"
+            reason = f"no passively safe path among {ways}{found.near_miss}{beyond_it}"
             reason += unseparated(problem, ("path", *task.names))
         none = refused(problem, Status.NOT_FOUND, reason, found.tried, free.least)
         if found.enough is None or limits is None:

@@ -27,7 +27,7 @@ from closeform.planning.impulse_alone import answers_alone
 from closeform.planning.impulse_checks import Failures, Spent
 from closeform.planning.impulse_descent import cleared
 from closeform.planning.impulse_local import FEWER, FIRED, IDLE, LAST, WIDEST, ImpulseSolver
-from closeform.planning.impulse_moments import Moments, sizes_of, some_of_each
+from closeform.planning.impulse_moments import Moments, pushes_table, sizes_of, some_of_each
 from closeform.planning.problem import Problem
 from closeform.planning.scene import Contacts
 
@@ -166,10 +166,7 @@ class BurnSolver(ImpulseSolver):
                 given = np.repeat(given / pieces[:, None], pieces, axis=0)
             moments.append(own)
             pushes.append(given)
-        table = np.zeros((len(pushes), max(map(len, pushes)), 3))
-        for row, given in zip(table, pushes, strict=True):
-            row[: len(given)] = given
-        return self.fired_at(moments, table, paths)
+        return self.fired_at(moments, pushes_table(pushes), paths)
 
     def fine(self, i: int) -> float:
         """How long slots of a craft are at most where it burns [s]."""

@@ -4,11 +4,15 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
+import numpy as np
+
 from closeform.arrays import Floats
+from closeform.motion.arc import END
 from closeform.planning.impulse_moments import Moments, sizes_of, some_of_each
-from closeform.planning.problem import Flown, PairRow
+from closeform.planning.problem import Flown, PairRow, Problem
 from closeform.planning.scene import Contacts
 
+ASTRAY = 1e-6  # of how far away ends are, or of a metre: by more nobody has arrived
 WEAK = 1e-3  # of the mean multiplier: planes that hardly push
 
 
@@ -65,8 +69,8 @@ class Failures(Protocol):
     def checked(self, flown: Flown, known: Contacts) -> Checked:
         """Conflicts of paths, and where failed craft come near others, at `known` instants among others."""
 
-    def starts(self) -> Iterator[Contacts]:
-        """Contacts of other plans that are safe, to begin with."""
+    def starts(self, margin: float = ...) -> Iterator[Contacts]:
+        """Contacts of other plans that are safe, to begin with, for zones larger by a margin."""
 
     def merged(
         self, contacts: Contacts, before: list[Moments], impulses: Floats, after: list[Moments]
@@ -78,6 +82,13 @@ class Failures(Protocol):
 
     def brief(self, flown: Flown) -> Flown:
         """The same paths, their impulses as brief burns, in the midst of which thrust may be lost."""
+
+
+def arrive(problem: Problem, flown: Flown, finals: Floats) -> bool:
+    """Whether craft come to their final states (N, 6), as few impulses along few directions may not."""
+    paths, ends = problem.path(flown), problem.base[:, END]
+    off = np.abs(np.stack([paths[i].state(end) for i, end in enumerate(ends)]) - finals)[:, :3].max()
+    return bool(off <= ASTRAY * np.abs(finals[:, :3]).max(initial=1.0))
 
 
 def pushing(contacts: Contacts) -> Any:

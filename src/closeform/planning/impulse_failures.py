@@ -80,9 +80,9 @@ class ImpulseFailures:
         touched = np.array(sizes) < TOUCHING
         return contacts.some(np.flatnonzero(touched)), bool(touched.all())
 
-    def starts(self) -> Iterator[Contacts]:
-        """Contacts of passively safe paths of least energy, one after another."""
-        search, known = PassiveSearch(self.problem, MARGINS[0], None, False), np.empty(0)
+    def starts(self, margin: float = MARGINS[0]) -> Iterator[Contacts]:
+        """Contacts of passively safe paths of least energy, for zones larger by a margin."""
+        search, known = PassiveSearch(self.problem, margin, None, False), np.empty(0)
         for number in range(MORE_STARTS + STARTS):
             walking = number >= MORE_STARTS
             if number >= STARTS and len(known) >= (1 if walking else ENOUGH):

@@ -22,7 +22,7 @@ from closeform.motion.reduced import COUNT, LOWER
 from closeform.motion.reduced import FIRST as FIRED_FROM
 from closeform.planning.certify import AHEAD
 from closeform.planning.impulse_alone import answers_alone
-from closeform.planning.impulse_checks import Checked, Failures, Spent, drifting, pushing
+from closeform.planning.impulse_checks import Checked, Failures, Spent, arrive, drifting, pushing
 from closeform.planning.impulse_flight import fly_impulses, keep_fewest
 from closeform.planning.impulse_joining import steps_to_fewer
 from closeform.planning.impulse_moments import Moments, Pushes, blended, sizes_of, table_of
@@ -69,12 +69,12 @@ class ImpulseSolver:
         names: Sequence[str],
         failures: Failures | None = None,
     ) -> None:
-        self.problem, self.thrusters, self.names = problem, thrusters, names
-        self.failures = failures
+        self.problem, self.thrusters, self.names, self.failures = problem, thrusters, names, failures
         self.pushes = Pushes.of(thrusters, problem.orbit.mean_motion)
         self.limits = np.zeros(problem.count)  # [m/s^2], of burns
         self.needed = inf  # times these limits, where burns within them were shown to be too weak
-        self.aim = AIM
+        self.aim = self.least = AIM  # of a zone: how far out planes are, and at least as rounds go on
+        self.nearest = 0.0  # the least norm of the paths that came nearest to being clear
         base = problem.base
         turns = problem.orbit.mean_motion * float((base[:, END] - base[:, START]).max()) / (2.0 * pi)
         times = np.linspace(base[:, START], base[:, END], LEAST + ceil(A_TURN * turns), axis=1)
@@ -120,7 +120,7 @@ class ImpulseSolver:
 
         Of rounds that are not clear only a step is taken, by which no pair moves farther than `stride` zones.
         """
-        best, before, self.aim, tolerance, last, idle = None, None, AIM, WIDEST, inf, 0
+        best, before, self.aim, tolerance, last, idle = None, None, self.least, WIDEST, inf, 0
         moments, been = self.grid, tuple(self.been)
         for turn in range(ROUNDS if stride == inf else STEPS):
             if turn >= ROUNDS and (best is not None or bar < inf):
@@ -155,10 +155,9 @@ class ImpulseSolver:
         return self.part_way(before, found, SHARE if farthest * SHARE <= stride else stride / farthest)
 
     def part_way(self, before: Spent, found: Spent, share: float) -> Spent:
-        """Paths a `share` of the way from those before to those found."""
+        """Paths a `share` of the way from those before to those found, by few impulses."""
         moments, impulses = blended((before.moments, found.moments), (before.impulses, found.impulses), share)
-        fleet = self.fleet(moments)
-        keep_fewest(fleet, self.planes(found.contacts).some(found.pushing), impulses)
+        keep_fewest(self.fleet(moments), self.planes(found.contacts).some(found.pushing), impulses)
         return self.fired_at(moments, impulses, found)
 
     def fired_at(self, moments: list[Moments], impulses: Floats, known: Spent) -> Spent:
@@ -255,8 +254,7 @@ class ImpulseSolver:
 
         Once paths are nearly clear, planes are moved out from round to round by what is missing.
         """
-        aim = self.aim
-        fleet, planes = self.fleet(moments), self.planes(contacts)
+        aim, fleet, planes = self.aim, self.fleet(moments), self.planes(contacts)
         found = self.dual(fleet, planes, tolerance, bar)
         if found is None:
             return None
@@ -264,9 +262,12 @@ class ImpulseSolver:
         contacts = contacts._replace(multipliers=found.multipliers)
         keep_fewest(fleet, planes if self.failures is None else planes.some(pushing(contacts)), impulses)
         flown = self.flown(fleet, impulses)
+        if self.pushes.fixed.any() and not arrive(self.problem, flown, self.finals):
+            return None
         checked = self.checked(flown, contacts)
+        self.nearest = max(self.nearest, checked.worst)
         if checked.worst > NEARLY and tolerance == LAST:
-            self.aim = 0.5 * (aim + AIM) if checked.clear else aim + 1.0 - checked.worst
+            self.aim = 0.5 * (aim + self.least) if checked.clear else aim + 1.0 - checked.worst
         spent = float(sizes_of(impulses).sum())
         least = (1.0 - ROUNDING) * found.cost / max(found.longest, 1.0)
         return Spent(flown, spent, least, checked, contacts, aim, moments, impulses, found.peaks)

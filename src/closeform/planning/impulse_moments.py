@@ -101,6 +101,14 @@ def table_of(moments: Sequence[Moments]) -> tuple[Moments, Any]:
     return table, counts
 
 
+def pushes_table(pushes: Sequence[Floats]) -> Floats:
+    """Impulses (J, 3) of N craft as one table (N, J, 3), which ends in zeros where others have more."""
+    table = np.zeros((len(pushes), max(map(len, pushes)), 3))
+    for row, given in zip(table, pushes, strict=True):
+        row[: len(given)] = given
+    return table
+
+
 def sizes_of(impulses: Floats) -> Floats:
     """Those (N, J) of impulses (N, J, 3)."""
     sizes: Floats = np.sqrt((impulses * impulses).sum(axis=2))

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import cache
+from itertools import islice
 from math import inf, nan
 
 import numpy as np
@@ -13,8 +14,9 @@ from closeform.motion.arc import END, START
 from closeform.motion.saturated import CLOSE
 from closeform.motion.within_limit import TooLittleThrust
 from closeform.planning.impulse_checks import Spent
-from closeform.planning.impulse_descent import descended
-from closeform.planning.impulse_local import ImpulseSolver, beside
+from closeform.planning.impulse_descent import at_rest, descended
+from closeform.planning.impulse_local import AIM, ImpulseSolver, beside
+from closeform.planning.impulse_sharing import shared
 from closeform.planning.limits import FULL
 from closeform.planning.passive_planes import TOGETHER
 from closeform.planning.plan import TooWeak
@@ -28,6 +30,9 @@ ONE, MANY = 6, 1  # starts that are looked at, of one craft and of many
 FELT = 1e-6  # of delta-v, for a zone twice as large: a contact that costs less is none
 MORE = 4  # times as many where none of those is clear
 STRIDE = 1.0  # zones, by which a pair moves in a step: farther away other failures are the near ones
+# Of the free delta-v: safe impulses that cost more are looked for with so many zones of room, too, and of
+# what is found so many are followed down.
+COSTLY, ROOMS, CHEAPEST = 1.2, (0.1, 0.2, 0.3), 12
 DEAR = 1.1  # times the delta-v of safe paths of least energy: dearer impulses are not worth being few
 
 
@@ -53,7 +58,14 @@ def solve_impulses(
         failures = ImpulseFailures(problem)
     impulses = ImpulseSolver(problem, thrusters, names, failures)
     if limits is None:
-        return solved(impulses, by_energy, budget, more)
+        fixed = failures is not None and impulses.pushes.fixed.any()
+
+        def in_any_direction() -> Spent | None:
+            anywhere = ImpulseSolver(problem, (None,) * problem.count, names, failures)
+            best, _ = searched(anywhere, anywhere.unconstrained(), by_energy, budget, more)
+            return None if best is None else shared(impulses, best)
+
+        return solved(impulses, by_energy, budget, more, in_any_direction if fixed else None)
     from closeform.planning.burn_local import BurnSolver  # which plans without limits can spare
 
     burns = BurnSolver(problem, limits, thrusters, names, failures)
@@ -73,7 +85,18 @@ def solve_impulses(
     times = inf if found.flown is None else float((peaks[known] / limits[known]).max())  # of least energy
     times = min(times, burns.enough)
     enough = None if times == inf else np.where(known, times * limits, 0.0)
-    none = Outcome(None, (), nan, 1.0, False, found.tried, found.blocked, enough=enough, limited=bool(safe))
+    none = Outcome(
+        None,
+        (),
+        nan,
+        1.0,
+        False,
+        found.tried,
+        found.blocked,
+        enough=enough,
+        limited=bool(safe),
+        nearest=burns.nearest,
+    )
     return none, free
 
 
@@ -105,9 +128,10 @@ def solved(
         answer = best.flown, contacts_of(problem, touched, at), nan, best.margin, False, tried
         return Outcome(*answer, delta_v=best.delta_v, priced=priced), free
     if solver.pushes.fixed.any():
-        return Outcome(None, (), nan, 1.0, False, tried, blocked(solver, free)), free
+        blocking = blocked(solver, free)
+        return Outcome(None, (), nan, 1.0, False, tried, blocking, nearest=solver.nearest), free
     other = thrusting(problem, by_energy())
-    return replace(other, tried=tried + other.tried), free
+    return replace(other, tried=tried + other.tried, nearest=solver.nearest), free
 
 
 def searched(
@@ -123,30 +147,61 @@ def searched(
         return free, 0
     most = budget or (ONE if solver.problem.count == 1 else MANY) * (MORE if more or solver.failures else 1)
     best: Spent | None = None
-    tried = 0
+    begun: list[Contacts] = []
     for start in starts(solver, free, by_energy):
-        if tried == most:
+        if len(begun) == most:
             break
         for holding, stride in ways_on(solver):
             if solver.failures is not None:
                 solver.failures.holding = holding
             # planes turn: of the first start neither way is left for what it costs before it is clear
-            bar = inf if best is None or tried == 0 else best.delta_v
+            bar = inf if best is None or not begun else best.delta_v
             found = solver.solve(start, bar, stride)
             if found is not None and solver.failures is not None and strayed(solver.problem, free, found):
                 continue
             best = found if best is None or (found is not None and found.delta_v < best.delta_v) else best
-        tried += 1
+        begun.append(start)
     if solver.failures is not None:
         solver.failures.holding = False
     other = None if near is None else near()
-    if other is not None and (best is None or other.delta_v < best.delta_v):
+    if other is not None and other.checked.clear and (best is None or other.delta_v < best.delta_v):
         best = other
-    if best is not None:
-        best = solver.fewest(solver.focused(best))
-        if solver.failures is not None:
-            best = solver.fewest(descended(solver, best))
-    return best, tried
+    best = None if best is None else fewest(solver, best)
+    impulses_may_fail = solver.failures is not None and not solver.limits.any()
+    if impulses_may_fail and (best is None or best.delta_v > COSTLY * free.delta_v):
+        best = roomier(solver, free, begun, best)
+    return best, len(begun)
+
+
+def fewest(solver: ImpulseSolver, best: Spent) -> Spent:
+    """Clear paths with few impulses that are no dearer, or hardly."""
+    best = solver.fewest(solver.focused(best))
+    return best if solver.failures is None else solver.fewest(descended(solver, best))
+
+
+def roomier(solver: ImpulseSolver, free: Spent, begun: list[Contacts], best: Spent | None) -> Spent | None:
+    """The cheapest safe paths, of those that planes further out lead to, and from there down to the zones.
+
+    Where thrust may be lost, rounds come to rest at one of many costs, and a hair decides at which; with room
+    to spare more of them come to safe paths at all.
+    """
+    assert solver.failures is not None
+    found = [] if best is None else [best]
+    for room in ROOMS:
+        solver.least = AIM + room
+        for start in (*begun, *islice(solver.failures.starts(solver.least), ONE)):
+            for holding, stride in ways_on(solver):
+                solver.failures.holding = holding
+                one = solver.solve(start, inf, stride)
+                if one is not None and not strayed(solver.problem, free, one):
+                    found.append(replace(one, margin=AIM))
+    solver.least, solver.failures.holding = AIM, False
+    found = sorted(found, key=lambda one: one.delta_v)[:CHEAPEST]
+    down = [at_rest(solver, one, solver.following) for one in found]
+    cheapest = min(down, key=lambda one: one.delta_v, default=None)
+    if cheapest is None or (best is not None and not cheapest.delta_v < best.delta_v):
+        return best
+    return fewest(solver, cheapest)
 
 
 def ways_on(solver: ImpulseSolver) -> tuple[tuple[bool, float], ...]:

@@ -28,7 +28,8 @@ class Outcome:
     `order`: that in which craft planned one after another, where it is not the one asked for.
     `delta_v` [m/s] is told where it was least, summed over thrusters.  `enough` (N,) [m/s^2]: thrust of clear
     paths, where none was found within limits; `limited`: there are paths without them.
-    `priced`: multipliers of contacts are the slopes of what was to be least.
+    `priced`: multipliers of contacts are the slopes of what was to be least.  `nearest`: the norm to which
+    the best come where none are clear, 0 if it is not known.
     """
 
     flown: Flown | None
@@ -43,6 +44,12 @@ class Outcome:
     priced: bool = True
     enough: Floats | None = None
     limited: bool = False
+    nearest: float = 0.0
+
+    @property
+    def near_miss(self) -> str:
+        """How near the best come where none are clear, in words; none where it is not known."""
+        return f", the nearest {self.nearest:.4f} x zone away" if self.nearest else ""
 
 
 def solve(problem: Problem, budget: int | None = None, more: bool = False) -> Outcome:

@@ -283,6 +283,7 @@ def _fired(plan: Plan, problem: Problem, request: Request, budget: int | None, m
     if found.flown is None:
         reason = _blocked(names, found.blocked, found.tried)
         if problem.drift is not None:
+            reason += found.near_miss
             reason += "" if limits is None or found.limited else ", and without thrust limits, too"
             reason += unseparated(problem, names)
         return replace(plan, blocked=found.blocked, reason=reason)

@@ -96,6 +96,8 @@ class Request:
             if max_acceleration is None
             else _each("max_acceleration", max_acceleration, count, greatest=np.inf)
         )
+        if limits is not None and (limits == np.inf).all():
+            limits = None
         own = each_set(thrusters, count)
         for k, called_so in enumerate(called[:count]):
             if own[k] is not None and limits is not None and limits[k] < np.inf:

@@ -45,6 +45,7 @@ HIGH, SPACE = 6.0, 4.45  # inches of the picture, and of the view in space, whic
 LEFT, RIGHT, ABOVE, BELOW = 5.6, 0.35, 1.0, 1.25  # inches beside, above and below the panels of time
 STRIP, GAP = 0.32, 0.1  # inches of the row of stages, and between panels
 MARK = 0.75  # inches of a mark in the legend, and beside it
+THIN = 1.0  # points: pulses of seconds in hours have no width
 TALL = 0.8  # of a row: the strongest thrust, and the largest impulse
 SHADE = "#eef1f4"
 
@@ -191,9 +192,7 @@ def rows(axes: Axes, flights: list[StageFlight], ticks: Clock, called: list[str]
                 if one.any()
             ]
             axes.add_collection(
-                PolyCollection(
-                    shapes, facecolors=tints[thrust.any(axis=1)], linewidths=0, alpha=0.85, zorder=2
-                )
+                PolyCollection(shapes, color=tints[thrust.any(axis=1)], linewidths=THIN, alpha=0.85, zorder=2)
             )
         unit = thrust_unit(strongest)
         words = f"thrust, up to {strongest / unit.size:.3g} {unit.name}"

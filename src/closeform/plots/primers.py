@@ -40,6 +40,8 @@ LEAST = 0.05  # per cent above a bound, that count as it
 LETTERED = 12  # impulses or slots that are labelled
 SMALLEST = 0.02  # of the largest impulse: smaller ones are not labelled
 TOGETHER = 0.01  # of the duration: impulses that are nearer have one label
+ALIKE = 0.02  # of the delta-v of a plan: as fired it costs the same, to the eye
+STEEP = 4.0  # times the least delta-v: a curve that rises higher has an axis of powers
 CROWDED = 40.0  # pixels: of marks that are nearer the lower one has its words below it
 BESIDE = 0.12  # of the duration: labels nearer than that stand above each other
 
@@ -150,11 +152,12 @@ def _of_plan(path: Path, planes: PlanePushes, thrusters: Thrusters | None) -> Fi
         place = (float(ticks(planes.times[0 if late else -1])), axes.get_ylim()[0])
         axes.annotate("touches a zone", place, (-5 if late else 5, 5), ha="right" if late else "left", **look)
     spent, least = sum(sizes), sum(gained) / max(1.0, float(lengths.max()))
-    sides = " on these sides" if len(planes) else ""
+    whose = (" of these thrusters" if thrusters is not None else "") + (
+        " on these sides" if len(planes) else ""
+    )
     above = 100.0 * (spent / least - 1.0)
-    told = f"the least{sides}" if above < LEAST else f"at most {above:.2g} % above the least{sides}"
-    made = ", by its thrusters" if thrusters is not None else ""
-    headline(figure, f"{_spent(path, spent)}{made}: {told}")
+    told = f"the least{whose}" if above < LEAST else f"at most {above:.2g} % above the least{whose}"
+    headline(figure, f"{_spent(path, spent)}: {told}")
     return figure
 
 
@@ -211,11 +214,16 @@ def _groups(times: Floats, sizes: Floats, near: float) -> list[Any]:
     return np.split(large, np.flatnonzero(np.diff(times[large]) > near) + 1)[:LETTERED]
 
 
-def trade(found: Arrivals, plan: Path | Sequence[Path] | None = None, fired: float | None = None) -> Figure:
+def trade(
+    found: Arrivals,
+    plan: Path | Sequence[Path] | None = None,
+    fired: float | None = None,
+    asked: float | None = None,
+) -> Figure:
     """Delta-v against duration, to the cheapest slot in each: what time is worth.
 
-    The dashed line is the least of all; where the cheapest slot changes seldom, labels name it by its index,
-    from 0.
+    The dashed line is the least of all; where the cheapest slot changes, but seldom, labels name it by its
+    index, from 0.
 
     Parameters
     ----------
@@ -225,6 +233,8 @@ def trade(found: Arrivals, plan: Path | Sequence[Path] | None = None, fired: flo
         What a ring is drawn for: a plan by its duration and its delta-v, of several craft by the sum.
     fired : float [m/s], optional
         What thrusters spend to fly the plan, of several craft the sum: a dot beside the ring.
+    asked : float [s], optional
+        The duration that is asked for: a line across, where there is no plan.
 
     Returns
     -------
@@ -234,13 +244,16 @@ def trade(found: Arrivals, plan: Path | Sequence[Path] | None = None, fired: flo
     Raises
     ------
     ValueError
-        If there is no duration, or `found` is no `Arrivals`, or `fired` is given without a plan.
+        If there is no duration, or `found` is no `Arrivals`, `fired` is given without a plan, or `asked` is
+        not above 0.
     """
     instance("found", found, Arrivals)
     if not len(found.duration):
         raise ValueError("found: has no duration; give arrivals one at least")
     if fired is not None and (plan is None or not number("fired", fired) >= 0.0):
         raise ValueError("fired: the delta-v [m/s] with which a plan is flown; give it with the plan")
+    if asked is not None and not number("asked", asked) > 0.0:
+        raise ValueError(f"asked: a duration above 0 s, got {asked:g}")
     order = np.argsort(found.duration)
     durations, costs, slots = found.duration[order], found.delta_v[order], found.slot[order]
     across, up = plain_unit(float(durations[-1])), speed_unit(float(costs[-1]))
@@ -250,35 +263,29 @@ def trade(found: Arrivals, plan: Path | Sequence[Path] | None = None, fired: flo
     dress(axes)
     axes.axhline(costs.min() / up.size, color=BEFORE, linestyle=DASHED, linewidth=1.2)
     axes.plot(durations / across.size, costs / up.size, "o-", color=AFTER, linewidth=1.6, markersize=4)
-    if costs.min() > 0.0 and costs.max() > 30.0 * costs.min():
+    if costs.min() > 0.0 and costs.max() > STEEP * costs.min():
         axes.set_yscale("log")
         axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         axes.yaxis.set_major_formatter("{x:g}")
         axes.yaxis.set_minor_formatter(NullFormatter())
     changes = np.flatnonzero(np.diff(slots, prepend=slots[0] - 1))
-    told = len(changes) <= LETTERED and (len(changes) > 1 or plan is None)
-    for k in changes if told else ():
-        axes.annotate(
-            f"slot {slots[k]}",
-            (durations[k] / across.size, costs[k] / up.size),
-            (4, 6),
-            textcoords="offset points",
-            fontsize=SMALL,
-            color=INK,
-        )
+    look: dict[str, Any] = {"textcoords": "offset points", "fontsize": SMALL, "color": INK}
+    look |= {"path_effects": HALO, "zorder": 6}
+    for k in changes if 1 < len(changes) <= LETTERED else ():
+        axes.annotate(f"slot {slots[k]}", (durations[k] / across.size, costs[k] / up.size), (4, 6), **look)
+    if asked is not None:
+        axes.axvline(asked / across.size, color=INK, linestyle=DASHED, linewidth=1.2)
+        top = asked / across.size, 1.0
+        axes.annotate("asked for", top, (5, -12), xycoords=axes.get_xaxis_transform(), **look)
     if plan is not None:
         flown = crafts("plan", plan)
         lasts, spent = max(one.end - one.start for one in flown), sum(one.delta_v for one in flown)
         axes.plot(lasts / across.size, spent / up.size, "o", markersize=10, markerfacecolor="none", color=INK)
-        look: dict[str, Any] = {
-            "textcoords": "offset points",
-            "fontsize": SMALL,
-            "color": INK,
-            "va": "center",
-        }
         places = {"this plan": spent}
         if fired is not None:
             axes.plot(lasts / across.size, fired / up.size, "o", markersize=8, color=INK)
+            if abs(fired - spent) <= ALIKE * spent:
+                places.clear()  # one mark
             places["this plan, as fired"] = fired
         low = min(places.values())
         where = {
@@ -287,12 +294,13 @@ def trade(found: Arrivals, plan: Path | Sequence[Path] | None = None, fired: flo
         near = len(where) > 1 and np.ptp([place[1] for place in where.values()]) < CROWDED
         for name, delta_v in places.items():
             below = near and delta_v == low
-            axes.annotate(name, (lasts / across.size, delta_v / up.size), (9, -8 if below else 8), **look)
+            place = lasts / across.size, delta_v / up.size
+            axes.annotate(name, place, (9, -8 if below else 8), va="center", **look)
     axes.set_xlabel(f"duration [{across.name}]", fontsize=TEXT, color=INK)
     axes.set_ylabel(f"least delta-v [{up.name}]", fontsize=TEXT, color=INK)
-    first, last = (speed(float(cost)) for cost in (costs[0], costs[-1]))
-    ends = (f"{duration / across.size:.4g} {across.name}" for duration in (durations[0], durations[-1]))
-    short, long = ends
-    more = f", {last} in {long}" if len(durations) > 1 else ""
-    headline(figure, f"Least delta-v {first} in {short}{more}")
+    ends = [
+        f"{cost / up.size:.4g} {up.name} in {duration / across.size:.4g} {across.name}"
+        for cost, duration in ((costs[0], durations[0]), (costs[-1], durations[-1]))
+    ]
+    headline(figure, f"Least delta-v {', '.join(ends[: len(durations)])}")
     return figure

@@ -1,30 +1,56 @@
-"""At which phase one craft arrives on a relative orbit, and whether that is the cheapest."""
+"""At which phase one craft arrives on a relative orbit, what that costs, and what the cheapest would."""
 
 from collections.abc import Iterator
 from math import degrees
 from typing import Any
 
-from closeform.scenario import Destination
+from closeform.planning.plan import UNITS
+from closeform.stage_start import Arrival
+
+SAME = 0.02  # deg: phases that are told as one
 
 
-def lines(
-    craft: str, asked: Destination | None, goal: Destination | None, drifts: bool = False
-) -> Iterator[str]:
-    """Where a craft that was `asked` to go somewhere goes: its phase, where it has one.
+def lines(craft: str, goal: Arrival | None, drifts: bool = False, safe: bool = False) -> Iterator[str]:
+    """Where a craft goes: its phase, where it has one, and the cheapest beside it.
 
-    What is cheapest takes no account of where it `drifts` from there, which is said where that is asked.
+    Where it is asked how it `drifts` it is said whether what is cheapest is `safe` then.
     """
-    if asked is None or goal is None or goal.shape is None or goal.shape.phase_angle is None:
+    if goal is None or (phase := phase_of(goal)) is None:
         return
-    how = "the cheapest" if asked.is_open else f'as given; {goal.shape.phased} = "cheapest" is the cheapest'
-    if drifts:
-        how += ", whatever drifts from there lead to"
-    orbit = str(goal.called).replace("_", " ")
-    yield f"{craft} arrives on the {orbit} at {degrees(goal.shape.phase_angle):.2f} deg, {how}"
+    orbit, spent = str(goal.target.called).replace("_", " "), f"{goal.spent:.4g} {UNITS[goal.cost]}"
+    arrives = f"{craft} arrives on the {orbit} at {phase:.2f} deg"
+    best, shape, asked = goal.cheapest, goal.target.shape, goal.asked.is_open
+    cheapest = phase_of(best)
+    assert shape is not None
+    assert cheapest is not None
+    if asked or abs((cheapest - phase + 180.0) % 360.0 - 180.0) < SAME:
+        yield f"{arrives}, {'' if asked else 'as given, '}the cheapest: {spent} by free thrust"
+    else:
+        yield f"{arrives}, as given; the cheapest would be {cheapest:.2f} deg"
+        less = f"at the cheapest {best.spent:.4g} {UNITS[goal.cost]}"
+        yield f'By free thrust, with nobody in the way: {spent}, {less} ({shape.phased} = "cheapest")'
+    if safe:
+        yield "The cheapest of those from which it drifts into no zone; a safe way there may not exist"
+    elif drifts:
+        yield "The cheapest takes no account of where drifts from there lead"
 
 
-def figures(asked: Destination | None, goal: Destination | None) -> dict[str, Any] | None:
+def phase_of(goal: Arrival) -> float | None:
+    """At which phase a craft arrives [deg]; None where there are none."""
+    shape = goal.target.shape
+    return None if shape is None or shape.phase_angle is None else degrees(shape.phase_angle)
+
+
+def figures(goal: Arrival | None) -> dict[str, Any] | None:
     """The same for `summary.json`."""
-    if asked is None or goal is None or goal.shape is None or goal.shape.phase_angle is None:
+    if goal is None or (phase := phase_of(goal)) is None:
         return None
-    return {"orbit": goal.called, "phase_deg": degrees(goal.shape.phase_angle), "cheapest": asked.is_open}
+    unit = {"energy": "m2_s3", "delta-v": "m_s"}[goal.cost]
+    return {
+        "orbit": goal.target.called,
+        "phase_deg": phase,
+        "cheapest": goal.asked.is_open,
+        f"free_{unit}": goal.spent,
+        "cheapest_deg": phase_of(goal.cheapest),
+        f"cheapest_free_{unit}": goal.cheapest.spent,
+    }

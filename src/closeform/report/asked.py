@@ -1,6 +1,5 @@
 """What a scenario asks for, in the words of its file: the orbit, the craft, the stages in order."""
 
-import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import groupby
 from typing import Any
@@ -8,6 +7,7 @@ from typing import Any
 from closeform.report.section import Section
 from closeform.report.table import MOST_ROWS, Column, Table
 from closeform.scenario import Scenario
+from closeform.scenario.load import toml
 
 OWN = {"closeform", "title", "craft", "stage"}  # tables and keys that are told in a way of their own
 TOLD = {"do", "name"}  # keys of a stage that stand in columns of their own
@@ -27,7 +27,7 @@ STAGES = (
 
 def section(scenario: Scenario) -> Section:
     """What the file asks for, and how it begins to say so."""
-    said = tomllib.loads(scenario.text)
+    said = toml(scenario.text, "scenario")
     rest = [(key, words(value)) for key, value in said.items() if key not in OWN]
     stages = [
         (number, stage.verb, stage.name, described(written, getattr(stage, "cost", None)))
@@ -47,7 +47,7 @@ def section(scenario: Scenario) -> Section:
 def introduction(text: str) -> Iterator[str]:
     """The comment with which a file begins."""
     lines = []
-    for line in text.splitlines():
+    for line in text.removeprefix("\ufeff").splitlines():
         if not line.startswith("#"):
             break
         lines.append(line.lstrip("#").strip())

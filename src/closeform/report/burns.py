@@ -106,6 +106,7 @@ class StageBurns:
                 "before_s": room.before,
                 "after_s": room.after,
                 "zones_larger_by": room.larger,
+                "short": self.result.pulsed.short,
                 "craft": Table("", SHOT, self.shots).records,
             }
         }
@@ -134,6 +135,8 @@ def lines(mission: Mission, result: StageResult[Any, Any]) -> Iterator[str]:
         yield f"The plan leaves {coasts} for burns at its ends"
     if room.larger > 1.0:
         yield f"Planned for zones {more:.3g} % larger, for what pulses are off the plan"
+    if result.pulsed.short is not None:
+        yield f"Pulses would need more room, but for {result.pulsed.short}"
 
 
 def pictures(result: StageResult[Any, Any]) -> tuple[Picture, ...]:

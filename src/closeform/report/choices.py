@@ -1,5 +1,6 @@
 """What each choice costs: impulses at both ends, least energy or delta-v, within limits, with thrusters."""
 
+import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -23,7 +24,7 @@ NOTHING = 1e-9  # m/s: what a plan costs at least, of which nobody tells shares
 CHOICE = (
     Column("choice", "choice", words=True),
     Column("delta-v [m/s]", "delta_v_m_s", "{:#.6g}".format, absent="impossible"),
-    Column("above the least [%]", "above_least", "{:+.3f}".format, 100.0),
+    Column("above the free least [%]", "above_least", "{:+.3f}".format, 100.0),
     effort.FUEL,
 )
 
@@ -69,28 +70,42 @@ class Choices:
         return float(np.sum(self.least.lower))
 
     @cached_property
-    def rows(self) -> list[tuple[Any, ...]]:
-        """Rows of CHOICE, the dearest first but for the plan."""
+    def tried(self) -> dict[str, Any]:
+        """What each craft spends by each choice but the plan [m/s]; why not where that is impossible."""
         orbit, (initial, final, duration, start) = self.mission.orbit, self.ends
         task = initial, final, duration, start
         craft = [self.craft[k] for k in self.places]
         limits = [one.max_acceleration for one in craft]
-        told: list[tuple[str, Callable[[], Any]]] = [("least energy", lambda: orbit.transfer(*task).delta_v)]
+        told: dict[str, Callable[[], Any]] = {"least energy": lambda: orbit.transfer(*task).delta_v}
         if orbit.mean_motion:
-            told.append(("impulses at both ends", lambda: orbit.two_impulse(*task).delta_v))
+            told["impulses at both ends"] = lambda: orbit.two_impulse(*task).delta_v
         if np.isfinite(limits).all():
-            told += [
-                ("least energy, within the limit", lambda: orbit.transfer(*task, limits).delta_v),
-                (
-                    "burns and coasts, within the limit",
-                    lambda: orbit.transfer(*task, limits, "delta-v").delta_v,
-                ),
-            ]
+            told["least energy, within the limit"] = lambda: orbit.transfer(*task, limits).delta_v
+            told["burns and coasts, within the limit"] = lambda: (
+                orbit.transfer(*task, limits, "delta-v").delta_v
+            )
         if all(one.thrusters is not None for one in craft):
-            told.append(("impulses of these thrusters", self.by_thrusters))
-        least = "impulses" if orbit.mean_motion else "two impulses"  # of deep space, at both ends
-        told.append((f"least delta-v, {least}", lambda: self.least.upper))
-        found = [self.row(name, tried(spent)) for name, spent in told]
+            told["impulses of these thrusters"] = self.by_thrusters
+        least = "free impulses" if orbit.mean_motion else "two impulses"  # of deep space, at both ends
+        told[f"least delta-v, {least}"] = lambda: self.least.upper
+        return {name: self.spent_or_why(spent) for name, spent in told.items()}
+
+    def spent_or_why(self, spent: Callable[[], Any]) -> Any:
+        """What a choice costs; in words why it is none."""
+        try:
+            return spent()
+        except ValueError as error:
+            why = str(error).partition(": ")[2].split(";")[0].split(", at [")[0]
+            who = re.match(r"craft (\d+): ", why)
+            if who is None:
+                return why
+            craft = f"{self.movers[int(who[1])]}, " * (len(self.movers) > 1)
+            return f"{craft}{why[who.end() :]}"
+
+    @cached_property
+    def rows(self) -> list[tuple[Any, ...]]:
+        """Rows of CHOICE, the dearest first but for the plan."""
+        found = [self.row(name, spent) for name, spent in self.tried.items()]
         found = sorted(found, key=lambda row: -float(f"{row[1] or np.inf:.6g}"))  # as printed
         if self.result.flown:
             planned = [effort.asked(self.mission, self.result, name, self.plan(name)) for name in self.movers]
@@ -105,8 +120,8 @@ class Choices:
         return [self.mission.scenario.names.index(name) for name in self.movers]
 
     def row(self, name: str, spent: Any) -> tuple[Any, ...]:
-        """A row of CHOICE for what each craft spends [m/s]; None where that is impossible."""
-        if spent is None or not np.isfinite(spent).all():
+        """A row of CHOICE for what each craft spends [m/s]; a text where that is impossible."""
+        if isinstance(spent, str) or not np.isfinite(spent).all():
             return name, None, None, None
         total = float(np.sum(spent))
         burnt = sum(
@@ -136,6 +151,14 @@ class Choices:
         yield Table(title, effort.shown(self.mission, CHOICE), self.rows)
 
     @property
+    def lines(self) -> Iterator[str]:
+        """Why a choice is impossible, below the table."""
+        if next(self.table(zones=False), None) is not None:
+            for name, spent in self.tried.items():
+                if isinstance(spent, str):
+                    yield f"No {name}: {spent}"
+
+    @property
     def figures(self) -> dict[str, Any]:
         """The same for `summary.json`."""
         if self.least is None:
@@ -152,13 +175,13 @@ class Choices:
             dearest = max(self.movers, key=lambda name: float(self.plan(name).delta_v))
             caption = f"The primer of {dearest}: where a push pays"
             found.append(Picture("primer", caption, "primer", *self.primer(dearest)))
-        plans, fired = None, None
+        plans, fired, asked = None, None, None if self.result.flown else self.ends[2]
         if self.result.flown:
             plans = [self.plan(name) for name in self.movers]
             if self.result.pulsed is not None:
                 fired = float(self.result.delta_v[self.places].sum())
         caption = "Least delta-v against duration" + ", of all, without zones" * (len(self.movers) > 1)
-        return (*found, Picture("trade", caption, "trade", (self.trade, plans, fired)))
+        return (*found, Picture("trade", caption, "trade", (self.trade, plans, fired, asked)))
 
     def primer(self, name: str) -> tuple[tuple[Any, ...], dict[str, Any]]:
         """What is drawn of a craft's primer: its plan around zones, or its path to its end."""
@@ -193,14 +216,12 @@ def tables_of_fuel(choices: Choices, fired: burns.StageBurns) -> Iterator[Table]
         yield from fired.tables
 
 
+def lines_of_fuel(choices: Choices) -> Iterator[str]:
+    """Which choices are impossible, where they are told."""
+    if choices.told:
+        yield from choices.lines
+
+
 def pictures_of_fuel(choices: Choices) -> tuple[Picture, ...]:
     """Burns, and why they cost what they do, where that is told."""
     return burns.pictures(choices.result) + choices.pictures if choices.told else ()
-
-
-def tried(spent: Callable[[], Any]) -> Any:
-    """What a choice costs; None where it is none."""
-    try:
-        return spent()
-    except ValueError:
-        return None

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from closeform.passive import PairDrift, PassiveSafety
 
 CURVES = 6  # pairs whose nearness is drawn against the instant of failure
+ROUNDING = 1e-6  # m: who is nearer meets
 SECONDS = "{:.3f}".format
 EVENTS = {
     "ThrustLost": ("thrust is lost", "thrust lost at [s]"),
@@ -52,7 +53,7 @@ def lines(result: StageResult[Any, Any]) -> Iterator[str]:
     passive, stage = result.passive, result.stage
     if passive is None:
         if isinstance(stage, Drifting) and stage.drift is not None:
-            yield f"Passively safe {stage.lasting}: not judged, since these paths are not flown"
+            yield f"Passively safe {stage.lasting}: no, since there is no path{directly(result)}"
         return
     safe, lasting, worst = passive.safe, passive.lasting, passive.worst
     title = f"{'Passively' if safe else 'Not passively'} safe {lasting}"
@@ -68,6 +69,14 @@ def lines(result: StageResult[Any, Any]) -> Iterator[str]:
         yield judgement(passive, result.pulsed is not None)
 
 
+def directly(result: StageResult[Any, Any]) -> str:
+    """What the direct path of a stage without a plan would lead to."""
+    pair = result.unplanned
+    if pair is None:
+        return ""
+    return f"; by the direct path {pair.fails} would come to {near(pair)} of {pair.meets}"
+
+
 def judgement(passive: "PassiveSafety", fires: bool) -> str:
     """Whether the paths were planned to be safe, or are judged only; of craft that `fires` pulses."""
     if not passive.planned:
@@ -81,8 +90,13 @@ def judgement(passive: "PassiveSafety", fires: bool) -> str:
 
 def near(pair: "PairDrift") -> str:
     """How near a pair comes."""
-    metres = f" ({pair.distance:.4g} m)" if isfinite(pair.distance) else ""
+    metres = f" ({length(pair.distance)})" if isfinite(pair.distance) else ""
     return f"{pair.ratio:.4f} x zone{metres}"
+
+
+def length(metres: float) -> str:
+    """A distance, 0 where it is rounding."""
+    return f"{metres if metres > ROUNDING else 0.0:.4g} m"
 
 
 def when(passive: "PassiveSafety", pair: "PairDrift") -> str:

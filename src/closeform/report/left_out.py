@@ -16,10 +16,11 @@ from closeform.report.section import plan_of
 EARTHLIKE = 1e-3  # of the gravitational parameter
 
 
-def lines(result: StageResult[Any, Any]) -> tuple[str, ...]:
+def lines(mission: Mission, result: StageResult[Any, Any]) -> tuple[str, ...]:
     """What becomes of a stage in its field, before anything is said of its plan."""
     if result.validity is None:
-        return ()
+        unflown = mission.scenario.field is not None and not result.flown
+        return ("In the field: not predicted, since these paths are not flown",) * unflown
     from closeform.field.validity import in_words  # whose kernels most runs can spare
 
     return in_words(result.validity, result.after.names)

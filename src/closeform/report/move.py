@@ -9,7 +9,7 @@ from closeform.mission_result import AvoidResult, Mission, StageResult
 from closeform.motion.path import Path
 from closeform.planning.plan import UNITS
 from closeform.report import arrival, burns, conflicts, effort, optimum
-from closeform.report.choices import Choices, pictures_of_fuel, tables_of_fuel
+from closeform.report.choices import Choices, lines_of_fuel, pictures_of_fuel, tables_of_fuel
 from closeform.report.picture import Picture
 from closeform.report.section import Section, heading
 from closeform.report.table import Column, Table
@@ -43,7 +43,13 @@ def section(mission: Mission, result: Move) -> Section:
         heading(result, f"{moved.craft} moves"),
         (*(f"Tried: {measure}" for measure in moved.avoidance.measures), *lines),
         tables,
-        (*arrivals(result), *how(mission, result), *burns.lines(mission, result), *closing),
+        (
+            *lines_of_fuel(choices),
+            *arrivals(result),
+            *how(mission, result),
+            *burns.lines(mission, result),
+            *closing,
+        ),
         conflicts.film(result, mission.scenario.zones)
         + pictures(mission, result)
         + pictures_of_fuel(choices),
@@ -69,7 +75,7 @@ def efforts(mission: Mission, result: Move) -> Table:
     shown = effort.columns(mission, [moved.direct] if path is None else [moved.direct, path])
     shown = effort.of_plan(shown, result.pulsed is not None)
     lasts = Column("lasts [s]" if moved.plain is not moved.direct else None, form="{:.1f}".format)
-    title = "Change made" if len(rows) > 1 else "Path"
+    title = "Change made" if len(rows) > 1 else "Path" if result.flown else "Direct path, not flown"
     return Table(title, (Column("path", words=True), lasts, *shown), rows)
 
 
@@ -92,9 +98,10 @@ def arrivals(result: Move) -> Iterator[str]:
     """Where on relative orbits the craft arrives, and those who fly their own transfers."""
     stage, goals = result.stage, result.result.goals
     drifts = stage.drift is not None
-    yield from arrival.lines(stage.craft, stage.to, goals.get(stage.craft), drifts)
+    safe = stage.plans_drift and stage.is_exact
+    yield from arrival.lines(stage.craft, goals.get(stage.craft), drifts, safe)
     for fellow in stage.meanwhile:
-        yield from arrival.lines(fellow.craft, fellow.to, goals[fellow.craft], drifts)
+        yield from arrival.lines(fellow.craft, goals[fellow.craft], drifts)
 
 
 def how(mission: Mission, result: Move) -> tuple[str, ...]:
@@ -120,7 +127,7 @@ def how(mission: Mission, result: Move) -> tuple[str, ...]:
     return (
         f"Method {method}: {optimum.meets(avoidance)} {touched}",
         f"Extra {avoidance.cost} {avoidance.spent - free:.6g} {unit} beyond the free optimum{over}; {best}",
-        *optimum.bounds(avoidance, free, result.stage),
+        *optimum.bounds(avoidance, "the way around", free, result.stage, result.pulsed is not None),
         *optimum.clearance(avoidance, moved.names, result.after.names),
     )
 
@@ -143,7 +150,7 @@ def figures(mission: Mission, result: Move, choices: Choices, fired: burns.Stage
         **optimum.figures(avoidance, moved.names, result.after.names),
         "measures": list(avoidance.measures),
         "asked_s": moved.asked,
-        "arrival": arrival.figures(result.stage.to, moved.goals.get(moved.craft)),
+        "arrival": arrival.figures(moved.goals.get(moved.craft)),
         "extra_energy_m2_s3": avoidance.extra_energy,
         "contacts": [
             {

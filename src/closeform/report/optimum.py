@@ -32,18 +32,21 @@ def best(found: Avoidance | Plan, fired: bool, limited: bool) -> str:
     return f"{told}: without thrust all arrive" if float(found.delta_v) < NOTHING else told
 
 
-def bounds(found: Avoidance | Plan, free: float, stage: Clearing) -> Iterator[str]:
+def bounds(found: Avoidance | Plan, whose: str, free: float, stage: Clearing, fired: bool) -> Iterator[str]:
     """What a better plan could save at most, and whether it was made for larger zones.
 
-    `free`: what it costs with no zones in the way, in the unit of what is least.
+    `whose` the cost is; `free`: what it costs with no zones in the way, in the unit of what is least.  What
+    is `fired` by thrusters is planned for these where delta-v is least.
     """
     share = f"{100 * found.gap:.3f} % " if found.lower_bound > 0.0 else ""
     above = f"{share}above the lower bound of {found.lower_bound:.6g} {UNITS[found.cost]}"
+    above += " for these thrusters" * (fired and found.cost == "delta-v")
+    told = f"{found.cost.capitalize()} of {whose} {above}"
     if found.proven:
-        yield f"{found.cost.capitalize()} {above}"
+        yield told
     else:
         nothing = abs(found.lower_bound - free) <= SAME * found.spent
-        yield f"{found.cost.capitalize()} {above}, {NO_ZONES if nothing else DUAL}"
+        yield f"{told}, {NO_ZONES if nothing else DUAL}"
         closer = found.gap > WIDE and stage.prove is None and stage.unprovable is None
         yield NEARER + ('; prove = "10 s" in the stage looks closer' if closer else "")
     if found.margin > TOUCHING:

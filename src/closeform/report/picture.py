@@ -36,15 +36,18 @@ class Picture:
     stage: str = ""  # written above it, in red where that has
     failed: bool = False
     shows: str = ""  # written there too, where it is not what is flown
+    flown: bool = True  # or what it says is said to be of what is not
 
     def leave(self, folder: "Folder", progress: Progress) -> Shot:
         """Draw it into a folder."""
         from closeform import plots
-        from closeform.plots.look import banner
+        from closeform.plots.look import banner, headline
 
         home, _, name = self.plot.rpartition(".")
         drawn = import_module(f"closeform.plots.{home}") if home else plots
         figure = getattr(drawn, name)(*self.arguments, **self.options)
+        if not self.flown and (words := figure.get_suptitle()):
+            headline(figure, f"Not flown: {words}")
         if self.stage:
             banner(figure, "; ".join(filter(None, (self.stage, self.shows))), self.failed)
         return Shot(folder.picture(self.name, figure), self.caption, figure.get_suptitle())

@@ -10,7 +10,7 @@ import numpy as np
 from closeform.mission_result import Mission, ReconfigureResult, StageResult
 from closeform.motion.path import Path
 from closeform.report import burns, conflicts, effort, optimum
-from closeform.report.choices import Choices, pictures_of_fuel, tables_of_fuel
+from closeform.report.choices import Choices, lines_of_fuel, pictures_of_fuel, tables_of_fuel
 from closeform.report.picture import Picture
 from closeform.report.section import Section, heading
 from closeform.report.table import MOST_ROWS, PAIR, Column, Table
@@ -42,6 +42,7 @@ def section(mission: Mission, result: Moved, reached: str | None = None) -> Sect
         (*(f"Tried: {measure}" for measure in moved.measures), *lines),
         (*tables, *costs(mission, result), *tables_of_fuel(choices, fired), *contacts(result), *near),
         (
+            *lines_of_fuel(choices),
             *worth(mission, result),
             *burns.lines(mission, result),
             *closing,
@@ -172,7 +173,9 @@ def worth(mission: Mission, result: Moved) -> Iterator[str]:
         yield f"Planned {how}: everybody takes the direct path; {best}"
         return
     yield f"Planned {how}: {best}"
-    yield from optimum.bounds(plan, free_cost(mission, result), result.stage)
+    yield from optimum.bounds(
+        plan, "all craft", free_cost(mission, result), result.stage, result.pulsed is not None
+    )
     where = [
         f"{one} - {other} at {at.time:.1f} s{optimum.adrift(at)}"
         for ((one, other), *_), at in zip(touching(moved), plan.contacts, strict=True)

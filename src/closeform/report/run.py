@@ -35,7 +35,7 @@ from closeform.report.page import Head
 from closeform.report.picture import Film, Progress
 from closeform.report.results import Viewer
 from closeform.report.results import leave as leave_all
-from closeform.report.section import Section, fate, not_filmed
+from closeform.report.section import Section, fate, not_filmed, not_flown
 from closeform.report.stamps import Stamps
 from closeform.report.table import STATE_COLUMNS, Table, counted
 from closeform.result_folder import Folder
@@ -104,8 +104,11 @@ class RunReport:
     @cached_property
     def in_flight(self) -> tuple[Section, ...]:
         """The section of these, or why there are none where some were asked for."""
-        if self.mission.grounded is not None:
-            return (Section(FLOWN, (f"Cannot be flown: {self.mission.grounded}",)),)
+        mission = self.mission
+        if mission.grounded is not None:
+            return (Section(FLOWN, (f"Cannot be flown: {mission.grounded}",)),)
+        if mission.scenario.flights is not None and not mission.flown:
+            return (Section(FLOWN, ("Nothing is flown: the mission stopped in its first stage",)),)
         return () if self.flights is None else (self.flights.section(FLOWN, self.flights.opening[1:]),)
 
     @cached_property
@@ -226,14 +229,19 @@ def section(mission: Mission, result: StageResult[Any, Any]) -> Section:
     count = len(result.after.names)
     whole = replace(
         told,
-        lines=left_out.lines(result) + conflicts.zones(result.before) + told.lines,
+        lines=(
+            *not_flown(result),
+            *drift.lines(result),
+            *left_out.of_drift(mission, result),
+            *left_out.lines(mission, result),
+            *conflicts.zones(result.before),
+            *told.lines,
+        ),
         tables=told.tables + drift.tables(result),
         closing=(
             *left_out.margin(result),
             *told.closing,
             *closing,
-            *drift.lines(result),
-            *left_out.of_drift(mission, result),
             *not_filmed(told.pictures, count),
         ),
         pictures=tuple(
@@ -242,6 +250,7 @@ def section(mission: Mission, result: StageResult[Any, Any]) -> Section:
                 name=f"stage-{result.number}-{picture.name}",
                 stage=fate(result),
                 failed=result.failure is not None,
+                flown=result.flown or picture.plot == "trade",  # which says what any path costs
             )
             for picture in told.pictures + drift.pictures(result)
             if not (isinstance(picture, Film) and picture.most < count)

@@ -59,6 +59,15 @@ def heading(result: StageResult[Any, Any], who: str = "") -> str:
     return f"{called(result)}{moving}, {result.start:.1f} s to {result.end:.1f} s"
 
 
+def not_flown(result: StageResult[Any, Any]) -> tuple[str, ...]:
+    """That a stage is not flown, in its first line; all of why stands in the last of the run."""
+    if result.flown or result.failure is None:
+        return ()
+    plan = plan_of(result)
+    why = re.split("[:;]", result.failure)[0] if plan is None else str(plan.status)
+    return (f"Not flown: {shorten(why, REASON, placeholder=' …')}",)
+
+
 def fate(result: StageResult[Any, Any]) -> str:
     """Which stage a picture is of, and what has become of it where it failed."""
     if result.failure is None:

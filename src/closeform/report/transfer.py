@@ -21,21 +21,21 @@ def section(mission: Mission, result: Flown) -> Section:
     path = result.planned.path(name)
     shown = effort.of_plan(effort.columns(mission, [path]), result.pulsed is not None)
     columns = (Column("path", words=True), *shown)
-    arrived = arrival.lines(name, result.stage.to, result.result.goal, result.stage.drift is not None)
+    arrived = arrival.lines(name, result.result.goal, result.stage.drift is not None)
     title = "Path of the plan" if result.flown else "Path without a limit"
     row = "plan" if result.flown else "free", *effort.spent(mission, result, name, path)
     return Section(
         heading(result, f"{name} moves"),
         lines,
         (*met, Table(title, columns, [row]), *choices.table(zones=False), *fired.tables),
-        (*arrived, *worth(mission, result, choices), *burns.lines(mission, result)),
+        (*choices.lines, *arrived, *worth(mission, result, choices), *burns.lines(mission, result)),
         conflicts.film(result, mission.scenario.zones) + pictures(mission, result, choices),
         {
             "transfer": {
                 "craft": name,
                 "cost": result.stage.cost,
                 "asked_s": result.result.asked,
-                "arrival": arrival.figures(result.stage.to, result.result.goal),
+                "arrival": arrival.figures(result.result.goal),
                 "planned": effort.figures(mission, result, name, path if result.flown else None),
                 **choices.figures,
                 **fired.figures,
@@ -56,10 +56,8 @@ def worth(mission: Mission, result: Flown, choices: Choices) -> Iterator[str]:
     spent, lower = effort.asked(mission, result, result.result.craft, path), choices.lower
     if lower > 0.0:
         planned = " planned" if result.pulsed is not None else ""
-        yield (
-            f"Delta-v{planned} {spent:.6g} m/s, {100.0 * (spent / lower - 1.0):.3f} % above "
-            f"the {lower:.6g} m/s that any plan costs at least"
-        )
+        above = f"{100.0 * (spent / lower - 1.0):.3f} % above the least of free thrust, {lower:.6g} m/s"
+        yield f"Delta-v{planned} {spent:.6g} m/s, {above}"
 
 
 def pictures(mission: Mission, result: Flown, choices: Choices) -> tuple[Picture, ...]:

@@ -1,16 +1,16 @@
 """Changes: the keys in which two scenario files differ, with what each says."""
 
-import tomllib
 from collections.abc import Iterator, Mapping
 from typing import Any
 
 from closeform.scenario.errors import Place, dotted
+from closeform.scenario.load import toml
 from closeform.scenario.quantity import shown
 
 
 def changes(before: str, after: str) -> list[str]:
     """What a file says now of each key, and said before; none where only its layout or comments differ."""
-    old, new = (dict(values(tomllib.loads(text))) for text in (before, after))
+    old, new = (dict(values(toml(text, "scenario"))) for text in (before, after))
     return [
         f"{dotted(place)} {told(old, place)}, not {told(new, place)}"
         for place in {**old, **new}

@@ -1,6 +1,7 @@
 """Stages in which a run would stop, as two craft are too near each other where neither can give way.
 
-Known before anybody plans: where craft begin, where those end that are told where, and who coasts.
+Known before anybody plans: where craft begin, where those end that are told where, and who coasts; of a plan
+that is to be passively safe also where they drift from there.
 """
 
 from collections.abc import Iterator
@@ -10,6 +11,7 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.motion.orbit import Orbit
 from closeform.scenario.formation import Goal, Target
+from closeform.scenario.quantity import span
 from closeform.scenario.scenario import Scenario
 from closeform.scenario.stages import Avoid, Coast, Joint, Reconfigure, Transfer
 from closeform.zones.padding import Short
@@ -44,6 +46,9 @@ def stops(scenario: Scenario) -> tuple[str, ...]:
             for verb, places in (("start", states), ("end", after)):
                 if places is not None and (found := [*near(scenario, places, planned, room)]):
                     return tuple(f"stage[{number}]: {pair.format(verb)}" for pair in found)
+            opened = after if after is not None else open_end(orbit, stage, coasted, who, latitude)
+            if found := [*adrift(scenario, orbit, stage, opened, planned)]:
+                return tuple(f"stage[{number}]: {pair}" for pair in found)
         if after is None or later(scenario, stage, who):
             return ()
         states = after
@@ -68,6 +73,47 @@ def ends(orbit: Orbit, stage: Moving, coasted: Floats, who: list[int], latitude:
             return None
         after[k] = coasted[k] if target is None else target.state(orbit, latitude)
     return after
+
+
+def open_end(orbit: Orbit, stage: Moving, coasted: Floats, who: list[int], latitude: float) -> Floats | None:
+    """The same at any phase where only that is open, and a drift of an orbit comes through all of them."""
+    if not isinstance(stage, Avoid) or stage.to is None or stage.meanwhile or stage.drift is None:
+        return None
+    if not stage.to.is_open or not stage.drift.on(orbit.mean_motion) >= orbit.period:
+        return None
+    return ends(orbit, stage.model_copy(update={"to": stage.to.at_phase(0.0)}), coasted, who, latitude)
+
+
+def adrift(
+    scenario: Scenario, orbit: Orbit, stage: Moving, after: Floats | None, planned: list[int]
+) -> Iterator[str]:
+    """Pairs that a plan which is to be safe when thrust is lost brings to where they drift together.
+
+    Of craft that are planned, with each other and with those that give way to nobody.
+    """
+    safe = isinstance(stage, Avoid | Joint) and stage.is_exact and stage.plans_drift
+    joint = isinstance(stage, Joint)
+    if (
+        after is None
+        or stage.drift is None
+        or not safe
+        or (joint and any(map(moves, stage.targets.values())))
+    ):
+        return
+    from closeform.conflicts.two_paths import closest_approach  # whose kernels only this needs
+
+    drift = stage.drift.on(orbit.mean_motion)
+    for zone, first, second in portions(scenario.zones):
+        for i, j in zip(first.tolist(), second.tolist(), strict=True):
+            if (i in planned) + (j in planned) < (2 if joint else 1):
+                continue
+            met = closest_approach(orbit.coast(after[i], drift), orbit.coast(after[j], drift), zone)
+            if met.ratio <= ON:
+                drifting = f"{scenario.names[i]} and {scenario.names[j]} end where they drift to"
+                yield (
+                    f"{drifting} {met.ratio:.2f} x zone, {span(met.time)} later: no plan with that end is "
+                    "passively safe; end farther out, ask for less drift or keep a smaller zone"
+                )
 
 
 def later(scenario: Scenario, stage: Moving, who: list[int]) -> bool:

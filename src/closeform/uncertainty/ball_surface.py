@@ -68,6 +68,11 @@ def nearest_square(frame):
             high = middle
     if qx * qx + qy * qy + qz * qz > 0.0:
         best = nearer(frame, qx, qy, qz, best)
+    if out < 0.0 and s0 < s2:  # where x ends at -1 / s2, as of a mean off the centre along a thin axis
+        qx, qy = b0 / (1.0 - s0 / s2), b1 / (1.0 - s1 / s2) if s1 < s2 else 0.0
+        left = 1.0 - qx * qx - qy * qy
+        if left > 0.0:
+            best = nearer(frame, qx, qy, sqrt(left) if b2 >= 0.0 else -sqrt(left), best)
     return best
 
 

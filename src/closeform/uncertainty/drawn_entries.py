@@ -19,8 +19,9 @@ FEW = 30  # histories, up to which their share is told by the interval of Cloppe
 PRECISION = 1e-3  # of a probability, half of its interval, where nobody says how many histories
 COARSER = 0.5  # nodes on the surface, from which those are drawn that tell how many are enough
 GRAZES = 1e-3  # of histories that enter, lost to rounding
-TRIED, FEWEST, MOST = 2000, 8000, 100_000  # histories that tell how many are enough; how many these may be
-SURE = 1.2  # times as many as the tried ones tell
+TRIED, FEWEST, MOST = 4000, 8000, 100_000  # histories that tell how many are enough; how many these may be
+SURE = 1.1  # times as many as the tried ones tell
+FINELY = 8  # strata across the surface, and as many of speeds, where there are histories enough
 
 
 def enough(histories: Histories, flux: Flux, at_start: float, off: float, seed: int) -> int:
@@ -31,27 +32,37 @@ def enough(histories: Histories, flux: Flux, at_start: float, off: float, seed: 
     """
     coarser = replace(flux, fineness=COARSER * flux.fineness)
     lost = lost_of(histories.counted(drawn(histories, coarser, TRIED, seed, stream=1)))
-    low, high = interval_of_mean(lost)
-    half = PRECISION * (at_start + flux.value * (1.0 - float(lost.mean())))
+    mean, low, high = interval_of_mean(lost)
+    half = PRECISION * (at_start + flux.value * (1.0 - mean))
     wide = 0.5 * flux.value * (high - low) / max(half - off, 0.5 * half)
     return int(np.clip(SURE * TRIED * wide**2, FEWEST, MOST))
 
 
+def strata(samples: int) -> tuple[Any, Any]:
+    """In which stratum each of the samples is, two or a few in each, and how many there are along each axis.
+
+    Strata cut up equal parts of all entries: in time, across the surface and in speed.
+    """
+    side = min(FINELY, int(np.cbrt(samples / 4)))
+    axes = samples // (2 * side * side), side, side
+    return np.arange(samples) * int(np.prod(axes)) // samples, axes
+
+
 def drawn(histories: Histories, flux: Flux, samples: int, seed: int, stream: int = 0) -> Floats:
-    """Errors (samples, M) of histories that enter, drawn from the rate; one in each of equal times of it."""
+    """Errors (samples, M) of histories that enter, drawn from the rate; some in each of its strata."""
     random = np.random.Generator(np.random.Philox(key=seed, counter=[0, 0, 0, stream]))
-    strata, shares = random.uniform(size=samples), random.uniform(size=(samples, 2))
+    shares = random.uniform(size=(samples, 3))
     errors = random.standard_normal((samples, len(histories.columns)))
+    stratum, axes = strata(samples)
+    shares = (np.stack(np.unravel_index(stratum, axes), axis=1) + shares) / axes
     parts = flux.of_time.parts
     some = parts > 0.0
     times, parts = flux.of_time.times[some], parts[some]
     reached = np.concatenate([[0.0], np.cumsum(parts)])
-    place = (np.arange(samples) + strata) / samples * reached[-1]
-    first = np.searchsorted(place, reached)
-    first[0], first[-1] = 0, samples
-    owner = np.repeat(np.arange(len(parts)), np.diff(first))
-    rising = np.lexsort((shares[:, 0], owner))  # as places on the surface are looked for
-    shares = shares[rising]
+    owner = np.minimum(np.searchsorted(reached[1:], shares[:, 0] * reached[-1], "right"), len(parts) - 1)
+    rising = np.argsort(owner + shares[:, 1])  # as places on the surface are looked for
+    first = np.searchsorted(owner[rising], np.arange(len(parts) + 1))
+    shares, errors = shares[rising, 1:], errors[rising]
     states, matrix = histories.states(times), histories.zone.matrix
 
     def some_times(some: slice) -> None:
@@ -63,7 +74,7 @@ def drawn(histories: Histories, flux: Flux, samples: int, seed: int, stream: int
     size = max(1, -(-len(times) // (4 * CORES)))
     list(pool().map(some_times, [slice(k, k + size) for k in range(0, len(times), size)]))
     out = np.empty_like(errors)
-    out[rising] = errors  # neighbours of one time are independent again
+    out[rising] = errors
     return out
 
 
@@ -78,17 +89,20 @@ def lost_of(counts: Any) -> Floats:
     return np.where(counts[:, 0] > 0, 1.0, 1.0 - 1.0 / entries)
 
 
-def interval_of_mean(lost: Floats) -> tuple[float, float]:
-    """Of the mean of numbers from 0 to 1, one from each of many strata: neighbours tell their variance."""
-    count, mean = int((lost > 0.0).sum()), float(lost.mean())
+def interval_of_mean(lost: Floats) -> tuple[float, float, float]:
+    """Of numbers from 0 to 1, some from each of the strata, the mean and its interval."""
+    stratum, _ = strata(len(lost))
+    sizes = np.bincount(stratum)
+    means = np.bincount(stratum, lost) / sizes
+    mean, count = float(means.mean()), int((lost > 0.0).sum())
     if count <= FEW:
         low, high = clopper_pearson(count, len(lost))
         each = mean * len(lost) / max(count, 1)
-        return low * each, high * (each if count >= SEEN else 1.0)
-    even = lost[: len(lost) // 2 * 2]
-    deviation = float(np.sqrt(((even[::2] - even[1::2]) ** 2).sum())) / len(even)
+        return mean, low * each, high * (each if count >= SEEN else 1.0)
+    squares = np.bincount(stratum, (lost - means[stratum]) ** 2)
+    deviation = float(np.sqrt((squares / (sizes * (sizes - 1))).sum())) / len(sizes)
     half = DEVIATIONS * deviation
-    return mean - half, mean + half
+    return mean, mean - half, mean + half
 
 
 def clopper_pearson(count: int, total: int) -> tuple[float, float]:

@@ -18,14 +18,16 @@ from closeform.uncertainty.whitened import MEAN, SIGMA, principal
         float64[:, ::1],
         float64[:, :, ::1],
         float64,
+        float64,
         float64[:, ::1],
     )
 )
-def surface_integrals(means, factors, matrix, rules, fineness, out):
+def surface_integrals(means, factors, matrix, rules, fineness, farthest, out):
     """For each time: the rate of entries into the unit ball, and the mean's distance (T, 2).
 
     Of states (T, 6) and factors (T, 6, M) of their covariance, in zone coordinates.  The distance is that
-    to the ball in deviations, 0 from inside; with a fineness of 0 it is all that is found.
+    to the ball in deviations, 0 from inside; with a fineness of 0 it is all that is found.  The rate of
+    means that are beyond the `farthest` one is 0.
     """
     means, factors, matrix, out = borrowed(means), borrowed(factors), borrowed(matrix), borrowed(out)
     rules = borrowed(rules)
@@ -38,7 +40,7 @@ def surface_integrals(means, factors, matrix, rules, fineness, out):
         out[k, 0], out[k, 1] = 0.0, 0.0
         if b0 * b0 + b1 * b1 + b2 * b2 > 1.0:
             out[k, 1] = sqrt(nearest_square(frame))
-        if fineness > 0.0:
+        if fineness > 0.0 and out[k, 1] <= farthest:
             out[k, 0], _ = ball_rate(frame, rules, fineness, nodes)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cache, partial
+from typing import Any
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from closeform.uncertainty.histories import CORES, Histories
 from closeform.uncertainty.quadrature import Integral, integral
 
 TOLERANCE = 1e-4  # of an integral over time
-ROUND = 5e-5  # of a rate, over the surface
+ROUND = 1e-4  # of a rate, over the surface
 FINENESS = (1.0, 1.4, 2.0, 2.8, 4.0, 5.6, 8.0)  # of nodes on the surface
 MOST = 96  # nodes in height, or along an arc
 ZOOMS = 10  # each to a quarter, of where a passage is looked for
@@ -22,7 +23,9 @@ SAMPLES = 128  # an orbit (or a piece, in deep space), among which the nearest t
 LADDER = np.array([-10.0, -3.0, -1.0, 0.0, 1.0, 3.0, 10.0])  # times the width of a passage
 NEAR = 60.0  # of the squared distance in deviations, above its least: passages that count
 SURE = 6.0  # deviations: who comes nearer than that to a zone enters it at some rate
-CHECKED = 12  # times at which a rate is compared with one of more nodes
+FADED = 10.0  # deviations beyond those of the greatest rate, in squares: rates there are 1e-21 of it
+QUARTERS = np.array([0.125, 0.375, 0.625, 0.875])  # of a piece of time, whose middles are looked at first
+CHECKED = 24  # times at which a rate is compared with one of more nodes
 
 
 class Unresolved(ValueError):
@@ -65,13 +68,18 @@ def pool() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(CORES)
 
 
-def rates(histories: Histories, times: Floats, fineness: float) -> Floats:
-    """Rate of entries and the mean's distance in deviations (T, 2) at some times, on all cores."""
+def rates(histories: Histories, times: Floats, fineness: float, farthest: float = np.inf) -> Floats:
+    """Rate of entries and the mean's distance in deviations (T, 2) at some times, on all cores.
+
+    The rate is 0 beyond the `farthest` distance.
+    """
     mean, factor = histories.states(times)
     out = np.empty((len(times), 2))
 
     def some(part: slice) -> None:
-        surface_integrals(mean[part], factor[part], histories.zone.matrix, rules(), fineness, out[part])
+        surface_integrals(
+            mean[part], factor[part], histories.zone.matrix, rules(), fineness, farthest, out[part]
+        )
 
     size = max(24, -(-len(times) // (4 * CORES)))
     parts = [slice(k, k + size) for k in range(0, len(times), size)]
@@ -104,7 +112,7 @@ def nearest_times(histories: Histories) -> tuple[Floats, Floats]:
         before, after = inner[np.maximum(place - 1, 0), each], inner[np.minimum(place + 1, 8), each]
     best = np.concatenate([times[low], 0.5 * (before + after)])
     reached = rates(histories, best, 0.0)[:, 1]
-    counts = reached**2 < reached.min() ** 2 + NEAR
+    counts = reached**2 <= reached.min() ** 2 + NEAR
     return best[counts], reached[counts]
 
 
@@ -120,7 +128,7 @@ def passages(histories: Histories, nearest: Floats) -> Floats:
     start, end = histories.edges[0], histories.edges[-1]
     width = np.minimum(width, end - start)
     n = histories.mean_motion
-    even = np.linspace(start, end, 9 + int(np.ceil(8 * n * (end - start) / (2.0 * np.pi))))
+    even = np.linspace(start, end, 5 + int(np.ceil(4 * n * (end - start) / (2.0 * np.pi))))
     about = (nearest[:, None] + width[:, None] * LADDER).ravel()
     about = about[(about > start) & (about < end)]
     return np.unique(np.concatenate([histories.edges, even, about]))
@@ -134,32 +142,42 @@ def expected_entries(histories: Histories) -> Flux:
     nearest, distances = nearest_times(histories)
     order = np.argsort(distances, kind="stable")
     edges = passages(histories, nearest)
-    some = np.concatenate([nearest, 0.5 * (edges[1:] + edges[:-1])])
-    found = rates(histories, some, FINENESS[0])[:, 0]
-    level, off = _enough(histories, some[np.argsort(found)[-CHECKED:]], 0)
+    widths = np.diff(edges)
+    times = (edges[:-1, None] + widths[:, None] * QUARTERS).ravel()
+    rate, distance = rates(histories, np.concatenate([times, nearest]), FINENESS[0]).T
+    some = _sampled(rate[: len(times)] * np.repeat(widths, len(QUARTERS)))
+    level, off = _enough(histories, times[some], rate[some], 0)
+    farthest = float(np.hypot(distance[rate.argmax()], FADED)) if rate.any() else np.inf
     while True:
         fineness = FINENESS[level]
-        flux = integral(partial(_entries, histories, fineness), edges, TOLERANCE)
+        flux = integral(partial(_entries, histories, fineness, farthest), edges, TOLERANCE)
         if not np.isfinite(flux.value):
             raise Unresolved
         if flux.value == 0.0:
             return Flux(0.0, float(distances.min() < SURE), flux, fineness, nearest[order])
-        reached = np.cumsum(flux.parts) / flux.value
-        checked = flux.times[np.searchsorted(reached, (np.arange(CHECKED) + 0.5) / CHECKED)]
-        finer, off = _enough(histories, checked, level)
+        some = _sampled(flux.parts)
+        finer, off = _enough(histories, flux.times[some], flux.values[some], level)
         if finer == level:
             return Flux(flux.value, flux.error + off * flux.value, flux, fineness, nearest[order])
         level = finer
 
 
-def _entries(histories: Histories, fineness: float, times: Floats) -> Floats:
+def _sampled(parts: Floats) -> Any:
+    """Indices of `CHECKED` times, each for as much of all parts."""
+    reached = np.cumsum(parts)
+    return np.searchsorted(reached, (np.arange(CHECKED) + 0.5) / CHECKED * reached[-1])
+
+
+def _entries(histories: Histories, fineness: float, farthest: float, times: Floats) -> Floats:
     """The rate of entries at some times."""
-    return rates(histories, times, fineness)[:, 0]
+    return rates(histories, times, fineness, farthest)[:, 0]
 
 
-def _enough(histories: Histories, times: Floats, level: int) -> tuple[int, float]:
-    """The first level from which on more nodes change next to nothing, and how much: of all rates' sum."""
-    few = rates(histories, times, FINENESS[level])[:, 0]
+def _enough(histories: Histories, times: Floats, few: Floats, level: int) -> tuple[int, float]:
+    """The first level from which on more nodes change next to nothing, and how much: of all rates' sum.
+
+    `few` are those of the given level.
+    """
     while True:
         many = rates(histories, times, FINENESS[level + 1])[:, 0]
         off = float(np.abs(many - few).sum() / many.sum()) if many.any() else 0.0

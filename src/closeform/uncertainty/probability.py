@@ -203,8 +203,8 @@ def _by_entries(histories: Histories, method: Method, samples: int | None, seed:
         samples = enough(histories, flux, at_start, off, seed)
     counts = histories.counted(drawn(histories, flux, samples, seed))
     lost = lost_of(counts)
-    low, high = interval_of_mean(lost)
-    value = at_start + flux.value * (1.0 - float(lost.mean()))
+    mean, low, high = interval_of_mean(lost)
+    value = at_start + flux.value * (1.0 - mean)
     return _told(
         value,
         at_start + flux.value * (1.0 - high),

@@ -1,6 +1,6 @@
 """Stays: when zone and k sigmas meet, and for how long, of pairs of paths; as rows of floats."""
 
-from math import inf, sqrt
+from math import inf, nan, sqrt
 
 import numpy as np
 from numba import float64, int64
@@ -243,7 +243,7 @@ def stays_of_pairs(one, two, first, second, pair, tube, k, times, tracks, other_
             return count
         for r in range(count, total):
             begin, leaves = rows[r, 1], rows[r, 2]
-            ratio, when = least_of_pair(tube, one, first[p], two, second[p], begin, leaves, k)
+            ratio, when = least_of_pair(tube, one, first[p], two, second[p], begin, leaves, k, inf, nan)
             rows[r, 3], rows[r, 4] = when, ratio
         count = total
     done[0] = len(first)

@@ -301,7 +301,9 @@ def level_of_plane(tube, k):
     ahead = tube.best[0] * tube.place[0] + tube.best[1] * tube.place[1] + tube.best[2] * tube.place[2]
     wide = sqrt(tube.along[0])
     if k < 0.0:
-        return max((ahead - 1.0) / wide if wide > 0.0 else inf, 0.0)
+        if ahead <= 1.0:  # the null plane, too, of opposite faces where sigmas reach far into the zone
+            return 0.0
+        return (ahead - 1.0) / wide if wide > 0.0 else inf
     return max(ahead / (1.0 + k * wide), 0.0)
 
 

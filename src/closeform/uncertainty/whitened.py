@@ -14,7 +14,7 @@ SIGMA, MEAN, VELOCITY, AXES, GAIN, SPREAD = 0, 1, 2, 3, 6, 9
 NEAREST = 12  # set by `entry_rate`: the nearest point, in standard normals
 THINNEST = 1e-9  # of the zone: a deviation below it is taken for it, as of errors that are all in one plane
 
-TOLD = 1e-12  # of a velocity's deviation: less is left by rounding where positions tell all of it
+TOLD = 1e-12  # of a deviation: less is rounding, of positions in a plane and of velocities that these tell
 
 
 @kernel()
@@ -46,9 +46,9 @@ def principal(mean, factor, matrix, frame, rows):
         for k in range(3):
             frame[MEAN, i] += frame[AXES + i, k] * frame[SPREAD, k]
             frame[VELOCITY, i] += frame[AXES + i, k] * frame[SPREAD + 1, k]
+        told = frame[SIGMA, i] > TOLD * frame[SIGMA, 2]
         for j in range(size):
-            if frame[SIGMA, i] > 0.0:
-                rows[i, j] /= frame[SIGMA, i]
+            rows[i, j] = rows[i, j] / frame[SIGMA, i] if told else 0.0
         frame[SIGMA, i] = max(frame[SIGMA, i], THINNEST)
     for j in range(size):
         x, y, z = rows[3, j], rows[4, j], rows[5, j]
