@@ -334,3 +334,22 @@ def test_burns_of_one_craft_are_not_told_of_another(monkeypatch):
         two = slice(k, k + 2)
         with pytest.raises(ValueError, match=r"^max_acceleration: craft 1: no thrust within"):
             ORBIT.transfer(begins[two], ends[two], durations[two], 0.0, limits[two], "delta-v")
+
+
+@pytest.mark.parametrize("start", [0.0, 1e9])
+@pytest.mark.parametrize("limit", [1e3, 1e6, 1e12, 1e300])
+def test_burns_shorter_than_the_clock_tells_are_whole(limit, start):
+    """Of m/s within fractions of a tick of the clock: neither the end nor the limit suffers from rounding."""
+    begins, ends, durations, _, _ = cases(44, 6, 1.0, 1.0)
+    free = ORBIT.impulsive(begins, ends, durations, start)
+    bound = cf.least_delta_v(ORBIT, begins, ends, durations, limit)
+    assert (np.abs(bound.gap) <= 1e-6).all()
+    np.testing.assert_allclose(bound.upper, free.delta_v, rtol=1e-6)
+    paths = ORBIT.transfer(begins, ends, durations, start, limit, "delta-v")
+    np.testing.assert_allclose(paths.delta_v, free.delta_v, rtol=1e-6)
+    assert (paths.peak_thrust <= limit * (1.0 + 1e-9)).all()
+    tick = np.spacing(start + durations.max())
+    for path, end in zip(paths, ends, strict=True):
+        missed = np.abs(path.state(path.end) - end)
+        assert missed[:3].max() < 1e-8 + tick  # craft move by less than 1 m/s
+        assert missed[3:].max() < 1e-11 + ORBIT.mean_motion * tick

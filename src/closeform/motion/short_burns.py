@@ -58,12 +58,13 @@ def short_burns(n: float, arc: Floats, final: Floats, limit: float) -> ShortBurn
     `arc` (30,) gives the times and the initial state, `final` (6,) the state at its end.
     """
     duration = float(arc[END] - arc[START])
+    tick = float(np.spacing(np.abs(arc[[START, END]]).max()))  # of the clock
     least = impulses = _impulses(n, arc, final, np.zeros(2))
     if not len(least.times):
         return None
     aim, kept = final, np.zeros(2)
     for _ in range(ROUNDS):  # impulses whose burns do what the least impulses do
-        burns = _burns(n, duration, impulses, limit)
+        burns = _burns(n, duration, impulses, limit, tick)
         if burns is None:
             return None
         half = 0.5 * (burns.whole[[0, -1], 1] - burns.whole[[0, -1], 0])
@@ -71,9 +72,11 @@ def short_burns(n: float, arc: Floats, final: Floats, limit: float) -> ShortBurn
         kept = np.where(off <= (1.0 + 2.0 * ROOM) * np.maximum(half, kept), half, 0.0)
         aim = aim + _missing(n, duration, least, burns)
         impulses = _impulses(n, arc, aim, kept)
-    burns = _burns(n, duration, impulses, limit)
-    pushes = None if burns is None else _repaired(n, duration, least, burns, limit)
-    if burns is None or pushes is None:
+    burns = _burns(n, duration, impulses, limit, tick)
+    if burns is None:
+        return None
+    pushes = _repaired(n, duration, least, burns)
+    if (np.linalg.norm(pushes, axis=1) > limit * (burns.lengths - tick)).any():
         return None
     burns = burns._replace(pushes=pushes)
     gain = np.einsum("kij,ki->j", transition_matrices(n, least.times)[:, :3], least.pushes)  # theory (27)
@@ -99,10 +102,13 @@ def _impulses(n: float, arc: Floats, final: Floats, kept: Floats) -> Impulses:
     return Impulses(table[:, 0] + kept[0], table[:, 1:], primer, float(found[LOWER]))
 
 
-def _burns(n: float, duration: float, impulses: Impulses, limit: float) -> Burns | None:
-    """Burns about impulses, cut into parts along the primer; None where they do not fit."""
+def _burns(n: float, duration: float, impulses: Impulses, limit: float, tick: float) -> Burns | None:
+    """Burns about impulses, cut into parts along the primer; None where they do not fit.
+
+    They keep the limit however their begins and ends are rounded to ticks [s].
+    """
     sizes = np.linalg.norm(impulses.pushes, axis=1)
-    lengths = (1.0 + ROOM) * sizes / limit
+    lengths = (1.0 + ROOM) * sizes / limit + 2.0 * tick
     begins = np.clip(impulses.times - 0.5 * lengths, 0.0, duration - lengths)
     whole = np.stack([begins, begins + lengths], axis=1)
     if (whole < 0.0).any() or (whole[1:, 0] < whole[:-1, 1]).any():
@@ -124,15 +130,15 @@ def _missing(n: float, duration: float, least: Impulses, burns: Burns) -> Floats
     return open_left
 
 
-def _repaired(n: float, duration: float, least: Impulses, burns: Burns, limit: float) -> Floats | None:
-    """Pushes changed by as little as makes all meet the end; None where that breaks the limit."""
+def _repaired(n: float, duration: float, least: Impulses, burns: Burns) -> Floats:
+    """Pushes changed by as little as makes all meet the end."""
     scale = np.array([1.0] * 3 + [duration] * 3)
     sizes = np.linalg.norm(burns.pushes, axis=1)
     ways = scale[:, None, None] * _mean_effects(n, duration, burns).transpose(1, 0, 2) * sizes[:, None]
     missing = scale * _missing(n, duration, least, burns)
     change = np.linalg.lstsq(ways.reshape(6, -1), missing, rcond=1e-13)[0]
-    pushes: Floats = burns.pushes + change.reshape(-1, 3) * sizes[:, None]
-    return pushes if (np.linalg.norm(pushes, axis=1) <= limit * burns.lengths).all() else None
+    repaired: Floats = burns.pushes + change.reshape(-1, 3) * sizes[:, None]
+    return repaired
 
 
 def _mean_effects(n: float, duration: float, burns: Burns) -> Floats:
@@ -163,20 +169,19 @@ def _primer_of(n: float, primer: Floats, burns: Floats, duration: float) -> Floa
 def _flown(n: float, arc: Floats, burns: Burns) -> Floats:
     """The arcs of burns and of the coasts between them."""
     rows: list[Floats] = []
-    state, now = arc[STATE : STATE + 6], 0.0
+    state = arc[STATE : STATE + 6]
     spans = np.stack([burns.begins, burns.begins + burns.lengths], axis=1)
-    ends = np.append(spans, arc[END] - arc[START])
-    thrusts = np.zeros((len(ends), 3))
-    thrusts[1::2] = burns.pushes / burns.lengths[:, None]
-    for last, thrust in zip(ends, thrusts, strict=True):
-        if last <= now:
+    clock = np.concatenate([arc[[START]], np.minimum(arc[START] + spans.ravel(), arc[END]), arc[[END]]])
+    pushes = np.zeros((len(clock) - 1, 3))
+    pushes[1::2] = burns.pushes
+    for begin, end, push in zip(clock[:-1], clock[1:], pushes, strict=True):
+        if end <= begin:
             continue
         row = np.zeros(WIDTH)
-        row[START], row[END], row[MEAN_MOTION] = arc[START] + now, arc[START] + last, n
-        row[STATE : STATE + 6], row[PUSH : PUSH + 3] = state, thrust
+        row[START], row[END], row[MEAN_MOTION] = begin, end, n
+        row[STATE : STATE + 6], row[PUSH : PUSH + 3] = state, push / (end - begin)
         after = np.empty((1, 1, 6))
-        evaluate(row[None], np.array([0, 1]), n, np.array([[row[END]]]), after)
+        evaluate(row[None], np.array([0, 1]), n, np.array([[end]]), after)
         rows.append(row)
-        state, now = after[0, 0], last
-    rows[-1][END] = arc[END]
+        state = after[0, 0]
     return np.array(rows)

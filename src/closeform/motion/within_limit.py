@@ -81,7 +81,7 @@ def _brief(n: float, arcs: Floats, limits: Floats) -> Any:
     totals(arcs, np.arange(len(arcs) + 1), n, ENERGY, energies)
     duration = arcs[:, END] - arcs[:, START]
     most = np.sqrt(2.0 * energies * duration)  # of what is fired
-    return (most > 0.0) & (most < BRIEF * limits * duration)
+    return (most > 0.0) & (most / duration < BRIEF * limits)
 
 
 def refusal(arc: Floats, limit: float, facts: Floats) -> str:
