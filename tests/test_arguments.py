@@ -112,19 +112,19 @@ CALLS = {
     "Zone.padded": turned(self=BALL, margin=2.0),
     "Zone.support": turned(self=BALL, direction=START[:, :3]),
     "PairZones.of": turned(zones=[BALL, None, BALL], names=["a", "b", "c"], moves=[True, True, False]),
-    "find_conflicts": turned(path=MOVE, other=REST, zone=BALL),
+    "find_conflicts": turned(path=MOVE, other=REST, zone=BALL, sigmas=3.0),
     "closest_approach": turned(path=COAST, other=REST, zone=BALL),
     "last_possible_conflict": turned(path=COAST, other=REST, zone=BALL),
-    "screen": turned(paths=COAST, zone=BALL, span=np.array([-1.0, 800.0])),
+    "screen": turned(paths=COAST, zone=BALL, sigmas=3.0, span=np.array([-1.0, 800.0])),
     "Screening.joined": turned(parts=[cf.screen(COAST, BALL)]),
     "avoid": turned(
         path=MOVE, obstacles=[REST], zone=BALL, budget=3, prove=0.0,
-        max_acceleration=1.0, longer=True, margin=0.5,
+        max_acceleration=1.0, longer=True, sigmas=3.0, margin=0.5,
     ),
     "reconfigure": turned(
         orbit=ORBIT, initial=START[:2], final=START[1::-1], duration=900.0, zone=BALL, assign=True, start=0.0,
         obstacles=[REST], max_acceleration=1.0, order=None, names=["a", "b"], budget=3, prove=0.0,
-        margin=np.zeros((3, 3)),
+        sigmas=3.0, margin=np.zeros((3, 3)),
     ),
     "find_conflicts, errors": turned(
         path=NEAR, other=REST, zone=BALL, errors=KNOWN, other_errors=KNOWN, sigmas=5.0

@@ -12,7 +12,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats, numbers, sequence, shown
+from closeform.arrays import Floats, numbers, sequence, shown, size
 from closeform.conflicts.entries import COLUMNS, conflicts_of_pairs
 from closeform.conflicts.rounds import ahead, chunks, rounds, sieve_of
 from closeform.conflicts.tracks import NO_TRACKS, Tracks, follow
@@ -223,6 +223,7 @@ def screen(
     if len(batch.shape) != 1:
         raise ValueError(f"paths: expected a Path of shape (N,), got shape {batch.shape}")
     begin, before = checked_span(span)
+    sigmas = size("sigmas", sigmas)
     held = zone if isinstance(zone, Zone) else pair_zones("zone", zone, len(batch))
     known = _known(held, errors)
     sieve = sieve_of(batch, held) if known is None else None

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from closeform.arrays import Floats, broadcast, instance, shown
+from closeform.arrays import Floats, broadcast, instance, shown, size
 from closeform.conflicts.entries import COLUMNS, approaches_of_pairs, conflicts_of_pairs
 from closeform.conflicts.tracks import NO_TRACKS
 from closeform.motion.arc import MEAN_MOTION, START, STATE
@@ -180,6 +180,7 @@ def find_conflicts(
         raise ValueError(
             f"path, other: of one craft each, got shapes {path.shape} and {other.shape}; index them or screen"
         )
+    sigmas = size("sigmas", sigmas)
     if known := one_of([("errors", errors), ("other_errors", other_errors)]):
         stays: tuple[Conflict, ...] = known._find_conflicts(path, other, zone, errors, other_errors, sigmas)
         return stays

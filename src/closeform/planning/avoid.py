@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from closeform.arrays import instance
+from closeform.arrays import instance, size
 from closeform.fuel.thrusters import Thrusters
 from closeform.motion.path import Path, of_one_craft
 from closeform.planning.around import Around
@@ -150,7 +150,7 @@ def avoid(
     if (after := check_drift(drift, prove, method, "exact")) is not None:
         check_obstacles(task.obstacles, path.end + after, task.names)
         task = replace(task, drift=after)
-    task = task.padded(margin)
+    task, sigmas = task.padded(margin), size("sigmas", sigmas)
     if check_errors((errors, other_errors), zone, prove, method != "exact", drift):
         task = task.keeping(path, errors, other_errors, sigmas)
     return (

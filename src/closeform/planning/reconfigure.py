@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arrays import instance, sequence
+from closeform.arrays import instance, sequence, size
 from closeform.fuel.thrusters import Thrusters
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
@@ -178,6 +178,7 @@ def reconfigure(
     if drift is not None:
         until = float((request.starts + request.durations).max()) + drift
         check_obstacles(request.others, until, request.names[count:])
+    sigmas = size("sigmas", sigmas)
     if check_errors((errors,), zone, prove, method != "joint", drift):
         from closeform.planning.sigma_problem import Margin
 
