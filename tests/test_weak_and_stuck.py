@@ -109,12 +109,12 @@ def test_least_norm(zone, failure, seed):
 
 
 @pytest.mark.parametrize("failure", FAILURES, ids=repr)
-@pytest.mark.parametrize("zone", ZONES[:3], ids=lambda zone: type(zone).__name__)
+@pytest.mark.parametrize("zone", ZONES, ids=lambda zone: type(zone).__name__)
 def test_least_norm_is_certain(zone, failure):
-    """What comes through the origin is told to do so, and other least norms are certain to 1e-9, of most."""
+    """What comes through the origin is told to do so, and other least norms are certain to 1e-9."""
     certain = []
     for seed in range(8):
         path, other, until = case(seed)
         found = cf.drift_approach(path, other, zone, until, failure)
         certain.append(found.ratio - found.lower <= 1e-9 * max(1.0, found.ratio))
-    assert sum(certain) >= 5
+    assert all(certain)

@@ -25,10 +25,11 @@ from closeform.drift.cells import (
 )
 from closeform.drift.fans import open_window
 from closeform.drift.flown import is_instant, note
+from closeform.drift.kinks import steepest
 from closeform.kernel_loans import stack_matrix, stack_vector
 from closeform.motion.arc import END, MEAN_MOTION, START, thrusts
 from closeform.motion.linear import back_substitute, factorise
-from closeform.zones.shapes import FACES, part, part_count
+from closeform.zones.shapes import FACES
 
 SCALE = 0.3  # how far unknowns go at first: of their range, and in n t of times
 DIFFERENCE, AT_END = 1e-4, 1e-6  # of that: for derivatives; what is an end
@@ -88,18 +89,6 @@ def seen_at(one, two, width, t, end, n, form, room):
     open_window(one, two, room.point[0], width, t, end, n, 1, t, form, room)
     q = room.motions[0]
     return q[0, 0], q[0, 1], q[0, 2]
-
-
-@kernel()
-def steepest(form, x, y, z):
-    """The norm, and the gradient of the part that it is."""
-    shape, _, faces = form
-    s, ax, ay, az = -inf, 0.0, 0.0, 0.0
-    for k in range(part_count(shape, faces)):
-        value, gx, gy, gz = part(shape, faces, k, x, y, z)
-        if value > s:
-            s, ax, ay, az = value, gx, gy, gz
-    return s, ax, ay, az
 
 
 @kernel()

@@ -17,13 +17,14 @@ from closeform.drift.flown import MEETS
 from closeform.drift.many_unknowns import worst_of_many
 from closeform.drift.search import FAILURE, LOWER, PLACE, RATIO, TIME, worst_failures
 from closeform.drift.sides import room_for, side_of
+from closeform.drift.tubes import floor_of, shadow_of_faces, tube_form
 from closeform.motion.arc import START
 from closeform.motion.duration import MOST_ORBITS
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
 from closeform.result import Rows
-from closeform.zones.shapes import BALL, CUBE, CYLINDER, FACES
-from closeform.zones.zone import Zone, enclosing
+from closeform.zones.shapes import FACES
+from closeform.zones.zone import Zone
 
 Failing = Literal["path", "other", "either", "both"]
 SAME = 5e-10  # of a least ratio, or of 1: what cells may hide of it
@@ -251,8 +252,11 @@ def search_pairs(
     rows = np.zeros((len(first), FAILURE + room.cells.shape[1]))
     far = end + (MOST_ORBITS * orbit.period if for_ever else 0.0)
     tube = zone.form if zone.shape == FACES and not (for_ever and certain == 0.0) else tube_form(zone)
-    rest = orbit.mean_motion, zone.form, zone.stretch, certain, most, far * for_ever, tube, room
-    find = worst_of_many if {WEAK, STUCK} & {int(one.now[KIND]), int(two.now[KIND])} else worst_failures
+    find: Any = worst_failures
+    rest: tuple[Any, ...] = (orbit.mean_motion, zone.form, zone.stretch, certain, most, far * for_ever, tube)
+    if {WEAK, STUCK} & {int(one.now[KIND]), int(two.now[KIND])}:
+        find, rest = worst_of_many, (*rest[:-1], shadow_of_faces(zone) or tube, floor_of(zone))
+    rest = *rest, room
     ends = np.full(len(first), end)
     left = np.arange(len(first))
     while len(left):
@@ -264,27 +268,6 @@ def search_pairs(
             room = room_for(one, two, 4 * int(rows[left, TIME].max()))
             rest = *rest[:-1], room
     return rows
-
-
-@lru_cache(maxsize=64)
-def tube_form(zone: Zone) -> tuple[int, Floats, Floats]:
-    """The shadow along the track of a zone, as the form of a zone without an end.
-
-    Of half-spaces, and of cylinders which the track is neither along nor across, that of an ellipsoid that
-    holds them.
-    """
-    if zone.shape == CUBE:  # a hexagon, with two sides along the shadow of each edge
-        edges = np.linalg.inv(zone.matrix)
-        normals = np.cross([0.0, 1.0, 0.0], edges.T)
-        reach = np.abs(normals @ edges).sum(axis=1, keepdims=True)
-        return CUBE, normals / np.where(reach > 0.0, reach, 1.0), np.empty((0, 3))
-    slanting = zone.matrix[:2, 1].any() and zone.matrix[2, 1] != 0.0
-    own = zone.shape == CYLINDER and not slanting
-    shape, matrix = (CYLINDER, zone.matrix) if own else (BALL, enclosing(zone))
-    along = matrix[:, 1]
-    square = float(along @ along)
-    shadow = matrix - np.outer(along, along @ matrix) / square if square > 0.0 else matrix
-    return shape, np.ascontiguousarray(shadow), np.empty((0, 3))
 
 
 def _told(who: str, rows: Floats, zone: Zone, sides: tuple[Side, Side], craft: Any) -> list[Any]:

@@ -19,13 +19,14 @@ from closeform.drift.cells import (
     single,
     span_both,
 )
-from closeform.drift.edges import make_edges, nearest, widest
+from closeform.drift.edges import make_edges, nearest, place_at, widest
 from closeform.drift.fans import OTHER, arc_end, arc_of, is_natural, open_window
+from closeform.drift.kinks import EDGES, mixed_normal
 from closeform.motion.arc import END, START
 from closeform.motion.certified_march import LESS_PATIENCE, PATIENCE
 from closeform.motion.extrema import minimum_norm, step_on
 from closeform.motion.hill import oscillation
-from closeform.zones.shapes import FACES, norm
+from closeform.zones.shapes import BALL, FACES, norm
 
 MEETS = 1.0 + 1e-12  # up to here a norm is on the surface
 LEAST_SHARE = 0.2  # of a cell, that a cut leaves on either side
@@ -142,6 +143,9 @@ def glance(one, two, cell, width, end, n, form, room, best):
                 for m in range(count):
                     room.edges[m, axis] = motions[1 + m, 0, axis]
             x, y, z = nearest(room, count)
+            if shape != BALL and 1 < count <= EDGES:
+                mixed_normal(room, count, form, x, y, z)
+                x, y, z = place_at(room, count, -1.0)
             s = norm(shape, faces, x, y, z)
             if s < best:
                 best, when = s, min(t + k * h, stop)

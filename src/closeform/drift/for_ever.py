@@ -34,6 +34,12 @@ def along_track(matrix):
 
 
 @kernel()
+def is_tube(tube):
+    """Whether a form is a tube along the track; that of half-spaces may be these themselves."""
+    return tube[0] != FACES or along_track(tube[1])[1] == 0.0
+
+
+@kernel()
 def drift_of(q, n, direction, square):
     """The drift along the track of one motion [m/s]."""
     x, y, z = q[1, 0] + q[3, 0] / (n * n), q[1, 1] + q[3, 1] / (n * n), q[1, 2] + q[3, 2] / (n * n)
@@ -138,7 +144,7 @@ def stays_behind(one, two, cell, width, n, form, scale, tube, target, rest, away
     """
     start = cell[FROM]
     turn, clear, t = start + 2.0 * pi / n, False, start
-    if tube[0] == FACES:
+    if not is_tube(tube):
         return march(one, two, cell, width, turn, n, form, scale, target, -1.0, rest, -1, away, room)[1]
     for _ in range(TURNS):
         t, clear, _ = march(
@@ -204,14 +210,14 @@ def is_clear(one, two, cell, width, low, high, slow, n, form, scale, tube, targe
     if way != 0.0:
         away = (way * direction[0], way * direction[1], way * direction[2])
         return stays_behind(one, two, cell, width, n, form, scale, tube, target, rest, away, room)
-    if tube[0] == FACES:
+    if not is_tube(tube):
         return False
     turn = cell[FROM] + 2.0 * pi / n
     return march(one, two, cell, width, turn, n, tube, scale, target, -1.0, rest, -1, EITHER_WAY, room)[1]
 
 
 @kernel()
-def search_tail(one, two, top, width, far, n, form, scale, tube, certain, room, best):
+def search_tail(one, two, top, width, far, n, form, scale, tube, floor, certain, room, best):
     """Least norm after the first hundred orbits, if below `best`: its time, and how certain it is.
 
     The time is inf where slower and slower drifts tend to it, and nan where nothing is below.  The
@@ -224,13 +230,13 @@ def search_tail(one, two, top, width, far, n, form, scale, tube, certain, room, 
     while top > 0:
         spent += 1
         if spent > ENOUGH[kind]:
-            if tube[0] == FACES:
+            if not is_tube(tube):
                 return best, when, inf
             if certain == 0.0:
                 return 1.0, inf, 0.0
             certain, spent = LESS[kind] * certain, 0
         target = target_below(best, certain)
-        if certain > 1.0 or (target <= 0.0 and form[0] != FACES):
+        if certain > 1.0 or target <= floor:
             break
         top -= 1
         cell = room.cells[top]
@@ -249,17 +255,17 @@ def search_tail(one, two, top, width, far, n, form, scale, tube, certain, room, 
         if clear:
             continue
         begin, stop = near_by(one, two, cell, width, t, near, far, n, count, room)
-        if tube[0] == FACES:  # it only sinks on the way there
+        if not is_tube(tube):  # it only sinks on the way there
             begin = max(begin, near - NEAR / n)
         least, time = fly(one, two, room.point[0], width, begin, stop, n, form, room, best)
         if least < best:
             best, when = least, time
             note(room, room.point[0])
-            if tube[0] == FACES and time > far - 2.0 * pi / n:
+            if not is_tube(tube) and time > far - 2.0 * pi / n:
                 return best, when, inf
             if certain == 0.0:
                 break
-        if low <= slow and high >= -slow and tube[0] != FACES:
+        if low <= slow and high >= -slow and is_tube(tube):
             least = limit_of(one, two, cell, width, slow, far, n, form, tube, count, room, best)
             if least < best:
                 best, when = least, inf

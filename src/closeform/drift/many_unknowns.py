@@ -56,7 +56,7 @@ def least_downhill(one, two, top, width, end, n, form, room, best, when, most):
 
 
 @kernel()
-def search_downhill(one, two, top, width, end, n, form, scale, tube, certain, most, room):
+def search_downhill(one, two, top, width, end, n, form, scale, tube, floor, certain, most, room):
     """As `search.search` does: the least norm over all failures and drifts, its time, how certain it is."""
     best, when = most, nan
     if most == inf:
@@ -79,7 +79,7 @@ def search_downhill(one, two, top, width, end, n, form, scale, tube, certain, mo
                 best, when = least_downhill(one, two, top, width, end, n, form, room, best, when, inf)
             certain, spent = LESS * certain, 0
         target = target_below(best, certain)
-        if certain > 1.0 or (target <= NIL and form[0] != FACES):
+        if certain > 1.0 or target <= floor + NIL:
             break
         top -= 1
         cell = room.cells[top]
@@ -123,11 +123,12 @@ def search_downhill(one, two, top, width, end, n, form, scale, tube, certain, mo
         float64,
         float64,
         FORM,
+        float64,
         ROOM_TYPE,
         float64[:, ::1],
     )
 )
-def worst_of_many(one, two, first, second, ends, n, form, scale, certain, most, far, tube, room, out):
+def worst_of_many(one, two, first, second, ends, n, form, scale, certain, most, far, tube, floor, room, out):
     """As `search.worst_failures` of failures with two unknowns, that are weak or stuck thrust."""
     one, two, room, out = lent(one), lent(two), lent(room), borrowed(out)
     form = form[0], borrowed(form[1]), borrowed(form[2])
@@ -139,9 +140,9 @@ def worst_of_many(one, two, first, second, ends, n, form, scale, certain, most, 
         if top <= 0:
             continue
         ratio, when, known = search_downhill(
-            one, two, top, width, end, n, form, scale, tube, certain, most, room
+            one, two, top, width, end, n, form, scale, tube, floor, certain, most, room
         )
         found = ratio, when, known
         if far > 0.0 and ratio > -inf and (certain > 0.0 or when != when):
-            found = go_on(one, two, found, width, end, far, n, form, scale, tube, certain, room)
-        tell(one, two, found, end, n, form, room, out[p])
+            found = go_on(one, two, found, width, end, far, n, form, scale, tube, floor, certain, room)
+        tell(one, two, found, end, n, form, floor, room, out[p])

@@ -14,6 +14,7 @@ from closeform.compiled import kernel
 from closeform.drift.cells import FROM
 from closeform.drift.edges import find_edges, nearest, norm_at, place_at, sink, widest
 from closeform.drift.fans import GENERATORS, OTHER, PATH, next_seen, open_window, place_all
+from closeform.drift.kinks import EDGES, mixed_normal
 from closeform.drift.remainders import growth
 from closeform.motion.certified_march import bound
 from closeform.motion.hill import oscillation
@@ -150,6 +151,8 @@ def best_plane(room, window, count, form, level, x, y, z, local, wanted, away):
     for k in range(parts + 1):
         if k < parts:
             _, ax, ay, az = part(shape, faces, k, x, y, z)
+        elif parts > 1 and 1 < count <= EDGES:
+            ax, ay, az = mixed_normal(room, count, form, x, y, z)
         elif parts > 1:
             ax, ay, az = mixed_plane(room, count, form, x, y, z)
         else:
@@ -166,13 +169,21 @@ def best_plane(room, window, count, form, level, x, y, z, local, wanted, away):
 
 
 @kernel()
+def sink_all(room, count, form):
+    """Move `shares` to where the norm of the parallelotope is least."""
+    x, y, z = nearest(room, count)
+    if form[0] != BALL and 1 < count <= EDGES:
+        mixed_normal(room, count, form, x, y, z)
+    elif form[0] != BALL:
+        sink(room, count, form, 1e-8)
+
+
+@kernel()
 def deepest(one, two, room, window, local, form):
     """Least norm of the parallelotope at one time of a window, or near it; `shares` are where."""
     place_all(room, window, local)
     count = find_edges(one, two, room, window)
-    nearest(room, count)
-    if form[0] != BALL:
-        sink(room, count, form, 1e-8)
+    sink_all(room, count, form)
     return norm_at(room, count, form)
 
 

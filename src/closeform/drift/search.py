@@ -38,7 +38,7 @@ from closeform.drift.flown import (
     note,
     target_below,
 )
-from closeform.drift.for_ever import search_tail
+from closeform.drift.for_ever import is_tube, search_tail
 from closeform.drift.planes import EITHER_WAY, march
 from closeform.kernel_loans import borrowed, lent
 from closeform.motion.arc import START
@@ -109,7 +109,7 @@ def march_drift(one, two, cell, width, calm, end, n, form, tube, scale, target, 
 
     Both are without thrust from `calm` on.  In the tube natural motion is periodic.       # theory (49)
     """
-    if form[0] != FACES and n * (end - max(calm, cell[FROM])) > LONG:
+    if is_tube(tube) and n * (end - max(calm, cell[FROM])) > LONG:
         if cell[FROM] < calm:
             t, clear, near = march(
                 one, two, cell, width, calm, n, form, scale, target, best, rest, -1, EITHER_WAY, room
@@ -224,18 +224,20 @@ def begin_pair(one, two, first, second, end, n, room, told):
 
 
 @kernel()
-def go_on(one, two, found, width, end, far, n, form, scale, tube, certain, room):
+def go_on(one, two, found, width, end, far, n, form, scale, tube, floor, certain, room):
     """The least norm, its time and how certain it is: what was `found`, or the drift from `end` to `far`."""
     ratio, when, known = found
     top = fill_cells(one, two, end, width, n, room.cells)
-    ratio, later, late = search_tail(one, two, top, width, far, n, form, scale, tube, certain, room, ratio)
+    ratio, later, late = search_tail(
+        one, two, top, width, far, n, form, scale, tube, floor, certain, room, ratio
+    )
     if later == -inf:
         return -inf, float(2 * len(room.cells)), known
     return ratio, later if later == later else when, max(known, late)
 
 
 @kernel()
-def tell(one, two, found, end, n, form, room, told):
+def tell(one, two, found, end, n, form, floor, room, told):
     """Fill the columns of a pair with its worst failure, `room.point[1]`, if there is one."""
     ratio, when, known = found
     width = (room.cells.shape[1] - SIDE) // 2
@@ -249,7 +251,7 @@ def tell(one, two, found, end, n, form, room, told):
     seen = when if when < inf else end
     open_window(one, two, worst, width, seen, end, n, 1, seen, form, room)
     lower = ratio - known * max(abs(ratio), 1.0)
-    told[TIME], told[RATIO], told[LOWER] = when, ratio, lower if form[0] == FACES else max(lower, 0.0)
+    told[TIME], told[RATIO], told[LOWER] = when, ratio, max(lower, floor)
     for axis in range(3):
         told[PLACE + axis] = room.motions[0, 0, axis]
     for c in range(len(worst)):
@@ -287,7 +289,7 @@ def worst_failures(one, two, first, second, ends, n, form, scale, certain, most,
     one, two, room, out = lent(one), lent(two), lent(room), borrowed(out)
     form = form[0], borrowed(form[1]), borrowed(form[2])
     tube = tube[0], borrowed(tube[1]), borrowed(tube[2])
-    width = (room.cells.shape[1] - SIDE) // 2
+    width, floor = (room.cells.shape[1] - SIDE) // 2, -inf if form[0] == FACES else 0.0
     for p in range(len(first)):
         end = ends[p]
         top = begin_pair(one, two, first[p], second[p], end, n, room, out[p])
@@ -296,5 +298,5 @@ def worst_failures(one, two, first, second, ends, n, form, scale, certain, most,
         ratio, when, known = search(one, two, top, width, end, n, form, scale, tube, certain, most, room)
         found = ratio, when, known
         if far > 0.0 and ratio > -inf and (certain > 0.0 or when != when):
-            found = go_on(one, two, found, width, end, far, n, form, scale, tube, certain, room)
-        tell(one, two, found, end, n, form, room, out[p])
+            found = go_on(one, two, found, width, end, far, n, form, scale, tube, floor, certain, room)
+        tell(one, two, found, end, n, form, floor, room, out[p])

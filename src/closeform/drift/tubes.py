@@ -1,0 +1,63 @@
+"""Tubes: the shadows of zones along the track, to which slower and slower drifts tend; how low norms go."""
+
+from functools import lru_cache
+
+import numpy as np
+from scipy.optimize import nnls
+
+from closeform.arrays import Floats
+from closeform.zones.shapes import BALL, CUBE, CYLINDER, FACES
+from closeform.zones.zone import Zone, enclosing
+
+ALONG = 1e-14  # of a face: what is less is along the track
+
+
+@lru_cache(maxsize=64)
+def tube_form(zone: Zone) -> tuple[int, Floats, Floats]:
+    """The shadow along the track of a zone, as the form of a zone without an end.
+
+    Of half-spaces, and of cylinders which the track is neither along nor across, that of an ellipsoid that
+    holds them.
+    """
+    if zone.shape == CUBE:  # a hexagon, with two sides along the shadow of each edge
+        edges = np.linalg.inv(zone.matrix)
+        normals = np.cross([0.0, 1.0, 0.0], edges.T)
+        reach = np.abs(normals @ edges).sum(axis=1, keepdims=True)
+        return CUBE, normals / np.where(reach > 0.0, reach, 1.0), np.empty((0, 3))
+    slanting = zone.matrix[:2, 1].any() and zone.matrix[2, 1] != 0.0
+    own = zone.shape == CYLINDER and not slanting
+    shape, matrix = (CYLINDER, zone.matrix) if own else (BALL, enclosing(zone))
+    along = matrix[:, 1]
+    square = float(along @ along)
+    shadow = matrix - np.outer(along, along @ matrix) / square if square > 0.0 else matrix
+    return shape, np.ascontiguousarray(shadow), np.empty((0, 3))
+
+
+@lru_cache(maxsize=64)
+def shadow_of_faces(zone: Zone) -> tuple[int, Floats, Floats] | None:
+    """The shadow along the track of half-spaces, if they have one: its faces are along the track.
+
+    Those that are so themselves, and of each two that lean against each other the mix that is; None where
+    the track leads ever deeper into them, and for other zones.
+    """
+    if zone.shape != FACES:
+        return None
+    along = zone.matrix[:, 1]
+    lean = zone.faces @ along
+    flat = np.abs(lean) <= ALONG * np.linalg.norm(zone.faces, axis=1) * np.linalg.norm(along)
+    up, down = np.flatnonzero((lean > 0.0) & ~flat), np.flatnonzero((lean < 0.0) & ~flat)
+    share = lean[up, None, None] / (lean[up, None, None] - lean[down, None])
+    mixed = zone.faces[up, None] + share * (zone.faces[down] - zone.faces[up, None])
+    faces = np.concatenate([zone.faces[flat], mixed.reshape(-1, 3)])
+    faces -= np.outer(faces @ along, along) / (along @ along)
+    shadow = zone.matrix - np.outer(along, along @ zone.matrix) / (along @ along)
+    return (FACES, np.ascontiguousarray(shadow), faces) if len(faces) else None
+
+
+@lru_cache(maxsize=64)
+def floor_of(zone: Zone) -> float:
+    """What no norm is below: 0, or -inf of half-spaces that some way leads ever deeper into."""
+    if zone.shape != FACES:
+        return 0.0
+    mixed = np.vstack([zone.faces.T, np.ones(len(zone.faces))])
+    return 0.0 if nnls(mixed, np.array([0.0, 0.0, 0.0, 1.0]))[1] <= 1e-12 else -np.inf

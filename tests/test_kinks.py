@@ -1,0 +1,112 @@
+"""Planes beside kinks, and shadows of half-spaces, against linear programs and dense sampling."""
+
+import numpy as np
+import pytest
+from numba import float64, int64, types
+from scipy.optimize import linprog
+
+import closeform as cf
+from closeform.compiled import kernel
+from closeform.drift.fans import ROOM_TYPE
+from closeform.drift.kinks import EDGES, mixed_normal
+from closeform.drift.sides import room_for, side_of
+from closeform.drift.tubes import floor_of, shadow_of_faces
+from closeform.kernel_loans import borrowed, lent
+from closeform.zones.shapes import FORM
+from closeform.zones.zone import scaled_norm
+
+ORBIT = cf.Orbit.circular(500e3)
+CORRIDOR = cf.HalfSpaces(
+    [[1, 0.1, 0], [-1, 0.1, 0], [0, 0.1, 1], [0, 0.1, -1], [0, -1, 0]], [30, 30, 30, 30, 40]
+)
+ZONES = [
+    cf.Box([20.0, 40.0, 30.0]),
+    CORRIDOR,
+    cf.HalfSpaces(np.random.Generator(np.random.Philox(5)).normal(size=(14, 3)), np.full(14, 20.0)),
+    cf.HalfSpaces([[1, 0.5, 0.2], [0.3, -1, 0.4]], [10.0, 20.0]),
+]
+
+
+@kernel(types.UniTuple(float64, 3)(ROOM_TYPE, int64, FORM, float64, float64, float64))
+def mixed(room, count, form, x, y, z):
+    """A part of a kernel, as one that can be called."""
+    room, form = lent(room), (form[0], borrowed(form[1]), borrowed(form[2]))
+    return mixed_normal(room, count, form, x, y, z)
+
+
+def random_room(rng, count, size):
+    """Room in which the edges of a parallelotope and its corner stand, in zone coordinates."""
+    path = ORBIT.coast(np.zeros(6), 1.0)
+    room = room_for(side_of(path, cf.WeakThrust(0.1), 1.0), side_of(path, cf.WeakThrust(0.1), 1.0))
+    room.places[:] = 0.0
+    room.places[0, :3] = 2.0 * rng.normal(size=3)
+    room.edges[:count] = size * rng.normal(size=(count, 3))
+    room.shares[:] = 0.5
+    return room, room.places[0, :3], room.edges[:count]
+
+
+def least_in(zone, corner, edges):
+    """The least norm of a parallelotope, by a linear program over shares of its edges and the norm."""
+    faces = zone.faces if len(zone.faces) else np.vstack([np.eye(3), -np.eye(3)])
+    rows = np.column_stack([faces @ edges.T, -np.ones(len(faces))])
+    cost = np.r_[np.zeros(len(edges)), 1.0]
+    bounds = [(0.0, 1.0)] * len(edges) + [(None, None)]
+    return linprog(cost, A_ub=rows, b_ub=-faces @ corner, bounds=bounds).fun
+
+
+@pytest.mark.parametrize("zone", ZONES, ids=lambda zone: f"{type(zone).__name__} {len(zone.faces)}")
+@pytest.mark.parametrize("count", range(2, EDGES + 1))
+def test_mixed_normals_keep_parallelotopes_as_far_as_any(zone, count):
+    """And `shares` are where they are nearest."""
+    rng = np.random.Generator(np.random.Philox(count))
+    for _ in range(60):
+        room, corner, edges = random_room(rng, count, 10.0 ** rng.uniform(-4, 0.5))
+        x = corner + 0.5 * edges.sum(axis=0)
+        normal = np.array(mixed(room, count, zone.form, *x))
+        value = normal @ corner + np.minimum(0.0, edges @ normal).sum()
+        least = least_in(zone, corner, edges)
+        assert abs(value - least) <= 1e-9 * max(1.0, abs(least))  # of a program solved to so much
+        there = corner + room.shares[:count] @ edges
+        assert abs(scaled_norm(zone, there) - least) <= 1e-9 * max(1.0, abs(least))
+
+
+@pytest.mark.parametrize("count", range(1, EDGES + 1))
+def test_mixed_normals_never_promise_too_much(count):
+    """Beside the rim of a cylinder, too, whose side is round: no farther than points are, and close to it."""
+    zone = cf.Cylinder(20.0, 40.0, axis=[0.3, 1.0, 0.2])
+    rng = np.random.Generator(np.random.Philox(count))
+    for _ in range(200):
+        room, corner, edges = random_room(rng, count, 10.0 ** rng.uniform(-3, 0.0))
+        x = corner + 0.5 * edges.sum(axis=0)
+        normal = np.array(mixed(room, count, zone.form, *x))
+        value = normal @ corner + np.minimum(0.0, edges @ normal).sum()
+        inside = corner + rng.random((500, count)) @ edges
+        nearest = corner + room.shares[:count] @ edges
+        points = np.vstack([inside, nearest])
+        norms = scaled_norm(zone, points)
+        assert value <= norms.min() + 1e-12
+        assert norms[-1] - value <= 0.02 * np.linalg.norm(edges, axis=1).max() ** 2 + 1e-9
+
+
+def test_shadows_of_half_spaces_are_their_least_norms_along_the_track():
+    tested = 0
+    for zone in ZONES[1:]:
+        shadow = shadow_of_faces(zone)
+        if shadow is None:
+            assert zone is ZONES[-1]
+            continue
+        faces = shadow[2]
+        assert not (faces @ zone.matrix[:, 1]).round(12).any()
+        for r in np.random.Generator(np.random.Philox(8)).normal(size=(200, 3)) * 60.0:
+            q = zone.matrix @ r
+            rows = np.column_stack([zone.faces @ zone.matrix[:, 1], -np.ones(len(zone.faces))])
+            ahead = linprog([0.0, 1.0], A_ub=rows, b_ub=-zone.faces @ q, bounds=(None, None))
+            assert abs((faces @ q).max() - ahead.fun) <= 1e-8 * max(1.0, abs(ahead.fun))
+            tested += 1
+    assert tested >= 400
+    assert shadow_of_faces(cf.Box([1.0, 2.0, 3.0])) is None
+
+
+def test_norms_of_half_spaces_that_close_are_never_below_zero():
+    assert [floor_of(zone) for zone in ZONES] == [0.0, 0.0, 0.0, -np.inf]
+    assert floor_of(cf.HalfSpaces([[0, 0, 1], [0, 0, -1]], [10.0, 5.0])) == 0.0
