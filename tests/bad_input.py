@@ -1822,7 +1822,7 @@ MISUSES = (
     Misuse(
         "a shell that nothing is known of",
         "completion tcsh",
-        'closeform: Invalid value "tcsh" for SHELL. Choose from: "bash", "zsh", "fish"; see closeform --help',
+        'closeform: Invalid value "tcsh" for SHELL. Choose from: "bash", "zsh", "fish"; see closeform completion --help',
     ),
     Misuse(
         "a screening over finished results",
@@ -1844,17 +1844,17 @@ MISUSES = (
     Misuse(
         "an unknown option",
         "run good.toml --speed 3",
-        "closeform: Unknown option: --speed. Did you mean --case?; see closeform --help",
+        "closeform: Unknown option: --speed. Did you mean --case?; see closeform run --help",
     ),
     Misuse(
         "an argument that is missing",
         "run",
-        'closeform: Command "run" parameter SCENARIO requires an argument; see closeform --help',
+        'closeform: Command "run" parameter SCENARIO requires an argument; see closeform run --help',
     ),
     Misuse(
         "an option of the wrong kind",
         "run good.toml --case three",
-        'closeform: Invalid value for --case: unable to convert "three" into int; see closeform --help',
+        'closeform: Invalid value for --case: unable to convert "three" into int; see closeform run --help',
     ),
     Misuse(
         "no zone",

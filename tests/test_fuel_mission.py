@@ -16,6 +16,7 @@ from closeform.mission import fly
 from closeform.motion.path import ends_of
 from closeform.report import reconfigure
 from closeform.report.run import RunReport
+from closeform.report.section import not_flown
 from closeform.scenario import ScenarioError, parse
 from test_mission_search import Run, run_text
 
@@ -543,12 +544,14 @@ def test_burns_that_overlap_stop_the_mission_with_a_reason():
     mission = fly(parse(TIGHT.replace("0.1 mN", "0.12 mN")))
     assert mission.stopped is not None
     assert "must begin again at" in mission.stopped
-    assert mission.stopped.endswith("give it more thrust or time, or cost 'energy', which spreads it")
+    assert mission.stopped.endswith("give it more thrust or time, or try cost 'energy', which spreads it")
     assert not mission.results[0].flown
     ends = fly(parse(TIGHT))
     assert ends.stopped is not None
     assert "burns at its ends take" in ends.stopped
-    assert ends.stopped.endswith("give it more thrust or time, or cost 'energy', which spreads it")
+    (said,) = not_flown(ends.results[0])
+    assert said.startswith("Not flown: burns at its ends take")
+    assert ends.stopped.endswith("give it more thrust or time, or try cost 'energy', which spreads it")
     assert fly(parse(TIGHT.replace("0.1 mN", "1 mN"))).clear  # where impulses beside each other are one burn
 
 

@@ -76,6 +76,8 @@ def test_pulses_leave_room_when_thrust_is_lost(bit, period, larger):
     assert plan.passive is not None
     assert (plan.passive.planned, plan.passive.safe, plan.pulsed.short) == (True, True, None)
     assert 1.0 < plan.pulsed.room.larger < larger
+    (zone,) = plan.result.zones
+    assert zone.norm(np.array([ZONE, 0.0, 0.0])) == pytest.approx(1.0)  # pictures are of what was asked for
     pulses, path = plan.pulsed.firing.pulses, plan.after.path("Inspector")
     least = nearest_drift(path, pulses, path.end + 86400.0, 7)
     assert least > ZONE * (1.0 - 1e-9)

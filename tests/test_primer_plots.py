@@ -34,6 +34,24 @@ def test_primer_shows_what_other_impulses_waste():
     assert dots(figure) @ sizes == pytest.approx(78.53298, abs=1e-4)
 
 
+def test_labels_of_impulses_beside_each_other_stay_within_the_axes():
+    """Three that follow each other, one of them against what pays: their words stand above each other."""
+    places = [np.zeros(6)]
+    for along, cross in ((100.0, 0.0), (99.0, 5.0), (100.0, -8.0), (60.0, 0.0)):
+        places.append(np.array([0.0, along, cross, 0.0, 0.0, 0.0]))
+    legs, start = [], 0.0
+    for one, next_one, lasts in zip(places, places[1:], (1500.0, 120.0, 120.0, 1500.0), strict=False):
+        legs.append(ORBIT.two_impulse(one, next_one, lasts, start))
+        start += lasts
+    figure = cf.plots.primer(cf.join(legs))
+    (axes, *_), words = figure.axes, figure.axes[0].texts
+    assert dots(figure).min() < 0.0
+    labels = [one for one in words if one.get_text().endswith(("m/s", "impulses"))]
+    assert len(labels) >= 4
+    figure.canvas.draw()
+    assert max(one.get_window_extent().y1 for one in labels) < axes.get_window_extent().y1
+
+
 def test_primer_of_a_coast():
     figure = cf.plots.primer(ORBIT.coast(START, 6000.0))
     assert figure._suptitle.get_text() == "0 mm/s with 0 impulses: the least there is"

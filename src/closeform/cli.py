@@ -64,7 +64,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         status = app(tokens, exit_on_error=False, print_error=False)
         sys.stdout.flush()
     except CycloptsError as error:
-        complain(f"closeform: {one_line(error)}; see closeform --help")
+        named = " ".join(("closeform", *(error.command_chain or ())))
+        complain(f"closeform: {one_line(error)}; see {named} --help")
         return BAD_INPUT
     except (UsageError, FolderError) as error:
         complain(str(error))

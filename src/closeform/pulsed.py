@@ -23,7 +23,7 @@ GROWTH = 1.5  # times what pulses lead a pair nearer than planned: those of anot
 # Of a zone: by no more it grows from plan to plan, as small pulses before a long drift lead far from some
 # plans and not from those beside them; and by less than that there is no plan between two.
 LEAP, FINEST = 0.15, 0.02
-REMEDY = "give it more thrust or time, or cost 'energy', which spreads it"
+REMEDY = "give it more thrust or time, or try cost 'energy', which spreads it"
 
 
 @dataclass(frozen=True, eq=False)

@@ -107,7 +107,8 @@ def around(start: StageStart, stage: Avoid) -> StageResult[Avoid, AvoidResult]:
     after = flight(avoidance.path) if avoidance.path not in (None, direct) else before
     late = too_late(start, stage, after, {craft.name: avoidance.punctual})
     plain = way((after.end - start.time) / asked) if late is not None else direct
-    result = AvoidResult(stage.craft, rest, zones, direct, plain, avoidance, asked, goals)
+    asked_for = start.scenario.zones_around(craft.name)  # not larger for pulses, as those of plans may be
+    result = AvoidResult(stage.craft, rest, asked_for, direct, plain, avoidance, asked, goals)
     failure = None if avoidance.ok else avoidance.reason
     return StageResult(start.number, stage, start.time, before, after, result, failure, avoidance.ok, late)
 

@@ -228,7 +228,7 @@ def impulsive(clear: Path | None, problem: Problem, task: Around) -> Avoidance:
         least = unconstrained(problem, (None,), ("",)).least
         none = refused(problem, Status.TOO_WEAK, str(little), least=least)
         return replace(none, weak=shortage(problem, limits, little))
-    ways = f"{found.tried} starts examined"
+    ways = f"{found.tried} start{'s' * (found.tried != 1)} examined"
     if found.flown is None and clear is None:
         reason = f"no clear path among {ways}; raise budget for more"
         if problem.drift is not None:

@@ -23,7 +23,7 @@ def shaped(
     """`avoid` by method "exact"."""
     found = solve(problem, budget)
     optimum, duration = problem.energy(problem.direct), problem.arrival - problem.first
-    ways = f"{found.tried} candidates examined"
+    ways = f"{found.tried} candidate{'s' * (found.tried != 1)} examined"
     if found.flown is None:
         reason = f"no clear path among {ways}; raise budget for more"
         if problem.drift is not None:
@@ -41,7 +41,8 @@ def shaped(
     path = problem.path(found.flown)[0]
     energy, bound = path.energy, optimum + proof.bound
     number = len(found.contacts)
-    best = f"the best of {found.tried} candidates examined, {closeness(energy, bound)}"
+    ways = f"the best of {found.tried} candidate{'s' * (found.tried != 1)} examined"
+    best = f"{ways}, {closeness(energy, bound)}"
     return Avoidance(
         path=path,
         energy=energy,

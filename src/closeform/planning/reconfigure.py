@@ -246,7 +246,7 @@ def _planned(plan: Plan, problem: Problem, found: Outcome, names: Sequence[str])
     """A plan with what was found."""
     assert found.flown is not None
     paths = problem.path(found.flown)
-    ways = f"the best of {found.tried} ways tried"
+    ways = f"the best of {found.tried} way{'s' * (found.tried != 1)} tried"
     if found.order:
         ways += f", one after another: {', '.join(names[k] for k in found.order)}"
     number = len(found.contacts)
@@ -291,7 +291,8 @@ def _fired(plan: Plan, problem: Problem, request: Request, budget: int | None, m
     paths, contacts, spent = problem.path(found.flown), once(found.contacts), found.delta_v
     bound, number = min(free.least, spent), len(contacts)
     changed = found.tried > 0
-    best = f"{number or 'no'} contact{'s' * (number != 1)}, the best of {found.tried} starts examined"
+    ways = f"the best of {found.tried} start{'s' * (found.tried != 1)} examined"
+    best = f"{number or 'no'} contact{'s' * (number != 1)}, {ways}"
     near = closeness(spent, bound, "delta-v", limits is not None)
     return replace(
         plan,
@@ -331,4 +332,4 @@ def _bounded(request: Request, plan: Plan, seconds: float) -> Plan:
 def _blocked(names: Sequence[str], pair: tuple[int, int] | None, tried: int) -> str:
     """Why no plan was found."""
     who = f"{names[pair[0]]} and {names[pair[1]]}" if pair else "craft"
-    return f"{who} are in each other's way in all of {tried} ways tried"
+    return f"{who} are in each other's way in {f'all of {tried} ways' if tried != 1 else 'the one way'} tried"

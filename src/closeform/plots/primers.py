@@ -185,12 +185,12 @@ def _drawn(
             axes.axvspan(ticks(begin), ticks(begin + lasts), color=OTHER, alpha=0.35, linewidth=0, zorder=1)
     times_of, large = np.array([time for time, _ in path.impulses]), np.array(sizes)
     axes.plot(ticks(times_of), heights, "o", color=INK, markersize=7, linestyle="", zorder=5)
-    last, row = -np.inf, 0
+    last, row, rows = -np.inf, 0, 0
     for some in _groups(times_of, large, TOGETHER * (end - start)):
         time, many = float(times_of[some[0]]), len(some)
         late = time > start + 0.85 * (end - start)  # its words stand before it, where those of others end
         row = (row + 1) % 3 if time - last < BESIDE * (1.0 + late) * (end - start) else 0
-        last = time
+        last, rows = time, max(row, rows)
         axes.annotate(
             speed(float(large[some].sum())) + (f", {many} impulses" if many > 1 else ""),
             (ticks(time), 1.0),
@@ -200,7 +200,9 @@ def _drawn(
             fontsize=SMALL,
             color=INK,
         )
-    axes.set_ylim(1.1 * min([0.0, *heights, *lengths]), max(1.35, 1.1 * float(lengths.max(initial=0.0))))
+    low = 1.1 * min([0.0, *heights, *lengths])
+    room = (24 + 13 * rows) / (axes.get_window_extent().height * 72 / figure.dpi)  # of the words above 1
+    axes.set_ylim(low, max(1.35, 1.1 * float(lengths.max(initial=0.0)), (1.0 - room * low) / (1.0 - room)))
     axes.set_ylabel(named, fontsize=TEXT, color=INK)
     time_axes([axes], ticks, start, end)
     return figure

@@ -174,7 +174,8 @@ class Choices:
         if self.result.stage.cost == "delta-v" and self.result.flown:
             dearest = max(self.movers, key=lambda name: float(self.plan(name).delta_v))
             caption = f"The primer of {dearest}: where a push pays"
-            found.append(Picture("primer", caption, "primer", *self.primer(dearest)))
+            whose = f"{dearest}, who spends most" if len(self.movers) > 1 else ""
+            found.append(Picture("primer", caption, "primer", *self.primer(dearest), shows=whose))
         plans, fired, asked = None, None, None if self.result.flown else self.ends[2]
         if self.result.flown:
             plans = [self.plan(name) for name in self.movers]

@@ -109,6 +109,8 @@ def how(mission: Mission, result: Move) -> tuple[str, ...]:
     method, moved, avoidance = result.stage.method, result.result, result.result.avoidance
     if not avoidance.ok:
         return (f"Method {method}: {avoidance.status}: {avoidance.reason}",)
+    if not result.flown:
+        return (f"Method {method}: its plan cannot be fired",)
     if not avoidance.contacts:
         if moved.plain is not moved.direct:
             longer = f"direct path of {moved.plain.end - moved.plain.start:.1f} s"
@@ -190,6 +192,7 @@ def pictures(mission: Mission, result: Move) -> tuple[Picture, ...]:
     changed = around is not None and around is not path
     caption, pair = f"{craft} relative to {other}, before", {"names": (craft, other)}
     shows = "before: the direct path" if changed else ""
+    planned = "as planned, not as fired" if result.pulsed is not None else ""
     found = [Picture("distances", caption, "distances", (path, obstacle, zone), pair, shows=shows)]
     if before.conflicts and result.stage.cost == "energy":
         caption = f"Ways of {craft} around {other} alone: the cheapest found on each side, where there is one"
@@ -200,8 +203,8 @@ def pictures(mission: Mission, result: Move) -> tuple[Picture, ...]:
         near = f"How near {craft} comes to the zones of the others, before and after"
         both = f"The path of {craft} before and after"
         found += [
-            Picture("before-after", both, "before_after", ways, {"names": names}),
-            Picture("nearness", near, "ratios", ways, {"names": names}),
+            Picture("before-after", both, "before_after", ways, {"names": names}, shows=planned),
+            Picture("nearness", near, "ratios", ways, {"names": names}, shows=planned),
         ]
         paths, labels = [path, around], ["before", "after"]
     else:

@@ -64,7 +64,7 @@ def not_flown(result: StageResult[Any, Any]) -> tuple[str, ...]:
     if result.flown or result.failure is None:
         return ()
     plan = plan_of(result)
-    why = re.split("[:;]", result.failure)[0] if plan is None else str(plan.status)
+    why = re.split("[:;]", result.failure)[0] if plan is None or plan.ok else str(plan.status)
     return (f"Not flown: {shorten(why, REASON, placeholder=' …')}",)
 
 
