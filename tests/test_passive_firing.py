@@ -7,10 +7,12 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
+import closeform as cf
 from bridge import hill
 from closeform.mission import fly
 from closeform.report import burns
 from closeform.scenario import parse
+from hold_transfers import hold_transfers
 
 INSPECTOR = (Path(__file__).parents[1] / "examples" / "passive_inspector.toml").read_text()
 ZONE = 20.0  # m
@@ -94,3 +96,42 @@ def test_pulses_without_room_say_how_much_they_need():
     path = plan.after.path("Inspector")
     least = nearest_drift(path, plan.pulsed.firing.pulses, path.end + 86400.0, 8)
     assert ZONE * (plan.passive.worst.ratio - ROUGH) < least < ZONE
+
+
+@pytest.mark.parametrize("bit", [1.0, 3.0])
+def test_least_delta_v_is_planned_by_the_pulses_that_are_fired(bit):
+    """Pulses of its impulses, of which some are below the bit, would drift to 0.58 zones."""
+    (plan, _) = fly(parse(inspector(f"{bit} mm/s", cost="delta-v"))).results
+    assert plan.passive is not None
+    assert (plan.passive.planned, plan.passive.safe, plan.pulsed.short) == (True, True, None)
+    assert (plan.pulsed.room.larger, plan.pulsed.room.time) == (1.0, 0.0)
+    firing, path = plan.pulsed.firing, plan.after.path("Inspector")
+    assert firing.pulses.impulse.min() >= 1e-3 * bit
+    assert (len(firing.dropped), firing.deviation < 1e-6) == (0, True)
+    assert firing.delta_v < 0.35  # m/s; 0.37 by impulses, 0.38 for zones larger by 20 %
+    least = nearest_drift(path, firing.pulses, path.end + 86400.0, 9)
+    assert least > ZONE * (plan.passive.worst.ratio - ROUGH) > ZONE * (1.0 - ROUGH)
+    aim = plan.planned.path("Inspector")
+    assert np.abs(path.state(path.end) - aim.state(aim.end)).max() < 1e-6
+
+
+def test_bits_that_are_too_large_are_refused_with_their_reason():
+    plan = fly(parse(inspector("20 mm/s", cost="delta-v"))).results[0]
+    assert not plan.flown
+    assert "by these thrusters' pulses only below their minimum_bit" in plan.failure
+
+
+def test_safe_pulses_are_fired_as_they_are_planned():
+    """Without a period, too, as nothing lasts that thrusters do not give all the while."""
+    case = hold_transfers()[2]
+    six = cf.Thrusters.rtn(acceleration=1e-2, minimum_bit=1e-3)
+    plan = cf.avoid(case.path, case.client, case.zone, drift=case.drift, cost="delta-v", thrusters=six)
+    firing = cf.fire(plan, six)
+    assert np.isclose(firing.delta_v, plan.delta_v, rtol=1e-9)
+    assert firing.deviation < 1e-9
+    assert firing.pulses.impulse.min() >= 1e-3
+    assert np.abs(plan.path.state(plan.path.end) - case.final).max() < 1e-6
+    assert cf.passively_safe(firing.path, case.client, case.zone, case.duration + case.drift)
+    lasting = cf.avoid(case.path, case.client, case.zone, drift=case.drift)
+    with pytest.raises(ValueError, match=r"^thrusters: have no period"):
+        cf.fire(lasting, six)

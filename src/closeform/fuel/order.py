@@ -145,14 +145,19 @@ def _without_gaps(chunks: Chunks, thrusters: Thrusters) -> Chunks:
     """Chunks in which a thruster is on all the time, joined with those before in which it is, too."""
     if not len(chunks):
         return chunks
-    length = chunks.end - chunks.start
-    full = chunks.impulse >= thrusters.acceleration[chunks.thruster] * length * (1.0 - JOINED)
+    length, full = chunks.end - chunks.start, _are_full(chunks, thrusters)
     goes_on = (
         full & np.roll(full, 1) & (chunks.thruster == np.roll(chunks.thruster, 1)) & np.isfinite(chunks.peak)
     )
     goes_on &= np.abs(chunks.start - np.roll(chunks.end, 1)) <= JOINED * length
     goes_on[0] = False
     return chunks.joined(np.flatnonzero(~goes_on))
+
+
+def _are_full(chunks: Chunks, thrusters: Thrusters) -> Any:
+    """In which chunks (K,) a thruster is on all the time; impulses are."""
+    length = chunks.end - chunks.start
+    return chunks.impulse >= thrusters.acceleration[chunks.thruster] * length * (1.0 - JOINED)
 
 
 def _together(chunks: Chunks, thrusters: Thrusters, beside: float) -> Chunks:
@@ -170,6 +175,8 @@ def _together(chunks: Chunks, thrusters: Thrusters, beside: float) -> Chunks:
 
 def _check_period(cells: Chunks, path: Path, thrusters: Thrusters) -> None:
     if not np.isfinite(cells.peak).any():
+        return
+    if thrusters.period is None and _are_full(cells, thrusters).all():
         return
     if thrusters.period is None:
         raise ValueError("thrusters: have no period, in which thrust that lasts is fired once; give one")

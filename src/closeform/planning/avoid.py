@@ -89,7 +89,8 @@ def avoid(
         for it.
     thrusters : Thrusters, optional
         Only these push, with cost "delta-v", which is summed over them: two that fire at once spend what both
-        do.  Also a clear path is planned anew then.  Not with `max_acceleration`.
+        do.  Also a clear path is planned anew then.  With `drift` and an acceleration a plan around zones is
+        of the pulses that fire it, none below its `minimum_bit`.  Not with `max_acceleration`.
     drift : float [s], optional
         The path is to be passively safe: whenever its thrust is lost for good, the craft keeps out of every
         zone until so long after the path's end.  Obstacles must be known until then.  Not with `prove`

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from math import inf
 
 from closeform.planning.impulse_checks import Spent
-from closeform.planning.impulse_local import AIM, LAST, SAFER, SETTLED, ImpulseSolver
+from closeform.planning.impulse_local import LAST, SAFER, SETTLED, ImpulseSolver
 from closeform.planning.impulse_moments import Moments, blended
 from closeform.planning.scene import Contacts
 
@@ -43,13 +43,18 @@ def at_rest(solver: ImpulseSolver, best: Spent, moments: Callable[[Spent], list[
     return best
 
 
-def cleared(solver: ImpulseSolver, near: Spent) -> Spent | None:
-    """Clear paths to which steps lead from near ones, fired at their moments; None where they do not."""
+def cleared(
+    solver: ImpulseSolver, near: Spent, moments: Callable[[Spent], list[Moments]] | None = None
+) -> Spent | None:
+    """Clear paths to which steps lead from near ones, fired at their moments; None where they do not.
+
+    Or at `moments` of those before.
+    """
     here: Spent | None = near
     for _ in range(COMING):
         if here is None or here.checked.clear:
             return here
-        here = step_near(solver, here, near.moments)
+        here = step_near(solver, here, near.moments if moments is None else moments(here))
     return None
 
 
@@ -59,7 +64,7 @@ def step_down(solver: ImpulseSolver, here: Spent, moments: list[Moments]) -> Spe
     The cheapest that keep planes which these keep, those that paths on the way break among them.
     """
     contacts, least = solver.turned(here), None
-    solver.aim = AIM
+    solver.aim = solver.least
     for _ in range(CUTS):
         if contacts.number > MOST:
             break
@@ -90,7 +95,7 @@ def step_near(solver: ImpulseSolver, here: Spent, moments: list[Moments]) -> Spe
     """Paths fired at moments that are clear, or come nearest to it from some that are not; None without."""
     contacts, best = solver.turned(here), None
     for lift in LIFTS:
-        solver.aim = AIM + lift
+        solver.aim = solver.least + lift
         found = solver.priced(moments, contacts, LAST, inf)
         if found is None:
             break

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import cache
-from itertools import islice
+from itertools import chain, islice
 from math import inf, nan
 
 import numpy as np
@@ -33,6 +33,7 @@ STRIDE = 1.0  # zones, by which a pair moves in a step: farther away other failu
 # Of the free delta-v: safe impulses that cost more are looked for with so many zones of room, too, and of
 # what is found so many are followed down.
 COSTLY, ROOMS, CHEAPEST = 1.2, (0.1, 0.2, 0.3), 12
+ABOUT = 5  # safe paths by impulses, near to which pulses are looked for
 DEAR = 1.1  # times the delta-v of safe paths of least energy: dearer impulses are not worth being few
 
 
@@ -116,7 +117,10 @@ def solved(
     problem, free = solver.problem, solver.unconstrained()
     if free.checked.clear:
         return Outcome(free.flown, (), 0.0, 1.0, True, 0, delta_v=free.delta_v), free
-    best, tried = searched(solver, free, by_energy, budget, more, near)
+    best, begun = searched(solver, free, by_energy, budget, more, near)
+    tried, safe = len(begun), best is not None
+    if best is not None and fires(solver):
+        solver, best = pulses_near(solver, free, begun, best)
     if best is not None:
         if solver.failures is not None and (plain := cheaper(solver, best, by_energy)) is not None:
             return replace(plain, tried=tried + plain.tried), free
@@ -129,7 +133,7 @@ def solved(
         return Outcome(*answer, delta_v=best.delta_v, priced=priced), free
     if solver.pushes.fixed.any():
         blocking = blocked(solver, free)
-        return Outcome(None, (), nan, 1.0, False, tried, blocking, nearest=solver.nearest), free
+        return Outcome(None, (), nan, 1.0, False, tried, blocking, nearest=solver.nearest, unfired=safe), free
     other = thrusting(problem, by_energy())
     return replace(other, tried=tried + other.tried, nearest=solver.nearest), free
 
@@ -141,10 +145,10 @@ def searched(
     budget: int | None,
     more: bool,
     near: Callable[[], Spent | None] | None = None,
-) -> tuple[Spent | None, int]:
-    """The cheapest clear paths that starts lead to, and how many starts were examined."""
+) -> tuple[Spent | None, list[Contacts]]:
+    """The cheapest clear paths that starts lead to, and the starts that were examined."""
     if free.checked.clear:
-        return free, 0
+        return free, []
     most = budget or (ONE if solver.problem.count == 1 else MANY) * (MORE if more or solver.failures else 1)
     best: Spent | None = None
     begun: list[Contacts] = []
@@ -170,7 +174,7 @@ def searched(
     impulses_may_fail = solver.failures is not None and not solver.limits.any()
     if impulses_may_fail and (best is None or best.delta_v > COSTLY * free.delta_v):
         best = roomier(solver, free, begun, best)
-    return best, len(begun)
+    return best, begun
 
 
 def fewest(solver: ImpulseSolver, best: Spent) -> Spent:
@@ -185,23 +189,44 @@ def roomier(solver: ImpulseSolver, free: Spent, begun: list[Contacts], best: Spe
     Where thrust may be lost, rounds come to rest at one of many costs, and a hair decides at which; with room
     to spare more of them come to safe paths at all.
     """
-    assert solver.failures is not None
-    found = [] if best is None else [best]
-    for room in ROOMS:
-        solver.least = AIM + room
-        for start in (*begun, *islice(solver.failures.starts(solver.least), ONE)):
-            for holding, stride in ways_on(solver):
-                solver.failures.holding = holding
-                one = solver.solve(start, inf, stride)
-                if one is not None and not strayed(solver.problem, free, one):
-                    found.append(replace(one, margin=AIM))
-    solver.least, solver.failures.holding = AIM, False
+    found = [*([] if best is None else [best]), *with_room(solver, free, begun)]
     found = sorted(found, key=lambda one: one.delta_v)[:CHEAPEST]
     down = [at_rest(solver, one, solver.following) for one in found]
     cheapest = min(down, key=lambda one: one.delta_v, default=None)
     if cheapest is None or (best is not None and not cheapest.delta_v < best.delta_v):
         return best
     return fewest(solver, cheapest)
+
+
+def with_room(solver: ImpulseSolver, free: Spent, begun: list[Contacts]) -> Iterator[Spent]:
+    """Safe paths to which planes further out lead, the nearer ones first."""
+    assert solver.failures is not None
+    for room in ROOMS:
+        solver.least = AIM + room
+        for start in (*begun, *islice(solver.failures.starts(solver.least), ONE)):
+            for holding, stride in ways_on(solver):
+                solver.least, solver.failures.holding = AIM + room, holding
+                one = solver.solve(start, inf, stride)
+                solver.least, solver.failures.holding = AIM, False
+                if one is not None and not strayed(solver.problem, free, one):
+                    yield replace(one, margin=AIM)
+
+
+def fires(solver: ImpulseSolver) -> bool:
+    """Whether thrust may be lost, and all craft have thrusters that are told how strong they are."""
+    strong = all(own is not None and own.acceleration is not None for own in solver.thrusters)
+    return solver.failures is not None and strong
+
+
+def pulses_near(
+    solver: ImpulseSolver, free: Spent, begun: list[Contacts], best: Spent
+) -> tuple[ImpulseSolver, Spent | None]:
+    """Safe pulses near to safe impulses, to the best ones if there are some there, and what solved that."""
+    from closeform.planning.pulse_local import PulseSolver  # which only thrusters that fire need
+
+    pulses = PulseSolver.of(solver)
+    every = map(pulses.nearby, islice(chain([best], with_room(solver, free, begun)), ABOUT))
+    return pulses, next((found for found in every if found is not None), None)
 
 
 def ways_on(solver: ImpulseSolver) -> tuple[tuple[bool, float], ...]:

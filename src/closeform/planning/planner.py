@@ -29,7 +29,7 @@ class Outcome:
     `delta_v` [m/s] is told where it was least, summed over thrusters.  `enough` (N,) [m/s^2]: thrust of clear
     paths, where none was found within limits; `limited`: there are paths without them.
     `priced`: multipliers of contacts are the slopes of what was to be least.  `nearest`: the norm to which
-    the best come where none are clear, 0 if it is not known.
+    the best come where none are clear, 0 if it is not known; `unfired`: of pulses, where impulses are clear.
     """
 
     flown: Flown | None
@@ -45,10 +45,16 @@ class Outcome:
     enough: Floats | None = None
     limited: bool = False
     nearest: float = 0.0
+    unfired: bool = False
 
     @property
     def near_miss(self) -> str:
         """How near the best come where none are clear, in words; none where it is not known."""
+        if self.unfired:
+            pulses = "by impulses there are some, by these thrusters' pulses"
+            if self.nearest >= 1.0:
+                return f": {pulses} only below their minimum_bit"
+            return f": {pulses} the nearest is {self.nearest:.4f} x zone away, for want of acceleration"
         return f", the nearest {self.nearest:.4f} x zone away" if self.nearest else ""
 
 

@@ -117,8 +117,9 @@ def reconfigure(
         it.
     thrusters : Thrusters, or sequence of Thrusters or None, optional
         Of all craft, or of each (None: it pushes where it likes).  Only these push, with cost "delta-v",
-        which is summed over them: two that fire at once spend what both do.  Their
-        `max_acceleration` is inf.
+        which is summed over them: two that fire at once spend what both do.  With `drift`, and an
+        acceleration of all, a plan around zones is of the pulses that fire it, none below its
+        `minimum_bit`.  Their `max_acceleration` is inf.
     drift : float [s], optional
         The plan is to be passively safe: whenever any one craft loses its thrust for good, while the others
         fly on and then coast, it keeps out of every zone until so long after the last arrival.  Obstacles

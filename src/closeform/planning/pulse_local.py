@@ -1,0 +1,170 @@
+"""Pulses of thrusters that are on or off, about safe impulses: each as long as its delta-v takes.
+
+A round prices planes by what pulses do that last as long as those before; then each lasts as long as its
+own delta-v takes, and thrust is lost amid it.  So the paths are those that are fired, and no zone has to
+be larger for that.  What is below the least bit of its thruster is left out, the smallest first, and the
+others make up for it.                                                                # theory (38), (74)
+"""
+
+from math import inf
+from typing import Any, Self
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.fuel.pulses import extended
+from closeform.fuel.pulses import flown as flown_by_pulses
+from closeform.fuel.thrusters import Thrusters
+from closeform.motion.arc import END, START, STATE
+from closeform.motion.path import Path
+from closeform.planning.burn_local import apart
+from closeform.planning.impulse_checks import Spent
+from closeform.planning.impulse_descent import at_rest, cleared
+from closeform.planning.impulse_local import ImpulseSolver
+from closeform.planning.impulse_moments import Moments, pushes_table, sizes_of, some_of_each
+from closeform.planning.impulse_scene import Fleet
+from closeform.planning.problem import Flown
+from closeform.planning.scene import Contacts
+
+REPAIRS, MET = 8, 1e-13  # of the ends, as pulses become longer or shorter, and what of delta-v may be missing
+WITHIN = 1e-9  # of a craft's time: so far inside it pulses begin and end, that rounding does not leave it
+DEPENDENT = 1e-9  # of the greatest singular value: pulses do not change that
+LIGHTER = 1.01  # times a bit, that it is one when propellant is spent, too
+ROOM = 1e-3  # of a zone, which planes leave to what pulses become as propellant is spent
+LEFT_OUT = 40  # times that some of those below a bit are left out
+PART = 3  # of those below a bit one in so many is left out at a time
+
+
+class PulseSolver(ImpulseSolver):
+    """Solves the problem of another solver near to its impulses, by the pulses that fire them.
+
+    Moments are those about which pulses are.
+    """
+
+    fired_by: list[Thrusters]  # of each craft
+    now: list[Moments]  # at which is fired what is flown
+    lasting: list[tuple[Moments, Floats]]  # how long pulses of the round before last [s]
+
+    @classmethod
+    def of(cls, impulses: ImpulseSolver) -> Self:
+        """For the problem of a solver, whose craft all have thrusters with an acceleration."""
+        solver = cls(impulses.problem, impulses.thrusters, impulses.names, impulses.failures)
+        solver.least += ROOM
+        solver.fired_by = [own for own in impulses.thrusters if own is not None]
+        return solver
+
+    def nearby(self, safe: Spent) -> Spent | None:
+        """Clear pulses near to safe impulses, none below its bit; None where steps lead to none."""
+        self.last_as(safe)
+        found = self.cleared(safe, sizes_of(safe.impulses) > 0.0)
+        found = None if found is None else at_rest(self, found, lambda one: one.moments)
+        for _ in range(LEFT_OUT):
+            if found is None or not (small := self.below(found)).any():
+                return found
+            found = self.without(found, small)
+        return None
+
+    def cleared(self, found: Spent, left: Any) -> Spent | None:
+        """Clear pulses to which steps lead from those in a mask (N, J), fired about their moments or more."""
+        some = self.some(found, left)
+        few = cleared(self, some)
+        return few if few is not None else cleared(self, some, self.following)
+
+    def below(self, found: Spent) -> Any:
+        """Which pulses (N, J) are below their bits."""
+        bits = np.zeros(found.impulses.shape[:2])
+        for row, own, thrusters in zip(bits, found.moments, self.fired_by, strict=True):
+            row[: len(own.times)] = LIGHTER * thrusters.minimum_bit[own.which]
+        sizes = sizes_of(found.impulses)
+        return (sizes > 0.0) & (sizes < bits)
+
+    def without(self, found: Spent, small: Any) -> Spent | None:
+        """Clear pulses without some of the small ones, or without one of them; None where there are none."""
+        sizes = sizes_of(found.impulses)
+        order = np.argsort(np.where(small, sizes, inf), axis=None)[: np.count_nonzero(small)]
+        for those in (order[: -(-len(order) // PART)], *order[:, None]):
+            left = sizes > 0.0
+            left.flat[those] = False
+            if (clear := self.cleared(found, left)) is not None:
+                return clear
+        return None
+
+    def some(self, found: Spent, left: Any) -> Spent:
+        """What those in a mask (N, J) come to."""
+        pushes = [given[row] for given, row in zip(found.impulses, left, strict=True)]
+        return self.fired_at(some_of_each(found.moments, left), pushes_table(pushes), found)
+
+    def settled(self, best: Spent) -> Contacts:
+        """The contacts with the multipliers of the last round."""
+        return best.contacts
+
+    def turned(self, found: Spent, *nearer: float) -> Contacts:
+        """As of impulses; the next pulses are priced as though they lasted as long as these."""
+        self.last_as(found)
+        return super().turned(found, *nearer)
+
+    def last_as(self, found: Spent) -> None:
+        """Set for how long pulses last."""
+        self.lasting = [
+            (own, self.lengths(i, own.which, row[: len(own.times)]))
+            for i, (own, row) in enumerate(zip(found.moments, sizes_of(found.impulses), strict=True))
+        ]
+
+    def fleet(self, moments: list[Moments]) -> Fleet:
+        """All craft, with pulses about their moments."""
+        self.now, fleet = moments, super().fleet(moments)
+        for i, (own, (before, lengths)) in enumerate(zip(moments, self.lasting, strict=True)):
+            same = (own.times[:, None] == before.times) & (own.which[:, None] == before.which)
+            widths = same @ lengths
+            fleet.widths[i, : len(widths)] = widths
+            fleet.times[i, : len(widths)] = self.begins(i, own, widths)
+        return fleet
+
+    def lengths(self, i: int, which: Any, sizes: Floats) -> Floats:
+        """How long thrusters (J,) of a craft are on for what they give (J,) [m/s]."""
+        found: Floats = sizes / self.fired_by[i].acceleration[which]
+        return found
+
+    def begins(self, i: int, own: Moments, lengths: Floats) -> Floats:
+        """When pulses of some lengths (J,) [s] begin, nearest to their moments; of one thruster in turn."""
+        first, last = self.problem.base[i, [START, END]]
+        inside = WITHIN * (last - first)
+        first, last = first + inside, last - inside
+        begins: Floats = np.clip(own.times - 0.5 * lengths, first, last - lengths)
+        for one in np.unique(own.which):
+            mine = np.flatnonzero(own.which == one)
+            if (begins[mine][1:] < (begins + lengths)[mine][:-1]).any():
+                begins[mine] = apart(begins[mine], lengths[mine], lengths[mine] + inside, first, last)
+        return begins
+
+    def flown(self, fleet: Fleet, impulses: Floats) -> Flown:
+        """The paths of all bodies under pulses of the sizes of impulses, which are changed to meet ends."""
+        return self.problem.with_path(*(self.pulsed(i, own) for i, own in enumerate(impulses)))
+
+    def pulsed(self, i: int, impulses: Floats) -> Path:
+        """One craft's path by pulses of the sizes of `impulses` (J, 3)."""
+        problem, every, thrusters = self.problem, self.now[i], self.fired_by[i]
+        orbit, (start, end) = problem.orbit, problem.base[i, [START, END]]
+        initial, final = problem.base[i, STATE : STATE + 6], self.finals[i]
+        sizes = np.linalg.norm(impulses[: len(every.times)], axis=1)
+        fired = np.flatnonzero(sizes)
+        own, sizes = every.some(fired), sizes[fired]
+        units = np.array([orbit.mean_motion or 1.0 / (end - start)] * 3 + [1.0] * 3)
+        for _ in range(REPAIRS):
+            lengths = self.lengths(i, own.which, sizes)
+            begins = self.begins(i, own, lengths)
+            middle, strength = begins + 0.5 * lengths, thrusters.acceleration[own.which]
+            times = np.stack([begins, begins + lengths])
+            path = flown_by_pulses(orbit, thrusters, own.which, times, strength, initial, (start, end))
+            along = thrusters.directions_at(orbit, middle)[np.arange(len(own.times)), own.which]
+            off = units * (final - path.state(end))
+            if np.abs(off).max() <= MET * sizes.sum():
+                break
+            effects = (
+                units[:, None] * (orbit.transition(end - middle)[:, :, 3:] @ along[:, :, None])[..., 0].T
+            )
+            change = np.linalg.pinv(effects * sizes, rcond=DEPENDENT) @ off
+            sizes = np.maximum(sizes * (1.0 + change), 0.0)
+        impulses[:] = 0.0
+        impulses[fired] = sizes[:, None] * along
+        return extended(path, problem.first, problem.arrival)
