@@ -38,8 +38,9 @@ from closeform.drift.flown import (
     note,
     target_below,
 )
-from closeform.drift.for_ever import is_tube, search_tail
+from closeform.drift.for_ever import search_tail
 from closeform.drift.planes import EITHER_WAY, march
+from closeform.drift.still import is_tube
 from closeform.kernel_loans import borrowed, lent
 from closeform.motion.arc import START
 from closeform.motion.extrema import NIL
