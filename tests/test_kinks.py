@@ -27,11 +27,11 @@ ZONES = [
 ]
 
 
-@kernel(types.UniTuple(float64, 3)(ROOM_TYPE, int64, FORM, float64, float64, float64))
-def mixed(room, count, form, x, y, z):
+@kernel(types.UniTuple(float64, 4)(ROOM_TYPE, int64, FORM, float64, float64, float64, float64))
+def mixed(room, count, form, x, y, z, way):
     """A part of a kernel, as one that can be called."""
     room, form = lent(room), (form[0], borrowed(form[1]), borrowed(form[2]))
-    return mixed_normal(room, count, form, x, y, z)
+    return mixed_normal(room, count, form, x, y, z, way)
 
 
 def random_room(rng, count, size):
@@ -40,18 +40,24 @@ def random_room(rng, count, size):
     room = room_for(side_of(path, cf.WeakThrust(0.1), 1.0), side_of(path, cf.WeakThrust(0.1), 1.0))
     room.places[:] = 0.0
     room.places[0, :3] = 2.0 * rng.normal(size=3)
-    room.edges[:count] = size * rng.normal(size=(count, 3))
+    room.edges[:count, :3] = size * rng.normal(size=(count, 3))
     room.shares[:] = 0.5
-    return room, room.places[0, :3], room.edges[:count]
+    return room, room.places[0, :3], room.edges[:count, :3]
 
 
-def least_in(zone, corner, edges):
-    """The least norm of a parallelotope, by a linear program over shares of its edges and the norm."""
+def least_in(zone, corner, edges, drift=None):
+    """The least norm of a parallelotope, by a linear program over shares of its edges and the norm.
+
+    With the `drift` of edges and of the corner: of the part of it in which that is not below 0.
+    """
     faces = zone.faces if len(zone.faces) else np.vstack([np.eye(3), -np.eye(3)])
-    rows = np.column_stack([faces @ edges.T, -np.ones(len(faces))])
+    rows, most = np.column_stack([faces @ edges.T, -np.ones(len(faces))]), -faces @ corner
+    if drift is not None:
+        unit = np.abs(drift[0]).sum()
+        rows, most = np.vstack([rows, np.r_[-drift[0] / unit, 0.0]]), np.r_[most, drift[1] / unit]
     cost = np.r_[np.zeros(len(edges)), 1.0]
     bounds = [(0.0, 1.0)] * len(edges) + [(None, None)]
-    return linprog(cost, A_ub=rows, b_ub=-faces @ corner, bounds=bounds).fun
+    return linprog(cost, A_ub=rows, b_ub=most, bounds=bounds).fun
 
 
 @pytest.mark.parametrize("zone", ZONES, ids=lambda zone: f"{type(zone).__name__} {len(zone.faces)}")
@@ -62,12 +68,34 @@ def test_mixed_normals_keep_parallelotopes_as_far_as_any(zone, count):
     for _ in range(60):
         room, corner, edges = random_room(rng, count, 10.0 ** rng.uniform(-4, 0.5))
         x = corner + 0.5 * edges.sum(axis=0)
-        normal = np.array(mixed(room, count, zone.form, *x))
+        normal = np.array(mixed(room, count, zone.form, *x, 0.0))[:3]
         value = normal @ corner + np.minimum(0.0, edges @ normal).sum()
         least = least_in(zone, corner, edges)
         assert abs(value - least) <= 1e-9 * max(1.0, abs(least))  # of a program solved to so much
         there = corner + room.shares[:count] @ edges
         assert abs(scaled_norm(zone, there) - least) <= 1e-9 * max(1.0, abs(least))
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+@pytest.mark.parametrize("zone", ZONES[:3], ids=lambda zone: f"{type(zone).__name__} {len(zone.faces)}")
+def test_mixes_of_normals_and_drift_keep_what_drifts_one_way_as_far_as_any(zone, way):
+    """The least norm of the half of a parallelotope in which shares of edges give a drift of one sign."""
+    rng, cut = np.random.Generator(np.random.Philox(11)), 0
+    for k in range(120):
+        count = 2 + k % 3
+        room, corner, edges = random_room(rng, count, 10.0 ** rng.uniform(-4, 0.5))
+        room.edges[:count, 3] = 1e-4 * rng.normal(size=count)
+        room.drifts[0] = -rng.random(count) @ room.edges[:count, 3]  # 0 at some point
+        x = corner + 0.5 * edges.sum(axis=0)
+        *normal, lean = mixed(room, count, zone.form, *x, way)
+        drifts = room.edges[:count, 3]
+        value = corner @ normal + lean * room.drifts[0]
+        value += np.minimum(0.0, edges @ normal + lean * drifts).sum()
+        least = least_in(zone, corner, edges, (way * drifts, way * room.drifts[0]))
+        assert lean * way <= 0.0
+        assert abs(value - least) <= 1e-9 * max(1.0, abs(least))
+        cut += least > least_in(zone, corner, edges) + 1e-9
+    assert cut >= 30
 
 
 @pytest.mark.parametrize("count", range(1, EDGES + 1))
@@ -78,7 +106,7 @@ def test_mixed_normals_never_promise_too_much(count):
     for _ in range(200):
         room, corner, edges = random_room(rng, count, 10.0 ** rng.uniform(-3, 0.0))
         x = corner + 0.5 * edges.sum(axis=0)
-        normal = np.array(mixed(room, count, zone.form, *x))
+        normal = np.array(mixed(room, count, zone.form, *x, 0.0))[:3]
         value = normal @ corner + np.minimum(0.0, edges @ normal).sum()
         inside = corner + rng.random((500, count)) @ edges
         nearest = corner + room.shares[:count] @ edges

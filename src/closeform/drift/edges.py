@@ -24,12 +24,14 @@ def find_edges(one, two, room, window):
             for j in range(side.now[BURNS] - side.now[BURN]):
                 for axis in range(3):
                     edges[count, axis] = places[first + j, axis]
+                edges[count, 3] = room.drifts[first + j]
                 count += 1
         elif kind != FLIES:
             for k in range(1 if kind == LOST else 2):
                 corner = base + (3 if k == 0 else (8 if kind == STUCK else 4))
                 for axis in range(3):
                     edges[count, axis] = sign * (places[corner, axis] - places[base, axis])
+                edges[count, 3] = sign * (room.drifts[corner] - room.drifts[base])
                 count += 1
     return count
 

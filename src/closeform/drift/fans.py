@@ -46,11 +46,12 @@ class PairRoom(NamedTuple):
     bends: Floats  # (25 + G, 3): bounds of their accelerations
     places: Floats  # (25 + G, 6): places and velocities at one time
     terms: Floats  # (25 + G, 5): along a plane: place, rate, bend; drift, swing
-    edges: Floats  # (P, 3): of the set at one time, a direction for each parameter
+    drifts: Floats  # (25 + G,): along the track [m/s]
+    edges: Floats  # (P, 4): of the set at one time, a direction for each parameter, and by how much it drifts
     shares: Floats  # (P,): where on them the set is nearest
 
 
-ROOM_TYPE = types.NamedTuple((ROWS, ROWS, BLOCKS, BLOCKS, ROWS, ROWS, ROWS, ROWS, NUMBERS), PairRoom)
+ROOM_TYPE = types.NamedTuple((ROWS, ROWS, BLOCKS, BLOCKS, ROWS, ROWS, ROWS, NUMBERS, ROWS, NUMBERS), PairRoom)
 
 
 class Window(NamedTuple):

@@ -144,7 +144,7 @@ def glance(one, two, cell, width, end, n, form, room, best):
                     room.edges[m, axis] = motions[1 + m, 0, axis]
             x, y, z = nearest(room, count)
             if shape != BALL and 1 < count <= EDGES:
-                mixed_normal(room, count, form, x, y, z)
+                mixed_normal(room, count, form, x, y, z, 0.0)
                 x, y, z = place_at(room, count, -1.0)
             s = norm(shape, faces, x, y, z)
             if s < best:

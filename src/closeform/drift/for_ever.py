@@ -11,15 +11,16 @@ from math import inf, nan, pi, sqrt
 from closeform.compiled import kernel
 from closeform.drift.cells import FROM, parameter_count, span_both
 from closeform.drift.flown import NEAR, cut, fly, near_by, note, target_below
+from closeform.drift.kinks import EDGES
 from closeform.drift.planes import EITHER_WAY, march
 from closeform.drift.still import along_track, drift_range, is_tube, limit_downhill, limit_of
 from closeform.zones.shapes import BALL
 
 FEW = 60  # steps of the march, after which a cell is cut, or gone on with
 STILL = 1e-3  # of a zone: an ellipse that drifts by less in all of the time is closed
-# Cells of balls, and of other zones, after which less is asked; the least norm of half-spaces is without a
-# bound then, as the track may lead into them.
-ENOUGH, LESS = (5_000, 1_000), (10.0, 100.0)
+# Cells of balls, of other zones, and of these for a least norm over several unknowns, after which less is
+# asked; that of half-spaces that the track leads into is without a bound then.
+ENOUGH, LESS = (5_000, 1_000, 4_000), (10.0, 100.0, 100.0)
 TURNS = 16  # between what is ahead of a zone and what is behind it, in one orbit
 
 
@@ -34,10 +35,9 @@ def stays_behind(one, two, cell, width, n, form, scale, tube, target, rest, away
     turn, clear, t = start + 2.0 * pi / n, False, start
     if not is_tube(tube):
         return march(one, two, cell, width, turn, n, form, scale, target, -1.0, rest, -1, away, room)[1]
+    before = (0.0, 0.0, 0.0, away[3], away[4])
     for _ in range(TURNS):
-        t, clear, _ = march(
-            one, two, cell, width, turn, n, tube, scale, target, -1.0, rest, -1, EITHER_WAY, room
-        )
+        t, clear, _ = march(one, two, cell, width, turn, n, tube, scale, target, -1.0, rest, -1, before, room)
         if clear:
             break
         cell[FROM] = t
@@ -52,21 +52,27 @@ def stays_behind(one, two, cell, width, n, form, scale, tube, target, rest, away
 
 
 @kernel()
-def is_clear(one, two, cell, width, low, high, slow, n, form, scale, tube, target, rest, room):
+def is_clear(one, two, cell, width, low, high, off, slow, n, form, scale, tube, target, rest, room):
     """Whether a cell is clear for good by what it does in one orbit, as it drifts."""
-    direction, _ = along_track(form[1])
+    (x, y, z), _ = along_track(form[1])
     way = 0.0
     if low >= -slow:
         way = 1.0
     elif high <= slow:
         way = -1.0
     if way != 0.0:
-        away = (way * direction[0], way * direction[1], way * direction[2])
+        away = (way * x, way * y, way * z, 0.0, 0.0)
         return stays_behind(one, two, cell, width, n, form, scale, tube, target, rest, away, room)
     if not is_tube(tube):
         return False
-    turn = cell[FROM] + 2.0 * pi / n
-    return march(one, two, cell, width, turn, n, tube, scale, target, -1.0, rest, -1, EITHER_WAY, room)[1]
+    if not 1 < parameter_count(one) + parameter_count(two) <= EDGES:
+        turn = cell[FROM] + 2.0 * pi / n
+        return march(one, two, cell, width, turn, n, tube, scale, target, -1.0, rest, -1, EITHER_WAY, room)[1]
+    for way in (1.0, -1.0):  # those that drift forward, and those backward
+        away = (way * x, way * y, way * z, way, off)
+        if not stays_behind(one, two, cell, width, n, form, scale, tube, target, rest, away, room):
+            return False
+    return True
 
 
 @kernel()
@@ -77,8 +83,8 @@ def search_tail(one, two, top, width, far, n, form, scale, tube, floor, certain,
     failure stands in `room.point[1]`; a time of -inf asks for more room.
     """
     when, spent = nan, 0
-    kind = 0 if form[0] == BALL else 1
     count = parameter_count(one) + parameter_count(two)
+    kind = 0 if form[0] == BALL else (2 if count > 1 and certain > 0.0 else 1)
     _, square = along_track(form[1])
     while top > 0:
         spent += 1
@@ -94,13 +100,13 @@ def search_tail(one, two, top, width, far, n, form, scale, tube, floor, certain,
         top -= 1
         cell = room.cells[top]
         rest = span_both(one, two, cell, width, n, room.rows)
-        low, high, slow = 0.0, 0.0, 0.0
+        low, high, off, slow = 0.0, 0.0, 0.0, 0.0
         if square > 0.0:
-            low, high = drift_range(one, two, cell, width, far, n, form, rest, room)
+            low, high, off = drift_range(one, two, cell, width, far, n, form, rest, room)
             slow = STILL / (sqrt(square) * (far - cell[FROM]))
         if low >= -slow and high <= slow:
             continue
-        if is_clear(one, two, cell, width, low, high, slow, n, form, scale, tube, target, rest, room):
+        if is_clear(one, two, cell, width, low, high, off, slow, n, form, scale, tube, target, rest, room):
             continue
         t, clear, near = march(
             one, two, cell, width, far, n, form, scale, target, best, rest, FEW, EITHER_WAY, room

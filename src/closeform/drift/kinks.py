@@ -7,17 +7,22 @@ shares l_k of normals g_k for which the parallelotope of centre c and edges e_j 
 
 the least norm in the parallelotope.  Its multipliers are a point, at which the steepest part of the norm
 is the next to be mixed in, round ones with the gradient that they have there.
+
+Of failures alone that drift one `way`, 1 or -1, along the track less is asked: where the point drifts the
+other way, as much of the drift is mixed in as levels that.                            # theory (49a)
 """
 
 from math import inf
 
 from closeform.compiled import kernel
 from closeform.drift.edges import place_at
+from closeform.drift.fans import OTHER
 from closeform.kernel_loans import stack_matrix, stack_vector
 from closeform.zones.shapes import part, part_count
 
 EDGES = 4  # of two craft with two unknowns each; of more no plane is mixed here
 PIVOTS, LEVEL = 16, 1e-14
+AGAINST = 1e-12  # of what a cell drifts by
 
 
 @kernel()
@@ -94,40 +99,60 @@ def point_of(room, count, costs, inverse, u):
 
 
 @kernel()
-def mixed_normal(room, count, form, x, y, z):
-    """The mix of normals that keeps the parallelotope farthest away, from that at (x, y, z) on.
+def leaning(room, count, u, way):
+    """What of the drift is mixed in where the point of a basis drifts against a way, and the centre's drift.
+
+    0 where it does not: in units of what edges drift by, that normals and drifts are of a size.
+    """
+    centre = room.drifts[0] - room.drifts[OTHER]
+    drift, unit = centre, 0.0
+    for j in range(count):
+        centre += 0.5 * room.edges[j, 3]
+        drift += (0.5 - u[j + 1]) * room.edges[j, 3]
+        unit += abs(room.edges[j, 3])
+    return -way / unit if way * drift < -AGAINST * unit else 0.0, centre
+
+
+@kernel()
+def mixed_normal(room, count, form, x, y, z, way):
+    """The mix of normals that keeps the parallelotope farthest away, from that at (x, y, z) on; and of drift.
 
     `shares` become where the norm is least in it.
     """
-    inverse, normals, size = stack_matrix(5, 5), stack_matrix(5, 3), count + 1
+    inverse, normals, size = stack_matrix(5, 5), stack_matrix(5, 4), count + 1
     shares, costs, column, u = stack_vector(5), stack_vector(5), stack_vector(5), stack_vector(5)
     cx, cy, cz = place_at(room, count, 0.5)
     _, ax, ay, az = steepest(form, x, y, z)
     begin_mix(room, count, ax, ay, az, inverse, shares)
     for i in range(size):
         costs[i] = 0.5 if i > 0 else -(ax * cx + ay * cy + az * cz)
-        normals[i, 0] = normals[i, 1] = normals[i, 2] = 0.0
+        normals[i, 0] = normals[i, 1] = normals[i, 2] = normals[i, 3] = 0.0
     normals[0, 0], normals[0, 1], normals[0, 2] = ax, ay, az
     for _ in range(PIVOTS):
         px, py, pz, which = point_of(room, count, costs, inverse, u)
         s, gx, gy, gz = steepest(form, px, py, pz)
         cost = -(gx * cx + gy * cy + gz * cz)
-        if which < 0 and s - u[0] <= LEVEL * max(abs(s), 1.0):
+        lean, drift = leaning(room, count, u, way) if which < 0 else (0.0, 0.0)
+        if which < 0 and lean == 0.0 and s - u[0] <= LEVEL * max(abs(s), 1.0):
             break
-        column[0] = 1.0 if which < 0 else 0.0
+        column[0] = 1.0 if which < 0 and lean == 0.0 else 0.0
+        if lean != 0.0:
+            gx, gy, gz, cost = 0.0, 0.0, 0.0, -lean * drift
         for j in range(count):
-            column[j + 1] = along(room, j, gx, gy, gz) if which < 0 else 0.0
+            column[j + 1] = along(room, j, gx, gy, gz) + lean * room.edges[j, 3] if which < 0 else 0.0
         if which >= 0:  # first back into the parallelotope
             gx, gy, gz, cost = 0.0, 0.0, 0.0, 0.5
             column[which + 1] = -1.0 if u[which + 1] > 0.0 else 1.0
         row = exchange(inverse, shares, column, size)
         if row < 0:
             break
-        costs[row], normals[row, 0], normals[row, 1], normals[row, 2] = cost, gx, gy, gz
-    ax, ay, az = 0.0, 0.0, 0.0
+        costs[row], normals[row, 3] = cost, lean
+        normals[row, 0], normals[row, 1], normals[row, 2] = gx, gy, gz
+    ax, ay, az, lean = 0.0, 0.0, 0.0, 0.0
     for i in range(size):
         share = shares[i]
         ax, ay, az = ax + share * normals[i, 0], ay + share * normals[i, 1], az + share * normals[i, 2]
+        lean += share * normals[i, 3]
     for j in range(count):
         room.shares[j] = min(max(0.5 - u[j + 1], 0.0), 1.0)
-    return ax, ay, az
+    return ax, ay, az, lean

@@ -22,17 +22,18 @@ from closeform.zones.shapes import BALL, CYLINDER, part, part_count, time_to_lev
 
 STEPS = 200  # in a window, before a cell is cut though planes still pass
 LEAST_STEP = 2.3e-16
-EITHER_WAY = (0.0, 0.0, 0.0)  # no direction that planes are to lead away in
+# No direction that planes are to lead away in, no sign that drifts are to have, nor how far these are off.
+EITHER_WAY = (0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 @kernel()
-def project(room, window, ax, ay, az):
-    """Fill the terms of every motion along a plane's normal; their least sum there."""
+def project(room, window, ax, ay, az, lean):
+    """Fill the terms of every motion along a plane's normal, with so much of its drift; their least sum."""
     least, most, rest = inf, -inf, 0.0
     k = 0
     while k < window.last:
         place, bend, q, term = room.places[k], room.bends[k], room.motions[k], room.terms[k]
-        x = ax * place[0] + ay * place[1] + az * place[2]
+        x = ax * place[0] + ay * place[1] + az * place[2] + lean * room.drifts[k]
         term[0] = x
         term[1] = ax * place[3] + ay * place[4] + az * place[5]
         term[2] = abs(ax) * bend[0] + abs(ay) * bend[1] + abs(az) * bend[2]
@@ -149,20 +150,22 @@ def best_plane(room, window, count, form, level, x, y, z, local, wanted, away):
     shape, _, faces = form
     longest, gap, parts = 0.0, -inf, part_count(shape, faces)
     for k in range(parts + 1):
+        lean = 0.0
         if k < parts:
             _, ax, ay, az = part(shape, faces, k, x, y, z)
-        elif parts > 1 and 1 < count <= EDGES:
-            ax, ay, az = mixed_normal(room, count, form, x, y, z)
+        elif 1 < count <= EDGES and (parts > 1 or away[3] != 0.0):
+            ax, ay, az, lean = mixed_normal(room, count, form, x, y, z, away[3])
         elif parts > 1:
             ax, ay, az = mixed_plane(room, count, form, x, y, z)
         else:
             break
         if ax * away[0] + ay * away[1] + az * away[2] < 0.0:
             continue
-        above = project(room, window, ax, ay, az) - level
+        over = level + abs(lean) * away[4]
+        above = project(room, window, ax, ay, az, lean) - over
         gap = max(gap, above)
         if above > 0.0:
-            longest = max(longest, plane_step(room, window, level, local, wanted))
+            longest = max(longest, plane_step(room, window, over, local, wanted))
             if longest >= wanted:
                 break
     return longest, gap
@@ -173,7 +176,7 @@ def sink_all(room, count, form):
     """Move `shares` to where the norm of the parallelotope is least."""
     x, y, z = nearest(room, count)
     if form[0] != BALL and 1 < count <= EDGES:
-        mixed_normal(room, count, form, x, y, z)
+        mixed_normal(room, count, form, x, y, z, 0.0)
     elif form[0] != BALL:
         sink(room, count, form, 1e-8)
 
@@ -229,7 +232,8 @@ def march(one, two, cell, width, end, n, form, scale, target, best, rest, most, 
     `rest`: how far motions are off those that span them (see `span_both`).  Where it ends, the edges of the
     set and its nearest point stand in `room`; where that is nearer than `best` they do so for the time,
     the third answer, at which it is nearest.  At most `most` steps, if that is not negative.
-    What is clear stays so if all is moved on in the direction `away` of zone coordinates.
+    What is clear stays so if all is moved on in the direction `away` of zone coordinates.  If a sign comes
+    after it only failures are that drift along the track with that sign; `room.drifts` are off by the last.
     """
     t, taken = cell[FROM], 0
     place, speed, always, epoch = rest

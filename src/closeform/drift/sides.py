@@ -116,6 +116,7 @@ def room_for(one: Side, two: Side, cells: int = CELLS) -> PairRoom:
         np.zeros((motions, 3)),
         np.zeros((motions, 6)),
         np.zeros((motions, 5)),
-        np.zeros((parameters, 3)),
+        np.zeros(motions),
+        np.zeros((parameters, 4)),
         np.zeros(parameters),
     )

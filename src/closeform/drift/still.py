@@ -38,22 +38,22 @@ def drift_of(q, n, direction, square):
 
 @kernel()
 def drift_range(one, two, cell, width, far, n, form, rest, room):
-    """Least and greatest drift along the track in a cell [m/s]."""
+    """Least and greatest drift along the track in a cell, and how far others are off `drifts` [m/s]."""
     direction, square = along_track(form[1])
     window, _ = open_window(one, two, cell, width, cell[FROM], far, n, 4, rest[3], form, room)
-    low, high, least, most = inf, -inf, inf, -inf
+    low, high, least, most, drifts = inf, -inf, inf, -inf, room.drifts
     for k in range(window.ones):
-        drift = drift_of(room.motions[k], n, direction, square)
-        low, high = min(low, drift), max(high, drift)
+        drifts[k] = drift_of(room.motions[k], n, direction, square)
+        low, high = min(low, drifts[k]), max(high, drifts[k])
     for k in range(OTHER, OTHER + window.twos):
-        drift = drift_of(room.motions[k], n, direction, square)
-        least, most = min(least, drift), max(most, drift)
+        drifts[k] = drift_of(room.motions[k], n, direction, square)
+        least, most = min(least, drifts[k]), max(most, drifts[k])
     low, high = low - most, high - least
     for k in range(GENERATORS, window.last):
-        drift = drift_of(room.motions[k], n, direction, square)
-        low, high = low + min(0.0, drift), high + max(0.0, drift)
+        drifts[k] = drift_of(room.motions[k], n, direction, square)
+        low, high = low + min(0.0, drifts[k]), high + max(0.0, drifts[k])
     off = 6.0 * n * rest[0] + 3.0 * rest[1]
-    return low - off, high + off
+    return low - off, high + off, off
 
 
 @kernel()
