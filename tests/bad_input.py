@@ -118,6 +118,9 @@ FROM_ORBIT = GOOD[GOOD.index(ALTITUDE) :]
 FOR = 'for = "5 min"'
 TO = 'to = { position = "0 -100 0 m", velocity = "0 0 0 m/s" }'
 KNOWN = 'covariance = { position = "1 2 1 m", velocity = "1 1 1 mm/s" }'
+SHAKEN = 'execution = { noise = "1e-9 m^2/s^3" }'
+VARIED = 'vary = { "craft.velocity" = { ball = "6 cm/s" } }'
+SEARCHED = LOST[LOST.index("[sensor]") :]
 GAP = '\n\n[[stage]]\ndo = "coast"\nfor = "5 min"'
 COAST = 'do = "coast"\nfor = "5 min"'
 MOVE = f'name = "pass"\ndo = "avoid"\ncraft = "F3"\n{TO}\nwithin = "0.1 orbits"'
@@ -905,6 +908,12 @@ stage[3].within: must be at most 1e+06 orbits, got 9e+09; give another time""",
         'study.vary."sensor.range": there is no sensor.range to add to; give it, or draw a choice',
     ),
     lost(
+        "white noise in a search that is planned anew",
+        SEARCHED,
+        SEARCHED.replace("[sensor]", f"{SHAKEN}\n\n[sensor]").replace(VARIED, 'draws = "replanned"'),
+        'study.draws: craft search in stage 1 as they coast, without white noise; remove noise from execution, or write draws = "errors"',
+    ),
+    lost(
         "a sweep over what is not there",
         'vary = { "craft.velocity" = { ball = "6 cm/s" } }',
         'sweep = { "camera.range" = ["1 km", "2 km"] }',
@@ -951,12 +960,6 @@ stage[3].within: must be at most 1e+06 orbits, got 9e+09; give another time""",
         "",
         STUDY + 'draws = "errors"\n',
         'study.draws: no craft has errors; add for example covariance = { position = "3 6 3 m", velocity = "2 2 2 mm/s" } to [craft]',
-    ),
-    Bad(
-        "noise to draw",
-        KEEP_OUT + GAP,
-        f'{KEEP_OUT}\nexecution = {{ noise = "1e-9 m^2/s^3" }}\n{STUDY}draws = "errors"{GAP}',
-        "study.draws: white noise cannot be drawn; remove noise from execution",
     ),
     Bad(
         "two kinds of draws",
@@ -1201,10 +1204,11 @@ stage[3].within: must be at most 1e+06 orbits, got 9e+09; give another time""",
         "study.draws: flights draw all errors themselves, in each case anew; remove draws, or [flight]",
     ),
     Bad(
-        "white noise in flight",
-        f"{ALTITUDE}\n\n[craft]",
-        f'{IN_FIELD}\n\n[flight]\n\n[craft]\nexecution = {{ noise = "1e-9 m^2/s^3" }}',
-        "craft.execution: no flight can have white noise; remove noise",
+        "a margin for flights with white noise",
+        FROM_ORBIT,
+        FROM_ORBIT.replace(f"{ALTITUDE}\n\n[craft]", f"{IN_FIELD}\n\n[craft]\n{SHAKEN}")
+        + 'margin = "auto"\n',
+        'craft.execution: margin = "auto" counts no white noise; remove noise, or give margins in metres',
     ),
     Bad(
         "flights that plan anew what is planned by impulses",
@@ -2547,9 +2551,9 @@ CALLS = (
         "thrusters: craft 0 has no engine; give None in its place",
     ),
     Call(
-        "white noise that a flight would draw",
-        "cf.fly(plan, cf.Field(chief), errors=cf.Errors(noise=1e-9))",
-        "errors: white noise cannot be drawn; leave out `noise`",
+        "the room for white noise",
+        "cf.room(plan, cf.Field(chief), errors=cf.Errors(noise=1e-9))",
+        "errors: a room counts no white noise, which flights draw; leave out `noise`",
     ),
     Call(
         "a least bit of thrust that lasts",

@@ -8,6 +8,7 @@ a case depends neither on other cases nor on other keys, and may draw for as man
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -107,10 +108,15 @@ def uniform(seed: int, key: str, blocks: int, first: int, last: int, event: int 
 
 def words(seed: int, key: str, blocks: int, first: int, last: int, event: int = 0) -> Any:
     """The same as whole numbers of 53 bits."""
-    stream = np.random.SeedSequence(seed, spawn_key=tuple(key.encode()))
-    philox = np.random.Philox(key=stream.generate_state(2, np.uint64), counter=[first * blocks, event, 0, 0])
+    philox = np.random.Philox(key=stream_of(seed, key), counter=[first * blocks, event, 0, 0])
     drawn = philox.random_raw((last - first) * blocks * WORDS).reshape(last - first, blocks, WORDS)
     return drawn >> np.uint64(11)
+
+
+@lru_cache(maxsize=64)
+def stream_of(seed: int, key: str) -> Any:
+    """The key of Philox of a key's stream."""
+    return np.random.SeedSequence(seed, spawn_key=tuple(key.encode())).generate_state(2, np.uint64)
 
 
 def spread(draw: Draw, numbers: tuple[Any, ...], random: Floats, size: int) -> Any:

@@ -14,9 +14,11 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
+from closeform.arrays import Floats
 from closeform.campaign.cases import Cases, Columns
 from closeform.campaign.flown_cases import FlownCases
 from closeform.campaign.history import drawn
+from closeform.campaign.shaking import Shaking
 from closeform.mission import fly
 from closeform.mission_result import Mission
 from closeform.motion.joining import join, stack
@@ -27,8 +29,10 @@ from closeform.zones.pair_zones import PairZones, portions
 
 if TYPE_CHECKING:
     from closeform.campaign.chunks import CaseChunks
+    from closeform.uncertainty.noisy_histories import NoisyHistories
 
 AT_ONCE = 1 << 15  # cases in a chunk
+NUMBERS = 1 << 22  # random ones of noise that are held, about
 MOST = 10  # of the worst cases
 BY_PAIR = ("began", "each")  # columns of each kind
 KINDS = ("zone", "body")
@@ -42,17 +46,24 @@ class Meeting:
     kind: str
     pair: tuple[int, int]
     columns: tuple[int, ...]  # how many each of both has
-    histories: Histories
+    histories: Histories | NoisyHistories
 
-    def counted(self, names: tuple[str, ...], seed: int, first: int, last: int) -> Any:
-        """Whether they begin within the zone, and how often they enter, in each case (C, 2)."""
+    def counted(self, names: tuple[str, ...], seed: int, first: int, last: int, shaken: Floats) -> Any:
+        """Whether they begin within the zone, and how often they enter, in each case (C, 2).
+
+        Of all craft that are `shaken` noise adds so much to states in each step (N, C, K, 6).
+        """
         signs = (1.0, -1.0)
         draws = [
             sign * drawn(seed, names[k], count, first, last)
             for sign, k, count in zip(signs, self.pair, self.columns, strict=True)
             if count
         ]
-        return self.histories.counted(np.ascontiguousarray(np.concatenate(draws, axis=1)))
+        errors = np.ascontiguousarray(np.concatenate([np.empty((last - first, 0)), *draws], axis=1))
+        if isinstance(self.histories, Histories):
+            return self.histories.counted(errors)
+        one, other = self.pair
+        return self.histories.counted(errors, shaken[one] - shaken[other])
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +80,14 @@ class ErrorCases(Cases):
         return fly(self.scenario)
 
     @cached_property
+    def shaking(self) -> Shaking | None:
+        """The white noise of its craft; None without any."""
+        flown = self.mission.flown
+        if not (self.scenario.noisy and flown):
+            return None
+        return Shaking.beside_zones(self.scenario, self.seed, flown[-1].end)
+
+    @cached_property
     def meetings(self) -> tuple[Meeting, ...]:
         """All pairs of which either craft has errors, by the zones and the hard bodies of the mission."""
         scenario, results = self.scenario, [result for result in self.mission.results if result.flown]
@@ -80,7 +99,7 @@ class ErrorCases(Cases):
             for craft, path in zip(scenario.craft, paths, strict=True)
         ]
         return tuple(
-            meeting(kind, paths, columns, zone, (i, j))
+            meeting(kind, paths, columns, zone, (i, j), None if self.shaking is None else self.shaking.step)
             for kind, table in zip(KINDS, (scenario.zones, scenario.bodies), strict=True)
             for zone, i, j in pairs(table)
             if columns[i] is not None or columns[j] is not None
@@ -101,12 +120,25 @@ class ErrorCases(Cases):
         return [one for one in self.meetings if one.kind == kind]
 
     def fly(self, first: int, last: int) -> Columns:
-        """Who comes within what."""
+        """Who comes within what; of noise some cases at a time, which takes memory."""
+        if self.shaking is None:
+            return self.met_in(first, last, np.empty(0))
+        count, craft = self.shaking.steps(self.mission.flown[-1].end), self.scenario.craft
+        size = max(1, NUMBERS // (6 * count * len(craft)))
+        parts = []
+        for begin in range(first, last, size):
+            some = begin, min(begin + size, last)
+            shaken = np.array([self.shaking.pushes(one, count, *some) for one in craft])
+            parts.append(self.met_in(*some, shaken))
+        return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+
+    def met_in(self, first: int, last: int, shaken: Floats) -> Columns:
+        """Who comes within what in some cases, of craft (N,) to which noise does so much (N, C, K, 6)."""
         found: Columns = {}
         for kind in KINDS:
             if not (pairs := self.of_kind(kind)):
                 continue
-            counts = [one.counted(self.scenario.names, self.seed, first, last) for one in pairs]
+            counts = [one.counted(self.scenario.names, self.seed, first, last, shaken) for one in pairs]
             began = np.stack([count[:, 0] > 0 for count in counts], axis=1)
             entries = np.stack([count[:, 1] for count in counts], axis=1)
             found[MET[kind].replace(" ", "_")] = ~(began | (entries > 0)).any(axis=1)
@@ -124,14 +156,24 @@ class ErrorCases(Cases):
 
 
 def meeting(
-    kind: str, paths: list[Path], columns: list[Path | None], zone: Any, pair: tuple[int, int]
+    kind: str,
+    paths: list[Path],
+    columns: list[Path | None],
+    zone: Any,
+    pair: tuple[int, int],
+    step: float | None,
 ) -> Meeting:
-    """Two craft and what is known of their errors."""
+    """Two craft and what is known of their errors; of white noise in steps of some length [s]."""
     i, j = pair
-    each = [columns[k] for k in pair]
-    known = stack([one[c] for one in each if one is not None for c in range(len(one))])
-    counts = tuple(0 if one is None else len(one) for one in each)
-    return Meeting(kind, pair, counts, Histories.of(paths[i], paths[j], known, 0.0, zone))
+    each = [one for one in (columns[k] for k in pair) if one is not None]
+    every = [one[c] for one in each for c in range(len(one))]
+    known = stack(every) if every else each[0]
+    counts = tuple(0 if one is None else len(one) for one in (columns[k] for k in pair))
+    if step is None:
+        return Meeting(kind, pair, counts, Histories.of(paths[i], paths[j], known, 0.0, zone))
+    from closeform.uncertainty.noisy_histories import NoisyHistories  # whose kernel only noise needs
+
+    return Meeting(kind, pair, counts, NoisyHistories.in_steps(paths[i], paths[j], known, 0.0, zone, step))
 
 
 @dataclass(frozen=True, eq=False)

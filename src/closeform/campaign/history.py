@@ -12,7 +12,8 @@ from scipy.special import ndtri
 
 from closeform.arrays import Floats
 from closeform.campaign.draws import WORDS, uniform
-from closeform.campaign.losses import flown, instants, missed, told, with_losses
+from closeform.campaign.losses import Shaken, flown, instants, missed, told, with_losses
+from closeform.campaign.shaking import USUAL, Shaking
 from closeform.motion.joining import drifting, join
 from closeform.motion.path import Path
 from closeform.scenario import Craft, Gather, Scenario
@@ -82,7 +83,7 @@ class History:
             return result
         if isinstance(result.stage, Gather) and (flaws := self.flaws(scenario, result)).any:
             return gather_flawed(scenario, result, states, flaws)
-        paths = []
+        paths, shaken = list[Path](), self.shaken(scenario)
         for k, craft in enumerate(scenario.craft):
             path = result.after.path(craft.name)
             if self.replanned and craft.errors is not None:
@@ -91,8 +92,15 @@ class History:
                 path = added(path, columns, self.normal(key, len(columns)))
             if self.instants and (time := self.instants.get(k, inf)) < result.end:
                 path = drifting(path, time, states[k] if time <= result.start else None)
-            paths.append(path)
+            paths.append(shaken(path, k, path.start))
         return flown(scenario, result, paths)
+
+    def shaken(self, scenario: Scenario) -> Shaken:
+        """What white noise makes of paths, which nobody's thrust did."""
+        if not (self.replanned and scenario.noisy):
+            return lambda path, k, since: path
+        shaking = Shaking(self.seed, scenario.orbit.build().mean_motion, USUAL)
+        return lambda path, k, since: shaking.moved(path, scenario.craft[k], self.case, since)
 
     def flaws(self, scenario: Scenario, result: StageResult[Any, Any]) -> BurnFlaws:
         """What goes wrong with burns of a gathering: four random numbers belong to each burn of a craft."""
@@ -115,31 +123,30 @@ class History:
         if self.draws == "errors":
             mission = self.uncorrected(mission)
         if self.instants is None:
-            return with_losses(mission, self.fails)
+            return with_losses(mission, self.fails, self.shaken(mission.scenario))
         times = {k: time for k, time in self.instants.items() if time <= mission.flown[-1].end}
         return told(mission, times, {k: missed(mission, k, time) for k, time in times.items()})
 
     def uncorrected(self, mission: Mission) -> Mission:
         """A mission flown as planned, where nobody corrects what the errors of all craft do."""
-        scenario = mission.scenario
-        added_to = [
+        scenario, end = mission.scenario, mission.flown[-1].end
+        shaking = Shaking.beside_zones(scenario, self.seed, end) if scenario.noisy else None
+        errors = [
             errors_of(craft, join([result.after.path(craft.name) for result in mission.flown]), self)
             for craft in scenario.craft
         ]
-        results = tuple(
-            flown(
-                scenario,
-                result,
-                [
-                    result.after.path(name) if errors is None else added(result.after.path(name), *errors)
-                    for name, errors in zip(scenario.names, added_to, strict=True)
-                ],
-            )
-            if result.flown
-            else result
-            for result in mission.results
-        )
-        return replace(mission, results=results)
+
+        def off(k: int, path: Path) -> Path:
+            own = errors[k]
+            path = path if own is None else added(path, *own)
+            return path if shaking is None else shaking.moved(path, scenario.craft[k], self.case, 0.0)
+
+        def uncorrected(result: StageResult[Any, Any]) -> StageResult[Any, Any]:
+            paths = [off(k, result.after.path(name)) for k, name in enumerate(scenario.names)]
+            return flown(scenario, result, paths)
+
+        each = (uncorrected(result) if result.flown else result for result in mission.results)
+        return replace(mission, results=tuple(each))
 
 
 def errors_of(craft: Craft, path: Path, history: History) -> tuple[Path, Floats] | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from math import isnan, nan
 from typing import Any
@@ -17,6 +17,8 @@ from closeform.scenario import Scenario
 from closeform.search.gather_result import Gathering
 from closeform.verdict import LostThrust
 
+Shaken = Callable[[Path, int, float], Path]  # a path of a craft by its number, with noise after a time [s]
+
 
 def instants(mission: Mission, fails: Sequence[float]) -> dict[int, float]:
     """When craft, by number, lose their thrust [s]: after shares (N,) of the mission, nan: they do not."""
@@ -24,10 +26,10 @@ def instants(mission: Mission, fails: Sequence[float]) -> dict[int, float]:
     return {k: float(share * end) for k, share in enumerate(fails) if not isnan(share)}
 
 
-def with_losses(mission: Mission, fails: Sequence[float]) -> Mission:
+def with_losses(mission: Mission, fails: Sequence[float], shaken: Shaken) -> Mission:
     """A mission in which each craft (N,) loses its thrust after a share of it, nan for who does not.
 
-    Who coasts all along has none to lose.
+    Who coasts all along has none to lose; who drifts is `shaken` on.
     """
     scenario, burns = mission.scenario, mission.paths.delta_v > 0.0
     times = {k: time for k, time in instants(mission, fails).items() if burns[k]}
@@ -40,7 +42,7 @@ def with_losses(mission: Mission, fails: Sequence[float]) -> Mission:
             paths = [result.after.path(name) for name in scenario.names]
             for k, time in times.items():
                 if time < result.end:
-                    paths[k] = drifting(paths[k], time, states.get(k))
+                    paths[k] = shaken(drifting(paths[k], time, states.get(k)), k, max(time, result.start))
                     states[k] = paths[k].state(result.end)
             results[place] = flown(scenario, result, paths)
     return told(replace(mission, results=tuple(results)), times, needed)

@@ -160,10 +160,12 @@ def flown(
     states = np.empty((flights, count, int(table.shown.max()) + 1, 6))
     fired = np.zeros((flights, count, int(table.fires.max()) + 1, 3))
     spent, asked = np.zeros((flights, count, 2)), np.zeros(count)
-    each = drawn.seen, drawn.thrust, drawn.events, now, states, fired, spent
+    each, step = (now, states, fired, spent), 0
     for begin_s, told in courses(commands, field, frame, around, drawn):
         course = told if begin_s < commands.lost - SAME else _silent(told)
-        _side_by_side(field, course, each)
+        pushes = np.ascontiguousarray(drawn.pushes[:, :, step : step + len(course.steps)])
+        _side_by_side(field, course, (drawn.seen, drawn.thrust, drawn.events, pushes, *each))
+        step += len(course.steps)
         size = np.minimum(np.linalg.norm(course.commanded, axis=3), commands.limits[:, None, None])
         asked += size @ [1.0, 4.0, 1.0] @ course.steps / 6.0  # as flights do
         asked += np.linalg.norm(course.jumps, axis=2).sum(axis=1)

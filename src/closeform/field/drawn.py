@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     from closeform.field.course import Commands
     from closeform.uncertainty.errors import Errors
 
-START, PLANNED = 0, 1  # streams of a craft in a flight: of its state; of burns by plan, back, and impulses
+# Streams of a craft in a flight: of its state; of burns by plan, back, and impulses; of noise
+START, PLANNED, NOISE = 0, 1, 4
 
 
 class Drawn(NamedTuple):
@@ -29,13 +30,14 @@ class Drawn(NamedTuple):
     start: Floats  # (S, N, 6) [m, m/s] of states at the start
     events: Floats  # (S, N, E, 4) the same of each burn, see `Events`; of impulses normal numbers
     gates: Floats  # (N, 4) which these are times
+    pushes: Floats  # (S, N, K or 0, 6) [m, m/s], what noise adds to states in each step
 
 
 def exactly(count: int, measurements: int) -> Drawn:
     """No errors of one flight of N craft that are measured so many times."""
-    shapes = (count, measurements, 6), (count, 4), (count, 6), (count, 0, 4)
-    seen, thrust, start, events = (np.zeros((1, *shape)) for shape in shapes)
-    return Drawn(seen, thrust, start, events, np.zeros((count, 4)))
+    shapes = (count, measurements, 6), (count, 4), (count, 6), (count, 0, 4), (count, 0, 6)
+    seen, thrust, start, events, pushes = (np.zeros((1, *shape)) for shape in shapes)
+    return Drawn(seen, thrust, start, events, np.zeros((count, 4)), pushes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,13 +45,14 @@ class Draws:
     """What is drawn in the flights of some `seeds`, each by itself, of N craft.
 
     Measured by one `sight`; `sizes` (N, 2) bound the error of thrust that is constant through a flight, and
-    `errors` are each craft's own, where there are any.
+    `errors` are each craft's own, where there are any; their noise counts `since` a time [s].
     """
 
     seeds: Sequence[int]
     sight: Navigation
     sizes: Floats
     errors: Sequence[Errors] | None
+    since: float = 0.0
 
     def measured(self, table: Timetable) -> tuple[Floats, Floats]:
         """Errors of measurements (S, N, M, 6) and of thrust (S, N, 4): of all craft, seen together."""
@@ -69,14 +72,41 @@ class Draws:
         seen, thrust = (np.ascontiguousarray(part[:, some]) for part in measured)
         size, gates = (len(self.seeds), len(some)), np.zeros((len(some), 4))
         if self.errors is None:
-            return Drawn(seen, thrust, np.zeros((*size, 6)), np.zeros((*size, 0, 4)), gates)
+            nothing = np.zeros((*size, 0, 4)), gates, np.zeros((*size, 0, 6))
+            return Drawn(seen, thrust, np.zeros((*size, 6)), *nothing)
         start, events, told = [], [], commands.events
         for seed in self.seeds:
             for k in some:
                 start.append(self.errors[k]._root @ _stream(seed, k, START, leg).normal(size=6))
                 events.append(self._executed(seed, k, told, leg))
         gates += [self.errors[k].impulse for k in some]
-        return Drawn(seen, thrust, np.reshape(start, (*size, 6)), np.reshape(events, (*size, -1, 4)), gates)
+        begin, own = np.reshape(start, (*size, 6)), np.reshape(events, (*size, -1, 4))
+        kicked, pushes = self._shaken(some, commands.table.nodes, commands.path.orbit.mean_motion)
+        begin[..., 3:] += kicked
+        return Drawn(seen, thrust, begin, own, gates, pushes)
+
+    def _shaken(self, some: Sequence[int], nodes: Floats, n: float) -> tuple[Floats, Floats]:
+        """What white noise does to velocities at the start (S, M, 3), and to states in steps (S, M, K, 6).
+
+        Between nodes (K + 1,) [s]; by changes of velocity each 8 s, of all flights at the same times.
+        """
+        assert self.errors is not None
+        size = len(self.seeds), len(some)
+        density = np.array([self.errors[k].noise for k in some])
+        if not density.any():
+            return np.zeros((*size, 3)), np.zeros((*size, 0, 6))
+        from closeform.field.shaken import shaken  # which few flights need
+
+        begins, pushes = np.zeros((*size, 3)), np.zeros((*size, len(nodes) - 1, 6))
+        for place in np.argwhere(np.broadcast_to(density > 0.0, size)).tolist():
+            seed, k = self.seeds[place[0]], some[place[1]]
+
+            def normal(level: int, rows: int, seed: int = seed, k: int = k) -> Floats:
+                return _stream(seed, k, NOISE, level).normal(size=(rows, 6))
+
+            told = n, density[place[1]], nodes - self.since, normal
+            begins[tuple(place)], pushes[tuple(place)] = shaken(*told)
+        return begins, pushes
 
     def _executed(self, seed: int, craft: int, events: Events, leg: int) -> Floats:
         """Errors (E, 4) of each burn and impulse of one craft in one flight."""
@@ -100,7 +130,7 @@ def uncertain(
         (measured and any(seen))
         or np.any(thrust_error)
         or any(
-            one.state.any() or one.magnitude or one.pointing or any(one.impulse)
+            one.state.any() or one.magnitude or one.pointing or any(one.impulse) or one.noise
             for one in errors or ()
             if one is not None
         )
@@ -122,19 +152,13 @@ def seeds_of(seeds: int | Sequence[int]) -> list[int]:
 
 
 def drawable(errors: Errors | Sequence[Errors | None] | None, count: int) -> Sequence[Errors] | None:
-    """The argument `errors` as those of each craft; None where nobody has any.
-
-    Raises ValueError where they cannot be drawn.
-    """
+    """The argument `errors` as those of each craft; None where nobody has any."""
     if errors is None:
         return None
     from closeform.uncertainty.errors import Errors  # whose kernels nothing else needs
     from closeform.uncertainty.search import given_errors
 
-    each = [Errors() if one is None else one for one in given_errors("errors", errors, count, Errors)]
-    if any(one.noise for one in each):
-        raise ValueError("errors: white noise cannot be drawn; leave out `noise`")
-    return each
+    return [Errors() if one is None else one for one in given_errors("errors", errors, count, Errors)]
 
 
 def _stream(seed: int, craft: int, which: int, leg: int) -> np.random.Generator:

@@ -87,7 +87,8 @@ def fly(
     errors : Errors or sequence of Errors or None, optional
         Of each craft, beside `thrust_error`, drawn anew for its state at the start, for each burn and each
         impulse, whether planned or to lead back.  What leads back by thrust that lasts is a burn from one
-        measurement to the next, and so is what thrusters fire from one order to the next.
+        measurement to the next, and so is what thrusters fire from one order to the next.  `noise` shakes a craft
+        all the time, by changes of velocity each 8 s whose states are exact at these times.
     lost : array_like of shape (N,) or () [s], optional
         When each craft loses its thrust, as nobody knows, inf of one that does not: it drifts from then on.
         Of thrusters what they are told last to lead back counts as spent.
@@ -116,7 +117,7 @@ def fly(
 
     References
     ----------
-    docs/theory.md (50), (85), (86), (88) and (89).
+    docs/theory.md (50), (66), (85), (86), (88) and (89).
 
     Examples
     --------
@@ -141,7 +142,7 @@ def fly(
     sizes = thrust_errors(thrust_error, len(paths))
     limit = _limit(max_acceleration, fires, len(paths))
     least = float(nonnegative("minimum_bit", number("minimum_bit", minimum_bit)))
-    draws = Draws(seeds_of(seeds), sight, sizes, drawable(errors, len(paths)))
+    draws = Draws(seeds_of(seeds), sight, sizes, drawable(errors, len(paths)), float(paths.start[0]))
     drifts = losses(lost, len(paths))
     believed = known or field
     engines = Engines.of(running_engines(engine, paths, believed, own_sets), limit, least)

@@ -119,6 +119,16 @@ def draw(course, lanes, step, events):
             lanes[BACK + k, m] = events[m, back, k] if back >= 0 else 0.0
 
 
+@kernel()
+def shake(course, lanes, step, pushes):
+    """Change lanes by what noise has added to states in the chief's axes by the end of a step."""
+    axes, turn, added = course.axes[2 * step + 2], course.turn[2 * step + 2], stack_vector(6)
+    for m in range(len(pushes)):
+        inertial(axes, turn, pushes[m, step], added)
+        for k in range(6):
+            lanes[Y + k, m] += added[k]
+
+
 @kernel(inline=True)
 def push(course, lanes, step, half, weight, u, back, out):
     """Fill `out` (3, LANES) with thrust in a step, inertial; what is spent adds it up, by a weight."""
@@ -277,8 +287,8 @@ def begin(course, first, errors, now, spent, lanes):
             lanes[k, m] = 0.0
 
 
-@kernel(void(float64[::1], COURSE, BLOCKS, ROWS, BLOCKS, ROWS, BLOCKS, BLOCKS, ROWS))
-def fly_all(constants, course, wrong, errors, events, now, states, impulses, spent):
+@kernel(void(float64[::1], COURSE, BLOCKS, ROWS, BLOCKS, BLOCKS, ROWS, BLOCKS, BLOCKS, ROWS))
+def fly_all(constants, course, wrong, errors, events, pushes, now, states, impulses, spent):
     """Fly R = S N times, of N craft one after another, on from `now` (R, 18), which becomes what is last.
 
     That is states before jumps in the chief's axes, which deviations count for feedback, and which were seen.
@@ -287,10 +297,12 @@ def fly_all(constants, course, wrong, errors, events, now, states, impulses, spe
     thrusters are told to burn from then on, and adds to `spent`
     (R, 2) the delta-v [m/s] and how long thrust was at its limit [s].  Measurements are off by `wrong`
     (R, M, 6); `errors` (R, 4) are those of thrust: of its size, and a small turn.  So are `events` (R, E, 4)
-    where they are of thrust that lasts for a while; those of impulses are normal numbers.
+    where they are of thrust that lasts for a while; those of impulses are normal numbers.  Noise adds
+    `pushes` (R, K or 0, 6) to states by the end of each step.
     """
     course = lent(course)
     wrong, errors, events, now = borrowed(wrong), borrowed(errors), borrowed(events), borrowed(now)
+    pushes = borrowed(pushes)
     states, impulses, spent = borrowed(states), borrowed(impulses), borrowed(spent)
     steps, lanes, here = len(course.steps), stack_matrix(LANE, LANES), stack_matrix(6, LANES)
     for first in range(0, len(now), LANES):
@@ -317,6 +329,8 @@ def fly_all(constants, course, wrong, errors, events, now, states, impulses, spe
                 if course.thrusters.shape[1] > 0:
                     burn_all(course, lanes, node)
                 advance(constants, course, node, lanes)
+                if pushes.shape[1] > 0:
+                    shake(course, lanes, node, pushes[some])
         for m in range(min(LANES, len(now) - first)):
             for k in range(6):
                 now[first + m, k] = here[k, m]

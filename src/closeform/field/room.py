@@ -137,7 +137,7 @@ def room(
         By how much each craft's thrust is off at most, as a share of its size, and in direction; constant
         through a flight.
     errors : Errors or sequence of Errors or None, optional
-        Of each craft, which `fly` draws.
+        Of each craft, which `fly` draws; without white noise.
     minimum_bit : float [m/s], default 0
         The least impulse of feedback that is fired.
     thrusters : Thrusters or sequence of Thrusters or None, optional
@@ -207,7 +207,10 @@ def room(
         law = led_by_pulses(law, own)
     elif least > 0.0 and not law.impulses:
         raise ValueError("minimum_bit: of impulses; give a Feedback by some, or leave it out")
-    told: Any = sizes, unknown, drawable(errors, count)
+    own_errors = drawable(errors, count)
+    if any(one.noise for one in own_errors or ()):
+        raise ValueError("errors: a room counts no white noise, which flights draw; leave out `noise`")
+    told: Any = sizes, unknown, own_errors
     groups = [np.flatnonzero(who) for who in (running & ~shooters, shooters, ~running) if who.any()]
     found = []
     for some in groups:

@@ -45,7 +45,7 @@ class ErrorStudyReport(CasesReport):
             campaign.scenario.title,
             f"{len(campaign)} cases of the errors of {craft}, seed {campaign.seed}",
             f"Flown as planned, 0.0 s to {results[-1].end if results else 0.0:.1f} s: "
-            "states at the start, burns and impulses are drawn",
+            f"states at the start, burns and impulses{', white noise' * campaign.scenario.noisy} are drawn",
         )
 
     @property

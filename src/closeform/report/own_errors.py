@@ -1,4 +1,4 @@
-"""What is said of each craft's own errors in flights: of its start, its burns and its impulses."""
+"""What is said of each craft's own errors in flights: of its start, its burns, its impulses, and noise."""
 
 from collections.abc import Iterator, Sequence
 from math import degrees
@@ -8,7 +8,7 @@ import numpy as np
 
 
 def told(errors: Sequence[Any]) -> Iterator[str]:
-    """How far states are off at the start, and each burn and impulse by itself: of the worst craft."""
+    """How far states are off at the start, each burn and impulse by itself, and noise: of the worst craft."""
     some = [one for one in errors if one is not None]
     axes = np.array([np.sqrt(np.diag(one.state)) for one in some]).reshape(-1, 2, 3)
     place, speed = axes.max(axis=(0, 2), initial=0.0)
@@ -24,6 +24,8 @@ def told(errors: Sequence[Any]) -> Iterator[str]:
             f"Impulses: each off by {1e3 * fixed:.3g} mm/s and {100.0 * share:.3g} % along it, "
             f"{1e3 * across:.3g} mm/s and {degrees(turn):.3g} deg across (1 sigma, Gates' model)"
         )
+    if noise := max((one.noise for one in some), default=0.0):
+        yield f"White noise: of {noise:.3g} m²/s³ along each axis, all the time"
 
 
 def figures(errors: Sequence[Any]) -> list[dict[str, Any] | None]:
@@ -36,6 +38,7 @@ def figures(errors: Sequence[Any]) -> list[dict[str, Any] | None]:
             "magnitude": one.magnitude,
             "pointing_rad": one.pointing,
             "gates": list(one.impulse),
+            "noise_m2_s3": one.noise,
         }
         for one in errors
     ]

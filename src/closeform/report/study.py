@@ -244,7 +244,8 @@ def draw_lines(campaign: FlownCases) -> list[str]:
     lines = [f"Drawn: {key}, {' '.join(sized(draw))}" for key, draw in fixed.items()]
     if study.draws == "replanned":
         lines.append(
-            "Drawn: errors of states at the start and of burns; stages are planned from where they lead"
+            f"Drawn: errors of states at the start and of burns{', white noise' * campaign.scenario.noisy}; "
+            "stages are planned from where they lead"
         )
     return lines
 

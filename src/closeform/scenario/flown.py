@@ -55,8 +55,9 @@ def in_air(scenario: Scenario) -> Iterator[str]:
 def in_flight(scenario: Scenario) -> Iterator[str]:
     """What a flight that is part of a run, or of each case of a study, cannot have, nor a margin for one."""
     autos = any(getattr(stage, "margin", None) == "auto" for stage in scenario.stages)
-    if scenario.noisy and (autos or scenario.flights is not None):
-        yield "craft.execution: no flight can have white noise; remove noise"
+    if scenario.noisy and autos:
+        remedy = "remove noise, or give margins in metres"
+        yield f'craft.execution: margin = "auto" counts no white noise; {remedy}'
     if autos or scenario.flights is not None:
         try:
             flown_thrusters(scenario)

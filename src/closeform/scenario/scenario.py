@@ -223,7 +223,7 @@ class Scenario:
 
     @property
     def noisy(self) -> bool:
-        """Whether the thrust of any craft has white noise, of which nothing can be drawn."""
+        """Whether any craft is shaken by white noise."""
         return any(craft.execution is not None and craft.execution.noise > 0.0 for craft in self.craft)
 
     @property

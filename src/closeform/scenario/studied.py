@@ -95,8 +95,13 @@ def drawn_errors(scenario: Scenario) -> Iterator[str]:
             "study.draws: no craft has errors; add for example "
             f"covariance = {Craft.examples()['covariance']} to [craft]"
         )
-    if scenario.noisy:
-        yield "study.draws: white noise cannot be drawn; remove noise from execution"
+    searches = [number for number, stage in enumerate(scenario.stages, 1) if stage.searches]
+    replanned = scenario.study is not None and scenario.study.draws == "replanned"
+    if scenario.noisy and replanned and searches:
+        yield (
+            f"study.draws: craft search in stage {searches[0]} as they coast, without white noise; remove "
+            'noise from execution, or write draws = "errors"'
+        )
 
 
 def somebody_to_meet(scenario: Scenario) -> Iterator[str]:

@@ -12,7 +12,6 @@ import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from math import inf
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -40,6 +39,7 @@ from closeform.zones.zone import Zone
 CHUNK = 16_384  # histories that one thread takes at a time; each chunk has random numbers of its own
 CORES = os.cpu_count() or 1
 BEYOND = 1.0 + 1e-9  # where rounding does not count
+NEVER = np.zeros(0)  # s
 
 
 @kernel()
@@ -234,25 +234,34 @@ class Histories:
 
     @classmethod
     def of(
-        cls, path: Path, other: Path, columns: Path, noise: float, zone: Zone, longest: float = inf
+        cls,
+        path: Path,
+        other: Path,
+        columns: Path,
+        noise: float,
+        zone: Zone,
+        instants: Floats = NEVER,
     ) -> Histories:
-        """Look at all arcs in windows as long as the march's bounds allow; shorter ones may have thrust."""
+        """Look at all arcs in windows as long as the march's bounds allow.
+
+        At `instants` [s] natural motion begins beside them.
+        """
         n = path.orbit.mean_motion
-        pushed = n > 0.0 and longest < inf
         rows = np.concatenate([path.arcs, other.arcs, columns.arcs])
         start = max(path.start, other.start)
         end = min(path.end, other.end)
-        joints = rows[:, START]
+        joints = np.concatenate([rows[:, START], instants])
         edges = np.unique(np.concatenate([[start, end], joints[(joints > start) & (joints < end)]]))
-        thrusting = rows[:, THRUST:].any(axis=1) | (rows[:, MEAN_MOTION] != n) | pushed
-        cubic = (rows[:, MEAN_MOTION] == 0.0) & ~rows[:, PUSH + 3 :].any(axis=1) & (not pushed)
+        thrusting = rows[:, THRUST:].any(axis=1) | (rows[:, MEAN_MOTION] != n)
+        bent = n > 0.0 and len(instants) > 0  # by natural motion beside cubics
+        cubic = (rows[:, MEAN_MOTION] == 0.0) & ~rows[:, PUSH + 3 :].any(axis=1) & (not bent)
         times, orders = [start], []
         for begin, stop in zip(edges[:-1], edges[1:], strict=True):
             here = (rows[:, START] <= begin) & (rows[:, END] >= stop)
             natural = n > 0.0 and not thrusting[here].any()
             order = 4 if natural or cubic[here].all() else 8
             turn = n * (stop - begin) / (COAST_ANGLE if natural else ANGLE)
-            pieces = max(1, int(np.ceil(max(turn, (stop - begin) / longest))))
+            pieces = max(1, int(np.ceil(turn)))
             times += np.linspace(begin, stop, pieces + 1)[1:].tolist()
             orders += [order] * pieces
         windows = np.zeros((len(orders), 1 + len(columns), 8, 3))
