@@ -87,8 +87,8 @@ def fly(
     errors : Errors or sequence of Errors or None, optional
         Of each craft, beside `thrust_error`, drawn anew for its state at the start, for each burn and each
         impulse, whether planned or to lead back.  What leads back by thrust that lasts is a burn from one
-        measurement to the next, and so is what thrusters fire from one order to the next.  `noise` shakes a craft
-        all the time, by changes of velocity each 8 s whose states are exact at these times.
+        measurement to the next, and so is what thrusters fire from one order to the next.  `noise` shakes
+        a craft all the time, by changes of velocity each 8 s; its states are exact at these times.
     lost : array_like of shape (N,) or () [s], optional
         When each craft loses its thrust, as nobody knows, inf of one that does not: it drifts from then on.
         Of thrusters what they are told last to lead back counts as spent.

@@ -41,11 +41,12 @@ class ErrorStudyReport(CasesReport):
         """What was flown."""
         campaign, results = self.campaign, self.campaign.mission.results
         craft = counted(len(campaign.scenario.craft), "craft", "craft")
+        drawn = ", impulses and white noise" if campaign.scenario.noisy else " and impulses"
         return (
             campaign.scenario.title,
             f"{len(campaign)} cases of the errors of {craft}, seed {campaign.seed}",
             f"Flown as planned, 0.0 s to {results[-1].end if results else 0.0:.1f} s: "
-            f"states at the start, burns and impulses{', white noise' * campaign.scenario.noisy} are drawn",
+            f"states at the start, burns{drawn} are drawn",
         )
 
     @property
