@@ -11,6 +11,7 @@ steps stays as it is where shorter ones are asked for, and of a time as more of 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import lru_cache
 from math import ceil, log2
 from typing import Any
 
@@ -65,6 +66,7 @@ def increments(n: float, level: int, count: int, normal: Normal) -> Floats:
     return np.ascontiguousarray(found)
 
 
+@lru_cache
 def growth(n: float, step: float) -> tuple[Floats, Floats]:
     """What a state becomes in a step (6, 6), the root (6, 6) of what noise of density 1 adds. # theory (9)"""
     sizes = np.repeat([step**1.5, step**0.5], 3)
@@ -80,6 +82,7 @@ def kicks_of(n: float, step: float, pushes: Floats) -> Floats:
     return kicks
 
 
+@lru_cache
 def ends_of(n: float, step: float) -> Floats:
     """Changes of velocity at a step's start, and at its end, (6, 6) of what they add to the state."""
     flow = growth(n, step)[0]
@@ -98,6 +101,7 @@ def _whole(count: int, times: int) -> int:
     return -(-count // (1 << times))
 
 
+@lru_cache
 def _halved(n: float, step: float) -> tuple[Floats, Floats, Floats]:
     """Of two steps: motion in one, what of a sum the first adds, and the root of what it adds beside."""
     sizes = np.repeat([step**1.5, step**0.5], 3)
