@@ -75,6 +75,10 @@ def test_impulses_and_searches_are_compiled_where_they_are_asked_for(monkeypatch
     assert "closeform.motion.steering" not in needed("tpf", monkeypatch)  # nobody is steered to an end
     assert "closeform.conflicts.entries" not in needed("s04", monkeypatch)  # nor are there conflicts
     assert "closeform.planning.joint_dual" in needed("swap_impulses", monkeypatch)
+    by_impulses = needed("swap_impulses", monkeypatch)  # of many craft, whose bound is another dual
+    assert not {"closeform.planning.dual_bound", "closeform.motion.impulse_arcs"} & {*by_impulses}
+    assert "closeform.motion.impulse_arcs" in needed("polar_inspection", monkeypatch)
+    assert "closeform.planning.dual_bound" in needed("cubesats", monkeypatch)
     assert "closeform.search.lock_march" in needed("s04_counterexample", monkeypatch)
 
 

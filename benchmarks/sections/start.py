@@ -18,7 +18,7 @@ PHASES = Path(__file__).parents[1] / "phases.py"
 EXAMPLES = Path(__file__).parents[2] / "examples"
 NAMES = ("cluster", *sorted(file.stem for file in EXAMPLES.glob("*.toml") if file.stem != "cluster"))
 BY_FUEL = re.compile(r'^\s*(cost\s*=\s*"delta-v"|thrusters\s*=|do\s*=\s*"transfer")', re.MULTILINE)
-FUEL = ("fuel.", "motion.constant_primers", "motion.impulses", "planning.impulse_", "planning.joint_dual")
+FUEL = ("fuel.", "motion.constant_primers", "motion.impulse", "planning.impulse_", "planning.joint_dual")
 PLANNED = "swap_impulses"  # whose first run is compared with that of the same file planned for least energy
 COLUMNS = ("imports", "kernels", "flying", "pictures", "tables, page", "animation")
 

@@ -33,7 +33,7 @@ from closeform.lock_file import lock
 
 UNUSED = 30 * 86400.0  # [s] that a compiled kernel is kept without being used
 # Modules that write LLVM code, and say what numba leaves out.
-MAKERS = "closeform.kernel_loans", "closeform.kernel_parts", "closeform.kernel_writing"
+MAKERS = tuple(f"closeform.kernel_{noun}" for noun in ("calls", "loans", "parts", "variables", "writing"))
 CHECKSUM = 32  # bytes at the start of a file: without it garbage would reach the unpickler
 
 

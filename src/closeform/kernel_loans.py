@@ -7,10 +7,17 @@ from llvmlite import ir
 from numba.core import cgutils, config, types
 from numba.core.datamodel import models
 from numba.core.typing.templates import AttributeTemplate
-from numba.extending import infer_getattr, intrinsic, lower_getattr_generic, register_model
+from numba.extending import (
+    NativeValue,
+    infer_getattr,
+    intrinsic,
+    lower_getattr_generic,
+    register_model,
+    unbox,
+)
 
 
-def _uncounted(context: Any, builder: Any, kind: Any, value: Any) -> Any:
+def uncounted(context: Any, builder: Any, kind: Any, value: Any) -> Any:
     """An array without its count of references; anything else as it is."""
     if not isinstance(kind, types.Array):
         return value
@@ -23,7 +30,7 @@ def _uncounted(context: Any, builder: Any, kind: Any, value: Any) -> Any:
 
 def _borrowed(typing: Any, array: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        return _uncounted(context, builder, array, args[0])
+        return uncounted(context, builder, array, args[0])
 
     return array(array), generate
 
@@ -34,6 +41,10 @@ class Lent(types.Type):
     def __init__(self, of: Any) -> None:
         self.of = of
         super().__init__(f"Lent[{of.instance_class.__name__}]")
+
+    def can_convert_from(self, typing: Any, given: Any) -> Any:
+        """How well it stands for the tuple itself, which an entry point is given."""
+        return typing.can_convert(given, self.of)
 
     @property
     def key(self) -> Any:
@@ -65,7 +76,32 @@ def read_field(context: Any, builder: Any, lent: Lent, pointer: Any, name: str) 
     """Load one field."""
     place = lent.of.fields.index(name)
     value = builder.load(cgutils.gep_inbounds(builder, pointer, 0, place))
-    return _uncounted(context, builder, lent.of.types[place], value)
+    return uncounted(context, builder, lent.of.types[place], value)
+
+
+@unbox(Lent)
+def refer(lent: Lent, given: Any, c: Any) -> NativeValue:
+    """Put an entry point's tuple on the stack; its arrays stay those of its caller, uncounted."""
+    place = cgutils.alloca_once(c.builder, c.context.get_value_type(lent.of))
+    return NativeValue(place, is_error=_fill(lent.of, given, place, c))
+
+
+def _fill(kind: Any, given: Any, place: Any, c: Any) -> Any:
+    """Fill a place with a tuple, an array or a number; returns whether there was an error."""
+    if isinstance(kind, types.Array):
+        word = c.pyapi.voidptr
+        adapt = c.pyapi._get_function(ir.FunctionType(ir.IntType(32), [word, word]), "numba_adapt_ndarray")
+        failed = c.builder.call(adapt, (given, c.builder.bitcast(place, word)))
+        return cgutils.is_not_null(c.builder, failed)
+    if isinstance(kind, types.BaseTuple):
+        failed = cgutils.false_bit
+        for k, one in enumerate(kind):
+            inner = cgutils.gep_inbounds(c.builder, place, 0, k)
+            failed = c.builder.or_(failed, _fill(one, c.pyapi.tuple_getitem(given, k), inner, c))
+        return failed
+    native = c.unbox(kind, given)
+    c.builder.store(native.value, place)
+    return native.is_error
 
 
 def _lent(typing: Any, group: Any) -> Any:

@@ -12,10 +12,11 @@ from numba.core.codegen import CPUCodegen, CPUCodeLibrary
 from numba.core.imputils import builtin_registry, lower_builtin
 from numba.core.runtime.context import NRTContext
 from numba.core.typing.templates import _OverloadFunctionTemplate
+from numba.cpython import slicing
 from numba.cpython.rangeobj import range_impl_map
 from numba.np import arrayobj
 
-from closeform.kernel_parts import OwnPartCompiler
+from closeform.kernel_parts import EntryLibrary, OwnPartCompiler
 
 ROUGHLY = 1  # how far LLVM simplifies each function before those that call it are there; then it does fully
 
@@ -23,13 +24,14 @@ ROUGHLY = 1  # how far LLVM simplifies each function before those that call it a
 def write_less() -> None:
     """Have numba write what the kernels compute, in a process of our own: they compile in a sixth less time.
 
-    For each element of an array it puts the array on the stack, for each time that one is let go of it takes
-    out sizes and strides, what it has just put together it takes apart, and where a loop counts up by one it
-    divides by that, if it is not zero.
+    For each element of an array it puts the array on the stack, as it does what it puts together, for each
+    time that one is let go of it takes out sizes and strides, what it has just put together it takes apart,
+    where a loop counts up by one it divides by that, if it is not zero, and it asks whether 3 is negative.
     """
     NRTContext.get_meminfos = counted
     IRBuilder.extract_value = taken_out(IRBuilder.extract_value)
     IRBuilder.mul, IRBuilder.add = without(IRBuilder.mul, 1), without(IRBuilder.add, 0)
+    slicing.fix_index = from_start(slicing.fix_index)
     cgutils.ValueStructProxy = Read
     cgutils._struct_proxy_cache.clear()
     arrayobj.make_array = array_struct(arrayobj.make_array)
@@ -94,23 +96,39 @@ def without(operation: Any, neutral: int) -> Any:
     return operate
 
 
+def from_start(fix: Any) -> Any:
+    """An index as it is counted from the start: written as a number it says from which end."""
+
+    def fix_index(builder: Any, index: Any, size: Any) -> Any:
+        if isinstance(index, Constant):
+            return index if index.constant >= 0 else builder.add(index, size)
+        return fix(builder, index, size)
+
+    return fix_index
+
+
 class Read(cgutils.ValueStructProxy):
-    """A structure that is read where it is, and comes onto the stack only once something is written to it."""
+    """A structure that is read, and put together, where it is made, and comes onto the stack only later."""
 
     def __init__(self, context: Any, builder: Any, value: Any = None, ref: Any = None) -> None:
-        if value is None or ref is not None:
+        if ref is not None:
             super().__init__(context, builder, value, ref)
             return
         self._context, self._builder = context, builder
         self._datamodel = context.data_model_manager[self._fe_type]
         self._be_type = self._get_be_type(self._datamodel)
-        self._read = value
-        self._block, self._after = builder.block, builder.block.instructions[-1:]
+        self._keep(self._be_type(None) if value is None else value)
+
+    def _keep(self, value: Any) -> None:
+        """What it is from here on, in this block."""
+        self._read, self._block = value, self._builder.block
+        self._after = self._block.instructions[-1:]
 
     def __getattr__(self, name: str) -> Any:
         if name not in ("_value", "_outer_ref"):
             return super().__getattr__(name)
-        self._value = self._outer_ref = cgutils.alloca_once(self._builder, self._be_type)
+        with self._builder.goto_entry_block():
+            self._value = self._outer_ref = self._builder.alloca(self._be_type)
         with self._builder.goto_block(self._block):
             if self._after:
                 self._builder.position_after(*self._after)
@@ -123,6 +141,13 @@ class Read(cgutils.ValueStructProxy):
         if "_value" in vars(self):
             return super().__getitem__(place)
         return self._builder.extract_value(self._read, place)
+
+    def __setitem__(self, place: int, value: Any) -> None:
+        at_end = self._builder._anchor == len(self._builder.block.instructions)
+        if "_value" in vars(self) or self._builder.block is not self._block or not at_end:
+            super().__setitem__(place, value)
+        else:
+            self._keep(self._builder.insert_value(self._read, value, place))
 
     def _getvalue(self) -> Any:
         return super()._getvalue() if "_value" in vars(self) else self._read
@@ -167,6 +192,15 @@ def count_up() -> None:
         at, count = (cgutils.alloca_once_value(builder, value) for value in (start, left))
         return structure(context, builder, iterator, at, stop, step, count)
 
+    @lower_builtin("iternext", iterator)
+    def advance(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        at, _, step, count = (builder.extract_value(args[0], k) for k in range(4))
+        value, left = builder.load(at), builder.load(count)
+        builder.store(builder.add(value, step), at)
+        builder.store(builder.sub(left, Constant(left.type, 1)), count)
+        is_left = builder.icmp_signed(">", left, Constant(left.type, 0))
+        return structure(context, builder, signature.return_type, value, is_left)
+
 
 def structure(context: Any, builder: Any, kind: Any, *values: Any) -> Any:
     """A value of a type that has these members."""
@@ -177,8 +211,10 @@ def structure(context: Any, builder: Any, kind: Any, *values: Any) -> Any:
 
 
 def simplify(self: Any, module: Any) -> None:
-    """Have LLVM simplify the functions of one module, which callers link and simplify again."""
+    """Have LLVM simplify the functions of a part before callers link it; an entry point's wait for all."""
     module.data_layout = self._codegen._data_layout
+    if isinstance(self, EntryLibrary):
+        return
     manager, builder = self._codegen._function_pass_manager(opt=ROUGHLY)
     for function in module.functions:
         if not function.is_declaration:

@@ -11,7 +11,9 @@ def prepare_numba() -> None:
     from numba import version_info
 
     if KNOWN[0] <= version_info.short <= KNOWN[1]:
-        from closeform import kernel_memory, kernel_writing
+        from closeform import kernel_calls, kernel_memory, kernel_variables, kernel_writing
 
         kernel_memory.remember()
         kernel_writing.write_less()
+        kernel_calls.pass_errors_on()
+        kernel_variables.keep_values()

@@ -19,9 +19,10 @@ NEEDS = (
         "planning.local planning.qp",
     ),
     (
-        r'do\s*=\s*"(avoid|reconfigure|scatter|regather)"',
-        "planning.dual_bound planning.deflection planning.approaches",
+        rf'do\s*=\s*"(avoid|reconfigure|scatter|regather)"(?!{STAGE}^\s*cost\s*=\s*"delta-v")',
+        "planning.dual_bound",
     ),
+    (r'do\s*=\s*"(avoid|reconfigure|scatter|regather)"', "planning.deflection planning.approaches"),
     (r"sigmas\s*=", "uncertainty.stays uncertainty.gauges planning.passive_planes"),
     (
         rf'do\s*=\s*"(avoid|reconfigure|regather)"{STAGE}^\s*drift\s*=',
@@ -38,6 +39,10 @@ NEEDS = (
         "planning.joint_dual planning.impulse_peaks planning.impulse_flight",
     ),
     (r'cost\s*=\s*"delta-v"|do\s*=\s*"transfer"|thrusters\s*=', "motion.impulses motion.constant_primers"),
+    (
+        rf'do\s*=\s*"avoid"{STAGE}^\s*cost\s*=\s*"delta-v"|do\s*=\s*"transfer"|thrusters\s*=',
+        "motion.impulse_arcs",
+    ),
     (r"thrusters\s*=", "motion.saturated"),
     (r'do\s*=\s*"(?!lock)', "conflicts.entries"),
     (r"\[\[\s*stage\s*\]\]", "motion.effort motion.path"),

@@ -233,7 +233,8 @@ class Orbit(CircularOrbit):
         (4, 0.0235)
         """
         # Here: who needs no impulses compiles none, and loads no linear programs.
-        from closeform.motion.impulses import answers, flown_arcs
+        from closeform.motion.impulse_arcs import flown_arcs
+        from closeform.motion.impulses import answers
 
         arcs, finals = arcs_between(self.mean_motion, initial, final, duration, start)
         given = self.mean_motion, arcs.reshape(-1, WIDTH), finals

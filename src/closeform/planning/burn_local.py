@@ -18,7 +18,7 @@ from closeform.arrays import Floats
 from closeform.fuel.pulses import extended
 from closeform.fuel.thrusters import Thrusters
 from closeform.motion.arc import END, START
-from closeform.motion.impulses import flown_arcs
+from closeform.motion.impulse_arcs import flown_arcs
 from closeform.motion.path import Path
 from closeform.motion.reduced import LOWER
 from closeform.motion.saturated import BOUND

@@ -6,7 +6,7 @@ from numba import float64, types, void
 
 from closeform.arrays import Floats
 from closeform.compiled import kernel
-from closeform.kernel_loans import lent, stack_matrix, stack_vector
+from closeform.kernel_loans import Lent, stack_matrix, stack_vector
 from closeform.planning.approaches import slide
 from closeform.planning.relative_motion import relative_motion
 from closeform.planning.rounding import gradient, rounded_norm
@@ -31,7 +31,7 @@ class Sides(NamedTuple):
     along: bool
 
 
-SIDES = types.NamedTuple((ROWS, float64, types.boolean), Sides)
+SIDES = Lent(types.NamedTuple((ROWS, float64, types.boolean), Sides))
 
 
 @kernel()
@@ -51,7 +51,7 @@ def turn_normals(scene, arcs, offsets, contacts, least, normals):
     Left are those of a norm of `least` or below, and planes of flat faces that hold: another face
     would be no nearer, and taken in turns with it.
     """
-    scene, contacts, motion = lent(scene), lent(contacts), stack_matrix(8, 3)
+    motion = stack_matrix(8, 3)
     for k in range(len(contacts.times)):
         which = contacts.which[k]
         relative_motion(scene, arcs, offsets, which, contacts.times[k], motion)

@@ -28,7 +28,7 @@ from numba import int64, void
 
 from closeform.arrays import Floats
 from closeform.compiled import kernel
-from closeform.kernel_loans import lent, stack_matrix, stack_vector
+from closeform.kernel_loans import stack_matrix, stack_vector
 from closeform.motion.arc import END, MEAN_MOTION, START, STATE, THRUST, WIDTH, primer_at, state_at
 from closeform.motion.hill import coast, response
 from closeform.motion.linear import copy, solve
@@ -267,7 +267,6 @@ def room_for(scene: Scene, contacts: Contacts) -> tuple[Floats, Any]:
 @kernel(int64(SCENE, CONTACTS, ROWS, INDICES))
 def fly(scene, contacts, arcs, offsets):
     """`deflect` for Python: fills the paths and returns how many arcs there are."""
-    scene, contacts = lent(scene), lent(contacts)
     factors = np.empty((len(contacts.times), 2, 4, 3, 6))
     fill_factors(scene, contacts, len(contacts.times), factors)
     deflect(scene, contacts, len(contacts.times), factors, arcs, offsets)
@@ -280,7 +279,7 @@ def look_at(scene, arcs, offsets, contacts, motions, gram):
 
     Without room in `gram` it is left out.
     """
-    scene, contacts, count = lent(scene), lent(contacts), len(contacts.times)
+    count = len(contacts.times)
     factors, block = np.empty((count, 2, 4, 3, 6)), stack_matrix(3, 3)
     fill_factors(scene, contacts, count, factors)
     for k in range(count):

@@ -10,7 +10,7 @@ import numpy as np
 from numba import float64, int64, void
 
 from closeform.compiled import kernel
-from closeform.kernel_loans import borrowed, lent, stack_matrix, stack_vector
+from closeform.kernel_loans import borrowed, stack_matrix, stack_vector
 from closeform.motion.arc import END, MEAN_MOTION, START, primer_at, state_at
 from closeform.motion.certified_march import locate
 from closeform.motion.hill import coast, oscillation
@@ -154,7 +154,6 @@ def find_failures(scene, arcs, offsets, moments, shifts, reach, contacts, norms)
     Those within `reach` aims, and their `norms`.
     `shifts` (N + M, 6) are added to the bodies as natural motions from the first time on.
     """
-    scene, contacts = lent(scene), lent(contacts)
     arcs, offsets = borrowed(arcs), borrowed(offsets)
     craft, count, times = len(scene.base), 0, scene.times
     n = scene.base[0, MEAN_MOTION]
@@ -252,7 +251,6 @@ def slide_failures(scene, arcs, offsets, contacts, turned, norms):
 
     Fills the normals `turned` (K, 3) where they were before, and their norms (K,) as a share of the aim.
     """
-    scene, contacts = lent(scene), lent(contacts)
     motion, turns, work, before = stack_matrix(3, 3), stack_matrix(3, 3), stack_vector(3), stack_vector(3)
     for k in range(len(contacts.times)):
         which = contacts.which[k]

@@ -6,7 +6,7 @@ import numpy as np
 from numba import int64, void
 
 from closeform.compiled import kernel
-from closeform.kernel_loans import lent, stack_matrix, stack_vector
+from closeform.kernel_loans import stack_matrix, stack_vector
 from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, PUSH, START, STATE, state_at
 from closeform.motion.linear import triangle
 from closeform.planning.impulse_scene import (
@@ -87,6 +87,13 @@ def repair(fleet, i, impulses):
 
 
 @kernel()
+def clear(row):
+    """Let an arc be nothing yet."""
+    for k in range(len(row)):
+        row[k] = 0.0
+
+
+@kernel()
 def begin_arc(n, row, start, end, state):
     """Set times, mean motion and first state of an arc."""
     row[START], row[END], row[MEAN_MOTION] = start, end, n
@@ -97,7 +104,6 @@ def begin_arc(n, row, start, end, state):
 @kernel(int64(FLEET, BLOCKS, ROWS, INDICES))
 def fly_impulses(fleet, impulses, arcs, offsets):
     """Fill the craft's paths, their ends repaired, over all the time flown; returns how many arcs."""
-    fleet = lent(fleet)
     row, state = 0, stack_vector(6)
     for i in range(len(fleet.base)):
         offsets[i] = row
@@ -105,7 +111,7 @@ def fly_impulses(fleet, impulses, arcs, offsets):
         n, start = fleet.base[i, MEAN_MOTION], fleet.base[i, START]
         t = fleet.span[0]
         coast_state(n, t - start, fleet.base[i, STATE : STATE + 6], state)
-        arcs[row] = 0.0
+        clear(arcs[row])
         for j in range(fleet.counts[i] + 1):
             last = j == fleet.counts[i]
             if not last and not (impulses[i, j, 0] or impulses[i, j, 1] or impulses[i, j, 2]):
@@ -115,7 +121,7 @@ def fly_impulses(fleet, impulses, arcs, offsets):
             coast_state(n, there - t, state, state)
             if there > t:
                 row += 1
-                arcs[row] = 0.0
+                clear(arcs[row])
             if last:
                 if t >= there and (arcs[row, IMPULSE] or arcs[row, IMPULSE + 1] or arcs[row, IMPULSE + 2]):
                     row += 1  # an impulse at the very end
@@ -133,7 +139,7 @@ def fly_impulses(fleet, impulses, arcs, offsets):
             x, y, z, vx, vy, vz = state_at(arcs[row], t)
             state[0], state[1], state[2], state[3], state[4], state[5] = x, y, z, vx, vy, vz
             row += 1
-            arcs[row] = 0.0
+            clear(arcs[row])
     offsets[len(fleet.base)] = row
     return row
 
@@ -180,7 +186,6 @@ def keep_fewest(fleet, planes, impulses):
     made up for by others (Caratheodory), in the direction in which the sum of sizes does not grow.  Of burns
     within a limit few are left that are neither nothing nor the most they can be.
     """
-    fleet, planes = lent(fleet), lent(planes)
     number, most = len(planes.times), fleet.times.shape[1]
     effects, work = np.empty((6 + number, most)), np.empty((6 + number, 7 + number))
     sizes, z = np.empty(most), np.empty(7 + number)

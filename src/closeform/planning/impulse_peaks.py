@@ -6,7 +6,6 @@ import numpy as np
 from numba import float64
 
 from closeform.compiled import kernel
-from closeform.kernel_loans import lent
 from closeform.motion.arc import END, MEAN_MOTION, START, acceleration
 from closeform.motion.hill import coast
 from closeform.motion.primer import peaks
@@ -95,7 +94,6 @@ def find_peaks(fleet, planes, dual, level, times, which, counts):
     In `times` (N, M), with `which` (N, M) of its directions.  Returns the greatest, which is certain, and
     `level` at least: divided by it the point is feasible at all times.
     """
-    fleet, planes = lent(fleet), lent(planes)
     room, number = times.shape[1], len(planes.times)
     instants, squares, state, order = np.empty(room), np.empty(room), np.empty(6), np.empty(number + 1)
     highest = level

@@ -7,7 +7,7 @@ from numba import float64, void
 
 from closeform.arrays import Floats
 from closeform.compiled import kernel
-from closeform.kernel_loans import borrowed, lent, stack_matrix, stack_vector
+from closeform.kernel_loans import borrowed, stack_matrix, stack_vector
 from closeform.planning.impulse_scene import BRIEF, PLANES
 from closeform.planning.relative_motion import motion_after
 from closeform.planning.scene import BLOCKS, CONTACTS, INDICES, ROWS, SCENE, Contacts
@@ -22,7 +22,6 @@ def fill_planes(scene, arcs, offsets, contacts, spans, aim, planes):
     `spans` (P, 2, 2) are when each of a pair can give way.  An impulse in which thrust may be lost is a brief
     burn.                                                                                # theory (38), (74)
     """
-    scene, contacts, planes = lent(scene), lent(contacts), lent(planes)
     arcs, offsets, spans = borrowed(arcs), borrowed(offsets), borrowed(spans)
     motion, drifts = stack_matrix(3, 3), stack_vector(2)
     for k in range(len(contacts.times)):

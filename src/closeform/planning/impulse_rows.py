@@ -16,6 +16,8 @@ FIRST_PULL = 0.3  # length of a primer by the planes alone, to start with
 def fill_members(planes, members, sizes):
     """Fill which planes each craft has (N, K), and how many; returns the greatest number."""
     widest = 0
+    for i in range(len(sizes)):
+        sizes[i] = 0
     for k in range(len(planes.times)):
         for side in range(2):
             i = planes.first[k] if side == 0 else planes.second[k]

@@ -7,7 +7,7 @@ from numba import types
 
 from closeform.arrays import Floats
 from closeform.compiled import kernel
-from closeform.kernel_loans import stack_matrix
+from closeform.kernel_loans import Lent, stack_matrix
 from closeform.motion.arc import END, MEAN_MOTION, START, STATE
 from closeform.motion.hill import coast
 from closeform.motion.primer import functional, position_rows
@@ -85,11 +85,13 @@ class Priced(NamedTuple):
     peaks: list[Moments]
 
 
-FLEET = types.NamedTuple(
-    (ROWS, ROWS, ROWS, BLOCKS, ROWS, ROWS, INDICES, NUMBERS, BLOCKS, INDICES, NUMBERS), Fleet
+FLEET = Lent(
+    types.NamedTuple(
+        (ROWS, ROWS, ROWS, BLOCKS, ROWS, ROWS, INDICES, NUMBERS, BLOCKS, INDICES, NUMBERS), Fleet
+    )
 )
-PLANES = types.NamedTuple((NUMBERS, ROWS, NUMBERS, INDICES, INDICES, ROWS), Planes)
-DUAL = types.NamedTuple((ROWS, NUMBERS), Dual)
+PLANES = Lent(types.NamedTuple((NUMBERS, ROWS, NUMBERS, INDICES, INDICES, ROWS), Planes))
+DUAL = Lent(types.NamedTuple((ROWS, NUMBERS), Dual))
 
 
 @kernel()

@@ -99,13 +99,19 @@ def follow(program, terms, degrees, tolerance, bar, cones, planes, x):
 def place_cones(program, multipliers, cones, planes, x):
     """Begin with primers by the planes alone, and impulses on the centre of tau = 1 for these."""
     for k in range(len(planes)):
+        for a in range(ROW):
+            planes[k, a] = 0.0
         planes[k, PRIMER] = multipliers[k]
         place(planes[k], False, inf)
     for i in range(len(cones)):
+        for a in range(6):
+            x[i, a] = 0.0
         for m in range(program.sizes[i]):
             x[i, 6 + m] = multipliers[program.members[i, m]]
         for j in range(program.counts[i]):
             cone, free = cones[i, j], is_free(program.along[i, j])
+            for a in range(ROW):
+                cone[a] = 0.0
             cone[PRIMER] = 1.0
             for axis in range(3):
                 p = 0.0
@@ -125,9 +131,8 @@ def price(fleet, planes, tolerance, bar, dual, impulses):
     Fills `impulses` (N, J, 3) and the `dual`.  inf where it is above `bar`, or no impulses keep the planes.
     Second is how many times their limits all craft need for that at least, as far as that was seen.
     """
-    fleet, planes, dual = lent(fleet), lent(planes), lent(dual)
     craft, number = len(fleet.base), len(planes.times)
-    sizes, members = np.zeros(craft, dtype=np.int64), np.empty((craft, number), dtype=np.int64)
+    sizes, members = np.empty(craft, dtype=np.int64), np.empty((craft, number), dtype=np.int64)
     widest = fill_members(planes, members, sizes)
     rows = np.empty((craft, fleet.times.shape[1], 3, 6 + widest))
     gains, roots, pulls = np.empty((craft, 6)), np.empty((craft, 6, 6)), np.empty(number)
@@ -150,13 +155,17 @@ def price(fleet, planes, tolerance, bar, dual, impulses):
         return 0.0, 0.0
     terms, degrees = barrier_terms(fleet, number)
     unit = sqrt(total / (2.0 * terms))  # of delta-v: at tau = 1 gains and barriers are of one size
+    most, misses = np.empty((craft, fleet.times.shape[1])), np.empty(number)
     for i in range(craft):
         for a in range(6):
             gains[i, a] /= unit
-    most, misses = fleet.most / unit, planes.misses / unit
+        for j in range(fleet.counts[i]):
+            most[i, j] = fleet.most[i, j] / unit
+    for k in range(number):
+        misses[k] = planes.misses[k] / unit
     program = Program(rows, fleet.along, most, fleet.counts, members, sizes, gains, misses)
-    cones, walls = np.zeros((craft, fleet.times.shape[1], ROW)), np.zeros((number, ROW))
-    x = np.zeros((craft, 6 + widest))
+    cones, walls = np.empty((craft, fleet.times.shape[1], ROW)), np.empty((number, ROW))
+    x = np.empty((craft, 6 + widest))
     place_cones(program, pulls, cones, walls, x)
     cost, needed = follow(program, terms, degrees, tolerance, bar / unit, cones, walls, x)
     if cost == inf:

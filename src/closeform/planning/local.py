@@ -16,7 +16,7 @@ from numba import float64, int64, types
 
 from closeform.arrays import Floats
 from closeform.compiled import kernel
-from closeform.kernel_loans import borrowed, lent, stack_matrix
+from closeform.kernel_loans import Lent, borrowed, lent, stack_matrix
 from closeform.planning.approaches import find_minima, sample_craft, spread
 from closeform.planning.contacts import SIDES, add_fresh, copy_contacts, next_contacts, slide_all
 from closeform.planning.deflection import deflect, fill_factors, fill_gram
@@ -90,12 +90,14 @@ class Workspace(NamedTuple):
 
 
 FACTORS = float64[:, :, :, :, ::1]
-WORKSPACE = types.NamedTuple(
-    (
-        *(BLOCKS, BLOCKS, NUMBERS, *(CONTACTS,) * 5, FACTORS),
-        *(ROWS, ROWS, NUMBERS, ROWS, ROWS, INDICES),
-    ),
-    Workspace,
+WORKSPACE = Lent(
+    types.NamedTuple(
+        (
+            *(BLOCKS, BLOCKS, NUMBERS, *(CONTACTS.of,) * 5, FACTORS),
+            *(ROWS, ROWS, NUMBERS, ROWS, ROWS, INDICES),
+        ),
+        Workspace,
+    )
 )
 
 
@@ -191,7 +193,7 @@ def solve_local(scene, sides, count, bar, room):
     `best` is filled with the contacts of the cheapest clear solution; BLOCKED: with those it came to.
     Given up where it costs well above `bar` when nearly clear.
     """
-    scene, sides, best, contacts = lent(scene), lent(sides), lent(room.best), lent(room.hand)
+    best, contacts = lent(room.best), lent(room.hand)
     samples = lent(Bodies(room.states, room.places, room.speeds))
     slid, following, trial = lent(room.slid), lent(room.following), lent(room.trial)
     factors, gram, work = borrowed(room.factors), borrowed(room.gram), borrowed(room.work)

@@ -8,7 +8,7 @@ from numba import float64
 
 from closeform.arrays import Floats
 from closeform.compiled import kernel
-from closeform.kernel_loans import borrowed, lent, stack_matrix
+from closeform.kernel_loans import borrowed, stack_matrix
 from closeform.planning.deflection import deflect, fill_factors, fill_gram, room_for
 from closeform.planning.qp import solve_qp
 from closeform.planning.relative_motion import motion_after
@@ -25,7 +25,6 @@ def press(scene, contacts, lift, give, stride, arcs, offsets):
     farther than `stride` zones all are shorter.  inf where planes ask for what cannot be together.
                                                                                          # theory (72)
     """
-    scene, contacts = lent(scene), lent(contacts)
     arcs, offsets, count = borrowed(arcs), borrowed(offsets), len(contacts.times)
     factors, motion = np.empty((count, 2, 4, 3, 6)), stack_matrix(3, 3)
     gram, work, gaps = np.empty((count, count)), np.empty((count, count)), np.empty(count)

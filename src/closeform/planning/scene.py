@@ -6,6 +6,7 @@ import numpy as np
 from numba import float64, int64, types
 
 from closeform.arrays import Floats
+from closeform.kernel_loans import Lent
 
 
 class Scene(NamedTuple):
@@ -94,11 +95,13 @@ ROWS, BLOCKS, NUMBERS, INDICES, PAIRS = (
     int64[::1],
     int64[:, ::1],
 )
-SCENE = types.NamedTuple(
-    (
-        *(ROWS, BLOCKS, ROWS, INDICES, ROWS, INDICES, PAIRS, INDICES, ROWS, ROWS),
-        *(INDICES, BLOCKS, ROWS, INDICES, NUMBERS, NUMBERS, NUMBERS, NUMBERS, BLOCKS, NUMBERS),
-    ),
-    Scene,
+SCENE = Lent(
+    types.NamedTuple(
+        (
+            *(ROWS, BLOCKS, ROWS, INDICES, ROWS, INDICES, PAIRS, INDICES, ROWS, ROWS),
+            *(INDICES, BLOCKS, ROWS, INDICES, NUMBERS, NUMBERS, NUMBERS, NUMBERS, BLOCKS, NUMBERS),
+        ),
+        Scene,
+    )
 )
-CONTACTS = types.NamedTuple((INDICES, NUMBERS, ROWS, NUMBERS, ROWS), Contacts)
+CONTACTS = Lent(types.NamedTuple((INDICES, NUMBERS, ROWS, NUMBERS, ROWS), Contacts))
