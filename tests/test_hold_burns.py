@@ -6,7 +6,9 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 import closeform as cf
+from closeform.planning import impulse_search
 from closeform.planning.burn_local import apart
+from closeform.planning.impulse_local import ImpulseSolver
 from closeform.planning.impulse_moments import Moments, blended
 from hold_transfers import NUMBER, hold_transfers
 from ring_transfers import RADIUS, ring_transfers
@@ -14,6 +16,31 @@ from test_hold_plans import COSTS, DEARER, SEVERAL
 from test_passive_delta_v import MATRIX, least_ratio
 
 FULL = 1.0 + 1e-9  # of a limit
+
+
+@pytest.fixture(scope="module", autouse=True)
+def impulses_once():
+    """Burns are made of safe impulses, which are the same whatever the limit: looked for once a transfer.
+
+    That is nearly all of what such a plan takes; `test_hold_plans.py` is about them.
+    """
+    search, known = impulse_search.searched, {}
+
+    def searched(solver, *asked):
+        if type(solver) is not ImpulseSolver:  # of burns
+            return search(solver, *asked)
+        problem = solver.problem
+        assert not solver.pushes.fixed.any()
+        task = problem.base.tobytes(), problem.others.tobytes(), problem.last, problem.drift
+        if task not in known:
+            known[task] = search(solver, *asked)
+        return known[task]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(impulse_search, "searched", searched)
+        yield
+
+
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(5)
 
 
