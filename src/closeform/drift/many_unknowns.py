@@ -60,11 +60,9 @@ def search_downhill(one, two, top, width, end, n, form, scale, tube, floor, cert
     """As `search.search` does: the least norm over all failures and drifts, its time, how certain it is."""
     best, when = most, nan
     if most == inf:
-        least = -inf
-        if form[0] == FACES:  # beside half-spaces it is seldom where it seems to be
+        if form[0] == FACES:  # from another start, too
             best, when = sample(one, two, top, width, end, n, form, room)
-            least = inf
-        best, when = least_downhill(one, two, top, width, end, n, form, room, best, when, least)
+        best, when = least_downhill(one, two, top, width, end, n, form, room, best, when, -inf)
     count = parameter_count(one) + parameter_count(two)
     for k in range(count):
         room.shares[k] = 0.5
