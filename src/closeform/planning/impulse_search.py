@@ -14,7 +14,7 @@ from closeform.motion.arc import END, START
 from closeform.motion.saturated import CLOSE
 from closeform.motion.within_limit import TooLittleThrust
 from closeform.planning.impulse_checks import Spent
-from closeform.planning.impulse_descent import at_rest, descended
+from closeform.planning.impulse_descent import at_rest, descended, step_near
 from closeform.planning.impulse_local import AIM, ImpulseSolver, beside
 from closeform.planning.impulse_sharing import shared
 from closeform.planning.limits import FULL
@@ -33,6 +33,7 @@ STRIDE = 1.0  # zones, by which a pair moves in a step: farther away other failu
 # Of the free delta-v: safe impulses that cost more are looked for with so many zones of room, too, and of
 # what is found so many are followed down.
 COSTLY, ROOMS, CHEAPEST = 1.2, (0.1, 0.2, 0.3), 12
+AGAIN, GAINING = 3, 0.99  # times that steps lead on from few impulses, as long as they cost so much less
 ABOUT = 5  # safe paths by impulses, near to which pulses are looked for
 DEAR = 1.1  # times the delta-v of safe paths of least energy: dearer impulses are not worth being few
 
@@ -195,7 +196,13 @@ def roomier(solver: ImpulseSolver, free: Spent, begun: list[Contacts], best: Spe
     cheapest = min(down, key=lambda one: one.delta_v, default=None)
     if cheapest is None or (best is not None and not cheapest.delta_v < best.delta_v):
         return best
-    return fewest(solver, cheapest)
+    best = fewest(solver, cheapest)
+    for _ in range(AGAIN):  # few impulses are other paths, beside which planes further out may cost less
+        there = step_near(solver, best, solver.following(best))
+        if there is None or not (there.checked.clear and there.delta_v < GAINING * best.delta_v):
+            break
+        best = fewest(solver, there)
+    return best
 
 
 def with_room(solver: ImpulseSolver, free: Spent, begun: list[Contacts]) -> Iterator[Spent]:
