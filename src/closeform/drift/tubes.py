@@ -3,7 +3,6 @@
 from functools import lru_cache
 
 import numpy as np
-from scipy.optimize import nnls
 
 from closeform.arrays import Floats
 from closeform.zones.shapes import BALL, CUBE, CYLINDER, FACES
@@ -59,5 +58,7 @@ def floor_of(zone: Zone) -> float:
     """What no norm is below: 0, or -inf of half-spaces that some way leads ever deeper into."""
     if zone.shape != FACES:
         return 0.0
+    from scipy.optimize import nnls  # a third of a second, for these alone
+
     mixed = np.vstack([zone.faces.T, np.ones(len(zone.faces))])
     return 0.0 if nnls(mixed, np.array([0.0, 0.0, 0.0, 1.0]))[1] <= 1e-12 else -np.inf
