@@ -24,7 +24,7 @@ def filled(scene, contacts, blocks):  # parts of kernels have no entry from Pyth
     """Blocks (position or velocity, as they are or their rate with the force's time, K, K, 3, 3)."""
     count = len(contacts.times)
     factors = np.empty((count, 2, 4, 3, 6))
-    scene = lent(scene)
+    scene, contacts = lent(scene), lent(contacts)
     fill_factors(scene, contacts, count, factors)
     for of in range(2):
         for by in range(2):
