@@ -169,8 +169,8 @@ def test_stages_craft_and_draws_can_be_swept():
 
 
 def test_axes_of_pictures():
-    assert numbered(["1 deg", "2.5 deg"]) == ([1.0, 2.5], "deg")
-    assert numbered(["ball 1e-3 deg", "ball 2 deg"]) == ([0.001, 2.0], "ball deg")
-    assert numbered(["1 deg", "2 m"]) == ([0.0, 1.0], "number of the value")
-    assert numbered(["least", "half"]) == ([0.0, 1.0], "number of the value")
-    assert numbered(["1", "2"]) == ([1.0, 2.0], "1")
+    assert numbered(["1 deg", "2.5 deg"]) == ([1.0, 2.5], "", "deg")
+    assert numbered(["ball 1e-3 deg", "ball 2 deg"]) == ([0.001, 2.0], "ball", "deg")
+    assert numbered(["1 deg", "2 m"]) == ([0.0, 1.0], "", "number of the value")
+    assert numbered(["least", "half"]) == ([0.0, 1.0], "", "number of the value")
+    assert numbered(["1", "2"]) == ([1.0, 2.0], "", "1")

@@ -1,4 +1,4 @@
-"""What a process of our own leaves out: SciPy in numba, pandas in pyarrow, documentation in matplotlib.
+"""What a process of our own leaves out: SciPy in numba, Fortran in numpy, pandas in pyarrow, artists' texts.
 
 And much search for garbage.  The command line and the processes that it starts `begin` so; who imports the
 package gets libraries whole.  Room for calls is for all.
@@ -73,6 +73,19 @@ def import_numba() -> None:
             import numba  # noqa: F401
     finally:
         ffi.register_lock_callback = register
+    spare_numpy()
+
+
+def spare_numpy() -> None:
+    """Let numpy load no compiler of Fortran and no tests of arrays, if this process is ours.
+
+    SciPy asks for all that numpy has, which then loads what it else leaves for later: a tenth of a second.
+    """
+    if _begun:
+        import numpy as np
+
+        for name in ("f2py", "testing"):
+            vars(np).setdefault(name)
 
 
 def import_pyarrow() -> None:

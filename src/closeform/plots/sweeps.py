@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.transforms import ScaledTranslation
 from numpy.typing import ArrayLike
 
 from closeform.arrays import instance, numbers, sequence
@@ -15,6 +17,7 @@ from closeform.plots.look import SMALL, TEXT, WIDTH, area, dress, headline, lege
 
 MOST, LONG = 12, 40  # lines that are drawn, letters of a name
 BESIDE = 0.9  # inches of a legend beside each name
+ASIDE, SPREAD = 0.06, 0.24  # inches between bars of one value, at most, and between the first and the last
 
 
 def sweep(
@@ -27,7 +30,8 @@ def sweep(
 ) -> Figure:
     """Shares of cases against a swept value, a line for each combination of the other values.
 
-    Bars are the intervals in which the true shares lie 19 times in 20.
+    Bars are the intervals in which the true shares lie 19 times in 20; where several stand at one value they
+    are drawn a little beside each other.
 
     Parameters
     ----------
@@ -72,17 +76,22 @@ def sweep(
     axes = area(figure, 0.95, 0.7 + 0.3 * rows, WIDTH - 0.95 - 0.4, 3.85)
     dress(axes)
     shown = 100.0 * np.stack([parts["share"], parts["low"], parts["high"]])[:, :MOST]
-    lines = []
+    lines, step = [], min(ASIDE, SPREAD / shown.shape[1])
     for k, tint in enumerate(colours(shown.shape[1])):
         middle, below, above = shown[:, k]
         bars = np.maximum([middle - below, above - middle], 0.0)
-        lines.append(axes.errorbar(where, middle, bars, color=tint, marker="o", linewidth=1.6, capsize=3))
+        aside = ScaledTranslation(step * (k - (shown.shape[1] - 1) / 2), 0.0, figure.dpi_scale_trans)
+        look: dict[str, Any] = {"color": tint, "marker": "o", "linewidth": 1.6, "capsize": 3}
+        lines.append(axes.errorbar(where, middle, bars, transform=axes.transData + aside, **look))
+    axes.update_datalim(np.column_stack([np.tile(where, shown.size // len(where)), shown.ravel()]))
+    axes.autoscale_view()
     axes.set_xlabel(what, fontsize=TEXT, color=INK)
     axes.set_ylabel("cases in which all is met [%]", fontsize=TEXT, color=INK)
     if rows:
         legend(figure, lines, words, ncols=across)
     least, most = 100.0 * float(parts["share"].min()), 100.0 * float(parts["share"].max())
-    plain(headline(figure, f"All is met in {least:.4g} to {most:.4g} % of cases"))
+    between = f"{least:.4g} to {most:.4g}" if most > least else f"{most:.4g}"
+    plain(headline(figure, f"All is met in {between} % of cases"))
     return figure
 
 

@@ -27,9 +27,15 @@ AHEAD = (  # what pictures of most stages need; no scenario, no tables
     "closeform.conflicts.two_paths",
     "closeform.plots.fleet",
     "closeform.plots.closest",
+    "closeform.plots.missions",
     "closeform.plots.png",
+    "closeform.plots.space",
+    "closeform.plots.timelines",
     "closeform.report.picture",
     "closeform.result_folder",
+    "closeform.motion.orbit",
+    "closeform.plots.drifts",
+    "scipy.special",  # of errors; last, while the other process still reads the scenario
 )
 STUDIED = (*AHEAD, "closeform.plots.lockings", "closeform.mission", "closeform.viewer.page")  # and of studies
 MOST = 4  # processes that draw: a run has about ten pictures

@@ -106,12 +106,12 @@ class SweepReport(CasesReport):
                 f"{key.rpartition('.')[2]} {text}" for key, text in point.values.items() if key != along
             )
             lines.setdefault(others, {})[point.values[along]] = point
-        places, unit = numbered(every[along])
+        places, kind, unit = numbered(every[along])
         parts = [
             [[getattr(line[value].met, part) for value in every[along]] for line in lines.values()]
             for part in ("share", "low", "high")
         ]
-        what = f"{along.removeprefix('study.vary.')} [{unit}]"
+        what = f"{', '.join(filter(None, (along.removeprefix('study.vary.'), kind)))} [{unit}]"
         order = np.argsort(places, kind="stable")
         arguments = (
             np.array(places)[order],
@@ -122,13 +122,14 @@ class SweepReport(CasesReport):
         return Picture("sweep", "Shares of cases in which all is met", "sweep", arguments)
 
 
-def numbered(texts: Sequence[str]) -> tuple[list[float], str]:
-    """The numbers of quantities of one unit, and it; else the numbers of the values in their order."""
+def numbered(texts: Sequence[str]) -> tuple[list[float], str, str]:
+    """The numbers of quantities of one kind, what stands before them, and the unit.
+
+    Else the numbers of the values in their order.
+    """
     found = [NUMBER.fullmatch(text) for text in texts]
     kinds = {(one[1], one[3]) for one in found if one is not None}
     if None in found or len(kinds) != 1:
-        return [float(k) for k in range(len(texts))], "number of the value"
+        return [float(k) for k in range(len(texts))], "", "number of the value"
     ((before, after),) = kinds
-    return [float(one[2]) for one in found if one is not None], f"{before}{after}".replace(
-        "  ", " "
-    ).strip() or "1"
+    return [float(one[2]) for one in found if one is not None], before.strip(), after.strip() or "1"
