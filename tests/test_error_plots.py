@@ -3,10 +3,8 @@
 import matplotlib as mpl
 import numpy as np
 import pytest
-from scipy.spatial import ConvexHull
 
 import closeform as cf
-from closeform.plots.tubes import hulls
 
 mpl.use("agg")
 ORBIT = cf.Orbit.circular(550e3)
@@ -82,21 +80,3 @@ def test_a_collision_ends_at_what_is_expected() -> None:
     drawn = cf.collision_probability(PATH, REST, cf.Sphere(10.0), KNOWN, KNOWN, "monte-carlo", 1000)
     with pytest.raises(ValueError, match='found: by "monte-carlo" without a rate of entries'):
         cf.plots.collision(drawn, PATH)
-
-
-@pytest.mark.parametrize("thin", [1.0, 0.1, 1e-3, 0.0])
-def test_outlines_of_a_tube_are_hulls(thin: float) -> None:
-    """Of two ellipses each, against the hull of their dense outlines: within a thousandth of their size."""
-    random = np.random.default_rng(7)
-    around = np.linspace(0.0, 2.0 * np.pi, 4001)
-    circle = np.stack([np.cos(around), np.sin(around)], axis=-1)
-    for _ in range(20):
-        roots = random.normal(size=(2, 2, 2)) * [1.0, thin]
-        centres = random.normal(size=(2, 2)) * random.choice([0.0, 0.05, 3.0])
-        (outline,) = hulls(centres, roots @ roots.transpose(0, 2, 1))
-        dense = (circle @ roots.transpose(0, 2, 1) + centres[:, None]).reshape(-1, 2)
-        dense = dense[ConvexHull(dense, qhull_options="QJ").vertices]
-        size = np.ptp(dense, axis=0).max()
-        for points, others in ((outline, dense), (dense, outline)):
-            reach = points @ circle.T  # of each outline in all directions: support functions
-            assert (reach.max(axis=0) - (others @ circle.T).max(axis=0)).max() < 2e-3 * size

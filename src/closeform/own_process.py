@@ -77,15 +77,14 @@ def import_numba() -> None:
 
 
 def spare_numpy() -> None:
-    """Let numpy load no compiler of Fortran and no tests of arrays, if this process is ours.
+    """Let numpy load no compiler of Fortran, if this process is ours, unless it is imported by its name.
 
     SciPy asks for all that numpy has, which then loads what it else leaves for later: a tenth of a second.
     """
     if _begun:
         import numpy as np
 
-        for name in ("f2py", "testing"):
-            vars(np).setdefault(name)
+        vars(np).setdefault("f2py")
 
 
 def import_pyarrow() -> None:

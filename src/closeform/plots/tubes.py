@@ -122,10 +122,11 @@ def swept(
     """The tube in one plane: ellipses of covariances, some with their outlines, and the path."""
     basis = camera.basis[:2] / unit
     centres = found.states[:, :3] @ basis.T
-    covariances = sigmas**2 * basis @ found.covariances[:, :3, :3] @ basis.T
-    joints = hulls(centres[some], covariances[some])
-    axes.add_collection(PolyCollection(list(joints), facecolor=TUBE, edgecolor=TUBE, zorder=1))
-    ellipses = centres[:, None] + CIRCLE @ half_axes(covariances)[0].transpose(0, 2, 1)
+    ellipses = ellipse(basis @ found.covariances[:, :3, :3] @ basis.T, sigmas) + centres[:, None]
+    joints = [np.concatenate([ellipses[a], ellipses[b]]) for a, b in zip(some[:-1], some[1:], strict=True)]
+    axes.add_collection(
+        PolyCollection([hulled(points) for points in joints], facecolor=TUBE, edgecolor=TUBE, zorder=1)
+    )
     lined = ellipses[np.unique(np.linspace(0, len(ellipses) - 1, SHOWN).astype(int))]
     axes.add_collection(PolyCollection(lined, facecolor="none", edgecolor=AFTER, linewidth=0.7, zorder=2))
     axes.plot(*centres.T, color=AFTER, linewidth=2.2, zorder=3)
@@ -137,29 +138,21 @@ def swept(
         axes.plot(*centres[nearest], "o", color=CONFLICT, markersize=6, zorder=5.5)
 
 
-def half_axes(covariances: Floats) -> tuple[Floats, Floats]:
-    """Axes (T, 2, 2) of ellipses with covariances (T, 2, 2), in columns, and their lengths (T, 2).
-
-    None is shorter than a millionth of the longest: an ellipse has a normal at each of its points.
-    """
+def ellipse(covariances: Floats, sigmas: float) -> Floats:
+    """Outlines (T, K, 2) of covariances (T, 2, 2)."""
     values, vectors = np.linalg.eigh(covariances)
-    lengths = np.sqrt(np.maximum(values, 1e-12 * values.max(initial=1e-300)))
-    return vectors * lengths[:, None, :], lengths
+    axes = vectors * (sigmas * np.sqrt(np.maximum(values, 0.0)))[:, None, :]
+    return np.asarray(CIRCLE @ axes.transpose(0, 2, 1))
 
 
-def hulls(centres: Floats, covariances: Floats) -> Floats:
-    """The convex outlines (T - 1, K, 2) of each two ellipses that follow each other.
+def hulled(points: Floats) -> Floats:
+    """The convex outline of points (M, 2)."""
+    from scipy.spatial import ConvexHull, QhullError
 
-    At the normal of each point of the first one, the point of the two that is farther along it.
-    """
-    axes, lengths = half_axes(covariances)
-    points = CIRCLE @ axes.transpose(0, 2, 1)
-    normals = CIRCLE @ (axes[:-1] * (lengths[:-1, ::-1] / lengths[:-1])[:, None, :]).transpose(0, 2, 1)
-    spread = normals @ (axes[1:] @ axes[1:].transpose(0, 2, 1))
-    after = centres[1:, None] + spread / np.sqrt(np.einsum("tki,tki->tk", spread, normals))[..., None]
-    before = centres[:-1, None] + points[:-1]
-    farther = np.einsum("tki,tki->tk", after - before, normals) > 0.0
-    return np.asarray(np.where(farther[..., None], after, before))
+    try:
+        return np.asarray(points[ConvexHull(points).vertices])
+    except QhullError:  # all on a line
+        return points
 
 
 def marks(figure: Figure, sigmas: float, touched: bool) -> None:
