@@ -1,15 +1,11 @@
 """Before NumPy is loaded: small matrices on many BLAS threads take longer, not shorter."""
 
-import io
 import os
-from collections.abc import Callable, Iterator
-from contextlib import redirect_stderr
+from collections.abc import Iterator
 from pathlib import Path
 
 import hypothesis
 import pytest
-
-from closeform import own_compiler, own_process
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
@@ -37,7 +33,6 @@ FAULTS = ("attacks", "kernel_cache", "many_craft", "result_folder")
 
 def pytest_configure(config: pytest.Config) -> None:
     """Without files or a selection: all but `-m fault`, commands under attack, and what is APART."""
-    begin()
     if not config.option.markexpr and config.args_source is not config.ArgsSource.ARGS:
         config.option.markexpr = " and ".join(f"not {one}" for one in ("fault", *APART))
 
@@ -65,24 +60,6 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int | None:
     """All tests run side by side on all cores; a file or test that is named runs in this process."""
     return 0 if config.args_source is config.ArgsSource.ARGS else None
-
-
-def begin() -> None:
-    """As the command line does: less search for garbage, kernels in less time, others while it waits for one.
-
-    That kernels are compiled is said before a test looks at what a command says on standard error.
-    """
-    own_process.begin()
-    own_compiler.prepare_numba()
-    from closeform import compiled, warmup
-
-    with redirect_stderr(io.StringIO()):
-        compiled.announce()
-
-    def compile_others(ended: Callable[[], bool]) -> None:
-        warmup.compile_all(sorted({entry.__module__ for entry in compiled.ENTRIES}), ended)
-
-    compiled.meanwhile.append(compile_others)
 
 
 @pytest.fixture(scope="module")

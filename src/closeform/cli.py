@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import App, CycloptsError, Parameter
 
-from closeform import own_compiler, own_process
 from closeform.console import (
     WIDTH,
     OutputError,
@@ -84,7 +83,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def make_haste(tokens: list[str]) -> None:
     """What shortens a command that has its process for itself."""
-    own_process.begin()
     if not sys.stdout.isatty():
         os.environ.setdefault("COLUMNS", str(WIDTH))  # of help, which is 80 in a pipe else
     os.environ["MPLBACKEND"] = "agg"  # matplotlib refuses to load with one that it does not know
@@ -92,8 +90,6 @@ def make_haste(tokens: list[str]) -> None:
         from closeform.report import drawing
 
         drawing.begin(drawing.STUDIED if tokens[0] == "study" else drawing.AHEAD)
-    if tokens[:1] in (["run"], ["check"], ["fly"], ["screen"], ["encounter"], ["study"]):
-        own_compiler.prepare_numba()
 
 
 @app.command(sort_key=0)
@@ -272,6 +268,25 @@ def completion(shell: Literal["bash", "zsh", "fish"], /) -> int:
         Which.
     """
     print(app.generate_completion(shell=shell))
+    return CLEAR
+
+
+@app.command(name="compile", sort_key=6)
+def compile_kernels() -> int:
+    """Compile all kernels now, for this version and this processor; later commands load them."""
+    from pkgutil import walk_packages
+
+    import closeform
+    from closeform._jit import compile_ahead
+
+    sub_packages = ("motion", "zones", "conflicts", "fuel", "drift", "uncertainty", "planning", "search", "field")
+    modules = [
+        found.name.removeprefix("closeform.")
+        for found in walk_packages(closeform.__path__, "closeform.")
+        if found.name.split(".")[1] in sub_packages
+    ]
+    compiled = compile_ahead(modules, complain)
+    say(stdout(), f"{compiled} kernels compiled" if compiled else "All kernels are compiled already")
     return CLEAR
 
 

@@ -23,16 +23,19 @@ class UsageError(ValueError):
 def read(file: Path, command: str) -> "Scenario | None":
     """The scenario for a command, or None after saying everything that is wrong with it."""
     from closeform.scenario import ScenarioError, parse, text_of
-    from closeform.warmup import compile_for
 
     try:
         text = text_of(file)
-        if command != "check":  # which needs three small kernels
-            compile_for(text)
-        return parse(text, str(file), command)
+        scenario = parse(text, str(file), command)
     except ScenarioError as error:
         complain(*error.lines)
         return None
+    if command != "check":  # which needs three small kernels
+        from closeform._jit import compile_ahead
+        from closeform.needed_kernels import modules_for
+
+        compile_ahead(modules_for(scenario), complain)
+    return scenario
 
 
 def quantity(option: str, kind: "Kind", text: str | None) -> float | None:

@@ -17,7 +17,7 @@ from math import isfinite
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any
 
-from closeform import manifest, own_process
+from closeform import manifest
 from closeform.lock_file import is_held
 
 if TYPE_CHECKING:
@@ -66,7 +66,6 @@ class Folder:
 
     def table(self, name: str, columns: Mapping[str, Sequence[Any]]) -> None:
         """Write `name`.parquet; the unit stands in a column's name, as in `start_s`."""
-        own_process.import_pyarrow()
         import pyarrow
         import pyarrow.parquet
 
@@ -315,7 +314,6 @@ def content(path: Path, summary: Mapping[str, Any], name: str) -> bytes:
 
 def table(path: Path, summary: Mapping[str, Any], name: str) -> dict[str, Any]:
     """The columns of a table of a folder, as arrays."""
-    own_process.import_pyarrow()
     import pyarrow
     import pyarrow.parquet
 

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from closeform import own_process
 from closeform.console import complain, kept, progress, stderr, tell_study, working
 from closeform.given import BAD_INPUT, UsageError, read
 
@@ -52,7 +51,6 @@ def study(
     loaded = read(scenario, "study")
     if loaded is None:
         return BAD_INPUT
-    own_process.import_pyarrow()
     from closeform.campaign import asked, stored_study
     from closeform.campaign.chunks import ChunkError, Stored
     from closeform.report.any_study import report_of

@@ -10,7 +10,7 @@ from math import inf
 
 from numba import float64, int64
 
-from closeform.compiled import kernel
+from closeform._jit import kernel
 from closeform.conflicts.exclusion import CLEAR, OFF_CHORD, count_near
 from closeform.kernel_loans import borrowed
 

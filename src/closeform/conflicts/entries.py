@@ -5,7 +5,7 @@ from math import inf, nan
 import numpy as np
 from numba import float64, int64, void
 
-from closeform.compiled import kernel
+from closeform._jit import kernel
 from closeform.conflicts.exclusion import FEW, coasts_apart, count_near, interval, is_clear, mark_near
 from closeform.kernel_loans import borrowed, stack_matrix
 from closeform.motion.arc import END, START

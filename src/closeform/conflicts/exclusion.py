@@ -19,7 +19,7 @@ from math import sqrt
 
 from numba import float64, int64, void
 
-from closeform.compiled import kernel
+from closeform._jit import kernel
 from closeform.kernel_loans import borrowed, stack_matrix
 from closeform.motion.arc import END, MEAN_MOTION, START, derivatives_at, is_cubic, state_at, thrusts
 from closeform.motion.certified_march import bounds, locate, store, window

@@ -9,7 +9,7 @@ shorter steps.  At its ends an unknown turns back, or is held there.
 
 from math import inf, sqrt
 
-from closeform.compiled import kernel
+from closeform._jit import kernel
 from closeform.drift.cells import (
     HELD,
     KIND,

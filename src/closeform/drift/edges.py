@@ -2,7 +2,7 @@
 
 from math import sqrt
 
-from closeform.compiled import kernel
+from closeform._jit import kernel
 from closeform.drift.cells import BURN, BURNS, FLIES, KIND, LOST, MISSED, STUCK
 from closeform.drift.fans import GENERATORS, OTHER, next_seen
 from closeform.zones.shapes import norm

@@ -9,7 +9,7 @@ from typing import NamedTuple
 from numba import types
 
 from closeform.arrays import Floats
-from closeform.compiled import kernel
+from closeform._jit import kernel
 from closeform.drift.cells import (
     BLOCKS,
     BURN,

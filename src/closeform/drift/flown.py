@@ -2,7 +2,7 @@
 
 from math import ceil, inf, nan
 
-from closeform.compiled import kernel
+from closeform._jit import kernel
 from closeform.drift.cells import (
     FLIES,
     FROM,

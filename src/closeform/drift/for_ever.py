@@ -8,7 +8,7 @@ behind them too if they may drift either way.  Others are cut, down to those tha
 
 from math import inf, nan, pi, sqrt
 
-from closeform.compiled import kernel
+from closeform._jit import kernel
 from closeform.drift.cells import FROM, parameter_count, span_both
 from closeform.drift.flown import NEAR, cut, fly, near_by, note, target_below
 from closeform.drift.kinks import EDGES

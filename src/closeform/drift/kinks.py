@@ -14,7 +14,7 @@ other way, as much of the drift is mixed in as levels that.                     
 
 from math import inf
 
-from closeform.compiled import kernel
+from closeform._jit import kernel
 from closeform.drift.edges import place_at
 from closeform.drift.fans import OTHER
 from closeform.kernel_loans import stack_matrix, stack_vector

@@ -8,7 +8,7 @@ from math import inf, nan
 
 from numba import float64, int64, void
 
-from closeform.compiled import kernel
+from closeform._jit import kernel
 from closeform.drift.cells import FROM, SIDE, SIDE_TYPE, parameter_count
 from closeform.drift.descent import descend_all
 from closeform.drift.edges import widest

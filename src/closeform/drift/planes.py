@@ -10,7 +10,7 @@ theory (10), and the whole is concave in time as far as its bounds hold.
 
 from math import inf, sqrt
 
-from closeform.compiled import kernel
+from closeform._jit import kernel
 from closeform.drift.cells import FROM
 from closeform.drift.edges import find_edges, nearest, norm_at, place_at, sink, widest
 from closeform.drift.fans import GENERATORS, OTHER, PATH, next_seen, open_window, place_all

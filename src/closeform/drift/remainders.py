@@ -12,7 +12,7 @@ there by its Taylor series.
 
 from math import sqrt
 
-from closeform.compiled import kernel
+from closeform._jit import kernel
 from closeform.kernel_loans import stack_matrix
 from closeform.motion.arc import (
     MEAN_MOTION,

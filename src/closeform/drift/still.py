@@ -6,7 +6,7 @@ least norm there is what theirs tend to.                                        
 
 from math import acos, atan2, inf, pi, sqrt
 
-from closeform.compiled import kernel
+from closeform._jit import kernel
 from closeform.drift.cells import FROM, SIDE, column_of, single
 from closeform.drift.fans import GENERATORS, OTHER, open_window
 from closeform.drift.flown import aim, fly, note

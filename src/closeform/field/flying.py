@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from numba import float64, int64, types, void
 
 from closeform.arrays import Floats
-from closeform.compiled import kernel
+from closeform._jit import kernel
 from closeform.field.gravity import pull_all
 from closeform.field.lanes import (
     BACK,

@@ -15,7 +15,7 @@ import numpy as np
 from numba import float64, void
 
 from closeform.arrays import Floats
-from closeform.compiled import kernel
+from closeform._jit import kernel
 from closeform.field.dormand_prince import tableau
 from closeform.kernel_loans import borrowed, stack_vector
 

@@ -1,6 +1,6 @@
 """Lanes: rows of numbers of flights that go side by side, one column each."""
 
-from closeform.compiled import kernel
+from closeform._jit import kernel
 
 LANES = 16  # flights of a craft, side by side
 # Rows of lanes: the state from the chief, inertial, the deviation that counts, that which was seen, errors of

@@ -2,7 +2,7 @@
 
 from math import cos, sin
 
-from closeform.compiled import kernel
+from closeform._jit import kernel
 from closeform.field.lanes import BACK, BURN, CRAFT, LANES, ORDER, SPENT, correct, erred
 from closeform.kernel_loans import stack_vector
 

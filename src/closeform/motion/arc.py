@@ -17,7 +17,7 @@ Both spans are closed under differences, shifts in time and d/dt, so the relativ
 any two craft is one such arc again.                                # theory 2, "closure"
 """
 
-from closeform.compiled import kernel
+from closeform._jit import kernel
 from closeform.motion.hill import coast, driven, oscillation, pushed
 
 START, END, MEAN_MOTION = 0, 1, 2

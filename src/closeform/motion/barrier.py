@@ -9,7 +9,7 @@ maximum, and the impulses 2 p_j / (w (1 - |p_j|^2)) make the transfer.
 
 from math import log, sqrt
 
-from closeform.compiled import kernel
+from closeform._jit import kernel
 from closeform.kernel_loans import stack_matrix, stack_vector
 from closeform.motion.linear import back_substitute, factorise
 from closeform.motion.primer import position_rows

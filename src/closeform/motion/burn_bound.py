@@ -4,7 +4,7 @@ from math import inf
 
 from numba import float64
 
-from closeform.compiled import kernel
+from closeform._jit import kernel
 from closeform.kernel_loans import borrowed, stack_matrix, stack_vector
 from closeform.motion.ascent import damped_step
 from closeform.motion.costates import FREE, sum_up

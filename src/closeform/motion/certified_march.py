@@ -15,7 +15,7 @@ derivatives (8, 3) of the relative position at the start of a window (see `arc`)
 
 from math import sqrt
 
-from closeform.compiled import kernel
+from closeform._jit import kernel
 from closeform.motion.arc import (
     ANGLE,
     END,

@@ -20,7 +20,7 @@ from math import sqrt
 from numba import float64, void
 
 from closeform.arrays import Floats
-from closeform.compiled import kernel
+from closeform._jit import kernel
 from closeform.kernel_loans import stack_vector
 from closeform.motion.primer import gained
 

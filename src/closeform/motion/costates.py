@@ -14,7 +14,7 @@ gained, g - integral of Psi' u.  Where g.c > U integral of |p|, no thrust within
 
 from math import inf, sqrt
 
-from closeform.compiled import kernel
+from closeform._jit import kernel
 from closeform.kernel_loans import stack_matrix, stack_vector
 from closeform.motion.hill import coast, oscillation
 from closeform.motion.primer import NARROWEST, UNCLEAR, kind_of, series

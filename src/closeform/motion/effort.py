@@ -4,7 +4,7 @@ from math import sqrt
 
 from numba import float64, int64, void
 
-from closeform.compiled import kernel
+from closeform._jit import kernel
 from closeform.kernel_loans import stack_matrix, stack_vector
 from closeform.motion.arc import (
     END,

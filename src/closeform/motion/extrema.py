@@ -2,7 +2,7 @@
 
 from math import sqrt
 
-from closeform.compiled import kernel
+from closeform._jit import kernel
 from closeform.motion.certified_march import (
     LESS_PATIENCE,
     PATIENCE,

@@ -17,7 +17,7 @@ non-negative powers of n only: no digit is lost as n t -> 0, and n = 0 is no spe
 
 from math import cos, sin
 
-from closeform.compiled import kernel
+from closeform._jit import kernel
 
 # Coefficients in (n t)^2 of P_2, P_3 and P_4, Q_3, Q_4 over their leading power of t, by
 # term; at n t = SERIES_BELOW the first term left out is below 1e-19 of the sum.

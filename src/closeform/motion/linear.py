@@ -4,7 +4,7 @@ from math import inf, sqrt
 
 import numpy as np
 
-from closeform.compiled import kernel
+from closeform._jit import kernel
 
 ROOT = 1e-14  # of the diagonal, added
 DEPENDENT = 1e-12  # of the diagonal: less left of a row is rounding

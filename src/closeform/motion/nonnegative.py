@@ -6,7 +6,7 @@ By active sets (Lawson and Hanson): the column of the steepest descent joins, an
 below nothing leaves.  Those that are active are linearly independent: no more than six.
 """
 
-from closeform.compiled import kernel
+from closeform._jit import kernel
 from closeform.kernel_loans import stack_matrix, stack_vector
 from closeform.motion.linear import back_substitute, factorise
 

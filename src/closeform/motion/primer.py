@@ -16,7 +16,7 @@ concave and has one, or that it is flat to rounding.
 
 from math import sqrt
 
-from closeform.compiled import kernel
+from closeform._jit import kernel
 from closeform.kernel_loans import stack_matrix, stack_vector
 from closeform.motion.arc import END, MEAN_MOTION, START, THRUST, acceleration
 from closeform.motion.hill import coast, oscillation

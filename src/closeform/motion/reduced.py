@@ -11,7 +11,7 @@ The multipliers of its quadratic program are the sizes of the impulses, along p.
 
 from math import sqrt
 
-from closeform.compiled import kernel
+from closeform._jit import kernel
 from closeform.kernel_loans import stack_matrix, stack_vector
 from closeform.motion.barrier import overlap, through
 from closeform.motion.linear import back_substitute, dot, factorise

@@ -11,7 +11,7 @@ from math import inf, sqrt
 
 from numba import boolean, float64, int64, void
 
-from closeform.compiled import kernel
+from closeform._jit import kernel
 from closeform.kernel_loans import borrowed, stack_matrix, stack_vector
 from closeform.motion.arc import END, MEAN_MOTION, PUSH, START, STATE, THRUST, WIDTH, state_at
 from closeform.motion.ascent import DONE, IMPOSSIBLE, climb, distance, downhill, least_limit, sharpen

@@ -9,7 +9,7 @@ from math import inf, nan, sqrt
 import numpy as np
 from numba import void
 
-from closeform.compiled import kernel
+from closeform._jit import kernel
 from closeform.kernel_loans import stack_matrix, stack_vector
 from closeform.motion.arc import END, MEAN_MOTION, START, primer_at, pushes, state_at
 from closeform.motion.certified_march import locate

@@ -5,7 +5,7 @@ from typing import NamedTuple
 from numba import float64, types, void
 
 from closeform.arrays import Floats
-from closeform.compiled import kernel
+from closeform._jit import kernel
 from closeform.kernel_loans import Lent, stack_matrix, stack_vector
 from closeform.planning.approaches import slide
 from closeform.planning.relative_motion import relative_motion

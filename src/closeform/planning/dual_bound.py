@@ -21,7 +21,7 @@ from math import inf, log, sqrt
 import numpy as np
 from numba import float64, int64
 
-from closeform.compiled import kernel
+from closeform._jit import kernel
 from closeform.motion.linear import copy
 
 DEFINITE = 1e-9  # certified smallest eigenvalue of S: far above rounding, and costs as much of the bound

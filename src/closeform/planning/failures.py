@@ -9,7 +9,7 @@ One that is missed costs a round of planning, not safety: the certified search h
 import numpy as np
 from numba import float64, int64, void
 
-from closeform.compiled import kernel
+from closeform._jit import kernel
 from closeform.kernel_loans import borrowed, stack_matrix, stack_vector
 from closeform.motion.arc import END, MEAN_MOTION, START, primer_at, state_at
 from closeform.motion.certified_march import locate

@@ -5,7 +5,7 @@ from math import inf
 import numpy as np
 from numba import int64, void
 
-from closeform.compiled import kernel
+from closeform._jit import kernel
 from closeform.kernel_loans import stack_matrix, stack_vector
 from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, PUSH, START, STATE, state_at
 from closeform.motion.linear import triangle

@@ -5,7 +5,7 @@ from math import cos, inf, sin, sqrt
 import numpy as np
 from numba import float64
 
-from closeform.compiled import kernel
+from closeform._jit import kernel
 from closeform.motion.arc import END, MEAN_MOTION, START, acceleration
 from closeform.motion.hill import coast
 from closeform.motion.primer import peaks

@@ -6,7 +6,7 @@ import numpy as np
 from numba import float64, void
 
 from closeform.arrays import Floats
-from closeform.compiled import kernel
+from closeform._jit import kernel
 from closeform.kernel_loans import borrowed, stack_matrix, stack_vector
 from closeform.planning.impulse_scene import BRIEF, PLANES
 from closeform.planning.relative_motion import motion_after

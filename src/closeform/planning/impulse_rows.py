@@ -2,7 +2,7 @@
 
 from math import inf, sqrt
 
-from closeform.compiled import kernel
+from closeform._jit import kernel
 from closeform.kernel_loans import stack_matrix, stack_vector
 from closeform.motion.arc import MEAN_MOTION, START
 from closeform.motion.linear import triangle

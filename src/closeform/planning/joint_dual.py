@@ -22,7 +22,7 @@ from math import ceil, inf, log, sqrt
 import numpy as np
 from numba import float64, types
 
-from closeform.compiled import kernel
+from closeform._jit import kernel
 from closeform.kernel_loans import borrowed, lent
 from closeform.planning.impulse_rows import begin, fill_members, fill_rows, normalise
 from closeform.planning.impulse_scene import DUAL, FLEET, PLANES, gain, is_free

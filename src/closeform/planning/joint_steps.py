@@ -7,7 +7,7 @@ from math import inf
 from typing import Any, NamedTuple
 
 from closeform.arrays import Floats
-from closeform.compiled import kernel
+from closeform._jit import kernel
 from closeform.kernel_loans import stack_vector
 from closeform.motion.linear import back_substitute, factorise
 from closeform.planning.impulse_scene import is_free

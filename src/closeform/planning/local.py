@@ -15,7 +15,7 @@ import numpy as np
 from numba import float64, int64, types
 
 from closeform.arrays import Floats
-from closeform.compiled import kernel
+from closeform._jit import kernel
 from closeform.kernel_loans import Lent, borrowed, lent, stack_matrix
 from closeform.planning.approaches import find_minima, sample_craft, spread
 from closeform.planning.contacts import SIDES, add_fresh, copy_contacts, next_contacts, slide_all

@@ -15,7 +15,7 @@ from math import sqrt
 
 import numpy as np
 
-from closeform.compiled import kernel
+from closeform._jit import kernel
 from closeform.kernel_loans import stack_matrix, stack_vector
 from closeform.motion.linear import solve
 from closeform.planning.deflection import add_block, deflect, fill_factors

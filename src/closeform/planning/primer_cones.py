@@ -9,7 +9,7 @@ Newton's method with both scaled to one point, W u = s / W (Nesterov and Todd). 
 
 from math import inf, sqrt
 
-from closeform.compiled import kernel
+from closeform._jit import kernel
 from closeform.kernel_loans import stack_vector
 
 # One moment's numbers: four of the primer's side and four of the impulse's, slack and what is spared; the

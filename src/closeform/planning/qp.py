@@ -9,7 +9,7 @@ gap closed at the least energy m.G.m / 2.
 import numpy as np
 from numba import boolean
 
-from closeform.compiled import kernel
+from closeform._jit import kernel
 from closeform.motion.linear import back_substitute, factorise
 from closeform.planning.scene import ROWS
 

@@ -1,6 +1,6 @@
 """Where two bodies are relative to each other, in zone coordinates: under thrust, or after it was lost."""
 
-from closeform.compiled import kernel
+from closeform._jit import kernel
 from closeform.motion.arc import MEAN_MOTION, acceleration, derivatives_at, state_at
 from closeform.motion.certified_march import locate
 from closeform.motion.hill import coast

@@ -9,7 +9,7 @@ from math import inf
 
 import numpy as np
 
-from closeform.compiled import kernel
+from closeform._jit import kernel
 from closeform.zones.shapes import BALL, FACES, norm, part, part_count, rank, rate
 
 ON_EDGE = 1e-7  # how nearly two parts are the largest at once

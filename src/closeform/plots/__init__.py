@@ -6,9 +6,6 @@ No global state of matplotlib is used or changed: save a figure with its `savefi
 from importlib import import_module
 from typing import Any
 
-from closeform.own_process import import_matplotlib
-
-import_matplotlib()
 # Loaded at first use: some need kernels, and those of a search are compiled for a search only.
 _HOMES = {
     "animation": "film",

@@ -14,7 +14,6 @@ from socket import socket, socketpair
 from threading import Lock, Thread
 from typing import TYPE_CHECKING, Any, Protocol
 
-from closeform import own_process
 from closeform.report.picture import Film, Share
 
 if TYPE_CHECKING:
@@ -22,7 +21,7 @@ if TYPE_CHECKING:
     from closeform.result_folder import Folder
 
 AHEAD = (  # what pictures of most stages need; no scenario, no tables
-    "closeform.plots",  # first, to import matplotlib as a process of our own does
+    "closeform.plots",
     "matplotlib.backends.backend_agg",
     "closeform.conflicts.two_paths",
     "closeform.plots.fleet",
@@ -98,8 +97,6 @@ def begin(ahead: tuple[str, ...] = AHEAD) -> None:
 
 def serve(modules: tuple[str, ...], ends: list[int]) -> None:
     """Draw what sockets ask for, as long as they do: the processes that draw, one for each socket."""
-    own_process.begin()
-    own_process.import_numba()
     for ahead in modules:
         import_module(ahead)
     mine = ends[0]

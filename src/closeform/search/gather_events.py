@@ -7,7 +7,7 @@ import numpy as np
 from numba import bool_, float64, int64, void
 
 from closeform.arrays import Floats
-from closeform.compiled import kernel
+from closeform._jit import kernel
 from closeform.kernel_loans import borrowed, lent
 from closeform.search.clearance import (
     CORRECTED,

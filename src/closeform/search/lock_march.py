@@ -22,7 +22,7 @@ import numpy as np
 from numba import float64, int64, void
 
 from closeform.arrays import LARGEST, Floats
-from closeform.compiled import kernel
+from closeform._jit import kernel
 from closeform.search.sine_cosine import sine_cosine
 
 START, END, RATE, STEADY, COSINE, SINE = 0, 1, 2, 3, 6, 9  # columns of a table of legs

@@ -18,7 +18,7 @@ from numba import float64, void
 from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, instance
-from closeform.compiled import kernel
+from closeform._jit import kernel
 from closeform.result import Result
 from closeform.search.lock_march import END, SEEN, START, LockSensor, lock_in_leg
 from closeform.search.locks import lock_times

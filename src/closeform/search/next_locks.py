@@ -7,7 +7,7 @@ from math import inf
 from typing import Any, NamedTuple
 
 from closeform.arrays import Floats
-from closeform.compiled import kernel
+from closeform._jit import kernel
 from closeform.search.clearance import SINCE
 from closeform.search.lock_march import first_lock
 from closeform.search.sets import LOST

@@ -11,7 +11,7 @@ import numpy as np
 from numba import float64, int64, void
 
 from closeform.arrays import Floats
-from closeform.compiled import kernel
+from closeform._jit import kernel
 from closeform.search.lock_march import LockSensor, in_parts, sight
 from closeform.search.schedule import Search
 

@@ -5,7 +5,7 @@ craft fly at one velocity, k >= 1 to knowledge set k, whose craft know each othe
 coast.  The first pair ever to lock begins the formation set.
 """
 
-from closeform.compiled import kernel
+from closeform._jit import kernel
 
 LOST, FORMATION = -1, 0
 

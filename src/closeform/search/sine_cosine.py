@@ -2,7 +2,7 @@
 
 from math import factorial, floor, pi
 
-from closeform.compiled import kernel
+from closeform._jit import kernel
 
 S1, S2, S3, S4, S5, S6, S7 = ((-1) ** k / factorial(2 * k + 1) for k in range(1, 8))
 C1, C2, C3, C4, C5, C6, C7, C8 = ((-1) ** k / factorial(2 * k) for k in range(1, 9))

@@ -14,7 +14,7 @@ round one.  Both are cut where mu changes sign, an edge where sigma is small.
 
 from math import acos, asin, cos, erfc, exp, inf, pi, sin, sqrt
 
-from closeform.compiled import kernel
+from closeform._jit import kernel
 from closeform.kernel_loans import stack_vector
 from closeform.uncertainty.whitened import GAIN, MEAN, NEAREST, SIGMA, SPREAD, VELOCITY
 

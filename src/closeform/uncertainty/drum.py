@@ -2,7 +2,7 @@
 
 from math import inf, sqrt
 
-from closeform.compiled import kernel
+from closeform._jit import kernel
 from closeform.kernel_loans import stack_matrix
 from closeform.uncertainty.planes import flat_plane, room, round_plane, times
 from closeform.zones.shapes import BALL, FACES

@@ -5,7 +5,7 @@ from math import erfc, exp, inf, pi, sqrt
 import numpy as np
 from numba import float64, int64, void
 
-from closeform.compiled import kernel
+from closeform._jit import kernel
 from closeform.kernel_loans import borrowed, stack_matrix
 from closeform.uncertainty.ball_surface import NODE, ball_rate, inward, nearest_square
 from closeform.uncertainty.whitened import MEAN, SIGMA, principal

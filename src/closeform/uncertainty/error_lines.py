@@ -17,7 +17,7 @@ from math import erf, erfc, exp, expm1, pi, sqrt
 import numpy as np
 from numba import boolean, float64, int64, void
 
-from closeform.compiled import kernel
+from closeform._jit import kernel
 from closeform.kernel_loans import borrowed, stack_matrix, stack_vector
 from closeform.motion.certified_march import relative_state
 

@@ -8,7 +8,7 @@ from math import sqrt
 
 from numba import float64, int64, void
 
-from closeform.compiled import kernel
+from closeform._jit import kernel
 from closeform.kernel_loans import stack_matrix
 from closeform.uncertainty.drum import plane
 from closeform.uncertainty.golden_planes import is_short, search_planes

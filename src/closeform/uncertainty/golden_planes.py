@@ -8,7 +8,7 @@ one angle is so of the other; between three faces that meet it is concave.      
 
 from math import inf, sqrt
 
-from closeform.compiled import kernel
+from closeform._jit import kernel
 from closeform.kernel_loans import stack_matrix
 from closeform.uncertainty.planes import copy_row, room
 from closeform.zones.shapes import CUBE, FACES, norm, support

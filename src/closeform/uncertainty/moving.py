@@ -12,7 +12,7 @@ on a chord between those that lead to the zone are within k sigmas too.
 
 from math import inf, sqrt
 
-from closeform.compiled import kernel
+from closeform._jit import kernel
 from closeform.kernel_loans import stack_matrix, stack_vector
 from closeform.uncertainty.tube import ACTIVE, COLUMNS, HINT, MEAN_RATE, NOISY, ORDER, STALLS, look, room_at
 from closeform.zones.shapes import BALL, CYLINDER, FACES

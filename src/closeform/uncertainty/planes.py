@@ -15,7 +15,7 @@ from math import inf, sqrt
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.compiled import kernel
+from closeform._jit import kernel
 from closeform.kernel_loans import stack_matrix
 from closeform.zones.shapes import CUBE, FACES
 from closeform.zones.zone import Zone

@@ -18,7 +18,7 @@ import numpy as np
 from numba import float64, int64, types, void
 
 from closeform.arrays import Floats
-from closeform.compiled import kernel
+from closeform._jit import kernel
 from closeform.kernel_loans import borrowed, stack_matrix, stack_vector
 from closeform.motion.arc import (
     END,

@@ -5,7 +5,7 @@ from math import inf, nan, sqrt
 import numpy as np
 from numba import float64, int64
 
-from closeform.compiled import kernel
+from closeform._jit import kernel
 from closeform.conflicts.entries import append
 from closeform.conflicts.exclusion import count_near, interval, is_clear, mark_near
 from closeform.kernel_loans import borrowed, lent, stack_vector

@@ -8,7 +8,7 @@ that make each component of the velocity.
 
 from math import sqrt
 
-from closeform.compiled import kernel
+from closeform._jit import kernel
 
 SIGMA, MEAN, VELOCITY, AXES, GAIN, SPREAD = 0, 1, 2, 3, 6, 9
 NEAREST = 12  # set by `entry_rate`: the nearest point, in standard normals

@@ -14,7 +14,7 @@ import numpy as np
 from numba import float64, void
 
 from closeform.arrays import Floats
-from closeform.compiled import kernel
+from closeform._jit import kernel
 from closeform.conflicts.exclusion import OFF_CHORD
 from closeform.conflicts.tracks import Tracks
 from closeform.kernel_loans import lent, stack_matrix, stack_vector

@@ -19,7 +19,7 @@ from math import inf, sqrt
 
 from numba import float64, int64, types
 
-from closeform.compiled import kernel
+from closeform._jit import kernel
 
 BALL, CUBE, CYLINDER, FACES = 0, 1, 2, 3
 FORM = types.Tuple((int64, float64[:, ::1], float64[:, ::1]))  # numba's type of a zone's `form`

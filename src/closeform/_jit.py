@@ -1,0 +1,235 @@
+"""Compiled kernels: the one decorator, and the folder where numba keeps what it has compiled.
+
+A kernel with a signature is called from Python.  It is compiled for that signature when it is first
+called, and loaded from the user's cache afterwards.  A kernel without one is called by other
+kernels only.
+
+numba checks the file of a cached function, but not the files of the functions that it calls.  So
+each kernel has a folder of its own, named by a hash of all code and constants that it is made of:
+an edited kernel, or an edited part of it, has another folder.  Within the folder numba itself
+tells its own versions and processors apart.
+"""
+
+import hashlib
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from contextlib import contextmanager
+from functools import cached_property
+from importlib import import_module
+from multiprocessing import get_context
+from os import cpu_count
+from pathlib import Path
+from shutil import rmtree
+from threading import RLock
+from types import CodeType, FunctionType, ModuleType
+from typing import Any
+
+import llvmlite
+import numba
+import numpy as np
+from numba import types
+from numba.extending import typeof_impl
+from platformdirs import user_cache_path
+
+# No fastmath: the certificates need IEEE arithmetic.  Not parallel: callers share chunks out to threads.
+OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
+Progress = Callable[[str], None]
+
+_compiling = RLock()  # numba's cache folder is one setting for all threads
+_announced: list[bool] = []
+
+
+def cache_folder() -> Path:
+    """Return the folder of all compiled kernels."""
+    return user_cache_path("closeform") / "kernels"
+
+
+class Kernel:
+    """Compiled function with a fixed signature.
+
+    Arrays that are read-only, such as memory maps, are copied: a compiled function has one form.
+    """
+
+    def __init__(self, function: Callable[..., Any], signature: Any) -> None:
+        self.py_func, self.signature = function, signature
+        self.__name__, self.__doc__ = function.__name__, function.__doc__
+        self.__module__ = function.__module__
+
+    @property
+    def name(self) -> str:
+        """Module and function, without the package."""
+        return f"{self.__module__.removeprefix('closeform.')}.{self.__name__}"
+
+    @cached_property
+    def folder(self) -> Path:
+        """Folder in the cache, named by all that the kernel is made of."""
+        made_of = [repr((numba.__version__, llvmlite.__version__, sys.version_info, self.signature))]
+        made_of += sorted(_sources(self.py_func, {}).values())
+        return cache_folder() / f"{self.name}-{hashlib.sha256(''.join(made_of).encode()).hexdigest()[:20]}"
+
+    @property
+    def is_cached(self) -> bool:
+        """True if it need not be compiled, on this processor or one like it."""
+        return any(self.folder.glob("**/*.nbc"))
+
+    @cached_property
+    def dispatcher(self) -> Any:
+        """numba's function, compiled or loaded."""
+        with _compiling:
+            if "dispatcher" in vars(self):  # meanwhile, by another thread
+                return vars(self)["dispatcher"]
+            if not self.is_cached:
+                _announce(self)
+            with _caching_in(self.folder):
+                try:
+                    return numba.njit(self.signature, cache=True, **OPTIONS)(self.py_func)
+                except (OSError, EOFError, ValueError, ImportError, AttributeError, RuntimeError):
+                    pass  # what lies in the cache cannot be read
+                rmtree(self.folder, ignore_errors=True)
+                return numba.njit(self.signature, **OPTIONS)(self.py_func)
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Call the compiled function."""
+        try:
+            return self.dispatcher(*arguments)
+        except TypeError:
+            writeable = _writeable(arguments)
+            if writeable is arguments:
+                raise
+        return self.dispatcher(*writeable)
+
+
+@typeof_impl.register(Kernel)
+def _typeof_kernel(kernel: Kernel, context: Any) -> Any:
+    """Let kernels call kernels."""
+    return types.Dispatcher(kernel.dispatcher)
+
+
+def kernel(signature: Any = None, inline: bool = False) -> Callable[[Callable[..., Any]], Any]:
+    """Compile a function of numbers and arrays.
+
+    Parameters
+    ----------
+    signature
+        numba's types of result and arguments, for a kernel that is called from Python. Its arrays
+        are written to only if the caller has just made them.
+    inline
+        Copy the function into its callers. LLVM turns a loop over it into vector instructions only then.
+    """
+    if numba.config.DISABLE_JIT:
+        return lambda function: function
+    if signature is not None:
+        return lambda function: _register(Kernel(function, signature))
+    return numba.njit(inline="always" if inline else "never", **OPTIONS)  # type: ignore[no-any-return]
+
+
+_KERNELS: list[Kernel] = []
+
+
+def _register(one: Kernel) -> Kernel:
+    _KERNELS.append(one)
+    return one
+
+
+def kernels_of(modules: Iterable[str]) -> list[Kernel]:
+    """Return the kernels that modules of the package define."""
+    names = {import_module(f"closeform.{module}").__name__ for module in modules}
+    return [one for one in _KERNELS if one.__module__ in names]
+
+
+def compile_ahead(modules: Iterable[str], progress: Progress) -> int:
+    """Compile the kernels of modules that are not in the cache, on all cores.
+
+    Parameters
+    ----------
+    modules
+        Names without the package.
+    progress
+        Called with a line of text before and after each kernel.
+
+    Returns
+    -------
+    int
+        How many kernels were compiled.
+    """
+    missing = [one for one in kernels_of(modules) if not one.is_cached]
+    if not missing:
+        return 0
+    _announced.append(True)
+    progress(f"compiling {len(missing)} kernels, once for this version")
+    workers = min(len(missing), cpu_count() or 1)
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        under_way = {pool.submit(_compile, one.__module__, one.__name__): one for one in missing}
+        for done, future in enumerate(as_completed(under_way), 1):
+            future.result()
+            progress(f"compiled {done} of {len(missing)} kernels ({under_way[future].name})")
+    return len(missing)
+
+
+def _compile(module: str, name: str) -> None:
+    """Compile a kernel in a process of its own, for its cache."""
+    getattr(import_module(module), name).dispatcher  # noqa: B018  # compiles
+
+
+def _announce(one: Kernel) -> None:
+    """Say once on standard error that kernels are compiled."""
+    if not _announced:
+        print(
+            f"closeform: compiling {one.name}, once for this version; closeform compile prepares all kernels",
+            file=sys.stderr,
+        )
+    _announced.append(True)
+
+
+@contextmanager
+def _caching_in(folder: Path) -> Iterator[None]:
+    """Have numba cache functions in a folder, if it can be written."""
+    before = numba.config.CACHE_DIR
+    numba.config.CACHE_DIR = str(folder)
+    try:
+        yield
+    finally:
+        numba.config.CACHE_DIR = before
+
+
+def _sources(function: Any, found: dict[str, str]) -> dict[str, str]:
+    """Return the code and constants of a function and of all functions that it calls, by name."""
+    place = f"{function.__module__}.{function.__qualname__}"
+    if place in found:
+        return found
+    codes, texts = [function.__code__], [place]
+    values = {**function.__globals__, **_closed_over(function)}
+    found[place] = ""
+    for code in codes:
+        codes += [constant for constant in code.co_consts if isinstance(constant, CodeType)]
+        constants = [c for c in code.co_consts if not isinstance(c, CodeType) and c != function.__doc__]
+        texts.append(repr((code.co_code, constants, code.co_names, code.co_varnames)))
+        for name in {*code.co_names, *code.co_freevars} & values.keys():
+            value = values[name]
+            called = getattr(value, "py_func", value)
+            if isinstance(called, FunctionType) and called.__module__.startswith("closeform"):
+                _sources(called, found)
+                texts.append(f"{name}: {called.__module__}.{called.__qualname__}")
+            elif callable(value) or isinstance(value, ModuleType):
+                texts.append(f"{name}: {getattr(value, '__name__', value)} {getattr(value, '_fields', '')}")
+            else:
+                texts.append(f"{name}: {value!r}")
+    found[place] = "\n".join(sorted(texts))
+    return found
+
+
+def _closed_over(function: Any) -> dict[str, Any]:
+    cells = function.__closure__ or ()
+    return dict(zip(function.__code__.co_freevars, (cell.cell_contents for cell in cells), strict=True))
+
+
+def _writeable(argument: Any) -> Any:
+    """Return an array or a tuple of arrays without read-only arrays; the same object if there were none."""
+    if isinstance(argument, np.ndarray):
+        return argument if argument.flags.writeable else argument.copy()
+    if isinstance(argument, tuple):
+        parts = [_writeable(part) for part in argument]
+        if any(new is not old for new, old in zip(parts, argument, strict=True)):
+            return type(argument)(*parts) if hasattr(argument, "_fields") else tuple(parts)
+    return argument

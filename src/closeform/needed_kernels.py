@@ -1,0 +1,59 @@
+"""The modules whose kernels a scenario needs: they are compiled before it begins, in several processes."""
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from closeform.scenario.stages import Avoid, Gather, Joint, Lock, Transfer
+
+if TYPE_CHECKING:
+    from closeform.scenario import Scenario
+
+MOTION = "motion.effort motion.path motion.steering conflicts.entries conflicts.exclusion"
+PLANNING = "planning.approaches planning.contacts planning.deflection planning.qp"
+LEAST_ENERGY = "planning.local planning.dual_bound planning.turns"
+LEAST_DELTA_V = "motion.impulses motion.impulse_arcs motion.constant_primers"
+JOINT_DELTA_V = "planning.joint_dual planning.impulse_peaks planning.impulse_flight planning.impulse_planes"
+PASSIVE_SAFETY = "drift.search"
+SAFE_PLANS = "planning.failures planning.passive_planes"
+ERRORS = "uncertainty.levels uncertainty.spread uncertainty.stays uncertainty.widths"
+PROBABILITY = "uncertainty.histories uncertainty.entry_rate"
+FIELD = "field.gravity field.least_ratios"
+
+
+def modules_for(scenario: "Scenario") -> list[str]:
+    """Return names of modules without the package; a kernel that is left out is compiled when it is called."""
+    return [*dict.fromkeys(name for names in _needs(scenario) for name in names.split())]
+
+
+def _needs(scenario: "Scenario") -> Iterator[str]:
+    """Yield the modules by feature."""
+    if all(stage.searches for stage in scenario.stages):
+        yield "search.lock_march" if isinstance(scenario.stages[0], Lock) else "search.gather_events"
+        return
+    yield MOTION
+    for stage in scenario.stages:
+        plans = isinstance(stage, Avoid | Joint)
+        if isinstance(stage, Gather):
+            yield "search.gather_events"
+        if plans:
+            yield PLANNING
+        if plans and stage.cost == "energy":
+            yield LEAST_ENERGY
+        if isinstance(stage, Avoid | Joint | Transfer) and stage.cost == "delta-v":
+            yield LEAST_DELTA_V
+        if plans and stage.cost == "delta-v":
+            yield JOINT_DELTA_V
+        if getattr(stage, "drift", None) is not None:
+            yield PASSIVE_SAFETY
+            if plans:
+                yield SAFE_PLANS
+        if stage.sigmas is not None:
+            yield ERRORS
+        if stage.max_probability is not None:
+            yield PROBABILITY
+    if any(craft.covariance is not None for craft in scenario.craft):
+        yield ERRORS
+    if any(craft.thrusters is not None for craft in scenario.craft):
+        yield f"{LEAST_DELTA_V} motion.saturated"
+    if scenario.orbit.field is not None:
+        yield FIELD
