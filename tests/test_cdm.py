@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import closeform as cf
-from messages import FAST, KEYS, SLOW, SLOW_INERTIAL
+from cdms import FAST, KEYS, SLOW, SLOW_INERTIAL
 
 
 def written(folder, text, name="case.cdm"):

@@ -15,13 +15,13 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import closeform as cf
-from bad_input import GOOD
 from closeform.cli import main
 from closeform.console import WIDTH
 from closeform.publishing import folder
 from closeform.result_folder import FolderError
 from closeform.scenario import load
 from pages import assert_linked
+from scenarios import GOOD
 from test_errors import contents, oem
 
 pytestmark = pytest.mark.usefixtures("unpainted")

@@ -12,7 +12,6 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import closeform as cf
-from bad_input import GOOD
 from closeform.cli import main
 from closeform.conflicts.flight import watch
 from closeform.exchange.oem import read_oem
@@ -24,6 +23,7 @@ from closeform.result_folder import Folder
 from closeform.scenario import parse
 from closeform.zones.pair_zones import PairZones
 from pages import assert_linked
+from scenarios import GOOD
 from test_errors import oem
 
 LIMITED = (

@@ -10,7 +10,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bad_input import GOOD
 from closeform.scenario import Avoid, Craft, KeepOut, ScenarioError, load, parse
 from closeform.scenario.craft import SearchTable, SensorTable
 from closeform.scenario.field import FeedbackTable, FieldTable, FlightTable, NavigationTable
@@ -38,6 +37,7 @@ from closeform.scenario.uncertainty import Covariance, Execution, Gates
 from closeform.zones.containment import containing_zone, greatest_norm
 from closeform.zones.solids import Box, Cylinder, Ellipsoid, HalfSpaces, Sphere
 from closeform.zones.zone import Zone
+from scenarios import GOOD
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 
