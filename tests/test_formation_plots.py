@@ -93,14 +93,6 @@ def distance_to(points, curve):
     return max(np.linalg.norm(curve - point, axis=1).min() for point in points)
 
 
-def sampled_conflicts(paths, zone, times):
-    """(N, T): which craft is within the zone of any other at which time."""
-    where = np.stack([paths[k].position(times) for k in range(len(paths))])
-    norms = zone.norm(where[:, None] - where)
-    norms[np.arange(len(where)), np.arange(len(where))] = np.inf
-    return (norms <= 1.0).any(axis=1), norms.min(axis=2)
-
-
 # formation_paths
 
 
@@ -333,12 +325,6 @@ INSPECTOR = ORBIT.coast([-50.0, 0, 0, 0, 100.0 * N, 50.0 * N], ORBIT.period)
 APPROACH = ORBIT.transfer([0, 300.0, 0, 0, 0, 0], [-50.0, 0, 0, 0, 100.0 * N, 50.0 * N], ORBIT.period)
 
 
-def zone_centre(axes):
-    """The middle of the filled zone."""
-    outline = next(p.get_xy() for p in axes.patches if len(p.get_path().vertices) > 100)
-    return (outline.max(axis=0) + outline.min(axis=0)) / 2
-
-
 def test_thrust_of_all_is_the_norm_in_newtons():
     before, _, _, _ = swap(4, 0.3 * ORBIT.period)
     masses, limits = [10.0, 20.0, 30.0, 40.0], [1e-4, np.inf, 2e-4, 2e-4]
@@ -423,12 +409,3 @@ def test_a_film_of_an_orbit(tmp_path):
 
 
 # What a long coast, a plan that changes nothing and on-off thrusters look like
-
-
-def swaying(count, orbits):
-    """Craft on relative orbits of different phases, whose distances sway with the orbit."""
-    phases = 2.4 * np.arange(count)
-    size = 60.0 + 15.0 * np.arange(count)
-    x, y = 0.5 * size * np.sin(phases), size * np.cos(phases)
-    states = np.stack([x, y, size * np.sin(phases), 0.5 * y * N, -2 * x * N, y * N], axis=1)
-    return ORBIT.coast(states, orbits * ORBIT.period)

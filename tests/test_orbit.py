@@ -526,6 +526,7 @@ def test_the_shortest_flight_has_totals(n):
     assert len(hit) == 1
 
 
+@pytest.mark.slow
 def test_the_longest_flight_has_totals():
     """At the greatest duration delta-v comes back."""
     longest = cf.Orbit(N).transfer(INITIAL, FINAL, MOST_ORBITS * 2 * np.pi / N)

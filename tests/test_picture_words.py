@@ -132,23 +132,6 @@ def test_three_views_and_both_animations_take_any_name():
     plots.formation_animation(AFTER, io.BytesIO(), ODD, BALL, frames=2)
 
 
-FIFTEEN = """
-closeform = 1
-title = "Six through one point"
-[orbit]
-deep_space = true
-[craft]
-name = ["A", "B", "C", "D", "E", "F"]
-position = ["100 0 0 m", "-100 0 3 m", "0 100 1 m", "0 -100 5 m", "2 3 100 m", "5 2 -100 m"]
-velocity = ["-0.2 0 0 m/s", "0.2 0 0 m/s", "0 -0.2 0 m/s", "0 0.2 0 m/s", "0 0 -0.2 m/s", "0 0 0.2 m/s"]
-keep_out = { sphere = "15 m" }
-[[stage]]
-do = "coast"
-for = "FOR"
-animation = true
-"""
-
-
 def test_the_curve_of_a_histogram_is_the_share_done_by_then():
     figure = plots.histogram(np.concatenate([LATE, [np.nan] * 10]), SEARCH)
     (curve,) = figure.axes[1].get_lines()
@@ -169,7 +152,6 @@ class Shown:
 
 
 STILL = 'velocity = "0 0 0 m/s" }'
-PAST = f'{{ position = "0 8 80 m", {STILL}'
 REST = f'{{ position = "0 0 0 m", {STILL}, {{ position = "0 500 0 m", {STILL}'
 
 

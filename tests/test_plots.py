@@ -1,6 +1,5 @@
 """Pictures: what they show is what the search finds, on every kind of path."""
 
-
 import numpy as np
 import pytest
 from matplotlib.collections import PolyCollection
