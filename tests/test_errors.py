@@ -53,7 +53,7 @@ MISTAKES = {
     "no TOML": ('title = "Three craft"', "title = Three craft", "title", "line 2"),
     "a key that stands twice": ('mass = "150 kg"', 'mass = "150 kg"\nmass = "1 kg"', "mass", "keep one"),
     "no format": ("closeform = 1", "", "closeform", "closeform = 1"),
-    "an unknown table": ("[craft]", "[camera]\n[craft]", "camera", "table"),
+    "an unknown table": ("[craft]", "[camera]\n[craft]", "camera", "use one of"),
     "an unknown key": ("keep_out =", "keepout =", "keepout", "keep_out"),
     "a missing key": ('for = "5 min"', "", "stage[1].for", "for ="),
     "no unit": ('"500 km"', "500", "orbit.altitude", "km"),

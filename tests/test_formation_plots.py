@@ -283,9 +283,8 @@ SOME = DEEP.coast(straight(3), END)
 APART = cf.stack([DEEP.coast(np.zeros(6), 9.0), DEEP.coast(np.zeros(6), 9.0, 20.0)])
 
 
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
+def test_bad_input_is_named():
+    for call, message in [
         (lambda: plots.formation_paths(SOME, SOME[:2]), r"before, after: must be .* got \(3,\) and \(2,\)"),
         (lambda: plots.formation_paths(SOME[0], SOME[0]), r"before, after: must be .* got \(\) and \(\)"),
         (lambda: plots.formation_paths(SOME, ORBIT.coast(straight(3), END)), "before, after: must be of one"),
@@ -310,11 +309,9 @@ APART = cf.stack([DEEP.coast(np.zeros(6), 9.0), DEEP.coast(np.zeros(6), 9.0, 20.
         ),
         (lambda: plots.closest_pairs(SOME, BALL, count=0), "count: expected a whole number from 1 on, got 0"),
         (lambda: plots.closest_pairs(APART, BALL), "paths: no two craft that have a zone share a time"),
-    ],
-)
-def test_bad_input_is_named(call, message):
-    with pytest.raises(ValueError, match=message):
-        call()
+    ]:
+        with pytest.raises(ValueError, match=message):
+            call()
 
 
 # who stays, who merges, what is pushed

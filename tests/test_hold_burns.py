@@ -135,6 +135,7 @@ def test_burns_in_each_others_way_are_moved_apart_by_as_little_as_it_takes():
     np.testing.assert_allclose(moved, [0.0, 9.0, 15.0, 40.0])
 
 
+@pytest.mark.slow
 def test_a_limit_that_is_too_low_is_named_with_one_that_would_do():
     case, limit = hold_transfers()[6], 4e-5
     given = case.path, case.client, case.zone

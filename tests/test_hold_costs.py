@@ -71,6 +71,7 @@ def test_thrusters_find_plans_from_and_to_holds(k):
     check_flown(plan.path, case.initial, case.final, case.duration + case.drift, 30.0, k)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("k", [pytest.param(7, marks=pytest.mark.slow), 9])
 def test_thrusters_find_plans_between_rings(k):
     """7 had none, and 9 missed its end by 169 m."""

@@ -26,7 +26,6 @@ from closeform.scenario.quantity import (
     TIME,
     UNITS,
     Duration,
-    Kind,
     Reader,
     unit_of,
 )
@@ -65,12 +64,12 @@ def test_every_unit_is_offered_and_documented() -> None:
     assert set(DURATION.units) == {*TIME.units, "orbits"}
 
 
-@pytest.mark.parametrize(("kind", "unit"), [(kind, unit) for kind in KINDS for unit in kind.units])
-def test_units_agree_with_astropy(kind: Kind, unit: str) -> None:
-    theirs = ASTROPY[unit] if unit in ASTROPY else astropy.units.Quantity(1.0, unit.replace("^", "**"))
-    metre, second, kilogram, radian = unit_of(unit)[1]
-    si = f"m({metre}) s({second}) kg({kilogram}) rad({radian})"
-    assert Reader(kind)(f"3 {unit}") == pytest.approx(3 * theirs.to_value(si), rel=1e-15)
+def test_units_agree_with_astropy() -> None:
+    for kind, unit in [(kind, unit) for kind in KINDS for unit in kind.units]:
+        theirs = ASTROPY[unit] if unit in ASTROPY else astropy.units.Quantity(1.0, unit.replace("^", "**"))
+        metre, second, kilogram, radian = unit_of(unit)[1]
+        si = f"m({metre}) s({second}) kg({kilogram}) rad({radian})"
+        assert Reader(kind)(f"3 {unit}") == pytest.approx(3 * theirs.to_value(si), rel=1e-15)
 
 
 @pytest.mark.parametrize(

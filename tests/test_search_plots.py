@@ -302,9 +302,8 @@ def test_animation(tmp_path):
     assert tuple(last[1, 1]) == (255, 255, 255)
 
 
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
+def test_bad_input_is_named():
+    for call, message in [
         (lambda: plots.manoeuvres(MODIFIED, 3), "number: this search has rounds 1 to 2, got 3"),
         (lambda: plots.complementary_cones(BASIC), "mops: this search has no mOPS 1"),
         (
@@ -322,8 +321,6 @@ def test_animation(tmp_path):
         (lambda: plots.three_views(FIVE, 0.0, 5), "craft: must be from 0 to 4, got 5"),
         (lambda: plots.three_views(FIVE, 0.0, names=["a"]), "names: 1 names for 5 craft"),
         (lambda: plots.animation(FIVE, io.BytesIO(), frames=1), "frames: expected a whole number from 2 on"),
-    ],
-)
-def test_bad_input_is_named(call, message):
-    with pytest.raises(ValueError, match=message):
-        call()
+    ]:
+        with pytest.raises(ValueError, match=message):
+            call()
