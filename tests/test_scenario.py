@@ -65,7 +65,7 @@ def test_every_unit_is_offered_and_documented() -> None:
 
 
 def test_units_agree_with_astropy() -> None:
-    for kind, unit in [(kind, unit) for kind in KINDS for unit in kind.units]:
+    for kind, unit in [(one, unit) for one in KINDS for unit in one.units]:
         theirs = ASTROPY[unit] if unit in ASTROPY else astropy.units.Quantity(1.0, unit.replace("^", "**"))
         metre, second, kilogram, radian = unit_of(unit)[1]
         si = f"m({metre}) s({second}) kg({kilogram}) rad({radian})"
