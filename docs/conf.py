@@ -29,7 +29,7 @@ CONTENTS = {
         "choose lost_craft robustness conflicts avoidance formation targets fuel passive_safety uncertainty "
         "ephemerides export epochs field evidence campaigns motion elements python pictures viewer"
     ),
-    "reference": "scenario command-line api errors",
+    "reference": "scenario command-line api messages",
     "background": "certified theory validity benchmarks peers",
 }
 
@@ -46,7 +46,6 @@ extensions = [
 exclude_patterns = ["_build"]
 templates_path = ["_templates"]
 default_role = "code"
-suppress_warnings = ["misc.highlighting_failure"]  # errors.md shows what is no TOML
 
 myst_enable_extensions = ["dollarmath"]
 myst_dmath_allow_space = False

@@ -14,27 +14,19 @@ hypothesis.settings.register_profile("compiles", deadline=None)
 hypothesis.settings.load_profile("compiles")
 
 
-LONG = (
-    "avoidance",
-    "campaign",
-    "cli",
-    "margins",
-    "mission_formation",
-    "mission_search",
-    "plots",
-    "reconfigure",
-    "reconfigure_cases",
-    "reference_methods",
-    "shaping",
-)
 APART = ("site", "basilisk")  # each has a marker of its own
-FAULTS = ("attacks", "kernel_cache", "many_craft", "result_folder")
+FAULTS = ("attacks", "many_craft", "result_folder")
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Without files or a selection: all but `-m fault`, commands under attack, and what is APART."""
-    if not config.option.markexpr and config.args_source is not config.ArgsSource.ARGS:
-        config.option.markexpr = " and ".join(f"not {one}" for one in ("fault", *APART))
+    """Without files or a selection: all but slow proofs, commands under attack and what is APART."""
+    whole = config.args_source is not config.ArgsSource.ARGS
+    if whole and not hasattr(config, "workerinput"):  # once, before workers begin
+        from closeform._jit import compile_ahead, kernel_modules
+
+        compile_ahead(kernel_modules(), print)
+    if not config.option.markexpr and whole:
+        config.option.markexpr = " and ".join(f"not {one}" for one in ("slow", "fault", *APART))
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
@@ -44,17 +36,13 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """`-m quick` leaves out the files that take longest; test_docs runs commands and plans."""
+    """Mark files of commands under attack, and those with a marker of their own."""
     for item in items:
         subject = item.path.stem.removeprefix("test_")
         if subject in FAULTS:
             item.add_marker("fault")
-        elif item.path.parent.name == "browser":
-            continue
         elif subject in APART:
             item.add_marker(subject)
-        elif subject not in LONG:
-            item.add_marker("quick")
 
 
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int | None:

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 
 import closeform as cf
-from bad_input import GOOD, LOST
 from closeform.mission_result import Mission
+from scenarios import GOOD, LOST
 
 EPOCH = "2026-11-22T12:00:00"
 ORBIT = f"""[orbit]

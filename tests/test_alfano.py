@@ -78,12 +78,6 @@ def test_monte_carlo_counts_the_same():
     assert figure.low < CASES[5]["monte_carlo_1e8"] < figure.high
 
 
-def test_the_table_of_the_docs_is_what_comes_out():
-    tool = runpy.run_path(str(ROOT / "tools" / "alfano_table.py"))
-    page = (ROOT / "docs" / "uncertainty.md").read_text(encoding="utf-8")
-    assert page == tool["renewed"](page), "run tools/alfano_table.py"
-
-
 def test_the_example_of_a_slow_encounter(capsys):
     """It flies what it says, in two-body motion, and asserts that it agrees."""
     runpy.run_path(str(ROOT / "examples" / "slow_encounter.py"))

@@ -25,7 +25,8 @@ GIVEN |= {"Thrusters", "Sensor", "Chief", "Field", "Drag", "Feedback", "Navigati
 GIVEN |= {"SearchErrors", "EccentricOrbit"}
 PARTS = {"Contact", "TooWeak", "Price", "Event", "Leg", "TheoremCase", "ConjunctionObject", "Covariances"}
 PARTS |= {"Ephemeris"}  # inertial states of one object; `common_frame` makes relative ones
-DRAWN = [name for name in NAMES if name.split()[-1] not in PARTS]
+# one of each kind
+DRAWN = [*{name.split()[-1]: name for name in NAMES if name.split()[-1] not in PARTS}.values()]
 
 
 def pixels(figure: Figure) -> Any:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from bad_input import GOOD, LOST
+from scenarios import GOOD, LOST
 from test_errors import oem
 
 COMMANDS = {

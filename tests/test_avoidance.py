@@ -445,8 +445,8 @@ def refusals():
     }
 
 
-@pytest.mark.parametrize("name", refusals())
-def test_bad_input_is_refused(name):
-    call, words = refusals()[name]
-    with pytest.raises(ValueError, match=words):
-        call()
+def test_bad_input_is_refused():
+    for name in refusals():
+        call, words = refusals()[name]
+        with pytest.raises(ValueError, match=words):
+            call()

@@ -166,14 +166,14 @@ DAMAGE = {
 }
 
 
-@pytest.mark.parametrize("case", DAMAGE)
-def test_damaged_file_gives_one_line(tmp_path, case):
-    change, message = DAMAGE[case]
-    file = written(tmp_path, change(GOOD))
-    with pytest.raises(ValueError, match=message) as caught:
-        read_oem(file)
-    assert str(caught.value).startswith(f"{file}: ")
-    assert "\n" not in str(caught.value)
+def test_damaged_file_gives_one_line(tmp_path):
+    for case in DAMAGE:
+        change, message = DAMAGE[case]
+        file = written(tmp_path, change(GOOD))
+        with pytest.raises(ValueError, match=message) as caught:
+            read_oem(file)
+        assert str(caught.value).startswith(f"{file}: ")
+        assert "\n" not in str(caught.value)
 
 
 SECOND = (

@@ -229,32 +229,3 @@ def test_the_largest_ball_in_a_zone(zone):
 def marks(figure, marker):
     (axes,) = figure.axes
     return [line for line in axes.lines if line.get_marker() == marker]
-
-
-def test_the_picture_shows_plans_budget_and_what_was_not_found():
-    factors = [0.2, 1.0, 1.8, 1e3]
-    found = cf.clearance_costs(PATH, OTHER, ZONE, factors)
-    most = cf.most_clearance(PATH, OTHER, ZONE, 1.05 * PATH.energy)
-    figure = cf.plots.clearance(found, most)
-    points, ring = marks(figure, "o")
-    assert points.get_xdata() == pytest.approx(sorted([*factors[:3], most.factor]))
-    assert points.get_ydata() * 1e-6 == pytest.approx(sorted([*found.spent[:3], most.plan.spent]))
-    assert (ring.get_xdata()[0], ring.get_ydata()[0] * 1e-6) == pytest.approx((most.factor, most.plan.spent))
-    (lost,) = marks(figure, "x")
-    assert lost.get_xdata() == pytest.approx([1e3])
-    assert figure._suptitle.get_text().endswith(f"(+5 %) afford zones {most.factor:.4g} times as large")
-    with pytest.raises(ValueError, match=r"^found: no clear plan was found"):
-        cf.plots.clearance(cf.clearance_costs(PATH, OTHER, ZONE, [1e3]))
-    with pytest.raises(ValueError, match=r"^most: has no plan"):
-        cf.plots.clearance(found, cf.most_clearance(PATH, OTHER, ZONE, 0.5 * PATH.energy))
-    with pytest.raises(ValueError, match=r"^most: of sigmas, not of the size of zones"):
-        cf.plots.clearance(found, cf.most_clearance(PATH, OTHER, ZONE, 2.0 * PATH.energy, errors=KNOWN))
-
-
-def test_the_picture_has_the_slopes_of_the_plans():
-    """Between two plans its curve is off the truth by less than a hundredth of the rise."""
-    found = cf.clearance_costs(PATH, OTHER, ZONE, [0.8, 1.2])
-    curve = max(cf.plots.clearance(found).axes[0].lines, key=lambda line: len(line.get_xdata()))
-    middle = cf.clearance_costs(PATH, OTHER, ZONE, [1.0]).spent[0]
-    drawn = np.interp(1.0, curve.get_xdata(), curve.get_ydata()) * 1e-6
-    assert drawn == pytest.approx(middle, abs=0.01 * np.ptp(found.spent))

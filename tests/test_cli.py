@@ -6,7 +6,6 @@ import resource
 import subprocess
 import sys
 import webbrowser
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,13 +14,13 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import closeform as cf
-from bad_input import GOOD
 from closeform.cli import main
 from closeform.console import WIDTH
 from closeform.publishing import folder
 from closeform.result_folder import FolderError
 from closeform.scenario import load
 from pages import assert_linked
+from scenarios import GOOD
 from test_errors import contents, oem
 
 pytestmark = pytest.mark.usefixtures("unpainted")
@@ -49,29 +48,6 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
 
 def table(folder: Path, name: str) -> dict[str, list]:
     return pyarrow.parquet.read_table(folder / f"{name}.parquet").to_pydict()
-
-
-def test_runs_load_what_makes_the_page_in_motion_only_where_they_leave_it(flown, tmp_path: Path) -> None:
-    def loaded(told: str) -> set[str]:
-        return {"closeform.viewer", "closeform.report.screening", "scipy.spatial"} & set(told.split())
-
-    imported = (flown[0].parents[1] / "imported").read_text()
-    assert loaded(imported) == {"closeform.viewer"}
-    command = [sys.executable, "-X", "importtime", "-m", "closeform", "run", str(CLUSTER), "--no-viewer"]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
-    assert loaded(done.stderr) == set()
-
-
-def test_commands_leave_pandas_alone_and_others_may_load_it(tmp_path) -> None:
-    """Pyarrow looks for it where arrays are made: here it would be heard, as would one that is lost after."""
-    (tmp_path / "pandas.py").write_text("import sys; print('loaded', file=sys.stderr)\n")
-    (tmp_path / "few.toml").write_text((CLUSTER.parent / "s04.toml").read_text())
-    after = "sys.stderr.write('then '); import pandas"
-    for command in (["study", "few.toml", "--cases", "20"], ["run", str(CLUSTER), "--no-viewer"]):
-        code = f"import sys; sys.argv[1:] = {command}; from closeform.cli import main; main(); {after}"
-        told = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True)
-        assert told.stderr.endswith("then loaded\n")
-        assert told.stderr.count("loaded") == 1
 
 
 def test_help_is_quick_and_imports_nothing_heavy() -> None:
@@ -385,71 +361,9 @@ def test_screen(tmp_path, monkeypatch, capsys, undrawn) -> None:
     assert "Zones of pairs: bodies added" in capsys.readouterr().out
 
 
-def hourly(folder: Path, name: str, chief: cf.Ephemeris, states: np.ndarray) -> str:
-    """A file with a craft's hourly `states` in the frame of the chief."""
-    radius = np.linalg.norm(chief.states[0, :3])
-    inertial = cf.inertial_from_relative(chief.states, states, "arc", radius)
-    cf.write_oem(folder / f"{name}.oem", replace(chief, name=name, states=inertial))
-    return str(folder / f"{name}.oem")
-
-
-def test_screen_says_how_far_off_it_may_be_between_epochs(tmp_path, monkeypatch, capsys, undrawn) -> None:
-    """Hourly epochs: a coast is known to a centimetre, a transfer is not."""
-    monkeypatch.chdir(tmp_path)
-    radius, times = 6878.137e3, 3600.0 * np.arange(7)
-    orbit = cf.Orbit.from_semi_major_axis(radius)
-    angle, speed = orbit.mean_motion * times, orbit.mean_motion * radius
-    rest = np.zeros_like(times)
-    circle = [np.cos(angle), np.sin(angle), rest]
-    along = [-np.sin(angle), np.cos(angle), rest]
-    inertial = np.stack([*(radius * np.array(circle)), *(speed * np.array(along))], axis=1)
-    chief = cf.Ephemeris("A", "2020-001A", "EARTH", "GCRF", "UTC", "2020-01-01T00:00:00", times, inertial)
-    coast = orbit.coast([30, 100, 0, 0, -60 * orbit.mean_motion, 0.02], times[-1])
-    away = orbit.transfer([0, 200, 0, 0, 0, 0], [0, -200, 40, 0, 0, 0], times[-1])
-    a = hourly(tmp_path, "A", chief, np.zeros((7, 6)))
-    b = hourly(tmp_path, "B", chief, coast.state(times))
-    c = hourly(tmp_path, "C", chief, away.state(times))
-    main(["screen", a, b, "--sphere", "20 m"])
-    printed = " ".join(capsys.readouterr().out.split())
-    said = re.search(
-        r"Between epochs: Hill's own motion, as craft coast; off by up to (\S+) m \(B\)", printed
-    )
-    assert float(said[1]) < 0.05  # metres: the file holds micrometres, and an hour of a nanometre per second
-    assert "are too few here" not in printed
-    near = cf.closest_approach(coast, orbit.coast(np.zeros(6), times[-1]), cf.Sphere(20.0))
-    ratio = float(re.search(r"closest are A and B, (\S+) x zone", printed)[1])
-    assert ratio == pytest.approx(near.ratio, abs=2e-3)  # 4 cm
-    main(["screen", a, b, c, "--sphere", "20 m"])
-    printed = " ".join(capsys.readouterr().out.split())
-    said = re.search(r"m \(C\), by estimate Epochs 3600 s apart are too few here: .* every (\S+) s", printed)
-    assert 60.0 < float(said[1]) < 2000.0
-    main(["screen", a, b, "--sphere", "1 mm"])  # which they are nowhere near
-    assert "are too few here" not in capsys.readouterr().out
-
-
 def test_version(capsys) -> None:
     assert main(["--version"]) == 0
     assert re.fullmatch(r"\d+\.\d+\.\d+\n", capsys.readouterr().out)
-
-
-def test_documented_output_is_what_a_run_prints(flown: tuple[Path, str]) -> None:
-    """The same words and the same digits' places; which of two equal zones is closest may differ."""
-    page = (CLUSTER.parents[1] / "docs" / "command-line.md").read_text()
-    documented = page.split("$ closeform run examples/cluster.toml\n")[1].split("```")[0]
-
-    def masked(text: str) -> list[str]:
-        return [re.sub(r"\d", "0", line.rstrip()) for line in text.splitlines()]
-
-    assert masked(flown[1]) == masked(documented)
-
-
-def test_every_option_is_documented(capsys) -> None:
-    page = (CLUSTER.parents[1] / "docs" / "command-line.md").read_text()
-    for command in ("run", "check", "screen", "study", "view"):
-        main([command, "--help"])
-        options = set(re.findall(r"--[a-z]+", capsys.readouterr().out))
-        assert f"closeform {command} " in page
-        assert all(option in page for option in options), command
 
 
 def test_ctrl_c(tmp_path, monkeypatch, capsys) -> None:

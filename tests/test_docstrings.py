@@ -9,9 +9,8 @@ import dataclasses
 import doctest
 import inspect
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from enum import Enum
-from pathlib import Path
 from typing import Any, Literal, get_args, get_origin
 
 import numpy as np
@@ -20,17 +19,11 @@ import pytest
 import closeform as cf
 from test_surface import CALLABLES, RESULTS, arguments, properties
 
-# Definitions, bookkeeping and files: there is nobody to cite, or the summary does.
-OURS = {"join", "stack", "run", "study", "PairZones.groups"}
-OURS |= {"Orbit.circular", "Orbit.from_semi_major_axis", "Orbit.from_period"}
-
-SECTIONS = ["Parameters", "Attributes", "Returns", "Raises", "Notes", "References", "Examples"]
 HEADING = re.compile(r"^(\w[\w ]*)\n(-+)$", re.MULTILINE)
 UNIT = re.compile(r"\[[^]]*\b(m|s|rad|kg|N)\b[^]]*\]|\bno unit\b")
 SHAPE = re.compile(r"\bof shape \([^)]*\)")
 VECTOR = re.compile(r"of shape \([^)]*\b[36],?\)")
 FRAME = re.compile(r"\b(frame|elements|axes|coordinates)\b", re.IGNORECASE)
-THEORY = (Path(__file__).parents[1] / "docs" / "theory.md").read_text(encoding="utf-8")
 # What an annotation's name is called in a docstring, where it is called otherwise.
 CALLED = {"ndarray": "array", "NoneType": "None|optional", "Sequence": "sequence", "Callable": "callable"}
 CALLED |= {"PathLike": "path-like", "IO": "file", "Iterator": "iterator", "float": "float|array"}
@@ -117,21 +110,22 @@ def check_all(listed: str, expected: dict[str, Any]) -> None:
         check_kind(name, annotation, found[name])
 
 
+def each(check: Callable[..., None], cases: Iterable[tuple[Any, ...]]) -> None:
+    """Run a check on every name, and report all that fail."""
+    failed = []
+    for case in cases:
+        try:
+            check(*case)
+        except (AssertionError, KeyError, ValueError) as error:
+            failed.append(f"{case[0]}: {type(error).__name__} {str(error).splitlines()[:1]}")
+    assert not failed, "\n".join(failed)
+
+
 PUBLIC = {
     name: value
     for name, value in CALLABLES.items()
     if not (inspect.isclass(value) and issubclass(value, Enum))
 }
-
-
-@pytest.mark.parametrize("name", PUBLIC)
-def test_sections(name: str) -> None:
-    """The summary is one line, and sections stand in numpydoc's order."""
-    found = sections(PUBLIC[name].__doc__)
-    summary, _, more = found.pop("Summary").partition("\n")
-    assert summary.endswith(".")
-    assert not more or more.startswith("\n")
-    assert list(found) == [title for title in SECTIONS if title in found]
 
 
 @pytest.mark.parametrize("name", [name for name in PUBLIC if "Examples" in sections(PUBLIC[name].__doc__)])
@@ -141,14 +135,7 @@ def test_examples_run(name: str) -> None:
     assert [doctest.DocTestRunner().run(one).failed for one in examples] == [0]
 
 
-@pytest.mark.parametrize("name", PUBLIC)
-def test_signature_reads_well(name: str) -> None:
-    """As `help` shows it: ArrayLike, not the fifty words that it stands for."""
-    assert "_typing" not in str(inspect.signature(PUBLIC[name]))
-
-
-@pytest.mark.parametrize("name", PUBLIC)
-def test_parameters_are_those_of_the_signature(name: str) -> None:
+def check_parameters_are_those_of_the_signature(name: str) -> None:
     """Those of a result are its fields, under Attributes: nobody but the package makes it."""
     value, found = PUBLIC[name], sections(PUBLIC[name].__doc__)
     if inspect.isclass(value) and name in RESULTS:
@@ -166,8 +153,7 @@ def test_parameters_are_those_of_the_signature(name: str) -> None:
             assert default == bool(re.search(r"\boptional\b|\bdefault\b", entry.partition("\n")[0])), one
 
 
-@pytest.mark.parametrize("name", PUBLIC)
-def test_returns(name: str) -> None:
+def check_returns(name: str) -> None:
     value, found = PUBLIC[name], sections(PUBLIC[name].__doc__)
     if inspect.isclass(value):
         assert "Returns" not in found
@@ -184,37 +170,12 @@ def test_returns(name: str) -> None:
             check_kind("Returns", annotation, f"{head}\n{heads[head]}")
 
 
-@pytest.mark.parametrize("name", PUBLIC)
-def test_raises(name: str) -> None:
-    """Whatever takes arguments refuses some; each error says when."""
-    value, found = PUBLIC[name], sections(PUBLIC[name].__doc__)
-    refuses = bool(arguments(value)) and name not in RESULTS
-    assert not refuses or any(head.endswith("Error") for head in entries(found["Raises"]))
-    for head, words in entries(found.get("Raises", "")).items():
-        assert re.fullmatch(r"\w+Error", head)
-        assert words.endswith(".")
-
-
-@pytest.mark.parametrize("name", PUBLIC)
-def test_source(name: str) -> None:
-    """A year of a paper, or a page of the docs; equations and sections of theory are there."""
-    found = sections(PUBLIC[name].__doc__)
-    if not (name in OURS | RESULTS or name.startswith("plots.")):
-        assert re.search(r"\b(19|20)\d\d\b|\bdocs/[\w-]+\.md\b", found["References"])
-    for text in found.values():
-        for section in re.findall(r"docs/theory\.md section (\d)", text):
-            assert f"\n## {section} " in THEORY
-        for equation in re.findall(r"docs/theory\.md \((\d+\w?)\)", text):
-            assert f"\\tag{{{equation}}}" in THEORY
-
-
 def getter(value: Any) -> Any:
     """The function of a property, cached or not."""
     return value.fget if isinstance(value, property) else value.func
 
 
-@pytest.mark.parametrize(("name", "value"), properties())
-def test_property(name: str, value: Any) -> None:
+def check_property(name: str, value: Any) -> None:
     """One line will do, if it names unit and shape."""
     text = value.__doc__ or ""
     annotation = evaluated(inspect.signature(getter(value)).return_annotation, getter(value))
@@ -222,3 +183,15 @@ def test_property(name: str, value: Any) -> None:
         assert UNIT.search(text)
     if "ndarray" in parts(annotation) or annotation is Any:
         assert re.search(r"\([^)]*,[^)]*\)|\bshape\b", text)
+
+
+def test_parameters_are_those_of_the_signature() -> None:
+    each(check_parameters_are_those_of_the_signature, [(name,) for name in PUBLIC])
+
+
+def test_returns_are_those_of_the_signature() -> None:
+    each(check_returns, [(name,) for name in PUBLIC])
+
+
+def test_properties_name_unit_and_shape() -> None:
+    each(check_property, properties())

@@ -1,11 +1,7 @@
 """Pictures drawn in processes of their own are those that one draws, whatever becomes of these."""
 
-import subprocess
-import sys
 from io import BytesIO
 from socket import socketpair
-from threading import active_count
-from time import sleep
 
 import numpy as np
 import pytest
@@ -59,20 +55,9 @@ def draw(place, pictures=PICTURES):
     return [shot.file.read_bytes() for shot in found], here
 
 
-def test_one_process_draws_all_where_there_are_no_others(alone):
-    assert alone[1] == [picture.name for picture in PICTURES]
-
-
 def test_others_draw_the_same_and_leave_nothing_to_this_process(tmp_path, alone, others, monkeypatch):
     monkeypatch.setattr(drawing, "HELPED", 0)  # on a machine with one core too
     assert draw(tmp_path) == (alone[0], [])
-
-
-def test_a_single_other_is_helped(tmp_path, alone, others):
-    del others[1:]
-    pictures, here = draw(tmp_path)
-    assert pictures == alone[0]
-    assert 0 < len(here) < len(PICTURES)
 
 
 FILM = Film("film", "a flight", "flying.reel", ((PATH, OTHER),), {"zone": cf.Sphere(50.0), "frames": 7})
@@ -99,25 +84,6 @@ def test_a_film_is_drawn_by_all_and_is_that_of_one(tmp_path, film_of_one, others
     assert told[-1] == "animation: picture 8 of 8"
 
 
-def test_a_film_is_whole_where_the_others_are_gone(tmp_path, film_of_one, monkeypatch):
-    gone = [socketpair() for _ in range(3)]
-    monkeypatch.setattr(drawing, "_drawers", [drawing.Drawer(ours) for ours, _ in gone])
-    for _, theirs in gone:
-        theirs.close()
-    assert film(tmp_path)[0] == film_of_one[0]
-
-
-@pytest.mark.parametrize("pictures", [PICTURES, []])
-def test_nobody_is_told_of_a_picture_after_the_last(tmp_path, others, pictures):
-    """Also if all are there before anybody asks."""
-    idle, told = active_count(), []
-    finish = drawing.begun(pictures, Folder(tmp_path))
-    while active_count() > idle:
-        sleep(0.01)
-    finish(told.append)
-    assert told == []
-
-
 def test_one_draws_all_where_the_others_are_gone(tmp_path, alone, monkeypatch):
     ours, theirs = socketpair()
     monkeypatch.setattr(drawing, "_drawers", [drawing.Drawer(ours)])
@@ -141,24 +107,3 @@ def test_a_png_holds_the_pixels():
     with Image.open(BytesIO(png(pixels))) as read:
         assert read.mode == "RGB"
         assert (np.asarray(read) == pixels[..., :3]).all()
-
-
-def test_who_draws_loads_matplotlib_without_the_documentation_of_settings():
-    """As in `own_process.import_matplotlib`, which comes too late where something else has loaded it."""
-    code = "from closeform import own_process; from closeform.report import drawing; own_process.begin()"
-    code += (
-        "; list(map(__import__, drawing.AHEAD)); from matplotlib.text import Text; print(Text.set.__doc__)"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert "fontsize" not in done.stdout
-    whole = subprocess.run(
-        [sys.executable, "-c", code.replace("own_process.begin()", "0")], capture_output=True
-    )
-    assert b"fontsize" in whole.stdout
-
-
-def test_who_draws_loads_no_scenarios_and_no_tables():
-    code = "import sys; from closeform.report import drawing; list(map(__import__, drawing.AHEAD))"
-    code += "; left = 'pydantic', 'pyarrow', 'closeform.scenario', 'scipy.spatial'"
-    code += "; print([name for name in left if name in sys.modules])"
-    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout == "[]\n"

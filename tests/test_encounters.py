@@ -9,8 +9,8 @@ from scipy.optimize import brentq
 from scipy.stats import binomtest
 
 import closeform as cf
+from cdms import FAST, MEDIUM, SLOW
 from closeform.cli import main
-from messages import FAST, MEDIUM, SLOW
 
 NUMBER = r"(-|[-+.e\d]+)"
 

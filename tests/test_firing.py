@@ -334,12 +334,12 @@ REFUSED = {
 }
 
 
-@pytest.mark.parametrize("what", REFUSED)
-def test_refused(what):
-    arguments, message = REFUSED[what]
-    with pytest.raises(ValueError, match=r": ") as error:
-        cf.fire(**{"plan": MOVE, "thrusters": SIX} | arguments)
-    assert str(error.value).startswith(message)
+def test_refused():
+    for what in REFUSED:
+        arguments, message = REFUSED[what]
+        with pytest.raises(ValueError, match=r": ") as error:
+            cf.fire(**{"plan": MOVE, "thrusters": SIX} | arguments)
+        assert str(error.value).startswith(message)
 
 
 def test_of_a_batch_the_craft_is_named():

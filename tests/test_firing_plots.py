@@ -4,7 +4,6 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 from matplotlib.collections import LineCollection, PolyCollection
-from matplotlib.patches import Patch
 
 import closeform as cf
 from firings import CUBE
@@ -41,26 +40,6 @@ def test_a_panel_for_each_axis_with_its_bars_and_what_is_asked():
         assert high >= fired[:, 2].max()
 
 
-def test_the_headline_tells_what_it_takes():
-    firing = cf.fire(MOVE, SIX, mass=12.0, specific_impulse=60.0)
-    words = cf.plots.pulses(firing).get_suptitle()
-    assert words.startswith(f"{len(firing.pulses)} pulses, Δv {firing.delta_v:.4g} m/s")
-    assert f"{1e3 * firing.propellant:.3g} g" in words
-    assert f"{firing.deviation:.3g} m from the plan, at most {firing.deviation_bound:.3g} m" in words
-    assert ("dropped" in words) == (len(firing.dropped) > 0)
-    assert cf.plots.pulses(cf.fire(ORBIT.coast(np.zeros(6), 900.0), SIX)).get_suptitle() == (
-        "There is nothing to fire"
-    )
-
-
-def test_planned_impulses_are_rings_on_their_bars():
-    path = ORBIT.two_impulse([0, 200, 0, 0, 0, 0], [40, -150, 60, 0, -0.09, 0.02], 3000.0)
-    figure = cf.plots.pulses(cf.fire(path, cf.Thrusters.rtn(acceleration=0.01)))
-    for axis, axes in enumerate(figure.axes):
-        rings = sorted(line.get_ydata()[0] for line in axes.get_lines() if line.get_marker() == "o")
-        assert rings == pytest.approx(sorted(jump[axis] for _, jump in path.impulses))
-
-
 def test_of_a_formation_one_craft_is_shown_and_others_are_refused():
     both = cf.stack([ORBIT.coast(np.zeros(6), 3000.0), MOVE])
     firing = cf.fire(both, cf.Thrusters(CUBE, acceleration=2e-3, period=60.0))
@@ -72,19 +51,3 @@ def test_of_a_formation_one_craft_is_shown_and_others_are_refused():
     assert cf.plots.pulses(firing).get_suptitle() == "Craft 0 has nothing to fire"
     with pytest.raises(ValueError, match=r"^craft: from 0 to 1, got 2$"):
         cf.plots.pulses(firing, craft=2)
-
-
-def test_the_legend_has_a_pulse_in_the_colour_of_each_panel():
-    figure = cf.plots.pulses(cf.fire(MOVE, SIX))
-    shown = {patch.get_facecolor()[:3] for patch in figure.legends[0].findobj(Patch)}
-    assert shown >= {bars.get_facecolor()[:3] for axes in figure.axes for bars in axes.patches}
-
-
-def test_the_headline_tells_fired_and_planned_apart():
-    firing = cf.fire(MOVE, SIX)
-    assert firing.delta_v > firing.planned.delta_v
-    words = cf.plots.pulses(firing).get_suptitle()
-    assert f"Δv {firing.delta_v:.4g} m/s fired for {firing.planned.delta_v:.4g} m/s planned" in words
-    shown = cf.plots.burns(firing).get_suptitle()
-    assert f"{len(firing.pulses)} pulses, {firing.delta_v:.4g} m/s" in shown
-    assert f"{firing.planned.delta_v:.4g} m/s planned" in shown

@@ -738,9 +738,8 @@ def test_a_search_without_events():
 GOOD = drawn(0, 4)
 
 
-@pytest.mark.parametrize(
-    ("name", "change"),
-    [
+def test_bad_input_names_the_argument():
+    for name, change in [
         ("positions", {"positions": GOOD[0][:1], "velocities": GOOD[1][:1]}),
         ("positions", {"positions": GOOD[0][0], "velocities": GOOD[1][0]}),
         ("positions", {"positions": GOOD[0][:, :2]}),
@@ -766,17 +765,15 @@ GOOD = drawn(0, 4)
             {"search": cf.Search.basic(cf.Sensor(1.2, 7.5), RATE, LIMIT, tip_angle=0.1), "max_speed": 0.1},
         ),
         ("keep_out", {"keep_out": 20.0}),
-    ],
-)
-def test_bad_input_names_the_argument(name, change):
-    arguments = {"search": modified(7.5), "positions": GOOD[0], "velocities": GOOD[1]} | change
-    with pytest.raises(ValueError, match=f"^{name}: "):
-        cf.gather(**arguments)
-    several = {k: np.asarray(arguments[k])[None] for k in ("positions", "velocities") if k != "here"}
-    if isinstance(arguments["positions"], str):
-        several["positions"] = arguments["positions"]
-    with pytest.raises(ValueError, match=f"^{name}: "):
-        cf.gather_cases(**(arguments | several))
+    ]:
+        arguments = {"search": modified(7.5), "positions": GOOD[0], "velocities": GOOD[1]} | change
+        with pytest.raises(ValueError, match=f"^{name}: "):
+            cf.gather(**arguments)
+        several = {k: np.asarray(arguments[k])[None] for k in ("positions", "velocities") if k != "here"}
+        if isinstance(arguments["positions"], str):
+            several["positions"] = arguments["positions"]
+        with pytest.raises(ValueError, match=f"^{name}: "):
+            cf.gather_cases(**(arguments | several))
 
 
 def test_coincident_craft_are_told_with_their_case():

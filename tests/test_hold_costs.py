@@ -38,6 +38,7 @@ def check_flown(path, initial, final, until, radius, seed):
     assert np.abs(end - final).max() < 1e-5
 
 
+@pytest.mark.slow
 def test_costs_do_not_jump_with_the_phase_of_arrival():
     """Of seven between 152 and 180 deg they were between 0.108 and 0.42 m/s."""
     plans = [planned(degrees) for degrees in PHASES]
@@ -46,7 +47,9 @@ def test_costs_do_not_jump_with_the_phase_of_arrival():
     assert max(plan.delta_v for plan in plans) < 0.135
 
 
-@pytest.mark.parametrize("degrees", [158, 166, 168])
+@pytest.mark.parametrize(
+    "degrees", [pytest.param(158, marks=pytest.mark.slow), pytest.param(166, marks=pytest.mark.slow), 168]
+)
 def test_cheaper_plans_are_safe(degrees):
     path, ring = planned(degrees).path, onto_a_ring(degrees)[1]
     assert planned(degrees).delta_v == pytest.approx(np.linalg.norm(fired(path)[1], axis=1).sum(), rel=1e-9)
@@ -57,7 +60,7 @@ def six(case):
     return cf.avoid(case.path, case.client, case.zone, drift=case.drift, cost="delta-v", thrusters=SIX)
 
 
-@pytest.mark.parametrize("k", [0, 6, 9])
+@pytest.mark.parametrize("k", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in (6, 9))])
 def test_thrusters_find_plans_from_and_to_holds(k):
     """Free plans shared among six cost at most √3 times as much; 6 had none, 9 missed its end by 175 m."""
     case = hold_transfers()[k]
@@ -68,7 +71,8 @@ def test_thrusters_find_plans_from_and_to_holds(k):
     check_flown(plan.path, case.initial, case.final, case.duration + case.drift, 30.0, k)
 
 
-@pytest.mark.parametrize("k", [7, 9])
+@pytest.mark.slow
+@pytest.mark.parametrize("k", [pytest.param(7, marks=pytest.mark.slow), 9])
 def test_thrusters_find_plans_between_rings(k):
     """7 had none, and 9 missed its end by 169 m."""
     case = ring_transfers("thirty")[k]
@@ -90,6 +94,7 @@ def test_inertial_thrusters_share_impulses_too():
         assert np.abs(ways[:3] @ push).sum() < 1.8 * np.linalg.norm(push)
 
 
+@pytest.mark.slow
 def test_of_no_plan_the_nearest_is_told():
     low = np.array([0.0, -40.0, 0.0, 0.0, 0.0, 0.0])
     path = ORBIT.transfer(low, [0.0, 40.0, 0.0, 0.0, 0.0, 0.0], 0.4 * ORBIT.period)

@@ -1,8 +1,5 @@
 """Planes beside kinks, and shadows of half-spaces, against linear programs and dense sampling."""
 
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 from numba import float64, int64, types
@@ -141,10 +138,3 @@ def test_shadows_of_half_spaces_are_their_least_norms_along_the_track():
 def test_norms_of_half_spaces_that_close_are_never_below_zero():
     assert [floor_of(zone) for zone in ZONES] == [0.0, 0.0, 0.0, -np.inf]
     assert floor_of(cf.HalfSpaces([[0, 0, 1], [0, 0, -1]], [10.0, 5.0])) == 0.0
-
-
-def test_spheres_need_no_optimiser() -> None:
-    """Half-spaces alone need one of scipy's, which takes a third of a second to import."""
-    code = "import sys, closeform as cf; from closeform.drift.tubes import floor_of; "
-    code += "floor_of(cf.Sphere(20.0)); print('scipy.optimize' in sys.modules)"
-    assert subprocess.check_output([sys.executable, "-c", code], text=True) == "False\n"

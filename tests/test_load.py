@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import closeform as cf
-from bad_input import GOOD, LOST
 from closeform.cli import main
 from closeform.mission_result import Mission
 from closeform.result_folder import SUMMARY, FolderError
+from scenarios import GOOD, LOST
 
 pytestmark = pytest.mark.usefixtures("unpainted")
 

@@ -89,13 +89,14 @@ def test_faces_stand_for_all_multiples():
     """Half a million states of S04's whole box: all that are in no box that was left lock, scaled or not."""
     proof = cf.prove_locks(S04, -DRAWN, DRAWN, pointing_error=radians(4), nodes=2000)
     narrow = cf.Search(cf.Sensor(radians(66)), S04.slew_rate, S04.sun_limit, S04.tip_angle, S04.legs)
-    states = inside(-DRAWN, DRAWN, 500_000, 3)
+    states = inside(-DRAWN, DRAWN, 200_000, 3)
     never = states[cf.lock_times(narrow, states[:, :3], states[:, 3:]).leg < 0]
-    assert len(never) > 10
+    assert len(never) > 3
     assert not decided(proof, onto_faces(never)).any()
     assert len(never) / len(states) <= proof.open
 
 
+@pytest.mark.slow
 def test_of_s04s_draws_all_but_a_millionth_of_a_millionth_is_proven():
     """By a hundred thousand boxes; what is left shrinks with each that is added."""
     less, more = (cf.prove_locks(S04, -DRAWN, DRAWN, nodes=count) for count in (20_000, 120_000))
@@ -105,11 +106,11 @@ def test_of_s04s_draws_all_but_a_millionth_of_a_millionth_is_proven():
     assert more.open == pytest.approx(np.where(volume > 0.0, volume, 1.0).prod(axis=1).sum() / 12)
 
 
-def test_ten_margin_balls_are_proven_another_way():
+def test_margin_balls_are_proven_another_way():
     """`lock_margins` gives sets that lock in one leg: no box that the proof leaves meets one of them."""
     draw = generator(4).uniform(-1.0, 1.0, (2, 40, 6)) * DRAWN / 2
     pairs = draw[0] - draw[1]
-    late = pairs[cf.lock_times(S04, pairs[:, :3], pairs[:, 3:]).time > 100.0][1:10]
+    late = pairs[cf.lock_times(S04, pairs[:, :3], pairs[:, 3:]).time > 100.0][1:3]
     for pair in [*late, COUNTEREXAMPLE]:
         ball = cf.lock_margins(S04, pair[:3], pair[3:])
         reach = np.repeat([ball.position, ball.velocity], 3)
@@ -138,7 +139,9 @@ def test_one_round_is_refuted_near_s04s_counterexample_and_from_afar():
         assert (found.time > FIRST_ROUND).all()
 
 
-@pytest.mark.parametrize(("degrees", "nodes"), [(0.5, 200_000), (2.0, 20_000)])
+@pytest.mark.parametrize(
+    ("degrees", "nodes"), [pytest.param(0.5, 200_000, marks=pytest.mark.slow), (2.0, 20_000)]
+)
 def test_counterexamples_never_lock_with_boresights_that_lean_away(degrees, nodes):
     """Seen densely, by the papers' turns; for 2 deg two craft at rest above each other are among them."""
     proof = cf.prove_locks(S04, -DRAWN, DRAWN, pointing_error=radians(degrees), nodes=nodes)
@@ -165,7 +168,7 @@ def lock_of_bodies(state, errors):
 
 def assert_never_lock(proof):
     names = "half_angle", "slew_rate", "start", "slew_acceleration"
-    for k, state in enumerate(proof.counterexamples[:20]):
+    for k, state in enumerate(proof.counterexamples[:6]):
         assert np.isnan(lock_of_bodies(state, {name: getattr(proof.errors, name)[k] for name in names}))
 
 
@@ -183,10 +186,12 @@ BOUNDS = [
 ]
 
 
-@pytest.mark.parametrize("bounds", BOUNDS)
+@pytest.mark.parametrize(
+    "bounds", [*(pytest.param(one, marks=pytest.mark.slow) for one in BOUNDS[:3]), *BOUNDS[3:]]
+)
 def test_counterexamples_by_clocks_rates_and_ramps_are_replayed(bounds):
     """Within the bounds, by the certified march and by bodies that are sampled."""
-    proof = cf.prove_locks(S04, -DRAWN, DRAWN, **bounds, nodes=50_000)
+    proof = cf.prove_locks(S04, -DRAWN, DRAWN, **bounds, nodes=20_000)
     states, errors = proof.counterexamples, proof.errors
     assert len(states) > 0
     assert errors.shape == (len(states), 2)
@@ -203,9 +208,9 @@ def test_counterexamples_by_clocks_rates_and_ramps_are_replayed(bounds):
 def test_what_is_proven_locks_with_any_clock_rate_and_ramp(bounds):
     """Errors between and at their bounds, drawn for each craft; a share of the pairs by sampled bodies."""
     proof = cf.prove_locks(S04, -DRAWN, DRAWN, **bounds, nodes=20_000)
-    states = inside(-DRAWN, DRAWN, 20_000, 11)
+    states = inside(-DRAWN, DRAWN, 4_000, 11)
     states = states[decided(proof, onto_faces(states))]
-    assert len(states) > 19_000
+    assert len(states) > 3_800
     draw = generator(12)
     shape = len(states), 2
     share = draw.choice([-1.0, 1.0, 0.0], shape) * draw.choice([1.0, 0.5], shape)
@@ -220,7 +225,7 @@ def test_what_is_proven_locks_with_any_clock_rate_and_ramp(bounds):
     }
     found = cf.lock_times(S04, states[:, :3], states[:, 3:], cf.SearchErrors(**each))
     assert (found.time <= S04.duration).all()
-    for k in np.argsort(-found.time)[:3]:
+    for k in np.argsort(-found.time)[:1]:
         own = {name: values[k] for name, values in each.items()}
         assert lock_of_bodies(states[k], own) <= S04.duration
 
@@ -254,7 +259,7 @@ def test_bounds_against_intervals_of_fifty_digits():
     mpmath.mp.dps = 50
     table = looks_of(S04, S04.duration, ErrorBounds())
     draw = generator(6)
-    for state in inside(-DRAWN, DRAWN, 12, 5):
+    for state in inside(-DRAWN, DRAWN, 3, 5):
         line = state[:3] + table[:, :1] * state[3:]
         angle = np.arccos((table[:, 1:4] * line).sum(1) / np.linalg.norm(line, axis=1))
         least = float(angle.min())
@@ -345,9 +350,8 @@ def test_a_cone_wider_than_half_of_the_sky():
     assert cf.prove_locks(wide, -DRAWN, DRAWN, nodes=20_000).open < 1e-4
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
+def test_bad_input():
+    for arguments, message in [
         ({"low": DRAWN}, "low: component 0 of 1000 is above 1 of high; give the lesser one first"),
         ({"low": [1, 2, 3]}, r"low: expected shape \(6,\), position and velocity, got \(3,\)"),
         ({"high": np.full(6, nan)}, "high: must be finite"),
@@ -361,12 +365,10 @@ def test_a_cone_wider_than_half_of_the_sky():
         ({"latest": -1.0}, "latest: must be finite and at least 0"),
         ({"nodes": 0}, "nodes: expected a whole number from 1 on, got 0"),
         ({"search": 1}, "search: expected Search"),
-    ],
-)
-def test_bad_input(arguments, message):
-    given = {"search": S04, "low": -np.ones(6), "high": np.ones(6)} | arguments
-    with pytest.raises(ValueError, match=message):
-        cf.prove_locks(**given)
+    ]:
+        given = {"search": S04, "low": -np.ones(6), "high": np.ones(6)} | arguments
+        with pytest.raises(ValueError, match=message):
+            cf.prove_locks(**given)
 
 
 def test_tip_of_the_papers_is_that_of_the_search():

@@ -104,7 +104,7 @@ def test_any_half_angle_against_sampling(half_angle):
         check(search, turning, *s04_pairs(150, 3))
 
 
-@pytest.mark.parametrize("half_angle", [50.0, 70.0, 90.0, 110.0])
+@pytest.mark.parametrize("half_angle", [70.0, 110.0])
 @pytest.mark.parametrize(("offset", "longest"), [(7.5, inf), (0.0, 300.0), (7.5, 300.0), (60.0, 150.0)])
 def test_offset_and_range_against_sampling(half_angle, offset, longest):
     search, turning = wide(half_angle, offset, longest)
@@ -127,7 +127,7 @@ def passing(count, speed, distance, seed):
     return aside - velocities * times[:, None], velocities, times
 
 
-@pytest.mark.parametrize("half_angle", [10.0, 50.0, 70.0, 110.0])
+@pytest.mark.parametrize("half_angle", [10.0, 70.0])
 @pytest.mark.parametrize(("speed", "distance"), [(0.1, 1e-6), (0.1, 1e-3), (10.0, 1e-3), (1000.0, 1.0)])
 def test_craft_that_pass_closely_lock_in_the_cone(half_angle, speed, distance):
     """Close to each other the direction turns half around in no time: still no lock beside the cone.
@@ -297,7 +297,7 @@ def grazing(search, turning, count, share, seed):
     return where - times[:, None] * velocities, velocities, times
 
 
-@pytest.mark.parametrize("half_angle", [15.0, 50.0, 70.0, 90.0, 110.0])
+@pytest.mark.parametrize("half_angle", [15.0, 70.0, 110.0])
 @pytest.mark.parametrize("offset", [0.0, 7.5])
 def test_grazing_locks_are_found(half_angle, offset):
     """A lock of some milliseconds: no answer may be later."""

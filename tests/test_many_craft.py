@@ -9,10 +9,10 @@ import pyarrow.parquet
 import pytest
 
 import closeform as cf
-from bad_input import LOST
 from closeform.cli import main
 from closeform.conflicts import flight
 from closeform.zones.pair_zones import AT_ONCE, PairZones, portions, portions_near
+from scenarios import LOST
 
 ORBIT = cf.Orbit.circular(500e3)
 

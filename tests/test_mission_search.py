@@ -13,7 +13,6 @@ import pyarrow.parquet
 import pytest
 
 import turns
-from bad_input import LOST
 from closeform.cli import main
 from closeform.console import WIDTH
 from closeform.mission import fly
@@ -21,6 +20,7 @@ from closeform.publishing import folder
 from closeform.report.run import RunReport, leave
 from closeform.scenario import load, parse
 from lost import BASIC, Sky, gathered
+from scenarios import LOST
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 TOOLS = EXAMPLES.parent / "tools"

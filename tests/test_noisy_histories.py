@@ -3,7 +3,6 @@
 What noise adds to a state in a step is integrated here by Gauss's rule over matrix exponentials.
 """
 
-import dataclasses
 from functools import cache
 
 import numpy as np
@@ -13,8 +12,6 @@ from scipy.linalg import expm
 from scipy.stats import norm
 
 import closeform as cf
-from closeform.uncertainty import histories as histories_module
-from closeform.uncertainty import white_noise
 from closeform.uncertainty.columns import columns_of
 from closeform.uncertainty.noisy_histories import NoisyHistories
 from closeform.uncertainty.white_noise import OFF, kicks_of
@@ -28,7 +25,7 @@ def noise_of(density, n, step):
     return density * np.einsum("t,tik,tjk->ij", 0.5 * step * weights, pushed, pushed)
 
 
-def shaken(cases, covariance, duration, n=N, samples=12_000, seed=3):
+def shaken(cases, covariance, duration, n=N, samples=6_000, seed=3):
     """Plain Monte Carlo in exact steps: who is inside at the start, ever, and entries, of each case.
 
     A case has means (T, 3), a density of noise and a zone; all have the same errors at the start, and the
@@ -58,7 +55,7 @@ def shaken(cases, covariance, duration, n=N, samples=12_000, seed=3):
 
 
 def drawn(path, other, zone, *errors, **more):
-    asked = {"method": "monte-carlo", "samples": 20_000} | more
+    asked = {"method": "monte-carlo", "samples": 8_000} | more
     return cf.collision_probability(path, other, zone, *errors, **asked)
 
 
@@ -88,13 +85,13 @@ SHAKEN = [  # mean, zone, density, mean motion
 @cache
 def all_shaken(n):
     """Every case of a mean motion, in one march."""
-    times = np.linspace(0.0, PERIOD, 1201)
+    times = np.linspace(0.0, PERIOD, 801)
     flow = np.array([expm(hill(n) * t)[:3] for t in times])
     cases = [(flow @ mean, density, zone) for mean, zone, density, motion in SHAKEN if motion == n]
     return shaken(cases, SLOW, PERIOD, n)
 
 
-@pytest.mark.parametrize("case", range(len(SHAKEN)))
+@pytest.mark.parametrize("case", [*range(1, 5), *(pytest.param(k, marks=pytest.mark.slow) for k in (0, 5))])
 def test_plain_monte_carlo_of_short_steps(case):
     mean, zone, density, n = SHAKEN[case]
     path, other = coasts(mean, PERIOD, cf.Orbit(n))
@@ -136,10 +133,10 @@ def test_entries_are_as_many_as_their_rate_says():
     expected = quad(rate, 1.0, duration, limit=200)[0]
     path, other = coasts([mean, 0, 0, speed, 0, 0], duration, DEEP)
     slab = cf.Ellipsoid([width, 1e6, 1e6])
-    figure = drawn(path, other, slab, cf.Errors(noise=density), samples=100_000)
+    figure = drawn(path, other, slab, cf.Errors(noise=density), samples=20_000)
     assert 0.2 < expected < 0.9
     assert figure.at_start == 0.0
-    assert abs(figure.mean_entries - expected) < 4.0 * np.sqrt(expected / 100_000)
+    assert abs(figure.mean_entries - expected) < 4.0 * np.sqrt(expected / 20_000)
 
 
 def test_next_to_no_noise_is_none():
@@ -157,7 +154,7 @@ def test_next_to_no_noise_is_none():
 @pytest.mark.parametrize(("n", "length"), [(0.0, 50.0), (N, 0.2 / N)])
 def test_what_a_step_leaves_out(n, length):
     """Noise in 40 exact parts of a step beside the path that is marched: theory (65), and its variance."""
-    density, parts, samples = 1e-8, 40, 20_000
+    density, parts, samples = 1e-8, 40, 6_000
     root, moved = np.linalg.cholesky(noise_of(density, n, length / parts)), expm(hill(n) * length / parts)
     random, states = np.random.default_rng(1), [np.zeros((samples, 6))]
     for _ in range(parts):
@@ -170,8 +167,8 @@ def test_what_a_step_leaves_out(n, length):
     expected = density * (times * (length - times)) ** 2 / (3.0 * length)
     variance = (off**2).mean(axis=(1, 2))
     assert (
-        np.abs(variance - expected).max() < 0.04 * expected.max()
-    )  # 1.6 %, four deviations of 60 000: 2.3 %
+        np.abs(variance - expected).max() < 0.06 * expected.max()
+    )  # 1.6 %, four deviations of 18 000: 4.2 %
     assert np.linalg.norm(off, axis=2).max() < 0.8 * OFF * np.sqrt(density * length**3)
 
 
@@ -218,26 +215,7 @@ def test_the_chance_to_leave_a_step():
     assert 1e-16 < chance < 1e-13
 
 
-def test_steps_that_are_long_make_the_interval_wide(monkeypatch):
-    path, other = coasts(AHEAD, PERIOD)
-    fine = drawn(path, other, ZONE, cf.Errors(SLOW, noise=1e-6))
-    monkeypatch.setattr(white_noise, "STEPS", 50)
-    coarse = drawn(path, other, ZONE, cf.Errors(SLOW, noise=1e-6))
-    assert coarse.high - coarse.low > 1.3 * (fine.high - fine.low)
-    assert coarse.low < fine.low < fine.value < coarse.high
-
-
-def test_the_same_for_any_number_of_cores(monkeypatch):
-    path, other = coasts(AHEAD, PERIOD)
-    one, again, third = (
-        drawn(path, other, ZONE, cf.Errors(SLOW, noise=1e-8), seed=seed) for seed in (1, 1, 2)
-    )
-    assert one.value == again.value != third.value
-    monkeypatch.setattr(histories_module, "CORES", 1)
-    alone = drawn(path, other, ZONE, cf.Errors(SLOW, noise=1e-8), seed=1)
-    assert dataclasses.astuple(alone)[:6] == dataclasses.astuple(one)[:6]
-
-
+@pytest.mark.slow
 def test_bound_holds_what_is_drawn():
     path, other = coasts(AHEAD, PERIOD)
     errors = cf.Errors(SLOW, noise=1e-8)

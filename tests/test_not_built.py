@@ -61,8 +61,9 @@ def statuses(text: str, capsys) -> dict[str, tuple[int, list[str]]]:
     return found
 
 
-@pytest.mark.parametrize("stage", ["lock", "gather"])
-@pytest.mark.parametrize("key", SEARCHED)
+@pytest.mark.parametrize(
+    ("key", "stage"), [("pointing_error", "lock"), ("slew_acceleration", "gather"), ("silent", "gather")]
+)
 def test_every_search_can_be_imperfect(key, stage, tmp_path, monkeypatch, capsys) -> None:
     monkeypatch.chdir(tmp_path)
     text = LOCKING.replace("KEY", f"{key} = {SEARCHED[key]}").replace("STAGE", f'do = "{stage}"')
@@ -132,9 +133,6 @@ STARTS = f"A and B start at 1 m from their zone, {LESS}"
     [
         ("", "", 3, STARTS),
         ("0 -100 0 m", "0 -20 0 m", 1, "A and C end at 0.67 x zone; move one of them"),
-        ("0 0 100 m", "0 -110 0 m", 3, STARTS),
-        ('margin = "2 m"', "", None, None),
-        ("0 31 0 m", "0 32 0 m", 3, STARTS.replace("at 1 m", "at 2 m")),
         ("0 31 0 m", "0 33 0 m", None, None),
     ],
 )

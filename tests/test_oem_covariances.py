@@ -127,15 +127,15 @@ DAMAGE = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("case", DAMAGE)
-def test_damaged_covariances_give_one_line(tmp_path, case):
-    change, message = DAMAGE[case]
-    assert change(FILE) != FILE
-    file = written(tmp_path, change(FILE))
-    with pytest.raises(ValueError, match=message) as caught:
-        read_oem(file)
-    assert str(caught.value).startswith(f"{file}: ")
-    assert "\n" not in str(caught.value)
+def test_damaged_covariances_give_one_line(tmp_path):
+    for case in DAMAGE:
+        change, message = DAMAGE[case]
+        assert change(FILE) != FILE
+        file = written(tmp_path, change(FILE))
+        with pytest.raises(ValueError, match=message) as caught:
+            read_oem(file)
+        assert str(caught.value).startswith(f"{file}: ")
+        assert "\n" not in str(caught.value)
 
 
 @given(data=st.data())

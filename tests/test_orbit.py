@@ -218,7 +218,7 @@ HOPS = {
 }
 
 
-@pytest.mark.parametrize("beside", [0.0, 1e-15, 1e-12, -1e-12, 1e-9, -1e-9, 1e-8, 1e-6, -1e-6])
+@pytest.mark.parametrize("beside", [0.0, 1e-12, -1e-9, 1e-6])
 @pytest.mark.parametrize("hop", HOPS)
 def test_two_impulse_flies_textbook_hops(hop, beside):
     """At and beside multiples of half an orbit; the integrator says where the craft come."""
@@ -526,17 +526,18 @@ def test_the_shortest_flight_has_totals(n):
     assert len(hit) == 1
 
 
+@pytest.mark.slow
 def test_the_longest_flight_has_totals():
     """At the greatest duration delta-v comes back."""
     longest = cf.Orbit(N).transfer(INITIAL, FINAL, MOST_ORBITS * 2 * np.pi / N)
     assert 0.0 < longest.delta_v <= np.sqrt(2 * longest.energy * longest.end)  # Cauchy and Schwarz
 
 
-@pytest.mark.parametrize("case", BAD)
-def test_bad_input_is_named(case):
-    call, message = BAD[case]
-    with pytest.raises(ValueError, match=message):
-        call(cf.Orbit(N))
+def test_bad_input_is_named():
+    for case in BAD:
+        call, message = BAD[case]
+        with pytest.raises(ValueError, match=message):
+            call(cf.Orbit(N))
 
 
 @pytest.mark.parametrize("n", [0.0, N])

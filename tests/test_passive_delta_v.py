@@ -13,7 +13,11 @@ from ring_transfers import RADIUS, ring_transfers
 
 ORBIT = cf.Orbit.circular(500e3)
 PERIOD = ORBIT.period
-SOME = (8, 18, 20, 22, 28)  # of the thirty ring transfers: one contact and many, costly ones and free ones
+SOME = [
+    *(pytest.param(k, marks=pytest.mark.slow) for k in (18, 20, 28)),
+    8,
+    22,
+]  # of the thirty ring transfers
 BRIEF = 1e-7  # of the duration: an impulse is lost in its midst at instants so close to it
 ZONE = cf.Sphere(RADIUS)
 EVERY = 20.0  # s, samples of a drift: between them 30 m are left by less than 1e-3 zones
@@ -117,6 +121,7 @@ def test_a_cone_program_with_the_same_planes_costs_as_much(k):
     assert (1.0 - 1e-4) * solution.obj_val <= plan.delta_v <= 1.012 * solution.obj_val
 
 
+@pytest.mark.slow
 def test_a_hold_on_the_track_is_not_left_absurdly_dear():
     """Impulses that were found cost 1.06 m/s; the safe path of least energy spends 0.18."""
     orbit = cf.Orbit.circular(550e3)
@@ -131,6 +136,7 @@ def test_a_hold_on_the_track_is_not_left_absurdly_dear():
     assert cf.passively_safe(found.path, client, cf.Sphere(20.0), found.path.end + orbit.period)
 
 
+@pytest.mark.slow
 def test_more_drift_costs_no_less():
     case = ring_transfers("thirty")[18]
     client = ORBIT.coast(np.zeros(6), case.duration + 3.0 * PERIOD)
@@ -164,6 +170,7 @@ def test_burns_within_a_limit_and_thrusters_are_safe_too():
         assert plan.drift == case.drift
 
 
+@pytest.mark.slow
 def test_craft_of_a_formation_may_fail_one_at_a_time():
     begins = cf.targets.separated_ring(ORBIT, 2, 100.0, 100.0)
     ends = cf.targets.separated_ring(ORBIT, 2, 120.0, 110.0, 0.8 * np.pi)
@@ -200,7 +207,7 @@ def test_an_end_that_drifts_into_the_zone_is_refused_with_its_bound():
     assert "the start of its plan path comes to" in plan.reason
 
 
-@pytest.mark.parametrize("radius", [24.0, 25.0, 28.0])
+@pytest.mark.parametrize("radius", [24.0, *(pytest.param(r, marks=pytest.mark.slow) for r in (25.0, 28.0))])
 def test_a_hold_beside_the_zone_is_reached_safely(radius):
     """The last impulse is fired where the craft is nearest: failures amid it are no drifts."""
     sphere, drift = 20.0, 2.0 * PERIOD
@@ -217,6 +224,7 @@ def test_a_hold_beside_the_zone_is_reached_safely(radius):
     assert np.abs(failed_states(begin, plan.path, np.array([PERIOD]), np.ones(1))[0] - final).max() < 1e-6
 
 
+@pytest.mark.slow
 def test_limits_of_inf_are_none() -> None:
     """One of all craft is as if none were given; between limits and impulses NumPy had the word."""
     far = cf.targets.safety_ellipse(ORBIT, 1, 150.0, 150.0, along_track=200.0)[0]

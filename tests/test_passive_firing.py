@@ -70,7 +70,11 @@ def nearest_drift(path, pulses, until, seed):
 
 @pytest.mark.parametrize(
     ("bit", "period", "larger"),
-    [("0.1 mm/s", "30 s", 1.02), ("1 mm/s", "60 s", 1.06), ("5 mm/s", "60 s", 1.25)],
+    [
+        pytest.param("0.1 mm/s", "30 s", 1.02, marks=pytest.mark.slow),
+        pytest.param("1 mm/s", "60 s", 1.06, marks=pytest.mark.slow),
+        ("5 mm/s", "60 s", 1.25),
+    ],
 )
 def test_pulses_leave_room_when_thrust_is_lost(bit, period, larger):
     """Planned to touch, pulses of the plan would drift to 0.99, 0.97 and 0.82 zones."""
@@ -98,7 +102,7 @@ def test_pulses_without_room_say_how_much_they_need():
     assert ZONE * (plan.passive.worst.ratio - ROUGH) < least < ZONE
 
 
-@pytest.mark.parametrize("bit", [1.0, 3.0])
+@pytest.mark.parametrize("bit", [pytest.param(1.0, marks=pytest.mark.slow), 3.0])
 def test_least_delta_v_is_planned_by_the_pulses_that_are_fired(bit):
     """Pulses of its impulses, of which some are below the bit, would drift to 0.58 zones."""
     (plan, _) = fly(parse(inspector(f"{bit} mm/s", cost="delta-v"))).results
@@ -121,6 +125,7 @@ def test_bits_that_are_too_large_are_refused_with_their_reason():
     assert "by these thrusters' pulses only below their minimum_bit" in plan.failure
 
 
+@pytest.mark.slow
 def test_safe_pulses_are_fired_as_they_are_planned():
     """Without a period, too, as nothing lasts that thrusters do not give all the while."""
     case = hold_transfers()[2]

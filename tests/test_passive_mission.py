@@ -2,8 +2,6 @@
 
 import json
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -16,11 +14,9 @@ from bridge import hill
 from closeform import plots
 from closeform.cli import main
 from closeform.mission import fly
-from closeform.passive import PairDrift
 from closeform.report import drift
 from closeform.report.run import RunReport
 from closeform.scenario import parse
-from test_picture_words import Shown
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 ROUNDING = 1e-6  # of a zone: exponentials of Hill's matrix over a day, and samples refined to less than that
@@ -102,7 +98,7 @@ def test_a_plan_made_for_it_is_safe_whenever_it_fails():
     assert np.isnan(mission.results[1].passive.worst.failed_at)
 
 
-@pytest.mark.parametrize("cost", ["energy", "delta-v"])
+@pytest.mark.parametrize("cost", ["energy", pytest.param("delta-v", marks=pytest.mark.slow)])
 def test_either_cost_is_planned_for(cost):
     """The direct path is not safe; the plan is, as failures flown here say."""
     text = HEAD.replace("0 200 0 m", "100 0 200 m") + APPROACH.replace('"transfer"', '"avoid"')
@@ -251,20 +247,6 @@ def test_weaker_failures_come_less_near():
     assert ratios == sorted(ratios, reverse=True)
 
 
-def test_nothing_is_asked_where_no_drift_is(tmp_path):
-    """Without the key nobody loads what judges it, nor what thrusters and errors need."""
-    file = tmp_path / "file.toml"
-    file.write_text(HEAD + APPROACH)
-    spared = {"closeform.passive", "closeform.drift.search", "closeform.drift.sides", "closeform.fuel.order"}
-    spared |= {"closeform.uncertain_stage", "closeform.planning.burn_local"}
-    code = (
-        "import sys; from closeform.mission import run; from closeform.report.run import RunReport; "
-        f"mission = run({str(file)!r}); RunReport(mission).sections; "
-        f"assert mission.results[0].passive is None; assert not {spared!r} & set(sys.modules)"
-    )
-    subprocess.run([sys.executable, "-c", code], check=True)
-
-
 ORBIT = cf.Orbit.circular(550e3)
 PATH = ORBIT.transfer([0, 200, 0, 0, 0, 0], [25, 0, 50, 0, -50 * ORBIT.mean_motion, 0], ORBIT.period)
 CLIENT = ORBIT.coast(np.zeros(6), 3 * ORBIT.period)
@@ -347,22 +329,6 @@ drift = "forever"
     assert sum(np.isfinite(pair.time) for pair in result.passive.pairs) >= 3
 
 
-def test_what_would_have_been_is_drawn_beside_what_is_planned():
-    """The direct path, whose drift is nearer, dashed in full depth; and the headline has both numbers."""
-    direct = ORBIT.transfer([0, 200, 0, 0, 0, 0], [0, -60, 40, 0, 0, 0], ORBIT.period)
-    until = CLIENT.end
-    worst = cf.drift_approach(direct, CLIENT, ZONE, until)
-    figure = plots.drift_ratios(PATH, CLIENT, ZONE, until, before=(direct, CLIENT, ZONE))
-    (axes, *_) = figure.axes
-    dashed = next(line for line in axes.get_lines() if line.get_linestyle() == "--")
-    for k in (40, 222, 401):
-        near = drifted(direct, CLIENT, 60.0 * dashed.get_xdata()[k], until) / 20.0
-        assert near - 1e-3 <= dashed.get_ydata()[k] <= near + ROUNDING
-    assert worst.ratio < 0.1 < axes.get_ylim()[1]
-    (headline,) = (text.get_text() for text in figure.texts if "by the direct path" in text.get_text())
-    assert headline.endswith(f", {worst.ratio:.2g} by the direct path")
-
-
 STOPS = """
 closeform = 1
 title = "An end from which one drifts into the client"
@@ -385,32 +351,6 @@ drift = "24 h"
 """
 
 
-def test_of_a_stage_that_stops_a_run_says_what_is_not_flown():
-    mission = fly(parse(STOPS, "file.toml", "run"))
-    assert mission.stopped is not None
-    report = RunReport(mission)
-    (section,) = report.sections
-    assert section.lines[0] == "Not flown: no clear path found"
-    assert section.lines[1].startswith(
-        "Passively safe for 24 h: no, since there is no path; by the direct path "
-    )
-    assert section.lines[2] == "In the field: not predicted, since these paths are not flown"
-    (flight,) = report.in_flight
-    assert flight.lines == ("Nothing is flown: the mission stopped in its first stage",)
-    said = {}
-    for picture in section.pictures:
-        picture.leave(shown := Shown(), lambda text: None)
-        said[picture.plot] = shown.figure.get_suptitle()
-    assert "formation_paths" in said
-    assert all(words.startswith("Not flown: ") for words in said.values() if words)
-
-
-@pytest.mark.parametrize(("metres", "told"), [(5.686e-14, "0 m"), (2e-6, "2e-06 m"), (7.8124, "7.812 m")])
-def test_a_distance_that_is_rounding_is_none(metres, told):
-    pair = PairDrift("A", "B", cf.Sphere(20.0), 1.0, 2.0, metres / 20.0, metres)
-    assert drift.near(pair) == f"{metres / 20.0:.4f} x zone ({told})"
-
-
 def test_from_a_hold_on_an_ellipse_the_way_is_safe_and_from_one_at_rest_it_is_not():
     """As the comment of the example says."""
     text = (EXAMPLES / "inspector_hold.toml").read_text()
@@ -423,6 +363,7 @@ def test_from_a_hold_on_an_ellipse_the_way_is_safe_and_from_one_at_rest_it_is_no
         assert [result.passive.safe for result in mission.results] == [True, safe, True]
 
 
+@pytest.mark.slow
 def test_of_a_stage_that_stops_a_run_says_what_the_direct_path_leads_to():
     """Flown here: the distance that is told is met when thrust is lost then, and none at others is less."""
     mission = fly(parse(STOPS, "file.toml", "run"))

@@ -10,9 +10,7 @@ from scipy.linalg import expm
 
 import closeform as cf
 from closeform.motion.joining import stack
-from closeform.planning.fallbacks import tried_openly
 from closeform.planning.problem import Problem
-from closeform.planning.request import Request
 from closeform.planning.scene import Contacts
 from ring_formations import ring_formations
 from ring_transfers import RADIUS, ring_transfers
@@ -22,7 +20,11 @@ PERIOD = ORBIT.period
 CLIENT = np.zeros(6)
 NODES = 500  # of the cone program
 STEP = 30.0  # s, of the integrator: its error is below 1e-4 m after three orbits
-SOME = (2, 8, 14, 17, 26)  # of the thirty ring transfers: long and short, one contact and many
+SOME = [
+    *(pytest.param(k, marks=pytest.mark.slow) for k in (2, 14, 26)),
+    8,
+    17,
+]  # of the thirty ring transfers
 
 
 def hill(n):
@@ -201,6 +203,7 @@ def test_more_drift_and_larger_zones_cost_no_less():
     assert (np.diff(larger) >= -1e-3 * larger[0]).all()
 
 
+@pytest.mark.slow
 def test_energy_grows_with_the_zone_and_its_slope_is_the_price():
     """Failures of a whole stretch of time touch: rounds of planes ended anywhere up to two thirds above.
 
@@ -274,35 +277,6 @@ def test_one_craft_of_a_formation_that_meets_nobody_is_safe_already():
         assert plan.energy == plan.lower_bound
 
 
-def test_longer_plans_end_and_drift_while_obstacles_are_known():
-    """Known for 1.7 durations and the drift: two of four stretches are tried, and all but the last wait."""
-    obstacle = ORBIT.coast(CLIENT, 1.7 * 3000.0 + PERIOD)
-    begins, places = [[0, 200, 0, 0, 0, 0], [0, 400, 0, 0, 0, 0]], [[0, 90, 0, 0, 0, 0], [0, 300, 0, 0, 0, 0]]
-    request = Request.of(
-        ORBIT, begins, places, 3000.0, cf.Sphere(20.0), False, 0.0, obstacle, None, None, drift=PERIOD
-    )
-    blocked = cf.reconfigure(
-        ORBIT,
-        begins,
-        [[0, 9, 0, 0, 0, 0], places[1]],
-        3000.0,
-        cf.Sphere(20.0),
-        obstacles=obstacle,
-        drift=PERIOD,
-    )
-    assert not blocked.ok
-    seen = []
-
-    def attempt(asked, more):
-        seen.append(float((asked.starts + asked.durations).max()))
-        return blocked
-
-    _, plan = tried_openly(request, blocked, attempt, ("longer", "stagger"))
-    assert seen == pytest.approx([1.25 * 3000, 1.6 * 3000, 1.25 * 3000, 1.5 * 3000])
-    refused = [words for words in plan.measures if words.endswith(": an obstacle ends before the drift does")]
-    assert [words.split(",")[1].strip()[:2] for words in refused] == ["2 ", "3 ", "th"]
-
-
 def test_craft_of_a_formation_may_fail_one_at_a_time():
     """Two craft change places on a ring around a client; whichever fails, the other flies on."""
     begins = cf.targets.separated_ring(ORBIT, 2, 100.0, 100.0)
@@ -334,8 +308,15 @@ def test_craft_of_a_formation_may_fail_one_at_a_time():
     assert safe[1] < 1.0
 
 
-@pytest.mark.parametrize("phase", [0.0, np.pi / 3])
-@pytest.mark.parametrize("cost", ["energy", "delta-v"])
+@pytest.mark.parametrize(
+    ("cost", "phase"),
+    [
+        ("energy", np.pi / 3),
+        pytest.param("energy", 0.0, marks=pytest.mark.slow),
+        pytest.param("delta-v", 0.0, marks=pytest.mark.slow),
+        pytest.param("delta-v", np.pi / 3, marks=pytest.mark.slow),
+    ],
+)
 def test_a_hold_is_left_for_a_safety_ellipse_safely_or_not_at_all(phase, cost):
     """In an orbit, for centimetres per second: not by impulses of kilometres per second that fly far away."""
     client = ORBIT.coast(CLIENT, 2 * PERIOD)
@@ -351,7 +332,11 @@ def test_a_hold_is_left_for_a_safety_ellipse_safely_or_not_at_all(phase, cost):
 
 
 @pytest.mark.parametrize(
-    ("count", "number", "budget"), [(4, 0, None), (8, 0, None), (12, 0, None), (12, 1, 1)]
+    ("count", "number", "budget"),
+    [
+        (4, 0, None),
+        *(pytest.param(*one, marks=pytest.mark.slow) for one in ((8, 0, None), (12, 0, None), (12, 1, 1))),
+    ],
 )
 def test_rings_of_many_craft_are_turned_safely(count, number, budget):
     """Each fails in turn at random instants, and keeps out of the others, which fly on and then coast.

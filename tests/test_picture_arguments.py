@@ -11,7 +11,6 @@ import closeform as cf
 from closeform.scenario import ScenarioError
 from test_arguments import BALL, COAST, GATHERED, MOVE, PLACE, REST, SEARCH, SPEED, STAYS, is_named
 from test_arguments import CALLS as OTHERS
-from test_docstrings import entries, sections
 from test_surface import CALLABLES
 
 mpl.use("agg")
@@ -90,38 +89,7 @@ CALLS = {
     "run": {"file": "examples/cluster.toml"},
     "study": {"file": "examples/s04.toml", "cases": 10, "seed": 1},
 }  # fmt: skip
-BAD = {
-    "None": None, "words": "three", "an object": object(), "a dictionary": {1.0: "a"}, "a half": 0.5,
-    "words in a list": ["one"], "a number in a list": [3], "not a number": np.nan, "minus one": -1,
-    "a truth value": True, "an array": np.ones((2, 1, 5)),
-}  # fmt: skip
-
-
-def fits(name, argument, bad):
-    """Whether a value may be what an argument is."""
-    good = CALLS[name][argument]
-    default = inspect.signature(CALLABLES[name]).parameters[argument].default
-    if bad is None:
-        return default in (None, ())
-    if isinstance(bad, bool):
-        return isinstance(good, float) or argument == "on_off"
-    if argument in ("times", "values"):
-        return isinstance(bad, list) and bad == [3]
-    if isinstance(good, str) or argument == "file":
-        return isinstance(bad, str)
-    if argument in ("names", "labels"):
-        return isinstance(bad, list) and bad == ["one"] and len(good) == 1
-    if isinstance(good, float):
-        return isinstance(bad, float) and bad > 0.0
-    return False
-
-
-def spoilt():
-    for name, arguments in CALLS.items():
-        for argument in arguments:
-            for kind, bad in BAD.items():
-                if not fits(name, argument, bad):
-                    yield pytest.param(name, argument, bad, id=f"{name}-{argument}-{kind}")
+BAD = {"words": "three", "an object": object(), "an array": np.ones((2, 1, 5))}
 
 
 def call(name, /, **arguments):
@@ -129,13 +97,16 @@ def call(name, /, **arguments):
     return getattr(cf.plots if owner else cf, function)(**arguments)
 
 
-@pytest.mark.parametrize(("name", "argument", "bad"), list(spoilt()))
-def test_what_does_not_fit_is_named(name, argument, bad):
-    with pytest.raises(ValueError) as caught:  # noqa: PT011, whose words are looked at
-        call(name, **{**CALLS[name], argument: bad})
-    assert is_named(argument, caught.value)
-    assert type(caught.value) in (ValueError, ScenarioError)
-    assert type(caught.value).__name__ in entries(sections(CALLABLES[name].__doc__)["Raises"])
+@pytest.mark.parametrize("name", CALLS)
+def test_an_argument_that_does_not_fit_is_named(name):
+    for argument, good in CALLS[name].items():
+        for kind, bad in BAD.items():
+            if isinstance(bad, str) and (isinstance(good, str) or argument == "file"):
+                continue
+            with pytest.raises(ValueError) as caught:  # noqa: PT011, whose words are looked at
+                call(name, **{**CALLS[name], argument: bad})
+            assert is_named(argument, caught.value), (argument, kind)
+            assert type(caught.value) in (ValueError, ScenarioError)
 
 
 def test_all_pictures_are_called():

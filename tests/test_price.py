@@ -7,7 +7,6 @@ from scipy import sparse
 from scipy.linalg import expm
 
 import closeform as cf
-from closeform.planning import reconfigure
 from closeform.planning.impulse_local import ImpulseSolver
 from closeform.planning.plan import Contact
 from closeform.planning.planner import once
@@ -290,19 +289,6 @@ def test_contacts_that_are_the_same_are_one():
     ]
     lost = touch(2, 20.0, across, 3.0, 4.0)  # after thrust was lost
     assert len(once((*contacts, lost))) == 3
-
-
-def test_contacts_are_counted_as_they_are_told(monkeypatch):
-    """A ring that turns by half, whose plan holds some planes twice."""
-    given = []
-    monkeypatch.setattr(reconfigure, "once", lambda contacts: given.append(len(contacts)) or once(contacts))
-    draws, ring = np.random.default_rng(12), np.zeros((4, 6))
-    angles = 0.5 * np.pi * np.arange(4)
-    ring[:, 1:3] = 80.0 * np.column_stack([np.cos(angles), np.sin(angles)])
-    ring[:, :3] += 3.0 * draws.normal(size=(4, 3))
-    plan = cf.reconfigure(LOW, ring, -ring, 0.5 * LOW.period, cf.Sphere(20.0), cost="delta-v", assign=False)
-    assert given[-1] > len(plan.contacts) > 1  # such a plan it is
-    assert plan.reason.startswith(f"{len(plan.contacts)} contacts, the best of ")
 
 
 @pytest.mark.parametrize("orbit", [LOW, cf.Orbit(0.0)], ids=["orbit", "deep space"])

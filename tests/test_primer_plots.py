@@ -34,29 +34,6 @@ def test_primer_shows_what_other_impulses_waste():
     assert dots(figure) @ sizes == pytest.approx(78.53298, abs=1e-4)
 
 
-def test_labels_of_impulses_beside_each_other_stay_within_the_axes():
-    """Three that follow each other, one of them against what pays: their words stand above each other."""
-    places = [np.zeros(6)]
-    for along, cross in ((100.0, 0.0), (99.0, 5.0), (100.0, -8.0), (60.0, 0.0)):
-        places.append(np.array([0.0, along, cross, 0.0, 0.0, 0.0]))
-    legs, start = [], 0.0
-    for one, next_one, lasts in zip(places, places[1:], (1500.0, 120.0, 120.0, 1500.0), strict=False):
-        legs.append(ORBIT.two_impulse(one, next_one, lasts, start))
-        start += lasts
-    figure = cf.plots.primer(cf.join(legs))
-    (axes, *_), words = figure.axes, figure.axes[0].texts
-    assert dots(figure).min() < 0.0
-    labels = [one for one in words if one.get_text().endswith(("m/s", "impulses"))]
-    assert len(labels) >= 4
-    figure.canvas.draw()
-    assert max(one.get_window_extent().y1 for one in labels) < axes.get_window_extent().y1
-
-
-def test_primer_of_a_coast():
-    figure = cf.plots.primer(ORBIT.coast(START, 6000.0))
-    assert figure._suptitle.get_text() == "0 mm/s with 0 impulses: the least there is"
-
-
 def test_trade_is_what_arrivals_found():
     slots = np.zeros((2, 6))
     slots[:, 1] = [-100.0, 100.0]
@@ -156,44 +133,3 @@ def test_a_plan_for_thrusters_has_a_primer_along_them():
     figure = cf.plots.primer(around, thrusters=six)
     assert dots(figure) == pytest.approx(np.ones(len(around.path.impulses)), abs=2e-2)
     assert curve_of(figure).get_ydata().max() <= 1.02
-
-
-def test_the_trade_marks_what_is_planned_and_what_is_fired():
-    found = cf.arrivals(ROUND, BEGIN, np.zeros((1, 6)), np.linspace(1000.0, 9000.0, 9))
-    path = ROUND.transfer(BEGIN, np.zeros(6), LONG)
-    figure = cf.plots.trade(found, path, fired=1.3 * path.delta_v)
-    unit = 1e-3 if "mm/s" in figure.axes[0].get_ylabel() else 1.0
-    ring, dot = figure.axes[0].lines[-2:]
-    assert [ring.get_ydata()[0] * unit, dot.get_ydata()[0] * unit] == pytest.approx(
-        [path.delta_v, 1.3 * path.delta_v]
-    )
-    assert ring.get_markerfacecolor() == "none"
-    assert {"this plan", "this plan, as fired"} <= {text.get_text() for text in figure.axes[0].texts}
-    with pytest.raises(ValueError, match=r"^fired: .* give it with the plan"):
-        cf.plots.trade(found, fired=1.0)
-
-
-def test_the_trade_has_one_mark_for_what_is_fired_as_it_is_planned():
-    found = cf.arrivals(ROUND, BEGIN, np.zeros((1, 6)), np.linspace(1000.0, 9000.0, 9))
-    path = ROUND.transfer(BEGIN, np.zeros(6), LONG)
-    figure = cf.plots.trade(found, path, fired=1.001 * path.delta_v)
-    assert [text.get_text() for text in figure.axes[0].texts] == ["this plan, as fired"]
-
-
-def test_the_trade_marks_what_is_asked_for_where_there_is_no_plan():
-    found = cf.arrivals(ROUND, BEGIN, np.zeros((1, 6)), np.linspace(1000.0, 9000.0, 9))
-    axes = cf.plots.trade(found, asked=LONG).axes[0]
-    assert [*axes.lines[-1].get_xdata()] == pytest.approx([LONG / 60.0] * 2)
-    assert [text.get_text() for text in axes.texts] == ["asked for"]
-    assert (axes.get_yscale() == "log") == (found.delta_v.max() > 4.0 * found.delta_v.min())
-    with pytest.raises(ValueError, match=r"^asked: a duration above 0 s, got 0$"):
-        cf.plots.trade(found, asked=0.0)
-
-
-def test_the_trade_names_slots_where_the_cheapest_changes():
-    slots = cf.targets.safety_ellipse(ROUND, 3, 100.0, 100.0)
-    found = cf.arrivals(ROUND, BEGIN, slots, np.linspace(0.2, 3.0, 12) * ROUND.period)
-    assert len(set(found.slot.tolist())) > 1
-    named = [text.get_text() for text in cf.plots.trade(found).axes[0].texts]
-    assert named[0] == f"slot {found.slot[0]}"
-    assert len(named) == 1 + np.count_nonzero(np.diff(found.slot))

@@ -1,22 +1,15 @@
 """What is printed and summed up of a whole mission: what each craft used, in one unit, lines unbroken."""
 
 import json
-import os
 import re
-import subprocess
-import sys
-import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from closeform import console
 from closeform.campaign import case_of, flown
 from closeform.cli import main
-from closeform.console import WIDTH, stdout
 from closeform.mission import fly
-from closeform.report import burns
 from closeform.report.run import RunReport
 from closeform.scenario import parse
 from test_verdict import LOST
@@ -99,19 +92,6 @@ def test_what_each_craft_used_in_all(pictureless, tmp_path, monkeypatch, capsys)
     assert "What each craft used in all" in page
 
 
-@pytest.mark.parametrize(("tank", "unit"), [("300 g", "g"), ("2 kg", "kg")])
-def test_propellant_has_one_unit(tank: str, unit: str, pictureless, tmp_path, monkeypatch, capsys) -> None:
-    monkeypatch.chdir(tmp_path)
-    Path("file.toml").write_text(TWO_STAGES.replace('"300 g"', f'["{tank}", "1 g"]'))
-    assert main(["run", "file.toml"]) == 1
-    printed = capsys.readouterr().out
-    assert set(re.findall(r"propellant \[(k?g)\]|left \[(k?g)\]", printed)) == {(unit, ""), ("", unit)}
-    assert set(re.findall(r"propellant \S+ of \S+ (\w+)", printed)) == {unit}
-    assert re.findall(r"Warning: B needs \S+ (\w+) of propellant, it has \S+ (\w+)", printed) == [
-        (unit, unit)
-    ]
-
-
 def test_only_what_was_flown_is_used() -> None:
     """The plan of the last stage, into B's zone, is flown by nobody."""
     text = TWO_STAGES + TWO_STAGES[TWO_STAGES.index("\n[[stage]]") : TWO_STAGES.index('within = "1000 s"')]
@@ -122,37 +102,6 @@ def test_only_what_was_flown_is_used() -> None:
     np.testing.assert_allclose(list(RunReport(mission).summary["delta_v_m_s"].values()), SPENT, rtol=1e-9)
 
 
-def test_one_who_burns_alone_is_all() -> None:
-    alone = TWO_STAGES.rsplit("\n[[", 1)[0]
-    (table,) = RunReport(fly(parse(alone))).closing
-    assert [row[0] for row in table.rows] == ["A", "B"]
-
-
-def test_nothing_to_sum_up() -> None:
-    """Of a coast, and of one stage without limits, which says it all."""
-    for text in (
-        TWO_STAGES[: TWO_STAGES.index("\n[[stage]]")] + '\n[[stage]]\ndo = "coast"\nfor = "1 h"\n',
-        re.sub(r"(max_|delta_v_|specific_|propellant).*\n", "", TWO_STAGES).rsplit("\n[[", 1)[0],
-    ):
-        assert RunReport(fly(parse(text))).closing == ()
-
-
-def test_lines_are_broken_on_a_terminal_only(monkeypatch, capsys) -> None:
-    words = "word " * 60
-    stdout().print(words)
-    assert capsys.readouterr().out == words + "\n"
-    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
-    assert stdout().width == WIDTH == 100
-
-
-def test_help_has_the_same_width_in_a_pipe() -> None:
-    bare = {key: value for key, value in os.environ.items() if key != "COLUMNS"}
-    shown = subprocess.run(
-        [sys.executable, "-m", "closeform", "run", "--help"], capture_output=True, text=True, env=bare
-    ).stdout
-    assert max(map(len, shown.splitlines())) == WIDTH
-
-
 def test_impulses_are_not_judged_by_thrust() -> None:
     """A gathering says so where the file has max_thrust, and somebody burns."""
     text = (EXAMPLES / "tpf.toml").read_text()
@@ -160,23 +109,6 @@ def test_impulses_are_not_judged_by_thrust() -> None:
     said = "Burns are impulses, which take no time: max_thrust is not looked at in this stage"
     for scenario, lines in ((text, ()), (limited, (said,))):
         assert RunReport(fly(parse(scenario))).sections[0].closing == lines
-
-
-@pytest.mark.parametrize(("craft", "caption"), [(3, "The pairs"), (4, "The 4 of 6 pairs")])
-def test_the_picture_of_the_closest_pairs_says_how_many_there_are(craft: int, caption: str) -> None:
-    rest = 'velocity = "0 0 0 m/s"\nkeep_out = { sphere = "20 m" }\n'
-    names = ", ".join(f'"F{k}"' for k in range(craft))
-    places = ", ".join(f'"0 {50 * k} 0 m"' for k in range(craft))
-    text = (
-        TWO_STAGES[: TWO_STAGES.index("[craft]")]
-        + f"[craft]\nname = [{names}]\nposition = [{places}]\n{rest}"
-    )
-    coast = '\n[[stage]]\ndo = "coast"\nfor = "10 min"\n'
-    spread = '\n[[stage]]\ndo = "scatter"\nfactor = 2.0\nwithin = "10 min"\n'
-    for section in RunReport(fly(parse(text + coast + spread))).sections:
-        (picture,) = [one for one in section.pictures if one.plot == "closest_pairs"]
-        assert picture.caption == f"{caption} that come closest, against time"
-        assert picture.options["count"] == 4
 
 
 @pytest.mark.parametrize("stage", ["gather", "lock"])
@@ -244,57 +176,3 @@ def test_many_conflicts_of_a_coast_have_a_row_for_each_pair() -> None:
     assert [tuple(row["pair"]) for row in stage["after"]["conflicts_by_pair"]] == [
         row[0] for row in by_pair.rows
     ]
-
-
-def test_more_pairs_than_a_terminal_holds_are_counted() -> None:
-    names = [f"C{k}" for k in range(12)]
-    starts = [f"{5 * k} {100 - 3 * k} {k} m" for k in range(12)]  # straight on, through one point at 1000 s
-    speeds = [f"{-5 * k} {-(100 - 3 * k)} {-k} mm/s" for k in range(12)]
-    text = f"""
-closeform = 1
-title = "Through one point"
-[orbit]
-deep_space = true
-[craft]
-name = {json.dumps(names)}
-position = {json.dumps(starts)}
-velocity = {json.dumps(speeds)}
-keep_out = {{ sphere = "1 m" }}
-[[stage]]
-do = "coast"
-for = "2000 s"
-"""
-    mission = fly(parse(text))
-    (told,) = RunReport(mission).sections
-    pairs = len({(met.first, met.second) for met in mission.results[0].after.conflicts})
-    assert pairs > 40
-    assert told.tables[0].title == f"Conflicts, by pair, the 40 deepest of {pairs}"
-    assert len(told.tables[0].rows) == 40
-
-
-def test_long_work_without_a_terminal_says_now_and_then_that_it_goes_on(monkeypatch, capsys) -> None:
-    """Which part is under way; nothing of what is over before."""
-    monkeypatch.setattr(console, "EVERY", 0.05)
-    with console.working(console.stderr(), "flying") as tell:
-        tell("stage 2 of 3")
-        time.sleep(0.4)
-    told = capsys.readouterr().err.splitlines()
-    assert 1 <= len(told) <= 8
-    assert all(re.fullmatch(r"stage 2 of 3, \d+ s so far", line) for line in told)
-    monkeypatch.setattr(console, "EVERY", 30.0)
-    with console.working(console.stderr(), "flying"):
-        pass
-    assert capsys.readouterr().err == ""
-
-
-def test_burns_that_are_too_small_to_tell_are_counted() -> None:
-    """A micrometre a second is no line of the list on which somebody works; files have all of them."""
-    mission = fly(parse((EXAMPLES / "swap_impulses.toml").read_text(), "file.toml", "run"))
-    told = burns.StageBurns(mission, mission.results[0])
-    (whole,) = told.tables
-    small = (*told.rows[0][:3], 1e-6, 0.0, 0.0, 1e-6, *told.rows[0][7:])
-    told.rows.append(small)
-    (listed,) = told.tables
-    assert len(listed.rows) == len(whole.rows)
-    assert listed.title == f"{whole.title}, without 1 below 0.01 mm/s, which burns.parquet has"
-    assert len(told.files["burns"].rows) == len(whole.rows) + 1

@@ -694,9 +694,9 @@ def refusals():
     }
 
 
-@pytest.mark.parametrize("name", refusals())
-def test_bad_input_is_refused(name):
-    changes, words = refusals()[name]
-    with pytest.raises(ValueError, match=words) as refusal:
-        cf.reconfigure(**{**line_abreast(), **changes})
-    assert "\n" not in str(refusal.value)
+def test_bad_input_is_refused():
+    for name in refusals():
+        changes, words = refusals()[name]
+        with pytest.raises(ValueError, match=words) as refusal:
+            cf.reconfigure(**{**line_abreast(), **changes})
+        assert "\n" not in str(refusal.value)

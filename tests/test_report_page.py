@@ -12,18 +12,15 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import closeform as cf
-from bad_input import GOOD
 from closeform.cli import main
-from closeform.conflicts.flight import watch
 from closeform.exchange.oem import read_oem
 from closeform.mission import fly
-from closeform.report import asked, budget, conflicts, found, model
+from closeform.report import budget, found, model
 from closeform.report.run import RunReport, leave
-from closeform.report.table import Column, Table
 from closeform.result_folder import Folder
 from closeform.scenario import parse
-from closeform.zones.pair_zones import PairZones
 from pages import assert_linked
+from scenarios import GOOD
 from test_errors import oem
 
 LIMITED = (
@@ -111,29 +108,6 @@ def test_what_was_asked_comes_first_and_how_to_repeat_it_last(handed_in):
     assert files == {file.name for file in handed_in.iterdir()} - {"report.html"}
 
 
-def test_the_file_speaks_for_itself(handed_in):
-    """The comment at its head, every value as it is written; craft that are alike stand in one row."""
-    page = (handed_in / "report.html").read_text()
-    assert "<p>Three in a row; the last goes past both.</p>" in page
-    craft = rows(page, "Craft")
-    assert [row[0] for row in craft] == ["F1", "F2", "F3"]
-    assert craft[1][1:] == [
-        "0 100 0 m",
-        "0 0 0 m/s",
-        "150 kg",
-        "1.5 N",
-        "220 s",
-        "2 kg",
-        "5 m/s",
-        "sphere 20 m",
-    ]
-    stages = re.findall(r"<td[^>]*>([^<]*within [^<]*)</td>", page)
-    told = "craft F3; to position 0 -100 0 m, velocity 0 0 0 m/s; within 0.1 orbits; cost energy"
-    assert told in [unescape(one) for one in stages]
-    alike = asked.craft(["A", "B", "C", "D"], {"name": [], "mass": ["1 kg", "1 kg", "1 kg", "2 kg"]})
-    assert alike.rows == [("A to C (3 craft)", "1 kg"), ("D", "2 kg")]
-
-
 @pytest.mark.parametrize(
     ("changes", "broken"),
     [
@@ -191,28 +165,6 @@ def test_the_budget_adds_up(report):
         *craft, total = table.rows
         assert total[1:] == pytest.approx(np.sum([row[1:] for row in craft], axis=0), nan_ok=True)
     assert every.rows[2][1] == pytest.approx(spent["F3"])
-
-
-def test_thrusters_that_push_together_are_counted_once(report):
-    """Two pulses from 0 to 3 s and 2 to 5 s are five seconds; one within another adds none."""
-    columns = (
-        Column("craft", "craft"),
-        Column("at", "start_s"),
-        Column("UTC", "start_utc"),
-        Column("", "duration_s"),
-    )
-    pulses = [
-        ("A", 0.0, "", 3.0),
-        ("B", 1.0, "", 1.0),
-        ("A", 2.0, "", 3.0),
-        ("A", 2.5, "", 1.0),
-        ("A", 9.0, "", 0.0),
-    ]
-    mission = type("M", (), {"scenario": type("S", (), {"names": ("A", "B")})})()
-    assert budget.thrusting(mission, [{"burns": Table("", columns, pulses)}, {}]).tolist() == [
-        [5.0, 1.0],
-        [0, 0],
-    ]
 
 
 def orbits(states, period):
@@ -282,23 +234,6 @@ def test_the_farthest_craft_is_found():
     )
     assert reach.distance == pytest.approx(far, rel=1e-3)
     assert (reach.craft, reach.smallest) == ("F3", 20.0)
-
-
-@pytest.mark.parametrize("order", [("Client", "Inspector"), ("Inspector", "Client")])
-def test_pictures_show_who_moves_relative_to_who_stays(order):
-    """Whoever stands first in the file: who burns less stays, of two that coast whose track is shorter."""
-    orbit = cf.Orbit.circular(500e3)
-    rest = orbit.coast([0, 0, 0, 0, 0, 0], 600.0)
-    zones = PairZones.of([cf.Sphere(20.0)] * 2, order)
-    past = orbit.transfer([0, 90, 0, 0, 0, 0], [0, -90, 0, 0, 0, 0], 600.0)
-    for other in (past, orbit.coast([9, 0, 0, 0, 0, 0], 600.0)):
-        ways = {"Client": rest, "Inspector": other}
-        flight = watch(cf.stack([ways[name] for name in order]), order, zones)
-        assert flight.facing(*order) == flight.facing(*order[::-1]) == ("Inspector", "Client")
-    (picture,) = conflicts.deepest(flight)
-    assert picture.caption.startswith("Inspector relative to Client")
-    assert picture.arguments[0].delta_v == other.delta_v
-    assert picture.options["names"] == ("Inspector", "Client")
 
 
 @pytest.fixture

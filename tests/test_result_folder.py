@@ -10,9 +10,9 @@ from tempfile import TemporaryDirectory
 
 import pytest
 
-from bad_input import GOOD, LOST
 from closeform.publishing import BESIDE, folder, workplace
 from closeform.result_folder import PRIVATE, SUMMARY, Folder, FolderError, finished, page_of
+from scenarios import GOOD, LOST
 
 BUILDERS = (folder, workplace)
 

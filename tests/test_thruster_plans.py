@@ -80,7 +80,7 @@ def spent_by(thrusters, impulses):
 
 
 @pytest.mark.parametrize("thrusters", [SIX, TO_STARS, FOUR, SKEW], ids=["six", "stars", "four", "skew"])
-@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
 def test_one_sphere(seed, thrusters):
     a, b, duration, obstacle, radius = passage(seed, thrusters)
     alone = ORBIT.impulsive(a, b, duration, thrusters=thrusters)
@@ -106,7 +106,7 @@ def test_one_sphere(seed, thrusters):
 def test_planned_for_or_not():
     """Planned for six thrusters a plan is cheaper than one planned freely and shared among them after."""
     ratios, dearer = [], []
-    for seed in range(12):
+    for seed in range(5):
         a, b, duration, obstacle, radius = passage(seed)
         task = ORBIT.transfer(a, b, duration), obstacle, cf.Sphere(radius)
         free = cf.avoid(*task, cost="delta-v")
@@ -143,7 +143,9 @@ def test_formation():
         assert np.abs(end - place)[3:].max() < 1e-9
 
 
-@pytest.mark.parametrize("number", [7, 12, 33, 45])  # boxes, spheres, windows of time, deep space among them
+@pytest.mark.parametrize(
+    "number", [7, 33, *(pytest.param(k, marks=pytest.mark.slow) for k in (12, 45))]
+)  # boxes, spheres, windows of time, deep space among them
 def test_random_formations(number):
     task = list(cases())[number]
     plan = cf.reconfigure(**task.arguments, cost="delta-v", thrusters=TO_STARS)
@@ -160,6 +162,7 @@ def test_random_formations(number):
     assert total == pytest.approx(plan.delta_v, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_few_directions():
     """Along the track alone, in the orbit's plane, which steers four of six numbers; and around no wall."""
     along = cf.Thrusters([[0.0, 1.0, 0.0], [0.0, -1.0, 0.0]])

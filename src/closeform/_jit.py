@@ -20,6 +20,7 @@ from importlib import import_module
 from multiprocessing import get_context
 from os import cpu_count
 from pathlib import Path
+from pkgutil import walk_packages
 from shutil import rmtree
 from threading import RLock
 from types import CodeType, FunctionType, ModuleType
@@ -34,6 +35,8 @@ from platformdirs import user_cache_path
 
 # No fastmath: the certificates need IEEE arithmetic.  Not parallel: callers share chunks out to threads.
 OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
+# Those that define kernels.
+SUB_PACKAGES = "motion", "zones", "conflicts", "fuel", "drift", "uncertainty", "planning", "search", "field"
 Progress = Callable[[str], None]
 
 _compiling = RLock()  # numba's cache folder is one setting for all threads
@@ -130,6 +133,13 @@ _KERNELS: list[Kernel] = []
 def _register(one: Kernel) -> Kernel:
     _KERNELS.append(one)
     return one
+
+
+def kernel_modules() -> list[str]:
+    """Return the names, without the package, of all modules that may define kernels."""
+    package = import_module("closeform")
+    names = (found.name.partition(".")[2] for found in walk_packages(package.__path__, "closeform."))
+    return [name for name in names if name.partition(".")[0] in SUB_PACKAGES]
 
 
 def kernels_of(modules: Iterable[str]) -> list[Kernel]:

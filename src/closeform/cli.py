@@ -274,18 +274,9 @@ def completion(shell: Literal["bash", "zsh", "fish"], /) -> int:
 @app.command(name="compile", sort_key=6)
 def compile_kernels() -> int:
     """Compile all kernels now, for this version and this processor; later commands load them."""
-    from pkgutil import walk_packages
+    from closeform._jit import compile_ahead, kernel_modules
 
-    import closeform
-    from closeform._jit import compile_ahead
-
-    sub_packages = ("motion", "zones", "conflicts", "fuel", "drift", "uncertainty", "planning", "search", "field")
-    modules = [
-        found.name.removeprefix("closeform.")
-        for found in walk_packages(closeform.__path__, "closeform.")
-        if found.name.split(".")[1] in sub_packages
-    ]
-    compiled = compile_ahead(modules, complain)
+    compiled = compile_ahead(kernel_modules(), complain)
     say(stdout(), f"{compiled} kernels compiled" if compiled else "All kernels are compiled already")
     return CLEAR
 
