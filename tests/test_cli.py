@@ -462,3 +462,14 @@ def test_ctrl_c(tmp_path, monkeypatch, capsys) -> None:
     assert main(["run", "good.toml"]) == 130
     assert capsys.readouterr().err == "closeform: stopped by the keyboard; nothing was written\n"
     assert [file.name for file in tmp_path.iterdir()] == ["good.toml"]
+
+
+def test_a_current_folder_that_was_deleted_is_one_line(tmp_path) -> None:
+    gone = tmp_path / "gone"
+    for arguments in ("check x.toml", "run x.toml", "export x --to oem"):
+        gone.mkdir()
+        command = f'rmdir "{gone}"; exec "{sys.executable}" -m closeform {arguments}'
+        done = subprocess.run(["sh", "-c", command], cwd=gone, capture_output=True, text=True)
+        assert (done.returncode, done.stdout) == (2, ""), done.stderr
+        assert done.stderr.startswith("closeform: the current folder: ")
+        assert len(done.stderr.splitlines()) == 1
