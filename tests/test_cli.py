@@ -473,3 +473,19 @@ def test_a_current_folder_that_was_deleted_is_one_line(tmp_path) -> None:
         assert (done.returncode, done.stdout) == (2, ""), done.stderr
         assert done.stderr.startswith("closeform: the current folder: ")
         assert len(done.stderr.splitlines()) == 1
+
+
+def test_control_characters_of_files_do_not_reach_the_terminal(
+    tmp_path, monkeypatch, capsys, undrawn
+) -> None:
+    """Neither in results nor in complaints; results themselves name the craft as the file does."""
+    monkeypatch.chdir(tmp_path)
+    for name, y in (("A", 0.0), ("B", 5.0)):
+        (tmp_path / f"{name}.oem").write_text(oem(f"{name}\x1b]0;owned\x07", y))
+    main(["screen", "A.oem", "B.oem", "--sphere", "20 m"])
+    (tmp_path / "bad.oem").write_text(oem("A", 0.0).replace("EARTH", "EA\x1b[2JRTH"))
+    assert main(["screen", "A.oem", "bad.oem", "--sphere", "20 m"]) == 2
+    told = capsys.readouterr()
+    assert "A\\x1b]0;owned" in told.out
+    assert "differs from EARTH" in told.err
+    assert not re.search(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]", told.out + told.err)
