@@ -475,9 +475,7 @@ def test_a_current_folder_that_was_deleted_is_one_line(tmp_path) -> None:
         assert len(done.stderr.splitlines()) == 1
 
 
-def test_control_characters_of_files_do_not_reach_the_terminal(
-    tmp_path, monkeypatch, capsys, undrawn
-) -> None:
+def test_control_characters_are_not_printed(tmp_path, monkeypatch, capsys, undrawn) -> None:
     """Neither in results nor in complaints; results themselves name the craft as the file does."""
     monkeypatch.chdir(tmp_path)
     for name, y in (("A", 0.0), ("B", 5.0)):
