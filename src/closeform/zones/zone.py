@@ -105,7 +105,11 @@ class Zone:
         ----------
         docs/theory.md section 3.
         """
-        return scaled_norm(self, finite("position", position, 3) @ self.matrix.T)
+        return self._norm(finite("position", position, 3))
+
+    def _norm(self, position: Floats) -> Any:
+        """Return the norm of positions (..., 3), NaN of those that are not known."""
+        return scaled_norm(self, position @ self.matrix.T)
 
     def enlarged(self, factor: float) -> Zone:
         """The same shape, larger or smaller about the origin.
