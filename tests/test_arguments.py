@@ -613,3 +613,41 @@ def test_one_for_all_or_one_for_each_is_refused_in_the_same_words(key, call):
         ValueError, match=rf"^{key}: expected one number, or one for each of 3 craft, got shape \(2,\)$"
     ):
         call()
+
+
+MASKED = np.ma.masked_array([0.0, 200, 0, 0, 0, 0], mask=[0, 1, 0, 0, 0, 0])
+UNIT = [1.0, 0.0, 0.0]
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(
+    ("key", "call"),
+    [
+        ("state", lambda: ORBIT.coast(MASKED, 900.0)),
+        ("state", lambda: ORBIT.coast([MASKED, MASKED], 900.0)),
+        ("radius", lambda: cf.Sphere(np.ma.masked)),
+        ("radius", lambda: cf.Sphere(True)),
+        ("half_widths", lambda: cf.Box([True, 2.0, 3.0])),
+        ("state", lambda: ORBIT.coast(np.ones(6, dtype=bool), 900.0)),
+        ("mean_motion", lambda: cf.Orbit(10**400)),
+        ("state", lambda: ORBIT.coast([10**400, 0, 0, 0, 0, 0], 900.0)),
+        ("relative_position", lambda: cf.lock_times(SEARCH, [[1e160, 0, 0]], [UNIT])),
+        ("relative_position", lambda: cf.lock_times(SEARCH, [[9e59, 9e59, 0]], [UNIT])),
+        ("relative_velocity", lambda: cf.lock_times(SEARCH, [UNIT], [[1e160, 0, 0]])),
+        ("relative_velocity", lambda: cf.lock_times(SEARCH, [UNIT], [[np.nan, 0, 0]])),
+        ("period", lambda: cf.Orbit.from_period(1e-310)),
+        ("semi_major_axis", lambda: cf.Orbit.from_semi_major_axis(1e-310)),
+        ("axes", lambda: cf.Box([1.0, 2.0, 3.0], axes=1e200 * np.eye(3))),
+        ("axes", lambda: cf.Box([1.0, 2.0, 3.0], axes=np.full((3, 3), np.inf))),
+        ("position", lambda: BALL.norm([np.nan, 0, 0])),
+        ("direction", lambda: BALL.support([0, np.inf, 0])),
+    ],
+)
+def test_numbers_that_numpy_would_convert_or_overflow_are_refused(key, call):
+    with pytest.raises(ValueError, match=rf"^{key}: "):
+        call()
+
+
+def test_a_masked_array_without_masked_values_is_an_array():
+    plain = np.ma.masked_array(START, mask=np.zeros_like(START))
+    np.testing.assert_array_equal(ORBIT.coast(plain, 900.0).arcs, COAST.arcs)

@@ -189,7 +189,7 @@ def test_a_chief_pickles(grace):
         ({"frame": "ITRF"}, "frame: 'ITRF' turns or is unknown; convert to one of EME2000"),
         ({"state": [1, 2, 3]}, r"state: expected shape \(6,\), got \(3,\)"),
         ({"state": [7e6, 0, 0, 0, 12e3, 0]}, "state: the orbit must be an ellipse"),
-        ({"state": [7e6, 0, 0, 0, np.nan, 0]}, "state: every value must be finite"),
+        ({"state": [7e6, 0, 0, 0, np.nan, 0]}, "state: every number must be finite"),
         ({"mu": -1.0}, "mu: must be positive"),
         ({"ephemeris": "file"}, "ephemeris: expected Ephemeris"),
     ],

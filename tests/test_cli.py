@@ -376,3 +376,28 @@ def test_ctrl_c(tmp_path, monkeypatch, capsys) -> None:
     assert main(["run", "good.toml"]) == 130
     assert capsys.readouterr().err == "closeform: stopped by the keyboard; nothing was written\n"
     assert [file.name for file in tmp_path.iterdir()] == ["good.toml"]
+
+
+def test_a_current_folder_that_was_deleted_is_one_line(tmp_path) -> None:
+    gone = tmp_path / "gone"
+    for arguments in ("check x.toml", "run x.toml", "export x --to oem"):
+        gone.mkdir()
+        command = f'rmdir "{gone}"; exec "{sys.executable}" -m closeform {arguments}'
+        done = subprocess.run(["sh", "-c", command], cwd=gone, capture_output=True, text=True)
+        assert (done.returncode, done.stdout) == (2, ""), done.stderr
+        assert done.stderr.startswith("closeform: the current folder: ")
+        assert len(done.stderr.splitlines()) == 1
+
+
+def test_control_characters_are_not_printed(tmp_path, monkeypatch, capsys, undrawn) -> None:
+    """Neither in results nor in complaints; results themselves name the craft as the file does."""
+    monkeypatch.chdir(tmp_path)
+    for name, y in (("A", 0.0), ("B", 5.0)):
+        (tmp_path / f"{name}.oem").write_text(oem(f"{name}\x1b]0;owned\x07", y))
+    main(["screen", "A.oem", "B.oem", "--sphere", "20 m"])
+    (tmp_path / "bad.oem").write_text(oem("A", 0.0).replace("EARTH", "EA\x1b[2JRTH"))
+    assert main(["screen", "A.oem", "bad.oem", "--sphere", "20 m"]) == 2
+    told = capsys.readouterr()
+    assert "A\\x1b]0;owned" in told.out
+    assert "differs from EARTH" in told.err
+    assert not re.search(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]", told.out + told.err)

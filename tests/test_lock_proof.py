@@ -354,7 +354,7 @@ def test_bad_input():
     for arguments, message in [
         ({"low": DRAWN}, "low: component 0 of 1000 is above 1 of high; give the lesser one first"),
         ({"low": [1, 2, 3]}, r"low: expected shape \(6,\), position and velocity, got \(3,\)"),
-        ({"high": np.full(6, nan)}, "high: must be finite"),
+        ({"high": np.full(6, nan)}, "high: every number must be finite"),
         ({"low": np.zeros(6), "high": np.zeros(6)}, "high: the box is the origin alone"),
         ({"pointing_error": -0.1}, "pointing_error: must be finite and at least 0, got -0.1"),
         ({"timing_error": inf}, "timing_error: must be finite and at least 0, got inf"),

@@ -485,7 +485,7 @@ BAD = {
         lambda o: o.transfer(INITIAL, FINAL, 1e14),
         r"duration: must be at most 1e\+06 orbits",
     ),
-    "mean motion without end": (lambda o: cf.Orbit(1e160).coast(INITIAL, 1.0), "duration: must be at most"),
+    "mean motion without end": (lambda o: cf.Orbit(1e50).coast(INITIAL, 1.0), "duration: must be at most"),
     "times tiny": (
         lambda o: o.sampled([0.0, 1e-80], [INITIAL] * 2),
         "times: from one to the next must be at least",

@@ -5,16 +5,17 @@ import os
 import resource
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import pytest
 
-from closeform.publishing import BESIDE, folder, workplace
+from closeform.publishing import folder, settle
 from closeform.result_folder import PRIVATE, SUMMARY, Folder, FolderError, finished, page_of
 from scenarios import GOOD, LOST
 
-BUILDERS = (folder, workplace)
+BUILDERS = {"run": folder, "study": partial(folder, study=True)}
 
 
 def fill(under_way: Folder, age: str) -> None:
@@ -50,7 +51,7 @@ NEW = ["cases/000.txt", "figures.txt", "summary.json"]
 OLD = ["figures.txt", "summary.json"]
 
 
-@pytest.mark.parametrize("builder", BUILDERS)
+@pytest.mark.parametrize("builder", BUILDERS.values(), ids=BUILDERS)
 def test_results_appear_whole(builder, tmp_path) -> None:
     place = tmp_path / "deep" / "results"
     with builder(place) as under_way:
@@ -67,7 +68,7 @@ def test_results_appear_whole(builder, tmp_path) -> None:
     assert sorted(os.listdir(place)) == OLD  # no empty folder either
 
 
-@pytest.mark.parametrize("builder", BUILDERS)
+@pytest.mark.parametrize("builder", BUILDERS.values(), ids=BUILDERS)
 def test_what_fails_leaves_the_results_before(builder, tmp_path) -> None:
     place = tmp_path / "deep" / "results"
 
@@ -85,58 +86,25 @@ def test_what_fails_leaves_the_results_before(builder, tmp_path) -> None:
     assert (age_of(place), names(place)) == ("old", OLD)
 
 
-def test_of_two_runs_at_once_one_is_kept_whole(tmp_path) -> None:
+def test_of_two_at_once_the_second_is_refused(tmp_path) -> None:
     place = tmp_path / "results"
-    with pytest.raises(FolderError, match="holds finished results"):
-        made(folder, place, "old", meanwhile=lambda: made(folder, place, "new"))
-    assert age_of(place) == "new"
-    # the one that ends later was asked to replace what it finds
-    made(folder, place, "old", True, meanwhile=lambda: made(folder, place, "new", True))
-    assert (age_of(place), names(tmp_path)) == ("old", [f"results/{name}" for name in OLD])
+    for overwrite in (False, True):
+        with BUILDERS["run"](place, overwrite) as under_way:
+            for builder in BUILDERS.values():
+                with pytest.raises(FolderError, match="is under way in it; wait for its end"):
+                    made(builder, place, "old", overwrite=True)
+            fill(under_way, "new")
+        assert (age_of(place), names(place)) == ("new", NEW)
 
 
-def test_a_place_that_is_taken_at_the_last_moment(tmp_path, monkeypatch) -> None:
-    """Between the last look and the rename: the rename itself fails."""
-    place = tmp_path / "results"
-    rename = Path.rename
-
-    def late(self: Path, target: Path) -> Path:
-        place.mkdir()
-        (place / "thesis.txt").write_text("years of work")
-        return rename(self, target)
-
-    with pytest.raises(FolderError, match=r"results: appeared during the run; choose another --out$"):
-        made(folder, place, "new", meanwhile=lambda: monkeypatch.setattr(Path, "rename", late))
-    assert names(tmp_path) == ["results/thesis.txt"]
-
-
-@pytest.mark.parametrize("overwrite", [False, True])
-def test_a_folder_that_appears_during_a_run_stays(overwrite, tmp_path) -> None:
-    place = tmp_path / "results"
-
-    def appear() -> None:
-        place.mkdir()
-        (place / "thesis.txt").write_text("years of work")
-
-    with pytest.raises(FolderError, match="is not a result folder and not empty"):
-        made(folder, place, "new", overwrite, meanwhile=appear)
-    assert names(tmp_path) == ["results/thesis.txt"]
-
-
-def test_files_that_come_during_a_run_are_not_replaced(tmp_path, monkeypatch) -> None:
-    """Even between the last look and the rename."""
-    place = tmp_path / "results"
-    made(folder, place, "old")
-    rename = Path.rename
-
-    def late(self: Path, target: Path) -> Path:
-        if self == place:
-            (place / "thesis.txt").write_text("years of work")
-        return rename(self, target)
-
-    with pytest.raises(FolderError, match=r"results: holds what is none of its results: thesis\.txt"):
-        made(folder, place, "new", True, meanwhile=lambda: monkeypatch.setattr(Path, "rename", late))
-    assert (age_of(place), names(place)) == ("old", [*OLD, "thesis.txt"])
+@pytest.mark.parametrize("builder", BUILDERS.values(), ids=BUILDERS)
+def test_files_of_others_that_come_meanwhile_stay(builder, tmp_path) -> None:
+    place, other = tmp_path / "results", tmp_path / "other"
+    made(builder, place, "new", meanwhile=lambda: (place / "notes.txt").write_text("mine"))
+    assert (age_of(place), names(place)) == ("new", sorted([*NEW, "notes.txt"]))
+    with pytest.raises(FolderError, match=r"other: figures\.txt appeared meanwhile; move it away"):
+        made(builder, other, "new", meanwhile=lambda: (other / "figures.txt").write_text("mine"))
+    assert ((other / "figures.txt").read_text(), names(other)) == ("mine", ["figures.txt"])
 
 
 STRANGERS = {
@@ -149,7 +117,7 @@ STRANGERS = {
 }
 
 
-@pytest.mark.parametrize("builder", BUILDERS)
+@pytest.mark.parametrize("builder", BUILDERS.values(), ids=BUILDERS)
 @pytest.mark.parametrize("add", STRANGERS.values(), ids=STRANGERS)
 def test_overwrite_leaves_the_files_of_others(builder, add, tmp_path) -> None:
     place = tmp_path / "results"
@@ -163,7 +131,7 @@ def test_overwrite_leaves_the_files_of_others(builder, add, tmp_path) -> None:
     assert strange in os.listdir(place)
 
 
-@pytest.mark.parametrize("builder", BUILDERS)
+@pytest.mark.parametrize("builder", BUILDERS.values(), ids=BUILDERS)
 def test_a_results_folder_that_became_a_link_is_not_followed(builder, tmp_path) -> None:
     place, elsewhere = tmp_path / "results", tmp_path / "elsewhere"
     made(builder, place, "new")
@@ -197,7 +165,7 @@ FOREIGN = {
 }
 
 
-@pytest.mark.parametrize("builder", BUILDERS)
+@pytest.mark.parametrize("builder", BUILDERS.values(), ids=BUILDERS)
 @pytest.mark.parametrize("text", FOREIGN.values(), ids=FOREIGN)
 def test_only_our_own_summary_is_one(builder, text, tmp_path) -> None:
     place = tmp_path / "results"
@@ -211,36 +179,15 @@ def test_only_our_own_summary_is_one(builder, text, tmp_path) -> None:
     assert (place / "a.txt").read_text() == "mine"
 
 
-def test_a_study_holds_its_place(tmp_path) -> None:
-    place = tmp_path / "results"
-    with workplace(place) as under_way:
-        for builder in BUILDERS:
-            with pytest.raises(FolderError, match="results: a study is under way in it; wait for its end"):
-                made(builder, place, "old", overwrite=True)
-        fill(under_way, "new")
-    assert (age_of(place), names(place)) == ("new", NEW)
-
-
-def test_files_of_others_that_come_during_a_study_stay(tmp_path) -> None:
-    place = tmp_path / "results"
-    made(workplace, place, "new", meanwhile=lambda: (place / "notes.txt").write_text("mine"))
-    assert (age_of(place), names(place)) == ("new", sorted([*NEW, "notes.txt"]))
-    other = tmp_path / "other"
-    with pytest.raises(FolderError, match=r"figures\.txt appeared during the study"):
-        made(workplace, other, "new", meanwhile=lambda: (other / "figures.txt").write_text("mine"))
-    assert ((other / "figures.txt").read_text(), names(other)) == ("mine", ["figures.txt"])
-
-
 # A process that ends, or whose disk fills, at step K on the disk; a fork for each K, until there is none.
 AT_EVERY_STEP = """
 import os, signal, sys
 from pathlib import Path
 sys.path.insert(0, sys.argv[1])
-from test_result_folder import fill, made
-from closeform import publishing
+from test_result_folder import BUILDERS, fill, made
 from closeform.result_folder import FolderError
-builder, fault, before = getattr(publishing, sys.argv[2]), sys.argv[3], sys.argv[4] == "over"
-NEEDS_SPACE = ("os.mkdir", "os.rename", "tempfile.mkdtemp")
+builder, fault, before = BUILDERS[sys.argv[2]], sys.argv[3], sys.argv[4] == "over"
+NEEDS_SPACE = ("os.mkdir", "os.rename")
 STEPS = (*NEEDS_SPACE, "os.remove", "os.rmdir", "os.listdir", "open", "shutil.rmtree")
 def attack(place, last):
     left = [last]
@@ -278,10 +225,10 @@ for k in range(1000):
 
 @pytest.mark.parametrize("before", ["fresh", "over"])
 @pytest.mark.parametrize("fault", ["kill", "ctrl-c", "full"])
-@pytest.mark.parametrize("builder", BUILDERS)
-def test_an_end_at_every_step(builder, fault, before, tmp_path) -> None:
+@pytest.mark.parametrize("kind", BUILDERS)
+def test_an_end_at_every_step(kind, fault, before, tmp_path) -> None:
     """Results are those before, the new ones or none; never half of them, and the next run needs no help."""
-    step = [AT_EVERY_STEP, str(Path(__file__).parent), builder.__name__, fault, before]
+    step = [AT_EVERY_STEP, str(Path(__file__).parent), kind, fault, before]
     done = subprocess.run(
         [sys.executable, "-B", "-c", *step],  # no half of a compiled module is left either
         cwd=tmp_path,
@@ -296,35 +243,23 @@ def test_an_end_at_every_step(builder, fault, before, tmp_path) -> None:
     for k, end in enumerate(ends):
         around = tmp_path / f"{k:03d}"
         place = around / "results"
-        seen.add(age_of(place))
-        if fault != "kill":
+        if fault == "kill":
+            settle(place)  # as every command that opens the place
+        else:
             assert not [name for name in names(around) if PRIVATE in name], (k, end)
-            if not finished(place):
-                assert before == "fresh", k  # results are never lost but to a kill
-                assert names(around) == [], k
-        elif not finished(place):
+        seen.add(age_of(place))
+        if not finished(place):
+            assert before == "fresh", k  # results are never lost, also not to a kill
+            assert fault == "kill" or names(around) == [], k
             with pytest.raises(FolderError, match=r"holds no finished results|no such folder"):
                 page_of(place)
-        made(builder, place, "new", overwrite=finished(place))  # no other remedy is needed
-        assert (age_of(place), names(place)) == ("new", NEW), k
-        assert [name for name in os.listdir(around) if name.startswith(BESIDE)] == [], k
+        made(BUILDERS[kind], place, "new", overwrite=finished(place))  # no other remedy is needed
+        assert (age_of(place), names(place), os.listdir(around)) == ("new", NEW, ["results"]), k
     assert "new" in seen
     assert seen <= {"old", "new", None}
 
 
-def test_a_living_run_is_not_cleared_away(tmp_path) -> None:
-    with folder(tmp_path / "slow") as slow:
-        made(folder, tmp_path / "quick", "old")
-        fill(slow, "new")
-    assert age_of(tmp_path / "slow") == "new"
-    theirs = tmp_path / f"{BESIDE}notes{PRIVATE}"
-    theirs.mkdir()
-    (theirs / "mine.txt").touch()
-    made(folder, tmp_path / "third", "old")
-    assert names(theirs) == ["mine.txt"]
-
-
-@pytest.mark.parametrize("builder", BUILDERS)
+@pytest.mark.parametrize("builder", BUILDERS.values(), ids=BUILDERS)
 def test_places_of_every_kind(builder, tmp_path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "real").mkdir()
@@ -345,7 +280,7 @@ def test_places_of_every_kind(builder, tmp_path, monkeypatch) -> None:
         made(builder, Path("loop"), "new")
 
 
-@pytest.mark.parametrize("builder", BUILDERS)
+@pytest.mark.parametrize("builder", BUILDERS.values(), ids=BUILDERS)
 def test_another_file_system(builder, tmp_path) -> None:
     other = Path("/dev/shm")
     if not other.is_dir() or other.stat().st_dev == tmp_path.stat().st_dev:

@@ -1,8 +1,10 @@
 """Scenario files: units, starts, zones, and the three format samples."""
 
 import re
+from contextlib import suppress
 from itertools import permutations
 from pathlib import Path
+from time import process_time
 
 import astropy.units
 import numpy as np
@@ -308,3 +310,25 @@ def test_documented_example_is_a_scenario() -> None:
 @pytest.mark.parametrize("unit", ["uN", "\u00b5N", "\u03bcN"])  # the micro sign, and the Greek letter
 def test_micronewtons_as_they_are_typed(unit):
     assert Reader(FORCE)(f"25 {unit}") == pytest.approx(25e-6, rel=1e-15)
+
+
+@pytest.mark.parametrize("text", ["a" * 100_000, '"\'' * 50_000, "a. " * 40_000, " " * 100_000 + "!"])
+def test_the_time_to_read_grows_with_the_length_of_the_text(text) -> None:
+    """Also of a text that is no TOML; it took minutes where it grew with the square."""
+    begin = process_time()
+    for written in (f"{GOOD}\n# {text}", f"{GOOD}\n{text}"):
+        with suppress(ScenarioError):
+            parse(written)
+    assert process_time() - begin < 5.0
+
+
+def test_each_line_of_an_example_that_is_deleted_is_told_in_words() -> None:
+    """Of one that draws for its craft: no name, so that there is no craft to draw for, is one line."""
+    lines = (EXAMPLES / "s04.toml").read_text().splitlines()
+    for k in range(len(lines)):
+        with suppress(ScenarioError):
+            parse("\n".join(lines[:k] + lines[k + 1 :]), command="study")
+    text = "\n".join(line for line in lines if not line.startswith("name"))
+    for command in ("check", "run", "study"):
+        with pytest.raises(ScenarioError, match=r"^scenario: craft\.name: missing"):
+            parse(text, command=command)

@@ -102,6 +102,37 @@ def test_a_study_goes_on_where_it_stopped(error, status, said, desk, monkeypatch
     assert not (desk / "out" / ".unfinished").exists()
 
 
+def test_a_finished_study_that_is_asked_for_again_ends_with_its_status(desk, monkeypatch, capsys) -> None:
+    """A job that repeats the command until it is done can end; another study is still refused."""
+    assert main(STUDY) == 1
+    last = capsys.readouterr().out.splitlines()[-1]
+    again = flown_ranges(monkeypatch)
+    assert main(STUDY) == 1
+    told = capsys.readouterr()
+    assert told.out.splitlines() == [last]
+    assert told.err.startswith("out: ")
+    assert again == []
+    for other in (["--seed", "8"], ["--cases", "200"]):
+        assert main([*STUDY, *other]) == 2
+        assert "out: holds finished results" in capsys.readouterr().err
+    assert main([*STUDY, "--overwrite"]) == 1
+    assert len(again) == 6
+
+
+def test_overwrite_replaces_an_unfinished_study_of_another_seed(desk, monkeypatch, capsys) -> None:
+    """Also where that one was to replace finished results, and where a kill left its manifest."""
+    assert main(STUDY) == 1
+    with monkeypatch.context() as patched:
+        patched.setattr("test_study_chunks.STUDY", [*STUDY, "--seed", "8", "--overwrite"])
+        assert stopped(monkeypatch, 2, KeyboardInterrupt()) == 130
+    assert main([*STUDY, "--seed", "9", "--overwrite"]) == 1
+    summary = json.loads((desk / "out" / "summary.json").read_text())
+    assert (summary["seed"], len(rows(desk / "out"))) == (9, 6)
+    assert sorted(summary["files"]) == sorted(
+        file.relative_to(desk / "out").as_posix() for file in (desk / "out").rglob("*") if file.is_file()
+    )
+
+
 @pytest.mark.parametrize(
     ("options", "what"),
     [
@@ -146,27 +177,33 @@ def test_a_damaged_chunk_is_flown_anew(desk, monkeypatch, capsys) -> None:
     assert rows(desk / "out") == rows(desk / "undisturbed")
 
 
-def test_a_kill_while_results_move_up_loses_no_chunk(desk, monkeypatch) -> None:
-    """Half of the cases stand in their place already when the process is gone."""
+@pytest.mark.parametrize("kept", [3, "all"])
+def test_a_kill_while_results_move_up_loses_nothing(kept, desk, monkeypatch) -> None:
+    """Some of the cases stand in their place when the process is gone, or all do."""
     assert main([*STUDY[:-1], "undisturbed"]) == 1
     real, moved = Path.replace, []
 
     def replace(self: Path, target: Path) -> Path:
-        if self.suffix == ".parquet" and len(moved) == 3:
+        if self.suffix == ".parquet" and len(moved) == kept:
             raise SystemExit
         moved.extend([self] * (self.suffix == ".parquet"))
         return real(self, target)
 
+    def stop(*_: object) -> None:
+        raise SystemExit
+
     with monkeypatch.context() as patched:
         patched.setattr(Path, "replace", replace)
         patched.setattr("closeform.publishing.remove_folders", lambda folders: None)
+        patched.setattr("closeform.publishing.drop", stop)  # as a process that is gone
         with pytest.raises(SystemExit):
             main(STUDY)
-    assert len(rows(desk / "out")) == 3  # nobody moved them back
     again = flown_ranges(monkeypatch)
     assert main(STUDY) == 1
     assert again == []
     assert rows(desk / "out") == rows(desk / "undisturbed")
+    assert main([*STUDY, "--seed", "8", "--overwrite"]) == 1
+    assert not (desk / "out" / ".unfinished").exists()
 
 
 # what files come to

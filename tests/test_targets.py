@@ -336,7 +336,7 @@ REFUSED = {
     "cross_track: must be positive": lambda: targets.pendulum(ORBIT, 3, 1.0, 0.0),
     "radius: expected one number": lambda: targets.projected_circular(ORBIT, 3, [1.0, 2.0]),
     "inclination: 0 leaves": lambda: targets.separated_ring(ORBIT, 3, 1.0, 0.0),
-    "phase: every value must be finite": lambda: targets.separated_ring(ORBIT, 3, 1.0, 1.0, np.nan),
+    "phase: every number must be finite": lambda: targets.separated_ring(ORBIT, 3, 1.0, 1.0, np.nan),
     "direction: expected one vector": lambda: targets.line(3, 1.0, [0, 0, 0]),
     "states: expected shape \\(N, 6\\)": lambda: targets.scattered(ORBIT, RING[0], 100.0, 2.0),
     "states: expected shape": lambda: targets.added_member(ORBIT, RING[:, :5]),

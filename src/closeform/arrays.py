@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Floats = NDArray[np.float64]
-LARGEST = 1e60  # of a number: beyond, squares and cubes overflow
+LARGEST = 1e60  # of a number's size: beyond, squares and cubes overflow
+SMALLEST = 1e-30  # of a positive number: quotients by a smaller one leave the range above
 
 
 def shown(value: Any) -> str:
@@ -15,17 +16,39 @@ def shown(value: Any) -> str:
 
 
 def numbers(name: str, value: ArrayLike) -> Floats:
-    """An argument as an array of floats; it may share memory with what was given."""
+    """Return an argument as an array of floats, which may share memory with it.
+
+    Refuses what NumPy would convert without a word: truth values, masked values, numbers beyond LARGEST.
+    """
+    parts = value if isinstance(value, list | tuple) else (value,)
+    if any(isinstance(one, np.ma.MaskedArray) and np.ma.is_masked(one) for one in parts):
+        raise ValueError(f"{name}: has masked values; fill or remove them")
     try:
+        if any(isinstance(one, bool | np.bool_) for one in parts):
+            raise TypeError(bool)
         given = np.asarray(value)
         if given.dtype.kind == "O":  # fractions, decimals; of None NumPy would make nan
             given = np.array([float(one) for one in given.flat]).reshape(given.shape)
-        if given.dtype.kind not in "biuf":
+        if given.dtype.kind not in "iuf":
             raise TypeError(given.dtype)
         array: Floats = given.astype(float, copy=False)
+    except OverflowError:
+        raise ValueError(f"{name}: every number must be below {LARGEST:g} in SI units") from None
     except (TypeError, ValueError) as error:
         raise ValueError(f"{name}: expected numbers, got {shown(value)}") from error
+    if np.abs(array).max(initial=0.0) > LARGEST and (np.abs(array[np.isfinite(array)]) > LARGEST).any():
+        raise ValueError(f"{name}: every number must be below {LARGEST:g} in SI units")
     return array if array.flags.aligned else array.copy()
+
+
+def finite(name: str, value: ArrayLike, last: int | None = None) -> Floats:
+    """Return an argument as an array of finite floats, with so many along its `last` axis."""
+    array = numbers(name, value)
+    if last is not None and (array.ndim == 0 or array.shape[-1] != last):
+        raise ValueError(f"{name}: expected shape (..., {last}), got {array.shape}")
+    if not np.isfinite(array).all():
+        raise ValueError(f"{name}: every number must be finite")
+    return array
 
 
 def number(name: str, value: ArrayLike) -> float:

@@ -60,6 +60,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if arguments is None:
             open_output()
             make_haste(tokens)
+        check_folder()
         status = app(tokens, exit_on_error=False, print_error=False)
         sys.stdout.flush()
     except CycloptsError as error:
@@ -79,6 +80,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
         complain(f"closeform: stopped by the keyboard; {str(error) or 'nothing was written'}")
         return INTERRUPTED
     return int(status or 0)
+
+
+def check_folder() -> None:
+    """Raise UsageError if the current folder was deleted: relative paths mean nothing there."""
+    try:
+        os.getcwd()
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise UsageError(f"closeform: the current folder: {reason}; change to another folder") from None
 
 
 def make_haste(tokens: list[str]) -> None:
@@ -120,8 +130,8 @@ def run(
     no_viewer
         Leave viewer.html out, the page in which all of it moves.
     """
-    from closeform.publishing import folder
-    from closeform.result_folder import WORST_FLIGHT, check_free, written
+    from closeform.publishing import check_free, folder
+    from closeform.result_folder import WORST_FLIGHT, written
 
     name = scenario.stem
     for what, number in (("point", point), ("case", case)):
@@ -216,8 +226,10 @@ def view(directory: Path, /, *, report: Annotated[bool, Parameter(negative="")] 
     """
     import webbrowser
 
+    from closeform.publishing import settle
     from closeform.result_folder import page_of
 
+    settle(directory)
     page = page_of(directory, report).resolve()
     print(page)
     webbrowser.open(page.as_uri())

@@ -3,13 +3,14 @@
 import codecs
 import io
 import os
+import re
 import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 from unicodedata import normalize
 
 if TYPE_CHECKING:
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
     from closeform.report.table import Table
 
 WIDTH = 100  # columns of a terminal's output
+# all but tabs and ends of lines; the last ones turn the direction of writing
+CONTROLS = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069]")
 EVERY = 30.0  # s between lines about long work, where there is no terminal
 UNBROKEN = 100_000  # what is read by other programs, or kept in a file, has its lines as they are
 
@@ -102,7 +105,7 @@ def working(console: "Console", what: str) -> "Iterator[Callable[[str], None]]":
     """What is told which part of long work is under way: shown on a terminal, elsewhere now and then."""
     if console.is_terminal:
         with console.status(what) as status:
-            yield lambda text: status.update(text)
+            yield lambda text: status.update(visible(text))
         return
     under_way, over, begun = [what], threading.Event(), time.monotonic()
 
@@ -165,7 +168,17 @@ class Lines:
 def say(console: "Console", *lines: str) -> None:
     """Print lines as they are, on a terminal wrapped at its width."""
     for line in lines:
-        console.print(line)
+        put(console, line)
+
+
+def put(console: "Console", text: str, **how: Any) -> None:
+    """Print a text without its control characters, which a terminal would obey."""
+    console.print(visible(text), **how)
+
+
+def visible(text: str) -> str:
+    """Return a text with control characters and marks of writing direction as escape sequences, as \\x1b."""
+    return CONTROLS.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
 
 
 def show(console: "Console", shown: "Table") -> None:
@@ -181,7 +194,7 @@ def show(console: "Console", shown: "Table") -> None:
     for column in (shown.shown[k] for k in kept):
         table.add_column(column.heading or "", justify="left" if column.words else "right", overflow="fold")
     for row in texts[1:]:
-        table.add_row(*(row[k] for k in kept))
+        table.add_row(*(visible(row[k]) for k in kept))
     console.print(table)
 
 
@@ -190,7 +203,7 @@ def tell_run(report: "RunReport", place: Path) -> None:
     console, mission = stdout(), report.mission
     say(console, mission.scenario.title, report.opening, *report.origin)
     for section in (*report.sections, *report.in_flight):
-        console.print(f"\n{section.title}", style="bold")
+        put(console, f"\n{section.title}", style="bold")
         say(console, *section.lines)
         for table in section.tables:
             if not table.folded:
@@ -205,7 +218,7 @@ def tell_run(report: "RunReport", place: Path) -> None:
     if len(end) > WIDTH:
         say(console, str(mission.verdict))
         end = ""
-    console.print(f"{end}results in {place}", soft_wrap=True)  # a path is not to be broken
+    put(console, f"{end}results in {place}", soft_wrap=True)  # a path is not to be broken
 
 
 def tell_screen(report: "ScreenReport | EncounterReport | FlightReport", place: Path) -> None:
@@ -215,7 +228,7 @@ def tell_screen(report: "ScreenReport | EncounterReport | FlightReport", place: 
     for table in report.tables:
         show(console, table)
     say(console, "")
-    console.print(f"{report.verdict}; results in {place}", soft_wrap=True)  # a path is not to be broken
+    put(console, f"{report.verdict}; results in {place}", soft_wrap=True)  # a path is not to be broken
 
 
 def tell_study(report: "CasesReport", drawn: Sequence[str], place: Path) -> None:
@@ -226,7 +239,7 @@ def tell_study(report: "CasesReport", drawn: Sequence[str], place: Path) -> None
         show(console, table)
     say(console, "")
     for line in (*report.hint, f"{report.verdict}; results in {place}"):
-        console.print(line, soft_wrap=True)  # a path is not to be broken
+        put(console, line, soft_wrap=True)  # a path is not to be broken
 
 
 @contextmanager
@@ -242,7 +255,7 @@ def complain(*lines: str) -> None:
     """Say what is wrong, on standard error, if anybody listens."""
     with suppress(OSError):
         for line in lines:
-            print(line, file=sys.stderr, flush=True)
+            print(visible(line), file=sys.stderr, flush=True)
 
 
 def one_line(error: object) -> str:

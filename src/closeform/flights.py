@@ -56,8 +56,9 @@ def fly(
     overwrite
         Replace finished results.
     """
+    from closeform.publishing import check_free
     from closeform.reopened import LoadedRun, load
-    from closeform.result_folder import SUMMARY, check_free
+    from closeform.result_folder import SUMMARY
     from closeform.scenario.flown import not_anew
 
     given = {"every": every, "horizon": horizon, "navigation": navigation}

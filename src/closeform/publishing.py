@@ -1,22 +1,20 @@
-"""How results get their place: made aside, whole or not at all, and never where others' files are.
+"""Publication of results: complete or not at all, and never over the files of others.
 
-A run builds in a private folder beside its place and takes the place by one rename, which fails
-where somebody else was quicker.  A study, which may take hours, holds its place from the start: it
-works in a private folder inside, and its files move up when all are made, the summary last.  Either
-private folder holds a lock: what a killed process left is told from what a living one makes, and
-is cleared away by the next.
+A run or a study works in a private folder inside its place, and holds a lock file there.  Its summary is
+written last: from then on the results are complete.  They are moved up, the old ones aside, the new summary
+last of all.  The next command that opens the place after a kill finishes that move (`settle`).  Anything less
+than complete results is deleted, except the chunks of a study, from which the same study continues.
 """
 
 import os
 import shutil
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from io import BufferedWriter
 from pathlib import Path
-from tempfile import mkdtemp
 
 from closeform import manifest
-from closeform.lock_file import lock
+from closeform.lock_file import is_held, lock
 from closeform.result_folder import (
     CASES,
     LOCK,
@@ -24,88 +22,39 @@ from closeform.result_folder import (
     REPLACED,
     RESULTS,
     SUMMARY,
-    UNDER_WAY,
     Folder,
     FolderError,
-    check_free,
     finished,
     listed,
-    own,
+    others,
     written,
 )
 
-BESIDE = ".closeform-"  # begins the name of a run's private folder
+UNDER_WAY = "a run or a study is under way in it; wait for its end or choose another --out"
+NAMED = 3  # files that are named where more are in the way
 
 
 @contextmanager
-def folder(path: Path, overwrite: bool = False) -> Iterator[Folder]:
-    """A run's folder to fill; it appears at `path` when the block ends well, and not at all otherwise.
+def folder(path: Path, overwrite: bool = False, study: bool = False) -> Iterator[Folder]:
+    """Open a result folder to fill; the results appear at `path` when the block ends well, and not otherwise.
 
-    Raises FolderError, before the block, for finished results without `overwrite`, a folder that
-    holds anything else, and a place that cannot be written; after it, for a place that was taken
-    meanwhile.
+    Finished results that they replace stay until then.  With `study` the chunks that a manifest lists stay
+    where the block ends badly, and are there again the next time.  Raises FolderError for finished results
+    without `overwrite`, and for a folder that holds anything else, is in use, or cannot be written.
     """
-    check_free(path, overwrite)
+    check_free(path, overwrite, study=study)
     place = Path(os.path.realpath(path))
-    with written(path):
-        made = make_folders(place.parent)
-    try:
-        with written(path):
-            for left in place.parent.glob(f"{BESIDE}*{PRIVATE}"):
-                clear(left)
-            private, held = claimed(lambda: Path(mkdtemp(PRIVATE, BESIDE, place.parent)))
-        try:
-            with written(path):
-                (private / RESULTS).mkdir()
-            yield Folder(private / RESULTS)
-            take(path, place, private, overwrite)
-        finally:
-            drop(private, held)
-    finally:
-        remove_folders(made)
-
-
-def take(path: Path, place: Path, private: Path, overwrite: bool) -> None:
-    """Give complete results the name of their place; what may stand there goes."""
-    results, replaced = private / RESULTS, private / REPLACED
-    check_free(place, overwrite, path)  # again: who knows what came meanwhile
-    try:
-        with written(path):
-            if place.exists():
-                place.rename(replaced)
-                check_free(replaced, overwrite, path)  # and once more, where nobody looks for it
-            try:
-                results.rename(place)
-            except OSError:
-                if os.path.lexists(place):
-                    raise FolderError(f"{path}: appeared during the run; choose another --out") from None
-                raise
-    except BaseException:
-        if replaced.exists() and not os.path.lexists(place):
-            replaced.rename(place)
-        raise
-
-
-@contextmanager
-def workplace(path: Path, overwrite: bool = False) -> Iterator[Folder]:
-    """A study's folder to fill: at `path` from the start, for nobody else; finished when the block ends well.
-
-    Results that it replaces stay until then.  Chunks that a manifest lists stay where the block ends badly,
-    and are there again the next time, unless that is to `overwrite` what is no finished study.  Raises
-    FolderError as `folder` does, and for a place where another study is under way.
-    """
-    check_free(path, overwrite, study=True)
-    place = Path(os.path.realpath(path))
+    private = place / PRIVATE
     with written(path):
         made = make_folders(place)
     try:
         with written(path):
-            private, held = claimed(lambda: private_in(place))
+            held = claim(private)
         if held is None:
             raise FolderError(f"{path}: {UNDER_WAY}")
         try:
             with written(path):
-                begin(path, place, private, overwrite)
+                begin(path, place, private, overwrite, study)
             with goes_on(path, private):
                 yield Folder(private / RESULTS)
                 with written(path):
@@ -116,59 +65,71 @@ def workplace(path: Path, overwrite: bool = False) -> Iterator[Folder]:
         remove_folders(made)
 
 
-def leave(private: Path, held: BufferedWriter | None) -> None:
-    """Let go of a study's private folder, which stays with its chunks if there are any to go on from."""
+def check_free(
+    path: Path, overwrite: bool, called: Path | None = None, mine: bool = False, study: bool = False
+) -> None:
+    """Raise FolderError unless results may be written at `path`, which the user has `called` so.
+
+    `mine`: this process is the one that works in it; `study`: it may go on with an unfinished study.
+    """
+    if not mine:
+        settle(path)
+    with written(called or path):
+        if reason := refusal(path, overwrite, mine, study):
+            raise FolderError(f"{called or path}: {reason}")
+
+
+def refusal(path: Path, overwrite: bool, mine: bool, study: bool) -> str | None:
+    """Return why results must not be written at a path, None where they may. Raises OSError."""
     try:
-        kept = stays(private)
-    except KeyboardInterrupt:
-        drop(private, held)
-        raise
-    if kept and held is not None:
-        held.close()
-    else:
-        drop(private, held)
+        if not os.listdir(path):
+            return None
+    except FileNotFoundError:
+        return None
+    except NotADirectoryError:
+        return "is a file; choose another --out"
+    if not mine and is_held(path / PRIVATE / LOCK):
+        return UNDER_WAY
+    done = finished(path)
+    if done and not overwrite:
+        return "holds finished results; add --overwrite or choose another --out"
+    if not done and not (path / PRIVATE).is_dir():
+        return "is not a result folder and not empty; choose another --out"
+    if not (overwrite or study) and manifest.progress(path / PRIVATE / manifest.NAME)[0]:
+        return "holds an unfinished study; go on with it, add --overwrite or choose another --out"
+    if strange := others(path):
+        named = ", ".join(strange[:NAMED]) + f" and {len(strange) - NAMED} more" * (len(strange) > NAMED)
+        return f"holds what is none of its results: {named}; move that away or choose another --out"
+    return None
 
 
-def stays(private: Path) -> bool:
-    """Whether there are chunks to go on from; a study of a single one is soon flown again."""
-    whole, every = manifest.progress(private / manifest.NAME)
-    return whole > 0 and every > 1
-
-
-@contextmanager
-def goes_on(path: Path, private: Path) -> Iterator[None]:
-    """Of a study that ends badly: say that chunks stay, and how it goes on."""
-    try:
-        yield
-    except (KeyboardInterrupt, FolderError) as error:
-        if not stays(private):
-            raise
-        whole, every = manifest.progress(private / manifest.NAME)
-        kept = f"{whole} of {every} chunks are kept in {path}"
-        if isinstance(error, KeyboardInterrupt):
-            raise KeyboardInterrupt(f"{kept}, the same command goes on") from None
-        what = str(error).removesuffix("; choose another --out")  # which would not go on
-        raise FolderError(f"{what}; {kept}, and the same command goes on") from error
-    (private / manifest.NAME).unlink(missing_ok=True)
-
-
-def private_in(place: Path) -> Path:
-    """The private folder of a study in its place."""
+def settle(path: Path) -> None:
+    """Finish a publication that a kill interrupted; leave any other folder as it is."""
+    place = Path(os.path.realpath(path))
     private = place / PRIVATE
-    private.mkdir(parents=True, exist_ok=True)
-    return private
+    with suppress(OSError):  # a folder that cannot be read or written stays as it is
+        if not listed(private / RESULTS / SUMMARY) or (held := lock(private / LOCK)) is None:
+            return
+        with held:
+            move_up(path, place, private)
+            drop(private)
 
 
-def begin(path: Path, place: Path, private: Path, overwrite: bool) -> None:
-    """Clear away what a killed study left in a place that is ours now, but for chunks to go on from."""
-    check_free(place, overwrite, path, mine=True, study=True)
+def claim(private: Path) -> BufferedWriter | None:
+    """Make the private folder and lock it; None where another process holds it."""
+    while True:
+        private.mkdir(exist_ok=True)
+        with suppress(FileNotFoundError):  # another process has just deleted it
+            return lock(private / LOCK)
+
+
+def begin(path: Path, place: Path, private: Path, overwrite: bool, study: bool) -> None:
+    """Clear away what a killed process left in a place that is ours now, except the chunks of a study."""
+    check_free(place, overwrite, path, mine=True, study=study)
     listing, results = private / manifest.NAME, private / RESULTS
-    if not finished(place):
-        if overwrite:
-            listing.unlink(missing_ok=True)
-        else:
-            take_back(place, results)
-        remove_files(place, own(place))
+    (results / SUMMARY).unlink(missing_ok=True)
+    if not study:
+        listing.unlink(missing_ok=True)
     for left in (results, private / REPLACED):
         left.mkdir(exist_ok=True)
         for file in left.iterdir():
@@ -180,28 +141,27 @@ def begin(path: Path, place: Path, private: Path, overwrite: bool) -> None:
                 file.unlink()
 
 
-def take_back(place: Path, results: Path) -> None:
-    """Bring back chunks that a study which was killed had moved up to their place."""
-    for name in sorted(listed(results / SUMMARY)):
-        if name.startswith(f"{CASES}/") and (place / name).exists() and not (results / name).exists():
-            (results / name).parent.mkdir(exist_ok=True)
-            (place / name).replace(results / name)
-
-
 def move_up(path: Path, place: Path, private: Path) -> None:
-    """Put complete results in the place of those before them: all of them, or none."""
-    results, replaced = private / RESULTS, private / REPLACED
-    old, new = listed(place / SUMMARY), listed(results / SUMMARY)
-    if taken := sorted(name for name in new - old if os.path.lexists(place / name)):
-        raise FolderError(f"{path}: {taken[0]} appeared during the study; choose another --out")
-    moves = [(place / name, replaced / name) for name in sorted(old, key=lambda name: name != SUMMARY)]
-    moves += [(results / name, place / name) for name in sorted(new, key=lambda name: name == SUMMARY)]
+    """Put complete results in the place of those before them: all of them, or none.
+
+    What an interrupted call has moved already stays where it is.
+    """
+    results, replaced, listing = private / RESULTS, private / REPLACED, private / manifest.NAME
+    new = listed(results / SUMMARY)
+    old = listed(place / SUMMARY) | listed(replaced / SUMMARY)
+    waiting = {name for name in new if os.path.lexists(results / name)}
+    if taken := sorted(name for name in waiting - old if os.path.lexists(place / name)):
+        raise FolderError(f"{path}: {taken[0]} appeared meanwhile; move it away")
+    aside = sorted(old - new | waiting & old, key=lambda name: name != SUMMARY)
+    moves = [(place / name, replaced / name) for name in aside]
+    moves += [(results / name, place / name) for name in sorted(waiting - {SUMMARY})]
+    moves += [(listing, replaced / listing.name), (results / SUMMARY, place / SUMMARY)]
     begun: list[tuple[Path, Path]] = []
     try:
         for source, target in moves:
             begun.append((source, target))
             target.parent.mkdir(parents=True, exist_ok=True)
-            with suppress(FileNotFoundError):  # somebody deleted one of the results before
+            with suppress(FileNotFoundError):  # deleted by somebody, or moved already
                 source.replace(target)
     except BaseException:
         for source, target in reversed(begun):
@@ -213,42 +173,51 @@ def move_up(path: Path, place: Path, private: Path) -> None:
         remove_folders((place / name).parent for name in old | new)
 
 
-def remove_files(place: Path, names: Iterable[str]) -> None:
-    """Delete files, and the folders below `place` that are empty then."""
-    files = [place / name for name in names]
-    for file in files:
-        file.unlink(missing_ok=True)
-    remove_folders(file.parent for file in files)
+def leave(private: Path, held: BufferedWriter) -> None:
+    """Let go of the private folder, which stays with the chunks of a study if there are any to go on from."""
+    with held:
+        try:
+            kept = stays(private)
+        except KeyboardInterrupt:
+            drop(private)
+            raise
+        if not kept:
+            drop(private)
 
 
-def claimed(make: Callable[[], Path]) -> tuple[Path, BufferedWriter | None]:
-    """A private folder that `make` makes, and its lock; None where another holds it."""
-    while True:
-        private = make()
-        with suppress(FileNotFoundError):  # taken for one of a killed process, before it was locked
-            return private, lock(private / LOCK)
+def stays(private: Path) -> bool:
+    """Return whether there are chunks to go on from; a study of a single one is soon repeated."""
+    whole, every = manifest.progress(private / manifest.NAME)
+    return whole > 0 and every > 1
 
 
-def clear(private: Path) -> None:
-    """Delete a private folder, if whose it was is dead."""
-    with suppress(OSError):
-        if not (private / LOCK).is_file():
-            private.rmdir()  # which fails if it is not empty, and so not ours
-        elif (held := lock(private / LOCK)) is not None:
-            with held:
-                shutil.rmtree(private)
-
-
-def drop(private: Path, held: BufferedWriter | None) -> None:
-    """Delete one's own private folder, and let go of it."""
+@contextmanager
+def goes_on(path: Path, private: Path) -> Iterator[None]:
+    """Add to the error of a study that ends badly that chunks stay, and how it continues."""
     try:
+        yield
+    except (KeyboardInterrupt, FolderError) as error:
+        if not stays(private):
+            raise
+        whole, every = manifest.progress(private / manifest.NAME)
+        kept = f"{whole} of {every} chunks are kept in {path}"
+        if isinstance(error, KeyboardInterrupt):
+            raise KeyboardInterrupt(f"{kept}, the same command goes on") from None
+        what = str(error).removesuffix("; choose another --out")  # which would not go on
+        raise FolderError(f"{what}; {kept}, and the same command goes on") from error
+
+
+def drop(private: Path) -> None:
+    """Delete one's own private folder, also where Ctrl-C interrupts that.
+
+    The summary goes first: a kill on the way must not leave half of the results as though they were complete.
+    """
+    try:
+        (private / RESULTS / SUMMARY).unlink(missing_ok=True)
         shutil.rmtree(private, ignore_errors=True)
-    except KeyboardInterrupt:  # which is no reason to leave half of it
+    except KeyboardInterrupt:
         shutil.rmtree(private, ignore_errors=True)
         raise
-    finally:
-        if held is not None:
-            held.close()
 
 
 def make_folders(path: Path) -> list[Path]:

@@ -18,6 +18,7 @@ from closeform.conflicts.two_paths import PairConflict
 from closeform.mission_result import FirstLocks, Stages
 from closeform.motion.arc import END, START
 from closeform.motion.orbit import Orbit
+from closeform.publishing import settle
 from closeform.result import Result
 from closeform.result_folder import AGAIN, INPUTS, SCENARIO, FolderError, content, intact, summary_of, table
 from closeform.scenario import Scenario, ScenarioError, StageTable, parse
@@ -179,6 +180,7 @@ def load(directory: str | PathLike[str]) -> LoadedRun | LoadedStudy:
     docs/command-line.md.
     """
     place = FilePath(instance("directory", directory, str, PathLike))
+    settle(place)
     summary = summary_of(place)
     kind = summary.get("kind")
     if kind not in ("run", "study"):

@@ -31,12 +31,10 @@ INPUTS = "inputs/"  # those that a scenario names
 CASES = "cases"  # the folder of a study's chunks
 LIBRARIES = ("closeform", "numpy", "numba", "scipy", "pydantic", "matplotlib", "pyarrow")
 
-PRIVATE = ".unfinished"  # the folder in a study's folder where it works, and how those of runs end
+PRIVATE = ".unfinished"  # the folder in a result folder where a run or a study works
 LOCK = "lock"  # in a private folder: its owner lives
 RESULTS, REPLACED = "results", "replaced"  # in it too: what is being made, and what it will take the place of
-UNDER_WAY = "a study is under way in it; wait for its end or choose another --out"
 AGAIN = "run it again, or give another folder"
-NAMED = 3  # files that are named where more are in the way
 
 
 class FolderError(ValueError):
@@ -184,20 +182,9 @@ def finished(path: Path) -> bool:
     return bool(listed(path / SUMMARY))
 
 
-def abandoned(path: Path) -> bool:
-    """Whether a folder is one in which a study was killed."""
-    return (path / PRIVATE).is_dir()
-
-
-def own(path: Path) -> frozenset[str]:
-    """The files in a folder that are results, or parts of those of a study that was killed."""
-    summaries = (SUMMARY, f"{PRIVATE}/{RESULTS}/{SUMMARY}", f"{PRIVATE}/{REPLACED}/{SUMMARY}")
-    return frozenset().union(*(listed(path / summary) for summary in summaries))
-
-
 def others(path: Path) -> list[str]:
-    """What is in a folder and neither among our results nor where a study works."""
-    files = own(path)
+    """Return what is in a folder and neither a listed result nor in its private folder."""
+    files = listed(path / SUMMARY)
     folders = {parent.as_posix() for name in files for parent in PurePosixPath(name).parents}
     private = tuple(f"{PRIVATE}/{name}" for name in (LOCK, RESULTS, REPLACED, Path(manifest.NAME).stem))
     strange = []
@@ -207,42 +194,6 @@ def others(path: Path) -> list[str]:
         if not ours and (name not in folders or file.is_symlink()):
             strange.append(name)
     return sorted(strange)
-
-
-def check_free(
-    path: Path, overwrite: bool, called: Path | None = None, mine: bool = False, study: bool = False
-) -> None:
-    """Raise FolderError unless results may be written at `path`, which the user has `called` so.
-
-    `mine`: this process is the one that works in it; `study`: it may go on with an unfinished study.
-    """
-    with written(called or path):
-        if reason := refusal(path, overwrite, mine, study):
-            raise FolderError(f"{called or path}: {reason}")
-
-
-def refusal(path: Path, overwrite: bool, mine: bool, study: bool) -> str | None:
-    """Why results must not be written at a path, None where they may. Raises OSError as the system does."""
-    try:
-        if not os.listdir(path):
-            return None
-    except FileNotFoundError:
-        return None
-    except NotADirectoryError:
-        return "is a file; choose another --out"
-    if not mine and is_held(path / PRIVATE / LOCK):
-        return UNDER_WAY
-    done = finished(path)
-    if done and not overwrite:
-        return "holds finished results; add --overwrite or choose another --out"
-    if not done and not abandoned(path):
-        return "is not a result folder and not empty; choose another --out"
-    if not (overwrite or study) and manifest.progress(path / PRIVATE / manifest.NAME)[0]:
-        return "holds an unfinished study; go on with it, add --overwrite or choose another --out"
-    if strange := others(path):
-        named = ", ".join(strange[:NAMED]) + f" and {len(strange) - NAMED} more" * (len(strange) > NAMED)
-        return f"holds what is none of its results: {named}; move that away or choose another --out"
-    return None
 
 
 def page_of(path: Path, report: bool = False) -> Path:
@@ -264,7 +215,8 @@ def unfinished(path: Path) -> str:
     whole, every = manifest.progress(path / PRIVATE / manifest.NAME)
     chunks = f"{whole} of {every} chunks are whole"
     if is_held(path / PRIVATE / LOCK):
-        return f"a study is under way in it{f', {chunks}' * (every > 0)}; wait for its end"
+        what = f"a study is under way in it, {chunks}" if every else "a run is under way in it"
+        return f"{what}; wait for its end"
     if whole:
         return f"holds an unfinished study, {chunks}; go on with it by the same closeform study"
     return "holds no finished results; run the scenario first"
@@ -319,5 +271,7 @@ def table(path: Path, summary: Mapping[str, Any], name: str) -> dict[str, Any]:
 
     data = content(path, summary, name)
     with intact(path, name):
-        found = pyarrow.parquet.read_table(pyarrow.BufferReader(data))
+        found = pyarrow.parquet.read_table(  # without pyarrow's threads, which can abort Python's exit
+            pyarrow.BufferReader(data), use_threads=False, pre_buffer=False
+        )
         return {key: found[key].to_numpy() for key in found.column_names}

@@ -120,7 +120,7 @@ def free(out: Path | None, file: Path, command: str, overwrite: bool) -> Path:
 
     Raises FolderError where they must not.
     """
-    from closeform.result_folder import check_free
+    from closeform.publishing import check_free
 
     usual = f"{file.stem}-{command}-results"
     place, number = out or Path(usual), 1

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from closeform.console import complain, kept, progress, stderr, tell_study, working
+from closeform.console import complain, kept, progress, say, stderr, stdout, tell_study, working
 from closeform.given import BAD_INPUT, UsageError, read
 
 if TYPE_CHECKING:
+    from closeform.campaign.cases import Cases
     from closeform.campaign.stored_study import Runner
 
 
@@ -43,11 +44,14 @@ def study(
     scheduler
         Dask scheduler whose workers fly the cases: an address such as tcp://HOST:8786, or the file it writes.
     """
-    from closeform.publishing import workplace
-    from closeform.result_folder import CASES, FolderError, check_free, written
+    from closeform.publishing import check_free, folder, settle
+    from closeform.result_folder import CASES, FolderError, finished, written
 
-    place = out if out is not None else usual_place(scenario)
-    check_free(place, overwrite, study=True)
+    place = out if out is not None else Path(f"{scenario.stem}-study")
+    settle(place)
+    again = finished(place) and not overwrite
+    if not again:
+        check_free(place, overwrite, study=True)
     loaded = read(scenario, "study")
     if loaded is None:
         return BAD_INPUT
@@ -60,10 +64,12 @@ def study(
     notes = stderr()
     try:
         kind, count = asked(loaded, cases, seed)
-        with runner_of(scheduler) as runner, workplace(place, overwrite) as under_way:
+        if again and (status := finished_before(place, kind, count)) is not None:
+            return status
+        with runner_of(scheduler) as runner, folder(place, overwrite, study=True) as under_way:
             chunks = Stored(kind, count, under_way.path / CASES, under_way.manifest)
             with written(place):
-                complain(*(f"{place}: {what}, and flown anew" for what in chunks.begin()))
+                complain(*(f"{place}: {what}, and flown anew" for what in chunks.begin(overwrite)))
                 if chunks.whole:
                     complain(f"{place}: going on, {chunks.flown} of {count} cases are flown")
                 beside = Timer(0.1, import_module, ["scipy.special"])  # for the end, while cases fly
@@ -92,21 +98,18 @@ def study(
     return MET if campaign.ok else NOT_MET
 
 
-def usual_place(scenario: Path) -> Path:
-    """Where a study goes of which nobody says that, beside a run of the scenario.
+def finished_before(place: Path, cases: "Cases", count: int) -> int | None:
+    """Return the status of a finished study, stated in a line, if it is the same; None if it is not."""
+    from closeform.report import repeat
+    from closeform.result_folder import summary_of, versions
 
-    Raises FolderError for one that began where runs go, as studies once did, and has chunks to go on from.
-    """
-    from closeform import manifest
-    from closeform.result_folder import PRIVATE, FolderError
-
-    place, before = Path(f"{scenario.stem}-study"), Path(f"{scenario.stem}-results")
-    whole, every = manifest.progress(before / PRIVATE / manifest.NAME)
-    if whole and not place.exists():
-        kept = f"holds an unfinished study, {whole} of {every} chunks are whole"
-        remedy = f"give --out {before} to go on with it, or --out {place} to begin anew"
-        raise FolderError(f"{before}: {kept}; {remedy}")
-    return place
+    done, inputs = summary_of(place), repeat.inputs(cases.scenario)
+    asked = {"kind": "study", "seed": cases.seed, "cases": count, "versions": versions()}
+    if {**done, **asked} != done or sorted(done.get("inputs", {}).values()) != sorted(inputs.values()):
+        return None
+    complain(f"{place}: holds the results of this very study; add --overwrite to repeat it")
+    say(stdout(), f"{done['verdict']}; results in {place}")
+    return int(done["status"])
 
 
 @contextmanager

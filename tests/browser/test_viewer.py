@@ -206,6 +206,39 @@ def test_on_a_phone(reader: Reader, pages: dict[str, Path]) -> None:
     assert colours(seen(reader, "oblique")) > 5
 
 
+@pytest.mark.parametrize("reader", [{"viewport": {"width": 1024, "height": 768}}], indirect=True)
+def test_values_over_curves_are_whole_on_a_small_screen(reader: Reader, pages: dict[str, Path]) -> None:
+    for name in ("swap", "passive_inspector"):
+        reader.open(pages[name])
+        for share in (0.0, 0.37, 1.0):
+            reader.go(share)
+            ends = "[box, box.querySelector('.said').lastChild].map(e => e.getBoundingClientRect().right)"
+            strips = reader.ask(f"[...document.querySelectorAll('.strip')].map(box => {ends})")
+            assert strips
+            assert all(value <= edge for edge, value in strips)
+
+
+def test_escape_closes_the_help(reader: Reader, pages: dict[str, Path]) -> None:
+    reader.open(pages["swap"])
+    reader.page.keyboard.press("Escape")
+    assert reader.page.locator(".keys").is_hidden()
+    reader.page.keyboard.press("?")
+    assert reader.page.locator(".keys").is_visible()
+    reader.page.locator(".layer input").first.focus()
+    reader.page.keyboard.press("Escape")
+    assert reader.page.locator(".keys").is_hidden()
+    assert reader.ask("app.page.help.ariaExpanded") == "false"
+
+
+def test_folded_tables_are_printed(reader: Reader, pages: dict[str, Path]) -> None:
+    report = pages["swap"].with_name("report.html")
+    reader.page.goto(report.as_uri())
+    table = reader.page.locator("details:not([open]) table").first
+    assert not table.is_visible()
+    reader.page.emulate_media(media="print")
+    assert table.is_visible()
+
+
 def test_every_control_has_a_name(reader: Reader, pages: dict[str, Path]) -> None:
     reader.open(pages["swap"])
     nameless = (

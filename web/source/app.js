@@ -85,6 +85,7 @@ export class App {
   }
 
   key(event) {
+    if (event.key === "Escape") this.toggleHelp(false);
     const inside = event.target instanceof HTMLElement ? event.target : document.body;
     if (event.ctrlKey || event.metaKey || event.altKey || inside.matches("select, input")) return;
     if (event.key === " " && inside.matches("button, summary, a")) return;
@@ -154,10 +155,10 @@ export class App {
     this.paint();
   }
 
-  toggleHelp() {
+  toggleHelp(shown = this.page.keys.hidden) {
     const { keys, help } = this.page;
-    keys.hidden = !keys.hidden;
-    help.setAttribute("aria-expanded", String(!keys.hidden));
+    keys.hidden = !shown;
+    help.setAttribute("aria-expanded", String(shown));
   }
 
   // what the address says

@@ -5,7 +5,7 @@ import { icon } from "./icon.js";
 import { TITLES } from "./strip.js";
 import { VIEWS } from "./viewpoints.js";
 
-const KEYS = [["space", "play"], ["← →", "step (Shift: ten)"], ["↑ ↓", "speed"], ["n p", "next, previous event"], ["1 – 9", "follow craft"], ["v", "one view"], ["0", "views as at first"], ["t", "theme"], ["?", "help"]];
+const KEYS = [["space", "play"], ["← →", "step (Shift: ten)"], ["↑ ↓", "speed"], ["n p", "next, previous event"], ["1 – 9", "follow craft"], ["v", "one view"], ["0", "views as at first"], ["t", "theme"], ["?", "help (Esc closes it)"]];
 
 export class Page {
   constructor(root, scene, does) {

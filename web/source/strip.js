@@ -8,6 +8,7 @@ import { clock, measured, niceStep, plain, timeStep } from "./units.js";
 
 export const TITLES = { ratio: "Pair ratio", range: "Range", thrust: "Thrust", "delta-v": "Delta-v so far" };
 const [LEFT, RIGHT, ABOVE, BELOW] = [44, 10, 22, 15];
+const VALUE = 100; // pixels of the longest value with its unit, and of the gaps around it
 const NEARBY = 6; // zones up to which ratios are of interest
 const DECADES = 30; // greatest over least from which on the scale is logarithmic
 
@@ -54,7 +55,10 @@ export class Strip extends TimeScale {
     const { pen } = this;
     pen.begin(width, height);
     pen.font(12, 650);
-    const title = `${TITLES[this.kind]}${this.units ? ` [${this.units}]` : ""}`;
+    const full = `${TITLES[this.kind]}${this.units ? ` [${this.units}]` : ""}`;
+    const room = width - VALUE; // where it is short, the value alone has the unit
+    const words = TITLES[this.kind];
+    const title = [full, words, words.split(" ")[0]].find((one) => pen.width(one) <= room) ?? pen.fitted(words, room);
     pen.text(title, 8, 11, palette.ink);
     this.said.style.maxWidth = `${width - pen.width(title) - 22}px`;
     for (const line of [this.now, this.then]) Object.assign(line.style, { top: `${ABOVE - 4}px`, bottom: `${BELOW}px` });

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import platform
+import shutil
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
@@ -77,14 +78,19 @@ class Stored:
     manifest: Path
     whole: dict[int, dict[str, Any]] = field(default_factory=dict)
 
-    def begin(self) -> list[str]:
-        """Go on from what a manifest lists, or begin one; what is damaged and will be flown anew, in words.
+    def begin(self, overwrite: bool = False) -> list[str]:
+        """Continue from the chunks in a manifest, or begin one; returns which are damaged, in words.
 
-        Raises ChunkError where it is another study's.
+        Chunks of another study are deleted with `overwrite`; without, they raise ChunkError.
         """
         known, identity = entries(self.manifest), self.identity
         if known and known[0] != identity:
-            raise ChunkError(differences(identity, known[0], len(known) - 1))
+            if not overwrite:
+                raise ChunkError(differences(identity, known[0], len(known) - 1))
+            known = []
+        if not known:
+            self.manifest.unlink(missing_ok=True)
+            shutil.rmtree(self.folder, ignore_errors=True)
         self.folder.mkdir(exist_ok=True)
         damaged = []
         for entry in known[1:]:

@@ -24,6 +24,7 @@ from closeform.scenario import ScenarioError
 
 ANSWER = 5.0  # s in which a scheduler answers
 PATIENCE = 30.0  # s without any worker
+FETCHES = 10  # times PATIENCE that the reply of a task may take on its way
 TASK = 2.0  # s that a worker is to fly, but towards the end, so that what each task costs is little
 TOGETHER = 16  # chunks in a task at most
 AHEAD = 2  # tasks for each thread of the workers
@@ -69,7 +70,7 @@ class Cluster:
             raise ClusterError(f"--scheduler: {line}") from None
         self.name, self.distributed = scheduler, distributed
         for name in ("distributed", *logging.root.manager.loggerDict):
-            if name.startswith("distributed"):
+            if name.startswith("distributed") or name == "asyncio":
                 logging.getLogger(name).setLevel(logging.CRITICAL)  # what is wrong is said in a line of ours
         tls = dask.config.get("distributed.comm.tls.ca-file", None)
         if address.startswith("tls://") and not tls:
@@ -114,7 +115,7 @@ class Cluster:
             threads = self.threads()
             alone = time.monotonic() if threads else alone
             if time.monotonic() - alone > PATIENCE:
-                raise ClusterError(f"--scheduler: {self.name} has no workers; start some")
+                raise self.deserted()
             while len(under_way) < AHEAD * max(threads, 1):
                 some = again.popleft() if again else waiting.next_of(AHEAD * max(threads, 1))
                 if not some:
@@ -157,10 +158,20 @@ class Cluster:
         return [one for one in futures if one.status in ("finished", "error")]
 
     def answer(self, future: Any) -> Reply | None:
-        """What a task came to; None where its worker died once too often."""
+        """Return the reply of a task that has ended; None where its worker died once too often.
+
+        All workers may have died since, so that nobody has the reply, and nobody works on it again.
+        """
         try:
-            found: Reply = future.result(timeout=10 * PATIENCE)
-            return found
+            for _ in range(FETCHES):
+                with suppress(TimeoutError):
+                    found: Reply = future.result(timeout=PATIENCE)
+                    return found
+                if not self.threads():
+                    raise self.deserted()
+            raise self.gone()
+        except ClusterError:
+            raise
         except self.distributed.KilledWorker:
             return None
         except Exception as error:
@@ -168,6 +179,10 @@ class Cluster:
                 raise self.gone() from error
             what = " ".join(str(error).split())[:200]
             raise ClusterError(f"--scheduler: a worker failed: {what}; look at its log") from error
+
+    def deserted(self) -> ClusterError:
+        """Return the error of a scheduler without workers."""
+        return ClusterError(f"--scheduler: {self.name} has no workers; start some")
 
     def gone(self) -> ClusterError:
         """What is said of a scheduler that no longer answers."""

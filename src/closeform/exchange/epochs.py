@@ -67,6 +67,16 @@ class Epoch:
         one, two = (tai(each._date, each.system) for each in (self, other))
         return float(between(one, two)[0])
 
+    def seconds_until(self, other: Epoch, times: ArrayLike) -> Dates:
+        """Return the seconds until times (T,) [s] after another epoch, in two parts: whole days and the rest.
+
+        The seconds are this epoch's where both are of one time system, else those of TAI.
+        """
+        later, own = other._later(times), self._date
+        if self.system.upper() != other.system.upper():
+            later, own = tai(later, other.system), tai(own, self.system)
+        return (later[0] - own[0]) * DAY, (later[1] - own[1]) * DAY
+
     def stamps(self, times: ArrayLike) -> list[str]:
         """The epochs that are so many seconds (T,) later, in the same time system, to a nanosecond."""
         later = self._later(times)

@@ -17,7 +17,9 @@ from closeform.motion.mean_motion import EARTH_MU
 
 CODES = {"EARTH": 399, "MOON": 301, "SUN": 10, "MARS": 499}
 FIRST_CODE = -999001  # NAIF's integers for spacecraft are negative; ours count down from here
+J2000 = "2000-01-01T12:00:00"
 LONGEST = 40  # characters of a segment's name
+APART = 100.0  # s, over which the rate of clocks is measured: their rounding is 1e-11 s
 K, EB, M0, M1 = 1.657e-3, 1.671e-2, 6.239996, 1.99096871e-7  # of TDB less TT, from NAIF's leap second kernels
 
 
@@ -32,12 +34,11 @@ def spiceypy() -> Any:
 def write_spk(file: Path, tracks: Sequence[Track], frame: FileFrame) -> None:
     """All craft in one kernel, a segment for each smooth piece."""
     spice = spiceypy()
-    start = ephemeris_time(frame.epoch)
     handle = spice.spkopn(str(file), "closeform", 0)
     try:
         for k, track in enumerate(tracks):
             for number, piece in enumerate(track.pieces, 1):
-                epochs, states = on_epochs(piece, start, frame)
+                epochs, states = on_epochs(piece, frame)
                 spice.spkw13(
                     handle,
                     FIRST_CODE - k,
@@ -55,26 +56,35 @@ def write_spk(file: Path, tracks: Sequence[Track], frame: FileFrame) -> None:
         spice.spkcls(handle)
 
 
-def on_epochs(piece: Piece, start: float, frame: FileFrame) -> tuple[Floats, Floats]:
-    """Nodes as a kernel holds them [s TDB after J2000], and the states (T, 6) at these.
+def on_epochs(piece: Piece, frame: FileFrame) -> tuple[Floats, Floats]:
+    """Return the nodes' epochs as a kernel holds them [s TDB after J2000], and the states (T, 6) at these.
 
-    A double of 8e8 s steps by 1.2e-7 s, in which a craft flies a millimetre: states are told for the times
-    that are written, not for those that were meant.
+    A double of 8e8 s has steps of 1.2e-7 s, in which a spacecraft moves a millimetre: states are moved to the
+    epochs as written.  Velocities are per second of TDB: interpolation needs both on one clock.
     """
-    epochs = start + piece.times
-    late = (epochs - start - piece.times)[:, None]
+    days, rest = ephemeris_time(frame.epoch, piece.times)
+    epochs = days + rest
+    late = ((epochs - days) - rest)[:, None]
+    before, after = (ephemeris_time(frame.epoch, piece.times + apart) for apart in (-APART, APART))
+    rate = (after[0] - before[0] + (after[1] - before[1]))[:, None] / (2.0 * APART)
     states, mu = piece.states.copy(), EARTH_MU if frame.chief is None else frame.chief.mu
     place = piece.states[:, :3]
     states[:, :3] += piece.states[:, 3:] * late
     states[:, 3:] -= mu * place / np.linalg.norm(place, axis=1, keepdims=True) ** 3 * late
+    states[:, 3:] /= rate
     return epochs, states
 
 
-def ephemeris_time(epoch: Epoch) -> float:
-    """An epoch in seconds of TDB after J2000, as SPICE's own series has it."""
-    tt = Epoch("2000-01-01T12:00:00", "TT").until(epoch)
-    anomaly = M0 + M1 * tt
-    return float(tt + K * np.sin(anomaly + EB * np.sin(anomaly)))
+def ephemeris_time(epoch: Epoch, times: Floats) -> tuple[Floats, Floats]:
+    """Return times (T,) [s] after an epoch in seconds of TDB after J2000, as whole days and a rest.
+
+    From any other time system by way of TT and SPICE's own series.
+    """
+    if epoch.system.upper() == "TDB":
+        return Epoch(J2000, "TDB").seconds_until(epoch, times)
+    days, rest = Epoch(J2000, "TT").seconds_until(epoch, times)
+    anomaly = M0 + M1 * (days + rest)
+    return days, rest + K * np.sin(anomaly + EB * np.sin(anomaly))
 
 
 def names(tracks: Sequence[Track]) -> str:

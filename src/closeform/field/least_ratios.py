@@ -134,7 +134,7 @@ def nearest_pairs(states: Floats, zones: Zone | PairZones) -> Floats:
     least = np.full(states.shape[1], np.inf)
     for k, some in by_zone(which):
         apart = states[first[some], :, :3] - states[second[some], :, :3]
-        least = np.minimum(least, shapes[k].norm(apart).min(axis=0))
+        least = np.minimum(least, shapes[k]._norm(apart).min(axis=0))
     return least
 
 
@@ -144,6 +144,6 @@ def nearest_pair(states: Floats, zones: Zone | PairZones) -> tuple[int, int]:
     which, shapes = zones_of(first, second, len(states), zones)
     norms = np.full(len(first), np.inf)
     for k, some in by_zone(which):
-        norms[some] = shapes[k].norm(states[first[some], :3] - states[second[some], :3])
+        norms[some] = shapes[k]._norm(states[first[some], :3] - states[second[some], :3])
     k = int(np.argmin(norms))
     return int(first[k]), int(second[k])

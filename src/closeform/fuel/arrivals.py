@@ -8,9 +8,8 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats, instance
+from closeform.arrays import Floats, finite, instance
 from closeform.fuel.bound import delta_v_bound, least_delta_v
-from closeform.motion.ends import checked_below
 from closeform.motion.orbit import Orbit
 from closeform.result import Rows
 
@@ -88,8 +87,8 @@ def arrivals(orbit: Orbit, initial: ArrayLike, slots: ArrayLike, duration: Array
     ----------
     docs/theory.md (27, 28).
     """
-    motion, begin = instance("orbit", orbit, Orbit), checked_below("initial", initial, 6)
-    places, times = checked_below("slots", slots, 6), checked_below("duration", duration)
+    motion, begin = instance("orbit", orbit, Orbit), finite("initial", initial, 6)
+    places, times = finite("slots", slots, 6), finite("duration", duration)
     if places.ndim != 2 or not len(places):
         raise ValueError(f"slots: expected shape (S, 6) for one slot at least, got {places.shape}")
     if begin.ndim != 1 or times.ndim != 1:

@@ -8,8 +8,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats, number, size
-from closeform.motion.ends import checked_below
+from closeform.arrays import Floats, finite, number, size
 from closeform.motion.mean_motion import (
     EARTH_MU,
     EARTH_RADIUS,
@@ -127,4 +126,4 @@ class CircularOrbit:
         ----------
         docs/theory.md section 1.
         """
-        return transition_matrices(self.mean_motion, checked_below("duration", duration))
+        return transition_matrices(self.mean_motion, finite("duration", duration))

@@ -8,9 +8,8 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats, broadcast, number
+from closeform.arrays import Floats, broadcast, finite, number
 from closeform.motion.elements import eccentric_latitude, ellipse
-from closeform.motion.ends import checked_below
 from closeform.motion.following import followed
 from closeform.motion.mean_motion import EARTH_MU, checked, mean_motion_from_semi_major_axis
 from closeform.motion.orbit import Orbit
@@ -129,7 +128,7 @@ class EccentricOrbit:
         ----------
         docs/theory.md (90).
         """
-        lengths, begins = checked_below("duration", duration), checked_below("start", start)
+        lengths, begins = finite("duration", duration), finite("start", start)
         broadcast(duration=lengths.shape, start=begins.shape)
         before, after = self._true_anomaly_at(begins), self._true_anomaly_at(begins + lengths)
         e, pace = self.eccentricity, self.mean_motion * (1.0 - self.eccentricity**2) ** -1.5
@@ -167,7 +166,7 @@ class EccentricOrbit:
         ----------
         docs/theory.md (90).
         """
-        given = checked_below("state", state, 6)
+        given = finite("state", state, 6)
 
         def states_at(times: Floats) -> Floats:
             moved = self.transition(times - times[0], times[0])

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arrays import numbers
+from closeform.arrays import SMALLEST, finite
 
 EARTH_MU = 3.986004418e14
 """Earth's gravitational parameter [m^3/s^2], WGS 84 (also IERS Conventions 2010, table 1.1)."""
@@ -23,14 +23,13 @@ EARTH_J2 = 1.082635854e-3
 
 
 def checked(name: str, value: ArrayLike, *, positive: bool = False, last: int | None = None) -> Any:
-    """`value` as finite floats; ValueError names the argument and what is wrong with it."""
-    array = numbers(name, value)
-    if last is not None and (array.ndim == 0 or array.shape[-1] != last):
-        raise ValueError(f"{name}: expected shape (..., {last}), got {array.shape}")
-    if not np.isfinite(array).all():
-        raise ValueError(f"{name}: every value must be finite")
-    if positive and not (array > 0.0).all():
-        raise ValueError(f"{name}: must be positive, got {array.min():g}")
+    """Return `value` as finite floats; ValueError names the argument and states what is wrong."""
+    array = finite(name, value, last)
+    if positive and not (array >= SMALLEST).all():
+        least = array.min()
+        raise ValueError(
+            f"{name}: must be {'positive' if least <= 0.0 else f'at least {SMALLEST:g}'}, got {least:g}"
+        )
     return array if array.ndim else float(array)
 
 

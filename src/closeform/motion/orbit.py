@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats, shown
+from closeform.arrays import Floats, finite, shown
 from closeform.motion.arc import PUSH, WIDTH
 from closeform.motion.circular import CircularOrbit
-from closeform.motion.ends import arcs_between, arcs_from, checked_below
+from closeform.motion.ends import arcs_between, arcs_from
 from closeform.motion.lambert import drifts
 from closeform.motion.path import Path, path_of
 from closeform.motion.sampling import arcs_through, fired_at_ends
@@ -287,7 +287,7 @@ class Orbit(CircularOrbit):
         """
         if not isinstance(frame, str) or frame not in ("orbit", "inertial"):
             raise ValueError(f"frame: 'orbit' or 'inertial', not {shown(frame)}")
-        push = checked_below("acceleration", acceleration, 3)
+        push = finite("acceleration", acceleration, 3)
         arcs = arcs_from(self.mean_motion, duration, start, state=state, like=push.shape[:-1])
         arcs[..., PUSH : PUSH + 3] = push
         if frame == "inertial":

@@ -3,11 +3,10 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats
+from closeform.arrays import Floats, finite
 from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, START, STATE, WIDTH
 from closeform.motion.duration import flaw
 from closeform.motion.effort import ENERGY, totals
-from closeform.motion.ends import checked_below
 from closeform.motion.path import Path, path_of
 from closeform.motion.steering import steer
 
@@ -25,8 +24,8 @@ def arcs_through(
 
     Where `arrivals` (..., T, 6) are other states, arcs end there, and an impulse leads on.
     """
-    instants = checked_below("times", times)
-    nodes = checked_below("states", states, 6)
+    instants = finite("times", times)
+    nodes = finite("states", states, 6)
     if instants.ndim != 1 or len(instants) < 2 or nodes.shape[-2:-1] != instants.shape:
         raise ValueError(
             "states: expected shape (..., T, 6) for T >= 2 times, "

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arrays import LARGEST, Floats, numbers, of_each, sequence
+from closeform.arrays import LARGEST, Floats, finite, numbers, of_each, sequence
 from closeform.fuel.bound import least_delta_v
 from closeform.fuel.thrusters import Thrusters, each_set
 from closeform.motion.orbit import Orbit
@@ -201,9 +201,7 @@ def _states(name: str, value: ArrayLike) -> Floats:
     states = numbers(name, value)
     if states.ndim != 2 or states.shape[1] != 6 or not len(states):
         raise ValueError(f"{name}: expected shape (N, 6), one state for each craft, got {states.shape}")
-    if not (np.abs(states) < LARGEST).all():
-        raise ValueError(f"{name}: every number must be finite, and below {LARGEST:g} in SI units")
-    return states
+    return finite(name, states)
 
 
 def _each(name: str, value: ArrayLike, count: int, least: float = 0.0, greatest: float = LARGEST) -> Floats:

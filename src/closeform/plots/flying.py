@@ -55,7 +55,7 @@ class Meetings:
                 one, other = pairs.craft[row]
                 gap = where[one] - where[other]
                 both = np.isfinite(gap[:, 0])
-                self.ratios[row, both] = zone.norm(gap[both])
+                self.ratios[row, both] = zone._norm(gap[both])
 
     def at(self, step: int, count: int | None = None) -> list[int]:
         """The pairs that share this time, the closest first: all, or at most `count`."""

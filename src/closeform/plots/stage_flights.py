@@ -53,7 +53,7 @@ class StageFlight:
         least = np.full(len(times), np.inf)
         for zone in {id(self.pairs.zone[k]): self.pairs.zone[k] for k in shown}.values():
             one, other = self.pairs.craft[[k for k in shown if self.pairs.zone[k] is zone]].T
-            least = np.minimum(least, zone.norm(places[one] - places[other]).min(axis=0))
+            least = np.minimum(least, zone._norm(places[one] - places[other]).min(axis=0))
         return times, least
 
 

@@ -61,7 +61,10 @@ summary {{ cursor: pointer; margin: 1rem 0 .3rem; font-weight: 600; }}
   th, td {{ padding: .1rem .45rem; }}
   td.long {{ min-width: 0; }}
   .verdict {{ padding: .3rem 0; background: none; }} img {{ max-height: 112mm; width: auto; padding: 0; }}
-  details:not([open]) {{ display: none; }} a {{ text-decoration: none; }} }}
+  details:not([open])::details-content {{ content-visibility: visible; height: auto; }}
+  @supports not selector(::details-content) {{
+    details:not([open]) summary::after {{ content: " (closed; open it to print it)"; font-weight: 400; }} }}
+  summary {{ break-after: avoid; }} a {{ text-decoration: none; }} }}
 """
 
 

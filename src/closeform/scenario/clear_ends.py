@@ -45,7 +45,7 @@ def inside(states: Floats, kept: PairZones) -> tuple[list[tuple[int, int, str]],
     found: list[tuple[int, int, str]] = []
     count = 0
     for zone, first, second in portions_near(kept, states[:, :3]):
-        ratios = zone.norm(states[first, :3] - states[second, :3])
+        ratios = zone._norm(states[first, :3] - states[second, :3])
         deep = np.flatnonzero(ratios <= 1.0)
         count += len(deep)
         for k in deep[: MOST_NAMED - len(found)]:

@@ -136,7 +136,7 @@ def near(scenario: Scenario, states: Floats, who: list[int], margin: float) -> I
     for zone, first, second in portions(scenario.zones):
         apart = states[first, :3] - states[second, :3]
         padded = zone.padded(margin) if margin else zone
-        held = (padded.norm(apart) <= ON) & (np.isin(first, who) | np.isin(second, who))
+        held = (padded._norm(apart) <= ON) & (np.isin(first, who) | np.isin(second, who))
         for k in np.flatnonzero(held):
             names = f"{scenario.names[first[k]]} and {scenario.names[second[k]]}"
             short = Short.of(zone, apart[k], margin)

@@ -36,8 +36,9 @@ from closeform.scenario.table import FLAWED, Table
 
 FORMAT = 1
 DEEPEST = 50  # parts of a dotted key: what reads TOML needs memory by their square, and may recurse
-DEEP = re.compile(rf"""(?:(?:[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*\.[ \t]*){{{DEEPEST}}}""")
-KEY = re.compile(r"""\s*(\[{0,2}[\w."' -]+\]{0,2})\s*(?:=|#|$)""")  # at the beginning of a line
+# from the beginning of a word only, without a second look at it: the time grows with the length of the text
+DEEP = re.compile(rf"""(?<![\w-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){{{DEEPEST}}}""")
+KEY = re.compile(r"""\s*+(\[{0,2}[\w."' -]++\]{0,2})\s*+(?:=|#|$)""")  # at the beginning of a line
 Model = TypeVar("Model", bound=Table)
 
 
@@ -124,7 +125,7 @@ def not_toml(text: str, error: Exception) -> str:
     if line := re.match(r"line (\d+), column (\d+)", place):
         lines = lines[: int(line[1]) - (line[2] == "1")]  # else it was the line before that has no end
     before = [KEY.match(line) for line in lines]
-    key = next((found[1].strip() for found in reversed(before) if found is not None), "the file")
+    key = next((found[1].strip()[:60] for found in reversed(before) if found is not None), "the file")
     if re.match("Cannot (overwrite|declare)|Duplicate", what):
         inline = re.search("key '(.*)'", what)
         return f"{place}: {inline[1] if inline else key}: stands twice; keep one"

@@ -36,7 +36,7 @@ def study(scenario: Scenario, sound: Callable[[str], bool]) -> Iterator[str]:
             yield f"{place}: cannot vary; {did_you_mean(key, near, alike(key, near, NEAR))}"
         elif wrong := draw_error(key, draw):
             yield f"{place}: {wrong}"
-        elif section != "craft" and not sound(f"{section}.*"):
+        elif not (scenario.craft if section == "craft" else sound(f"{section}.*")):
             continue
         elif section != "craft" and not there(scenario, key):
             yield f"{place}: there is no [{section}]; add that table or remove the draw"

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arrays import LARGEST, Floats, instance, number, numbers, size, whole
+from closeform.arrays import Floats, finite, instance, number, size, whole
 from closeform.result import Result
 from closeform.search.adversary import DRAWN, ROUNDS, Adversary
 from closeform.search.error_bounds import ErrorBounds, errors_numbered
@@ -251,12 +251,10 @@ def looks_of(search: Search, until: float, bounds: ErrorBounds) -> Floats:
 
 def ends_of_box(low: ArrayLike, high: ArrayLike) -> tuple[Floats, Floats]:
     """Least and greatest states (6,) of a box; ValueError naming what is wrong with them."""
-    least, greatest = numbers("low", low), numbers("high", high)
+    least, greatest = finite("low", low), finite("high", high)
     for name, state in (("low", least), ("high", greatest)):
         if state.shape != (6,):
             raise ValueError(f"{name}: expected shape (6,), position and velocity, got {state.shape}")
-        if not (np.abs(state) < LARGEST).all():
-            raise ValueError(f"{name}: must be finite, got {state.tolist()}")
     if (least > greatest).any():
         which = int(np.argmax(least > greatest))
         pair = f"{least[which]:g} is above {greatest[which]:g}"

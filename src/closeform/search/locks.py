@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats, instance, numbers
+from closeform.arrays import LARGEST, Floats, instance, numbers
 from closeform.result import Rows
 from closeform.search.lock_march import CHUNK, COINCIDENT, NOT_FINITE, first_locks, in_parts
 from closeform.search.schedule import Search
@@ -97,7 +97,8 @@ def lock_times(
         fill_imperfect(search, positions, velocities, errors, times, legs)
     if (legs == NOT_FINITE).any():
         which = int(np.argmax(legs == NOT_FINITE))
-        name = "relative_velocity" if np.isfinite(positions[which]).all() else "relative_position"
+        sound = np.abs(positions[which]).sum() < 0.5 * LARGEST  # else it is the velocity: their sum is not
+        name = "relative_velocity" if sound else "relative_position"
         raise ValueError(f"{name}: pair {which} has a number that is not finite, or too large")
     if (legs == COINCIDENT).any():
         which = int(np.argmax(legs == COINCIDENT))

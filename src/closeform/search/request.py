@@ -6,7 +6,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arrays import LARGEST, Floats, numbers, shown
+from closeform.arrays import LARGEST, Floats, finite, shown
 from closeform.search.leg import Group
 from closeform.zones.shapes import BALL, CUBE
 from closeform.zones.zone import Zone
@@ -50,12 +50,10 @@ def sides(groups: Groups, count: int) -> tuple[Group, ...]:
 def states(positions: ArrayLike, velocities: ArrayLike, dimensions: int) -> tuple[Floats, Floats]:
     """Positions and velocities as (C, N, 3)."""
     shape = ("N, 3", "C, N, 3")[dimensions - 2]
-    arrays = {"positions": numbers("positions", positions), "velocities": numbers("velocities", velocities)}
+    arrays = {"positions": finite("positions", positions), "velocities": finite("velocities", velocities)}
     for name, array in arrays.items():
         if array.ndim != dimensions or array.shape[-1] != 3:
             raise ValueError(f"{name}: expected shape ({shape}), got {array.shape}")
-        if not (np.abs(array) < LARGEST).all():
-            raise ValueError(f"{name}: every number must be finite, and below {LARGEST:g} in SI units")
     where, speeds = (np.where(np.abs(array) < 1.0 / LARGEST, 0.0, array) for array in arrays.values())
     if where.shape != speeds.shape:
         raise ValueError(f"velocities: expected the shape of positions, {where.shape}, got {speeds.shape}")

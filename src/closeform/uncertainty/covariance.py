@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats
-from closeform.motion.ends import checked_below
+from closeform.arrays import Floats, finite
 from closeform.motion.frames import relative_from_inertial
 
 # Of sqrt(P_ii P_jj): what differs by less is symmetric; an eigenvalue as far below 0 is rounding.
@@ -18,7 +17,7 @@ UNTOLD = 4e-15
 
 def root_of(name: str, covariance: ArrayLike) -> Floats:
     """Columns (6, 6) whose products with themselves sum to a covariance, which may be singular."""
-    matrix = checked_below(name, covariance)
+    matrix = finite(name, covariance)
     if matrix.shape != (6, 6):
         raise ValueError(f"{name}: expected shape (6, 6), positions before velocities, got {matrix.shape}")
     deviations = np.sqrt(np.abs(np.diag(matrix)))

@@ -11,9 +11,8 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats, number, numbers, size
+from closeform.arrays import Floats, finite, number, numbers, size
 from closeform.conflicts.two_paths import Conflict
-from closeform.motion.ends import checked_below
 from closeform.motion.path import Path, of_one_craft
 from closeform.uncertainty.covariance import axes_of, into_frame, root_of
 from closeform.uncertainty.search import one_for_each, search_of, stays_of_two
@@ -275,7 +274,7 @@ class Errors:
 
 
 def _at_least_zero(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Floats:
-    given = checked_below(name, value)
+    given = finite(name, value)
     if given.shape != shape:
         raise ValueError(f"{name}: expected shape {shape}, got {given.shape}")
     if not (given >= 0.0).all():
@@ -285,7 +284,7 @@ def _at_least_zero(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Float
 
 def one_state(name: str, value: ArrayLike) -> Floats:
     """An argument as the state (6,) of one craft."""
-    state = checked_below(name, value, 6)
+    state = finite(name, value, 6)
     if state.shape != (6,):
         raise ValueError(f"{name}: expected one state of shape (6,), got {state.shape}")
     return state

@@ -8,7 +8,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats, numbers
+from closeform.arrays import Floats, finite
 from closeform.zones.shapes import BALL, CUBE, CYLINDER, FACES
 from closeform.zones.zone import Zone, positive
 
@@ -16,7 +16,7 @@ from closeform.zones.zone import Zone, positive
 def _rotation(axes: ArrayLike | None) -> Floats:
     if axes is None:
         return np.eye(3)
-    rows = numbers("axes", axes)
+    rows = finite("axes", axes)
     if rows.shape != (3, 3) or not np.allclose(rows @ rows.T, np.eye(3), atol=1e-9):
         raise ValueError("axes: expected three orthonormal rows, the zone's own axes in the path's frame")
     return rows
@@ -97,8 +97,8 @@ class Ellipsoid(Zone):
         ----------
         docs/theory.md section 3.
         """
-        matrix = numbers("covariance", covariance)
-        if matrix.shape != (3, 3) or not np.isfinite(matrix).all() or not np.allclose(matrix, matrix.T):
+        matrix = finite("covariance", covariance)
+        if matrix.shape != (3, 3) or not np.allclose(matrix, matrix.T):
             raise ValueError("covariance: expected a finite symmetric (3, 3) matrix in m^2")
         sigmas = float(positive("sigmas", sigmas, ()))
         variances, axes = np.linalg.eigh(matrix)
@@ -155,11 +155,11 @@ class Cylinder(Zone):
 
     def __init__(self, radius: float, half_length: float, axis: ArrayLike = (1.0, 0.0, 0.0)) -> None:
         wide, long = positive("radius", radius, ()), positive("half_length", half_length, ())
-        way = numbers("axis", axis)
+        way = finite("axis", axis)
         if way.shape != (3,):
             raise ValueError(f"axis: expected shape (3,), got {way.shape}")
-        if not np.isfinite(way).all() or not way.any():
-            raise ValueError(f"axis: must be finite and not zero, got {way.tolist()}")
+        if not way.any():
+            raise ValueError("axis: must not be zero")
         super().__init__(CYLINDER, _about(way) / np.array([[wide], [wide], [long]]))
 
 
@@ -198,11 +198,11 @@ class HalfSpaces(Zone):
     """
 
     def __init__(self, normals: ArrayLike, offsets: ArrayLike) -> None:
-        ways = numbers("normals", normals)
+        ways = finite("normals", normals)
         if ways.ndim != 2 or ways.shape[1] != 3 or not len(ways):
             raise ValueError(f"normals: expected shape (F, 3), one row for each face, got {ways.shape}")
-        if not (np.isfinite(ways).all() and ways.any(axis=1).all()):
-            raise ValueError(f"normals: must be finite and not zero, got {ways.tolist()}")
+        if not ways.any(axis=1).all():
+            raise ValueError(f"normals: must not be zero, got {ways.tolist()}")
         lengths = positive("offsets", offsets, (len(ways),))
         ways = ways / np.abs(ways).max(axis=1, keepdims=True)
         ways = ways / np.linalg.norm(ways, axis=1, keepdims=True)

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats, numbers
+from closeform.arrays import Floats, finite, numbers
 from closeform.zones.shapes import BALL, CUBE, CYLINDER, FACES
 
 CORNERS = np.array(list(product((-1.0, 1.0), repeat=3)))
@@ -33,13 +33,6 @@ def positive(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Floats:
     if not (np.isfinite(lengths).all() and (lengths > 0).all()):
         raise ValueError(f"{name}: must be positive and finite, got {lengths.tolist()}")
     return lengths
-
-
-def _directions(name: str, value: ArrayLike) -> Floats:
-    where = numbers(name, value)
-    if where.shape[-1:] != (3,):
-        raise ValueError(f"{name}: expected shape (..., 3), got {where.shape}")
-    return where
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,13 +99,17 @@ class Zone:
         Raises
         ------
         ValueError
-            If `position` is not made of numbers, or of another shape.
+            If `position` is not made of finite numbers, or of another shape.
 
         References
         ----------
         docs/theory.md section 3.
         """
-        return scaled_norm(self, _directions("position", position) @ self.matrix.T)
+        return self._norm(finite("position", position, 3))
+
+    def _norm(self, position: Floats) -> Any:
+        """Return the norm of positions (..., 3), NaN of those that are not known."""
+        return scaled_norm(self, position @ self.matrix.T)
 
     def enlarged(self, factor: float) -> Zone:
         """The same shape, larger or smaller about the origin.
@@ -207,13 +204,13 @@ class Zone:
         Raises
         ------
         ValueError
-            If `direction` is not made of numbers, or of another shape.
+            If `direction` is not made of finite numbers, or of another shape.
 
         References
         ----------
         docs/theory.md section 3.
         """
-        d = _directions("direction", direction) @ np.linalg.inv(self.matrix)
+        d = finite("direction", direction, 3) @ np.linalg.inv(self.matrix)
         if self.shape == FACES:
             return self._support_of_faces(d)
         if self.shape == CUBE:
