@@ -469,3 +469,48 @@ def test_check_says_at_once_that_an_end_cannot_be_safe(to, drift, stops, tmp_pat
     if stops:
         (result,) = fly(parse(text)).results
         assert "no plan with that end is passively safe" in result.failure
+
+
+HOPPING = (
+    HEAD
+    + """
+[[stage]]
+do = "coast"
+for = "1 orbit"
+drift = "24 h"
+burns = [
+  { craft = "Inspector", at = "0.5 orbits", delta_v = "0.04103 0 0 m/s" },
+  { craft = "Inspector", at = "0 s", delta_v = "0.04103 0 0 m/s" },
+]
+"""
+)
+
+
+def test_burns_of_a_coast_are_judged_as_they_are_given():
+    """A hop of 150 m inwards by radial impulses, n d / 4 = 0.04103 m/s each, and on from there at rest."""
+    mission = flown(HOPPING)
+    (result,) = mission.results
+    n, path = mission.orbit.mean_motion, result.after.path("Inspector")
+    assert n * 150.0 / 4 == pytest.approx(0.04103, rel=1e-3)
+    assert [time for time, _ in path.impulses] == pytest.approx([0.0, np.pi / n], abs=1e-6)
+    state, half = np.array([0, 200.0, 0, 0.04103, 0, 0]), expm(hill(n) * np.pi / n)
+    state = half @ (half @ state + [0, 0, 0, 0.04103, 0, 0])
+    np.testing.assert_allclose(path.state(result.end), state, atol=1e-6)
+    assert result.delta_v == pytest.approx([0.0, 2 * 0.04103])
+    assert result.passive.safe and not result.passive.planned
+    assert result.passive.worst.distance == pytest.approx(50.0, abs=0.5)
+
+
+def test_burns_that_lead_into_a_zone_are_unsafe_and_none_is_after_the_end():
+    away = HOPPING.replace("0.04103 0 0 m/s", "0 0.01 0 m/s").replace("0.5 orbits", "0.9 orbits")
+    (result,) = flown(away).results
+    worst = result.passive.worst
+    assert not result.passive.safe
+    near = drifted(
+        result.after.path("Inspector"), result.after.path("Client"), worst.failed_at, worst.time + 60
+    )
+    assert near <= worst.distance + 0.1
+    with pytest.raises(ValueError, match=r"burns\[1\]\.at: .* not before the end"):
+        flown(HOPPING.replace("0.5 orbits", "1 orbit"))
+    with pytest.raises(ValueError, match="Nobody"):
+        flown(HOPPING.replace('{ craft = "Inspector", at = "0 s"', '{ craft = "Nobody", at = "0 s"'))
