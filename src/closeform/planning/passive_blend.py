@@ -70,7 +70,8 @@ def burned(problem: Problem, i: int, first: float, last: float, share: float) ->
     arcs[0, STATE : STATE + 6] = begin
     for before, after in zip(arcs[:-1], arcs[1:], strict=True):
         after[STATE : STATE + 6] = states(problem, before[None], before[None, END])[0]
-    return arcs[np.diff(edges) > ROUNDING * (edges[-1] - edges[0])]
+    left: Floats = arcs[np.diff(edges) > ROUNDING * (edges[-1] - edges[0])]
+    return left
 
 
 def stepped(rounds: Rounds, arcs: Floats, offsets: Any) -> Flown | None:

@@ -22,9 +22,7 @@ from closeform.planning.problem import Problem
 from closeform.zones.zone import Zone
 
 PARTS = 24  # of an orbit, in deep space of the duration: the drift times and waits; fewer miss short windows
-SHARES = np.linspace(
-    0.0, 1.0, 17
-)  # of an impulse that is cut short; fewer pass plans that then fail the proof
+SHARES = np.linspace(0.0, 1.0, 65)  # of an impulse that is cut short; fewer pass what then fails the proof
 CHUNK = 256  # plans that are sampled at a time
 HOPS = 100  # plans without a sampled conflict that are to be proven safe at most, until one is
 MISSED = 1e-9  # of the places and of what is drifted: two impulses that end farther off are none
