@@ -214,10 +214,14 @@ def test_both_of_a_pair_may_fail():
 
 
 def test_a_plan_that_is_not_found_says_what_to_try():
-    text = HEAD + APPROACH.replace('"transfer"', '"avoid"') + 'drift = "2 orbits"\n'
-    (result,) = flown(text).results
+    """To the other side of the client along the track: whatever is cut short of a hop leads into the zone."""
+    hold = '{ position = "0 -60 0 m", velocity = "0 0 0 m/s" }'
+    text = APPROACH.replace('"transfer"', '"avoid"').replace(
+        '{ safety_ellipse = { radial = "25 m", cross_track = "50 m" } }', hold
+    )
+    (result,) = flown(HEAD + text + 'drift = "2 orbits"\n').results
     assert "no passively safe path" in result.failure
-    assert "give it more time, arrive at another phase" in result.failure
+    assert "a safety_ellipse with radial and cross_track of 26 m around Client would do" in result.failure
 
 
 FAILURES = {
@@ -331,7 +335,7 @@ drift = "forever"
 
 STOPS = """
 closeform = 1
-title = "An end from which one drifts into the client"
+title = "An end on the other side of the client"
 [orbit]
 epoch = "2026-11-22T12:00:00Z"
 chief = { elements = { altitude = "550 km", inclination = "60 deg", latitude = "0 deg" } }
@@ -345,7 +349,7 @@ keep_out = { sphere = "20 m" }
 [[stage]]
 do = "avoid"
 craft = "Inspector"
-to = { position = "0 60 0 m", velocity = "0 -0.01 0 m/s" }
+to = { position = "0 -60 0 m", velocity = "0 0 0 m/s" }
 within = "1 orbits"
 drift = "24 h"
 """
@@ -410,3 +414,51 @@ def test_check_says_at_once_that_an_end_cannot_be_safe(to, drift, stops, tmp_pat
     if stops:
         (result,) = fly(parse(text)).results
         assert "no plan with that end is passively safe" in result.failure
+
+
+HOPPING = (
+    HEAD
+    + """
+[[stage]]
+do = "coast"
+for = "1 orbit"
+drift = "24 h"
+burns = [
+  { craft = "Inspector", at = "0.5 orbits", delta_v = "0.04103 0 0 m/s" },
+  { craft = "Inspector", at = "0 s", delta_v = "0.04103 0 0 m/s" },
+]
+"""
+)
+
+
+def test_burns_of_a_coast_are_judged_as_they_are_given():
+    """A hop of 150 m inwards by radial impulses, n d / 4 = 0.04103 m/s each, and on from there at rest."""
+    mission = flown(HOPPING)
+    (result,) = mission.results
+    n, path = mission.orbit.mean_motion, result.after.path("Inspector")
+    assert n * 150.0 / 4 == pytest.approx(0.04103, rel=1e-3)
+    assert [time for time, _ in path.impulses] == pytest.approx([0.0, np.pi / n], abs=1e-6)
+    state, half = np.array([0, 200.0, 0, 0.04103, 0, 0]), expm(hill(n) * np.pi / n)
+    state = half @ (half @ state + [0, 0, 0, 0.04103, 0, 0])
+    np.testing.assert_allclose(path.state(result.end), state, atol=1e-6)
+    assert result.delta_v == pytest.approx([0.0, 2 * 0.04103])
+    assert result.passive.safe
+    assert not result.passive.planned
+    assert result.passive.worst.distance == pytest.approx(50.0, abs=0.5)
+
+
+def test_burns_that_lead_into_a_zone_are_unsafe_and_none_is_after_the_end():
+    away = HOPPING.replace("0.04103 0 0 m/s", "0 0.01 0 m/s").replace("0.5 orbits", "0.9 orbits")
+    (result,) = flown(away).results
+    assert not result.passive.safe
+    n, worst = result.after.paths.orbit.mean_motion, result.passive.worst
+    flow = expm(hill(n) * (worst.time - worst.failed_at))
+    cut = [
+        flow @ [0, 200.0, 0, 0, share * 0.01, 0] for share in np.linspace(0, 1, 1001)
+    ]  # the first, amid it
+    assert worst.failed_at == 0.0
+    assert min(np.linalg.norm(state[:3]) for state in cut) == pytest.approx(worst.distance, abs=0.5)
+    with pytest.raises(ValueError, match=r"burns\[1\]\.at: .* not before the end"):
+        flown(HOPPING.replace("0.5 orbits", "1 orbit"))
+    with pytest.raises(ValueError, match="Nobody"):
+        flown(HOPPING.replace('{ craft = "Inspector", at = "0 s"', '{ craft = "Nobody", at = "0 s"'))

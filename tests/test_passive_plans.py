@@ -359,3 +359,94 @@ def test_rings_of_many_craft_are_turned_safely(count, number, budget):
             )
             apart = np.linalg.norm(places - there[:, None], axis=2)
             assert np.where(lost, apart, np.inf).min() > case.zone.radius * (1.0 - 1e-5)
+
+
+HOP = cf.Orbit.circular(600e3)  # its period is 5801 s
+
+
+def failed_hill(path, lost, share, until):
+    """Distances from the origin after thrust is lost at an instant, by the textbook's closed form.
+
+    A `share` of an impulse at that instant is still given.
+    """
+    n, state, at = HOP.mean_motion, path.state(path.start), path.start
+    jumps = list(path.impulses)
+    state[3:] -= sum((jump for time, jump in jumps if time == path.start), np.zeros(3))
+
+    def coasted(state, t):
+        x, y, z, u, v, w = state
+        s, c = np.sin(n * t), np.cos(n * t)
+        place = [
+            (4 - 3 * c) * x + s / n * u + 2 / n * (1 - c) * v,
+            6 * (s - n * t) * x + y - 2 / n * (1 - c) * u + (4 * s - 3 * n * t) / n * v,
+            c * z + s / n * w,
+        ]
+        speed = [
+            3 * n * s * x + c * u + 2 * s * v,
+            -6 * n * (1 - c) * x - 2 * s * u + (4 * c - 3) * v,
+            -n * s * z + c * w,
+        ]
+        return np.stack(np.broadcast_arrays(*place, *speed), axis=-1)
+
+    for time, jump in jumps:
+        if time > lost:
+            break
+        state, at = coasted(state, time - at), time
+        state[3:] += jump * (share if time == lost else 1.0)
+    return np.linalg.norm(coasted(state, np.linspace(lost - at, until - at, 6000))[:, :3], axis=1)
+
+
+@pytest.mark.parametrize("orbits", [0.5, 0.7, 1.0, 1.5])
+def test_a_radial_hop_is_found_however_much_longer_it_may_take(orbits):
+    """Half an orbit and two radial impulses of n d / 4 each; the rest of the time is waited on the V-bar."""
+    n, duration, day = HOP.mean_motion, orbits * HOP.period, 86400.0
+    start, end = [0, -500, 0, 0, 0, 0], [0, -50, 0, 0, 0, 0]
+    client, zone = HOP.coast(np.zeros(6), duration + day), cf.Sphere(30.0)
+    plan = cf.avoid(HOP.transfer(start, end, duration), client, zone, drift=day, cost="delta-v")
+    assert plan.ok, plan.reason
+    assert plan.delta_v <= 2 * n * 450.0 / 4 * (1 + 1e-3)
+    assert np.abs(plan.path.state(duration) - end).max() < 1e-6
+    for time, _ in plan.path.impulses:
+        for share in (0.0, 0.3, 0.7, 1.0):
+            assert failed_hill(plan.path, time, share, duration + day).min() > 30.0
+    if orbits == 0.5:
+        for _, jump in plan.path.impulses:
+            assert np.abs(jump) == pytest.approx([n * 450.0 / 4, 0, 0], abs=1e-9)
+
+
+@pytest.mark.parametrize("orbits", [0.5, 1.0])
+def test_a_hop_of_low_energy_is_safe_where_planes_alone_lead_nowhere(orbits):
+    duration, drift = orbits * HOP.period, 3.0 * HOP.period
+    start, end = [0, -500, 0, 0, 0, 0], [0, -50, 0, 0, 0, 0]
+    client = HOP.coast(np.zeros(6), duration + drift)
+    plan = cf.avoid(HOP.transfer(start, end, duration), client, cf.Sphere(30.0), drift=drift)
+    assert plan.ok, plan.reason
+    assert plan.lower_bound <= plan.energy < np.inf
+    assert plan.path.state(0.0) == pytest.approx(start, abs=1e-9)
+    assert np.abs(plan.path.state(duration) - end).max() < 1e-6
+    _, places, lost = flown_with_failures(plan.path, duration + drift, 300, seed=1)
+    assert np.where(lost, np.linalg.norm(places, axis=2), np.inf).min() > 30.0 * (1 - 1e-5)
+
+
+def test_both_of_two_craft_hop_along_the_track():
+    """The same in a formation, each with a client that it is to keep clear of."""
+    starts = np.array([[0, -500.0, 0, 0, 0, 0], [0, 500.0, 0, 0, 0, 0]])
+    ends, duration, drift = starts * 0.2, HOP.period, 2.0 * HOP.period
+    client = HOP.coast(np.zeros(6), duration + drift)
+    plan = cf.reconfigure(
+        HOP,
+        starts,
+        ends,
+        duration,
+        cf.Sphere(30.0),
+        obstacles=client,
+        drift=drift,
+        cost="delta-v",
+        if_blocked=(),
+    )
+    assert plan.ok, plan.reason
+    assert plan.delta_v <= 2 * 2 * HOP.mean_motion * 400.0 / 4 * (1 + 1e-3)
+    for path in plan.paths:
+        for time, _ in path.impulses:
+            for share in (0.0, 0.5, 1.0):
+                assert failed_hill(path, time, share, duration + drift).min() > 30.0

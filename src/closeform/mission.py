@@ -181,8 +181,16 @@ def in_field(scenario: Scenario, result: StageResult[Any, Any]) -> StageResult[A
 
 
 def coast(start: StageStart, stage: Coast) -> StageResult[Coast, None]:
-    """Nobody burns."""
-    flight = start.coasts(stage.length.on(start.orbit.mean_motion))
+    """No craft thrusts, but for the impulses that are given."""
+    n, names = start.orbit.mean_motion, start.scenario.names
+    duration = stage.length.on(n)
+    given: list[list[tuple[float, Floats]]] = [[] for _ in names]
+    for k, burn in enumerate(stage.burns, 1):
+        at = burn.at.on(n)
+        if at >= duration:
+            raise ValueError(f"burns[{k}].at: {at:.6g} s is not before the end of the stage; fire it earlier")
+        given[names.index(burn.craft)].append((at, np.array(burn.delta_v)))
+    flight = start.flight([start.fired(k, own, duration) for k, own in enumerate(given)])
     return StageResult(start.number, stage, start.time, flight, flight, None)
 
 

@@ -11,7 +11,8 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.conflicts.flight import WatchedFlight, watch
 from closeform.fuel.thrusters import Thrusters
-from closeform.motion.joining import stack
+from closeform.motion.arc import IMPULSE
+from closeform.motion.joining import join, stack
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
 from closeform.scenario import Avoid, Destination, Joint, Scenario, Target, Transfer
@@ -136,6 +137,19 @@ class StageStart:
     def coasts(self, duration: float) -> WatchedFlight:
         """Nobody burns for a `duration` [s]."""
         return self.flight([self.coast(k, duration) for k in range(len(self.states))])
+
+    def fired(self, k: int, burns: Sequence[tuple[float, Floats]], duration: float) -> Path:
+        """Craft k's path under impulses (3,) [m/s], each so long after the start [s]."""
+        state, at, first, pieces = self.states[k], 0.0, np.zeros(3), []
+        for time, push in sorted(burns, key=lambda burn: burn[0]):
+            if time > at:
+                pieces.append(self.orbit.coast(state, time - at, self.time + at))
+                state, at = pieces[-1].state(self.time + time), time
+            state = state + np.concatenate([np.zeros(3), push])
+            first = first if pieces else first + push
+        pieces.append(self.orbit.coast(state, duration - at, self.time + at))
+        pieces[0].arcs[0, IMPULSE : IMPULSE + 3] = first
+        return join(pieces)
 
     def latitude(self, duration: float) -> float:
         """The origin's argument of latitude [rad] after a `duration` [s]."""

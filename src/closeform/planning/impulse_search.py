@@ -16,6 +16,7 @@ from closeform.motion.within_limit import TooLittleThrust
 from closeform.planning.impulse_checks import Spent
 from closeform.planning.impulse_descent import at_rest, descended, step_near
 from closeform.planning.impulse_local import AIM, ImpulseSolver, beside
+from closeform.planning.impulse_moments import Moments
 from closeform.planning.impulse_sharing import shared
 from closeform.planning.limits import FULL
 from closeform.planning.passive_planes import TOGETHER
@@ -24,6 +25,7 @@ from closeform.planning.planner import Outcome, contacts_of, solve
 from closeform.planning.problem import Problem, deepest
 from closeform.planning.scene import Contacts
 from closeform.planning.side_search import FEW
+from closeform.planning.two_impulse_plans import HOPS, two_impulse_plans
 from closeform.planning.ways_out import ranked_exits
 
 ONE, MANY = 6, 1  # starts that are looked at, of one craft and of many
@@ -53,7 +55,7 @@ def solve_impulses(
     Raises ValueError for a craft, by its name, that thrusters cannot bring where it is to go, and
     TooLittleThrust for one whose limit cannot.
     """
-    by_energy, failures = cache(lambda: solve(problem, more=more)), None
+    by_energy, failures = cache(lambda: solve(problem, more=more, waiting=False)), None
     if problem.drift is not None:
         from closeform.planning.impulse_failures import ImpulseFailures
 
@@ -171,11 +173,26 @@ def searched(
     other = None if near is None else near()
     if other is not None and other.checked.clear and (best is None or other.delta_v < best.delta_v):
         best = other
+    hop = two_impulses(solver, free)
+    if hop is not None and (best is None or hop.delta_v < best.delta_v):
+        best = hop
     best = None if best is None else fewest(solver, best)
     impulses_may_fail = solver.failures is not None and not solver.limits.any()
     if impulses_may_fail and (best is None or best.delta_v > COSTLY * free.delta_v):
         best = roomier(solver, free, begun, best)
     return best, begun
+
+
+def two_impulses(solver: ImpulseSolver, free: Spent) -> Spent | None:
+    """Return the cheapest safe plan of two impulses with waits; None without one or without `drift`."""
+    if solver.failures is None or solver.limits.any() or solver.pushes.fixed.any():
+        return None
+    for times, impulses in islice(two_impulse_plans(solver.problem), HOPS):
+        moments = [Moments.instants(own, np.zeros(2, dtype=np.int64)) for own in times]
+        found = replace(solver.fired_at(moments, impulses, free), margin=AIM)
+        if found.checked.clear:
+            return found
+    return None
 
 
 def fewest(solver: ImpulseSolver, best: Spent) -> Spent:

@@ -55,6 +55,7 @@ def shaped(
         margin=found.margin,
         proven=is_proven(energy, bound),
         tried=found.tried,
+        priced=found.priced,
         drift=problem.drift,
         sigmas=problem.sigmas,
     )

@@ -17,12 +17,13 @@ from closeform.planning.scene import CONTACTS, INDICES, ROWS, SCENE, Contacts, S
 ALONE, TOGETHER = 1e5, 30.0  # zones that one plane, and all of them, may push a craft: no plan comes of more
 
 
-@kernel(float64(SCENE, CONTACTS, float64, float64, float64, ROWS, INDICES))
-def press(scene, contacts, lift, give, stride, arcs, offsets):
+@kernel(float64(SCENE, CONTACTS, float64, float64, float64, float64, ROWS, INDICES))
+def press(scene, contacts, lift, give, stride, most, arcs, offsets):
     """Multipliers that keep failed craft beyond all planes at `lift` aims: the energy; fills the paths.
 
     It begins with the contacts that push.  Each gives way by `give` of its own compliance.  Where a push is
-    farther than `stride` zones all are shorter.  inf where planes ask for what cannot be together.
+    farther than `stride` zones all are shorter.  inf where planes ask for what cannot be together, or where
+    one moves a craft by more than `most` zones.
                                                                                          # theory (72)
     """
     arcs, offsets, count = borrowed(arcs), borrowed(offsets), len(contacts.times)
@@ -40,13 +41,13 @@ def press(scene, contacts, lift, give, stride, arcs, offsets):
     energy, farthest = 0.0, 0.0
     for k in range(count):
         push, moved = contacts.multipliers[k], 0.0
-        if not push * gram[k, k] < ALONE:
+        if not push * gram[k, k] < ALONE * max(1.0, most / TOGETHER):
             return inf
         for m in range(count):
             moved += gram[k, m] * contacts.multipliers[m]
         energy += 0.5 * push * moved
         farthest = max(farthest, abs(moved))
-    if farthest > TOGETHER:
+    if farthest > most:
         return inf
     if farthest > stride:
         energy *= (stride / farthest) ** 2
@@ -57,8 +58,8 @@ def press(scene, contacts, lift, give, stride, arcs, offsets):
 
 
 def press_in(
-    scene: Scene, planes: Contacts, lift: float, give: float, stride: float
+    scene: Scene, planes: Contacts, lift: float, give: float, stride: float, most: float = TOGETHER
 ) -> tuple[float, Floats, Any]:
     """`press` with room for the craft's arcs: the energy and these."""
     arcs, offsets = room_for(scene, planes)
-    return press(scene, planes, lift, give, stride, arcs, offsets), arcs, offsets
+    return press(scene, planes, lift, give, stride, most, arcs, offsets), arcs, offsets

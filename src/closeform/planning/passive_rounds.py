@@ -16,7 +16,7 @@ from closeform.arrays import Floats
 from closeform.motion.arc import END, START
 from closeform.planning.deflection import fly, room_for
 from closeform.planning.failures import find_failures, slide_failures
-from closeform.planning.passive_planes import press_in
+from closeform.planning.passive_planes import TOGETHER, press_in
 from closeform.planning.problem import MARGIN, Problem
 from closeform.planning.scene import Contacts
 from closeform.zones.shapes import BALL
@@ -150,9 +150,11 @@ class Rounds:
         arcs, offsets = room_for(self.scene, contacts)
         return arcs[: fly(self.scene, contacts, arcs, offsets)], offsets
 
-    def pressed(self, planes: Contacts, lift: float, give: float) -> tuple[float, Floats, Any]:
+    def pressed(
+        self, planes: Contacts, lift: float, give: float, most: float = TOGETHER
+    ) -> tuple[float, Floats, Any]:
         """The energy with which planes are kept, which fills their multipliers, and the craft's arcs then."""
-        return press_in(self.scene, planes, lift, give, inf)
+        return press_in(self.scene, planes, lift, give, inf, most)
 
     def failures(self, arcs: Floats, offsets: Any, known: Contacts) -> tuple[Contacts, float]:
         """Planes where failed craft of some paths come near others, and what the nearest misses of the aim.

@@ -58,15 +58,25 @@ class Outcome:
         return f", the nearest {self.nearest:.4f} x zone away" if self.nearest else ""
 
 
-def solve(problem: Problem, budget: int | None = None, more: bool = False) -> Outcome:
+def solve(problem: Problem, budget: int | None = None, more: bool = False, waiting: bool = True) -> Outcome:
     """The best of a number of candidates: `budget` at most, by how many pairs are in contact unless given.
 
-    Zones are enlarged by no more than rounding needs; by more only where nothing was found so.
+    Zones are enlarged by no more than rounding needs; by more only where nothing was found so.  `waiting`:
+    passively safe paths, where none are found, are blended from a two-impulse plan with waits.
     """
     if problem.drift is not None:
         from closeform.planning.passive_search import PassiveSearch
 
-        return outcome(PassiveSearch(problem, MARGINS[0], budget, more).run())
+        passive = outcome(PassiveSearch(problem, MARGINS[0], budget, more).run())
+        if passive.flown is not None or not waiting:
+            return passive
+        from closeform.planning.passive_blend import blended_plan
+
+        flown = blended_plan(problem, MARGINS[1])
+        if flown is None:
+            return passive
+        extra = max(problem.energy(flown) - problem.energy(problem.direct), 0.0)
+        return Outcome(flown, (), extra, MARGINS[1], False, passive.tried + 1, priced=False)
     if problem.sigmas:
         from closeform.planning.sigma_problem import SigmaProblem
         from closeform.planning.sigma_search import SigmaSearch

@@ -251,6 +251,7 @@ def _planned(plan: Plan, problem: Problem, found: Outcome, names: Sequence[str])
     if found.order:
         ways += f", one after another: {', '.join(names[k] for k in found.order)}"
     number = len(found.contacts)
+    changed = number > 0 or not found.priced
     direct = float(plan.direct.energy.sum())
     return replace(
         plan,
@@ -261,9 +262,9 @@ def _planned(plan: Plan, problem: Problem, found: Outcome, names: Sequence[str])
         margin=found.margin,
         tried=found.tried,
         priced=found.priced,
-        proven=number == 0,
-        status=Status.AVOIDED if number else Status.CLEAR,
-        reason=f"{number} contact{'s' * (number != 1)}, {ways}" if number else "no conflict",
+        proven=not changed,
+        status=Status.AVOIDED if changed else Status.CLEAR,
+        reason=f"{number} contact{'s' * (number != 1)}, {ways}" if changed else "no conflict",
     )
 
 

@@ -4,13 +4,26 @@ from collections.abc import Iterator
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Discriminator, Field, Tag
+from pydantic import BeforeValidator, Discriminator, Field, Tag
 
 from closeform.arrays import Floats
 from closeform.motion.orbit import Orbit
 from closeform.scenario.formation import Destination, Goal, Target
+from closeform.scenario.quantity import DURATION, Duration, Reader
 from closeform.scenario.stage_table import Drifting, StageTable, Thrusting
-from closeform.scenario.table import ALL, EACH, Length, Margin, Name, Names, Position, Span, Table, Vector
+from closeform.scenario.table import (
+    ALL,
+    EACH,
+    Length,
+    Margin,
+    Name,
+    Names,
+    Position,
+    Span,
+    Table,
+    Vector,
+    Velocity,
+)
 
 Fallback = Literal["more sides", "longer", "stagger"]
 Fallbacks = Annotated[tuple[Fallback, ...], Field(strict=False)]
@@ -18,12 +31,33 @@ ALL_FALLBACKS: tuple[Fallback, ...] = ("more sides", "longer", "stagger")
 FALLBACK_EXAMPLE = '["more sides", "longer", "stagger"]'
 
 
+Instant = Annotated[Duration, BeforeValidator(Reader(DURATION, least="zero"))]
+
+
+class Burn(Table):
+    """An impulse that is given: a velocity jump of one craft, `at` a time after the start of the stage."""
+
+    craft: Name = Field(examples=['"F1"'])
+    at: Instant = Field(examples=['"0.5 orbits"'])
+    delta_v: Velocity = Field(examples=['"0 0.1 0 m/s"'])
+
+
 class Coast(Drifting):
-    """Nobody burns."""
+    """No craft thrusts, but for the impulses that are given as `burns`."""
 
     do: Literal["coast"] = Field(examples=['"coast"'])
     length: Span = Field(alias="for", examples=['"0.5 orbits"'])
+    burns: Annotated[tuple[Burn, ...], Field(strict=False)] = Field(
+        (), examples=['[{ craft = "F1", at = "10 min", delta_v = "-0.1 0 0 m/s" }]']
+    )
     animation: bool = Field(False, examples=["true"])
+
+    def moving(self, names: Names) -> Names:
+        return tuple(dict.fromkeys(burn.craft for burn in self.burns))
+
+    @property
+    def craft_named(self) -> dict[str, tuple[str, ...]]:
+        return {f"burns[{k}].craft": (burn.craft,) for k, burn in enumerate(self.burns, 1)}
 
 
 class Clearing(Thrusting):

@@ -1,0 +1,140 @@
+"""From a safe two-impulse plan to a safe path of low energy, where the search among planes finds none.
+
+The impulses are spread over burns.  A step then keeps the planes of all failures of the safe paths at hand,
+which is a convex program (theory 72), and goes part of the way to its solution.  Paths on that way keep the
+same planes, so that they are safe as far as the planes stand for all failures; the step is halved until the
+sampled failures are clear.  Motion is linear in thrust, so that a part of the way is a weighted sum of arcs.
+"""
+
+from itertools import islice
+from math import inf
+from typing import Any
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.motion.arc import END, MEAN_MOTION, PUSH, START, STATE, THRUST, WIDTH
+from closeform.motion.path import path_of
+from closeform.planning.passive_rounds import BEYOND, Rounds, pressing
+from closeform.planning.passive_search import failures
+from closeform.planning.problem import Flown, Problem
+from closeform.planning.scene import Contacts
+from closeform.planning.two_impulse_plans import HOPS, two_impulse_plans
+
+SPREADS = 0.25, 0.1, 0.03, 0.01, 1e-3  # of the drift between two impulses, over which each is spread
+STEPS, CUTS = 16, 4  # steps, and times that planes are joined which the program's paths break
+GIVING = 1e-7  # of their own compliance, by which planes give way: many are almost one
+SHORTEST = 2.0**-8  # of the way: shorter steps gain nothing
+STEADY = 1e-3  # of the energy: a step that gains less is the last
+ROUNDING = 1e-12  # of all time: arcs no longer are none
+
+
+def blended_plan(problem: Problem, margin: float) -> Flown | None:
+    """Return the cheapest paths found that are certified safe; None without a safe two-impulse plan."""
+    rounds, energy = Rounds(problem, margin), inf
+    here = found = spread_plan(rounds)
+    for _ in range(STEPS):
+        if here is None or not problem.energy(here) < (1.0 - STEADY) * energy:
+            break
+        energy, found = problem.energy(here), here
+        here = stepped(rounds, *here)
+    return None if found is None else problem.with_obstacles(*arrived(problem, *found))
+
+
+def spread_plan(rounds: Rounds) -> Flown | None:
+    """Return the cheapest two-impulse plan that is clear, as sampled, with its impulses as burns."""
+    problem = rounds.problem
+    for times, _ in islice(two_impulse_plans(problem), HOPS):
+        for share in SPREADS:
+            own = [burned(problem, i, when[0], when[1], share) for i, when in enumerate(times)]
+            plan = np.concatenate(own), np.cumsum([0, *map(len, own)])
+            if not missed(rounds, *plan).number:
+                return plan
+    return None
+
+
+def burned(problem: Problem, i: int, first: float, last: float, share: float) -> Floats:
+    """Return craft i's arcs, with burns for a `share` of the drift after `first` and before `last` [s]."""
+    orbit, start, end = problem.orbit, *problem.base[i, [START, END]]
+    state, final = problem.base[i, STATE : STATE + 6], problem.path(problem.direct)[i].state(end)
+    begin = orbit.transition(problem.first - start) @ state
+    drift, lasts = last - first, share * (last - first)
+    burn = orbit.burn(np.zeros((3, 6)), np.eye(3), lasts).state(lasts).T
+    pushed = np.hstack([orbit.transition(drift - lasts) @ burn, burn])
+    missing = orbit.transition(last - end) @ final - orbit.transition(last - problem.first) @ begin
+    pushes = np.linalg.solve(pushed, missing).reshape(2, 3)
+    edges = np.array([problem.first, first, first + lasts, last - lasts, last, problem.last])
+    arcs = np.zeros((5, WIDTH))
+    arcs[:, START], arcs[:, END], arcs[:, MEAN_MOTION] = edges[:-1], edges[1:], orbit.mean_motion
+    arcs[[1, 3], PUSH : PUSH + 3] = pushes
+    arcs[0, STATE : STATE + 6] = begin
+    for before, after in zip(arcs[:-1], arcs[1:], strict=True):
+        after[STATE : STATE + 6] = states(problem, before[None], before[None, END])[0]
+    left: Floats = arcs[np.diff(edges) > ROUNDING * (edges[-1] - edges[0])]
+    return left
+
+
+def stepped(rounds: Rounds, arcs: Floats, offsets: Any) -> Flown | None:
+    """Return safe paths part of the way to the cheapest that keep the planes of some; None without any."""
+    problem, planes = rounds.problem, rounds.failures(arcs, offsets, Contacts.none())[0]
+    for _ in range(CUTS):
+        energy, toward, begins = rounds.pressed(planes, 1.0 + BEYOND, GIVING, most=inf)
+        if energy == inf:
+            return None
+        inside, short = rounds.inside(toward, begins, pressing(planes))
+        if short == 0.0:
+            break
+        planes = planes.joined(rounds.turned(arcs, offsets, inside))
+    share = 1.0
+    while share >= SHORTEST:
+        each = [
+            summed(problem, (arcs[a:b], toward[c:d]), (1.0 - share, share))
+            for a, b, c, d in zip(offsets[:-1], offsets[1:], begins[:-1], begins[1:], strict=True)
+        ]
+        part = np.concatenate(each), np.cumsum([0, *map(len, each)])
+        if not missed(rounds, *part).number:
+            return part
+        share *= 0.5
+    return None
+
+
+def missed(rounds: Rounds, arcs: Floats, offsets: Any) -> Contacts:
+    """Return where failures lead into a zone, or paths do without one: as sampled, and if none, certified."""
+    problem, found = rounds.problem, rounds.inside(arcs, offsets, Contacts.none())[0]
+    if found.number:
+        return found
+    whole, planned = problem.with_obstacles(arcs, offsets), arrived(problem, arcs, offsets)
+    met = problem.met(problem.conflicts(whole))
+    paths = path_of(problem.orbit, *planned, (problem.count,))
+    return met.joined(failures(problem, paths, problem.bodies(whole)))
+
+
+def summed(problem: Problem, each: tuple[Floats, Floats], weights: tuple[float, float]) -> Floats:
+    """Return the arcs of a weighted sum of two motions of one craft over the same time."""
+    edges = np.unique(np.concatenate([own[:, [START, END]].ravel() for own in each]))
+    short = ROUNDING * (edges[-1] - edges[0])
+    edges = edges[np.append(True, np.diff(edges) > short)]
+    arcs = np.zeros((len(edges) - 1, WIDTH))
+    arcs[:, START], arcs[:, END], arcs[:, MEAN_MOTION] = edges[:-1], edges[1:], problem.orbit.mean_motion
+    for own, weight in zip(each, weights, strict=True):
+        rows = own[np.maximum(np.searchsorted(own[:, START], edges[:-1] + short, "right") - 1, 0)]
+        turned = problem.orbit.transition(edges[:-1] - rows[:, START]) @ rows[:, THRUST : THRUST + 6, None]
+        arcs[:, STATE : STATE + 6] += weight * states(problem, rows, edges[:-1])
+        arcs[:, THRUST : THRUST + 6] += weight * turned[..., 0]
+        arcs[:, PUSH : PUSH + 3] += weight * rows[:, PUSH : PUSH + 3]
+    return arcs
+
+
+def states(problem: Problem, arcs: Floats, times: Floats) -> Floats:
+    """Return the state (K, 6) on each arc at its own time."""
+    rows = path_of(problem.orbit, np.ascontiguousarray(arcs), np.arange(len(arcs) + 1), (len(arcs),))
+    found: Floats = rows._evaluate_rows(times[:, None])[:, 0]
+    return found
+
+
+def arrived(problem: Problem, arcs: Floats, offsets: Any) -> Flown:
+    """Return the craft's arcs up to the last arrival."""
+    early = arcs[:, START] < problem.arrival
+    left = arcs[early]
+    left[:, END] = np.minimum(left[:, END], problem.arrival)
+    return left, np.concatenate([[0], np.cumsum(early)])[offsets]
