@@ -407,7 +407,7 @@ def test_of_a_stage_that_stops_a_run_says_what_is_not_flown():
 
 @pytest.mark.parametrize(("metres", "told"), [(5.686e-14, "0 m"), (2e-6, "2e-06 m"), (7.8124, "7.812 m")])
 def test_a_distance_that_is_rounding_is_none(metres, told):
-    pair = PairDrift("A", "B", cf.Sphere(20.0), 1.0, 2.0, metres / 20.0, metres)
+    pair = PairDrift("A", "B", cf.Sphere(20.0), 1.0, 2.0, metres / 20.0, metres, metres / 20.0)
     assert drift.near(pair) == f"{metres / 20.0:.4f} x zone ({told})"
 
 
