@@ -109,8 +109,9 @@ class Leg(Result):
         return float(self.sun_angle_of(np.array([1.0, 0.0, 0.0])))
 
     def sun_angle_of(self, body: Floats) -> Floats:
-        """Return the greatest angles (...) [rad] from the sun line of unit vectors (..., 3) in A's body axes."""
+        """Return greatest angles (...) [rad] of unit vectors (..., 3) in A's body axes from the sun line."""
         shade = body @ self.attitude.T
         steady = np.multiply.outer(shade @ self.axis, self.axis)
         parts = np.array([steady, shade - steady, np.cross(self.axis, shade)]) @ -SUN
-        return np.arccos(np.clip(-greatest(parts[0], parts[1], parts[2], self.angle), -1.0, 1.0))
+        found: Floats = np.arccos(np.clip(-greatest(parts[0], parts[1], parts[2], self.angle), -1.0, 1.0))
+        return found
