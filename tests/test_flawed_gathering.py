@@ -217,6 +217,9 @@ def bodies_of(scenario):
 def test_failures_of_craft_that_search_imperfectly(text, erring):
     """With burns that err, too, in the last: each case is its row, its run and the model's."""
     text = text.replace("180 m", "500 m").replace("rounds = 2", 'rounds = 2\nburns = "half"')
+    text = text.replace(
+        'sun_limit = "25 deg"', 'tip_angle = "25 deg"\nsun_limit = "60 deg"'
+    )  # kept with all pointing errors
     scenario = parse(text + DRAWN)
     campaign, sky, seen = flown(scenario, 8), sky_of(scenario), set()
     assert isinstance(campaign, MissionCampaign if erring else GatherCampaign)

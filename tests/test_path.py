@@ -264,3 +264,10 @@ def test_bad_input_is_named(case):
     call, message = BAD[case]
     with pytest.raises(ValueError, match=message):
         call()
+
+
+def test_a_path_is_true_as_any_object_and_an_empty_batch_is_not():
+    path = cf.Orbit(0.0).coast(np.zeros(6), 1.0)
+    assert path
+    assert cf.Orbit(0.0).coast(np.zeros((2, 6)), 1.0)
+    assert not cf.Orbit(0.0).coast(np.zeros((2, 6)), 1.0)[:0]

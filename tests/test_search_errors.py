@@ -222,3 +222,35 @@ def test_each_craft_of_a_case_keeps_its_own_slew_acceleration():
     alone = [fly(case_of(scenario, case)).results[0].result.locks.time[0] for case in range(4)]
     assert alone == times.tolist()
     assert (times > 60.0).any()
+
+
+def test_a_sun_limit_is_judged_by_the_attitudes_with_errors():
+    """Against sampled attitudes of bodies that turn for themselves; of a run and of each case of a study."""
+    ball = STUDY.replace("2 deg", "8 deg")
+    scenario = parse(RUN + ball)
+    campaign = flown(scenario, 4)
+    for case in range(4):
+        one = case_of(scenario, case)
+        run = fly(one)
+        errors = one.search_errors
+        bodies = [
+            Body(
+                turns("modified", radians(70)),
+                group,
+                pointing=errors.pointing[k].copy(),
+                slew_rate=errors.slew_rate[k],
+                start=errors.start[k],
+            )
+            for k, group in enumerate("AB")
+        ]
+        sampled = [
+            np.arccos(-body.bodies(np.linspace(body.start, body.begins[-1], 40_000))[:, 2, 0]).max()
+            for body in bodies
+        ]
+        sun = run.results[0].sun
+        assert sun.craft == "AB"[int(np.argmax(sampled))]
+        assert sun.angle == pytest.approx(max(sampled), abs=2e-4)
+        assert sun.limit == pytest.approx(LIMIT)
+        assert run.verdict.ok == (max(sampled) <= LIMIT) == campaign.good[case]
+        assert ("sun limit exceeded" in str(run.verdict)) != run.verdict.ok
+    assert 0 < campaign.good.sum() < 4

@@ -224,3 +224,14 @@ def test_mixed_units_are_told():
             path, 50.0
         )  # known places, lost velocities
         ALL.covariance(path, 50.0)
+
+
+def test_a_nearly_singular_covariance_is_not_taken_for_mixed_units(recwarn):
+    """A position along one axis known far better, or exact states: not a thousand times, but any number."""
+    path, other = (ORBIT.coast([0.0, y, 0.0, 0.0, 0.0, 0.0], 1000.0) for y in (-200.0, 200.0))
+    n = path.orbit.mean_motion
+    thin = np.array([1e-3, 1e-7, 1e-3, 3e3 * n * 1e-3, 3e3 * n * 1e-3, 1e-9])
+    exact = np.array([1e-9, 1e-9, 1e-9, 1e-3, 1e-3, 1e-3])
+    for sigmas in (thin, exact):
+        cf.find_conflicts(path, other, cf.Sphere(10.0), errors=cf.Errors(np.diag(sigmas**2)), sigmas=3.0)
+    assert not recwarn.list

@@ -65,7 +65,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         sys.stdout.flush()
     except CycloptsError as error:
         named = " ".join(("closeform", *(error.command_chain or ())))
-        complain(f"closeform: {one_line(error)}; see {named} --help")
+        told, listed, _ = one_line(error).partition("Available commands: ")  # cyclopts lists eight
+        every = ", ".join(name for name in app if not name.startswith("-")) if listed else ""
+        complain(f"closeform: {told}{listed}{every}; see {named} --help")
         return BAD_INPUT
     except (UsageError, FolderError) as error:
         complain(str(error))

@@ -78,6 +78,8 @@ def reconfigure(start: StageStart, stage: Reconfigure) -> Moved:
 
 def together(start: StageStart, stage: Joint, goals: Goals) -> Moved:
     """A formation moves to its `goals` in one plan; craft that do not move coast, and are kept clear of."""
+    from closeform.planning.plan import Status
+
     names = start.scenario.names
     movers = stage.moving(names)
     others = tuple(name for name in names if name not in movers)
@@ -85,7 +87,8 @@ def together(start: StageStart, stage: Joint, goals: Goals) -> Moved:
     plan, measures = planned(start, stage, goals, who, [names.index(name) for name in others])
     asked = start.asked(stage)
     before = start.mixed(who, plan.direct)
-    after = start.mixed(who, plan.paths) if plan.paths is not None and plan.contacts else before
+    changed = plan.status is Status.AVOIDED
+    after = start.mixed(who, plan.paths) if changed and plan.paths is not None else before
     punctual = plan.punctual.tolist() if plan.punctual is not None else [None] * len(movers)
     late = too_late(start, stage, after, dict(zip(movers, punctual, strict=True)))
     failure = None if plan.ok else f"{plan.status}: {plan.reason}"

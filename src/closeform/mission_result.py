@@ -18,7 +18,7 @@ from closeform.motion.path import Path
 from closeform.result import Result
 from closeform.scenario import Scenario, StageTable
 from closeform.search.schedule import Search
-from closeform.verdict import Asked, Late, LostThrust, Use, Verdict, conflicts_in, thrust_use
+from closeform.verdict import Asked, Late, LostThrust, SunAngle, Use, Verdict, conflicts_in, thrust_use
 from closeform.zones.zone import Zone
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ class StageResult(Result, Generic[AnyStage, AnyResult]):
     of the craft make of it, None without any.  `passive`: whether it is safe when something fails, where that
     is asked, and `unplanned`: how near direct paths come then, where a plan failed.  `validity`: what becomes
     of it in the scenario's field, where that has one.  `commanded`: the plan, where `after` has the errors
-    that a case of a study has drawn.
+    that a case of a study has drawn.  `sun`: the greatest sun angle of craft that search with errors.
     """
 
     number: int
@@ -64,6 +64,7 @@ class StageResult(Result, Generic[AnyStage, AnyResult]):
     unplanned: "PairDrift | None" = None
     validity: "Validity | None" = None
     commanded: WatchedFlight | None = None
+    sun: SunAngle | None = None
 
     def _facts(self) -> Iterator[tuple[str, str]]:
         conflicts = f"{len(self.after.conflicts)} conflicts, {len(self.before.conflicts)} before"
@@ -83,7 +84,8 @@ class StageResult(Result, Generic[AnyStage, AnyResult]):
     def asked(self) -> "tuple[Asked, ...]":
         """What it asks for beside clearance as planned."""
         judged = self.uncertain, self.passive
-        return tuple(one for some in judged if some is not None for one in some.asked)
+        sun = () if self.sun is None else (self.sun.asked,)
+        return *(one for some in judged if some is not None for one in some.asked), *sun
 
     @cached_property
     def delta_v(self) -> Floats:

@@ -24,6 +24,7 @@ from closeform.zones.pair_zones import PairZones, by_zone, portions
 from closeform.zones.zone import Zone
 
 MOST = 2000  # pairs, each both ways, of which every least ratio is looked for; of more those that are unsafe
+ROUNDING = 1e-8  # of a ratio: a bound nearer to it is the same
 IDEAL = "Hill, exact states"  # in which it is judged, whatever field there is, and errors
 CHUNK = 64  # of them that one thread takes at a time
 
@@ -33,7 +34,8 @@ class PairDrift:
     """How near `fails` comes to `meets`, in terms of the `zone` that holds for them, at the worst.
 
     It fails at `failed_at` [s], nan where it does not thrust; the least norm is `ratio` at `time` [s], inf in
-    a drift so slow that nobody knows when; `distance` [m] then.
+    a drift so slow that nobody knows when; `distance` [m] then.  It is proven that no failure leads below
+    `lower`, which is farther below `ratio` where the search of failures with many unknowns had to end.
     """
 
     fails: str
@@ -43,11 +45,22 @@ class PairDrift:
     time: float
     ratio: float
     distance: float
+    lower: float
 
     @property
     def safe(self) -> bool:
-        """Whether it stays out of the zone."""
-        return self.ratio > 1.0
+        """Whether it certainly stays out of the zone."""
+        return self.ratio > 1.0 and self.proven > 1.0 - ROUNDING
+
+    @property
+    def proven(self) -> float:
+        """The ratio below which no failure leads: `ratio` itself where that is the least."""
+        return self.ratio if self.lower > self.ratio - ROUNDING * max(1.0, abs(self.ratio)) else self.lower
+
+    @property
+    def beside(self) -> str:
+        """What is proven, in words, where less may exist than was found."""
+        return "" if self.proven == self.ratio else f", at least {self.proven:.4f} by proof"
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,8 +99,8 @@ class PassiveSafety:
             yield Asked(f"{safe} ({IDEAL})", "", True, inf, "drift")
             return
         more = f" and {len(self.unsafe) - 1} more" * (len(self.unsafe) > 1)
-        met = f"{worst.fails} with {worst.meets}, {worst.ratio:.4f} x zone{more}"
-        kept = f"{safe} (least {worst.ratio:.4f} x zone; {IDEAL})"
+        met = f"{worst.fails} with {worst.meets}, {worst.ratio:.4f} x zone{worst.beside}{more}"
+        kept = f"{safe} (least {worst.ratio:.4f} x zone{worst.beside}; {IDEAL})"
         yield Asked(kept, f"not {safe} in {self.where}: {met}", self.safe, worst.ratio, "drift")
 
     @property
@@ -140,7 +153,7 @@ def nearest(
         zone, first, second = job
         close = drift_approach(paths[first], flying[second], zone, until, failure)
         at = np.where(thrusts[first], close.failed_at, nan)
-        columns = first, second, at, close.time, close.ratio, close.distance
+        columns = first, second, at, close.time, close.ratio, close.distance, close.lower
         return [
             PairDrift(flight.names[one], flight.names[other], zone, *figures)
             for one, other, *figures in zip(*(part.tolist() for part in columns), strict=True)

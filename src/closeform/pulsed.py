@@ -154,4 +154,4 @@ def adrift(start: StageStart, stage: Any, flight: WatchedFlight) -> float:
     until = flight.end + stage.drift.on(start.orbit.mean_motion)
     pairs, _ = nearest_drifts(flight, start.scenario.zones, until, stage.what_fails)
     fail = stage.moving(flight.names)[: 1 if isinstance(stage, Avoid) else None]  # fellows are not planned
-    return min((pair.ratio for pair in pairs if pair.fails in fail), default=np.inf)
+    return min((pair.proven for pair in pairs if pair.fails in fail), default=np.inf)

@@ -5,14 +5,19 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from closeform.arrays import Floats
 from closeform.conflicts.flight import WatchedFlight, watch
 from closeform.mission_result import FirstLocks, StageResult
 from closeform.motion.arc import END, START
 from closeform.scenario import Gather, Lock, Scenario
 from closeform.search.gather_result import Gathering, GatherStatus, who_is_left
-from closeform.search.search_errors import between
+from closeform.search.own_turns import OwnTurns
+from closeform.search.schedule import Search
+from closeform.search.search_errors import between, of_each
 from closeform.stage_start import StageStart
+from closeform.verdict import SunAngle
 
 if TYPE_CHECKING:
     from closeform.search.burn_flaws import BurnFlaws
@@ -34,7 +39,8 @@ def lock(start: StageStart, stage: Lock) -> StageResult[Lock, FirstLocks]:
         some = ", ".join(never[:NAMED]) + ", ..." * (len(never) > NAMED)
         failure = f"{len(never)} of {len(pairs)} pairs never lock: {some}"
     flight = start.coasts(search.duration)
-    return StageResult(start.number, stage, start.time, flight, flight, found, failure)
+    sun = sun_angle(start.scenario, search)
+    return StageResult(start.number, stage, start.time, flight, flight, found, failure, sun=sun)
 
 
 def gather(start: StageStart, stage: Gather) -> StageResult[Gather, Gathering]:
@@ -44,7 +50,8 @@ def gather(start: StageStart, stage: Gather) -> StageResult[Gather, Gathering]:
     scenario, states = start.scenario, start.states
     found = gather(scenario.plan, states[:, :3], states[:, 3:], **scenario.gathering(stage))
     flight = flown(scenario, found, start.time)
-    return StageResult(start.number, stage, start.time, flight, flight, found, incomplete(scenario, found))
+    failure, sun = incomplete(scenario, found), sun_angle(scenario, found.search)
+    return StageResult(start.number, stage, start.time, flight, flight, found, failure, sun=sun)
 
 
 def gather_flawed(
@@ -59,6 +66,15 @@ def gather_flawed(
     return replace(
         planned, before=flight, after=flight, result=found, failure=failure, commanded=planned.after
     )
+
+
+def sun_angle(scenario: Scenario, search: Search) -> SunAngle | None:
+    """Return the greatest sun angle of craft that search with errors; None where none has an error."""
+    if (errors := scenario.search_errors) is None:
+        return None
+    turns = OwnTurns(search, scenario.groups, of_each(errors, (len(scenario.craft),)))
+    k = int(np.argmax(turns.sun_angles))
+    return SunAngle(scenario.names[k], float(turns.sun_angles[k]), search.sun_limit)
 
 
 def flown(scenario: Scenario, found: Gathering, time: float) -> WatchedFlight:

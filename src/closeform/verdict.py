@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from math import ceil, floor, inf, isnan, log10, nan
+from math import ceil, degrees, floor, inf, isnan, log10, nan
 from typing import TYPE_CHECKING, Any, Self
 
 from closeform.arrays import Floats
@@ -172,6 +172,28 @@ class LostThrust:
         else:
             drifts = f"drifts clear of all, least {self.ratio:.4f} x zone of {self.other}"
         return Asked("", f"{words} and {drifts}", False, 0.0, f"thrust of {self.craft}")
+
+
+@dataclass(frozen=True)
+class SunAngle:
+    """The greatest `angle` [rad] of body x from the Sun in a search, that of one `craft`, and its `limit`."""
+
+    craft: str
+    angle: float
+    limit: float
+
+    @property
+    def within(self) -> bool:
+        """Whether the limit is kept."""
+        return self.angle <= self.limit + ROUNDING
+
+    @property
+    def asked(self) -> Asked:
+        """The requirement and whether it is met."""
+        found = f"body x up to {degrees(self.angle):.3f} deg off the Sun ({self.craft})"
+        limit = f"limit {degrees(self.limit):g} deg"
+        broken = f"sun limit exceeded: {found}, {limit}"
+        return Asked(f"{found}, {limit}", broken, self.within, self.limit - self.angle, "sun")
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from closeform.campaign.cases import Cases, Columns
 from closeform.campaign.chunks import CaseChunks
 from closeform.campaign.draws import drawn, failures, lost_by, searching, varied
 from closeform.campaign.ends import ended
-from closeform.campaign.lock_cases import apart
+from closeform.campaign.lock_cases import WITHIN_SUN, apart, within_sun_limit
 from closeform.campaign.search_campaign import Campaign, Measured
 from closeform.campaign.tally import Settled
 from closeform.planning.limits import FULL, propellant
@@ -39,6 +39,7 @@ KEPT = {  # columns, by what is kept
     "delta-v": "delta_v_kept",
     "propellant": "propellant_kept",
     "thrust": "none_adrift",
+    "sun": WITHIN_SUN,
 }
 
 
@@ -99,6 +100,7 @@ class GatherCases(Cases):
             "met_known": found.met_known,
             **lost,
             **{KEPT[what]: kept for what, kept in within_limits(scenario, found).items()},
+            **within_sun_limit(scenario, self.search, told["errors"], last - first),
         }
 
     def good(self, columns: Columns) -> Any:

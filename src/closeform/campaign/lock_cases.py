@@ -11,18 +11,22 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.campaign.cases import Cases, Columns
 from closeform.campaign.chunks import CaseChunks
-from closeform.campaign.draws import drawn, searching
+from closeform.campaign.draws import drawn, searching, varied
 from closeform.campaign.ends import NAMES, ended, named
 from closeform.campaign.search_campaign import Campaign
 from closeform.campaign.tally import Settled
 from closeform.conflicts.two_paths import closest_approach
 from closeform.scenario import Scenario, ScenarioError
 from closeform.search.locks import lock_times
+from closeform.search.own_turns import OwnTurns
 from closeform.search.sampled import sampled_times
 from closeform.search.schedule import Search
-from closeform.search.search_errors import between
+from closeform.search.search_errors import SearchErrors, between, of_each
+from closeform.verdict import ROUNDING
 from closeform.zones.pair_zones import portions
 
+WITHIN_SUN = "within_sun_limit"
+KEPT = {"clear": "clear", "sun": WITHIN_SUN}  # columns, by what is kept
 PAIRS_AT_ONCE = 100_000  # in a chunk; some megabytes
 
 
@@ -69,12 +73,13 @@ class LockCases(Cases):
         if self.watched:
             clear = coasts_clear(self.scenario, states, self.search.duration)
             columns["clear"] = np.repeat(clear, len(self.pairs))
-        return columns
+        sun = within_sun_limit(self.scenario, self.search, craft, last - first)
+        return columns | {name: np.repeat(kept, len(self.pairs)) for name, kept in sun.items()}
 
     def good(self, columns: Columns) -> Any:
         """In which cases all have locked, and coast clear."""
-        good = (columns["leg"].reshape(-1, len(self.pairs)) >= 0).all(axis=1)
-        return good & columns["clear"][:: len(self.pairs)] if self.watched else good
+        kept = [columns[name][:: len(self.pairs)] for name in KEPT.values() if name in columns]
+        return np.all([(columns["leg"].reshape(-1, len(self.pairs)) >= 0).all(axis=1), *kept], axis=0)
 
     def stored(self, first: int, last: int, columns: Columns) -> Columns:
         """A row for each case and pair."""
@@ -115,7 +120,12 @@ class LockCampaign(Campaign):
     @property
     def wanted(self) -> tuple[str, ...]:
         """Columns that say what became of a case."""
-        return ("time_s", "leg", "clear", *(name for step in self.kind.steps for name in sampled_names(step)))
+        return (
+            "time_s",
+            "leg",
+            *KEPT.values(),
+            *(name for step in self.kind.steps for name in sampled_names(step)),
+        )
 
     @property
     def pairs(self) -> Any:
@@ -126,7 +136,7 @@ class LockCampaign(Campaign):
         """When the last pair of each case has locked, and in which leg; nan and -1 unless all have."""
         pairs = len(self.pairs)
         time, leg = last_of(columns["time_s"], columns["leg"], pairs)
-        kept = {"clear": columns["clear"][::pairs]} if "clear" in columns else {}
+        kept = {what: columns[name][::pairs] for what, name in KEPT.items() if name in columns}
         names = {step: sampled_names(step) for step in self.kind.steps}
         sampled = {
             step: last_of(columns[when], columns[where], pairs) for step, (when, where) in names.items()
@@ -191,3 +201,12 @@ def coasts_clear(scenario: Scenario, states: Floats, duration: float) -> Any:
         near = closest_approach(paths[:, first], paths[:, second], zone)
         clear &= (np.asarray(near.ratio) > 1.0).all(axis=1)
     return clear
+
+
+def within_sun_limit(scenario: Scenario, search: Search, errors: SearchErrors | None, cases: int) -> Columns:
+    """Return in which cases all craft keep the sun limit, as a column; none where no craft points wrongly."""
+    wrong = "craft.pointing_error" in varied(scenario) or np.any(scenario.given("craft.pointing_error"))
+    if errors is None or not wrong:
+        return {}
+    turns = OwnTurns(search, scenario.groups, of_each(errors, (cases, len(scenario.craft))))
+    return {WITHIN_SUN: (turns.sun_angles <= search.sun_limit + ROUNDING).all(axis=-1)}

@@ -28,6 +28,7 @@ WORDS = {
     "delta-v": "within delta_v_budget",
     "propellant": "within propellant",
     "thrust": "free of craft adrift",
+    "sun": "within the sun limit",
 }
 
 

@@ -43,15 +43,16 @@ class DriftApproach(Rows):
         When the norm is least then; nan without a common time, and inf where slower and slower drifts
         tend to it.
     ratio : float or array of shape (...), no unit
-        The least norm over all instants of failure and all of the drift; inf without a common time.
+        The least norm that a failure was found to lead to; inf without a common time.  It is the least over
+        all instants of failure and all of the drift where `lower` is beside it, an upper bound of that else.
     distance : float or array of shape (...) [m]
         Between the centres at that time, which need not be the least; inf where there is none.
     failing : str or array of str of shape (...)
         Who fails for the worst: "path", "other" or "both".
     lower : float or array of shape (...), no unit
-        No failure leads to a norm below: 1e-9 under the ratio, or that share of it; less close where the
-        search had to end after many cells, and -inf where drift without an end may lead ever deeper into
-        half-spaces.
+        No failure leads to a norm below: 1e-9 under the ratio, or that share of it.  Farther below where the
+        search had to end after many cells, as with several missed burns of both craft, and -inf where drift
+        without an end may lead ever deeper into half-spaces.  Judge safety by this one.
     """
 
     _columns: ClassVar = {
@@ -160,8 +161,9 @@ def drift_approach(
     -------
     DriftApproach
         Floats for two craft, arrays for batches.  No instant of failure, and none of the drift, leads
-        below `lower`: the ratio is certain to 1e-9, or to that share of itself where it is above 1, unless
-        failures with many unknowns need more cells than are searched.
+        below `lower`.  The `ratio` is that of a failure that was found: it is the least to 1e-9, or to that
+        share of itself where it is above 1, unless failures with many unknowns need more cells than are
+        searched; then the least lies between `lower` and `ratio`.
 
     Raises
     ------

@@ -251,6 +251,9 @@ class Path(Result):
             raise TypeError("a path of one craft has no length")
         return self.shape[0]
 
+    def __bool__(self) -> bool:
+        return not self.shape or self.shape[0] > 0  # one craft's path is there, though it has no length
+
     def __getitem__(self, index: Any) -> Path:
         if not self.shape:
             raise IndexError("a path of one craft cannot be indexed")

@@ -52,7 +52,7 @@ def shaped(
         contacts=found.contacts,
         status=Status.AVOIDED,
         reason=f"{number} contact{'s' * (number != 1)}, {best}",
-        margin=found.margin,
+        clearance_ratio=found.margin,
         proven=is_proven(energy, bound),
         tried=found.tried,
         priced=found.priced,

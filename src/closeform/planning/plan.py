@@ -137,7 +137,7 @@ class Costed(Result):
     delta_v: float
     lower_bound: float
     contacts: tuple[Contact, ...]
-    margin: float
+    clearance_ratio: float
     cost: Cost
     priced: bool
 
@@ -163,7 +163,7 @@ class Costed(Result):
         None where not `priced`.  Where the least cost has a kink, as at an edge or that of impulses may, the
         slopes for more and for less clearance differ: it is that for more, of impulses one between them.
         """
-        return prices_of(self.contacts, self.margin) if self.priced else ()
+        return prices_of(self.contacts, self.clearance_ratio) if self.priced else ()
 
     @property
     def price(self) -> float:
@@ -194,8 +194,8 @@ class Avoidance(Costed):
         How it ended.
     reason : str
         The same in words.
-    margin : float, no unit
-        The path was made for zones so many times as large.
+    clearance_ratio : float, no unit
+        For which the path was made: with zones so many times as large.
     proven : bool
         Whether the energy is the lower bound, to rounding; else the path is the best of those tried.
     tried : int
@@ -232,7 +232,7 @@ class Avoidance(Costed):
     contacts: tuple[Contact, ...]
     status: Status
     reason: str
-    margin: float = 1.0
+    clearance_ratio: float = 1.0
     proven: bool = False
     tried: int = 0
     measures: tuple[str, ...] = ()
@@ -278,8 +278,8 @@ class Plan(Costed):
         The two craft that stand in the way, N + k for obstacle k.
     measures : tuple of str
         What was tried openly, in order.
-    margin : float, no unit
-        The plan was made for zones so many times as large.
+    clearance_ratio : float, no unit
+        For which the plan was made: with zones so many times as large.
     proven : bool
         Whether the energy is proven the least for these slots and times; else the plan is the best of
         those tried.
@@ -316,7 +316,7 @@ class Plan(Costed):
     reason: str
     blocked: tuple[int, int] | None = None
     measures: tuple[str, ...] = ()
-    margin: float = 1.0
+    clearance_ratio: float = 1.0
     proven: bool = False
     tried: int = 0
     weak: TooWeak | None = None

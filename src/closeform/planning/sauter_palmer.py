@@ -164,7 +164,7 @@ def deviated(path: Path, problem: Problem, names: Sequence[str]) -> Avoidance:
         contacts=tuple(sorted(contacts, key=lambda contact: contact.time)),
         status=Status.AVOIDED,
         reason=f"{len(contacts)} deviation point{'s' * (len(contacts) != 1)} after Sauter & Palmer (2011)",
-        margin=MARGINS[0],
+        clearance_ratio=MARGINS[0],
         tried=len(contacts),
         priced=False,
     )

@@ -91,7 +91,7 @@ def judgement(passive: "PassiveSafety", fires: bool) -> str:
 def near(pair: "PairDrift") -> str:
     """How near a pair comes."""
     metres = f" ({length(pair.distance)})" if isfinite(pair.distance) else ""
-    return f"{pair.ratio:.4f} x zone{metres}"
+    return f"{pair.ratio:.4f} x zone{metres}{pair.beside}"
 
 
 def length(metres: float) -> str:

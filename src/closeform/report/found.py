@@ -113,6 +113,7 @@ def of_stage(mission: Mission, result: StageResult[Any, Any]) -> Iterator[tuple[
             "sigmas": f"clear at {stage.sigmas} sigma",
             "probability": f"probability of collision at most {stage.max_probability}",
             "likelihood": "probability of collision",
+            "sun": "body x within the sun limit in every turn, with the errors of the craft",
             "drift": f"passively safe {getattr(stage, 'lasting', '')}",
         }[one.kind]
         met = None if one.kind == "likelihood" else one.met  # without a limit

@@ -45,14 +45,14 @@ def section(mission: Mission, result: Gathered) -> Section:
             with_total(spent),
             *ways(result),
             *met,
-            search.facts(once, gathering.duration),
+            search.facts(once, gathering.duration, result.sun),
             search.phases(once, rounds),
             search.turns(once),
             *conflicts.approaches("Closest approaches", result.after),
         ),
         closing=unjudged(mission, gathering),
         pictures=pictures(gathering, names, result.stage.animation),
-        figures={"search": search.figures(once), "gathering": figures(result, knew)},
+        figures={"search": search.figures(once, result.sun), "gathering": figures(result, knew)},
         files={"events": history, "sets": spent} | StageBurns(mission, result).files,
     )
 

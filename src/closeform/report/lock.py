@@ -39,7 +39,7 @@ def section(mission: Mission, result: StageResult[Lock, FirstLocks]) -> Section:
             *((by_phase(found),) if shown.folded else ()),
             shown,
             *tables,
-            search.facts(found.search, found.search.duration),
+            search.facts(found.search, found.search.duration, result.sun),
             search.phases(found.search),
             search.turns(found.search),
             *conflicts.approaches("Closest approaches", result.after),
@@ -54,7 +54,7 @@ def section(mission: Mission, result: StageResult[Lock, FirstLocks]) -> Section:
             Picture("manoeuvres", f"The turns of the first round{asked}", "manoeuvres", (found.search,)),
             *conflicts.deepest(result.after),
         ),
-        figures={"search": search.figures(found.search), "locks": figures(found, names)},
+        figures={"search": search.figures(found.search, result.sun), "locks": figures(found, names)},
         files={"locks": locks},
     )
 

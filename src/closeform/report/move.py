@@ -7,7 +7,7 @@ from typing import Any
 from closeform.conflicts.two_paths import closest_approach, nearest_first
 from closeform.mission_result import AvoidResult, Mission, StageResult
 from closeform.motion.path import Path
-from closeform.planning.plan import UNITS
+from closeform.planning.plan import UNITS, Status
 from closeform.report import arrival, burns, conflicts, effort, optimum
 from closeform.report.choices import Choices, lines_of_fuel, pictures_of_fuel, tables_of_fuel
 from closeform.report.picture import Picture
@@ -68,7 +68,7 @@ def efforts(mission: Mission, result: Move) -> Table:
     rows = [row("direct", moved.direct)]
     if moved.plain is not moved.direct:
         rows.append(row("direct, longer", moved.plain))
-    if path is not None and moved.avoidance.contacts:
+    if path is not None and moved.avoidance.status is Status.AVOIDED:
         rows.append(row("around", path))
         pairs = zip(*(one[2:] for one in rows[-2:]), strict=True)
         rows.append(("change", "", *(f"{100 * (b / a - 1):+.3f} %" if a else None for a, b in pairs)))
@@ -111,11 +111,11 @@ def how(mission: Mission, result: Move) -> tuple[str, ...]:
         return (f"Method {method}: {avoidance.status}: {avoidance.reason}",)
     if not result.flown:
         return (f"Method {method}: its plan cannot be fired",)
-    if not avoidance.contacts:
+    if avoidance.path is moved.direct or avoidance.status is Status.CLEAR:
         if moved.plain is not moved.direct:
             longer = f"direct path of {moved.plain.end - moved.plain.start:.1f} s"
             return (f"Method {method}: takes the {longer}, which is in nobody's way",)
-        return (f"Method {method}: no change needed, {avoidance.status}",)
+        return (f"Method {method}: the direct path is clear",)
     over = f" over {moved.plain.end - moved.plain.start:.1f} s" if moved.plain is not moved.direct else ""
     where = [
         f"{moved.others[at.second - 1]} at {at.time:.1f} s{optimum.adrift(at)}" for at in avoidance.contacts
@@ -125,6 +125,7 @@ def how(mission: Mission, result: Move) -> tuple[str, ...]:
     limited = mission.scenario.during(result.stage).limits(moved.craft)
     best = optimum.best(avoidance, result.pulsed is not None, limited)
     touched = many if len(where) > MOST_CONTACTS else f"the {padded}zone of {', '.join(where)}"
+    touched = touched if where else "no zone"
     free, unit = free_cost(mission, result), UNITS[avoidance.cost]
     return (
         f"Method {method}: {optimum.meets(avoidance)} {touched}",

@@ -49,8 +49,9 @@ def bounds(found: Avoidance | Plan, whose: str, free: float, stage: Clearing, fi
         yield f"{told}, {NO_ZONES if nothing else DUAL}"
         closer = found.gap > WIDE and stage.prove is None and stage.unprovable is None
         yield NEARER + ('; prove = "10 s" in the stage looks closer' if closer else "")
-    if found.margin > TOUCHING:
-        yield f"Planned for zones {100 * (found.margin - 1.0):.2g} % larger: none was clear closer to them"
+    if found.clearance_ratio > TOUCHING:
+        larger = 100.0 * (found.clearance_ratio - 1.0)
+        yield f"Planned for zones {larger:.2g} % larger: none was clear closer to them"
 
 
 def padded(found: Avoidance | Plan) -> str:
@@ -111,7 +112,7 @@ def figures(found: Avoidance | Plan, names: Sequence[str], order: Sequence[str])
         "lower_bound_m_s": found.lower_bound if found.cost == "delta-v" else None,
         "gap": found.gap,
         "proven": found.proven,
-        "margin": found.margin,
+        "clearance_ratio": found.clearance_ratio,
         "tried": found.tried,
         "clearance": prices(found, names, order).records if found.priced else None,
         f"clearance_{KEYS[found.cost][0]}": found.price if found.priced else None,

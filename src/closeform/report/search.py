@@ -10,6 +10,7 @@ from closeform.report import conflicts
 from closeform.report.table import PHASE, Column, Table, minutes
 from closeform.search.leg import SPELLED
 from closeform.search.schedule import Search
+from closeform.verdict import SunAngle
 
 ROUNDING = 1e-9  # rad
 FROM, TO = (
@@ -43,16 +44,21 @@ def covered(search: Search, phase: str | None) -> float:
     return search.coverage(phase)
 
 
-def facts(search: Search, duration: float) -> Table:
-    """Tips, sun and near field of a search that takes a `duration` [s]."""
+def facts(search: Search, duration: float, attained: SunAngle | None = None) -> Table:
+    """Tips, sun and near field of a search that takes a `duration` [s].
+
+    `attained`: the sun angle that craft reach with their errors, where they have some.
+    """
     rate, limit, tip = (degrees(x) for x in (search.slew_rate, search.sun_limit, search.tip_angle))
     sun = degrees(search.sun_drift) * duration / search.duration
-    kept = "respected" if search.sun_angle <= search.sun_limit + ROUNDING else "not respected"
+    within = search.sun_angle <= search.sun_limit + ROUNDING if attained is None else attained.within
+    asked, kept = "" if attained is None else ", as commanded", "respected" if within else "not respected"
     rows = [
         ("slew rate", f"{rate:g} deg/s"),
         ("tip angle", f"{tip:.3f} deg"),
         (f"sun limit, {kept} in every turn", f"{limit:g} deg"),
-        ("greatest angle between body x and the sun line", f"{degrees(search.sun_angle):.3f} deg"),
+        (f"greatest angle between body x and the sun line{asked}", f"{degrees(search.sun_angle):.3f} deg"),
+        *(() if attained is None else (("the same with the errors of the craft", told(attained)),)),
         (f"the sun's own motion in {duration:.1f} s at 1 AU", f"{sun:.3f} deg"),
         ("turn to the start attitude, before the search, at most", f"180 deg, {pi / search.slew_rate:.1f} s"),
         ("sky covered by one cone", f"{100 * covered(search, None):.2f} %"),
@@ -65,6 +71,11 @@ def facts(search: Search, duration: float) -> Table:
         rows += [("waits of the near-field search (NFS)", f"2 x {waits[0]:.1f} s")] if waits else []
         rows.append(("on the sun line two craft cannot lock within", f"{2.0 * search.near_field:.1f} m"))
     return Table("Search", (Column("quantity", words=True), Column("value")), rows)
+
+
+def told(sun: SunAngle) -> str:
+    """The sun angle that a craft reaches, in words."""
+    return f"{degrees(sun.angle):.3f} deg ({sun.craft})"
 
 
 def phases(search: Search, rounds: int = 1) -> Table:
@@ -92,7 +103,7 @@ def turns(search: Search) -> Table:
     return Table("Turns", TURNS, rows, folded=True)
 
 
-def figures(search: Search) -> dict[str, Any]:
+def figures(search: Search, attained: SunAngle | None = None) -> dict[str, Any]:
     """A search, of a gathering one round: angles in radians, shares of the sky from 0 to 1."""
     names = dict.fromkeys(phase for phase, *_ in search.phases)
     return {
@@ -101,6 +112,7 @@ def figures(search: Search) -> dict[str, Any]:
         "tip_angle_rad": search.tip_angle,
         "sun_limit_rad": search.sun_limit,
         "sun_angle_rad": search.sun_angle,
+        "sun_angle_with_errors_rad": None if attained is None else attained.angle,
         "sun_drift_rad": search.sun_drift,
         "longest_alignment_s": pi / search.slew_rate,
         "near_field_m": search.near_field,

@@ -6,7 +6,6 @@ Columns of an attitude are the body axes x, y, z; z is the boresight.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import acos
 from typing import Literal
 
 import numpy as np
@@ -107,8 +106,12 @@ class Leg(Result):
     @property
     def sun_angle(self) -> float:
         """Greatest angle [rad] between body x and the sun line; the same for both groups."""
-        shade = self.attitude[:, 0]
-        steady = self.axis * (self.axis @ shade)
+        return float(self.sun_angle_of(np.array([1.0, 0.0, 0.0])))
+
+    def sun_angle_of(self, body: Floats) -> Floats:
+        """Return greatest angles (...) [rad] of unit vectors (..., 3) in A's body axes from the sun line."""
+        shade = body @ self.attitude.T
+        steady = np.multiply.outer(shade @ self.axis, self.axis)
         parts = np.array([steady, shade - steady, np.cross(self.axis, shade)]) @ -SUN
-        least = -float(greatest(parts[0], parts[1], parts[2], self.angle))
-        return acos(max(-1.0, min(1.0, least)))
+        found: Floats = np.arccos(np.clip(-greatest(parts[0], parts[1], parts[2], self.angle), -1.0, 1.0))
+        return found

@@ -10,7 +10,7 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.search.leg import Group
 from closeform.search.schedule import Search
-from closeform.search.search_errors import SearchErrors
+from closeform.search.search_errors import SearchErrors, body_axis
 
 OF_GROUP = {"A": np.array([1.0, 1.0, 1.0]), "B": np.array([1.0, -1.0, -1.0])}  # body axes, by those of A
 
@@ -59,6 +59,12 @@ class OwnTurns:
         turned = self.errors.pointing
         bodies = Rotation.from_rotvec(np.array(turned).reshape(-1, 3)).as_matrix().reshape(*turned.shape, 3)
         return np.asarray((nominal * sides) @ bodies)
+
+    @cached_property
+    def sun_angles(self) -> Floats:
+        """Greatest angle of each craft's body x from the sun line in any turn (..., N) [rad]."""
+        shades = body_axis(self.errors.pointing, 0) * np.stack([OF_GROUP[group] for group in self.groups])
+        return np.asarray(np.max([leg.sun_angle_of(shades) for leg in self.search.legs], axis=0))
 
     def attitudes(self, time: float) -> Floats:
         """Attitudes (N, 3, 3) at a time [s], of craft whose errors are (N,); columns are the body axes."""

@@ -118,7 +118,7 @@ def craft_rows(
             fits = asked.replace("{}", ", 3" if name == "pointing" else "")
             raise ValueError(f"errors: {name} of {fits}; got {getattr(errors, name).shape}") from None
 
-    body = boresights(of_craft("pointing"))
+    body = body_axis(of_craft("pointing"), 2)
     out = np.empty((*body.shape[:-1], COLUMNS))
     out[..., BODY : BODY + 3] = body
     out[..., BODY + 1 : BODY + 3] *= np.where(second, -1.0, 1.0)[..., None]  # B's axes y and z are opposite
@@ -165,13 +165,13 @@ def first_of(errors: SearchErrors) -> SearchErrors:
     return SearchErrors(**{name: of_first(name) for name in FIELDS})
 
 
-def boresights(turn: Floats) -> Floats:
-    """Where a turn of the body by rotation vectors (..., 3) leaves the boresight, in axes not turned."""
-    angle = np.linalg.norm(turn, axis=-1)
-    share = np.sinc(angle / pi)  # sin(angle) / angle
-    x, y, z = np.moveaxis(turn, -1, 0)
+def body_axis(turn: Floats, axis: int) -> Floats:
+    """Return where a turn of the body by rotation vectors (..., 3) leaves a body axis, in axes not turned."""
+    unit = np.eye(3)[axis]
+    angle = np.linalg.norm(turn, axis=-1)[..., None]
+    first = np.cross(turn, unit)
     half = 0.5 * np.sinc(0.5 * angle / pi) ** 2  # (1 - cos(angle)) / angle^2
-    return np.stack([share * y + half * z * x, half * z * y - share * x, 1.0 - half * (x * x + y * y)], -1)
+    return np.asarray(unit + np.sinc(angle / pi) * first + half * np.cross(turn, first))
 
 
 def _within(name: str, value: ArrayLike, least: float, most: float) -> Floats:

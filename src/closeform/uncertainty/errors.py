@@ -20,8 +20,10 @@ from closeform.uncertainty.spread import covariances, spread_of
 from closeform.zones.zone import Zone
 
 # sigma_v / (n sigma_r): so many of its position's sigmas velocities move a craft in a radian.  Mostly about
-# one, of poor speeds near a hundred; mixed units make it a thousand times more.
-MIXED = 1e3
+# one, of poor speeds near a hundred; mixed units make it a thousand times more.  Above the second number the
+# positions are nearly exact, which says nothing of units; nor does a covariance that is nearly singular, with
+# such a share of its greatest sigma, or of correlations' greatest eigenvalue, left along some axis.
+MIXED, EXACT, SINGULAR = 1e3, 1e5, 1e-3
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -265,12 +267,22 @@ class Errors:
                 "`state` and `noise` only"
             )
         place, speed = (float(np.sqrt(np.trace(self.state[k : k + 3, k : k + 3]))) for k in (0, 3))
-        if n * place > 0.0 and speed > MIXED * n * place:
+        if MIXED * n * place < speed < EXACT * n * place and not _nearly_singular(self.state):
             warnings.warn(
                 f"errors: velocities to {speed:g} m/s beside positions to {place:g} m; are units mixed, "
                 "km with m/s?",
                 stacklevel=4,
             )
+
+
+def _nearly_singular(state: Floats) -> bool:
+    """Return whether a covariance (6, 6) leaves hardly any error along some axis."""
+    sigmas = np.sqrt(np.diag(state))
+    if not (sigmas > 0.0).all():
+        return True
+    parts = state / np.outer(sigmas, sigmas), state[:3, :3], state[3:, 3:]
+    values = [np.linalg.eigvalsh(part) for part in parts]
+    return any(bool(own[0] <= SINGULAR**2 * own[-1]) for own in values)
 
 
 def _at_least_zero(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Floats:
