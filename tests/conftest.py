@@ -10,7 +10,7 @@ import pytest
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 # the first call of a kernel may compile it for seconds
-hypothesis.settings.register_profile("compiles", deadline=None)
+hypothesis.settings.register_profile("compiles", deadline=None, max_examples=50)
 hypothesis.settings.load_profile("compiles")
 
 

@@ -220,7 +220,7 @@ def test_absent_and_binary_files(tmp_path):
 
 
 @given(data=st.data())
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=50, deadline=None)
 def test_any_damage_is_read_or_refused_in_one_line(tmp_path_factory, data):
     text = GOOD
     for _ in range(data.draw(st.integers(1, 3))):

@@ -315,7 +315,7 @@ def test_damaged_message_gives_one_line(tmp_path):
 
 
 @given(data=st.data())
-@settings(max_examples=200)
+@settings(max_examples=50)
 def test_any_damage_is_read_or_refused_in_one_line(tmp_path_factory, data):
     text = data.draw(st.sampled_from([SLOW, xml(SLOW)]))
     for _ in range(data.draw(st.integers(1, 3))):

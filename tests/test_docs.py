@@ -3,6 +3,7 @@
 import re
 import shlex
 from pathlib import Path
+from typing import Any
 
 import matplotlib
 import pytest
@@ -28,6 +29,11 @@ def named(pages: list[Path]) -> dict[str, Path]:
     return {page.relative_to(ROOT).as_posix(): page for page in pages}
 
 
+def with_the_site(pages: dict[str, Path]) -> list[Any]:
+    """README runs with all tests, the pages with `-m site`."""
+    return [name if name == "README.md" else pytest.param(name, marks=pytest.mark.site) for name in pages]
+
+
 SCRIPTS = named([page for page in PAGES if blocks(page, "python")])
 SESSIONS = named([page for page in PAGES if blocks(page, "console")])
 
@@ -39,7 +45,7 @@ def clone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
 
 
-@pytest.mark.parametrize("name", SCRIPTS)
+@pytest.mark.parametrize("name", with_the_site(SCRIPTS))
 def test_python_blocks_run(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     """From top to bottom as one script; `# -> text` after a print says what it prints."""
     script = ""
@@ -52,7 +58,7 @@ def test_python_blocks_run(name: str, capsys: pytest.CaptureFixture[str]) -> Non
         assert promised in printed, f"not printed, or not in this order: {promised}"
 
 
-@pytest.mark.parametrize("name", SESSIONS)
+@pytest.mark.parametrize("name", with_the_site(SESSIONS))
 def test_console_blocks_show_what_is_printed(
     name: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -106,6 +106,7 @@ def test_no_end_is_never_above_ten_thousand_orbits():
     assert tending == 4
 
 
+@pytest.mark.slow
 def test_no_end_beside_boxes_and_cylinders():
     """Of which the track is along an axis: slow drifts tend to the least in their own shadow, not in that of
     what holds them, which is up to 1.7 times as wide."""

@@ -128,7 +128,7 @@ def test_palmer_round_trip(n, state):
 
 
 @given(orbit=orbits())
-@settings(max_examples=100)
+@settings(max_examples=50)
 def test_elements_round_trip(orbit):
     state = inertial_from_elements(orbit)
     back = elements_from_inertial(state)

@@ -137,6 +137,7 @@ def sigmas_of(mean, covariance, radius):
     return np.sqrt(((place - point(force)) ** 2 / values).sum())
 
 
+@pytest.mark.slow
 def test_uncertain_ephemerides_against_flown_samples(ephemerides, capsys):
     """Histories within 15 m, and the spread of samples: Kepler's motion of both craft, in inertial axes."""
     asked = ["screen", "A.oem", "B.oem", "--hard-body", "7.5 m", "--sigmas"]

@@ -53,6 +53,7 @@ def row(campaign, case: int) -> dict:
     return {name: campaign.column(name)[case] for name in campaign.kind.names}
 
 
+@pytest.mark.slow
 def test_a_run_flies_its_plans_as_its_command_does(tmp_path: Path, capsys):
     """The same flights to the last bit, of the same table; both count who enters a zone."""
     text = swap(more=COAST + ERRORS)

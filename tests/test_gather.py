@@ -229,6 +229,7 @@ def errant(rng, groups, turns, longest, kind):
     return cf.SearchErrors(**given), bodies
 
 
+@pytest.mark.slow
 def test_the_same_story_with_bodies_that_turn_for_themselves():
     seen = Counter()
     kinds = [

@@ -118,6 +118,7 @@ def test_coasts_beside_pulses_are_held(verb):
     assert (pulsed.delta_v < np.sqrt(3.0) * plain.delta_v).all()
 
 
+@pytest.mark.slow
 def test_brief_pulses_of_long_flights_are_flown():
     """Pulses of hundredths of a second in four days lead as DOP853 does, that is told each of them."""
     path = cf.join(stages(2.0 * DAY))

@@ -47,6 +47,7 @@ def test_costs_do_not_jump_with_the_phase_of_arrival():
     assert max(plan.delta_v for plan in plans) < 0.135
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "degrees", [pytest.param(158, marks=pytest.mark.slow), pytest.param(166, marks=pytest.mark.slow), 168]
 )

@@ -181,7 +181,9 @@ def test_few_impulses():
     assert apart.min() > 15.0 - 1e-3
 
 
-@pytest.mark.parametrize("number", [7, 12, 33, 45])  # boxes, spheres, windows of time, deep space among them
+@pytest.mark.parametrize(
+    "number", [7, 12, *(pytest.param(k, marks=pytest.mark.slow) for k in (33, 45))]
+)  # boxes, spheres, windows of time, deep space among them
 def test_random_formations(number):
     task = list(cases())[number]
     by_energy = cf.reconfigure(**task.arguments)

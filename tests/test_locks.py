@@ -409,7 +409,7 @@ numbers = st.floats(-1e3, 1e3, allow_subnormal=False)
 vectors = st.lists(numbers, min_size=3, max_size=3).map(np.array)
 
 
-@settings(deadline=None, max_examples=100)
+@settings(deadline=None, max_examples=50)
 @given(
     vectors.filter(lambda r: np.linalg.norm(r) > 1e-6),
     vectors,

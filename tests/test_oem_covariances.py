@@ -139,7 +139,7 @@ def test_damaged_covariances_give_one_line(tmp_path):
 
 
 @given(data=st.data())
-@settings(max_examples=200)
+@settings(max_examples=50)
 def test_any_damage_is_read_or_refused_in_one_line(tmp_path_factory, data):
     text = FILE
     for _ in range(data.draw(st.integers(1, 3))):

@@ -55,7 +55,7 @@ def passage(seed, orbit=SPACE, count=1):
 
 
 @given(st.sampled_from(sorted(ZONES)), st.integers(0, 2**32 - 1))
-@settings(deadline=None, max_examples=100)
+@settings(deadline=None, max_examples=50)
 def test_pieces_cover_the_outside_and_nothing_of_it_is_lost(name, seed):
     rng = np.random.default_rng(seed)
     zone = ZONES[name]

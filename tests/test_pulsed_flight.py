@@ -134,6 +134,7 @@ def test_thrust_that_lasts_is_fired_once_in_a_period():
         cf.fly(path, FIELD, thrusters=thrusters, feedback=cf.Feedback(60.0, 600.0, impulses=12))
 
 
+@pytest.mark.slow
 def test_new_plans_by_brief_pulses_are_flown_as_thrust_that_lasts():
     """Measured within a metre: the briefer pulses are, the nearer to that, by the square of their period."""
     start, final, duration = task(ORBIT, 7, count=2, turns=0.6)

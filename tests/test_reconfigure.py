@@ -595,6 +595,7 @@ def caged(until):
     }
 
 
+@pytest.mark.slow
 def test_no_plan_names_the_pair_and_what_was_tried():
     none = cf.reconfigure(**caged(1e6), if_blocked=())
     refused(none, Status.NOT_FOUND)
@@ -610,7 +611,7 @@ def test_no_plan_names_the_pair_and_what_was_tried():
         assert f"craft 1 and obstacle {one.blocked[1] - 2}" in one.reason
 
 
-@pytest.mark.parametrize("way", ["longer", "stagger"])
+@pytest.mark.parametrize("way", [pytest.param("longer", marks=pytest.mark.slow), "stagger"])
 def test_a_way_out_is_taken_openly(way):
     """The cage is there for the time asked for; later it is gone."""
     plan = planned(caged(1000.0), if_blocked=(way,))

@@ -60,6 +60,7 @@ def test_motion_of_the_peers_is_closeforms(crowd):
             )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("box", [False, True])
 def test_zero_crossings_agree_with_the_march_on_coasting_craft(crowd, box):
     coefficients, paths = crowd["coasting"]
@@ -163,7 +164,13 @@ def test_mixed_integer_program_reaches_its_end_and_keeps_its_nodes_clear():
     assert found.fuel >= found.delta_v * (1 - 1e-12)  # the sum over axes is never below the length
 
 
-@pytest.mark.parametrize(("group", "seed"), [("one ellipsoid", 2), ("one box", 5), ("tilted", 3)])
+@pytest.mark.parametrize(
+    ("group", "seed"),
+    [
+        ("one ellipsoid", 2),
+        *(pytest.param(*one, marks=pytest.mark.slow) for one in (("one box", 5), ("tilted", 3))),
+    ],
+)
 def test_exchanged_planes_lead_to_a_clear_path_as_cheap_as_any_planner_found(group, seed):
     case = drawn_passages.passage(group, seed)
     zones = [zone.matrix for zone in case.zones], [zone.shape == CUBE for zone in case.zones]

@@ -142,7 +142,9 @@ def test_a_path_is_moved_by_natural_motion_from_each_kick():
     assert off[:, 3:] == pytest.approx(expected[:, 3:], abs=1e-11)
 
 
-@pytest.mark.parametrize("text", [COASTS, ANEW], ids=["errors", "replanned"])
+@pytest.mark.parametrize(
+    "text", [pytest.param(COASTS, marks=pytest.mark.slow), ANEW], ids=["errors", "replanned"]
+)
 def test_cases_are_spread_as_covariances_say(text):
     """States after half an orbit, in two stages, of two craft with different noise."""
     scenario = told(in_stages(text, 1304.0, 1696.0))  # s; the first ends where velocities change
@@ -196,6 +198,7 @@ def test_cases_are_what_runs_of_them_show():
     np.testing.assert_array_equal(flown(scenario, 20).zones[0].entries, entered.entries[:20])
 
 
+@pytest.mark.slow
 def test_shares_are_probabilities():
     """Who comes within the zone, of 4000 cases, beside the histories that `collision_probability` draws."""
     text = COASTS.replace("execution = [{", 'covariance = { position = "2 5 2 m" }\nexecution = [{')

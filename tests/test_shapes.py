@@ -78,7 +78,7 @@ def test_every_norm_is_convex_and_grows_with_its_argument(shape, a, b, factor):
     assert zone.symmetric == (zone.mirrored is zone)
 
 
-@settings(deadline=None, max_examples=200)
+@settings(deadline=None, max_examples=50)
 @given(half_spaces(), directions)
 def test_support_of_half_spaces_is_that_of_a_linear_program(made, direction):
     # the program drops coefficients below 1e-9 and decides to 1e-7: numbers as small are drawn by nobody here
@@ -400,7 +400,7 @@ def test_screen_searches_a_one_sided_zone_both_ways():
 KINDS = [cf.Sphere(20.0), cf.Box([30.0, 45.0, 30.0]), None, cf.Sphere(70.0), WEDGE.enlarged(3.0)]
 
 
-@settings(deadline=None, max_examples=100)
+@settings(deadline=None, max_examples=50)
 @given(st.lists(st.sampled_from([0, 1, 2, 3]), max_size=9), st.data())
 def test_zones_of_pairs_are_those_of_each_pair(chosen, data):
     moves = data.draw(st.lists(st.booleans(), min_size=len(chosen), max_size=len(chosen)))

@@ -59,6 +59,7 @@ def test_no_sigma_reaches_beyond_the_width_of_its_interval(orbit, noise):
         assert max(tight) < 1.15  # and few are excluded in vain
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("zone", ZONES, ids=["sphere", "box", "cylinder"])
 def test_what_is_excluded_has_no_stay(zone):
     """A fleet with errors that grow, impulses and noise: the same stays as of each pair by itself."""

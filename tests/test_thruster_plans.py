@@ -144,7 +144,7 @@ def test_formation():
 
 
 @pytest.mark.parametrize(
-    "number", [7, 33, *(pytest.param(k, marks=pytest.mark.slow) for k in (12, 45))]
+    "number", [7, *(pytest.param(k, marks=pytest.mark.slow) for k in (12, 33, 45))]
 )  # boxes, spheres, windows of time, deep space among them
 def test_random_formations(number):
     task = list(cases())[number]

@@ -13,6 +13,7 @@ def reaches(directions, wanted):
     return done.status == 0
 
 
+@pytest.mark.slow
 def test_what_is_not_reached_is_named():
     """In 300 sets of 1 to 7 directions: all of 40 others are reached, or the one named is not."""
     rng = np.random.default_rng(5)
