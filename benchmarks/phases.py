@@ -41,6 +41,7 @@ def main() -> None:
     def then_watch(tokens: list[str]) -> None:
         make_haste(tokens)
         import closeform.compiled
+
         import closeform.mission
         import closeform.report.results
         import closeform.report.run

@@ -124,7 +124,7 @@ def kernel(signature: Any = None, inline: bool = False) -> Callable[[Callable[..
         return lambda function: function
     if signature is not None:
         return lambda function: _register(Kernel(function, signature))
-    return numba.njit(inline="always" if inline else "never", **OPTIONS)  # type: ignore[no-any-return]
+    return numba.njit(inline="always" if inline else "never", **OPTIONS)
 
 
 _KERNELS: list[Kernel] = []

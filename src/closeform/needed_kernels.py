@@ -3,7 +3,8 @@
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from closeform.scenario.stages import Avoid, Gather, Joint, Lock, Transfer
+from closeform.scenario.stage_table import Thrusting
+from closeform.scenario.stages import Avoid, Gather, Joint, Lock
 
 if TYPE_CHECKING:
     from closeform.scenario import Scenario
@@ -21,7 +22,7 @@ FIELD = "field.gravity field.least_ratios"
 
 
 def modules_for(scenario: "Scenario") -> list[str]:
-    """Return names of modules without the package; a kernel that is left out is compiled when it is called."""
+    """Return names of modules without the package; a kernel that is left out is compiled at its call."""
     return [*dict.fromkeys(name for names in _needs(scenario) for name in names.split())]
 
 
@@ -33,15 +34,16 @@ def _needs(scenario: "Scenario") -> Iterator[str]:
     yield MOTION
     for stage in scenario.stages:
         plans = isinstance(stage, Avoid | Joint)
+        cost = stage.cost if isinstance(stage, Thrusting) else None
         if isinstance(stage, Gather):
             yield "search.gather_events"
         if plans:
             yield PLANNING
-        if plans and stage.cost == "energy":
+        if plans and cost == "energy":
             yield LEAST_ENERGY
-        if isinstance(stage, Avoid | Joint | Transfer) and stage.cost == "delta-v":
+        if cost == "delta-v":
             yield LEAST_DELTA_V
-        if plans and stage.cost == "delta-v":
+        if plans and cost == "delta-v":
             yield JOINT_DELTA_V
         if getattr(stage, "drift", None) is not None:
             yield PASSIVE_SAFETY

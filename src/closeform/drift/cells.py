@@ -17,8 +17,8 @@ from typing import Any, NamedTuple
 
 from numba import float64, int64, types
 
-from closeform.arrays import Floats
 from closeform._jit import kernel
+from closeform.arrays import Floats
 from closeform.drift.remainders import lost_remainder, stuck_remainder, thrust_derivatives
 from closeform.kernel_loans import stack_matrix, stack_vector
 from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, START, STATE, state_at, thrusts

@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 from numba import types
 
-from closeform.arrays import Floats
 from closeform._jit import kernel
+from closeform.arrays import Floats
 from closeform.drift.cells import (
     BLOCKS,
     BURN,

@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 
 from numba import float64, int64, types, void
 
-from closeform.arrays import Floats
 from closeform._jit import kernel
+from closeform.arrays import Floats
 from closeform.field.gravity import pull_all
 from closeform.field.lanes import (
     BACK,

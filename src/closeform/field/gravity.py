@@ -14,8 +14,8 @@ from math import exp, sqrt
 import numpy as np
 from numba import float64, void
 
-from closeform.arrays import Floats
 from closeform._jit import kernel
+from closeform.arrays import Floats
 from closeform.field.dormand_prince import tableau
 from closeform.kernel_loans import borrowed, stack_vector
 

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numba import float64, int64, void
 
-from closeform.arrays import Floats
 from closeform._jit import kernel
+from closeform.arrays import Floats
 from closeform.kernel_loans import borrowed, stack_matrix
 from closeform.motion.certified_march import LESS_PATIENCE, PATIENCE, store
 from closeform.motion.extrema import advance, minimum_norm

@@ -17,8 +17,8 @@ import numpy as np
 from numba import float64, void
 from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats, broadcast, instance, numbers, shown
 from closeform._jit import kernel
+from closeform.arrays import Floats, broadcast, instance, numbers, shown
 from closeform.fuel.shortest import REACH, shortest_transfer, surely_too_short
 from closeform.kernel_loans import stack_matrix, stack_vector
 from closeform.motion.arc import END, MEAN_MOTION, START, STATE, WIDTH, acceleration

@@ -19,8 +19,8 @@ from math import sqrt
 
 from numba import float64, void
 
-from closeform.arrays import Floats
 from closeform._jit import kernel
+from closeform.arrays import Floats
 from closeform.kernel_loans import stack_vector
 from closeform.motion.primer import gained
 

@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 from numba import float64, int64, void
 
-from closeform.arrays import Floats
 from closeform._jit import kernel
+from closeform.arrays import Floats
 from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, START, STATE
 from closeform.motion.arc import WIDTH as ARC
 from closeform.motion.hill import coast

@@ -19,8 +19,8 @@ from math import inf, sqrt
 import numpy as np
 from numba import float64, int64, void
 
-from closeform.arrays import Floats
 from closeform._jit import kernel
+from closeform.arrays import Floats
 from closeform.kernel_loans import borrowed, stack_matrix, stack_vector
 from closeform.motion.arc import END, START, STATE
 from closeform.motion.barrier import SLACK, TIME, WIDTH, climb, lay, orthonormal

@@ -10,8 +10,8 @@ import numpy as np
 from numba import float64, int64, void
 from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats, instance, numbers, shown
 from closeform._jit import kernel
+from closeform.arrays import Floats, instance, numbers, shown
 from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, START, STATE, WIDTH, state_at
 from closeform.motion.certified_march import locate
 from closeform.motion.effort import DELTA_V, ENERGY, HIDDEN, PEAK, thrust_at, totals

@@ -3,8 +3,8 @@
 import numpy as np
 from numba import float64, void
 
-from closeform.arrays import Floats
 from closeform._jit import kernel
+from closeform.arrays import Floats
 from closeform.kernel_loans import stack_matrix, stack_vector
 from closeform.motion.arc import END, PUSH, START, THRUST
 from closeform.motion.hill import coast, response

@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 from numba import float64, types, void
 
-from closeform.arrays import Floats
 from closeform._jit import kernel
+from closeform.arrays import Floats
 from closeform.kernel_loans import Lent, stack_matrix, stack_vector
 from closeform.planning.approaches import slide
 from closeform.planning.relative_motion import relative_motion

@@ -26,8 +26,8 @@ from typing import Any
 import numpy as np
 from numba import int64, void
 
-from closeform.arrays import Floats
 from closeform._jit import kernel
+from closeform.arrays import Floats
 from closeform.kernel_loans import stack_matrix, stack_vector
 from closeform.motion.arc import END, MEAN_MOTION, START, STATE, THRUST, WIDTH, primer_at, state_at
 from closeform.motion.hill import coast, response

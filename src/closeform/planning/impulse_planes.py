@@ -5,8 +5,8 @@ from collections.abc import Iterable
 import numpy as np
 from numba import float64, void
 
-from closeform.arrays import Floats
 from closeform._jit import kernel
+from closeform.arrays import Floats
 from closeform.kernel_loans import borrowed, stack_matrix, stack_vector
 from closeform.planning.impulse_scene import BRIEF, PLANES
 from closeform.planning.relative_motion import motion_after

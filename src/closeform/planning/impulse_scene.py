@@ -5,8 +5,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import types
 
-from closeform.arrays import Floats
 from closeform._jit import kernel
+from closeform.arrays import Floats
 from closeform.kernel_loans import Lent, stack_matrix
 from closeform.motion.arc import END, MEAN_MOTION, START, STATE
 from closeform.motion.hill import coast

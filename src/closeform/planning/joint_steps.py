@@ -6,8 +6,8 @@ A plane's multiplier m and by how much the plane is kept are a cone of one numbe
 from math import inf
 from typing import Any, NamedTuple
 
-from closeform.arrays import Floats
 from closeform._jit import kernel
+from closeform.arrays import Floats
 from closeform.kernel_loans import stack_vector
 from closeform.motion.linear import back_substitute, factorise
 from closeform.planning.impulse_scene import is_free

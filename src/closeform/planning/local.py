@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import float64, int64, types
 
-from closeform.arrays import Floats
 from closeform._jit import kernel
+from closeform.arrays import Floats
 from closeform.kernel_loans import Lent, borrowed, lent, stack_matrix
 from closeform.planning.approaches import find_minima, sample_craft, spread
 from closeform.planning.contacts import SIDES, add_fresh, copy_contacts, next_contacts, slide_all

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from numba import float64
 
-from closeform.arrays import Floats
 from closeform._jit import kernel
+from closeform.arrays import Floats
 from closeform.kernel_loans import borrowed, stack_matrix
 from closeform.planning.deflection import deflect, fill_factors, fill_gram, room_for
 from closeform.planning.qp import solve_qp

@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import float64, void
 
-from closeform.arrays import Floats
 from closeform._jit import kernel
+from closeform.arrays import Floats
 from closeform.planning.problem import Problem
 from closeform.planning.qp import solve_qp
 from closeform.planning.scene import INDICES, NUMBERS, ROWS, Contacts

@@ -8,8 +8,8 @@ cone at least |delta-v| is sought along its generators.
 from math import asin, cos, inf, pi, sin, sqrt
 from typing import Any, NamedTuple
 
-from closeform.arrays import Floats
 from closeform._jit import kernel
+from closeform.arrays import Floats
 
 VELOCITY, SINCE, SPENT, CORRECTED, PUSHED, CRAFT = 3, 6, 7, 8, 9, 10  # columns of a row, after its position
 SPOKES = 48  # generators of the cone that are tried before the best is refined

@@ -7,8 +7,8 @@ shows only then, all at once.
 from math import hypot, sqrt
 from typing import Any, NamedTuple
 
-from closeform.arrays import Floats
 from closeform._jit import kernel
+from closeform.arrays import Floats
 from closeform.search.clearance import CORRECTED, PUSHED, SINCE, SPENT, VELOCITY
 from closeform.search.violations import look_around
 

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from numba import bool_, float64, int64, void
 
-from closeform.arrays import Floats
 from closeform._jit import kernel
+from closeform.arrays import Floats
 from closeform.kernel_loans import borrowed, lent
 from closeform.search.clearance import (
     CORRECTED,

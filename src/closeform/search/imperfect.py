@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 from numba import float64, int64, void
 
-from closeform.arrays import LARGEST, Floats
 from closeform._jit import kernel
+from closeform.arrays import LARGEST, Floats
 from closeform.kernel_loans import stack_matrix
 from closeform.search.lock_march import CHUNK, COINCIDENT, NEVER, NOT_FINITE, SEEN, TINY, before, in_parts
 from closeform.search.schedule import Search

@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import float64, int64, void
 
-from closeform.arrays import Floats
 from closeform._jit import kernel
+from closeform.arrays import Floats
 from closeform.kernel_loans import lent
 from closeform.search.gather_events import FLOWN, fly_cases
 from closeform.search.imperfect import imperfect_lock

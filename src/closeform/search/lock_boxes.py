@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 
 from numba import float64, int64, void
 
-from closeform.arrays import Floats
 from closeform._jit import kernel
+from closeform.arrays import Floats
 
 TIME, BORESIGHT, COSINE, SHIFT = 0, 1, 4, 5  # columns of a table of looks
 ROUNDING = 1e-12  # of all that q is summed from: a thousand times what rounding can do to g

@@ -21,8 +21,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import float64, int64, void
 
-from closeform.arrays import LARGEST, Floats
 from closeform._jit import kernel
+from closeform.arrays import LARGEST, Floats
 from closeform.search.sine_cosine import sine_cosine
 
 START, END, RATE, STEADY, COSINE, SINE = 0, 1, 2, 3, 6, 9  # columns of a table of legs

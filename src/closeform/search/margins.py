@@ -17,8 +17,8 @@ import numpy as np
 from numba import float64, void
 from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats, instance
 from closeform._jit import kernel
+from closeform.arrays import Floats, instance
 from closeform.result import Result
 from closeform.search.lock_march import END, SEEN, START, LockSensor, lock_in_leg
 from closeform.search.locks import lock_times

@@ -6,8 +6,8 @@ A burn changes a straight line, and so all later locks of it.
 from math import inf
 from typing import Any, NamedTuple
 
-from closeform.arrays import Floats
 from closeform._jit import kernel
+from closeform.arrays import Floats
 from closeform.search.clearance import SINCE
 from closeform.search.lock_march import first_lock
 from closeform.search.sets import LOST

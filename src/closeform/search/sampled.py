@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numba import float64, int64, void
 
-from closeform.arrays import Floats
 from closeform._jit import kernel
+from closeform.arrays import Floats
 from closeform.search.lock_march import LockSensor, in_parts, sight
 from closeform.search.schedule import Search
 

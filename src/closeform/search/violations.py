@@ -6,8 +6,8 @@ and at the end.
 
 from typing import Any, NamedTuple
 
-from closeform.arrays import Floats
 from closeform._jit import kernel
+from closeform.arrays import Floats
 from closeform.search.clearance import SINCE, VELOCITY, KeptZones, between, chosen, within
 from closeform.search.sets import LOST
 

@@ -17,8 +17,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import float64, int64, void
 
-from closeform.arrays import Floats
 from closeform._jit import kernel
+from closeform.arrays import Floats
 from closeform.conflicts.entries import ENTERED, cross
 from closeform.kernel_loans import borrowed, stack_matrix
 from closeform.motion.arc import ANGLE, END, MEAN_MOTION, PUSH, START, THRUST, derivatives_at

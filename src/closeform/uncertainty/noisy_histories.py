@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numba import float64, int64, void
 
-from closeform.arrays import Floats
 from closeform._jit import kernel
+from closeform.arrays import Floats
 from closeform.conflicts.entries import ENTERED
 from closeform.kernel_loans import borrowed, stack_matrix
 from closeform.motion.path import Path

@@ -14,8 +14,8 @@ from math import inf, sqrt
 
 import numpy as np
 
-from closeform.arrays import Floats
 from closeform._jit import kernel
+from closeform.arrays import Floats
 from closeform.kernel_loans import stack_matrix
 from closeform.zones.shapes import CUBE, FACES
 from closeform.zones.zone import Zone

@@ -17,8 +17,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import float64, types
 
-from closeform.arrays import Floats
 from closeform._jit import kernel
+from closeform.arrays import Floats
 from closeform.kernel_loans import stack_matrix, stack_vector
 from closeform.motion.arc import acceleration, derivatives_at
 from closeform.motion.certified_march import bound, relative_state, store, window

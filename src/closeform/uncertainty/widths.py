@@ -13,8 +13,8 @@ from math import sqrt
 import numpy as np
 from numba import float64, void
 
-from closeform.arrays import Floats
 from closeform._jit import kernel
+from closeform.arrays import Floats
 from closeform.conflicts.exclusion import OFF_CHORD
 from closeform.conflicts.tracks import Tracks
 from closeform.kernel_loans import lent, stack_matrix, stack_vector
