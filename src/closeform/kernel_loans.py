@@ -6,6 +6,7 @@ import numpy as np
 from llvmlite import ir
 from numba.core import cgutils, config, types
 from numba.core.datamodel import models
+from numba.core.typeconv import Conversion
 from numba.core.typing.templates import AttributeTemplate
 from numba.extending import (
     NativeValue,
@@ -44,7 +45,8 @@ class Lent(types.Type):
 
     def can_convert_from(self, typing: Any, given: Any) -> Any:
         """How well it stands for the tuple itself, which an entry point is given."""
-        return typing.can_convert(given, self.of)
+        found = typing.can_convert(given, self.of)
+        return None if found is None else max(found, Conversion.safe)
 
     @property
     def key(self) -> Any:
