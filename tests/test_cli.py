@@ -376,3 +376,23 @@ def test_ctrl_c(tmp_path, monkeypatch, capsys) -> None:
     assert main(["run", "good.toml"]) == 130
     assert capsys.readouterr().err == "closeform: stopped by the keyboard; nothing was written\n"
     assert [file.name for file in tmp_path.iterdir()] == ["good.toml"]
+
+
+@pytest.mark.parametrize(
+    ("example", "old", "new", "key"),
+    [
+        ("cluster", 'altitude = "500 km"', 'altitude = "600 m"', "orbit.altitude"),
+        ("flown_cases", 'velocity = "0 0 0 m/s"\nkeep', 'velocity = "0 7 0 km/s"\nkeep', "7000 m/s"),
+    ],
+)
+def test_a_doubtful_scenario_is_taken_with_one_line_on_it(example, old, new, key, tmp_path, capsys):
+    text = (Path(__file__).parent.parent / "examples" / f"{example}.toml").read_text()
+    assert old in text
+    (tmp_path / "doubtful.toml").write_text(text.replace(old, new))
+    (tmp_path / "sound.toml").write_text(text)
+    main(["check", str(tmp_path / "doubtful.toml")])
+    warned = [line for line in capsys.readouterr().err.splitlines() if "warning" in line]
+    assert len(warned) == 1
+    assert key in warned[0]
+    assert main(["check", str(tmp_path / "sound.toml")]) == 0
+    assert capsys.readouterr().err == ""
