@@ -401,3 +401,21 @@ def test_control_characters_are_not_printed(tmp_path, monkeypatch, capsys, undra
     assert "A\\x1b]0;owned" in told.out
     assert "differs from EARTH" in told.err
     assert not re.search(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]", told.out + told.err)
+@pytest.mark.parametrize(
+    ("example", "old", "new", "key"),
+    [
+        ("cluster", 'altitude = "500 km"', 'altitude = "600 m"', "orbit.altitude"),
+        ("flown_cases", 'velocity = "0 0 0 m/s"\nkeep', 'velocity = "0 7 0 km/s"\nkeep', "7000 m/s"),
+    ],
+)
+def test_a_doubtful_scenario_is_taken_with_one_line_on_it(example, old, new, key, tmp_path, capsys):
+    text = (Path(__file__).parent.parent / "examples" / f"{example}.toml").read_text()
+    assert old in text
+    (tmp_path / "doubtful.toml").write_text(text.replace(old, new))
+    (tmp_path / "sound.toml").write_text(text)
+    main(["check", str(tmp_path / "doubtful.toml")])
+    warned = [line for line in capsys.readouterr().err.splitlines() if "warning" in line]
+    assert len(warned) == 1
+    assert key in warned[0]
+    assert main(["check", str(tmp_path / "sound.toml")]) == 0
+    assert capsys.readouterr().err == ""

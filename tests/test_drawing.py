@@ -84,6 +84,17 @@ def test_a_film_is_drawn_by_all_and_is_that_of_one(tmp_path, film_of_one, others
     assert told[-1] == "animation: picture 8 of 8"
 
 
+@pytest.mark.parametrize("pictures", [PICTURES, []])
+def test_progress_names_pictures_and_never_counts_beyond_the_last(tmp_path, others, pictures):
+    said = []
+    drawing.drawn(pictures, Folder(tmp_path), said.append)
+    every = {
+        f"picture {k + 1} of {len(pictures)}: {one.name}" for k in range(len(pictures)) for one in pictures
+    }
+    assert set(said) <= every
+    assert len(said) == len(pictures)
+
+
 def test_one_draws_all_where_the_others_are_gone(tmp_path, alone, monkeypatch):
     ours, theirs = socketpair()
     monkeypatch.setattr(drawing, "_drawers", [drawing.Drawer(ours)])

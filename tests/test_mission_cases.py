@@ -15,7 +15,11 @@ from closeform.campaign.mission_cases import MissionCases
 from closeform.cli import main
 from closeform.mission import fly
 from closeform.report.mission_study import MissionStudyReport
+from closeform.result_folder import Folder
 from closeform.scenario import ScenarioError, parse
+from closeform.viewer import replays
+from closeform.viewer.scene import scene_of
+from closeform.viewer.shown import Shown
 from philox import block
 
 PASS = """\
@@ -221,3 +225,38 @@ def test_tables_have_no_more_than_cases_say(missions):
     assert "delta-v of B [m/s]" not in told  # which coasts, as all do in stage 1
     assert "stage 1, coast [m/s]" not in told
     assert missions.spreads["delta-v of B [m/s]"].worst[0][0] == 0.0
+
+
+def test_pages_show_the_missions_that_the_study_flew(tmp_path, monkeypatch, blocked):
+    """Without a new plan, and each page is that of a run of its case."""
+    fresh = flown(blocked.scenario, 12)
+
+    def refuse(*_, **__):
+        raise AssertionError("a case was planned again")
+
+    under_way: list[str] = []
+    with monkeypatch.context() as patched:
+        patched.setattr("closeform.campaign.mission_cases.staged", refuse)
+        pages, write = replays.begin(fresh, Folder(tmp_path))
+        write(under_way.append)
+    assert len(pages) >= 2
+    assert under_way[0] == f"page 1 of {len(pages)}: {pages[0].title}"
+    for page in pages:
+        run = fly(case_of(fresh.scenario, int(page.title.removeprefix("case "))))
+        assert scene_of(Shown.of_mission(run), report="report.html").numbers in (
+            tmp_path / page.file
+        ).read_text(encoding="utf-8")
+
+
+def test_pages_can_be_left_out(tmp_path, capsys):
+    for name, text, options in (
+        ("option", PASS, ["--no-pages"]),
+        ("key", PASS.replace("seed = 11", "seed = 11\npages = false"), []),
+    ):
+        (tmp_path / f"{name}.toml").write_text(text)
+        main(
+            ["study", str(tmp_path / f"{name}.toml"), "--cases", "3", "--out", str(tmp_path / name), *options]
+        )
+        assert not [*(tmp_path / name).glob("*-*.html")]
+        assert (tmp_path / name / "report.html").exists()
+    capsys.readouterr()

@@ -579,3 +579,12 @@ def test_end_gradients_are_the_slopes_of_the_energy(n):
         last = [orbit.transfer(INITIAL, FINAL + s * move, duration).energy for s in (1, -1)]
         assert (first[0] - first[1]) / (2 * step) == pytest.approx(slopes[0][k], rel=1e-6, abs=1e-15)
         assert (last[0] - last[1]) / (2 * step) == pytest.approx(slopes[1][k], rel=1e-6, abs=1e-15)
+
+
+def test_an_altitude_that_is_probably_in_km_is_warned_of_where_it_is_given(recwarn):
+    with pytest.warns(UserWarning, match="altitude") as found:
+        assert cf.Orbit.circular(600).mean_motion > cf.Orbit.circular(600e3).mean_motion
+    assert found[0].filename == __file__
+    recwarn.clear()
+    cf.Orbit.circular(50e3, 4.9028e12, 1737.4e3)  # about the Moon that is an orbit
+    assert not recwarn.list

@@ -30,6 +30,7 @@ def read(file: Path, command: str) -> "Scenario | None":
     except ScenarioError as error:
         complain(*error.lines)
         return None
+    complain(*(f"{file}: warning: {line}" for line in scenario.doubts))
     if command != "check":  # which needs three small kernels
         from closeform._jit import compile_ahead
         from closeform.needed_kernels import modules_for

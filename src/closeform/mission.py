@@ -9,6 +9,7 @@ around them, `reconfigure` for the paths of a whole formation (`single_stage`, `
 pulses of thrusters (`pulsed`), `lock_times` and `gather` for who finds whom (`search_stage`).
 """
 
+import warnings
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -148,8 +149,16 @@ def run(file: str | Path) -> Mission:
         If the scenario cannot be read or flown; a ValueError.
     ValueError
         If `file` is no path.
+
+    Warns
+    -----
+    UserWarning
+        If an altitude or a relative speed is legal, but not that of a close formation.
     """
-    return fly(load(instance("file", file, str, Path)))
+    scenario = load(instance("file", file, str, Path))
+    for line in scenario.doubts:
+        warnings.warn(f"{file}: {line}", stacklevel=2)
+    return fly(scenario)
 
 
 def shares_left(scenario: Scenario, results: list[StageResult[Any, Any]]) -> Floats:

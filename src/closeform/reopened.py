@@ -183,6 +183,9 @@ def load(directory: str | PathLike[str]) -> LoadedRun | LoadedStudy:
     settle(place)
     summary = summary_of(place)
     kind = summary.get("kind")
+    if kind in ("screen", "encounter"):
+        what = f"was left by closeform {kind}, which has no burns and no scenario"
+        raise FolderError(f"{place}: {what}; give a folder of run or study, and read this one as Parquet")
     if kind not in ("run", "study"):
         raise FolderError(f"{place}: was left by an earlier version or another command; {AGAIN}")
     scenario = _scenario(place, summary)

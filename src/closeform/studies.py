@@ -26,6 +26,7 @@ def study(
     out: Path | None = None,
     overwrite: Annotated[bool, Parameter(negative="")] = False,
     scheduler: str | None = None,
+    no_pages: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
     """Fly many cases of a scenario, each with its own draws: who is found or met when, in how many of them.
 
@@ -43,6 +44,8 @@ def study(
         Replace finished results.
     scheduler
         Dask scheduler whose workers fly the cases: an address such as tcp://HOST:8786, or the file it writes.
+    no_pages
+        Leave out the pages in which single cases move.
     """
     from closeform.publishing import check_free, folder, settle
     from closeform.result_folder import CASES, FolderError, finished, written
@@ -82,8 +85,9 @@ def study(
             from closeform.report.study import draw_lines
             from closeform.viewer import replays
 
-            with working(notes, "writing results"), written(place):
-                report.leave(under_way, *replays.begin(campaign, under_way), out)
+            with working(notes, "writing results") as show, written(place):
+                pages = replays.begin(campaign, under_way, not no_pages)
+                report.leave(under_way, *pages, out, show)
     except ScenarioError as error:
         complain(*error.lines)
         return BAD_INPUT

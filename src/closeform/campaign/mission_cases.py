@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import inf, nan
@@ -104,12 +104,24 @@ class MissionCases(Cases):
         if scenario.flight_seed is not None:
             row[flight_rows.SEED] = scenario.flight_seed
         try:
-            mission = as_happened(self.planned(scenario, case), predicted=False)
+            mission = self.as_happened(scenario, case)
         except ScenarioError as error:
             reason = error.lines[0].removeprefix(f"{self.scenario.file}: ")
             return row | {"status": REFUSED, "reason": reason}
         row |= {"status": ended(mission), "reason": "" if mission.verdict.ok else str(mission.verdict)}
-        return row | figures(mission)
+        row |= figures(mission)
+        if self.scenario.place is None:  # no point of a sweep, whose report shows no case
+            self.plans.keep(case, mission, ranks(case, row))
+        return row
+
+    def mission(self, case: int) -> Mission:
+        """Return the mission of one case: the one that was flown, if it was kept, else flown again."""
+        kept = self.plans.mission(case)
+        return kept or self.as_happened(one_case(self.scenario, self.seed, case), case)
+
+    def as_happened(self, scenario: Scenario, case: int) -> Mission:
+        """Return a case with what happens in it that no plan knows."""
+        return as_happened(self.planned(scenario, case), predicted=False)
 
     def planned(self, scenario: Scenario, case: int) -> Mission:
         """A case as planned: as other cases that draw the same of what plans know."""
@@ -126,6 +138,17 @@ class MissionCases(Cases):
     def campaign(self, chunks: CaseChunks) -> MissionCampaign:
         """What became of them."""
         return MissionCampaign(self, chunks)
+
+
+def ranks(case: int, row: Mapping[str, Any]) -> dict[str, float]:
+    """Return what makes a case worth a page, the least first; nan where it is not (`viewer.replays`)."""
+    last, spent = nan if np.isnan(row["end_s"]) else 0.0, row.get(flight_rows.SPENT, row["delta_v_m_s"])
+    return {
+        **{status: case if row["status"] == status else nan for status in (UNMET, STOPPED)},
+        "spent": last - spent,
+        "near": row["least_ratio"],
+        "near in flight": last + row.get(flight_rows.RATIO, nan),
+    }
 
 
 def ended(mission: Mission) -> str:

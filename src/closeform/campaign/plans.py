@@ -1,9 +1,10 @@
-"""Plans: those that cases of a study have in common, each made once."""
+"""Plans: those that cases of a study have in common, each made once, and the missions that a report shows."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import Future
+from math import isnan
 from threading import Lock
 from typing import Any
 
@@ -13,16 +14,35 @@ from closeform.scenario import Scenario
 from closeform.scenario.study import FAILS, STATES, UNPLANNED
 
 MOST = 32  # plans that are held, the last ones
+KEPT = 2  # missions that are kept of each rank: more than a report has pages for would only take memory
 
 Known = tuple[bytes, ...]
 
 
 class Plans:
-    """The plans of some cases, by what they know of a case; threads wait for the one that makes theirs."""
+    """The plans of some cases, by what they know of a case; threads wait for the one that makes theirs.
+
+    Beside them the missions of the cases that a report will show, as they were flown.
+    """
 
     def __init__(self) -> None:
         self.lock = Lock()
         self.held: dict[Known, Future[Mission]] = {}
+        self.kept: dict[str, list[tuple[float, int, Mission]]] = {}
+
+    def keep(self, case: int, mission: Mission, ranks: Mapping[str, float]) -> None:
+        """Keep the mission of a case as long as it is among the first `KEPT` of a rank; nan is no rank."""
+        with self.lock:
+            for name, rank in ranks.items():
+                if not isnan(rank):
+                    first = [*self.kept.get(name, ()), (rank, case, mission)]
+                    self.kept[name] = sorted(first, key=lambda one: one[:2])[:KEPT]
+
+    def mission(self, case: int) -> Mission | None:
+        """Return the mission of a case, None where it was not kept."""
+        with self.lock:
+            every = (one for first in self.kept.values() for one in first)
+            return next((mission for _, number, mission in every if number == case), None)
 
     def __reduce__(self) -> Any:
         return Plans, ()  # a copy, here or in another process, holds none

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from typing import Self
 
@@ -17,6 +18,17 @@ from closeform.motion.mean_motion import (
     mean_motion_from_semi_major_axis,
 )
 from closeform.motion.steering import transition_matrices
+
+LOWEST = 100e3  # m above the Earth: no orbit lasts below, so that a lower altitude is likely one in km
+
+
+def low(altitude: float) -> str | None:
+    """Return why an altitude [m] above the Earth is doubtful; None where it is not."""
+    if not 0.0 <= number("altitude", altitude) < LOWEST:
+        return None
+    return (
+        f"{altitude:g} m is below 100 km, where no orbit lasts; {altitude:g} km would be {1e3 * altitude:g} m"
+    )
 
 
 @dataclass(frozen=True)
@@ -50,7 +62,14 @@ class CircularOrbit:
         ------
         ValueError
             If `mu`, `radius` or its sum with the altitude is not positive and finite.
+
+        Warns
+        -----
+        UserWarning
+            If the altitude above the Earth is below 100 km, as one in kilometres is.
         """
+        if radius == EARTH_RADIUS and (line := low(altitude)):
+            warnings.warn(f"altitude: {line}", stacklevel=2)
         given = number("altitude", altitude), number("mu", mu), number("radius", radius)
         return cls(float(mean_motion_from_altitude(*given)))
 

@@ -11,6 +11,7 @@ from typing import Any
 from closeform.campaign.flown_cases import FlownCases
 from closeform.report import repeat, results
 from closeform.report.page import Head
+from closeform.report.picture import Progress
 from closeform.report.section import Section
 from closeform.report.table import Table
 from closeform.result_folder import Folder
@@ -89,13 +90,14 @@ class CasesReport(ABC):
         replays: Replays = (),
         pages: results.Pages = results.nothing,
         out: Path | None = None,
+        progress: Progress = lambda text: None,
     ) -> None:
-        """Fill a result folder with all that a study leaves; `replays` are `pages` begun in it.
+        """Fill a result folder with all that a study leaves; `pages` writes the pages of `replays`.
 
-        `out`: the option that said where.
+        `out` is the option that named the folder; `progress` is called with what is under way.
         """
         folder.scenario(self.campaign.scenario)
         title, *lines = self.opening
         head = Head(title, lines, self.verdict, self.campaign.ok)
         repeated = partial(self.repeated, out)
-        results.leave(folder, head, self.chapters(replays), repeated, self.summary, pages=pages)
+        results.leave(folder, head, self.chapters(replays), repeated, self.summary, progress, pages=pages)

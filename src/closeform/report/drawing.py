@@ -6,7 +6,7 @@ import pickle
 import subprocess
 import sys
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from functools import partial
 from importlib import import_module
@@ -36,14 +36,14 @@ AHEAD = (  # what pictures of most stages need; no scenario, no tables
     "closeform.plots.drifts",
     "scipy.special",  # of errors; last, while the other process still reads the scenario
 )
-STUDIED = (*AHEAD, "closeform.plots.lockings", "closeform.mission", "closeform.viewer.page")  # and of studies
+STUDIED = (*AHEAD, "closeform.plots.lockings")  # and of studies
 MOST = 4  # processes that draw: a run has about ten pictures
 HELPED = 1  # processes up to which this one draws too: it loads matplotlib as long as a few pictures take
 _drawers: list["Drawer"] = []
 
 
 class Drawable(Protocol):
-    """What leaves a file in a folder: a picture, or a page of a case; or frames of one, for who asked."""
+    """A picture that is written into a folder, or some frames of one."""
 
     @property
     def name(self) -> str:
@@ -114,12 +114,12 @@ def serve(modules: tuple[str, ...], ends: list[int]) -> None:
             stream.flush()
 
 
-def begun(pictures: Sequence[Drawable], folder: "Folder") -> "Callable[[Progress], list[Shot]]":
-    """Pictures that become files in a folder, by the processes that draw; who is called finishes them.
+def drawn(pictures: Sequence[Drawable], folder: "Folder", progress: "Progress") -> "list[Shot]":
+    """Draw all pictures as files in a folder, by this process and those that `begin` started.
 
-    This process draws of each film, which can be long and says how far it is, as much as each of the
-    others does; and what nobody else could, so that an error is heard; all that is left where few others
-    draw.
+    This process draws as large a share of each film, which can be long and reports its progress, as each of
+    the others.  It also draws what the others could not, so that an error is raised here, and all that is
+    left where few others draw.
     """
     count = max(1, len(_drawers))
     films = [picture for picture in pictures if isinstance(picture, Film)]
@@ -127,14 +127,21 @@ def begun(pictures: Sequence[Drawable], folder: "Folder") -> "Callable[[Progress
     waiting = deque[Drawable](share for each in shares.values() for share in each)  # the longest first
     waiting.extend(picture for picture in pictures if not isinstance(picture, Film))
     made: dict[str, Any] = {}
+    awaited = set[str]()  # films that are drawn but for the frames of others
 
     def following() -> Drawable | None:
         with suppress(IndexError):
             return waiting.popleft()
         return None
 
+    def tell(name: str) -> None:
+        done = sum(picture.name in made or picture.name in awaited for picture in pictures)
+        if done < len(pictures):
+            progress(f"picture {done + 1} of {len(pictures)}: {name}")
+
     def ask(drawer: Drawer) -> None:
         while picture := following():
+            tell(picture.name)
             try:
                 made[picture.name] = drawer.draw(picture, folder)
             except Exception:
@@ -145,41 +152,25 @@ def begun(pictures: Sequence[Drawable], folder: "Folder") -> "Callable[[Progress
     for other in others:
         other.start()
 
-    def finish(progress: "Progress") -> "list[Shot]":
-        awaited = set[str]()  # films that are drawn but for the frames of others
+    def draw_what_waits() -> None:
+        while picture := following():
+            tell(picture.name)
+            made[picture.name] = picture.leave(folder, progress)
 
-        def tell() -> None:
-            done = sum(picture.name in made or picture.name in awaited for picture in pictures)
-            if done < len(pictures):
-                progress(f"picture {done + 1} of {len(pictures)}")
-
-        def draw_what_waits() -> None:
-            while picture := following():
-                tell()
-                made[picture.name] = picture.leave(folder, progress)
-
-        def draw_rest() -> None:
-            if len(others) <= HELPED:
-                draw_what_waits()
-            for other in others:
-                tell()
-                other.join()
+    def draw_rest() -> None:
+        if len(others) <= HELPED:
             draw_what_waits()
+        for other in others:
+            other.join()
+        draw_what_waits()
 
-        def frames(film: Film) -> list[Any]:
-            awaited.add(film.name)
-            draw_rest()
-            return [made.pop(share.name) for share in shares[film.name]]
-
-        for film in films:
-            tell()
-            made[film.name] = film.leave(folder, progress, count, partial(frames, film))
+    def frames(film: Film) -> list[Any]:
+        awaited.add(film.name)
         draw_rest()
-        return [made[picture.name] for picture in pictures]
+        return [made.pop(share.name) for share in shares[film.name]]
 
-    return finish
-
-
-def drawn(pictures: Sequence[Drawable], folder: "Folder", progress: "Progress") -> "list[Shot]":
-    """All pictures as files in a folder."""
-    return begun(pictures, folder)(progress)
+    for film in films:
+        tell(film.name)
+        made[film.name] = film.leave(folder, progress, count, partial(frames, film))
+    draw_rest()
+    return [made[picture.name] for picture in pictures]

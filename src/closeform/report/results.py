@@ -13,11 +13,11 @@ from closeform.result_folder import REPORT, VIEWER, Folder
 
 Viewer = Callable[[Folder, Sequence[Shot]], None]  # what writes a page that moves, beside pictures
 
-Pages = Callable[[Progress], object]  # what finishes pages that were begun
+Pages = Callable[[Progress], object]  # what writes the pages of cases
 
 
 def nothing(progress: Progress) -> None:
-    """No page was begun."""
+    """Write no page."""
 
 
 def leave(
@@ -33,7 +33,7 @@ def leave(
     """Draw all pictures, then write the page and, last, the summary; all other files are there.
 
     `repeated` makes the last chapter from the files beside the page; `viewer` leaves a page that moves
-    beside the pictures; `pages` finishes those of cases.
+    beside the pictures; `pages` writes those of cases.
     """
     pictures = [picture for told in chapters for picture in told.pictures]
     shots = drawn(pictures, folder, progress)

@@ -149,7 +149,8 @@ class OrbitTable(Table):
         """The orbit of the core."""
         planet = {key: value for key in ("mu", "radius") if (value := getattr(self, key)) is not None}
         if self.altitude is not None:
-            return Orbit.circular(self.altitude, **planet)
+            semi_major_axis = self.altitude + planet.pop("radius", EARTH_RADIUS)
+            return Orbit.from_semi_major_axis(semi_major_axis, **planet)
         if self.semi_major_axis is not None:
             return Orbit.from_semi_major_axis(
                 self.semi_major_axis, **{k: v for k, v in planet.items() if k == "mu"}

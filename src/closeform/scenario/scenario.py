@@ -13,6 +13,7 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.exchange.epochs import Epoch
+from closeform.motion.circular import low
 from closeform.motion.orbit import Orbit
 from closeform.scenario.craft import Craft, SearchTable, SensorTable
 from closeform.scenario.field import FeedbackTable, FlightTable, NavigationTable
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
     from closeform.search.search_errors import SearchErrors
 
 TANKS = ("delta_v_budget", "propellant")  # fields of a Craft
+FAST = 100.0  # m/s: in low orbit a speed that takes craft 180 km apart within half a turn
 
 
 @dataclass(frozen=True)
@@ -285,6 +287,19 @@ class Scenario:
             "max_speed": self.search.max_speed if self.search is not None else None,
             "errors": self.search_errors,
         }
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """What is legal and probably not meant, one line each: low orbits, speeds of no formation."""
+        lines, table = [], self.orbit
+        if table.altitude is not None and table.radius is None and (line := low(table.altitude)):
+            lines.append(f"orbit.altitude: {line}")
+        speeds = np.linalg.norm(self.states(table.build())[:, 3:], axis=1)
+        if (fastest := float(np.nanmax(speeds, initial=0.0))) > FAST:
+            name = self.names[int(np.nanargmax(speeds))]
+            what = f"{name} begins at {fastest:.6g} m/s relative to the formation's origin"
+            lines.append(f"craft: {what}, which no close formation has; check units and the chief")
+        return tuple(lines)
 
     def refused(self, command: str) -> tuple[str, ...]:
         """Why "run", "run --case" or "study" would not begin to fly this scenario, one line each."""

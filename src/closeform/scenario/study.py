@@ -98,6 +98,7 @@ class Study(Table):
         default_factory=dict, examples=['{ "sensor.half_angle" = ["65 deg", "70 deg"] }']
     )
     sampled: Annotated[tuple[Step, ...], Field(strict=False)] = Field((), examples=['["1 s", "60 s"]'])
+    pages: bool = Field(True, examples=["false"])
     published: dict[str, str] = Field(default_factory=dict, examples=['{ source = "S04", never = "0" }'])
 
     def flaws(self) -> Iterator[str]:

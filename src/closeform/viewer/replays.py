@@ -1,14 +1,13 @@
-"""Replays: the cases of a study that are worth looking at, each flown again with a page of its own."""
+"""Replays: the cases of a study that are worth looking at, each with a page of its own."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from closeform.campaign import Campaign, GatherCampaign, case_of
-from closeform.report.drawing import begun
-from closeform.report.picture import Progress, Shot
+from closeform.report.picture import Progress
 from closeform.report.results import Pages, nothing
 from closeform.result_folder import REPORT, Folder
 from closeform.scenario import Scenario
@@ -29,48 +28,64 @@ class Replay(NamedTuple):
     why: str
 
 
-@dataclass(frozen=True)
-class Page:
-    """The page of a mission, or of a scenario that is flown for it, with a way back to the study's report."""
+def begin(campaign: Any, folder: Folder, asked: bool = True) -> tuple[tuple[Replay, ...], Pages]:
+    """Return the pages of cases worth looking at, and what writes them into a folder.
 
-    name: str
-    of: Mission | Scenario
-
-    def leave(self, folder: Folder, progress: Progress) -> Shot:
-        """Write it into a folder."""
-        from closeform.mission import fly  # in the process that draws, so that this one need not
-        from closeform.report.run import RunReport
-        from closeform.viewer.page import document
-        from closeform.viewer.scene import scene_of
-        from closeform.viewer.shown import Shown
-
-        mission = fly(self.of) if isinstance(self.of, Scenario) else self.of
-        flights = RunReport(mission).flights
-        shown = Shown.of_mission(mission) if flights is None else Shown.of_flight(flights)
-        folder.text(self.name, document(scene_of(shown, report=REPORT)))
-        return Shot(folder.path / self.name, mission.scenario.title, "")
-
-
-def begin(campaign: Any, folder: Folder) -> tuple[tuple[Replay, ...], Pages]:
-    """Begin a page of each case worth looking at in a folder; of errors, of the mission as planned.
-
-    What they are, and what finishes them.
+    Of errors there is one page, of the mission as planned; none where none is `asked` for, or of a sweep.
     """
     scenario = campaign.scenario
-    if scenario.points:
+    if scenario.points or not (asked and scenario.study.pages):
         return (), nothing
+    pages: dict[int | None, Replay] = {}
     if scenario.study.draws == "errors":
-        planned = Replay(PLANNED, "the mission as planned", "without errors")
-        return (planned,), begun([Page(PLANNED, campaign.mission)], folder)
-    reasons: dict[int, list[str]] = {}
-    for case, why in worst(campaign) if isinstance(campaign, Campaign) else missions(campaign):
-        reasons.setdefault(case, []).append(why)
-    seeded = with_seed(scenario, campaign.seed)
-    found = tuple(
-        Replay(f"case-{case}.html", f"case {case}", "; ".join(why)) for case, why in reasons.items()
+        pages[None] = Replay(PLANNED, "the mission as planned", "without errors")
+    else:
+        reasons: dict[int, list[str]] = {}
+        for case, why in worst(campaign) if isinstance(campaign, Campaign) else missions(campaign):
+            reasons.setdefault(case, []).append(why)
+        for case, every in reasons.items():
+            pages[case] = Replay(f"case-{case}.html", f"case {case}", "; ".join(every))
+
+    def write(progress: Progress) -> None:
+        for number, (case, page) in enumerate(pages.items(), 1):
+            progress(f"page {number} of {len(pages)}: {page.title}")
+            leave(mission_of(campaign, case), page.file, folder)
+
+    return tuple(pages.values()), write
+
+
+def mission_of(campaign: Any, case: int | None) -> Mission:
+    """Return the mission of a case; None is the mission as planned.
+
+    A search is fast to repeat.  Of other missions the study has kept those that it flew in this process.
+    """
+    from closeform.mission import fly, in_field  # with kernels, which a study without pages can spare
+
+    if case is None:
+        planned: Mission = campaign.mission
+        return planned
+    if isinstance(campaign, Campaign):
+        return fly(case_of(with_seed(campaign.scenario, campaign.seed), case))
+    flown: Mission = campaign.kind.mission(case)
+    stages = tuple(
+        replace(
+            one, validity=in_field(flown.scenario, replace(one, after=one.commanded or one.after)).validity
+        )
+        for one in flown.results
     )
-    pages = [Page(one.file, case_of(seeded, case)) for case, one in zip(reasons, found, strict=True)]
-    return found, begun(pages, folder)
+    return replace(flown, results=stages)
+
+
+def leave(mission: Mission, name: str, folder: Folder) -> None:
+    """Write the page of a mission into a folder, with a way back to the study's report."""
+    from closeform.report.run import RunReport
+    from closeform.viewer.page import document
+    from closeform.viewer.scene import scene_of
+    from closeform.viewer.shown import Shown
+
+    flights = RunReport(mission).flights
+    shown = Shown.of_mission(mission) if flights is None else Shown.of_flight(flights)
+    folder.text(name, document(scene_of(shown, report=REPORT)))
 
 
 def with_seed(scenario: Scenario, seed: int) -> Scenario:
