@@ -25,7 +25,7 @@ import numpy as np
 import closeform as cf
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
-from passages import Passage, passage  # noqa: E402
+from passages import Passage, passage
 
 GROUPS = {"one ellipsoid": 34, "three boxes": 33, "three ellipsoids": 33}
 FOUR = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]) / np.sqrt(3.0)
@@ -54,9 +54,7 @@ def measure(budget: int | None) -> dict[str, Any]:
     for name, task, thrusters in tasks():
         path = task.orbit.impulsive(task.initial, task.final, task.duration)
         began = process_time()
-        plan = cf.avoid(
-            path, task.obstacles, task.zones, cost="delta-v", thrusters=thrusters, budget=budget
-        )
+        plan = cf.avoid(path, task.obstacles, task.zones, cost="delta-v", thrusters=thrusters, budget=budget)
         spent = process_time() - began
         rows[name] = plan.status.value, plan.delta_v, plan.lower_bound, spent
         clear = plan.path is None or not task.conflicts(plan.path)
@@ -73,11 +71,14 @@ def compare(files: list[str]) -> None:
     bounds = np.array([runs[0][name][2] for name in names])
     times = np.array([[run[name][3] for name in names] for run in runs])
     best = np.nanmin(costs, axis=0)
-    print(f"{'file':24} {'plans':>5} {'above 0.1 %':>11} {'above 2 %':>9} {'worst':>7} {'CPU ms, median':>14} max")
+    print(
+        f"{'file':24} {'plans':>5} {'above 0.1 %':>11} {'above 2 %':>9} {'worst':>7} {'CPU ms, median':>14} max"
+    )
     for file, cost, spent in zip(files, costs, times, strict=True):
         over = cost / best - 1.0
         print(
-            f"{Path(file).stem:24} {np.isfinite(cost).sum():5} {(over > 1e-3).sum():11} {(over > 0.02).sum():9} "
+            f"{Path(file).stem:24} {np.isfinite(cost).sum():5} {(over > 1e-3).sum():11} "
+            f"{(over > 0.02).sum():9} "
             f"{100.0 * np.nanmax(over):5.1f} % {1e3 * np.median(spent):14.1f} {1e3 * spent.max():.0f}"
         )
     print(f"{(best <= 1.02 * bounds).sum()} of {len(names)} within 2 % of the bound")

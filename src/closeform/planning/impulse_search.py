@@ -159,7 +159,7 @@ def searched(
     begun: list[Contacts] = []
     alone = solver.problem.count == 1 and solver.failures is None and not solver.limits.any()
     most = budget or ALONE if alone else most
-    for start in chain(starts(solver, free, by_energy), turns(solver, lambda: best) if alone else ()):
+    for start in chain(starts(solver, free, by_energy), turns(solver, lambda: best) if alone else ()):  # noqa: B023
         if len(begun) == most or (alone and best is not None and best.delta_v <= LEAST * free.least):
             break
         for holding, stride in ways_on(solver):

@@ -15,7 +15,7 @@ from closeform.planning.clearance_costs import Sizes, Zoned, free_cost
 from closeform.planning.plan import UNITS, Avoidance, Cost, Plan, Status
 from closeform.result import Result
 
-ROUNDING = 1e-9  # of a budget: a cost that exceeds it by less equals it, whatever the processor rounds
+ROUNDING = 1e-12  # of a budget: a cost that exceeds it by less equals it, whatever the processor rounds
 FINE = 1e-6  # of what a budget leaves for clearance, that may be left of it
 NARROW = 1e-7  # of a factor: how near the greatest that is affordable it is known, where the cost jumps there
 GROWTH = 2.0  # of the factor at most from one plan to the next
