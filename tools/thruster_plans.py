@@ -71,9 +71,8 @@ def compare(files: list[str]) -> None:
     bounds = np.array([runs[0][name][2] for name in names])
     times = np.array([[run[name][3] for name in names] for run in runs])
     best = np.nanmin(costs, axis=0)
-    print(
-        f"{'file':24} {'plans':>5} {'above 0.1 %':>11} {'above 2 %':>9} {'worst':>7} {'CPU ms, median':>14} max"
-    )
+    heads = f"{'plans':>5} {'above 0.1 %':>11} {'above 2 %':>9} {'worst':>7} {'CPU ms, median':>14} max"
+    print(f"{'file':24} {heads}")
     for file, cost, spent in zip(files, costs, times, strict=True):
         over = cost / best - 1.0
         print(
