@@ -450,3 +450,13 @@ def test_bad_input_is_refused():
         call, words = refusals()[name]
         with pytest.raises(ValueError, match=words):
             call()
+
+
+@pytest.mark.parametrize("cost", ["energy", "delta-v"])
+def test_clear_paths_that_end_beside_a_zone_are_kept(cost):
+    orbit = cf.Orbit.circular(500e3)
+    make = orbit.transfer if cost == "energy" else orbit.impulsive
+    path = make([0, 200.0, 0, 0, 0, 0], [0, 20.0 * (1.0 + 5e-10), 0, 0, 0, 0], 1000.0)
+    other, zone = orbit.coast(np.zeros(6), 1000.0), cf.Sphere(20.0)
+    assert not cf.find_conflicts(path, other, zone)
+    assert cf.avoid(path, other, zone, cost=cost).status == cf.Status.CLEAR

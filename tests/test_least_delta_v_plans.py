@@ -10,9 +10,6 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 import closeform as cf
-from closeform.planning import impulse_local
-from closeform.planning.impulse_planes import is_among, sides_of
-from closeform.planning.scene import Contacts
 from formations import LOW_ORBIT, cases
 
 ORBIT = LOW_ORBIT
@@ -281,37 +278,3 @@ def test_ends_inside():
     found = cf.avoid(ORBIT.transfer(a, b, 1000.0), stays, cf.Sphere(50.0), cost="delta-v")
     assert found.status == cf.Status.END_INSIDE
     assert found.path is None
-
-
-def test_starts_that_come_where_others_have_been_are_left(monkeypatch):
-    """They end where those did: what is found costs the same as where every start is followed."""
-    priced, rounds = impulse_local.ImpulseSolver.priced, []
-    monkeypatch.setattr(
-        impulse_local.ImpulseSolver, "priced", lambda *given: rounds.append(1) or priced(*given)
-    )
-    costs, most = [], []
-    for among in (is_among, lambda *_: False):
-        monkeypatch.setattr(impulse_local, "is_among", among)
-        rounds.clear()
-        for seed in range(24):
-            a, b, duration, obstacle, radius = passage(seed)
-            path = ORBIT.impulsive(a, b, duration)
-            costs.append(cf.avoid(path, obstacle, cf.Sphere(radius), cost="delta-v").delta_v)
-        most.append(len(rounds))
-    assert most[0] < 0.8 * most[1]
-    np.testing.assert_allclose(costs[:24], costs[24:], rtol=1e-6)
-
-
-def test_planes_are_alike_on_the_same_sides_of_the_same_pairs():
-    def sides(which, times, *normals):
-        contacts = Contacts.at(np.array(which), np.array(times))
-        return sides_of(contacts._replace(normals=np.array(normals)).in_order(), np.array([3.0, 1.0]))
-
-    ahead, above, turned = [1.0, 0.0, 0.0], [0.0, 0.0, 0.5], [np.cos(0.5), 0.0, np.sin(0.5)]
-    one, other = sides([0, 1], [10.0, 20.0], ahead, above), sides([0], [10.0], ahead)
-    assert is_among(sides([1, 0], [20.5, 12.5], above, turned), [other, one])  # in any order
-    assert not is_among(sides([0, 1], [10.0, 21.5], ahead, above), [other, one])
-    assert not is_among(sides([0, 1], [10.0, 20.0], ahead, ahead), [other, one])
-    assert not is_among(sides([0, 0], [10.0, 20.0], ahead, above), [other, one])
-    assert not is_among(sides([0], [10.0], above), [other, one])
-    assert not is_among(one, [])

@@ -534,3 +534,19 @@ def test_a_scenario_goes_by_a_one_sided_zone():
     assert (met.first, met.second) == ("visitor", "station")
     assert (met.start, met.end) == (pytest.approx(100.0, abs=1e-10), 1000.0)
     assert met.ratio == pytest.approx(-17.0)
+
+
+@pytest.mark.parametrize(
+    ("make", "name"),
+    [
+        (lambda: cf.Cylinder(1e-155, 1e-155), "radius"),
+        (lambda: cf.Box([1e-310] * 3), "half_widths"),
+        (lambda: cf.Sphere(1e-310), "radius"),
+        (lambda: cf.Ellipsoid([1.0, 1.0, 1e20]), "semi_axes"),
+        (lambda: cf.HalfSpaces([[1.0, 0.0, 0.0]], [1e-200]), "offsets"),
+        (lambda: cf.Sphere(20.0).enlarged(1e-100), "factor"),
+    ],
+)
+def test_sizes_beyond_what_can_be_computed_are_refused(make, name):
+    with pytest.raises(ValueError, match=f"^{name}: .* from 1e-09 to 1e\\+15 m"):
+        make()

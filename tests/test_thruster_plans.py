@@ -216,3 +216,15 @@ def test_slots_that_thrusters_reach():
     assert plan.slots.tolist() == [1, 0]
     freely = cf.reconfigure(*task, assign=True, cost="delta-v")
     assert freely.slots.tolist() == [0, 1]
+
+
+def test_box_in_deep_space_is_passed_on_its_best_side():
+    """The free optimum is a bound, and a clear plan reaches it."""
+    orbit, duration = cf.Orbit(0.0), 4715.0
+    a, b = [369.8, -142.0, -279.7, 0.046, -0.023, 0.03], [56.1, 43.3, -66.6, 0.006, 0.084, 0.014]
+    other = orbit.coast([531.1, -158.4, -515.8, -0.1309, 0.0214, 0.1331], duration)
+    box, path = cf.Box([29.0, 47.0, 42.0]), orbit.impulsive(a, b, duration)
+    plan = cf.avoid(path, other, box, cost="delta-v", thrusters=SIX)
+    assert plan.ok
+    assert plan.delta_v <= 1.001 * plan.lower_bound
+    assert not cf.find_conflicts(plan.path, other, box)

@@ -126,14 +126,16 @@ class Around:
         optimum = transfer_of(path)
         problem = self.problem(stack([optimum]))
         by_delta_v = self.cost == "delta-v"
-        if hopeless := self.hopeless(problem):
-            least = unconstrained(problem, (self.thrusters,), ("",)).least if by_delta_v else None
-            return refused(problem, *hopeless, least=least)
-        if by_delta_v and self.thrusters is not None:
-            return impulsive(None, problem, self)
         met = problem.direct_conflicts(MARGINS[0]) if path is optimum else []  # the planner's, too
         deep = bool(met) and deepest(met)[1][3] < DEEP
         clear = not deep and not problem.conflicts(problem.with_path(path)) and is_passive(problem, path)
+        fires = by_delta_v and self.thrusters is not None  # `path` is not of these thrusters
+        if (fires or not clear) and (hopeless := self.hopeless(problem)):
+            free = unconstrained(problem, (self.thrusters,), ("",)) if by_delta_v else None
+            if free is None or self.drift is not None or not free.checked.clear:
+                return refused(problem, *hopeless, least=None if free is None else free.least)
+        if fires:
+            return impulsive(None, problem, self)
         if by_delta_v:
             within = self.limit is None or beyond(path, self.limit) <= FULL
             return impulsive(path if clear and within else None, problem, self)

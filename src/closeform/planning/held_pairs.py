@@ -23,6 +23,8 @@ def hopeless(problem: Problem, request: Request) -> tuple[Status, tuple[int, int
 def _held(problem: Problem, request: Request) -> tuple[tuple[int, int], str] | None:
     """The two bodies deepest in conflict while neither can give way, and in words when and how deep."""
     found, flown = [], problem.direct
+    if request.cost == "delta-v" and not problem.conflicts(flown):  # clear, if by less than rounding needs
+        return None
     for pair, (begin, end, time, ratio) in problem.conflicts(flown, MARGINS[0]):
         spans = sorted(tuple(problem.base[c, [START, END]]) for c in pair if c < problem.count)
         first, last = spans[0][0], max(span[1] for span in spans)

@@ -2,9 +2,8 @@
 
 A round prices the planes of the contacts (`joint_dual`), flies the impulses, and looks for conflicts.
 Each plane is then turned to where its pair is, and pairs that are still in conflict get one more.  What is
-clear stays clear when planes turn, and becomes cheaper.  A start that comes to sides from which an earlier
-one went on is left.  Craft may fire at the times of a grid, at the maxima of their primers, and when they
-last did; in the end only when they must.                                                   # theory 6
+clear stays clear when planes turn, and becomes cheaper.  Craft may fire at the times of a grid, at the
+maxima of their primers, and when they last did; in the end only when they must.            # theory 6
 Thrusters have moments of their own each: a time, and the direction of one of them.
 """
 
@@ -27,7 +26,7 @@ from closeform.planning.impulse_flight import fly_impulses, keep_fewest
 from closeform.planning.impulse_joining import steps_to_fewer
 from closeform.planning.impulse_moments import Moments, Pushes, blended, sizes_of, table_of
 from closeform.planning.impulse_peaks import find_peaks
-from closeform.planning.impulse_planes import fill_planes, is_among, sides_of
+from closeform.planning.impulse_planes import fill_planes
 from closeform.planning.impulse_scene import Dual, Fleet, Planes, Priced
 from closeform.planning.joint_dual import price
 from closeform.planning.problem import Flown, Problem
@@ -49,7 +48,6 @@ WORTH = 1e-4  # of the cost: by less no other start is looked at to its end, mos
 ROUNDS, FOCUSING = 30, 8  # at most, with times to choose from, and with few
 STEPS, SHARE = 60, 0.5  # rounds in short steps to a first plan, and how much of the way one is at most
 SETTLED = 1e-5  # of the cost: clear rounds that differ by less are the last
-BEEN = 0.03  # of the time in which a pair can give way: planes no further apart may be alike
 PATIENCE = 3  # clear rounds that are dearer than the best one, as planes come and go
 ROUNDING = 1e-12  # of a bound
 PRICINGS, PRICED = 6, 1e-7  # of planes that stay, and how far primers may be above 1 then
@@ -88,8 +86,6 @@ class ImpulseSolver:
         never = np.full((len(problem.other_offsets) - 1, 2), inf)
         self.free = np.concatenate([base[:, [START, END]], never])[problem.pairs]  # when who can give way
         self.span = np.array([problem.first, problem.arrival])
-        self.been: list[Floats] = []  # sides, from which rounds of earlier starts went on
-        self.near = BEEN * np.ptp(problem.windows[0], axis=1)
 
     def unconstrained(self) -> Spent:
         """The least delta-v of each craft by itself, whatever is in the way.
@@ -121,15 +117,10 @@ class ImpulseSolver:
         Of rounds that are not clear only a step is taken, by which no pair moves farther than `stride` zones.
         """
         best, before, self.aim, tolerance, last, idle = None, None, self.least, WIDEST, inf, 0
-        moments, been = self.grid, tuple(self.been)
+        moments = self.grid
         for turn in range(ROUNDS if stride == inf else STEPS):
             if turn >= ROUNDS and (best is not None or bar < inf):
                 break
-            if self.failures is None:  # whose planes come and go
-                sides = sides_of(contacts.in_order(), self.near)
-                if is_among(sides, been):
-                    break
-                self.been.append(sides)
             turning = tolerance > TURNING or self.failures is not None
             allowed = 1.0 + tolerance if turning else 1.0 - WORTH
             found = self.priced(moments, contacts, tolerance, allowed * bar)

@@ -15,7 +15,7 @@ from closeform.motion.saturated import CLOSE
 from closeform.motion.within_limit import TooLittleThrust
 from closeform.planning.impulse_checks import Spent
 from closeform.planning.impulse_descent import at_rest, descended, step_near
-from closeform.planning.impulse_local import AIM, ImpulseSolver, beside
+from closeform.planning.impulse_local import AIM, WIDEST, ImpulseSolver, beside
 from closeform.planning.impulse_moments import Moments
 from closeform.planning.impulse_sharing import shared
 from closeform.planning.limits import FULL
@@ -29,6 +29,8 @@ from closeform.planning.two_impulse_plans import HOPS, two_impulse_plans
 from closeform.planning.ways_out import ranked_exits
 
 ONE, MANY = 6, 1  # starts that are looked at, of one craft and of many
+ALONE = 200  # of one craft with neither a limit nor a drift, each of which costs a few ms; most end sooner
+LEAST = 1.0 + 1e-6  # times the bound: no other start gains more than rounding
 FELT = 1e-6  # of delta-v, for a zone twice as large: a contact that costs less is none
 MORE = 4  # times as many where none of those is clear
 STRIDE = 1.0  # zones, by which a pair moves in a step: farther away other failures are the near ones
@@ -155,8 +157,10 @@ def searched(
     most = budget or (ONE if solver.problem.count == 1 else MANY) * (MORE if more or solver.failures else 1)
     best: Spent | None = None
     begun: list[Contacts] = []
-    for start in starts(solver, free, by_energy):
-        if len(begun) == most:
+    alone = solver.problem.count == 1 and solver.failures is None and not solver.limits.any()
+    most = budget or ALONE if alone else most
+    for start in chain(starts(solver, free, by_energy), turns(solver, lambda: best) if alone else ()):  # noqa: B023
+        if len(begun) == most or (alone and best is not None and best.delta_v <= LEAST * free.least):
             break
         for holding, stride in ways_on(solver):
             if solver.failures is not None:
@@ -313,7 +317,7 @@ def starts(solver: ImpulseSolver, free: Spent, by_energy: Callable[[], Outcome])
         yield from touched(problem, by_energy())
     if solver.failures is None and (solver.pushes.fixed.any() or (limited and problem.count == 1)):
         anywhere = ImpulseSolver(problem, (None,) * problem.count, ("",) * problem.count)
-        yield from touched(problem, solved(anywhere, by_energy)[0])
+        yield from touched(problem, solved(anywhere, by_energy, ONE)[0])
     near = beside(problem, free.flown, problem.met(free.checked.missed))
     yield near.joined(free.checked.lost)
     if near.number > FEW:
@@ -322,6 +326,30 @@ def starts(solver: ImpulseSolver, free: Spent, by_energy: Callable[[], Outcome])
         normals = near.normals.copy()
         normals[k] = normal
         yield near._replace(normals=normals)
+
+
+def turns(solver: ImpulseSolver, best_of: Callable[[], Spent | None]) -> Iterator[Contacts]:
+    """Yield the contacts of the best plan with one obstacle passed on another side, cheaper ones first.
+
+    Of a better plan, once one of these leads to it, until none does.
+    """
+    before = None
+    while (best := best_of()) is not None and best is not before:
+        before, ways = best, []
+        contacts = best.contacts.some(best.pushing)
+        for which in np.unique(contacts.which):
+            others = contacts.some(contacts.which != which)
+            own = contacts.some(contacts.which == which)
+            one = own.some([int(own.multipliers.argmax())])
+            for _, _, normal in ranked_exits(solver.problem, best.flown, one):
+                start = others.joined(one._replace(normals=normal[None]))
+                found = solver.dual(solver.fleet(solver.grid), solver.planes(start), WIDEST, best.delta_v)
+                if found is not None:
+                    ways.append((found.cost, start))
+        for _, start in sorted(ways, key=lambda way: way[0]):
+            yield start
+            if best_of() is not best:
+                break
 
 
 def blocked(solver: ImpulseSolver, free: Spent) -> tuple[int, int]:

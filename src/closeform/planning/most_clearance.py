@@ -15,7 +15,7 @@ from closeform.planning.clearance_costs import Sizes, Zoned, free_cost
 from closeform.planning.plan import UNITS, Avoidance, Cost, Plan, Status
 from closeform.result import Result
 
-ROUNDING = 1e-12  # of a budget
+ROUNDING = 1e-12  # of a budget: a cost that exceeds it by less equals it, whatever the processor rounds
 FINE = 1e-6  # of what a budget leaves for clearance, that may be left of it
 NARROW = 1e-7  # of a factor: how near the greatest that is affordable it is known, where the cost jumps there
 GROWTH = 2.0  # of the factor at most from one plan to the next
@@ -233,7 +233,7 @@ def in_words(
         return ClearanceStatus.BUDGET, f"{best.spent:.6g} of {limit:.6g} {unit} spent; {best.reason}"
     if beyond is None:
         return ClearanceStatus.NEVER_NEAR, sizes.never
-    if beyond.ok and free_cost(beyond) > limit:
+    if beyond.ok and free_cost(beyond) > limit * (1.0 + ROUNDING):
         free = f"{free_cost(beyond):.6g} {unit} that it costs with nothing in the way"
         return ClearanceStatus.TOO_LITTLE, f"{limit:.6g} {unit} are below the {free}; give more"
     size = sizes.none if best is None else sizes.more

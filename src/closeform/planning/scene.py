@@ -72,10 +72,6 @@ class Contacts(NamedTuple):
         """Those of a mask or of indices."""
         return Contacts(*(np.ascontiguousarray(column[chosen]) for column in self))
 
-    def in_order(self) -> "Contacts":
-        """Of pairs, and of time."""
-        return self.some(np.lexsort((self.times, self.which))) if self.number > 1 else self
-
     def joined(self, other: "Contacts") -> "Contacts":
         """These, then the other ones."""
         if not self.number or not other.number:

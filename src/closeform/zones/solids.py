@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, finite
 from closeform.zones.shapes import BALL, CUBE, CYLINDER, FACES
-from closeform.zones.zone import Zone, positive
+from closeform.zones.zone import Zone, lengths_of, positive
 
 
 def _rotation(axes: ArrayLike | None) -> Floats:
@@ -35,7 +35,7 @@ class Box(Zone):
     Raises
     ------
     ValueError
-        If a half-width is not positive and finite, or `axes` are not orthonormal.
+        If a half-width is not from 1e-9 to 1e15 m, or `axes` are not orthonormal.
 
     References
     ----------
@@ -43,7 +43,7 @@ class Box(Zone):
     """
 
     def __init__(self, half_widths: ArrayLike, axes: ArrayLike | None = None) -> None:
-        lengths = positive("half_widths", half_widths, (3,))
+        lengths = lengths_of("half_widths", half_widths, (3,))
         super().__init__(CUBE, _rotation(axes) / lengths[:, None])
 
 
@@ -60,7 +60,7 @@ class Ellipsoid(Zone):
     Raises
     ------
     ValueError
-        If a semi-axis is not positive and finite, or `axes` are not orthonormal.
+        If a semi-axis is not from 1e-9 to 1e15 m, or `axes` are not orthonormal.
 
     References
     ----------
@@ -68,7 +68,7 @@ class Ellipsoid(Zone):
     """
 
     def __init__(self, semi_axes: ArrayLike, axes: ArrayLike | None = None) -> None:
-        lengths = positive("semi_axes", semi_axes, (3,))
+        lengths = lengths_of("semi_axes", semi_axes, (3,))
         super().__init__(BALL, _rotation(axes) / lengths[:, None])
 
     @classmethod
@@ -120,7 +120,7 @@ class Sphere(Zone):
     Raises
     ------
     ValueError
-        If `radius` is not positive and finite.
+        If `radius` is not from 1e-9 to 1e15 m.
 
     References
     ----------
@@ -128,7 +128,7 @@ class Sphere(Zone):
     """
 
     def __init__(self, radius: float) -> None:
-        super().__init__(BALL, np.eye(3) / positive("radius", radius, ()))
+        super().__init__(BALL, np.eye(3) / lengths_of("radius", radius, ()))
 
 
 class Cylinder(Zone):
@@ -146,7 +146,7 @@ class Cylinder(Zone):
     Raises
     ------
     ValueError
-        If a length is not positive and finite, or `axis` is zero, not finite or of another shape.
+        If a length is not from 1e-9 to 1e15 m, or `axis` is zero, not finite or of another shape.
 
     References
     ----------
@@ -154,7 +154,7 @@ class Cylinder(Zone):
     """
 
     def __init__(self, radius: float, half_length: float, axis: ArrayLike = (1.0, 0.0, 0.0)) -> None:
-        wide, long = positive("radius", radius, ()), positive("half_length", half_length, ())
+        wide, long = lengths_of("radius", radius, ()), lengths_of("half_length", half_length, ())
         way = finite("axis", axis)
         if way.shape != (3,):
             raise ValueError(f"axis: expected shape (3,), got {way.shape}")
@@ -189,7 +189,7 @@ class HalfSpaces(Zone):
     Raises
     ------
     ValueError
-        If a normal is zero or not finite, an offset is not positive and finite, or there are not as
+        If a normal is zero or not finite, an offset is not from 1e-9 to 1e15 m, or there are not as
         many offsets as normals.
 
     References
@@ -203,7 +203,7 @@ class HalfSpaces(Zone):
             raise ValueError(f"normals: expected shape (F, 3), one row for each face, got {ways.shape}")
         if not ways.any(axis=1).all():
             raise ValueError(f"normals: must not be zero, got {ways.tolist()}")
-        lengths = positive("offsets", offsets, (len(ways),))
+        lengths = lengths_of("offsets", offsets, (len(ways),))
         ways = ways / np.abs(ways).max(axis=1, keepdims=True)
         ways = ways / np.linalg.norm(ways, axis=1, keepdims=True)
         least = lengths.min()  # the ball that touches the nearest face is the unit of its coordinates

@@ -23,6 +23,7 @@ CORNER = {BALL: 1.0, CUBE: sqrt(3.0), CYLINDER: sqrt(2.0)}  # how far the farthe
 ROUNDING = 1e-14  # relative: what is left of a direction that faces make up
 ON = 1.0 + 1e-9  # of a zone: a start or an end of a plan that is not beyond counts as inside
 SAME = 1e-12  # relative: normals that differ by less span nothing
+SMALLEST, LARGEST = 1e-9, 1e15  # m, of a zone's lengths: squares of what is far beyond them have no digits
 
 
 def positive(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Floats:
@@ -32,6 +33,14 @@ def positive(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Floats:
         raise ValueError(f"{name}: expected shape {shape}, got {lengths.shape}")
     if not (np.isfinite(lengths).all() and (lengths > 0).all()):
         raise ValueError(f"{name}: must be positive and finite, got {lengths.tolist()}")
+    return lengths
+
+
+def lengths_of(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Floats:
+    """Return an argument as lengths [m] of a zone; raise ValueError for sizes that are not allowed."""
+    lengths = positive(name, value, shape)
+    if not ((lengths >= SMALLEST) & (lengths <= LARGEST)).all():
+        raise ValueError(f"{name}: must be from {SMALLEST:g} to {LARGEST:g} m, got {lengths.tolist()}")
     return lengths
 
 
@@ -127,13 +136,20 @@ class Zone:
         Raises
         ------
         ValueError
-            If `factor` is not positive and finite.
+            If `factor` is not positive and finite, or the zone becomes smaller than 1e-9 m or larger than
+            1e15 m.
 
         References
         ----------
         docs/theory.md section 3.
         """
-        return Zone(self.shape, self.matrix / float(positive("factor", factor, ())), self.faces)
+        times = float(positive("factor", factor, ()))
+        sizes = times / np.linalg.norm(self.matrix, axis=1)
+        if not (sizes.min() >= SMALLEST and sizes.max() <= LARGEST):
+            raise ValueError(
+                f"factor: the zone must remain from {SMALLEST:g} to {LARGEST:g} m in size, got {times:g}"
+            )
+        return Zone(self.shape, self.matrix / times, self.faces)
 
     def padded(self, margin: float) -> Zone:
         """A zone of the same shape that holds all within some metres of this one: its sum with a ball.
