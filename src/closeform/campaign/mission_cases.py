@@ -104,7 +104,7 @@ class MissionCases(Cases):
         if scenario.flight_seed is not None:
             row[flight_rows.SEED] = scenario.flight_seed
         try:
-            mission = as_happened(self.planned(scenario, case), predicted=False)
+            mission = as_happened(self.planned(scenario, case), predicted=self.scenario.flights is None)
         except ScenarioError as error:
             reason = error.lines[0].removeprefix(f"{self.scenario.file}: ")
             return row | {"status": REFUSED, "reason": reason}
@@ -113,11 +113,11 @@ class MissionCases(Cases):
 
     def planned(self, scenario: Scenario, case: int) -> Mission:
         """A case as planned: as other cases that draw the same of what plans know."""
-        # what a field makes of plans no column shows, and takes a quarter of the time
+        predicted = self.scenario.flights is None  # which flights answer better
         if not recurring(self.scenario):
-            return staged(scenario, predicted=False)
+            return staged(scenario, predicted=predicted)
         drawn = known(self.scenario, self.seed, case)
-        return replace(self.plans.of(drawn, lambda: staged(scenario, predicted=False)), scenario=scenario)
+        return replace(self.plans.of(drawn, lambda: staged(scenario, predicted=predicted)), scenario=scenario)
 
     def good(self, columns: Columns) -> Any:
         """In which cases all is met."""
