@@ -113,7 +113,7 @@ def test_without_a_field_the_rule_is_told(orbit: str, said: str | None, tmp_path
 
 
 def simulated_missions(craft: int, kind: str, count: int) -> np.ndarray:
-    """Return whether the furthest of some craft stays within both estimates, as `fly` integrates missions in J2."""
+    """Return whether the furthest of some craft stays within both estimates, as `fly` integrates them."""
     draws, within = np.random.default_rng(craft), []
     for k in range(count):
         e, around, latitude = 10.0 ** draws.uniform(-4.0, -1.7), *draws.uniform(0.0, 2.0 * np.pi, 2)
@@ -141,7 +141,7 @@ def simulated_missions(craft: int, kind: str, count: int) -> np.ndarray:
 @pytest.mark.parametrize("kind", [MOVES, COASTS])
 @pytest.mark.parametrize("craft", [1, 8])
 def test_as_many_missions_are_within_the_model_error_as_is_said(craft: int, kind: str):
-    """Of 60 missions half and 95 %: fewer than 18 or more than 42, and fewer than 50, are below 0.3 % of draws."""
+    """Of 60 missions half and 95 %: fewer than 18, more than 42 or fewer than 50 are 0.3 % of draws."""
     half, most = simulated_missions(craft, kind, 60).sum(axis=0)
     assert 18 <= half <= 42
     assert most >= 50

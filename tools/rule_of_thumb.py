@@ -6,10 +6,10 @@
 Each mission has 16 craft, drawn alike within 30 m to 2 km of the chief, of which the first 1, 8 or 16 count.
 Half of the missions are transfers of minimum energy in 0.1 to 8 orbits, half of these from rest to rest.
 Half are coasts of 0.1 to 16 orbits on closed relative orbits.  Chiefs are 300 to 1000 km up, at any
-inclination and latitude, one in ten circular, the others with eccentricities of 0.0001 to 0.02, all in J2.  Durations, sizes
-and eccentricities are drawn evenly by the logarithm.  The model error is the greatest deviation of any craft
-at any time, as `validity` predicts it, which is within a tenth of a percent of a simulation.  Printed are the
-numbers of `field/rule.py`, and the share of missions within the estimate, by duration.
+inclination and latitude, one in ten circular, the others with eccentricities of 0.0001 to 0.02, all in J2.
+Durations, sizes and eccentricities are drawn evenly by the logarithm.  The model error is the greatest
+deviation of any craft at any time, as `validity` predicts it, within a tenth of a percent of a simulation.
+Printed are the numbers of `field/rule.py`, and the share of missions within the estimate, by duration.
 """
 
 import argparse

@@ -121,7 +121,7 @@ def eaten(mission: "Mission") -> Iterator[str]:
 
 @dataclass(frozen=True)
 class Neglected:
-    """What Hill's equations neglect on an orbit around the Earth: its axis [m], e (None if unknown), period [s]."""
+    """What Hill's equations neglect on an orbit around the Earth; its e is None where it is not known."""
 
     semi_major_axis: float
     eccentricity: float | None

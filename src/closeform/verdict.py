@@ -173,9 +173,7 @@ class Margin:
         if not self.exceeded:
             return f"{words}, {error}"
         exceeds = "exceeds it" if self.expected > self.distance else "can exceed it"
-        remedy = (
-            f'set margin = "{raised(self.unlikely, 2)} m", or add a field' if self.planned else "add a field"
-        )
+        margin = f'set margin = "{raised(self.unlikely, 2)} m", or ' if self.planned else ""
         return f"{words}; {error} {exceeds}: {margin}add a field"
 
 

@@ -37,7 +37,7 @@ EIGHT = {
         (1.18, 3.53, 12.7, 24.6, 46.2, 89.1, 184.0, 403.0),
     ),
 }
-# Stand for an eccentricity of 0 to 0.02 that is not known: of half and 95 %, for one craft and for eight.
+# Eccentricities that stand for an unknown one of 0 to 0.02: of half and 95 %, for one craft and eight.
 UNKNOWN = (0.0017, 0.0066), (0.0015, 0.0083)
 
 
@@ -47,8 +47,8 @@ def model_error(
     """Return the greatest deviation [m] of any of some craft that half, and 95 %, of missions do not exceed.
 
     `reach`: the greatest distance of a craft from the chief [m], after some turns of an orbit.  `kind`: MOVES
-    of a single transfer (checked for 0.1 to 8 turns), COASTS of anything else (checked for coasts of 0.1 to 16
-    turns).  Checked for 1 to 16 craft, 30 m to 2 km from the chief, 300 to 1000 km up, without drag.
+    of a single transfer (checked for 0.1 to 8 turns), COASTS of anything else (checked for coasts of 0.1 to
+    16 turns).  Checked for 1 to 16 craft, 30 m to 2 km from the chief, 300 to 1000 km up, without drag.
     """
     many, turns = min(log2(craft) / 3.0, 1.0), np.maximum(turns, TURNS[0])
     longer = np.maximum(turns / TURNS[-1], 1.0)
