@@ -23,7 +23,7 @@ from closeform.motion.arc import IMPULSE, THRUST
 from closeform.motion.path import Path
 from closeform.scenario import Scenario
 from closeform.scenario.stage_table import Drifting
-from closeform.verdict import Asked
+from closeform.verdict import Asked, metres
 from closeform.zones.pair_zones import PairZones, by_zone, portions
 from closeform.zones.zone import Zone
 
@@ -200,14 +200,14 @@ def hidden(
     found: PassiveSafety,
     result: StageResult[Any, Any],
 ) -> str:
-    """Return where the model error exceeds a clearance in Hill's equations most, all over the drift, if so.
+    """Return where the model error exceeds a clearance in Hill's equations, by the largest factor, if so.
 
     The model error counts from the start of the stage, as nobody corrects.  Of failures other than a loss of
     thrust the least clearance is taken to last.
     """
     worst = found.pairs[0]
     least = inf if found.failure == ThrustLost() else (worst.ratio - 1.0) * worst.zone.inner_radius
-    most, words = 0.0, ""
+    most, words = 1.0, ""
     for loss in losses:
         far = np.maximum.accumulate(np.linalg.norm(loss.states[..., :3], axis=-1), axis=1)
         for zone, first, second in meeting(loss, held, zones):
@@ -216,13 +216,13 @@ def hidden(
             half, unlikely = neglected.error(
                 np.maximum(far[first], far[second]), loss.times - result.start, 2
             )
-            beyond = unlikely - spare
-            pair, k = np.unravel_index(int(np.argmax(beyond)), beyond.shape)
-            if beyond[pair, k] > most:
-                most, at = float(beyond[pair, k]), (pair, k)
+            share = unlikely / np.maximum(spare, 1e-9)
+            at = np.unravel_index(int(np.argmax(share)), share.shape)
+            if share[at] > most:
+                most = float(share[at])
                 words = (
-                    f"clearance {spare[at]:.3g} m at {loss.times[k]:.0f} s, model error {half[at]:.2g} m "
-                    f"(95 %: {unlikely[at]:.2g} m)"
+                    f"clearance {metres(max(spare[at], 0.0))} at {loss.times[at[1]]:.0f} s, "
+                    f"model error {metres(half[at])} (95 %: {metres(unlikely[at])})"
                 )
     return words
 

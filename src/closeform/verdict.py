@@ -169,11 +169,15 @@ class Margin:
 
     def __str__(self) -> str:
         words = f"margin {self.distance:.1f} m ({'-'.join(self.pair)})"
-        error = f"model error {self.expected:.2g} m (95 %: {self.unlikely:.2g} m)"
+        error = f"model error {metres(self.expected)} (95 %: {metres(self.unlikely)})"
         if not self.exceeded:
             return f"{words}, {error}"
         exceeds = "exceeds it" if self.expected > self.distance else "can exceed it"
-        margin = f'set margin = "{raised(self.unlikely, 2)} m", or ' if self.planned else ""
+        margin = (
+            f'set margin = "{ceil(self.unlikely) if self.unlikely > 10.0 else raised(self.unlikely, 2)} m", or '
+            if self.planned
+            else ""
+        )
         return f"{words}; {error} {exceeds}: {margin}add a field"
 
 
@@ -379,6 +383,11 @@ class Verdict:
         yield from (one.broken for one in self.asked if not one.met)
         if self.strict:
             yield from self.doubts
+
+
+def metres(number: float) -> str:
+    """A length [m] with two digits, or whole metres."""
+    return f"{number:.2g} m" if number < 99.5 else f"{number:.0f} m"
 
 
 def raised(number: float, digits: int = 4) -> str:

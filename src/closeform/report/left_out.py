@@ -9,6 +9,7 @@ from closeform.flown_verdict import mission_error
 from closeform.mission_result import Mission, StageResult
 from closeform.motion.mean_motion import EARTH_RADIUS
 from closeform.report.section import plan_of
+from closeform.verdict import metres
 
 
 def lines(mission: Mission, result: StageResult[Any, Any]) -> tuple[str, ...]:
@@ -64,6 +65,6 @@ def estimate(mission: Mission) -> Iterator[str]:
     )
     who = "the craft" if len(mission.scenario.craft) == 1 else "the craft that is off most"
     yield (
-        f"Model error of Hill's equations at {where}: about {half:.2g} m for {who}, "
-        f"95 % within {most:.2g} m (estimate)"
+        f"Model error of Hill's equations at {where}: about {metres(half)} for {who}, "
+        f"95 % within {metres(most)} (estimate)"
     )
