@@ -173,11 +173,8 @@ class Margin:
         if not self.exceeded:
             return f"{words}, {error}"
         exceeds = "exceeds it" if self.expected > self.distance else "can exceed it"
-        margin = (
-            f'set margin = "{ceil(self.unlikely) if self.unlikely > 10.0 else raised(self.unlikely, 2)} m", or '
-            if self.planned
-            else ""
-        )
+        least = f"{ceil(self.unlikely)}" if self.unlikely > 10.0 else raised(self.unlikely, 2)
+        margin = f'set margin = "{least} m", or ' if self.planned else ""
         return f"{words}; {error} {exceeds}: {margin}add a field"
 
 
