@@ -188,7 +188,7 @@ def in_field(
                 if key not in found or ratio < found[key].ratio:
                     time, distance = loss.nearest(one, two, zone)
                     fails, meets = (names[k] for k in key)
-                    found[key] = PairDrift(fails, meets, zone, loss.time, time, ratio, distance, field)
+                    found[key] = PairDrift(fails, meets, zone, loss.time, time, ratio, distance, ratio, field)
     yield from found.values()
 
 
