@@ -114,8 +114,9 @@ class PassiveSafety:
             yield Asked(f"{safe} ({self.models})", "", True, inf, "drift")
             return
         more = f" and {len(self.unsafe) - 1} more" * (len(self.unsafe) > 1)
-        met = f"{worst.fails} with {worst.meets}, {worst.ratio:.4f} x zone{worst.beside}{more}, in {worst.model}"
-        kept = f"{safe} (least {worst.ratio:.4f} x zone{worst.beside}, {self.models})"
+        least = f"{worst.ratio:.4f} x zone{worst.beside}"
+        met = f"{worst.fails} with {worst.meets}, {least}{more}, in {worst.model}"
+        kept = f"{safe} (least {least}, {self.models})"
         doubt = f"not shown: {safe}, {self.doubt}" if self.doubt else ""
         yield Asked(kept, f"not {safe} in {self.where}: {met}", self.safe, worst.ratio, "drift", doubt)
 
