@@ -7,16 +7,21 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 import closeform as cf
 from bridge import hill
 from closeform import plots
+from closeform.campaign import case_of
 from closeform.cli import main
+from closeform.field.lost_thrust import sampled_losses
 from closeform.mission import fly
+from closeform.passive import in_field
 from closeform.report import drift
 from closeform.report.run import RunReport
 from closeform.scenario import parse
+from test_field import textbook
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 ROUNDING = 1e-6  # of a zone: exponentials of Hill's matrix over a day, and samples refined to less than that
@@ -92,7 +97,7 @@ def test_a_plan_made_for_it_is_safe_whenever_it_fails():
         assert drifted(inspector, client, failed_at, plan.end + 5e4) >= 20.0 * (1.0 - ROUNDING)
     assert found.direct.ratio < 0.5  # 7.8 m
     assert mission.verdict.status == 0
-    told = r"passively safe for 24 h \(least \S+ x zone; Hill, exact states\)"
+    told = r"passively safe for 24 h"
     assert re.search(told, str(mission.verdict))
     assert mission.results[1].passive.lasting == "for ever"
     assert np.isnan(mission.results[1].passive.worst.failed_at)
@@ -120,28 +125,6 @@ def test_a_station_is_not_met(name, planned, least):
     found = mission.results[0].passive
     assert (found.planned, found.safe, mission.verdict.status) == (planned, True, 0)
     assert found.worst.ratio > least
-
-
-@pytest.mark.parametrize(("name", "told"), [("station_ellipsoid", True), ("station_sphere", False)])
-def test_what_hill_leaves_out_beside_what_is_to_spare(name, told):
-    """By theory (84), J2 0.00108263 and e 0 at 420 km: half of all plans end no farther off."""
-    mission = fly(parse((EXAMPLES / f"{name}.toml").read_text()))
-    result = mission.results[0]
-    worst = result.passive.worst
-    times = np.linspace(0.0, result.end, 400)
-    far = np.linalg.norm(result.after.paths.position(times), axis=-1).max()
-    radius = 6378137.0 + 420e3
-    flat = 0.00108263 * (6378137.0 / radius) ** 2
-    turns = worst.time / (2 * np.pi * np.sqrt(radius**3 / 3.986004418e14))
-    off = turns * (5.8 * flat * far + 7.7 * far**2 / radius)
-    spare = worst.distance - worst.distance / worst.ratio
-    assert (off > spare) == told
-    said = [line for line in RunReport(mission).sections[0].lines if "which leave out about" in line]
-    assert len(said) == told
-    if told:
-        about, left = (float(one) for one in re.findall(r"(\S+) m ", said[0])[:2])
-        assert about == pytest.approx(off, rel=0.01)  # three digits
-        assert left == pytest.approx(spare, rel=0.01)
 
 
 def test_words_files_and_pictures(tmp_path, monkeypatch, capsys):
@@ -234,7 +217,7 @@ FAILURES = {
 @pytest.mark.parametrize(("keys", "words"), FAILURES.items())
 def test_other_failures(keys, words):
     (result,) = flown(HEAD + APPROACH + f'drift = "2 orbits"\n{keys}\n').results
-    (first, second) = drift.lines(result)
+    first, *_, second = drift.lines(result)
     assert words in first or result.passive.worst.ratio > 1.0
     assert second.startswith("Judged")
     assert drift.pictures(result) == ()
@@ -462,3 +445,142 @@ def test_burns_that_lead_into_a_zone_are_unsafe_and_none_is_after_the_end():
         flown(HOPPING.replace("0.5 orbits", "1 orbit"))
     with pytest.raises(ValueError, match="Nobody"):
         flown(HOPPING.replace('{ craft = "Inspector", at = "0 s"', '{ craft = "Nobody", at = "0 s"'))
+
+
+HELD = """\
+closeform = 1
+title = "At rest behind a client"
+
+[orbit]
+epoch = "2026-11-22T12:00:00Z"
+chief = { elements = { altitude = "500 km", inclination = "51.6 deg", latitude = "0 deg" }, BALLISTIC }
+field = { zonals = 2, density = "5.2e-13 kg/m^3", at_altitude = "500 km", scale_height = "60 km" }
+
+[craft]
+name = ["Client", "Inspector"]
+position = ["0 0 0 m", "0 -50 0 m"]
+velocity = "0 0 0 m/s"
+keep_out = { sphere = "30 m" }
+ballistic = ["0.02 m^2/kg", "0.025 m^2/kg"]
+
+[[stage]]
+do = "coast"
+for = "1 h"
+drift = "10 h"
+""".replace("BALLISTIC", 'ballistic = "0.02 m^2/kg"')
+IN_HILL = re.sub(r"(?m)^(field|ballistic) = .*\n", "", HELD).replace(', ballistic = "0.02 m^2/kg"', "")
+
+
+def drifted_in_air(start: np.ndarray, chief: cf.Chief, field: cf.Field, begin: float, end: float) -> float:
+    """Return the least distance of a craft that drifts to a chief, by DOP853 in a textbook's J2 and air."""
+
+    def felt(state: np.ndarray, ballistic: float) -> np.ndarray:
+        r, wind = np.linalg.norm(state[:3]), state[3:] - np.cross([0.0, 0.0, field.drag.spin], state[:3])
+        density = 5.2e-13 * np.exp((cf.EARTH_RADIUS + 500e3 - r) / 60e3)
+        return textbook(state[:3]) - 0.5 * ballistic * density * np.linalg.norm(wind) * wind
+
+    def rates(t: float, y: np.ndarray) -> np.ndarray:
+        each = zip(y.reshape(2, 6), (0.02, 0.025), strict=True)
+        return np.concatenate([np.r_[one[3:], felt(one, ballistic)] for one, ballistic in each])
+
+    origin = field.chief_states([begin])[0]
+    craft = cf.inertial_from_relative(origin, start, acceleration=felt(origin, 0.02))
+    times = np.linspace(begin, end, 5_000)
+    found = solve_ivp(rates, (begin, end), np.r_[origin, craft], "DOP853", times, rtol=1e-10, atol=1e-5).y
+    return float(np.linalg.norm(found[6:9] - found[:3], axis=0).min())
+
+
+def test_passive_safety_is_judged_in_the_field_as_well():
+    """Safe in Hill's equations at 1.6667 x zone; in J2 and air the craft drifts into it."""
+    mission = fly(parse(HELD))
+    (result,) = mission.results
+    worst, scenario = result.passive.worst, mission.scenario
+    least = drifted_in_air(np.array([0, -50.0, 0, 0, 0, 0]), scenario.chief, scenario.field, 0.0, 11 * 3600.0)
+    assert least < 25.0
+    assert worst.ratio == pytest.approx(least / 30.0, abs=1e-3)
+    assert worst.distance == pytest.approx(least, abs=0.05)
+    assert worst.model == "J2 and drag"
+    assert not result.passive.safe
+    assert mission.verdict.status == 1
+    assert "not passively safe for 10 h" in str(mission.verdict)
+
+
+def test_thrust_lost_at_any_instant_is_judged_in_the_field():
+    """Lost on the way to -50 m the craft comes no nearer than is said, to some centimetres."""
+    text = (
+        HELD.replace('"0 -50 0 m"]', '"0 -80 0 m"]').split("[[stage]]")[0]
+        + """\
+[[stage]]
+do = "transfer"
+craft = "Inspector"
+to = { position = "0 -50 0 m", velocity = "0 0 0 m/s" }
+within = "1 h"
+"""
+    )
+    scenario = parse(text.replace('"transfer"', '"avoid"') + 'method = "sauter-palmer"\ndrift = "10 h"\n')
+    (result,) = fly(scenario).results
+    path, end = result.after.paths[1], 11 * 3600.0
+    held = np.array([False, True])
+    losses = sampled_losses(result.after.paths, held, end, scenario.field)
+    (worst,) = in_field(losses, held, scenario.zones, "J2 and drag", scenario.names)
+    assert (worst.fails, worst.meets) == ("Inspector", "Client")
+    assert result.passive.worst.ratio <= worst.ratio
+    for at in (600.0, 3000.0):
+        least = drifted_in_air(path.state(at), scenario.chief, scenario.field, at, end)
+        assert worst.ratio * 30.0 <= least + 0.05
+    at = worst.failed_at
+    assert drifted_in_air(path.state(at), scenario.chief, scenario.field, at, end) == pytest.approx(
+        worst.ratio * 30.0, abs=0.05
+    )
+
+
+@pytest.mark.parametrize(("strict", "status"), [("", 0), ('[verdict]\nmodel_error = "refuse"\n', 1)])
+def test_safety_by_less_than_the_model_error_is_not_shown(strict: str, status: int):
+    """20 m of clearance for a day at 50 m: 95 % of missions are off by more at its end."""
+    mission = fly(parse(IN_HILL.replace("10 h", "24 h") + strict))
+    report = RunReport(mission)
+    rows = [row for row in report.summary["asked"] if "passively safe" in row["asked"]]
+    assert [row["met"] for row in rows] == [None]
+    assert "not shown: passively safe for 24 h" in str(mission.verdict)
+    assert mission.verdict.status == status
+
+
+def test_safety_by_more_than_the_model_error_is_shown():
+    mission = fly(parse(IN_HILL.replace("30 m", "5 m")))
+    rows = [row for row in RunReport(mission).summary["asked"] if "passively safe" in row["asked"]]
+    assert [row["met"] for row in rows] == [True]
+    assert "in Hill's equations" in str(mission.verdict)
+
+
+def test_a_case_that_drifts_into_a_zone_in_flight_is_counted():
+    """Every craft that loses its thrust and enters a zone in flight is told to drift into it."""
+    text = HELD.replace('position = ["0 0 0 m", "0 -50 0 m"]', 'position = ["0 0 0 m", "0 -80 0 m"]')
+    text = (
+        text.split("[[stage]]")[0]
+        + """\
+[[stage]]
+do = "avoid"
+craft = "Inspector"
+to = { position = "0 -50 0 m", velocity = "0 0 0 m/s" }
+within = "1 h"
+
+[[stage]]
+do = "coast"
+for = "10 h"
+
+[study]
+cases = 12
+seed = 1
+[study.vary]
+"craft.fails" = { chance = 1.0 }
+
+[flight]
+"""
+    )
+    entered = 0
+    for case in range(12):
+        mission = fly(case_of(parse(text, "file.toml", "study"), case))
+        (lost,) = mission.lost
+        entered += mission.flights.entered.count
+        assert (lost.ratio < 1.0) == (mission.flights.entered.count == 1)
+    assert entered > 0

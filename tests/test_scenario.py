@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from closeform.scenario import Avoid, Craft, KeepOut, ScenarioError, load, parse
 from closeform.scenario.craft import SearchTable, SensorTable
-from closeform.scenario.field import FeedbackTable, FieldTable, FlightTable, NavigationTable
+from closeform.scenario.field import FeedbackTable, FieldTable, FlightTable, NavigationTable, VerdictTable
 from closeform.scenario.formation import Destination, Goal, Shape, Start
 from closeform.scenario.orbit import ChiefTable, Elements, OrbitTable
 from closeform.scenario.quantity import (
@@ -297,6 +297,7 @@ def test_every_key_is_documented() -> None:
         FeedbackTable,
         FlightTable,
         NavigationTable,
+        VerdictTable,
     ]
     keys = {key for table in tables for key in table.examples()}
     assert documented == keys | {"closeform", "title"}

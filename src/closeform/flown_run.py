@@ -27,7 +27,7 @@ from closeform.motion.path import Path, fires_impulses, path_of
 from closeform.named_craft import as_listed
 from closeform.scenario.flown import flown_thrusters
 from closeform.stage_start import followed
-from closeform.verdict import Use
+from closeform.verdict import LostThrust, Use
 from closeform.zones.pair_zones import PairZones
 
 Control = Literal["track", "replan", "open"]
@@ -138,6 +138,19 @@ class FlownRun:
         used = tuple(self.spent)
         exceeded = tuple(use for use in used if use.exceeded) if used else None
         return Entered(count, len(flight.states), least, self.uncertain, exceeded)
+
+    def drifted(self, lost: LostThrust) -> LostThrust:
+        """A loss of thrust with the nearest approach after it in any flight, where that is less."""
+        flight, k = self.flight, self.names.index(lost.craft)
+        some = slice(max(int(np.searchsorted(flight.times, lost.time)), 0), None)
+        near = lost
+        for states, arrivals in zip(flight.states, flight.arrivals, strict=True):
+            found = least_ratios(states[:, some], arrivals[:, some], flight.times[some], self.zones)
+            for pair, ratio in zip(*(one.tolist() for one in found), strict=True):
+                if k in pair and ratio < near.ratio:
+                    other = self.names[pair[0] if pair[1] == k else pair[1]]
+                    near = replace(lost, ratio=ratio, other=other)
+        return near
 
     @cached_property
     def stages(self) -> tuple[FlownStage, ...]:

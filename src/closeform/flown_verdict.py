@@ -1,17 +1,30 @@
-"""What flights in a field have come to, or would: who enters a zone, whose limits are kept; why none are."""
+"""What flights in a field have come to, or would: who enters a zone, whose limits are kept; why none are.
+
+Without a field: how large the model error of Hill's equations is, estimated, and which margin is beside it.
+"""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from math import inf
+from math import inf, pi
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from closeform.arrays import Floats
 from closeform.confidence import estimate
-from closeform.verdict import MET, NOT_MET, SAMPLED, Asked, Use, beyond
+from closeform.field.rule import COASTS, MOVES, model_error
+from closeform.motion.mean_motion import EARTH_MU, EARTH_RADIUS, semi_major_axis_from_mean_motion
+from closeform.verdict import MET, NOT_MET, SAMPLED, Asked, Margin, Use, beyond
 
 if TYPE_CHECKING:
     from closeform.field.validity import Validity
     from closeform.flown_run import FlownRun
     from closeform.mission_result import Mission, StageResult
+    from closeform.motion.orbit import Orbit
+    from closeform.scenario import Scenario
+
+LOOKS = 201  # instants of a stage at which it is asked how far out craft are
+EARTHLIKE = 1e-3  # of the gravitational parameter
 
 
 @dataclass(frozen=True)
@@ -102,8 +115,63 @@ def eaten(mission: "Mission") -> Iterator[str]:
             names, more = result.after.names, f" and {len(entered) - 1} more" * (len(entered) > 1)
             where = f"stage {result.number}: flown as planned, in the field of {found.field},"
             pair = f"{names[first]} and {names[second]}{more}"
-            remedy = 'closeform fly corrects it, and margin = "auto" leaves room for errors'
+            remedy = 'add [flight] to correct thrust for it, and margin = "auto" for errors'
             yield f"{where} leads {pair} into zones that the plan keeps; {remedy}"
+
+
+@dataclass(frozen=True)
+class Neglected:
+    """What Hill's equations neglect on an orbit around the Earth; its e is None where it is not known."""
+
+    semi_major_axis: float
+    eccentricity: float | None
+    period: float
+
+    @classmethod
+    def on(cls, orbit: "Orbit", scenario: "Scenario") -> "Neglected | None":
+        """The same of a scenario without a field; None with one, in deep space and around other bodies."""
+        n, chief = orbit.mean_motion, scenario.chief
+        mu = chief.mu if chief is not None else scenario.orbit.mu or EARTH_MU
+        if (
+            not n
+            or scenario.orbit.field is not None
+            or (chief is not None and chief.center.upper() != "EARTH")
+        ):
+            return None
+        radius = float(semi_major_axis_from_mean_motion(n, mu))
+        if abs(mu / EARTH_MU - 1.0) > EARTHLIKE or radius < EARTH_RADIUS:
+            return None
+        return cls(radius, None if chief is None else chief.eccentricity, 2.0 * pi / n)
+
+    def error(self, reach: Any, time: Any, craft: int, kind: str = COASTS) -> tuple[Floats, Floats]:
+        """The model error [m] after some time [s] that half, and 95 %, of missions do not exceed."""
+        return model_error(reach, time / self.period, self.semi_major_axis, self.eccentricity, craft, kind)
+
+
+def mission_error(mission: "Mission") -> tuple[Neglected, float, float] | None:
+    """What is neglected in a mission, and its model error: of half, and of 95 % of missions at most [m]."""
+    neglected, flown = Neglected.on(mission.orbit, mission.scenario), mission.flown
+    if neglected is None or not flown:
+        return None
+    looks = [(one.after.paths, np.linspace(one.start, one.end, LOOKS)) for one in flown]
+    reach = max(float(np.linalg.norm(paths.position(times), axis=-1).max()) for paths, times in looks)
+    alone = len(flown) == 1 and bool(mission.paths.delta_v.any())
+    kind = MOVES if alone else COASTS
+    half, most = neglected.error(reach, flown[-1].end, len(mission.scenario.craft), kind)
+    return neglected, float(half), float(most)
+
+
+def least_margin(mission: "Mission") -> Margin | None:
+    """The least distance of a pair to its zone, beside the model error; None where that is not known."""
+    error = mission_error(mission)
+    near = [one for result in mission.flown for one in result.after.approaches]
+    if error is None or not near or mission.flights is not None:
+        return None
+    inner = {zone: zone.inner_radius for zone in {one.zone for one in near}}
+    spare = [max(one.ratio - 1.0, 0.0) * inner[one.zone] for one in near]  # at least so much, to any side
+    k = int(np.argmin(spare))
+    planned = any(hasattr(stage, "margin") for stage in mission.scenario.stages)
+    return Margin(float(spare[k]), (near[k].first, near[k].second), *error[1:], planned)
 
 
 def foreseen(mission: "Mission") -> Iterator[tuple["StageResult[Any, Any]", "Validity", list[int]]]:

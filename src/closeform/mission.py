@@ -108,7 +108,9 @@ def as_happened(
 
     progress("flying in the field")
     try:
-        return replace(mission, flights=FlownRun.asked(mission))
+        flights = FlownRun.asked(mission)
+        lost = tuple(flights.drifted(one) for one in mission.lost)
+        return replace(mission, flights=flights, lost=lost)
     except Grounded as error:
         return replace(mission, grounded=str(error))
     except ValueError as error:

@@ -11,7 +11,7 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.conflicts.flight import WatchedFlight
-from closeform.flown_verdict import eaten, in_flight, predicted
+from closeform.flown_verdict import eaten, in_flight, least_margin, predicted
 from closeform.motion.joining import join
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
@@ -261,7 +261,11 @@ class Mission(Stages):
             tuple(result.late for result in self.flown if result.late is not None),
             asked=(*judged, *(one for some in self.flown for one in some.asked)),
             drawn=self.scenario.history is not None and self.scenario.history.erring,
+            model="Hill's equations" if watched and self.orbit.mean_motion else "",
+            margin=least_margin(self) if watched else None,
             predicted=predicted(self),
+            field=next((one.validity.field for one in self.flown if one.validity is not None), ""),
+            strict=self.scenario.strict,
         )
 
     @property

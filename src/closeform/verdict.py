@@ -117,7 +117,8 @@ class Late:
 class Asked:
     """Something that a stage asks for: in words if it is `met`, and if not.
 
-    Of those of one `kind` that are met the one with the least `margin` is told.
+    Of those of one `kind` that are met the one with the least `margin` is told.  `doubt`: why it is not shown
+    although it is met in the model of the plan; empty where it is shown.
     """
 
     kept: str
@@ -125,6 +126,56 @@ class Asked:
     met: bool
     margin: float
     kind: str
+    doubt: str = ""
+
+    @property
+    def shown(self) -> bool | None:
+        """Whether it is met; None where that is not shown."""
+        return None if self.met and self.doubt else self.met
+
+    def __str__(self) -> str:
+        return (self.doubt or self.kept) if self.met else self.broken
+
+
+@dataclass(frozen=True)
+class Margin:
+    """Least distance [m] of a `pair` to its zone as planned, and the model error [m] beside it.
+
+    Half of all missions have a model error of at most `expected`, 95 % of at most `unlikely`.  `planned`:
+    whether a stage can keep a margin.
+    """
+
+    distance: float
+    pair: tuple[str, str]
+    expected: float
+    unlikely: float
+    planned: bool = True
+
+    @property
+    def exceeded(self) -> bool:
+        """Whether the model error may take craft into a zone."""
+        return self.unlikely > self.distance
+
+    @property
+    def figures(self) -> dict[str, Any]:
+        """The same for `summary.json`."""
+        return {
+            "margin_m": self.distance,
+            "pair": list(self.pair),
+            "expected_m": self.expected,
+            "unlikely_m": self.unlikely,
+            "exceeded": self.exceeded,
+        }
+
+    def __str__(self) -> str:
+        words = f"margin {self.distance:.1f} m ({'-'.join(self.pair)})"
+        error = f"model error {metres(self.expected)} (95 %: {metres(self.unlikely)})"
+        if not self.exceeded:
+            return f"{words}, {error}"
+        exceeds = "exceeds it" if self.expected > self.distance else "can exceed it"
+        least = f"{ceil(self.unlikely)}" if self.unlikely > 10.0 else raised(self.unlikely, 2)
+        margin = f'set margin = "{least} m", or ' if self.planned else ""
+        return f"{words}; {error} {exceeds}: {margin}add a field"
 
 
 @dataclass(frozen=True)
@@ -163,7 +214,7 @@ class LostThrust:
     def asked(self) -> Asked:
         """What it comes to: a craft that needed its thrust does not get to where it was asked to be."""
         words = f"{self.craft} loses its thrust at {self.time:.1f} s"
-        if not self.needed:
+        if not self.needed and not self.ratio < 1.0:
             return Asked(f"{words} and needed it no more", "", True, inf, f"thrust of {self.craft}")
         if self.other is None:
             drifts = "drifts"
@@ -205,7 +256,10 @@ class Verdict:
     uses more than there is, None without any limit.  `searched`: whether craft were lost.  `late`: stages
     that take longer than asked.  `sigmas`: of the errors of states by which conflicts were counted.
     `asked`: what stages ask for beyond that.  `drawn`: whether craft fly with errors that a case has drawn.
-    `predicted`: the least ratio in the scenario's field of pairs that are clear as planned; None without.
+    `model`: the dynamics of the plan, empty in deep space; `margin`: the least one, with the model error;
+    None where that is not known, or a field is given.  `predicted`: the least ratio in the scenario's `field`
+    of pairs that are clear as planned; None without.  `strict`: whether a model error above the margin is a
+    failure.
     """
 
     stopped: str | None
@@ -217,17 +271,33 @@ class Verdict:
     sigmas: float | None = None
     asked: tuple[Asked, ...] = ()
     drawn: bool = False
+    model: str = ""
+    margin: Margin | None = None
     predicted: float | None = None
+    field: str = ""
+    strict: bool = False
+
+    @property
+    def enters(self) -> bool:
+        """Whether a zone is entered in the field although the plan keeps it."""
+        return self.predicted is not None and self.predicted < 1.0 - SAMPLED
 
     @property
     def clear(self) -> bool:
-        """Whether every stage was flown, nobody is lost and no conflict remains."""
-        return self.stopped is None and not self.conflicts
+        """Whether every stage was flown, nobody is lost and no conflict remains, planned or in a field."""
+        return self.stopped is None and not self.conflicts and not self.enters
+
+    @property
+    def doubts(self) -> list[str]:
+        """What is not shown, as the model error exceeds a margin."""
+        found = [str(self.margin)] if self.margin is not None and self.margin.exceeded else []
+        return found + [one.doubt for one in self.asked if one.shown is None]
 
     @property
     def ok(self) -> bool:
         """Whether it is clear, every limit is kept, no stage is late, and what else is asked for is met."""
-        return self.clear and not self.exceeded and not self.late and all(one.met for one in self.asked)
+        met = all(one.met for one in self.asked) and not (self.strict and self.doubts)
+        return self.clear and met and not self.exceeded and not self.late
 
     @property
     def status(self) -> int:
@@ -251,6 +321,9 @@ class Verdict:
             "clear": self.clear,
             "conflicts": self.conflicts,
             "pairs_in_conflict": self.pairs if self.conflicts is not None else None,
+            "model": self.field or self.model or None,
+            "model_error": None if self.margin is None else self.margin.figures,
+            "not_shown": self.doubts,
             "predicted_ratio": self.predicted,
             "limits_kept": None if self.exceeded is None else not exceeded,
             "exceeded": exceeded,
@@ -267,35 +340,57 @@ class Verdict:
         }
 
     def __str__(self) -> str:
-        """One line: clear, or what is not met."""
+        """One line: clear, in which model and by how much, or what is not met."""
         if self.ok:
-            found = ["nobody is lost"] * self.searched
-            looked = f"no conflict remains{self.at}"
-            found.append(looked if self.conflicts is not None else "conflicts were not looked for")
-            tightest = {one.kind: one for one in sorted(self.asked, key=lambda one: -one.margin)}
-            found += [one.kept for one in tightest.values()]
-            found += ["limits are kept"] * (self.exceeded is not None)
-            word = "clear"
+            model = f" in {self.model}" * bool(self.model)
             if self.predicted is not None:
-                word += " as planned, not as predicted in the field" * (self.predicted < 1.0 - SAMPLED)
-                found.append(f"least {self.predicted:.4f} x zone as predicted in the field")
-            return f"{word}: {', '.join(found)}"
-        unmet = [f"stopped in {self.stopped}"] if self.stopped is not None else []
+                model += f" and as predicted in {self.field}, least {self.predicted:.4f} x zone"
+            return f"clear{model}: {('; ' if self.doubts else ', ').join(self.found)}"
+        return "; ".join(self.unmet)
+
+    @property
+    def found(self) -> Iterator[str]:
+        """What is met, the margin last."""
+        if self.searched:
+            yield "nobody is lost"
+        looked = self.conflicts is not None
+        yield f"no conflict remains{self.at}" if looked else "conflicts were not looked for"
+        order = sorted(self.asked, key=lambda one: (bool(one.doubt), -one.margin))
+        yield from map(str, {one.kind: one for one in order}.values())
+        if self.exceeded is not None:
+            yield "limits are kept"
+        if self.margin is not None:
+            yield str(self.margin)
+
+    @property
+    def unmet(self) -> Iterator[str]:
+        """What is not met."""
+        if self.stopped is not None:
+            yield f"stopped in {self.stopped}"
         if self.conflicts:
             remain = f"remain{'s' * (self.conflicts == 1)}{self.at}"
-            unmet.append(f"{conflicts_of(self.conflicts, self.pairs)} {remain}")
+            yield f"{conflicts_of(self.conflicts, self.pairs)} {remain}"
+        if self.enters:
+            least = f"least {self.predicted:.4f} x zone in {self.field}"
+            yield f"clear as planned, not as predicted in the field: {least}"
         if self.exceeded:
-            unmet.append(f"limits are not kept: {beyond(self.exceeded)}")
+            yield f"limits are not kept: {beyond(self.exceeded)}"
         if self.late:
-            unmet.append(f"later than asked: {', '.join(map(str, self.late))}")
-        unmet += [one.broken for one in self.asked if not one.met]
-        return "; ".join(unmet)
+            yield f"later than asked: {', '.join(map(str, self.late))}"
+        yield from (one.broken for one in self.asked if not one.met)
+        if self.strict:
+            yield from self.doubts
 
 
-def raised(number: float) -> str:
-    """A number with four digits that is not below it."""
-    unit = 10.0 ** (floor(log10(number)) - 3) if number > 0.0 else 1.0
-    return f"{unit * ceil(number / unit * (1.0 - 1e-12)):.4g}"
+def metres(number: float) -> str:
+    """A length [m] with two digits, or whole metres."""
+    return f"{number:.2g} m" if number < 99.5 else f"{number:.0f} m"
+
+
+def raised(number: float, digits: int = 4) -> str:
+    """A number with some digits that is not below it."""
+    unit = 10.0 ** (floor(log10(number)) + 1 - digits) if number > 0.0 else 1.0
+    return f"{unit * ceil(number / unit * (1.0 - 1e-12)):.{digits}g}"
 
 
 def conflicts_of(conflicts: int, pairs: int) -> str:

@@ -10,6 +10,7 @@ from typing import Any
 from closeform.arrays import Floats
 from closeform.conflicts.flight import watch
 from closeform.conflicts.two_paths import closest_approach
+from closeform.field.natural import coast
 from closeform.mission_result import Mission, StageResult
 from closeform.motion.joining import drift, drifting, stack
 from closeform.motion.path import Path
@@ -84,10 +85,16 @@ def thrust_after(path: Path, time: float) -> bool:
 
 
 def nearest(mission: Mission, k: int, time: float) -> tuple[float, str | None]:
-    """Least ratio of a craft that drifts since a time to another, and to whom; nan, None without zones."""
-    names, orbit, paths = mission.scenario.names, mission.orbit, mission.paths
+    """Least ratio of a craft that drifts since a time to another, and to whom; nan, None without zones.
+
+    In the scenario's field, where it has one; else in Hill's equations.
+    """
+    names, orbit, paths, field = mission.scenario.names, mission.orbit, mission.paths, mission.scenario.field
     own = paths[k]
-    alone = drift(orbit, time, own.end, own.state(time))
+    if field is None or time >= own.end:
+        alone = drift(orbit, time, own.end, own.state(time))
+    else:
+        alone = coast(own.state(time), field._of([k]), own.end - time, time, orbit=orbit)
     zones = {j: mission.scenario.zones.between(k, j) for j in range(len(names)) if j != k}
     ratios = [
         (float(closest_approach(alone, paths[j], zone).ratio), names[j])

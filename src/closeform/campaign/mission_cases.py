@@ -121,15 +121,15 @@ class MissionCases(Cases):
 
     def as_happened(self, scenario: Scenario, case: int) -> Mission:
         """Return a case with what happens in it that no plan knows."""
-        return as_happened(self.planned(scenario, case), predicted=False)
+        return as_happened(self.planned(scenario, case), predicted=self.scenario.flights is None)
 
     def planned(self, scenario: Scenario, case: int) -> Mission:
         """A case as planned: as other cases that draw the same of what plans know."""
-        # what a field makes of plans no column shows, and takes a quarter of the time
+        predicted = self.scenario.flights is None  # which flights answer better
         if not recurring(self.scenario):
-            return staged(scenario, predicted=False)
+            return staged(scenario, predicted=predicted)
         drawn = known(self.scenario, self.seed, case)
-        return replace(self.plans.of(drawn, lambda: staged(scenario, predicted=False)), scenario=scenario)
+        return replace(self.plans.of(drawn, lambda: staged(scenario, predicted=predicted)), scenario=scenario)
 
     def good(self, columns: Columns) -> Any:
         """In which cases all is met."""

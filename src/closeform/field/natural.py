@@ -95,6 +95,14 @@ def coast(
     return followed(orbit or field.chief.orbit, states_at, duration, begin, within)
 
 
+def drift_from(state: Floats, field: Field, times: Floats, chief: Floats, felt: Floats) -> Floats:
+    """Return the states (T, 6) of one craft from a state (6,) on, beside a chief (T, 6) and what it feels."""
+    (ballistic,) = ballistics_of(field.drag, 1)
+    craft = inertial_from_relative(chief[0], state, acceleration=felt[0])
+    flown = field._craft_states(craft, ballistic, float(times[0]), times)
+    return np.asarray(relative_from_inertial(chief, flown, acceleration=felt))
+
+
 def drifting(paths: Path, field: Field) -> Path:
     """Natural motion in a field from where paths (N,) begin, as long as they last."""
     begin, over = float(paths.start[0]), float(paths.end[0])

@@ -10,12 +10,10 @@ import numpy as np
 
 from closeform.arrays import Floats, instance
 from closeform.field.chief_frame import ChiefFrame
-from closeform.field.drag import air_of, ballistics_of
 from closeform.field.field import Field, described
 from closeform.field.flown_plan import paths_to_fly
 from closeform.field.least_ratios import least_ratios
 from closeform.field.residual import applied, residuals
-from closeform.field.rule import HALF, MOST, ends_off, flattening_at
 from closeform.field.timetable import impulses_of, snapped
 from closeform.motion.arc import START
 from closeform.motion.orbit import Orbit
@@ -37,10 +35,6 @@ class Validity(Result):
     ----------
     field : str
         In which, in words.
-    expected : array of shape (N,) [m]
-        How far off each craft ends, by rule of thumb: half of plans of a few orbits end nearer.
-    unlikely : array of shape (N,) [m]
-        What 95 % of these did not exceed.
     residual : array of shape (N,) [m/s^2]
         The greatest acceleration along each path that Hill's equations leave out.
     times : array of shape (T,) [s]
@@ -55,11 +49,9 @@ class Validity(Result):
         The same as predicted: below 1 the zone is entered.
     """
 
-    _told: ClassVar = ("field", "ends", "expected", "residual", "planned", "flown")
+    _told: ClassVar = ("field", "ends", "residual", "planned", "flown")
 
     field: str
-    expected: Floats
-    unlikely: Floats
     residual: Floats
     times: Floats
     deviations: Floats
@@ -109,7 +101,7 @@ def validity(plan: Any, field: Field, zones: Zone | PairZones | None = None) -> 
 
     References
     ----------
-    docs/theory.md (83) and (84).
+    docs/theory.md (83).
 
     Examples
     --------
@@ -139,11 +131,7 @@ def validity(plan: Any, field: Field, zones: Zone | PairZones | None = None) -> 
             break
     deviations = off[:, ::2]
     pairs, planned, flown = _least(paths, times[::2], deviations, zones)
-    distance = np.linalg.norm(states[..., :3], axis=2).max(axis=1)
-    half, most = (
-        _by_rule(field, distance, (end - start) / orbit.period, orbit.period, rule) for rule in (HALF, MOST)
-    )
-    return Validity(described(field), half, most, greatest, times[::2], deviations, pairs, planned, flown)
+    return Validity(described(field), greatest, times[::2], deviations, pairs, planned, flown)
 
 
 def _least(
@@ -202,19 +190,3 @@ def deviations_of(orbit: Orbit, times: Floats, left_out: Floats) -> Floats:
     off[:, 1::2, :3] = 0.5 * (one + two)[..., :3] + h / 8.0 * (one - two)[..., 3:]
     off[:, 1::2, 3:] = 1.5 / h * (two - one)[..., :3] - 0.25 * (one + two)[..., 3:]
     return off
-
-
-def _by_rule(field: Field, distance: Floats, turns: float, period: float, rule: tuple[float, ...]) -> Floats:
-    """How far off craft at some distances (N,) [m] end after some turns; nan in a function's field."""
-    if field.acceleration is not None:
-        return np.full(len(distance), np.nan)
-    chief, dragged = field.chief, np.zeros(len(distance))
-    if field.drag is not None:
-        air = field.drag
-        speed = np.linalg.norm(chief.state[3:])
-        height = np.exp((air_of(air)[1] - np.linalg.norm(chief.state[:3])) / air.scale_height)
-        lag = 0.5 * air.density * height * speed**2 * np.abs(ballistics_of(air, len(distance)) - air.chief)
-        dragged = lag * (turns * period) ** 2
-    a = chief.semi_major_axis
-    flattening = flattening_at(a, field.zonals[0], field.radius)
-    return np.asarray(ends_off(distance, turns, a, chief.eccentricity, flattening, rule, dragged))

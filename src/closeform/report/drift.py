@@ -38,6 +38,7 @@ def columns(passive: "PassiveSafety") -> tuple[Column, ...]:
         Column(EVENTS[type(passive.failure).__name__][1], "failed_at_s", SECONDS, since="mission"),
         Column("met at [s]", "time_s", SECONDS, since="mission"),
         Column("later", None, absent=""),
+        Column("in", "model", words=True, spare=True),
     )
 
 
@@ -45,7 +46,7 @@ def row(pair: "PairDrift") -> tuple[Any, ...]:
     """A row of the table."""
     known = [value if isfinite(value) else None for value in (pair.distance, pair.failed_at, pair.time)]
     later = span(pair.time - pair.failed_at) if None not in known else None
-    return (pair.fails, pair.meets, pair.ratio, *known, later)
+    return (pair.fails, pair.meets, pair.ratio, *known, later, pair.model)
 
 
 def lines(result: StageResult[Any, Any]) -> Iterator[str]:
@@ -60,11 +61,17 @@ def lines(result: StageResult[Any, Any]) -> Iterator[str]:
     if worst is None:
         several = passive.count and f"none of {passive.count} failures of one craft leads into a zone"
         yield f"{title}: {several or 'no two craft keep a zone'}"
-    elif safe:
+        return
+    if safe:
         yield f"{title}: least {near(worst)}, {worst.fails} with {worst.meets}{when(passive, worst)}"
     else:
         many = f"; unsafe are {len(passive.unsafe)} of {passive.count}" if passive.count > 1 else ""
         yield f"{title}: {worst.fails} comes to {near(worst)} of {worst.meets}{when(passive, worst)}{many}"
+    if passive.field:
+        yield f"Judged {passive.models}, of each pair the worse; the least is in {worst.model}"
+    if safe and passive.doubt:
+        remedy = "" if passive.field else "; enlarge the zone, or add a field"
+        yield f"Not shown beyond Hill's equations: {passive.doubt}{remedy}"
     if any(not isnan(pair.failed_at) for pair in passive.pairs):
         yield judgement(passive, result.pulsed is not None)
 
@@ -134,6 +141,8 @@ def figures(result: StageResult[Any, Any]) -> dict[str, Any]:
     return {
         "passive_safety": {
             "safe": passive.safe,
+            "model": passive.models.removeprefix("in "),
+            "not_shown": passive.doubt or None,
             "planned": passive.planned,
             "until_s": passive.until,
             "drift_s": passive.until - result.end,

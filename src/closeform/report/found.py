@@ -19,7 +19,7 @@ from closeform.verdict import conflicts_of
 REQUIREMENTS = (
     Column("what was asked for", "asked", words=True),
     Column("what was found", "found", words=True),
-    Column("met", "met", lambda met: "yes" if met else "no", words=True, absent="not asked", judges=True),
+    Column("met", "met", lambda met: "yes" if met else "no", words=True, absent="-", judges=True),
 )
 STAGES = (
     Column("stage", "number"),
@@ -85,7 +85,12 @@ def clearance(mission: Mission) -> Iterator[tuple[Any, ...]]:
         )
     if verdict.conflicts:
         found = f"{conflicts_of(verdict.conflicts, verdict.pairs)}: {found}"
-    yield "No craft enters the keep-out zone of another, at any instant", found, not verdict.conflicts
+    met: bool | None = not verdict.conflicts and not verdict.enters
+    if verdict.enters and not verdict.conflicts:
+        found += f"; least {verdict.predicted:.4f} x zone as predicted in {verdict.field}"
+    if met and verdict.margin is not None and verdict.margin.exceeded:
+        met, found = None, f"{found}; not shown beyond {verdict.model}: {verdict.margin}"
+    yield "No craft enters the keep-out zone of another, at any instant", found, met
 
 
 def closest(mission: Mission) -> tuple[StageResult[Any, Any], PairApproach] | None:
@@ -116,8 +121,8 @@ def of_stage(mission: Mission, result: StageResult[Any, Any]) -> Iterator[tuple[
             "sun": "body x within the sun limit in every turn, with the errors of the craft",
             "drift": f"passively safe {getattr(stage, 'lasting', '')}",
         }[one.kind]
-        met = None if one.kind == "likelihood" else one.met  # without a limit
-        yield f"{where}: {what}", one.kept if one.met else one.broken, met
+        met = None if one.kind == "likelihood" else one.shown  # without a limit
+        yield f"{where}: {what}", str(one), met
 
 
 def row(result: StageResult[Any, Any]) -> tuple[Any, ...]:

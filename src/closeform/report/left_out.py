@@ -1,19 +1,15 @@
-"""What Hill's equations leave out of a mission: as predicted in a field, or by rule for its altitude."""
+"""The model error of Hill's equations: as predicted in a field, or estimated without one."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from math import isfinite, pi
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
-from closeform.field.rule import HALF, MOST, ends_off, flattening_at
+from closeform.flown_verdict import mission_error
 from closeform.mission_result import Mission, StageResult
-from closeform.motion.mean_motion import EARTH_MU, EARTH_RADIUS, semi_major_axis_from_mean_motion
-from closeform.report.model import Reach
+from closeform.motion.mean_motion import EARTH_RADIUS
 from closeform.report.section import plan_of
-
-EARTHLIKE = 1e-3  # of the gravitational parameter
+from closeform.verdict import metres
 
 
 def lines(mission: Mission, result: StageResult[Any, Any]) -> tuple[str, ...]:
@@ -50,8 +46,6 @@ def figures(result: StageResult[Any, Any]) -> dict[str, Any]:
         "in_field": {
             "field": found.field,
             "ends_m": dict(zip(names, found.ends.tolist(), strict=True)),
-            "expected_m": dict(zip(names, found.expected.tolist(), strict=True)),
-            "unlikely_m": dict(zip(names, found.unlikely.tolist(), strict=True)),
             "residual_m_s2": dict(zip(names, found.residual.tolist(), strict=True)),
             "least_ratio": float(found.flown.min(initial=np.inf)),
             "planned_ratio": float(found.planned.min(initial=np.inf)),
@@ -59,82 +53,18 @@ def figures(result: StageResult[Any, Any]) -> dict[str, Any]:
     }
 
 
-@dataclass(frozen=True)
-class ByRule:
-    """How far off craft end by rule: half of all missions by `expected`, 95 % by less than `unlikely` [m].
-
-    How far off each cause leads at most, in one orbit, is told with the limits of the model.
-    """
-
-    altitude: float
-    eccentricity: float | None
-    expected: float
-    unlikely: float
-
-    @property
-    def line(self) -> str:
-        """The same in words."""
-        where = f"at {self.altitude / 1e3:.0f} km"
-        if self.eccentricity is not None:
-            where += f", e = {self.eccentricity:.5f}"
-        likely = f"about {self.expected:.2g} m at the end, 95 % within {self.unlikely:.2g} m (rule of thumb)"
-        return f"Left out by Hill's equations {where}: {likely}"
-
-    @property
-    def figures(self) -> dict[str, Any]:
-        """The same for `summary.json`."""
-        return {
-            "altitude_m": self.altitude,
-            "eccentricity": self.eccentricity,
-            "expected_m": self.expected,
-            "unlikely_m": self.unlikely,
-        }
-
-
-def by_rule(mission: Mission) -> ByRule | None:
-    """The rule for a mission around the Earth that has no field; None for others."""
-    flown = [result for result in mission.results if result.flown]
-    radius = _earths_radius(mission)
-    if not flown or radius is None or mission.scenario.orbit.field is not None:
-        return None
-    half, most = (_off(mission, flown, flown[-1].end, radius, rule) for rule in (HALF, MOST))
-    chief = mission.scenario.chief
-    return ByRule(radius - EARTH_RADIUS, None if chief is None else chief.eccentricity, half, most)
-
-
-def of_drift(mission: Mission, result: StageResult[Any, Any]) -> tuple[str, ...]:
-    """That a drift is safe by less than what Hill's equations leave out until then, by the same rule."""
-    passive, radius = result.passive, _earths_radius(mission)
-    if passive is None or radius is None or not passive.safe:
-        return ()
-    worst = passive.worst
-    if worst is None or not isfinite(worst.time):
-        return ()
-    spare = worst.distance * (1.0 - 1.0 / worst.ratio)
-    off = _off(mission, [result], worst.time, radius, HALF)
-    if off <= spare:
-        return ()
-    return (
-        f"Certified of Hill's equations, which leave out about {off:.3g} m by {worst.time:.1f} s (rule of "
-        f"thumb) where {spare:.3g} m are to spare: measure and judge anew before, or make the zone larger",
+def estimate(mission: Mission) -> Iterator[str]:
+    """The model error of a mission around the Earth that has no field."""
+    error = mission_error(mission)
+    if error is None:
+        return
+    neglected, half, most = error
+    e = neglected.eccentricity
+    where = f"{(neglected.semi_major_axis - EARTH_RADIUS) / 1e3:.0f} km, e " + (
+        "not known" if e is None else f"= {e:.5f}"
     )
-
-
-def _earths_radius(mission: Mission) -> float | None:
-    """Semi-major axis [m] of an orbit around the Earth; None of others."""
-    n, chief = mission.orbit.mean_motion, mission.scenario.chief
-    mu = chief.mu if chief is not None else mission.scenario.orbit.mu or EARTH_MU
-    if not n or (chief is not None and chief.center.upper() != "EARTH"):
-        return None
-    radius = float(semi_major_axis_from_mean_motion(n, mu))
-    return None if abs(mu / EARTH_MU - 1.0) > EARTHLIKE or radius < EARTH_RADIUS else radius
-
-
-def _off(
-    mission: Mission, flown: Sequence[StageResult[Any, Any]], time: float, radius: float, rule: Any
-) -> float:
-    """How far off [m] craft are by rule, at a time of a mission."""
-    chief, reach = mission.scenario.chief, Reach.of([result.after for result in flown])
-    e = 0.0 if chief is None else chief.eccentricity or 0.0
-    turns = time * mission.orbit.mean_motion / (2.0 * pi)
-    return float(ends_off(reach.distance, turns, radius, e, flattening_at(radius), rule))
+    who = "the craft" if len(mission.scenario.craft) == 1 else "the craft that is off most"
+    yield (
+        f"Model error of Hill's equations at {where}: about {metres(half)} for {who}, "
+        f"95 % within {metres(most)} (estimate)"
+    )

@@ -111,23 +111,18 @@ class RunReport:
             return (Section(FLOWN, ("Nothing is flown: the mission stopped in its first stage",)),)
         return () if self.flights is None else (self.flights.section(FLOWN, self.flights.opening[1:]),)
 
-    @cached_property
-    def by_rule(self) -> left_out.ByRule | None:
-        """How far off it ends by rule, without a field."""
-        return left_out.by_rule(self.mission)
-
     @property
     def origin(self) -> tuple[str, ...]:
-        """The chief's orbit; which states at the epoch were interpolated; what Hill's equations leave out."""
+        """The chief's orbit; which states at the epoch were interpolated; the model error."""
         chief, inputs = self.mission.scenario.chief, self.mission.scenario.inputs
-        by_rule = () if self.by_rule is None else (self.by_rule.line,)
+        estimate = tuple(left_out.estimate(self.mission))
         if chief is None:
-            return by_rule
+            return estimate
         a, _, ex, ey, inclination, node = chief.elements
         shape = f"a {a / 1e3:.3f} km, e {hypot(ex, ey):.5f}"
         plane = f"i {degrees(inclination):.4f} deg, node {round(degrees(node), 4) % 360.0:.4f} deg"
         notes = () if inputs is None else inputs.notes
-        return f"Chief at the epoch: {shape}, {plane} in {chief.frame}", *notes, *by_rule
+        return f"Chief at the epoch: {shape}, {plane} in {chief.frame}", *notes, *estimate
 
     @cached_property
     def closing(self) -> tuple[Table, ...]:
@@ -179,7 +174,6 @@ class RunReport:
             **mission.verdict.figures,
             "stopped": mission.stopped,
             "warnings": list(mission.warnings),
-            **({} if self.by_rule is None else {"left_out": self.by_rule.figures}),
             "mean_motion_rad_s": mission.orbit.mean_motion,
             "craft": list(scenario.names),
             "delta_v_m_s": dict(zip(scenario.names, delta_v.tolist(), strict=True)),
@@ -232,7 +226,6 @@ def section(mission: Mission, result: StageResult[Any, Any]) -> Section:
         lines=(
             *not_flown(result),
             *drift.lines(result),
-            *left_out.of_drift(mission, result),
             *left_out.lines(mission, result),
             *conflicts.zones(result.before),
             *told.lines,

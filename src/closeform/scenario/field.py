@@ -1,4 +1,4 @@
-"""The real field of a scenario: `field` of [orbit], [feedback], [navigation] and [flight]."""
+"""The real field of a scenario: `field` of [orbit], [feedback], [navigation], [flight] and [verdict]."""
 
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -113,3 +113,9 @@ class FlightTable(Table):
 
     control: Literal["track", "replan", "open"] = Field("track", examples=['"track"'])
     seeds: Annotated[int, Field(ge=1)] = Field(100, examples=["100"])
+
+
+class VerdictTable(Table):
+    """[verdict]: what a model error above the margin means."""
+
+    model_error: Literal["report", "refuse"] = Field("report", examples=['"refuse"'])

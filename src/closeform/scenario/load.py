@@ -22,7 +22,7 @@ from closeform.scenario.errors import (
     meant_by,
     tables_inside,
 )
-from closeform.scenario.field import FeedbackTable, FlightTable, NavigationTable
+from closeform.scenario.field import FeedbackTable, FlightTable, NavigationTable, VerdictTable
 from closeform.scenario.inputs import Inputs
 from closeform.scenario.orbit import OrbitTable
 from closeform.scenario.origin import located
@@ -150,7 +150,7 @@ class Reading:
     def sections(self) -> dict[str, Any]:
         """The validated sections; what is wrong with them is in `lines`."""
         known = ["closeform", "title", "orbit", "craft", "sensor", "search", "feedback", "navigation"]
-        known += ["flight", "stage", "study"]
+        known += ["flight", "verdict", "stage", "study"]
         for key in self.raw:
             if key not in known:
                 self.complain((key,), f"unknown key; {did_you_mean(key, known)}")
@@ -171,6 +171,7 @@ class Reading:
             "feedback": self.table("feedback", FeedbackTable),
             "navigation": self.table("navigation", NavigationTable),
             "flights": self.table("flight", FlightTable),
+            "verdict": self.table("verdict", VerdictTable),
         }
 
     def complain(self, place: Place, text: str) -> None:

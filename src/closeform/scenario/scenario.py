@@ -16,7 +16,7 @@ from closeform.exchange.epochs import Epoch
 from closeform.motion.circular import low
 from closeform.motion.orbit import Orbit
 from closeform.scenario.craft import Craft, SearchTable, SensorTable
-from closeform.scenario.field import FeedbackTable, FlightTable, NavigationTable
+from closeform.scenario.field import FeedbackTable, FlightTable, NavigationTable, VerdictTable
 from closeform.scenario.inputs import Inputs
 from closeform.scenario.orbit import OrbitTable
 from closeform.scenario.quantity import shown
@@ -58,6 +58,7 @@ class Scenario:
     feedback: FeedbackTable | None = None
     navigation: NavigationTable | None = None
     flights: FlightTable | None = None
+    verdict: VerdictTable | None = None
     case: int | None = None  # of the study, if this is one
     astray: "SearchErrors | None" = None  # (N,), how the craft search, where a case has drawn it
     history: "History | None" = None  # of a case whose errors are drawn
@@ -121,6 +122,11 @@ class Scenario:
             "engine": np.array([craft.engine for craft in self.craft]),
             "max_acceleration": most if np.isfinite(most).any() else None,
         }
+
+    @property
+    def strict(self) -> bool:
+        """Whether what the model error leaves open is a failure."""
+        return self.verdict is not None and self.verdict.model_error == "refuse"
 
     @property
     def truth(self) -> "Scenario":
