@@ -401,6 +401,8 @@ def test_control_characters_are_not_printed(tmp_path, monkeypatch, capsys, undra
     assert "A\\x1b]0;owned" in told.out
     assert "differs from EARTH" in told.err
     assert not re.search(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]", told.out + told.err)
+
+
 @pytest.mark.parametrize(
     ("example", "old", "new", "key"),
     [
