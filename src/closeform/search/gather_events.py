@@ -35,6 +35,7 @@ from closeform.search.gather_burns import (
 )
 from closeform.search.lock_march import END, NEVER, START, LockSensor
 from closeform.search.next_locks import (
+    Astray,
     NextLocks,
     Turns,
     earliest_row,
@@ -42,7 +43,6 @@ from closeform.search.next_locks import (
     forget,
     least_of_row,
     lock_of_pair,
-    perfect,
 )
 from closeform.search.sets import FORMATION, LOST, case_number, joined, relabel
 from closeform.search.violations import APART, KeepOutMonitor, count_violations, look_between
@@ -313,6 +313,8 @@ def fly_all(
 ) -> None:
     """Fly gatherings of craft that turn as the search asks, in each of some ways."""
     see = LockSensor(sensor[0], sensor[1], sensor[2])
-    turns = Turns(legs, first, second, legs[-1, END], pushes, perfect, see)
+    nothing = np.empty((0, 0))
+    own = lent(Astray(nothing, nothing, 0.0, nothing))
+    turns = Turns(legs, first, second, legs[-1, END], pushes, True, see, own)
     kept, flaws = (keeps, kinds, table, boxes, matrices), (fails, gates, normals)
     fly_cases(turns, ways, *kept, *flaws, positions, velocities, events, labels, results)

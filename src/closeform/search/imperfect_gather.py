@@ -3,7 +3,7 @@
 All else is as in `gather_events`: only the next lock of a pair is another.
 """
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numba import float64, int64, void
@@ -12,29 +12,8 @@ from closeform._jit import kernel
 from closeform.arrays import Floats
 from closeform.kernel_loans import lent
 from closeform.search.gather_events import FLOWN, fly_cases
-from closeform.search.imperfect import imperfect_lock
-from closeform.search.next_locks import Turns
-
-
-class Astray(NamedTuple):
-    """What craft see with: the search's `turns` (L, 29); a row of `craft` (N, 8) each; their `offset` [m].
-
-    `swings` (2, 16) is room for how two of them turn.
-    """
-
-    turns: Floats
-    craft: Floats
-    offset: float
-    swings: Floats
-
-
-@kernel()
-def astray(turns, i, j, t, position, velocity):
-    """When craft i of A and j of B lock next; the position is that at time 0."""
-    see = turns.see
-    one, other = see.craft[i], see.craft[j]
-    when, _ = imperfect_lock(see.turns, t, position, velocity, see.offset, one, other, see.swings)
-    return when
+from closeform.search.lock_march import LockSensor
+from closeform.search.next_locks import Astray, Turns
 
 
 @kernel(
@@ -75,10 +54,10 @@ def fly_astray(
     results: Floats,
 ) -> None:
     """Fly gatherings whose craft (C, N, 8) differ, with `pushes` (C, P, 6), until `ends` (C,)."""
-    swings = np.empty((2, 16))
+    swings, see = np.empty((2, 16)), LockSensor(0.0, 0.0, 0.0)
     for c in range(len(positions)):
-        see = lent(Astray(own, craft[c], offset, swings))
-        turns = Turns(legs, first, second, ends[c], pushes[c], astray, see)
+        turned = lent(Astray(own, craft[c], offset, swings))
+        turns = Turns(legs, first, second, ends[c], pushes[c], False, see, turned)
         one = slice(c, c + 1)
         kept, flaws = (keeps, kinds, table, boxes, matrices), (fails[one], gates, normals[one])
         flown = positions[one], velocities[one], events, labels[one], results[one]

@@ -9,15 +9,16 @@ from typing import Any, NamedTuple
 from closeform._jit import kernel
 from closeform.arrays import Floats
 from closeform.search.clearance import SINCE
-from closeform.search.lock_march import first_lock
+from closeform.search.imperfect import imperfect_lock
+from closeform.search.lock_march import LockSensor, first_lock
 from closeform.search.sets import LOST
 
 
 class Turns(NamedTuple):
     """The search: its `legs`; `first` (A,) and `second` (B,), the craft of its groups; its `end` [s].
 
-    `pushes` (P, 6): who burns if it is lost, in order of time: when, who, as which leg begins, delta-v.
-    `next_lock`, a part of a kernel, says when two craft lock next, by what they `see` with.
+    `pushes` (P, 6): which craft burns if it is lost, in order of time: when, craft, at which leg, delta-v.
+    Craft that are `exact` turn as the search asks and `see` alike; others have attitudes of their `own`.
     """
 
     legs: Floats
@@ -25,8 +26,21 @@ class Turns(NamedTuple):
     second: Any
     end: float
     pushes: Floats
-    next_lock: Any
-    see: Any
+    exact: bool
+    see: LockSensor
+    own: "Astray"
+
+
+class Astray(NamedTuple):
+    """Craft with attitude errors: the `turns` (L, 29) asked for, rows `craft` (N, 8), the `offset` [m].
+
+    `swings` (2, 16) is scratch memory for the attitudes of two of them.
+    """
+
+    turns: Floats
+    craft: Floats
+    offset: float
+    swings: Floats
 
 
 class NextLocks(NamedTuple):
@@ -41,9 +55,14 @@ class NextLocks(NamedTuple):
 
 
 @kernel()
-def perfect(turns, i, j, t, position, velocity):
-    """When craft i of A and j of B lock next, turning as the search asks; the position is that at time 0."""
-    when, _ = first_lock(turns.legs, t, position, velocity, turns.see)
+def next_lock(turns, i, j, t, position, velocity):
+    """Return when craft i of A and j of B lock next; the position is that at time 0."""
+    if turns.exact:
+        when, _ = first_lock(turns.legs, t, position, velocity, turns.see)
+    else:
+        own = turns.own
+        one, other = own.craft[i], own.craft[j]
+        when, _ = imperfect_lock(own.turns, t, position, velocity, own.offset, one, other, own.swings)
     return when
 
 
@@ -71,7 +90,7 @@ def lock_of_pair(turns, craft, a, b, t):
         other[1] - other[4] * u - (one[1] - one[4] * s),
         other[2] - other[5] * u - (one[2] - one[5] * s),
     )
-    return turns.next_lock(turns, i, j, t, position, velocity)
+    return next_lock(turns, i, j, t, position, velocity)
 
 
 @kernel()
