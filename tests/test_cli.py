@@ -76,7 +76,7 @@ def test_folder_is_complete(flown: tuple[Path, str]) -> None:
     assert {name for name in names if name.endswith(".png")} >= {f"stage-2-{name}.png" for name in pictures}
     assert list(results.parent.iterdir()) == [results]
     assert (results / "scenario.toml").read_text() == CLUSTER.read_text()
-    assert "clear: no conflict remains, limits are kept; results in cluster-results" in printed
+    assert "clear in Hill's equations: no conflict remains" in printed
 
 
 def test_conflicts_before_agree_with_sampling_an_integration(flown: tuple[Path, str]) -> None:

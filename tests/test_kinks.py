@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from closeform.compiled import kernel
 from numba import float64, int64, types
 from scipy.optimize import linprog
 
 import closeform as cf
+from closeform._jit import kernel
 from closeform.drift.fans import ROOM_TYPE
 from closeform.drift.kinks import EDGES, mixed_normal
 from closeform.drift.sides import room_for, side_of

@@ -665,7 +665,7 @@ within = "{within}"
 def test_a_file_is_flown_from_python(tmp_path, capsys):
     """As `closeform run` does, without a word or a file."""
     mission = cf.run(EXAMPLES / "cluster.toml")
-    assert str(mission.verdict).startswith("clear: no conflict remains")
+    assert str(mission.verdict).startswith("clear in Hill's equations: no conflict remains")
     move, zone = mission.results[1], cf.Ellipsoid([20.0, 40.0, 20.0])
     paths = {name: move.before.path(name) for name in move.before.names}
     found = {

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from closeform.compiled import kernel
 from numba import float64, int64, void
 from scipy.linalg import expm
 
 import closeform as cf
 from bridge import hill
+from closeform._jit import kernel
 from closeform.motion.primer import (
     functional,
     load_primer,

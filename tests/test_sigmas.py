@@ -292,7 +292,7 @@ def test_thin_errors_at_one_place(shape):
         found = cf.clearance_in_sigmas(DEEP.coast([*mean, 0, 0, 0], 1.0), other, zone, errors).sigmas
         least = sigmas_of(zone, mean, errors._root[:3])
         if least < 9e3:
-            assert found == pytest.approx(least, rel=1e-8)  # of the solver
+            assert found == pytest.approx(least, rel=1e-7)  # of the solver, whose last digits differ
             reached += found > 0.0
         elif least > 1.1e4:
             assert found == np.inf

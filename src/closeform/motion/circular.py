@@ -68,9 +68,9 @@ class CircularOrbit:
         UserWarning
             If the altitude above the Earth is below 100 km, as one in kilometres is.
         """
-        if radius == EARTH_RADIUS and (line := low(altitude)):
-            warnings.warn(f"altitude: {line}", stacklevel=2)
         given = number("altitude", altitude), number("mu", mu), number("radius", radius)
+        if given[2] == EARTH_RADIUS and (line := low(given[0])):
+            warnings.warn(f"altitude: {line}", stacklevel=2)
         return cls(float(mean_motion_from_altitude(*given)))
 
     @classmethod

@@ -64,7 +64,5 @@ def estimate(mission: Mission) -> Iterator[str]:
         "not known" if e is None else f"= {e:.5f}"
     )
     who = "the craft" if len(mission.scenario.craft) == 1 else "the craft that is off most"
-    yield (
-        f"Model error of Hill's equations at {where}: about {metres(half)} for {who}, "
-        f"95 % within {metres(most)} (estimate)"
-    )
+    yield f"Model error of Hill's equations (estimate): about {metres(half)}, 95 % within {metres(most)}"
+    yield f"    for {who}, at {where}"

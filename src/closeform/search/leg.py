@@ -106,9 +106,9 @@ class Leg(Result):
     @property
     def sun_angle(self) -> float:
         """Greatest angle [rad] between body x and the sun line; the same for both groups."""
-        return float(self.sun_angle_of(np.array([1.0, 0.0, 0.0])))
+        return float(self._sun_angle_of(np.array([1.0, 0.0, 0.0])))
 
-    def sun_angle_of(self, body: Floats) -> Floats:
+    def _sun_angle_of(self, body: Floats) -> Floats:
         """Return greatest angles (...) [rad] of unit vectors (..., 3) in A's body axes from the sun line."""
         shade = body @ self.attitude.T
         steady = np.multiply.outer(shade @ self.axis, self.axis)

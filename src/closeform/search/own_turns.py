@@ -64,7 +64,7 @@ class OwnTurns:
     def sun_angles(self) -> Floats:
         """Greatest angle of each craft's body x from the sun line in any turn (..., N) [rad]."""
         shades = body_axis(self.errors.pointing, 0) * np.stack([OF_GROUP[group] for group in self.groups])
-        return np.asarray(np.max([leg.sun_angle_of(shades) for leg in self.search.legs], axis=0))
+        return np.asarray(np.max([leg._sun_angle_of(shades) for leg in self.search.legs], axis=0))
 
     def attitudes(self, time: float) -> Floats:
         """Attitudes (N, 3, 3) at a time [s], of craft whose errors are (N,); columns are the body axes."""
