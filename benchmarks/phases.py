@@ -40,14 +40,13 @@ def main() -> None:
 
     def then_watch(tokens: list[str]) -> None:
         make_haste(tokens)
-        import closeform.compiled
-
+        import closeform._jit
         import closeform.mission
         import closeform.report.results
         import closeform.report.run
         import closeform.report.section
 
-        timed(closeform.compiled, "prepare", "kernels")
+        timed(closeform._jit.Kernel, "__call__", "kernels")
         timed(closeform.mission, "fly", "flying")
         timed(closeform.report.results, "drawn", "pictures")
         timed(closeform.report.section.Film, "leave", "animation")

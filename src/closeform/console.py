@@ -5,6 +5,7 @@ import io
 import os
 import re
 import sys
+import textwrap
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -216,7 +217,7 @@ def tell_run(report: "RunReport", place: Path) -> None:
     say(console, "", *(f"Warning: {line}" for line in mission.warnings))
     end = f"{mission.verdict}; "
     if len(end) > WIDTH:
-        say(console, str(mission.verdict))
+        say(console, *textwrap.wrap(str(mission.verdict), WIDTH, subsequent_indent="  "))
         end = ""
     put(console, f"{end}results in {place}", soft_wrap=True)  # a path is not to be broken
 
