@@ -93,9 +93,9 @@ def test_what_is_printed_and_left(tmp_path: Path, capsys):
 @pytest.mark.parametrize(
     ("orbit", "said"),
     [
-        ('altitude = "500 km"', "Model error of Hill's equations at 500 km, e not known: about "),
-        ('period = "95 min"', "Model error of Hill's equations at 519 km, e not known: about "),
-        ('mean_motion = "0.01 deg/s"\nlatitude = "3 deg"', "Model error of Hill's equations at 17187 km, "),
+        ('altitude = "500 km"', "at 500 km, e not known"),
+        ('period = "95 min"', "at 519 km, e not known"),
+        ('mean_motion = "0.01 deg/s"\nlatitude = "3 deg"', "at 17187 km"),
         ('altitude = "500 km"\nmu = "42828 km^3/s^2"', None),  # of Mars
         ('period = "60 min"', None),  # below the ground
         ("deep_space = true", None),
@@ -106,10 +106,10 @@ def test_without_a_field_the_rule_is_told(orbit: str, said: str | None, tmp_path
     text = swap().split("[orbit]")[0] + f"[orbit]\n{orbit}\n\n[craft]" + swap().split("[craft]")[1]
     file.write_text(text.split("[[stage]]")[0] + '[[stage]]\ndo = "coast"\nfor = "90 min"\n')
     main(["run", str(file), "--out", str(tmp_path / "out"), "--no-viewer"])
-    lines = [line for line in capsys.readouterr().out.splitlines() if line.startswith("Model error")]
-    assert len(lines) == (said is not None)
+    printed = capsys.readouterr().out
+    assert ("Model error of Hill" in printed) == (said is not None)
     if said is not None:
-        assert lines[0].startswith(said)
+        assert said in printed
 
 
 def simulated_missions(craft: int, kind: str, count: int) -> np.ndarray:
