@@ -41,6 +41,7 @@ Progress = Callable[[str], None]
 
 _compiling = RLock()  # numba's cache folder is one setting for all threads
 _announced: list[bool] = []
+_KERNELS: list["Kernel"] = []  # of all modules that were imported
 
 
 def cache_folder() -> Path:
@@ -58,6 +59,7 @@ class Kernel:
         self.py_func, self.signature = function, signature
         self.__name__, self.__doc__ = function.__name__, function.__doc__
         self.__module__ = function.__module__
+        _KERNELS.append(self)
 
     @property
     def name(self) -> str:
@@ -123,16 +125,8 @@ def kernel(signature: Any = None, inline: bool = False) -> Callable[[Callable[..
     if numba.config.DISABLE_JIT:
         return lambda function: function
     if signature is not None:
-        return lambda function: _register(Kernel(function, signature))
+        return lambda function: Kernel(function, signature)
     return numba.njit(inline="always" if inline else "never", **OPTIONS)
-
-
-_KERNELS: list[Kernel] = []
-
-
-def _register(one: Kernel) -> Kernel:
-    _KERNELS.append(one)
-    return one
 
 
 def kernel_modules() -> list[str]:
