@@ -173,6 +173,7 @@ def compile_ahead(modules: Iterable[str], progress: Progress) -> int:
 
 def _compile(module: str, name: str) -> None:
     """Compile a kernel in a process of its own, for its cache."""
+    _announced.append(True)  # by the process that waits
     getattr(import_module(module), name).dispatcher  # noqa: B018  # compiles
 
 
@@ -183,7 +184,7 @@ def _announce(one: Kernel) -> None:
             f"closeform: compiling {one.name}, once for this version; closeform compile prepares all kernels",
             file=sys.stderr,
         )
-    _announced.append(True)
+        _announced.append(True)
 
 
 @contextmanager
