@@ -34,25 +34,25 @@ def timed(owner: Any, name: str, phase: str) -> None:
 
 def main() -> None:
     import closeform.__main__
-    import closeform.cli
+    import closeform.cli.app
 
-    make_haste = closeform.cli.make_haste
+    make_haste = closeform.cli.app.make_haste
 
     def then_watch(tokens: list[str]) -> None:
         make_haste(tokens)
         import closeform._jit
-        import closeform.mission
+        import closeform.mission.mission
         import closeform.report.results
         import closeform.report.run
         import closeform.report.section
 
         timed(closeform._jit.Kernel, "__call__", "kernels")
-        timed(closeform.mission, "fly", "flying")
+        timed(closeform.mission.mission, "fly", "flying")
         timed(closeform.report.results, "drawn", "pictures")
         timed(closeform.report.section.Film, "leave", "animation")
         timed(closeform.report.run, "leave", "tables, page")
 
-    closeform.cli.make_haste = then_watch
+    closeform.cli.app.make_haste = then_watch
     with redirect_stdout(StringIO()):
         closeform.__main__.main()  # with its quick end
     spent["imports"] = perf_counter() - BEGIN - sum(spent.values())

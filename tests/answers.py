@@ -10,8 +10,8 @@ import numpy as np
 
 import closeform as cf
 from closeform.campaign import flown
-from closeform.cli import main
-from closeform.mission import fly
+from closeform.cli.app import main
+from closeform.mission.mission import fly
 from closeform.scenario import parse
 
 STUDY = """\
@@ -144,9 +144,9 @@ NAMES = (  # known before they are made, which takes seconds and compiles most k
     "Price",
     "Plan",
     "Plan for delta-v",
-    "TooWeak",
-    "ClearanceCosts",
-    "MostClearance",
+    "ThrustShortfall",
+    "ClearanceCostCurve",
+    "MaxClearance",
     "Firing",
     "Firing of two",
     "Pulses",
@@ -167,7 +167,7 @@ NAMES = (  # known before they are made, which takes seconds and compiles most k
     "Covariances",
     "CommonFrame",
     "Validity",
-    "CommandedThrust",
+    "CompensatedThrust",
     "Retargeted",
     "Flight",
     "Room",
@@ -251,9 +251,9 @@ def answers() -> dict[str, Any]:
         "Price": avoided.prices[0],
         "Plan": plan,
         "Plan for delta-v": cf.avoid(past, rest, ball, cost="delta-v"),
-        "TooWeak": cf.avoid(past, rest, ball, max_acceleration=1e-9).weak,
-        "ClearanceCosts": cf.clearance_costs(past, rest, ball, [0.5, 1.0]),
-        "MostClearance": cf.most_clearance(past, rest, ball, 1.1 * avoided.energy),
+        "ThrustShortfall": cf.avoid(past, rest, ball, max_acceleration=1e-9).weak,
+        "ClearanceCostCurve": cf.clearance_cost_curve(past, rest, ball, [0.5, 1.0]),
+        "MaxClearance": cf.max_clearance(past, rest, ball, 1.1 * avoided.energy),
         "Firing": cf.fire(past, six),
         "Firing of two": cf.fire(moves[:2], six),
         "Pulses": cf.fire(past, six).pulses,
@@ -278,7 +278,7 @@ def answers() -> dict[str, Any]:
     field, steered = cf.Field(low), low.orbit.transfer(craft, craft[[1, 0, 2]], 200.0)
     found |= {
         "Validity": cf.validity(steered, field, ball),
-        "CommandedThrust": cf.thrust(steered, field, every=20.0),
+        "CompensatedThrust": cf.thrust(steered, field, every=20.0),
         "Retargeted": cf.thrust(low.orbit.two_impulse(craft, craft[[1, 0, 2]], 200.0), field).impulses,
         "Flight": cf.fly(steered, field),
         "Room": cf.room(steered, field, cf.Feedback(), cf.Navigation(0.1, 1e-3)),

@@ -58,7 +58,7 @@ def unpainted() -> Iterator[None]:
     has what is made only as they are painted, as numbers along axes.  `.ci/examples` paints all of them.
     """
     from closeform.plots.png import png
-    from closeform.result_folder import Folder
+    from closeform.storage.result_folder import Folder
 
     def blank(folder: Folder, name: str, figure: object) -> Path:
         file = folder.path / f"{name}.png"

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 import closeform as cf
-from closeform.mission_result import Mission
+from closeform.mission.mission_result import Mission
 from scenarios import GOOD, LOST
 
 EPOCH = "2026-11-22T12:00:00"

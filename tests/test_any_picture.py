@@ -14,16 +14,25 @@ from PIL import Image
 
 import closeform as cf
 from answers import NAMES, answers
-from closeform.palette import CONFLICT
+from closeform.plots.answer_paths import FLYING
 from closeform.plots.answers import PICTURES
-from closeform.plots.flown import FLYING
+from closeform.plots.palette import CONFLICT
 
 # what users give, and parts of answers that are seen in the picture of the whole
 GIVEN = {"Orbit", "Zone", "Box", "Ellipsoid", "Sphere", "Cylinder", "HalfSpaces", "Uncertainty", "Body"}
-GIVEN |= {"PairZones", "Errors", "ThrustLost", "MissedBurns", "WeakThrust", "StuckThrust"}
+GIVEN |= {"PairZones", "Errors", "ThrustLost", "MissedBurns", "DegradedThrust", "StuckOnThrust"}
 GIVEN |= {"Thrusters", "Sensor", "Chief", "Field", "Drag", "Feedback", "Navigation"}
 GIVEN |= {"SearchErrors", "EccentricOrbit"}
-PARTS = {"Contact", "TooWeak", "Price", "Event", "Leg", "TheoremCase", "ConjunctionObject", "Covariances"}
+PARTS = {
+    "Contact",
+    "ThrustShortfall",
+    "Price",
+    "Event",
+    "Leg",
+    "TheoremCase",
+    "ConjunctionObject",
+    "Covariances",
+}
 PARTS |= {"Ephemeris"}  # inertial states of one object; `common_frame` makes relative ones
 # one of each kind
 DRAWN = [*{name.split()[-1]: name for name in NAMES if name.split()[-1] not in PARTS}.values()]

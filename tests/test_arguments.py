@@ -151,13 +151,13 @@ CALLS = {
     ),
     "ThrustLost": turned(),
     "MissedBurns": turned(least=0.5),
-    "WeakThrust": turned(least=0.5),
-    "StuckThrust": turned(longest=60.0, acceleration=np.array([1e-3, 0.0, 0.0])),
+    "DegradedThrust": turned(least=0.5),
+    "StuckOnThrust": turned(longest=60.0, acceleration=np.array([1e-3, 0.0, 0.0])),
     "passively_safe": turned(
         path=MOVE, other=STAYS, zone=BALL, until=1800.0, failure=cf.ThrustLost(), failing="path"
     ),
     "drift_approach": turned(
-        path=MOVE, other=STAYS, zone=BALL, until=1800.0, failure=cf.WeakThrust(0.5), failing="path"
+        path=MOVE, other=STAYS, zone=BALL, until=1800.0, failure=cf.DegradedThrust(0.5), failing="path"
     ),
     "drift_screen": turned(
         paths=MOVES, zone=cf.Sphere(60.0), until=1800.0, failure=cf.MissedBurns(0.5), failing="either"
@@ -179,15 +179,15 @@ CALLS = {
         path=NEAR, other=REST, zone=BALL, errors=KNOWN, other_errors=KNOWN, method="entries", samples=100,
         seed=1,
     ),
-    "most_clearance": turned(path=MOVE, obstacles=[REST], zone=BALL, budget=1.01 * MOVE.energy),
-    "most_clearance, errors": turned(
+    "max_clearance": turned(path=MOVE, obstacles=[REST], zone=BALL, budget=1.01 * MOVE.energy),
+    "max_clearance, errors": turned(
         path=MOVE, obstacles=[REST], zone=BALL, budget=1.01 * MOVE.energy, errors=KNOWN, other_errors=KNOWN
     ),
-    "clearance_costs": turned(path=MOVE, obstacles=[REST], zone=BALL, factors=np.array([0.5, 1.0])),
-    "most_clearance, delta-v": turned(  # less than it costs with nothing in the way, which one plan tells
+    "clearance_cost_curve": turned(path=MOVE, obstacles=[REST], zone=BALL, factors=np.array([0.5, 1.0])),
+    "max_clearance, delta-v": turned(  # less than it costs with nothing in the way, which one plan tells
         path=MOVE, obstacles=[REST], zone=BALL, budget=0.5, cost="delta-v", thrusters=SIX, names=["a"]
     ),
-    "clearance_costs, delta-v": turned(
+    "clearance_cost_curve, delta-v": turned(
         path=MOVE, obstacles=[REST], zone=BALL, factors=np.array([0.5, 1.0]), cost="delta-v", thrusters=SIX,
         names=["a"],
     ),
@@ -202,7 +202,7 @@ CALLS = {
         fired=2.0,
         asked=1800.0,
     ),
-    "plots.clearance": turned(found=cf.clearance_costs(MOVE, [REST], BALL, [0.5, 1.0]), most=None),
+    "plots.clearance": turned(found=cf.clearance_cost_curve(MOVE, [REST], BALL, [0.5, 1.0]), most=None),
     "plots.pulses": turned(firing=cf.fire(MOVE, SIX), craft=0),
     "Thrusters": turned(
         directions=np.eye(3), frame="inertial", acceleration=PLACE**2, minimum_bit=1e-3, period=9.0

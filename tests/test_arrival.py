@@ -9,7 +9,7 @@ from scipy.integrate import quad
 from scipy.linalg import expm
 
 import closeform as cf
-from closeform.mission import fly
+from closeform.mission.mission import fly
 from closeform.report import arrival
 from closeform.report.run import RunReport
 from closeform.scenario import ScenarioError, parse

@@ -24,10 +24,10 @@ from closeform.campaign import (
     study,
 )
 from closeform.campaign.draws import searching, uniform
-from closeform.cli import main
+from closeform.cli.app import main
+from closeform.cli.console import WIDTH
 from closeform.confidence import estimate
-from closeform.console import WIDTH
-from closeform.mission import fly
+from closeform.mission.mission import fly
 from closeform.report import worst
 from closeform.report.any_study import report_of
 from closeform.report.cases import by_detection

@@ -15,7 +15,7 @@ FORMATION = ORBIT.transfer(swapping(), -swapping(), 1500.0)
 @pytest.mark.parametrize("share", [0.001, 0.02, 0.05, 0.3])
 def test_the_budget_is_spent(share):
     budget = (1.0 + share) * PATH.energy
-    most = cf.most_clearance(PATH, OTHER, ZONE, budget)
+    most = cf.max_clearance(PATH, OTHER, ZONE, budget)
     assert most.ok
     assert most.status == cf.ClearanceStatus.BUDGET
     assert most.budget == budget
@@ -29,7 +29,7 @@ def test_the_budget_is_spent(share):
 
 
 def test_metres_are_those_in_every_direction():
-    most = cf.most_clearance(PATH, OTHER, ZONE, 1.05 * PATH.energy)
+    most = cf.max_clearance(PATH, OTHER, ZONE, 1.05 * PATH.energy)
     ways = np.random.default_rng(3).normal(size=(20_000, 3))
     ways /= np.linalg.norm(ways, axis=1, keepdims=True)
     more = ZONE.enlarged(most.factor).support(ways) - ZONE.support(ways)
@@ -41,11 +41,11 @@ def test_metres_are_those_in_every_direction():
 
 def test_a_small_budget_affords_less_than_was_asked():
     """What is left is where the direct path touches: its closest approach."""
-    most = cf.most_clearance(PATH, OTHER, ZONE, PATH.energy)
+    most = cf.max_clearance(PATH, OTHER, ZONE, PATH.energy)
     # the cost rises by the square of what is beyond, of which 1e-12 is taken for rounding
     assert most.factor == pytest.approx(cf.closest_approach(PATH, OTHER, ZONE).ratio, rel=1e-4)
     assert most.metres < 0.0
-    none = cf.most_clearance(PATH, OTHER, ZONE, 0.99 * PATH.energy)
+    none = cf.max_clearance(PATH, OTHER, ZONE, 0.99 * PATH.energy)
     assert not none.ok
     assert none.plan is None
     assert np.isnan(none.factor)
@@ -57,7 +57,7 @@ def test_an_end_stops_it():
     """A craft that goes away is nearest at its start, which nobody can change."""
     path = SPACE.transfer([0, 100, 0, 0, 0, 0], [0, 300, 0, 0, 0, 0], 1000.0)
     other = SPACE.coast(np.zeros(6), 1000.0)
-    most = cf.most_clearance(path, other, cf.Sphere(30.0), 2.0 * path.energy, names=["Target"])
+    most = cf.max_clearance(path, other, cf.Sphere(30.0), 2.0 * path.energy, names=["Target"])
     assert most.status == cf.ClearanceStatus.END_INSIDE
     assert most.factor == pytest.approx(100.0 / 30.0, rel=1e-6)
     assert most.factor < 100.0 / 30.0
@@ -71,7 +71,7 @@ def test_where_the_cost_jumps():
     path = SPACE.transfer([-500, 0, 0, 1, 0, 0], [500, 0, 0, 1, 0, 0], 1000.0)
     walls = SPACE.coast(np.array([[0, y, 0, 0, 0, 0] for y in (-60.0, 61.0)]), 1000.0)
     zone = cf.Cylinder(40.0, 1000.0, [0.0, 0.0, 1.0])
-    most = cf.most_clearance(path, walls, zone, 1e-4)
+    most = cf.max_clearance(path, walls, zone, 1e-4)
     assert most.status == cf.ClearanceStatus.NO_WAY
     assert most.factor == pytest.approx(60.5 / 40.0, rel=1e-6)  # half of the gap between their axes
     assert most.plan.energy < 1e-6
@@ -84,7 +84,7 @@ def test_where_the_cost_jumps():
 def test_zones_that_are_never_in_the_way():
     """Who comes later is not met, however large its zone."""
     later = ORBIT.coast(OTHER.state(0.0), 1000.0, start=5000.0)
-    most = cf.most_clearance(PATH, later, ZONE, 2.0 * PATH.energy)
+    most = cf.max_clearance(PATH, later, ZONE, 2.0 * PATH.energy)
     assert most.ok
     assert most.status == cf.ClearanceStatus.NEVER_NEAR
     assert most.factor > 1e5
@@ -94,7 +94,7 @@ def test_least_delta_v():
     a, b, duration, obstacle, radius = passage(2)
     path, zone = obstacle.orbit.transfer(a, b, duration), cf.Sphere(radius)
     budget = 1.05 * cf.least_delta_v(obstacle.orbit, a, b, duration).upper
-    most = cf.most_clearance(path, obstacle, zone, budget, cost="delta-v")
+    most = cf.max_clearance(path, obstacle, zone, budget, cost="delta-v")
     assert most.ok
     assert most.plan.cost == "delta-v"
     assert most.plan.delta_v <= budget
@@ -109,7 +109,7 @@ def test_least_delta_v():
 def test_a_formation():
     zone = cf.Sphere(18.0)
     budget = 1.03 * FORMATION.energy.sum()
-    most = cf.most_clearance(FORMATION, (), zone, budget)
+    most = cf.max_clearance(FORMATION, (), zone, budget)
     assert most.status == cf.ClearanceStatus.BUDGET
     assert most.plan.energy == pytest.approx(budget, rel=1e-6)
     assert len(cf.screen(most.plan.paths, zone.enlarged(most.factor))) == 0
@@ -126,7 +126,7 @@ def test_sigmas_that_a_budget_affords(share):
     """Those of the plan by a march of its own; a thousandth more is too dear."""
     budget = (1.0 + share) * PATH.energy
     zone = cf.Sphere(20.0)
-    most = cf.most_clearance(PATH, OTHER, zone, budget, errors=KNOWN, other_errors=KNOWN)
+    most = cf.max_clearance(PATH, OTHER, zone, budget, errors=KNOWN, other_errors=KNOWN)
     assert most.status == cf.ClearanceStatus.BUDGET
     assert (most.factor, most.metres) == (1.0, 0.0)
     assert budget - 2e-6 * share * PATH.energy <= most.plan.energy <= budget
@@ -139,7 +139,7 @@ def test_sigmas_that_a_budget_affords(share):
 
 def test_sigmas_of_delta_v_and_of_a_formation():
     budget = 1.05 * FORMATION.energy.sum()
-    most = cf.most_clearance(FORMATION, (), cf.Sphere(12.0), budget, errors=[KNOWN] * 7 + [None])
+    most = cf.max_clearance(FORMATION, (), cf.Sphere(12.0), budget, errors=[KNOWN] * 7 + [None])
     assert most.ok
     assert most.plan.energy == pytest.approx(budget, rel=1e-6)
     found = [
@@ -150,7 +150,7 @@ def test_sigmas_of_delta_v_and_of_a_formation():
     ]
     assert min(one.sigmas for one in found) == pytest.approx(most.sigmas, rel=1e-3)
     free = cf.avoid(PATH, OTHER, cf.Sphere(20.0), cost="delta-v").lower_bound
-    spent = cf.most_clearance(PATH, OTHER, cf.Sphere(20.0), 1.2 * free, cost="delta-v", errors=KNOWN)
+    spent = cf.max_clearance(PATH, OTHER, cf.Sphere(20.0), 1.2 * free, cost="delta-v", errors=KNOWN)
     assert spent.ok
     assert spent.plan.delta_v <= 1.2 * free
     least = cf.clearance_in_sigmas(spent.plan.path, OTHER, cf.Sphere(20.0), KNOWN).sigmas
@@ -159,24 +159,24 @@ def test_sigmas_of_delta_v_and_of_a_formation():
 
 
 def test_what_keeps_sigmas_from_being_more():
-    none = cf.most_clearance(PATH, OTHER, ZONE, PATH.energy, errors=KNOWN)  # not even the zone itself
+    none = cf.max_clearance(PATH, OTHER, ZONE, PATH.energy, errors=KNOWN)  # not even the zone itself
     assert (none.status, none.plan) == (cf.ClearanceStatus.NO_WAY, None)
     assert none.reason.startswith("at no sigma they cost ")
     assert np.isnan(none.sigmas)
     across = cf.Errors(np.diag([0, 0, 1.0, 0, 0, 1e-6]))  # never brings one that is ahead nearer
     hold, client = ORBIT.coast([0, 200, 0, 0, 0, 0], 3000.0), ORBIT.coast(np.zeros(6), 3000.0)
-    free = cf.most_clearance(hold, client, cf.Sphere(20.0), 1e-6, errors=across)
+    free = cf.max_clearance(hold, client, cf.Sphere(20.0), 1e-6, errors=across)
     assert free.status == cf.ClearanceStatus.NEVER_NEAR
     assert (free.reason, free.sigmas) == ("10 000 sigmas bring nobody together", 10_000.0)
-    exact = cf.most_clearance(PATH, OTHER, cf.Sphere(1.0), 2.0 * PATH.energy, errors=cf.Errors())
+    exact = cf.max_clearance(PATH, OTHER, cf.Sphere(1.0), 2.0 * PATH.energy, errors=cf.Errors())
     assert (exact.status, exact.sigmas) == (cf.ClearanceStatus.NEVER_NEAR, 10_000.0)
     with pytest.raises(ValueError, match=r"^other_errors: of a formation; give them in errors"):
-        cf.most_clearance(FORMATION, (), ZONE, 1.0, other_errors=KNOWN)
+        cf.max_clearance(FORMATION, (), ZONE, 1.0, other_errors=KNOWN)
 
 
 def test_costs_of_many_sizes():
     factors = [0.01, 0.5, 1.0, 2.0, 1e3]
-    found = cf.clearance_costs(PATH, OTHER, ZONE, factors)
+    found = cf.clearance_cost_curve(PATH, OTHER, ZONE, factors)
     assert found.free == pytest.approx(PATH.energy, rel=1e-12)
     assert found.spent[0] == pytest.approx(found.free, rel=1e-12)
     assert found.slope[0] == 0.0
@@ -184,7 +184,7 @@ def test_costs_of_many_sizes():
     assert np.isnan(found.spent[4])
     assert not found.plans[4].ok
     h = 1e-3
-    sides = cf.clearance_costs(PATH, OTHER, ZONE, [2.0 - h, 2.0 + h])
+    sides = cf.clearance_cost_curve(PATH, OTHER, ZONE, [2.0 - h, 2.0 + h])
     assert found.slope[3] == pytest.approx(np.diff(sides.spent)[0] / (2.0 * h), rel=1e-5)
     assert found.metres == pytest.approx((np.array(factors) - 1.0) * 20.0)
 
@@ -201,13 +201,13 @@ def test_costs_of_many_sizes():
 )
 def test_bad_input_is_named(arguments, message):
     with pytest.raises(ValueError, match=message):
-        cf.most_clearance(*arguments)
+        cf.max_clearance(*arguments)
 
 
 def test_factors_are_positive():
     for bad in ([], 1.0, [0.0], [np.inf], [[1.0]]):
         with pytest.raises(ValueError, match=r"^factors: expected shape"):
-            cf.clearance_costs(PATH, OTHER, ZONE, bad)
+            cf.clearance_cost_curve(PATH, OTHER, ZONE, bad)
 
 
 WEDGE = cf.HalfSpaces([[0.0, 1.0, 0.2], [0.3, -1.0, 0.1]], [30.0, 11.0])

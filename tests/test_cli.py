@@ -14,11 +14,11 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import closeform as cf
-from closeform.cli import main
-from closeform.console import WIDTH
-from closeform.publishing import folder
-from closeform.result_folder import FolderError
+from closeform.cli.app import main
+from closeform.cli.console import WIDTH
 from closeform.scenario import load
+from closeform.storage.publishing import folder
+from closeform.storage.result_folder import FolderError
 from pages import assert_linked
 from scenarios import GOOD
 from test_errors import contents, oem
@@ -54,7 +54,7 @@ def test_help_is_quick_and_imports_nothing_heavy() -> None:
     heavy = ("numpy", "numba", "matplotlib", "pydantic", "astropy", "pandas")
     heavy += ("hashlib", "importlib.metadata")
     code = (
-        "import sys; from closeform.cli import main; main(['--help']);"
+        "import sys; from closeform.cli.app import main; main(['--help']);"
         f"print([name for name in {heavy} if name in sys.modules])"
     )
     took = []

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from closeform.cli import main
+from closeform.cli.app import main
 from closeform.exchange.common_frame import common_frame
 from closeform.exchange.ephemeris import Ephemeris
 from closeform.exchange.interpolation import interpolated

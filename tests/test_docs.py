@@ -9,7 +9,7 @@ import matplotlib
 import pytest
 
 import closeform.report.gather
-from closeform.cli import main
+from closeform.cli.app import main
 
 pytestmark = pytest.mark.usefixtures("unpainted")
 

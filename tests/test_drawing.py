@@ -11,7 +11,7 @@ import closeform as cf
 from closeform.plots.png import png
 from closeform.report import drawing
 from closeform.report.picture import Film, Picture
-from closeform.result_folder import Folder
+from closeform.storage.result_folder import Folder
 
 ORBIT = cf.Orbit(1.1e-3)
 PATH = ORBIT.coast([60, 30, 20, 0, -0.132, 0.03], 3000.0)

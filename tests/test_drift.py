@@ -115,7 +115,7 @@ def flown(path, until, rng, failure, t):
     drifts = failed(path, s, t)
     if isinstance(failure, cf.ThrustLost):
         return np.where(t[:, None] >= s, drifts, nominal)
-    if isinstance(failure, cf.WeakThrust):
+    if isinstance(failure, cf.DegradedThrust):
         share = rng.uniform(failure.least, 1.0)
         return np.where(t[:, None] >= s, share * nominal + (1.0 - share) * drifts, nominal)
     if isinstance(failure, cf.MissedBurns):
@@ -147,9 +147,9 @@ FAILURES = [
     cf.ThrustLost(),
     cf.MissedBurns(),
     cf.MissedBurns(0.6),
-    cf.WeakThrust(0.3),
-    cf.StuckThrust(300.0),
-    cf.StuckThrust(60.0, [1e-4, -2e-4, 5e-5]),
+    cf.DegradedThrust(0.3),
+    cf.StuckOnThrust(300.0),
+    cf.StuckOnThrust(60.0, [1e-4, -2e-4, 5e-5]),
 ]
 
 
@@ -284,7 +284,7 @@ def test_thrust_is_stuck_no_longer_than_the_drift_lasts(seed):
     rng = np.random.Generator(np.random.Philox(seed))
     path = ORBIT.transfer(0.3 * some_states(rng), 0.3 * some_states(rng), rng.uniform(0.3, 0.8) * PERIOD)
     client, longest = ORBIT.coast(np.zeros(6), path.end), 0.3 * PERIOD
-    found = cf.drift_approach(path, client, cf.Sphere(20.0), path.end, cf.StuckThrust(longest))
+    found = cf.drift_approach(path, client, cf.Sphere(20.0), path.end, cf.StuckOnThrust(longest))
     wide = np.zeros((9, 9))  # constant thrust as three more states
     wide[:6, :6], wide[3:6, 6:] = hill(N), np.eye(3)
     begin = np.r_[path.state(found.failed_at), path.thrust(found.failed_at)]
@@ -308,7 +308,7 @@ def test_least_of_many_unknowns_says_how_certain_it_is():
     one = orbit.transfer([60, -250, 60, 0, 0, 0], [-40, 120, 30, 0, 0, 0], 4000.0)
     two = orbit.transfer([0, 10, 0, 0, 0, 0], [10, -10, 0, 0, 0, 0], 4000.0)
     box = cf.Box([20.0, 40.0, 20.0])
-    both = cf.drift_approach(one, two, box, 6000.0, cf.WeakThrust(), "both")
+    both = cf.drift_approach(one, two, box, 6000.0, cf.DegradedThrust(), "both")
     assert both.lower <= both.ratio
     alone = cf.drift_approach(one, two.orbit.coast(two.state(0.0), 6000.0), box, 6000.0)
     assert alone.ratio - 1e-9 * max(1.0, alone.ratio) <= alone.lower <= alone.ratio

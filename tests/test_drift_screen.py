@@ -102,7 +102,7 @@ def test_pairs_that_stay_open_are_told():
     One pair, of which no verdict is certain, is clear by its least norm; it was told with a ratio above 1.
     """
     fleet, until = transfers(312, 5), 20 * PERIOD
-    failure, zone = cf.StuckThrust(60.0, [0.0, 2e-4, 0.0]), cf.Box([15, 25, 12])
+    failure, zone = cf.StuckOnThrust(60.0, [0.0, 2e-4, 0.0]), cf.Box([15, 25, 12])
     told = {tuple(pair) for pair in cf.drift_screen(fleet, zone, until, failure).pairs.tolist()}
     flown = cf.join([fleet, ORBIT.coast(fleet.state(PERIOD), until - PERIOD, start=PERIOD)])
     meet, may = set(), set()

@@ -10,7 +10,7 @@ from scipy.stats import binomtest
 
 import closeform as cf
 from cdms import FAST, MEDIUM, SLOW
-from closeform.cli import main
+from closeform.cli.app import main
 
 NUMBER = r"(-|[-+.e\d]+)"
 

@@ -9,8 +9,8 @@ import pytest
 
 import closeform as cf
 from closeform.campaign import case_of
-from closeform.cli import main
-from closeform.mission import fly
+from closeform.cli.app import main
+from closeform.mission.mission import fly
 from closeform.scenario import parse
 from closeform.scenario.errors import ScenarioError
 from test_lost_thrust import ENDS, FIELD, OFF, ORBIT, OWN, SIGHT, SPAN, START, drifted

@@ -12,8 +12,8 @@ import pytest
 from astropy.time import Time, TimeDelta
 
 import closeform as cf
-from closeform.cli import main
-from closeform.console import tell_run
+from closeform.cli.app import main
+from closeform.cli.console import tell_run
 from closeform.exchange.oem import read_oem, write_oem
 from closeform.report.run import RunReport, states
 from closeform.scenario import ScenarioError, parse
@@ -132,7 +132,7 @@ def test_a_wide_table_does_without_utc_on_a_terminal(tmp_path, capsys, monkeypat
         "keep_out",
         'mass = "12 kg"\nmax_thrust = "2 N"\nspecific_impulse = "60 s"\nthrusters = "rtn"\nkeep_out',
     )
-    monkeypatch.setattr("closeform.console.UNBROKEN", 100)
+    monkeypatch.setattr("closeform.cli.console.UNBROKEN", 100)
     lines, _, tables = left(tmp_path, text, capsys)
     head = next(line for line in lines if "thruster" in line and "R [m/s]" in line)
     assert [line for line in lines if len(line) > 100 and "results in" not in line] == []

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import closeform as cf
-from closeform.cli import main
+from closeform.cli.app import main
 from closeform.scenario import Scenario, ScenarioError, parse
 from scenarios import GOOD, LOST
 

@@ -16,7 +16,7 @@ from scipy.interpolate import KroghInterpolator
 
 import closeform as cf
 from bodies import Body
-from closeform.cli import main
+from closeform.cli.app import main
 from exported import EPOCH, FLYING, SEARCHING, SURE, run, seconds, truth
 
 pytestmark = pytest.mark.usefixtures("unpainted")

@@ -12,8 +12,8 @@ from scipy.integrate import DOP853, solve_ivp
 from scipy.interpolate import CubicHermiteSpline
 
 import closeform as cf
-from closeform.field.dormand_prince import tableau
-from closeform.field.field import EARTH_ZONALS, GRAVITY_RADIUS
+from closeform.dynamics.dormand_prince import tableau
+from closeform.dynamics.field import EARTH_ZONALS, GRAVITY_RADIUS
 
 MU = cf.EARTH_MU
 EPOCH = "2026-11-22T12:00:00"
@@ -825,7 +825,7 @@ def test_a_plan_that_is_measured_once_flies():
 
 def test_impulses_of_the_way_back_are_the_least():
     """They bring any deviation to zero, with the least sum of squares: the pseudoinverse says so, too."""
-    from closeform.field.feedback import kicks_back
+    from closeform.dynamics.feedback import kicks_back
 
     orbit, law = chief().orbit, cf.Feedback(600.0, 4000.0, 5)
     times, gains = kicks_back(orbit, law)

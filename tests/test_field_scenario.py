@@ -9,9 +9,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import closeform as cf
-from closeform.cli import main
-from closeform.field.rule import COASTS, MOVES, model_error
-from closeform.mission import fly
+from closeform.cli.app import main
+from closeform.dynamics.model_error_estimate import COASTS, MOVES, model_error
+from closeform.mission.mission import fly
 from closeform.scenario import ScenarioError, parse
 from field_scenario import AIR, swap
 from test_field import axes_of, textbook

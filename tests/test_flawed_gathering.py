@@ -9,14 +9,14 @@ from bodies import Body
 from closeform.campaign import case_of, flown
 from closeform.campaign.gather_cases import GatherCampaign
 from closeform.campaign.mission_cases import MissionCampaign
-from closeform.mission import fly
+from closeform.mission.mission import fly
 from closeform.report import gather as report
 from closeform.scenario import parse
+from closeform.search.burn_errors import gather_flawed
 from closeform.search.burn_flaws import BurnFlaws
-from closeform.search.flawed_gather import gather_flawed
 from closeform.search.gather import gather
 from closeform.search.gather_result import EventKind, GatherStatus
-from closeform.search.lost_fleet import lost_fleet
+from closeform.search.spacecraft_set import lost_fleet
 from lost import BASIC, Sky, gathered
 from philox import block
 from test_clearance import with_kernel

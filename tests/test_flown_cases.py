@@ -13,9 +13,9 @@ from scipy.special import ndtri
 import closeform as cf
 from closeform.campaign import case_of, flown
 from closeform.campaign.mission_cases import MissionCases
-from closeform.cli import main
-from closeform.field.drag import EARTH_SPIN
-from closeform.mission import fly
+from closeform.cli.app import main
+from closeform.dynamics.drag import EARTH_SPIN
+from closeform.mission.mission import fly
 from closeform.report.mission_study import MissionStudyReport
 from closeform.scenario import parse
 from field_scenario import AIR, IN_AIR, swap

@@ -11,13 +11,13 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import closeform as cf
-from closeform.cli import main
-from closeform.flown_verdict import Entered
-from closeform.mission import fly
-from closeform.mission_result import Mission
+from closeform.cli.app import main
+from closeform.mission.mission import fly
+from closeform.mission.mission_result import Mission
+from closeform.mission.simulation_verdict import Entered
+from closeform.mission.stage_margin import flown_errors
+from closeform.mission.stage_start import BurnRoom, StageStart
 from closeform.scenario import parse
-from closeform.stage_margin import flown_errors
-from closeform.stage_start import BurnRoom, StageStart
 from field_scenario import swap
 from pages import Seen
 from test_field import axes_of, textbook

@@ -8,8 +8,8 @@ from PIL import Image
 
 import closeform as cf
 from closeform import plots
-from closeform.palette import COLOURS, CONFLICT
-from closeform.plots.flying import Flying
+from closeform.plots.formation_animation import Flying
+from closeform.plots.palette import COLOURS, CONFLICT
 from closeform.plots.views import OBLIQUE
 
 DEEP = cf.Orbit(0.0)

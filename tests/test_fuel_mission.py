@@ -10,9 +10,9 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from bridge import hill
-from closeform.console import WIDTH
+from closeform.cli.console import WIDTH
 from closeform.fuel.bound import least_delta_v
-from closeform.mission import fly
+from closeform.mission.mission import fly
 from closeform.motion.path import ends_of
 from closeform.report import reconfigure
 from closeform.report.run import RunReport
@@ -83,7 +83,7 @@ def pictureless(monkeypatch):
     for subject in ("reconfigure", "move", "burns"):
         monkeypatch.setattr(f"closeform.report.{subject}.pictures", lambda *_: ())
     monkeypatch.setattr("closeform.report.transfer.pictures", lambda *_: ())
-    monkeypatch.setattr("closeform.report.choices.Choices.pictures", ())
+    monkeypatch.setattr("closeform.report.actuator_options.Choices.pictures", ())
     monkeypatch.setattr("closeform.report.conflicts.coasting", lambda *_: ())
 
 

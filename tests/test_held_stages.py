@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import closeform as cf
-from closeform.cli import main
+from closeform.cli.app import main
 from test_field import chief, fired, pushed
 from test_room import at, deviations
 

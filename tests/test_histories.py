@@ -7,9 +7,9 @@ from scipy.special import ndtri
 
 from bridge import hill
 from closeform.campaign import case_of, flown
-from closeform.campaign.history import History
+from closeform.campaign.executed_mission import History
 from closeform.campaign.mission_cases import MissionCases
-from closeform.mission import fly
+from closeform.mission.mission import fly
 from closeform.report import uncertain
 from closeform.scenario import parse
 from philox import block

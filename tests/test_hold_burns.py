@@ -8,8 +8,8 @@ from scipy.linalg import expm
 import closeform as cf
 from closeform.planning import impulse_search
 from closeform.planning.burn_local import apart
+from closeform.planning.firing_times import Moments, blended
 from closeform.planning.impulse_local import ImpulseSolver
-from closeform.planning.impulse_moments import Moments, blended
 from hold_transfers import NUMBER, hold_transfers
 from ring_transfers import RADIUS, ring_transfers
 from test_hold_plans import COSTS, DEARER, SEVERAL

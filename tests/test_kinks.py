@@ -7,11 +7,11 @@ from scipy.optimize import linprog
 
 import closeform as cf
 from closeform._jit import kernel
-from closeform.drift.fans import ROOM_TYPE
-from closeform.drift.kinks import EDGES, mixed_normal
-from closeform.drift.sides import room_for, side_of
-from closeform.drift.tubes import floor_of, shadow_of_faces
 from closeform.kernel_loans import borrowed, lent
+from closeform.safety.active_faces import EDGES, mixed_normal
+from closeform.safety.failure_family import ROOM_TYPE
+from closeform.safety.sides import room_for, side_of
+from closeform.safety.tubes import floor_of, shadow_of_faces
 from closeform.zones.shapes import FORM
 from closeform.zones.zone import scaled_norm
 
@@ -37,7 +37,7 @@ def mixed(room, count, form, x, y, z, way):
 def random_room(rng, count, size):
     """Room in which the edges of a parallelotope and its corner stand, in zone coordinates."""
     path = ORBIT.coast(np.zeros(6), 1.0)
-    room = room_for(side_of(path, cf.WeakThrust(0.1), 1.0), side_of(path, cf.WeakThrust(0.1), 1.0))
+    room = room_for(side_of(path, cf.DegradedThrust(0.1), 1.0), side_of(path, cf.DegradedThrust(0.1), 1.0))
     room.places[:] = 0.0
     room.places[0, :3] = 2.0 * rng.normal(size=3)
     room.edges[:count, :3] = size * rng.normal(size=(count, 3))

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 import closeform as cf
-from closeform.cli import main
-from closeform.mission import fly
+from closeform.cli.app import main
+from closeform.mission.mission import fly
+from closeform.mission.verdict import Late, Use, Verdict, raised
 from closeform.report.run import RunReport
 from closeform.scenario import parse
-from closeform.verdict import Late, Use, Verdict, raised
 
 INSPECTOR = """\
 closeform = 1

@@ -14,7 +14,7 @@ from scipy.linalg import expm
 
 import closeform as cf
 from closeform.fuel.burns import burns_of
-from closeform.stage_burns import burns_in
+from closeform.mission.stage_burns import burns_in
 from formations import LOW_ORBIT
 from test_least_delta_v_plans import NEAR, passage, rates
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import closeform as cf
-from closeform.cli import main
-from closeform.mission_result import Mission
-from closeform.result_folder import SUMMARY, FolderError
+from closeform.cli.app import main
+from closeform.mission.mission_result import Mission
+from closeform.storage.result_folder import SUMMARY, FolderError
 from scenarios import GOOD, LOST
 
 pytestmark = pytest.mark.usefixtures("unpainted")

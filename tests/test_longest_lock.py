@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import closeform as cf
-from closeform.mission import fly
+from closeform.mission.mission import fly
 from closeform.scenario import parse
 from turns import Turning, first_lock, turns
 

@@ -9,8 +9,8 @@ from scipy.linalg import expm
 from bridge import hill
 from closeform.campaign import case_of, flown
 from closeform.campaign.draws import failing
-from closeform.mission import fly
-from closeform.report.found import requirements
+from closeform.mission.mission import fly
+from closeform.report.requirements import requirements
 from closeform.scenario import ScenarioError, parse
 from test_histories import TWICE
 

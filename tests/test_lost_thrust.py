@@ -9,9 +9,9 @@ from scipy.integrate import solve_ivp
 
 import closeform as cf
 from closeform.campaign import case_of, flown
-from closeform.cli import main
-from closeform.flown_run import FlownRun
-from closeform.mission import fly
+from closeform.cli.app import main
+from closeform.mission.mission import fly
+from closeform.mission.simulation import FlownRun
 from closeform.scenario import parse
 from field_scenario import swap
 from test_field import axes_of, chief, textbook

@@ -9,7 +9,7 @@ import pyarrow.parquet
 import pytest
 
 import closeform as cf
-from closeform.cli import main
+from closeform.cli.app import main
 from closeform.conflicts import flight
 from closeform.zones.pair_zones import AT_ONCE, PairZones, portions, portions_near
 from scenarios import LOST
@@ -36,7 +36,7 @@ MOST = {"check": 280, "run": 700, "screen": 320}  # MB
 MEASURED = """
 import re, sys
 from pathlib import Path
-from closeform.cli import main
+from closeform.cli.app import main
 if sys.argv[1] == "screen":
     import numpy as np, closeform as cf
     states = np.zeros((6000, 6))

@@ -12,11 +12,11 @@ from scipy.special import ndtri
 import closeform as cf
 from closeform.campaign import case_of, flown
 from closeform.campaign.mission_cases import MissionCases
-from closeform.cli import main
-from closeform.mission import fly
+from closeform.cli.app import main
+from closeform.mission.mission import fly
 from closeform.report.mission_study import MissionStudyReport
-from closeform.result_folder import Folder
 from closeform.scenario import ScenarioError, parse
+from closeform.storage.result_folder import Folder
 from closeform.viewer import replays
 from closeform.viewer.scene import scene_of
 from closeform.viewer.shown import Shown

@@ -11,8 +11,8 @@ from scipy.linalg import expm
 
 import closeform as cf
 from bridge import hill
-from closeform.console import WIDTH
-from closeform.mission import fly
+from closeform.cli.console import WIDTH
+from closeform.mission.mission import fly
 from closeform.report.run import RunReport
 from closeform.scenario import ScenarioError, load, parse
 from reflown import faults

@@ -13,12 +13,12 @@ import pyarrow.parquet
 import pytest
 
 import turns
-from closeform.cli import main
-from closeform.console import WIDTH
-from closeform.mission import fly
-from closeform.publishing import folder
+from closeform.cli.app import main
+from closeform.cli.console import WIDTH
+from closeform.mission.mission import fly
 from closeform.report.run import RunReport, leave
 from closeform.scenario import load, parse
+from closeform.storage.publishing import folder
 from lost import BASIC, Sky, gathered
 from scenarios import LOST
 

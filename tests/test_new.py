@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import closeform as cf
-from closeform.cli import installed, main
+from closeform.cli.app import installed, main
 
 ROOT = Path(__file__).parents[1]
 EXAMPLES = sorted(file.stem for file in (ROOT / "examples").glob("*.toml"))

@@ -13,7 +13,7 @@ from scipy.stats import norm
 
 import closeform as cf
 from closeform.uncertainty.columns import columns_of
-from closeform.uncertainty.noisy_histories import NoisyHistories
+from closeform.uncertainty.noisy_trajectories import NoisyHistories
 from closeform.uncertainty.white_noise import OFF, kicks_of
 from test_probability import AHEAD, DEEP, ORBIT, PERIOD, SLOW, ZONE, N, coasts, hill
 

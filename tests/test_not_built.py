@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from closeform.cli import main
-from closeform.mission import fly
+from closeform.cli.app import main
+from closeform.mission.mission import fly
 from closeform.scenario import parse
 from closeform.scenario.foreseen import stops
 from closeform.scenario.study import SEARCHED as SEARCHED_KEYS

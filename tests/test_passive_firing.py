@@ -9,7 +9,7 @@ from scipy.linalg import expm
 
 import closeform as cf
 from bridge import hill
-from closeform.mission import fly
+from closeform.mission.mission import fly
 from closeform.report import burns
 from closeform.scenario import parse
 from hold_transfers import hold_transfers

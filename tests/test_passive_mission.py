@@ -14,10 +14,10 @@ import closeform as cf
 from bridge import hill
 from closeform import plots
 from closeform.campaign import case_of
-from closeform.cli import main
-from closeform.field.lost_thrust import sampled_losses
-from closeform.mission import fly
-from closeform.passive import in_field
+from closeform.cli.app import main
+from closeform.dynamics.lost_thrust import sampled_losses
+from closeform.mission.mission import fly
+from closeform.mission.passive_safety import in_field
 from closeform.report import drift
 from closeform.report.run import RunReport
 from closeform.scenario import parse

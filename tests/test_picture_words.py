@@ -12,12 +12,12 @@ from matplotlib.text import Text
 
 import closeform as cf
 from closeform import plots
-from closeform.mission import fly
-from closeform.plots.look import banner
+from closeform.mission.mission import fly
+from closeform.plots.style import banner
 from closeform.report.picture import Film
 from closeform.report.run import RunReport
-from closeform.result_folder import Folder
 from closeform.scenario.load import parse
+from closeform.storage.result_folder import Folder
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 ORBIT = cf.Orbit.circular(500e3)

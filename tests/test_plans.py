@@ -10,7 +10,7 @@ import pytest
 
 from closeform.campaign import case_of, flown, mission_cases
 from closeform.campaign.plans import MOST, Plans
-from closeform.mission import fly
+from closeform.mission.mission import fly
 from closeform.scenario import ScenarioError, parse
 from test_flown_cases import MANY
 from test_histories import TWICE

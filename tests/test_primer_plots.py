@@ -93,7 +93,7 @@ def test_a_plan_around_a_zone_has_a_primer_of_its_own():
 def test_the_slope_of_a_plans_primer_jumps_at_contacts_only():
     """By the multiplier along the normal, which is in the craft's rate of the primer."""
     plan = cf.avoid(ROUND.impulsive(BEGIN, END, LONG), *IN_THE_WAY, cost="delta-v")
-    from closeform.plots.worth import PlanePushes, Worth
+    from closeform.plots.plan_primer import PlanePushes, Worth
 
     planes = PlanePushes.of(plan, 0, plan.path)
     worth = Worth.of(plan.path, planes, None)

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from closeform.campaign import case_of, flown
-from closeform.cli import main
-from closeform.mission import fly
+from closeform.cli.app import main
+from closeform.mission.mission import fly
 from closeform.report.run import RunReport
 from closeform.scenario import parse
 from test_verdict import LOST

@@ -14,9 +14,9 @@ from scipy.stats import norm
 import closeform as cf
 from closeform.uncertainty.ball_share import inside
 from closeform.uncertainty.columns import columns_of
-from closeform.uncertainty.histories import Histories
 from closeform.uncertainty.mean_entries import rates
 from closeform.uncertainty.relative_errors import relative_errors
+from closeform.uncertainty.sampled_trajectories import Histories
 
 ORBIT, DEEP = cf.Orbit.circular(500e3), cf.Orbit(0.0)
 N, PERIOD = ORBIT.mean_motion, ORBIT.period

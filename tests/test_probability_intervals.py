@@ -8,11 +8,11 @@ from scipy.stats import binom
 
 import closeform as cf
 from closeform.confidence import CONFIDENCE
-from closeform.uncertainty import histories as histories_module
+from closeform.uncertainty import sampled_trajectories as histories_module
 from closeform.uncertainty.drawn_entries import drawn, interval_of_mean, lost_of, strata
-from closeform.uncertainty.histories import Histories
 from closeform.uncertainty.mean_entries import expected_entries
 from closeform.uncertainty.relative_errors import relative_errors
+from closeform.uncertainty.sampled_trajectories import Histories
 
 ORBIT = cf.Orbit.circular(500e3)
 PERIOD = ORBIT.period

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import closeform as cf
-from closeform.mission import fly
+from closeform.mission.mission import fly
 from closeform.planning.pieces import outside, pieces
 from closeform.planning.prove import lower_bound, prove
 from closeform.planning.request import Request

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import closeform as cf
-from closeform.field.reachable import lacks, reachable
-from closeform.mission import fly
+from closeform.dynamics.reachable import lacks, reachable
+from closeform.mission.mission import fly
 from closeform.scenario import parse
 from field_scenario import swap
 from test_field_scenario import flown_apart

@@ -8,13 +8,13 @@ import pyarrow.parquet
 import pytest
 
 from closeform.campaign import campaign
-from closeform.mission import FLIES, fly
+from closeform.mission.mission import FLIES, fly
 from closeform.report import run, study
 from closeform.report.page import table as as_html
 from closeform.report.table import PAIR, PHASE, Column, Table
-from closeform.result_folder import Folder
 from closeform.scenario import parse
 from closeform.scenario.stages import STAGES
+from closeform.storage.result_folder import Folder
 from test_cli import GOOD
 from test_mission_search import AFTER, FIRST, MOVING, PLACES, searched
 

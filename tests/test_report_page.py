@@ -12,13 +12,13 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import closeform as cf
-from closeform.cli import main
+from closeform.cli.app import main
 from closeform.exchange.oem import read_oem
-from closeform.mission import fly
-from closeform.report import budget, found, model
+from closeform.mission.mission import fly
+from closeform.report import budget, model, requirements
 from closeform.report.run import RunReport, leave
-from closeform.result_folder import Folder
 from closeform.scenario import parse
+from closeform.storage.result_folder import Folder
 from pages import assert_linked
 from scenarios import GOOD
 from test_errors import oem
@@ -125,7 +125,7 @@ def test_each_requirement_is_told_apart(changes, broken):
         assert old in text
         text = text.replace(old, new)
     mission = fly(parse(text))
-    told = list(found.requirements(mission))
+    told = list(requirements.requirements(mission))
     unmet = [what for what, _, met in told if met is False]  # None: within the model error, not shown
     assert (not unmet) == mission.verdict.ok
     assert len(unmet) == (broken is not None), told

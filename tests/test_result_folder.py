@@ -11,8 +11,8 @@ from tempfile import TemporaryDirectory
 
 import pytest
 
-from closeform.publishing import folder, settle
-from closeform.result_folder import PRIVATE, SUMMARY, Folder, FolderError, finished, page_of
+from closeform.storage.publishing import folder, settle
+from closeform.storage.result_folder import PRIVATE, SUMMARY, Folder, FolderError, finished, page_of
 from scenarios import GOOD, LOST
 
 BUILDERS = {"run": folder, "study": partial(folder, study=True)}
@@ -185,7 +185,7 @@ import os, signal, sys
 from pathlib import Path
 sys.path.insert(0, sys.argv[1])
 from test_result_folder import BUILDERS, fill, made
-from closeform.result_folder import FolderError
+from closeform.storage.result_folder import FolderError
 builder, fault, before = BUILDERS[sys.argv[2]], sys.argv[3], sys.argv[4] == "over"
 NEEDS_SPACE = ("os.mkdir", "os.rename")
 STEPS = (*NEEDS_SPACE, "os.remove", "os.rmdir", "os.listdir", "open", "shutil.rmtree")

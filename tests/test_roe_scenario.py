@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from closeform.mission import fly
+from closeform.mission.mission import fly
 from closeform.scenario import ScenarioError, load, parse
 
 EXAMPLES = Path(__file__).parents[1] / "examples"

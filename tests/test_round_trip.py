@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import closeform as cf
-from closeform.cli import main
+from closeform.cli.app import main
 from exported import FLYING, run
 
 ZONE = cf.Sphere(25.0)

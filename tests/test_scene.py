@@ -12,11 +12,11 @@ from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation, Slerp
 
 import closeform as cf
-from closeform.cli import main
+from closeform.cli.app import main
 from closeform.exchange.common_frame import common_frame
 from closeform.exchange.oem import read_oem
-from closeform.mission import fly
-from closeform.mission_result import Mission
+from closeform.mission.mission import fly
+from closeform.mission.mission_result import Mission
 from closeform.scenario import parse
 from closeform.viewer.page import document
 from closeform.viewer.scene import scene_of

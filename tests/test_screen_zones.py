@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from closeform.cli import main
+from closeform.cli.app import main
 from closeform.exchange.common_frame import common_frame
 from closeform.exchange.oem import read_oem
 from test_errors import oem

@@ -9,7 +9,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import closeform as cf
-from closeform.conflicts import rounds
 
 N = 1.1e-3
 ORBIT = cf.Orbit(N)
@@ -120,7 +119,7 @@ def test_progress_stays_out_of_files(monkeypatch, capsys):
     """Many pairs show a bar on a terminal only; the answer is the same."""
     paths = cluster(40, 5)
     quiet = cf.screen(paths, ZONE)
-    monkeypatch.setattr(rounds, "LONG", 1)
+    monkeypatch.setattr(batches, "LONG", 1)
     np.testing.assert_array_equal(table(cf.screen(paths, ZONE)), table(quiet))
     shown = capsys.readouterr()
     assert shown.out == shown.err == ""

@@ -8,7 +8,7 @@ import pytest
 import closeform as cf
 from bodies import RATE, Body, first_lock
 from closeform.campaign import case_of, flown
-from closeform.mission import fly
+from closeform.mission.mission import fly
 from closeform.scenario import parse
 from turns import turns
 

@@ -14,11 +14,11 @@ from bodies import Body
 from closeform import plots
 from closeform.plots.camera import GROUP_COLOURS, Camera, hull, ring
 from closeform.plots.cones import half_rim
-from closeform.plots.film import schedule
 from closeform.plots.formation import ThreeViews
+from closeform.plots.gathering_animation import schedule
 from closeform.plots.hyperbola import CAMERA, Meeting
-from closeform.plots.moment import Knots, Moment
 from closeform.plots.panels import OBLIQUE, SUN_VIEW
+from closeform.plots.snapshot import Knots, Moment
 from closeform.search.gather import gather
 from closeform.search.locks import lock_times
 from closeform.search.schedule import Search

@@ -9,11 +9,11 @@ from scipy.stats import chi2
 import closeform as cf
 from bridge import hill
 from closeform.campaign import case_of, flown
-from closeform.campaign.shaking import Shaking
-from closeform.field.shaken import STEP, shaken
-from closeform.mission import fly
+from closeform.campaign.process_noise import Shaking
+from closeform.dynamics.process_noise import STEP, shaken
+from closeform.mission.mission import fly
 from closeform.scenario import parse
-from closeform.uncertainty.kicked import kicked
+from closeform.uncertainty.velocity_disturbance import kicked
 from closeform.uncertainty.white_noise import BLOCK, increments, kicks_of
 from philox import block
 from test_histories import NEAR

@@ -527,7 +527,7 @@ for = "1000 s"
 
 def test_a_scenario_goes_by_a_one_sided_zone():
     """The visitor, named first, crosses the station's plane after 100 s and stays behind it."""
-    from closeform.mission import fly
+    from closeform.mission.mission import fly
     from closeform.scenario import parse
 
     (met,) = fly(parse(SCENARIO)).results[0].after.conflicts

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
 import closeform as cf
-from closeform.conflicts import rounds, sieve
+from closeform.conflicts import batches, sieve
 from closeform.conflicts.sieve import Sieve
 
 N = 1.1e-3
@@ -24,10 +24,10 @@ def every_pair(monkeypatch):
 
     def search(paths, zone, **more):
         with monkeypatch.context() as alone:
-            alone.setattr(rounds, "MANY", 10**9)
+            alone.setattr(batches, "MANY", 10**9)
             return cf.screen(paths, zone, **more)
 
-    monkeypatch.setattr(rounds, "MANY", 2)
+    monkeypatch.setattr(batches, "MANY", 2)
     monkeypatch.setattr(sieve, "SHARE", 1e-9)
     return search
 
@@ -91,10 +91,10 @@ def test_random_swarms(seed, size, radius, orbits, mean_motion):
     """Dense and thin, short and long, in an orbit and in deep space."""
     paths = cf.Orbit(mean_motion).coast(swarm(60, seed, size, 0.5), orbits * PERIOD)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(rounds, "MANY", 2)
+        patch.setattr(batches, "MANY", 2)
         patch.setattr(sieve, "SHARE", 1e-9)
         found = cf.screen(paths, cf.Sphere(radius))
-        patch.setattr(rounds, "MANY", 10**9)
+        patch.setattr(batches, "MANY", 10**9)
         np.testing.assert_array_equal(table(found), table(cf.screen(paths, cf.Sphere(radius))))
 
 
@@ -163,7 +163,7 @@ def test_little_room(every_pair, monkeypatch):
     """Few pairs kept, few found at once: they are searched for as they come, and nothing is found twice."""
     paths = ORBIT.coast(swarm(300, 8, 200.0), PERIOD)
     expected = every_pair(paths, cf.Sphere(30.0))
-    monkeypatch.setattr(rounds, "KEPT", 500)
+    monkeypatch.setattr(batches, "KEPT", 500)
     monkeypatch.setattr(sieve, "ROOM", 70)
     monkeypatch.setattr(sieve, "AT_ONCE", 1)
     np.testing.assert_array_equal(table(cf.screen(paths, cf.Sphere(30.0))), table(expected))

@@ -8,12 +8,12 @@ from scipy.linalg import expm
 from scipy.optimize import brentq
 
 import closeform as cf
-from closeform.mission import fly
+from closeform.mission.mission import fly
 from closeform.motion.joining import stack
-from closeform.planning.around import Around
 from closeform.planning.problem import Problem
 from closeform.planning.scene import Contacts
 from closeform.planning.sigma_problem import Margin
+from closeform.planning.single_craft import Around
 from closeform.scenario import parse
 
 ORBIT = cf.Orbit.circular(500e3)

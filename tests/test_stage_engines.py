@@ -8,9 +8,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from bridge import hill
-from closeform.cli import main
-from closeform.flown_run import FlownRun
-from closeform.mission import fly
+from closeform.cli.app import main
+from closeform.mission.mission import fly
+from closeform.mission.simulation import FlownRun
 from closeform.scenario import ScenarioError, parse
 from field_scenario import swap
 from test_fuel_mission import G0, N, pictureless, plain, ran  # noqa: F401 (fixtures)

@@ -16,9 +16,9 @@ from closeform.campaign.campaign import kind_of
 from closeform.campaign.chunks import Stored
 from closeform.campaign.spread import Spread, order_statistics
 from closeform.campaign.task import Task
-from closeform.cli import main
+from closeform.cli.app import main
 from closeform.scenario import ScenarioError, load, parse
-from closeform.search.binned import Binned
+from closeform.search.histogram import Binned
 from test_campaign import EXAMPLES, GATHERING, NARROW, S04
 
 pytestmark = pytest.mark.usefixtures("unpainted")
@@ -194,8 +194,8 @@ def test_a_kill_while_results_move_up_loses_nothing(kept, desk, monkeypatch) -> 
 
     with monkeypatch.context() as patched:
         patched.setattr(Path, "replace", replace)
-        patched.setattr("closeform.publishing.remove_folders", lambda folders: None)
-        patched.setattr("closeform.publishing.drop", stop)  # as a process that is gone
+        patched.setattr("closeform.storage.publishing.remove_folders", lambda folders: None)
+        patched.setattr("closeform.storage.publishing.drop", stop)  # as a process that is gone
         with pytest.raises(SystemExit):
             main(STUDY)
     again = flown_ranges(monkeypatch)

@@ -24,11 +24,19 @@ RESULTS |= {"PairZones", "PairZones.which", "PairZones.between", "PairZones.arou
 RESULTS |= {"Event", "EventKind", "GatherStatus", "Gathering", "Gatherings", "Leg", "LockMargins", "Locks"}
 RESULTS |= {"LockProof", "LongestLock"}
 RESULTS |= {"Arrivals", "Bound", "Encounter", "Firing", "Probability", "Pulses", "SigmaApproach"}
-RESULTS |= {"ClearanceCosts", "ClearanceStatus", "MostClearance", "Price"}
-RESULTS |= {"DriftApproach", "DriftScreening", "CommandedThrust", "Retargeted", "Validity", "Flight", "Tube"}
+RESULTS |= {"ClearanceCostCurve", "ClearanceStatus", "MaxClearance", "Price"}
+RESULTS |= {
+    "DriftApproach",
+    "DriftScreening",
+    "CompensatedThrust",
+    "Retargeted",
+    "Validity",
+    "Flight",
+    "Tube",
+}
 RESULTS |= {"Room", "FittedMargin"}
 RESULTS |= {"LoadedRun", "LoadedStage", "LoadedStudy"}
-RESULTS |= {"Leg.attitude_at", "Plan", "Search", "PairConflict", "TheoremCase", "TooWeak"}
+RESULTS |= {"Leg.attitude_at", "Plan", "Search", "PairConflict", "TheoremCase", "ThrustShortfall"}
 
 
 def members(owner: type) -> Iterator[tuple[str, Any]]:

@@ -11,7 +11,7 @@ import pytest
 from closeform.campaign import flown
 from closeform.campaign.chunks import Held
 from closeform.campaign.sweep_cases import SweepCases
-from closeform.cli import main
+from closeform.cli.app import main
 from closeform.report.sweep_study import SweepReport, numbered
 from closeform.scenario import ScenarioError, parse
 from closeform.scenario.sweep import points

@@ -14,13 +14,13 @@ import closeform.campaign
 from bridge import hill
 from closeform.campaign import error_cases, flown
 from closeform.campaign.error_cases import drawn
-from closeform.cli import main
-from closeform.mission import fly
+from closeform.cli.app import main
+from closeform.mission.mission import fly
+from closeform.mission.uncertainty import UncertainStage
 from closeform.report.run import RunReport
-from closeform.result_folder import LOCK, PRIVATE
 from closeform.scenario import ScenarioError, load, parse
-from closeform.uncertain_stage import UncertainStage
-from closeform.uncertainty.carried import carried
+from closeform.storage.result_folder import LOCK, PRIVATE
+from closeform.uncertainty.propagated_errors import carried
 
 pytestmark = pytest.mark.usefixtures("unpainted")
 

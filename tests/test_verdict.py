@@ -12,11 +12,11 @@ from scipy.integrate import solve_ivp
 import closeform as cf
 from bridge import hill
 from closeform.campaign import case_of
-from closeform.cli import main
-from closeform.mission import fly
+from closeform.cli.app import main
+from closeform.mission.mission import fly
+from closeform.mission.verdict import Use, Verdict, conflicts_in
 from closeform.report.run import RunReport
 from closeform.scenario import parse
-from closeform.verdict import Use, Verdict, conflicts_in
 
 G0 = 9.80665
 REST = 'velocity = "0 0 0 m/s"'

@@ -17,7 +17,7 @@ ZONES = [
     cf.HalfSpaces([[1, 0.1, 0], [-1, 0.1, 0], [0, 0.1, 1], [0, 0.1, -1], [0, -1, 0]], [30, 30, 30, 30, 40]),
 ]
 HELD = [1e-4, -2e-4, 5e-5]
-FAILURES = [cf.WeakThrust(0.3), cf.StuckThrust(300.0), cf.StuckThrust(60.0, HELD)]
+FAILURES = [cf.DegradedThrust(0.3), cf.StuckOnThrust(300.0), cf.StuckOnThrust(60.0, HELD)]
 
 
 def hill_with_thrust():
@@ -40,13 +40,13 @@ def case(seed):
 
 def unknowns(failure):
     """Least and greatest of what a failure leaves open beside its instant."""
-    return (failure.least, 1.0) if isinstance(failure, cf.WeakThrust) else (0.0, failure.longest)
+    return (failure.least, 1.0) if isinstance(failure, cf.DegradedThrust) else (0.0, failure.longest)
 
 
 def flown(path, failure, s, how, t):
     """Positions at times t of a failure at s: by the textbook's matrix."""
     state, late = path.state(s), np.maximum(t - s, 0.0)
-    if isinstance(failure, cf.WeakThrust):
+    if isinstance(failure, cf.DegradedThrust):
         end = path.end
         planned = carried(N, path.state(np.minimum(t, end)), np.maximum(t - end, 0.0))
         drifts = carried(N, np.tile(state, (len(t), 1)), late)
@@ -61,7 +61,7 @@ def sampled_least(path, other, zone, until, failure):
     t = np.linspace(0.0, until, 300)
     there = other.position(t)
     low, high = unknowns(failure)
-    stuck = isinstance(failure, cf.StuckThrust)
+    stuck = isinstance(failure, cf.StuckOnThrust)
 
     def norm_at(p):
         s, how = np.clip(p[0], 0.0, path.end), np.clip(p[1], low, high)
@@ -99,7 +99,7 @@ def test_least_norm(zone, failure, seed):
         return float(zone.norm(gap - other.position(found.time)))
 
     low, high = unknowns(failure)
-    high = min(high, found.time - found.failed_at) if isinstance(failure, cf.StuckThrust) else high
+    high = min(high, found.time - found.failed_at) if isinstance(failure, cf.StuckOnThrust) else high
     for _ in range(10):  # closer and closer: a least norm can lie in a kink
         hows = np.linspace(low, high, 41)
         norms = [norm_of(how) for how in hows]

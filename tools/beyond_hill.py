@@ -11,7 +11,7 @@ import numpy as np
 from scipy.linalg import expm
 
 import closeform as cf
-from closeform.field.field import EARTH_ZONALS, GRAVITY_RADIUS
+from closeform.dynamics.field import EARTH_ZONALS, GRAVITY_RADIUS
 
 CASES = 12  # of each eccentricity and number of orbits
 EPOCH = "2026-11-22T12:00:00"

@@ -106,12 +106,12 @@ class Craft:
         """Positions at times t of failures at s <= t (M,)."""
         if isinstance(failure, cf.MissedBurns):
             return self.missed(rng, failure.least, t)
-        if isinstance(failure, cf.StuckThrust):
+        if isinstance(failure, cf.StuckOnThrust):
             given = failure.acceleration
             held = self.path.thrust(s) if given is None else np.tile(given, (len(s), 1))
             return self.stuck(s, held, rng.uniform(0.0, failure.longest, len(s)), t)
         drifts = self.lost(rng, s, t)
-        if isinstance(failure, cf.WeakThrust):
+        if isinstance(failure, cf.DegradedThrust):
             share = rng.uniform(failure.least, 1.0, len(s))[:, None]
             return share * self.states(t) + (1.0 - share) * drifts
         return drifts
@@ -122,10 +122,10 @@ def draw_failure(rng):
     kind, impulsive = rng.integers(5), rng.random() < 0.3
     least = float(rng.choice([0.0, rng.uniform(0.1, 0.9)]))
     if kind == 3:
-        return cf.StuckThrust(rng.uniform(10.0, 400.0)), False
+        return cf.StuckOnThrust(rng.uniform(10.0, 400.0)), False
     if kind == 4:
-        return cf.StuckThrust(rng.uniform(10.0, 100.0), rng.normal(size=3) * 3e-4), impulsive
-    return [cf.ThrustLost(), cf.MissedBurns(least), cf.WeakThrust(least)][kind], impulsive
+        return cf.StuckOnThrust(rng.uniform(10.0, 100.0), rng.normal(size=3) * 3e-4), impulsive
+    return [cf.ThrustLost(), cf.MissedBurns(least), cf.DegradedThrust(least)][kind], impulsive
 
 
 def judge(rng, samples):

@@ -10,8 +10,8 @@ from pathlib import Path
 
 from PIL import Image
 
-from closeform.cli import main as closeform
-from closeform.example_files import studied, text, title
+from closeform.cli.app import main as closeform
+from closeform.cli.example_files import studied, text, title
 
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "gallery.md"

@@ -16,9 +16,9 @@ import numpy as np
 import closeform as cf
 from closeform.uncertainty.ball_share import inside
 from closeform.uncertainty.drawn_entries import drawn, enough, interval_of_mean, lost_of
-from closeform.uncertainty.histories import Histories
 from closeform.uncertainty.mean_entries import expected_entries
 from closeform.uncertainty.relative_errors import relative_errors
+from closeform.uncertainty.sampled_trajectories import Histories
 
 ORBIT = cf.Orbit.circular(500e3)
 ZONE = cf.Sphere(15.0)

@@ -152,8 +152,8 @@ def two_digits(value: float, up: bool) -> float:
 
 def draw_picture(shares: dict[str, list[tuple[float, int]]], safe: dict[str, float], cases: int) -> None:
     """The share that never locks against the size of each error; a line where nobody is lost."""
-    from closeform.palette import AFTER, CONFLICT, INK
-    from closeform.plots.look import SMALL, TEXT, area, dress, headline, sheet
+    from closeform.plots.palette import AFTER, CONFLICT, INK
+    from closeform.plots.style import SMALL, TEXT, area, dress, headline, sheet
 
     names = [name for name in shares if len(shares[name]) > 1]
     figure = sheet(3.7)

@@ -9,7 +9,8 @@ Half are coasts of 0.1 to 16 orbits on closed relative orbits.  Chiefs are 300 t
 inclination and latitude, one in ten circular, the others with eccentricities of 0.0001 to 0.02, all in J2.
 Durations, sizes and eccentricities are drawn evenly by the logarithm.  The model error is the greatest
 deviation of any craft at any time, as `validity` predicts it, within a tenth of a percent of a simulation.
-Printed are the numbers of `field/rule.py`, and the share of missions within the estimate, by duration.
+The tool prints the numbers of `dynamics/model_error_estimate.py` and the share of
+missions within the estimate, by duration.
 """
 
 import argparse
@@ -20,11 +21,11 @@ import numpy as np
 from scipy.optimize import minimize
 
 import closeform as cf
-from closeform.field import rule
+from closeform.dynamics import model_error_estimate
 
 EPOCH = "2026-11-22T12:00:00"
 CRAFT = 16
-LONGEST = {rule.MOVES: 8.0, rule.COASTS: 16.0}  # orbits
+LONGEST = {model_error_estimate.MOVES: 8.0, model_error_estimate.COASTS: 16.0}  # orbits
 
 
 def drawn(draws: np.random.Generator, which: int) -> tuple[cf.Path, cf.Chief]:
@@ -38,9 +39,9 @@ def drawn(draws: np.random.Generator, which: int) -> tuple[cf.Path, cf.Chief]:
     orbit = chief.orbit
     size = 10.0 ** draws.uniform(1.5, np.log10(2000.0))
     states = draws.normal(size=(2, CRAFT, 6)) * size * np.repeat([0.5, 0.5 * orbit.mean_motion], 3)
-    table = rule.COASTS if which % 2 == 0 else rule.MOVES
+    table = model_error_estimate.COASTS if which % 2 == 0 else model_error_estimate.MOVES
     duration = 10.0 ** draws.uniform(-1.0, np.log10(LONGEST[table])) * orbit.period
-    if table is rule.COASTS:
+    if table is model_error_estimate.COASTS:
         states[0, :, 4] = -2.0 * orbit.mean_motion * states[0, :, 0]
         return orbit.coast(states[0], duration), chief
     states[..., 3:] *= which % 4 == 1
@@ -62,11 +63,11 @@ def fitted(rows: np.ndarray, share: float) -> np.ndarray:
     turns, a, e, far, off = rows.T
 
     def cost(weights: np.ndarray) -> float:
-        told = np.exp(np.interp(np.log(turns), np.log(rule.TURNS), weights)) * far
-        logs = np.log(off / (told * rule.strength(far, a, e)))
+        told = np.exp(np.interp(np.log(turns), np.log(model_error_estimate.TURNS), weights)) * far
+        logs = np.log(off / (told * model_error_estimate.strength(far, a, e)))
         return float(np.maximum(share * logs, (share - 1.0) * logs).mean())
 
-    best = np.log(np.interp(rule.TURNS, [0.1, 0.5, 16.0], [2.0, 10.0, 100.0]))
+    best = np.log(np.interp(model_error_estimate.TURNS, [0.1, 0.5, 16.0], [2.0, 10.0, 100.0]))
     for _ in range(6):  # a simplex shrinks too soon
         best = minimize(cost, best, method="Nelder-Mead", options={"maxiter": 4000, "adaptive": True}).x
     return np.exp(best)
@@ -83,7 +84,7 @@ def covered(rows: np.ndarray, craft: int, kind: str, eccentricities: Sequence[fl
     """Return which missions are within both estimates (2, M), for eccentricities that are known or None."""
     turns, a, _, far, off = rows.T
     each = zip(far, turns, a, eccentricities, strict=True)
-    told = [rule.model_error(f, t, x, e, craft, kind) for f, t, x, e in each]
+    told = [model_error_estimate.model_error(f, t, x, e, craft, kind) for f, t, x, e in each]
     return off <= np.array(told).T
 
 
@@ -96,7 +97,7 @@ def main() -> None:
     told = parser.parse_args()
     draws = np.random.default_rng(told.seed)
     every = np.array([row(draws, k) for k in range(told.missions)])
-    for kind, first in ((rule.COASTS, 0), (rule.MOVES, 1)):
+    for kind, first in ((model_error_estimate.COASTS, 0), (model_error_estimate.MOVES, 1)):
         for place, craft in enumerate((1, 8, CRAFT)):
             rows = every[first::2][:, [0, 1, 2, 3 + 2 * place, 4 + 2 * place]]
             if not told.check and craft <= 8:
@@ -110,7 +111,7 @@ def main() -> None:
                     end="",
                 )
                 within = covered(rows, craft, kind, e)
-                for low, high in pairwise(rule.TURNS):
+                for low, high in pairwise(model_error_estimate.TURNS):
                     some = (rows[:, 0] >= low) & (rows[:, 0] < high)
                     if some.any():
                         half, most = 100.0 * within[:, some].mean(axis=1)

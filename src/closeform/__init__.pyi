@@ -9,36 +9,36 @@ from closeform.planning.plan import (
     Contact as Contact,
     Plan as Plan,
     Status as Status,
-    TooWeak as TooWeak,
+    ThrustShortfall as ThrustShortfall,
 )
-from closeform.planning.price import Price as Price
-from closeform.planning.clearance_costs import (
-    ClearanceCosts as ClearanceCosts,
-    clearance_costs as clearance_costs,
+from closeform.planning.shadow_price import Price as Price
+from closeform.planning.clearance_cost_curve import (
+    ClearanceCostCurve as ClearanceCostCurve,
+    clearance_cost_curve as clearance_cost_curve,
 )
-from closeform.planning.most_clearance import (
+from closeform.planning.max_clearance import (
     ClearanceStatus as ClearanceStatus,
-    MostClearance as MostClearance,
-    most_clearance as most_clearance,
+    MaxClearance as MaxClearance,
+    max_clearance as max_clearance,
 )
 from closeform.planning.reconfigure import reconfigure as reconfigure
 from closeform.planning.sauter_palmer import end_gradients as end_gradients
 from closeform.campaign import study as study
 from closeform.exchange.cdm import read_cdm as read_cdm, write_cdm as write_cdm
-from closeform.mission import run as run
+from closeform.mission.mission import run as run
 from closeform.exchange.chief import Chief as Chief
-from closeform.field.commanded import CommandedThrust as CommandedThrust, thrust as thrust
-from closeform.field.drag import Drag as Drag
-from closeform.field.feedback import Feedback as Feedback, Navigation as Navigation
-from closeform.field.field import Field as Field
-from closeform.field.flight import fly as fly
-from closeform.field.flight_result import Flight as Flight
-from closeform.field.fitted import FittedMargin as FittedMargin, fit_margin as fit_margin
-from closeform.field.retargeted import Retargeted as Retargeted
-from closeform.field.room import Room as Room, room as room
-from closeform.field.natural import coast as coast, transition as transition
-from closeform.field.tube import Tube as Tube, tube as tube
-from closeform.field.validity import Validity as Validity, validity as validity
+from closeform.dynamics.compensated_thrust import CompensatedThrust as CompensatedThrust, thrust as thrust
+from closeform.dynamics.drag import Drag as Drag
+from closeform.dynamics.feedback import Feedback as Feedback, Navigation as Navigation
+from closeform.dynamics.field import Field as Field
+from closeform.dynamics.simulate import fly as fly
+from closeform.dynamics.simulation_result import Flight as Flight
+from closeform.dynamics.fitted import FittedMargin as FittedMargin, fit_margin as fit_margin
+from closeform.dynamics.retargeted import Retargeted as Retargeted
+from closeform.dynamics.tracking_margins import Room as Room, room as room
+from closeform.dynamics.natural import coast as coast, transition as transition
+from closeform.dynamics.tube import Tube as Tube, tube as tube
+from closeform.dynamics.validity import Validity as Validity, validity as validity
 from closeform.exchange.common_frame import CommonFrame as CommonFrame, common_frame as common_frame
 from closeform.exchange.conjunction import (
     Conjunction as Conjunction,
@@ -59,20 +59,20 @@ from closeform.conflicts.two_paths import (
     find_conflicts as find_conflicts,
     last_possible_conflict as last_possible_conflict,
 )
-from closeform.drift.drift_approach import (
+from closeform.safety.drift_approach import (
     DriftApproach as DriftApproach,
     drift_approach as drift_approach,
     passively_safe as passively_safe,
 )
-from closeform.drift.drift_screen import (
+from closeform.safety.drift_screen import (
     DriftScreening as DriftScreening,
     drift_screen as drift_screen,
 )
-from closeform.drift.failures import (
+from closeform.safety.failures import (
     MissedBurns as MissedBurns,
-    StuckThrust as StuckThrust,
+    StuckOnThrust as StuckOnThrust,
     ThrustLost as ThrustLost,
-    WeakThrust as WeakThrust,
+    DegradedThrust as DegradedThrust,
 )
 from closeform.fuel.arrivals import Arrivals as Arrivals, arrivals as arrivals
 from closeform.fuel.bound import (
@@ -125,9 +125,9 @@ from closeform.conflicts.all_pairs import (
     screen as screen,
 )
 from closeform.search.gather import gather as gather, gather_cases as gather_cases
-from closeform.exports import export as export
+from closeform.results.export import export as export
 from closeform.exchange.states_csv import read_csv as read_csv
-from closeform.reopened import (
+from closeform.results.load import (
     LoadedRun as LoadedRun,
     LoadedStage as LoadedStage,
     LoadedStudy as LoadedStudy,

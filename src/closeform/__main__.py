@@ -33,7 +33,7 @@ def main() -> int:
     sys.unraisablehook = unheard
     signal.signal(signal.SIGINT, stop)
     try:
-        from closeform.cli import main as obey
+        from closeform.cli.app import main as obey
 
         return obey()
     except BaseException:

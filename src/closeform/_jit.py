@@ -36,7 +36,17 @@ from platformdirs import user_cache_path
 # No fastmath: the certificates need IEEE arithmetic.  Not parallel: callers share chunks out to threads.
 OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
 # Those that define kernels.
-SUB_PACKAGES = "motion", "zones", "conflicts", "fuel", "drift", "uncertainty", "planning", "search", "field"
+SUB_PACKAGES = (
+    "motion",
+    "zones",
+    "conflicts",
+    "fuel",
+    "safety",
+    "uncertainty",
+    "planning",
+    "search",
+    "dynamics",
+)
 Progress = Callable[[str], None]
 
 _compiling = RLock()  # numba's cache folder is one setting for all threads

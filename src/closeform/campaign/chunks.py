@@ -15,10 +15,10 @@ from typing import Any, Protocol
 
 from closeform.campaign.cases import Cases, Columns, Range
 from closeform.campaign.chunk import Chunk, decoded
-from closeform.manifest import append, entries, rewrite
-from closeform.result_folder import digest
 from closeform.scenario.changes import changes
 from closeform.scenario.quantity import shown
+from closeform.storage.manifest import append, entries, rewrite
+from closeform.storage.result_folder import digest
 
 LIBRARIES = ("closeform", "numpy", "numba", "scipy", "pyarrow")
 NAMED = 3  # keys of a scenario that are named where more differ

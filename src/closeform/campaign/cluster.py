@@ -19,8 +19,8 @@ from closeform.campaign.cases import Cases, Range
 from closeform.campaign.chunk import Chunk
 from closeform.campaign.chunks import versions
 from closeform.campaign.task import Reply, Task
-from closeform.result_folder import FolderError
 from closeform.scenario import ScenarioError
+from closeform.storage.result_folder import FolderError
 
 ANSWER = 5.0  # s in which a scheduler answers
 PATIENCE = 30.0  # s without any worker

@@ -16,20 +16,20 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.campaign.cases import Cases, Columns
+from closeform.campaign.executed_mission import drawn
 from closeform.campaign.flown_cases import FlownCases
-from closeform.campaign.history import drawn
-from closeform.campaign.shaking import Shaking
-from closeform.mission import fly
-from closeform.mission_result import Mission
+from closeform.campaign.process_noise import Shaking
+from closeform.mission.mission import fly
+from closeform.mission.mission_result import Mission
 from closeform.motion.joining import join, stack
 from closeform.motion.path import Path
 from closeform.uncertainty.columns import columns_of
-from closeform.uncertainty.histories import Histories
+from closeform.uncertainty.sampled_trajectories import Histories
 from closeform.zones.pair_zones import PairZones, portions
 
 if TYPE_CHECKING:
     from closeform.campaign.chunks import CaseChunks
-    from closeform.uncertainty.noisy_histories import NoisyHistories
+    from closeform.uncertainty.noisy_trajectories import NoisyHistories
 
 AT_ONCE = 1 << 15  # cases in a chunk
 NUMBERS = 1 << 22  # random ones of noise that are held, about
@@ -171,7 +171,7 @@ def meeting(
     counts = tuple(0 if one is None else len(one) for one in (columns[k] for k in pair))
     if step is None:
         return Meeting(kind, pair, counts, Histories.of(paths[i], paths[j], known, 0.0, zone))
-    from closeform.uncertainty.noisy_histories import NoisyHistories  # whose kernel only noise needs
+    from closeform.uncertainty.noisy_trajectories import NoisyHistories  # whose kernel only noise needs
 
     return Meeting(kind, pair, counts, NoisyHistories.in_steps(paths[i], paths[j], known, 0.0, zone, step))
 

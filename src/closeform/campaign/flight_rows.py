@@ -15,7 +15,7 @@ from closeform.campaign.spread import Spread
 from closeform.scenario import Scenario
 
 if TYPE_CHECKING:
-    from closeform.flown_run import FlownRun
+    from closeform.mission.simulation import FlownRun
 
 SEED, RATIO, END, OFF = "flight_seed", "flown_ratio", "flown_end_m", "flown_off_m"
 SPENT, FIELD, FEEDBACK = "flown_delta_v_m_s", "field_delta_v_m_s", "feedback_delta_v_m_s"

@@ -13,15 +13,15 @@ from closeform.arrays import Floats
 from closeform.campaign.cases import Cases, Columns
 from closeform.campaign.chunks import CaseChunks
 from closeform.campaign.draws import drawn, failures, lost_by, searching, varied
-from closeform.campaign.ends import ended
 from closeform.campaign.lock_cases import WITHIN_SUN, apart, within_sun_limit
+from closeform.campaign.phase_columns import ended
 from closeform.campaign.search_campaign import Campaign, Measured
 from closeform.campaign.tally import Settled
 from closeform.planning.limits import FULL, propellant
 from closeform.scenario import Scenario
 from closeform.scenario.stages import Gather
 from closeform.scenario.study import FAILS
-from closeform.search.flawed_gather import gather_failing
+from closeform.search.burn_errors import gather_failing
 from closeform.search.gather import gather_cases
 from closeform.search.gatherings import Gatherings
 from closeform.search.phases import ended_in

@@ -12,17 +12,17 @@ from closeform.arrays import Floats
 from closeform.campaign.cases import Cases, Columns
 from closeform.campaign.chunks import CaseChunks
 from closeform.campaign.draws import drawn, searching, varied
-from closeform.campaign.ends import NAMES, ended, named
+from closeform.campaign.phase_columns import NAMES, ended, named
 from closeform.campaign.search_campaign import Campaign
 from closeform.campaign.tally import Settled
 from closeform.conflicts.two_paths import closest_approach
+from closeform.mission.verdict import ROUNDING
 from closeform.scenario import Scenario, ScenarioError
+from closeform.search.imperfect_attitude import OwnTurns
 from closeform.search.locks import lock_times
-from closeform.search.own_turns import OwnTurns
 from closeform.search.sampled import sampled_times
 from closeform.search.schedule import Search
 from closeform.search.search_errors import SearchErrors, between, of_each
-from closeform.verdict import ROUNDING
 from closeform.zones.pair_zones import portions
 
 WITHIN_SUN = "within_sun_limit"

@@ -21,8 +21,8 @@ from closeform.campaign.one_case import one_case
 from closeform.campaign.plans import Plans, known, recurring
 from closeform.campaign.search_campaign import CampaignStatus
 from closeform.campaign.spread import Spread
-from closeform.mission import as_happened, staged
-from closeform.mission_result import Mission, StageResult
+from closeform.mission.mission import as_happened, staged
+from closeform.mission.mission_result import Mission, StageResult
 from closeform.scenario import Scenario, ScenarioError
 from closeform.scenario.stages import Clearing
 from closeform.scenario.study import FAILS

@@ -9,7 +9,7 @@ from threading import Lock
 from typing import Any
 
 from closeform.campaign.draws import drawn, values, varied
-from closeform.mission_result import Mission
+from closeform.mission.mission_result import Mission
 from closeform.scenario import Scenario
 from closeform.scenario.study import FAILS, STATES, UNPLANNED
 

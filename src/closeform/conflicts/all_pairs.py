@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, numbers, sequence, shown, size
-from closeform.conflicts.entries import COLUMNS, conflicts_of_pairs
-from closeform.conflicts.rounds import ahead, chunks, rounds, sieve_of
+from closeform.conflicts.batches import ahead, chunks, rounds, sieve_of
+from closeform.conflicts.pair_search import COLUMNS, conflicts_of_pairs
 from closeform.conflicts.tracks import NO_TRACKS, Tracks, follow
 from closeform.conflicts.two_paths import PairConflict, one_of
 from closeform.motion.joining import stack

@@ -11,7 +11,7 @@ from math import inf
 from numba import float64, int64
 
 from closeform._jit import kernel
-from closeform.conflicts.exclusion import CLEAR, OFF_CHORD, count_near
+from closeform.conflicts.quick_rejection import CLEAR, OFF_CHORD, count_near
 from closeform.kernel_loans import borrowed
 
 LEAF = 8  # boxes of a node that is not halved

@@ -16,7 +16,7 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.conflicts.box_tree import LEAF, OPEN, WIDTH, meeting
-from closeform.conflicts.exclusion import OFF_CHORD, fill_tracks
+from closeform.conflicts.quick_rejection import OFF_CHORD, fill_tracks
 from closeform.motion.path import Path
 from closeform.zones.pair_zones import PairZones, made_by_need, reach_of
 from closeform.zones.solids import Sphere

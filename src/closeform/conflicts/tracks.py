@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.conflicts.exclusion import fill_tracks
+from closeform.conflicts.quick_rejection import fill_tracks
 from closeform.motion.arc import END, MEAN_MOTION, START
 from closeform.zones.zone import Zone, enclosing
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from closeform.arrays import Floats, broadcast, instance, shown, size
-from closeform.conflicts.entries import COLUMNS, approaches_of_pairs, conflicts_of_pairs
+from closeform.conflicts.pair_search import COLUMNS, approaches_of_pairs, conflicts_of_pairs
 from closeform.conflicts.tracks import NO_TRACKS
 from closeform.motion.arc import MEAN_MOTION, START, STATE
 from closeform.motion.path import Path

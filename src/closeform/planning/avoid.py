@@ -11,7 +11,6 @@ import numpy as np
 from closeform.arrays import instance, size
 from closeform.fuel.thrusters import Thrusters
 from closeform.motion.path import Path, of_one_craft
-from closeform.planning.around import Around
 from closeform.planning.plan import Avoidance, Cost
 from closeform.planning.planner import (
     check_cost,
@@ -22,6 +21,7 @@ from closeform.planning.planner import (
     check_obstacles,
 )
 from closeform.planning.problem import transfer_of
+from closeform.planning.single_craft import Around
 from closeform.zones.combined_zones import OwnZone
 from closeform.zones.pair_zones import PairZones
 

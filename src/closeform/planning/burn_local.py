@@ -23,11 +23,11 @@ from closeform.motion.path import Path
 from closeform.motion.reduced import LOWER
 from closeform.motion.saturated import BOUND
 from closeform.motion.within_limit import TooLittleThrust, limited
+from closeform.planning.firing_times import Moments, pushes_table, sizes_of, some_of_each
 from closeform.planning.impulse_alone import answers_alone
 from closeform.planning.impulse_checks import Failures, Spent
 from closeform.planning.impulse_descent import cleared
 from closeform.planning.impulse_local import FEWER, FIRED, IDLE, LAST, WIDEST, ImpulseSolver
-from closeform.planning.impulse_moments import Moments, pushes_table, sizes_of, some_of_each
 from closeform.planning.problem import Problem
 from closeform.planning.scene import Contacts
 

@@ -7,8 +7,8 @@ from math import inf
 import numpy as np
 
 from closeform.arrays import Floats
+from closeform.planning.contact_solver import BLOCKED, OPTIMAL, Workspace, solve_local
 from closeform.planning.contacts import Sides
-from closeform.planning.local import BLOCKED, OPTIMAL, Workspace, solve_local
 from closeform.planning.problem import Flown, Problem
 from closeform.planning.qp import is_definite
 from closeform.planning.scene import Contacts, Scene

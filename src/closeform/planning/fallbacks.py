@@ -8,7 +8,7 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.planning.limits import FULL, longest, stretched
-from closeform.planning.plan import Plan, TooWeak, too_weak
+from closeform.planning.plan import Plan, ThrustShortfall, too_weak
 from closeform.planning.request import Request
 
 Fallback = Literal["more sides", "longer", "stagger"]
@@ -69,7 +69,9 @@ def within_limits(request: Request, plan: Plan, attempt: Attempt, longer: bool) 
         worst = int(np.argmax(over))
         needed, first = (float(one[worst] * limits[worst]) for one in (over, excess))
         shortest = float(request.durations[worst])
-        weak = TooWeak(worst, needed, float(limits[worst]), factor * shortest, remedy, shortest, first, least)
+        weak = ThrustShortfall(
+            worst, needed, float(limits[worst]), factor * shortest, remedy, shortest, first, least
+        )
         return too_weak(plan, weak, request.names[worst])
 
     if not longer:

@@ -8,7 +8,7 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.motion.arc import END
-from closeform.planning.impulse_moments import Moments, sizes_of, some_of_each
+from closeform.planning.firing_times import Moments, sizes_of, some_of_each
 from closeform.planning.problem import Flown, PairRow, Problem
 from closeform.planning.scene import Contacts
 

@@ -8,9 +8,9 @@ is, planes are moved out, so that the way leads off the zones at first.         
 from collections.abc import Callable
 from math import inf
 
+from closeform.planning.firing_times import Moments, blended
 from closeform.planning.impulse_checks import Spent
 from closeform.planning.impulse_local import LAST, SAFER, SETTLED, ImpulseSolver
-from closeform.planning.impulse_moments import Moments, blended
 from closeform.planning.scene import Contacts
 
 ROUNDS, COMING = 20, 12  # to cheaper paths, and to clear ones, at most

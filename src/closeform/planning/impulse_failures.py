@@ -15,8 +15,8 @@ from closeform.fuel.pulses import extended
 from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, PUSH, START, STATE, WIDTH
 from closeform.motion.orbit import Orbit
 from closeform.planning.failures import find_failures
+from closeform.planning.firing_times import Moments
 from closeform.planning.impulse_checks import Checked, drifting
-from closeform.planning.impulse_moments import Moments
 from closeform.planning.impulse_scene import BRIEF
 from closeform.planning.passive_search import PassiveSearch, failures
 from closeform.planning.problem import Flown, Problem

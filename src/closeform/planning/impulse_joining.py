@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.planning.impulse_moments import Moments
+from closeform.planning.firing_times import Moments
 
 
 class Step(NamedTuple):

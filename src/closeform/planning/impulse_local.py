@@ -20,15 +20,15 @@ from closeform.motion.nonnegative import MOST
 from closeform.motion.reduced import COUNT, LOWER
 from closeform.motion.reduced import FIRST as FIRED_FROM
 from closeform.planning.certify import AHEAD
+from closeform.planning.firing_times import Moments, Pushes, blended, sizes_of, table_of
 from closeform.planning.impulse_alone import answers_alone
 from closeform.planning.impulse_checks import Checked, Failures, Spent, arrive, drifting, pushing
 from closeform.planning.impulse_flight import fly_impulses, keep_fewest
 from closeform.planning.impulse_joining import steps_to_fewer
-from closeform.planning.impulse_moments import Moments, Pushes, blended, sizes_of, table_of
-from closeform.planning.impulse_peaks import find_peaks
 from closeform.planning.impulse_planes import fill_planes
 from closeform.planning.impulse_scene import Dual, Fleet, Planes, Priced
 from closeform.planning.joint_dual import price
+from closeform.planning.primer_maxima import find_peaks
 from closeform.planning.problem import Flown, Problem
 from closeform.planning.scene import Contacts
 

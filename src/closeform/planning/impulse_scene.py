@@ -11,7 +11,7 @@ from closeform.kernel_loans import Lent, stack_matrix
 from closeform.motion.arc import END, MEAN_MOTION, START, STATE
 from closeform.motion.hill import coast
 from closeform.motion.primer import functional, position_rows
-from closeform.planning.impulse_moments import Moments
+from closeform.planning.firing_times import Moments
 from closeform.planning.scene import BLOCKS, INDICES, NUMBERS, ROWS
 
 # Four points of Gauss and their weights on [0, 1]: over a tenth of a radian exact to rounding.

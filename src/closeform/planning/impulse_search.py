@@ -13,20 +13,20 @@ from closeform.fuel.thrusters import Thrusters
 from closeform.motion.arc import END, START
 from closeform.motion.saturated import CLOSE
 from closeform.motion.within_limit import TooLittleThrust
+from closeform.planning.exit_directions import ranked_exits
+from closeform.planning.firing_times import Moments
 from closeform.planning.impulse_checks import Spent
 from closeform.planning.impulse_descent import at_rest, descended, step_near
 from closeform.planning.impulse_local import AIM, WIDEST, ImpulseSolver, beside
-from closeform.planning.impulse_moments import Moments
 from closeform.planning.impulse_sharing import shared
 from closeform.planning.limits import FULL
 from closeform.planning.passive_planes import TOGETHER
-from closeform.planning.plan import TooWeak
+from closeform.planning.plan import ThrustShortfall
 from closeform.planning.planner import Outcome, contacts_of, solve
 from closeform.planning.problem import Problem, deepest
 from closeform.planning.scene import Contacts
 from closeform.planning.side_search import FEW
 from closeform.planning.two_impulse_plans import HOPS, two_impulse_plans
-from closeform.planning.ways_out import ranked_exits
 
 ONE, MANY = 6, 1  # starts that are looked at, of one craft and of many
 ALONE = 200  # of one craft with neither a limit nor a drift, each of which costs a few ms; most end sooner
@@ -290,7 +290,7 @@ def cheaper(solver: ImpulseSolver, best: Spent, by_energy: Callable[[], Outcome]
     return None if (peaks > FULL * solver.limits)[limited].any() else found
 
 
-def shortage(problem: Problem, limits: Floats, shown: TooLittleThrust | Floats) -> TooWeak:
+def shortage(problem: Problem, limits: Floats, shown: TooLittleThrust | Floats) -> ThrustShortfall:
     """Who lacks most thrust, by what was shown of the first that does, or by what would be enough (N,)."""
     peaks = problem.path(problem.direct).peak_thrust
     if isinstance(shown, TooLittleThrust):
@@ -301,7 +301,7 @@ def shortage(problem: Problem, limits: Floats, shown: TooLittleThrust | Floats) 
         needed, proven = float(shown[craft]), 0.0
     duration = float(problem.base[craft, END] - problem.base[craft, START])
     remedy = "give it more, or more time"
-    return TooWeak(craft, needed, float(limits[craft]), duration, remedy, duration, needed, proven)
+    return ThrustShortfall(craft, needed, float(limits[craft]), duration, remedy, duration, needed, proven)
 
 
 def starts(solver: ImpulseSolver, free: Spent, by_energy: Callable[[], Outcome]) -> Iterator[Contacts]:

@@ -5,9 +5,9 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.fuel.allocation import Allocation
 from closeform.fuel.thrusters import Thrusters
+from closeform.planning.firing_times import Moments, pushes_table, some_of_each
 from closeform.planning.impulse_checks import Spent
 from closeform.planning.impulse_local import ImpulseSolver
-from closeform.planning.impulse_moments import Moments, pushes_table, some_of_each
 
 NOTHING = 1e-12  # of the greatest impulse
 

@@ -24,10 +24,10 @@ from numba import float64, types
 
 from closeform._jit import kernel
 from closeform.kernel_loans import borrowed, lent
-from closeform.planning.impulse_rows import begin, fill_members, fill_rows, normalise
 from closeform.planning.impulse_scene import DUAL, FLEET, PLANES, gain, is_free
 from closeform.planning.joint_steps import Program, go, measure, step_towards, weigh_all
 from closeform.planning.primer_cones import IMPULSE, PRIMER, ROW, place
+from closeform.planning.primer_rows import begin, fill_members, fill_rows, normalise
 from closeform.planning.scene import BLOCKS
 
 STEPS = 100  # at most

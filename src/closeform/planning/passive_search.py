@@ -6,11 +6,6 @@ from math import inf
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.drift.drift_approach import SAME, failures_at
-from closeform.drift.drift_screen import worst_drifts
-from closeform.drift.failures import ThrustLost
-from closeform.drift.search import TIME
-from closeform.drift.sides import side_of
 from closeform.motion.palmer import state_from_palmer
 from closeform.motion.path import Path
 from closeform.planning.certify import Solution
@@ -19,6 +14,11 @@ from closeform.planning.passive_rounds import Relaxed, Rounds
 from closeform.planning.problem import Problem
 from closeform.planning.scene import Contacts
 from closeform.planning.side_search import Found
+from closeform.safety.drift_approach import SAME, failures_at
+from closeform.safety.drift_screen import worst_drifts
+from closeform.safety.failures import ThrustLost
+from closeform.safety.search import TIME
+from closeform.safety.sides import side_of
 
 STARTS = 24  # examined at most
 PATIENCE = 8  # starts without a better plan: the search ends

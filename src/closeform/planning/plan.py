@@ -9,7 +9,7 @@ from typing import Any, Literal, TypeVar
 
 from closeform.arrays import Floats
 from closeform.motion.path import Path
-from closeform.planning.price import Price, prices_of
+from closeform.planning.shadow_price import Price, prices_of
 from closeform.result import Result
 
 Answer = TypeVar("Answer", "Avoidance", "Plan")
@@ -83,7 +83,7 @@ class Contact(Result):
 
 
 @dataclass(frozen=True, repr=False)
-class TooWeak(Result):
+class ThrustShortfall(Result):
     """The craft that misses its thrust limit by most.
 
     Attributes
@@ -116,7 +116,7 @@ class TooWeak(Result):
     proven: float = 0.0
 
 
-def weakness(weak: TooWeak, name: str, mass: float | None = None) -> str:
+def weakness(weak: ThrustShortfall, name: str, mass: float | None = None) -> str:
     """The same in words: in m/s^2, or in newtons for a craft of `mass` [kg]."""
     size, unit, has = (1.0, "m/s²", "its limit is") if mass is None else (mass, "N", "its max_thrust is")
     tried = ""
@@ -202,7 +202,7 @@ class Avoidance(Costed):
         How many candidates were examined.
     measures : tuple of str
         What was done to keep a thrust limit.
-    weak : TooWeak or None
+    weak : ThrustShortfall or None
         By how much a thrust limit is missed.
     punctual : float or None [m/s^2]
         Peak thrust of a clear path over the duration asked for, where that is beyond the limit: with it the
@@ -236,7 +236,7 @@ class Avoidance(Costed):
     proven: bool = False
     tried: int = 0
     measures: tuple[str, ...] = ()
-    weak: TooWeak | None = None
+    weak: ThrustShortfall | None = None
     punctual: float | None = None
     cost: Cost = "energy"
     priced: bool = True
@@ -285,7 +285,7 @@ class Plan(Costed):
         those tried.
     tried : int
         How many candidates were examined.
-    weak : TooWeak or None
+    weak : ThrustShortfall or None
         Who misses its thrust limit, and by how much.
     punctual : array of shape (N,), or None [m/s^2]
         Peak thrusts of a clear plan over the durations asked for, where they are beyond a limit: with these
@@ -319,7 +319,7 @@ class Plan(Costed):
     clearance_ratio: float = 1.0
     proven: bool = False
     tried: int = 0
-    weak: TooWeak | None = None
+    weak: ThrustShortfall | None = None
     punctual: Floats | None = None
     cost: Cost = "energy"
     priced: bool = True
@@ -333,7 +333,7 @@ class Plan(Costed):
         return self.energy - float(self.direct.energy.sum())
 
 
-def too_weak(plan: Answer, weak: TooWeak, name: str) -> Answer:
+def too_weak(plan: Answer, weak: ThrustShortfall, name: str) -> Answer:
     """The same without paths, for want of thrust of the craft `name`."""
     paths: dict[str, Any] = (
         {"path": None, "extra_energy": nan} if isinstance(plan, Avoidance) else {"paths": None}

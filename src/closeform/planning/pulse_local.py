@@ -18,10 +18,10 @@ from closeform.fuel.thrusters import Thrusters
 from closeform.motion.arc import END, START, STATE
 from closeform.motion.path import Path
 from closeform.planning.burn_local import apart
+from closeform.planning.firing_times import Moments, pushes_table, sizes_of, some_of_each
 from closeform.planning.impulse_checks import Spent
 from closeform.planning.impulse_descent import at_rest, cleared
 from closeform.planning.impulse_local import ImpulseSolver
-from closeform.planning.impulse_moments import Moments, pushes_table, sizes_of, some_of_each
 from closeform.planning.impulse_scene import Fleet
 from closeform.planning.problem import Flown
 from closeform.planning.scene import Contacts

@@ -16,7 +16,6 @@ from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
 from closeform.motion.within_limit import TooLittleThrust
 from closeform.planning.fallbacks import FALLBACKS, Attempt, Fallback, tried_openly, within_limits
-from closeform.planning.held_pairs import hopeless
 from closeform.planning.impulse_checks import Spent
 from closeform.planning.impulse_search import shortage, solve_impulses, unconstrained
 from closeform.planning.passive_ends import unseparated
@@ -41,6 +40,7 @@ from closeform.planning.request import Request
 from closeform.planning.sequential import one_by_one
 from closeform.planning.side_search import MARGINS, Found
 from closeform.planning.slots import revised
+from closeform.planning.unavoidable_conflicts import hopeless
 from closeform.zones.combined_zones import OwnZone
 from closeform.zones.padding import Padding
 from closeform.zones.pair_zones import PairZones

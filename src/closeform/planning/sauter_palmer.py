@@ -13,10 +13,10 @@ from closeform.motion.arc import IMPULSE, MEAN_MOTION, PUSH, THRUST
 from closeform.motion.joining import join
 from closeform.motion.palmer import state_from_palmer
 from closeform.motion.path import Path
+from closeform.planning.exit_directions import exit_normals
 from closeform.planning.plan import Avoidance, Contact, Status
 from closeform.planning.problem import Problem, deepest
 from closeform.planning.side_search import MARGINS
-from closeform.planning.ways_out import exit_normals
 
 LEGS = 12  # at most, of one path
 SCALES = np.geomspace(1.0, 4.0, 25)  # of a deviation, tried until both of its legs are clear

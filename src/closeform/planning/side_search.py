@@ -11,10 +11,10 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.planning.certify import LocalSolver, Solution, nearer, shifted
 from closeform.planning.contacts import Sides
+from closeform.planning.exit_directions import exit_normals
 from closeform.planning.problem import Problem
 from closeform.planning.scene import Contacts
-from closeform.planning.turns import Turn, turned_energies
-from closeform.planning.ways_out import exit_normals
+from closeform.planning.side_costs import Turn, turned_energies
 
 MARGINS = (1.0 + 1e-9, 1.001, 1.02)  # zones are enlarged by: the least that is certified, then more
 DEEP, SHIFT, FAR = 0.3, 0.3, 1.0  # norm below which new sides are not the nearer ones; sizes of shifts

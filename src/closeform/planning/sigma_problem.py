@@ -24,7 +24,7 @@ from closeform.planning.pieces import inner_curvature
 from closeform.planning.problem import Flown, PairRow, Problem
 from closeform.planning.scene import Contacts
 from closeform.uncertainty.errors import Errors
-from closeform.uncertainty.gauges import gauges
+from closeform.uncertainty.gauge_functions import gauges
 from closeform.uncertainty.planes import faced
 from closeform.uncertainty.search import given_errors, one_for_each, search_of
 from closeform.uncertainty.spread import Spread, covariances, spread_of

@@ -13,12 +13,12 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.planning.certify import AHEAD, Solution
+from closeform.planning.exit_directions import ranked_exits
 from closeform.planning.passive_planes import press_in
 from closeform.planning.problem import Flown, PairRow, Problem
 from closeform.planning.scene import Contacts
 from closeform.planning.side_search import FEW, Found, Search
 from closeform.planning.sigma_problem import SigmaProblem
-from closeform.planning.ways_out import ranked_exits
 
 ONE, MANY, MORE = 8, 4, 3  # starts that are looked at, of one craft and of many; times as many
 ENLARGED = 4  # of them from the search with zones that hold sigmas

@@ -95,8 +95,8 @@ def _sigma_approach(result: Any) -> Figure:
 
 
 def _pulses(result: Any) -> Figure:
-    from closeform.plots.look import speed
     from closeform.plots.spans import Spans, spans
+    from closeform.plots.style import speed
 
     end = result.start + result.duration
     middle = 0.5 * (result.start + end)
@@ -124,8 +124,8 @@ def _probability(result: Any) -> Figure:
 
 def _bound(result: Any) -> Figure:
     from closeform.plots.intervals import intervals
-    from closeform.plots.look import speed
     from closeform.plots.primers import primer_length
+    from closeform.plots.style import speed
 
     lower, upper = np.ravel(result.lower), np.ravel(result.upper)
     if not result.primer.shape:
@@ -248,7 +248,7 @@ def _validity(result: Any, names: Any = None) -> Figure:
 
 def _commanded(result: Any, names: Any = None) -> Figure:
     from closeform.plots.curves import curves
-    from closeform.plots.look import speed, thrust_unit
+    from closeform.plots.style import speed, thrust_unit
 
     unit = thrust_unit(float(result.peak_thrust.max()))
     commanded, planned = (np.linalg.norm(u, axis=-1) / unit.size for u in (result.commanded, result.planned))
@@ -291,7 +291,7 @@ def _fitted(result: Any, names: Any = None) -> Figure:
 
 def _retargeted(result: Any) -> Figure:
     from closeform.plots.intervals import intervals
-    from closeform.plots.look import speed
+    from closeform.plots.style import speed
 
     spent, asked = (float(np.linalg.norm(one, axis=1).sum()) for one in (result.impulse, result.planned))
     changes = 1e3 * np.linalg.norm(result.impulse - result.planned, axis=1)
@@ -322,7 +322,7 @@ PICTURES: dict[str, Drawer] = {
     "Probability": _probability,
     "Bound": _bound,
     "Arrivals": _by("trade"),
-    "ClearanceCosts": _by("clearance"),
+    "ClearanceCostCurve": _by("clearance"),
     "Pulses": _pulses,
     "Firing": _fired,
     "Search": _by("in_plane_search"),
@@ -338,7 +338,7 @@ PICTURES: dict[str, Drawer] = {
     "MissionCampaign": _missions,
     "SweepCampaign": _sweep,
     "Validity": _validity,
-    "CommandedThrust": _commanded,
+    "CompensatedThrust": _commanded,
     "Retargeted": _retargeted,
     "Room": _room,
     "FittedMargin": _fitted,

@@ -10,7 +10,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from closeform.arrays import Floats, instance, whole
-from closeform.palette import BEFORE, FAINT, INK, OTHER
 from closeform.plots.camera import (
     GROUP_COLOURS,
     ROMAN,
@@ -25,7 +24,8 @@ from closeform.plots.camera import (
     to_sun,
     word,
 )
-from closeform.plots.look import DASHED, SMALL, TEXT, headline, sheet
+from closeform.plots.palette import BEFORE, FAINT, INK, OTHER
+from closeform.plots.style import DASHED, SMALL, TEXT, headline, sheet
 from closeform.search.leg import SUN, Leg, rotation
 from closeform.search.schedule import Search
 from closeform.search.theorem import regions_searched

@@ -14,11 +14,11 @@ from closeform.arrays import Floats
 from closeform.fuel.burns import Burns, burns_of, burns_of_pulses
 from closeform.fuel.firing import Firing
 from closeform.motion.path import Path
-from closeform.palette import AFTER, FAINT, INK, colours
-from closeform.plots.given import crafts
-from closeform.plots.letters import short_names
-from closeform.plots.look import SMALL, clock, column, dress, headline, sheet, speed, speed_unit, time_axes
-from closeform.plots.names import Names
+from closeform.plots.fonts import short_names
+from closeform.plots.inputs import crafts
+from closeform.plots.label_placement import Names
+from closeform.plots.palette import AFTER, FAINT, INK, colours
+from closeform.plots.style import SMALL, clock, column, dress, headline, sheet, speed, speed_unit, time_axes
 
 NARROWEST = 1.0 / 400.0  # of the time: thinner bars are not seen
 LETTERED = 8  # larger burns in a row up to which each has its size beside it

@@ -13,8 +13,8 @@ from matplotlib.path import Path as Outline
 from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats
-from closeform.palette import AFTER, CONFLICT, INK
-from closeform.plots.look import HALO, SMALL, length_unit, rounded_down
+from closeform.plots.palette import AFTER, CONFLICT, INK
+from closeform.plots.style import HALO, SMALL, length_unit, rounded_down
 from closeform.search.leg import SUN
 from closeform.zones.outlines import CIRCLE
 

@@ -8,11 +8,11 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from closeform.arrays import Floats, instance
-from closeform.palette import AFTER, BEFORE, CONFLICT, FAINT, INK, OTHER, ZONE
-from closeform.planning.clearance_costs import ClearanceCosts, slope
-from closeform.planning.most_clearance import MostClearance
+from closeform.planning.clearance_cost_curve import ClearanceCostCurve, slope
+from closeform.planning.max_clearance import MaxClearance
 from closeform.planning.plan import Avoidance, Plan
-from closeform.plots.look import (
+from closeform.plots.palette import AFTER, BEFORE, CONFLICT, FAINT, INK, OTHER, ZONE
+from closeform.plots.style import (
     DASHED,
     DOTTED,
     HALO,
@@ -32,7 +32,7 @@ POINTS = 24  # of a curve between two plans
 SAME = 0.0  # cosine of the angle between two normals, above which a pair is passed on one side
 
 
-def clearance(found: ClearanceCosts, most: MostClearance | None = None) -> Figure:
+def clearance(found: ClearanceCostCurve, most: MaxClearance | None = None) -> Figure:
     """What zones of many sizes cost: a point for each plan, and a curve that has its slope there.
 
     Where the next plan passes somebody on another side the two are joined by dots.  Crosses above are sizes
@@ -40,10 +40,10 @@ def clearance(found: ClearanceCosts, most: MostClearance | None = None) -> Figur
 
     Parameters
     ----------
-    found : ClearanceCosts
-        Of `clearance_costs`.
-    most : MostClearance, optional
-        Of `most_clearance`: its budget is a line, a ring the largest zones that it affords.
+    found : ClearanceCostCurve
+        Of `clearance_cost_curve`.
+    most : MaxClearance, optional
+        Of `max_clearance`: its budget is a line, a ring the largest zones that it affords.
 
     Returns
     -------
@@ -53,13 +53,13 @@ def clearance(found: ClearanceCosts, most: MostClearance | None = None) -> Figur
     Raises
     ------
     ValueError
-        If `found` is no `ClearanceCosts`, or of no plan, or `most` is no `MostClearance` of zones with a
+        If `found` is no `ClearanceCostCurve`, or of no plan, or `most` is no `MaxClearance` of zones with a
         plan.
     """
-    instance("found", found, ClearanceCosts)
+    instance("found", found, ClearanceCostCurve)
     if not np.isfinite(found.spent).any():
         raise ValueError("found: no clear plan was found at any size; there is nothing to show")
-    if most is not None and not instance("most", most, MostClearance).ok:
+    if most is not None and not instance("most", most, MaxClearance).ok:
         raise ValueError(f"most: has no plan; {most.reason}")
     factors, costs, slopes, plans = found.factor, found.spent, found.slope, list(found.plans)
     if most is not None and most.sigmas == most.sigmas:
@@ -101,7 +101,7 @@ def clearance(found: ClearanceCosts, most: MostClearance | None = None) -> Figur
     return figure
 
 
-def show_most(axes: Any, most: MostClearance, up: Unit) -> None:
+def show_most(axes: Any, most: MaxClearance, up: Unit) -> None:
     """The budget, and the largest zones that it affords."""
     assert most.plan is not None
     height = most.plan.spent / up.size
@@ -120,7 +120,7 @@ def show_most(axes: Any, most: MostClearance, up: Unit) -> None:
     text.set_path_effects(HALO)
 
 
-def scales(figure: Figure, axes: Any, found: ClearanceCosts, up: Unit) -> None:
+def scales(figure: Figure, axes: Any, found: ClearanceCostCurve, up: Unit) -> None:
     """What stands at the axes: factor and metres, the cost and by how much it is above the least of all."""
     axes.set_xlabel("zones so many times as large", fontsize=TEXT, color=INK)
     axes.set_ylabel(f"least {found.cost} [{up.name}]", fontsize=TEXT, color=INK)
@@ -142,7 +142,7 @@ def scales(figure: Figure, axes: Any, found: ClearanceCosts, up: Unit) -> None:
             spine.set_color(OTHER)
 
 
-def words(found: ClearanceCosts, most: MostClearance | None, up: Unit) -> str:
+def words(found: ClearanceCostCurve, most: MaxClearance | None, up: Unit) -> str:
     """What the picture shows."""
     if most is not None:
         budget = f"{most.budget / up.size:.4g} {up.name}"

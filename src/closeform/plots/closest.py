@@ -13,9 +13,10 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from closeform.arrays import Floats, whole
 from closeform.motion.path import Path
-from closeform.palette import AFTER, ALONG, ALTERNATIVE, BEFORE, CONFLICT, CROSS, INK, ZONE
-from closeform.plots.letters import plain
-from closeform.plots.look import (
+from closeform.plots.fonts import plain
+from closeform.plots.pairs import SURE, Pairs, asked, ratio_text, title
+from closeform.plots.palette import AFTER, ALONG, ALTERNATIVE, BEFORE, CONFLICT, CROSS, INK, ZONE
+from closeform.plots.style import (
     ABOVE,
     DOTTED,
     SMALL,
@@ -31,7 +32,6 @@ from closeform.plots.look import (
     sheet,
     time_axes,
 )
-from closeform.plots.pairs import SURE, Pairs, asked, ratio_text, title
 from closeform.zones.combined_zones import OwnZone
 from closeform.zones.pair_zones import PairZones
 

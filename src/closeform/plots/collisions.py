@@ -10,10 +10,10 @@ from matplotlib.figure import Figure
 
 from closeform.arrays import instance, number
 from closeform.motion.path import Path
-from closeform.palette import AFTER, ALTERNATIVE, CONFLICT, INK
-from closeform.plots.given import one_craft
-from closeform.plots.letters import plain
-from closeform.plots.look import (
+from closeform.plots.fonts import plain
+from closeform.plots.inputs import one_craft
+from closeform.plots.palette import AFTER, ALTERNATIVE, CONFLICT, INK
+from closeform.plots.style import (
     DASHED,
     TEXT,
     Clock,

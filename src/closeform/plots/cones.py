@@ -9,7 +9,6 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from closeform.arrays import Floats, instance
-from closeform.palette import AFTER, ALTERNATIVE, FAINT, INK, OTHER, ZONE
 from closeform.plots.camera import (
     GROUP_COLOURS,
     ROMAN,
@@ -21,7 +20,8 @@ from closeform.plots.camera import (
     to_sun,
     word,
 )
-from closeform.plots.look import SMALL, TEXT, headline, sheet
+from closeform.plots.palette import AFTER, ALTERNATIVE, FAINT, INK, OTHER, ZONE
+from closeform.plots.style import SMALL, TEXT, headline, sheet
 from closeform.search.leg import SUN
 from closeform.search.schedule import Search
 from closeform.search.theorem import regions_searched

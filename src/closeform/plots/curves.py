@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from matplotlib.figure import Figure
 
 from closeform.arrays import Floats
-from closeform.palette import INK, colours
-from closeform.plots.letters import plain, short_names
-from closeform.plots.look import (
+from closeform.plots.fonts import plain, short_names
+from closeform.plots.palette import INK, colours
+from closeform.plots.style import (
     DASHED,
     SMALL,
     TEXT,

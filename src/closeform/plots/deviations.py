@@ -9,7 +9,7 @@ import numpy as np
 
 from closeform.arrays import Floats, instance
 from closeform.motion.path import Path
-from closeform.plots.look import common_time, instants
+from closeform.plots.style import common_time, instants
 from closeform.uncertainty.clearance import clearance_in_sigmas
 from closeform.uncertainty.errors import Errors
 from closeform.zones.zone import Zone

@@ -8,9 +8,9 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike
 
 from closeform.arrays import instance, number, numbers
-from closeform.palette import AFTER, INK, OTHER
-from closeform.plots.letters import plain
-from closeform.plots.look import DASHED, TEXT, WIDTH, area, dress, headline, right_axis, sheet
+from closeform.plots.fonts import plain
+from closeform.plots.palette import AFTER, INK, OTHER
+from closeform.plots.style import DASHED, TEXT, WIDTH, area, dress, headline, right_axis, sheet
 
 BINS = 60  # at most; of few cases twice the root of their number
 

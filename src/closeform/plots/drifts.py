@@ -11,11 +11,10 @@ from matplotlib.figure import Figure
 
 from closeform.arrays import Floats, instance, sequence, shown
 from closeform.conflicts.two_paths import closest_approach
-from closeform.drift.drift_approach import DriftApproach, drift_approach
 from closeform.motion.path import Path
-from closeform.palette import AFTER, ALONG, ALTERNATIVE, BEFORE, CONFLICT, CROSS, INK, ZONE
-from closeform.plots.given import crafts, one_craft, texts
-from closeform.plots.look import (
+from closeform.plots.inputs import crafts, one_craft, texts
+from closeform.plots.palette import AFTER, ALONG, ALTERNATIVE, BEFORE, CONFLICT, CROSS, INK, ZONE
+from closeform.plots.style import (
     DASHED,
     DOTTED,
     HALO,
@@ -32,6 +31,7 @@ from closeform.plots.look import (
     sheet,
     time_axes,
 )
+from closeform.safety.drift_approach import DriftApproach, drift_approach
 from closeform.zones.zone import Zone
 
 COLOURS = (AFTER, ALTERNATIVE, CROSS.colour, BEFORE, "#882255", "#7a6a00")

@@ -11,11 +11,11 @@ from matplotlib.figure import Figure
 
 from closeform.arrays import Floats
 from closeform.motion.path import Path
-from closeform.palette import AFTER, CONFLICT, DIRECTIONS, INK, ZONE
 from closeform.plots.drifts import RING, Failed, told
-from closeform.plots.given import one_craft
-from closeform.plots.letters import plain, short_names
-from closeform.plots.look import (
+from closeform.plots.fonts import plain, short_names
+from closeform.plots.inputs import one_craft
+from closeform.plots.palette import AFTER, CONFLICT, DIRECTIONS, INK, ZONE
+from closeform.plots.style import (
     HALO,
     SMALL,
     TEXT,

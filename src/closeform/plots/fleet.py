@@ -15,13 +15,13 @@ from matplotlib.ticker import MaxNLocator
 
 from closeform.arrays import Floats
 from closeform.motion.path import Path
-from closeform.palette import CONFLICT, DIRECTIONS, INK, OTHER, ZONE, colours
 from closeform.plots.camera import Camera
-from closeform.plots.given import crafts, one_path, same
-from closeform.plots.letters import plain, short_names
-from closeform.plots.look import SMALL, TEXT, WIDTH, Unit, area, dress, headline, legend, length_unit, sheet
-from closeform.plots.names import Names
+from closeform.plots.fonts import plain, short_names
+from closeform.plots.inputs import crafts, one_path, same
+from closeform.plots.label_placement import Names
+from closeform.plots.palette import CONFLICT, DIRECTIONS, INK, OTHER, ZONE, colours
 from closeform.plots.panels import framed
+from closeform.plots.style import SMALL, TEXT, WIDTH, Unit, area, dress, headline, legend, length_unit, sheet
 from closeform.plots.tracks import Formation
 from closeform.plots.views import AXES, FOOT, OBLIQUE, ORBITAL, layered, window
 from closeform.plots.zones_and_tracks import headings, place

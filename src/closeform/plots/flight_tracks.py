@@ -11,12 +11,13 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from closeform.arrays import instance
-from closeform.field.flight_result import Flight
-from closeform.palette import CONFLICT, INK, colours
+from closeform.dynamics.simulation_result import Flight
 from closeform.plots.camera import word
 from closeform.plots.fleet import FLAT, PLANES, SIDE, beside, owned, scaled
-from closeform.plots.letters import plain, short_names
-from closeform.plots.look import (
+from closeform.plots.fonts import plain, short_names
+from closeform.plots.label_placement import dark
+from closeform.plots.palette import CONFLICT, INK, colours
+from closeform.plots.style import (
     SMALL,
     area,
     dress,
@@ -27,7 +28,6 @@ from closeform.plots.look import (
     rounded_down,
     sheet,
 )
-from closeform.plots.names import dark
 
 DRAWN, FEW = 60, 4  # flights beside the worst at most, the first ones, and of long ones
 POINTS, A_TURN = 240, 48  # of each line, at least, and for each orbit

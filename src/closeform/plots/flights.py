@@ -12,14 +12,14 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from closeform.arrays import Floats, instance
-from closeform.field.flight_result import Flight
-from closeform.field.least_ratios import FINER, cubic, nearest_pair, nearest_pairs
-from closeform.field.tube import Tube
-from closeform.palette import AFTER, ALTERNATIVE, BEFORE, CONFLICT, INK, ZONE
+from closeform.dynamics.least_ratios import FINER, cubic, nearest_pair, nearest_pairs
+from closeform.dynamics.simulation_result import Flight
+from closeform.dynamics.tube import Tube
 from closeform.plots.camera import word
 from closeform.plots.closest import ratio_axis
-from closeform.plots.letters import plain, short_names
-from closeform.plots.look import (
+from closeform.plots.fonts import plain, short_names
+from closeform.plots.palette import AFTER, ALTERNATIVE, BEFORE, CONFLICT, INK, ZONE
+from closeform.plots.style import (
     ABOVE,
     DASHED,
     LEFT,

@@ -12,11 +12,9 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from closeform.arrays import instance, number
-from closeform.palette import INK, OTHER
 from closeform.plots.camera import GROUP_COLOURS, triad
-from closeform.plots.letters import plain, short_names
-from closeform.plots.look import SMALL, TEXT, sheet
-from closeform.plots.moment import Knots, Moment, clock_text
+from closeform.plots.fonts import plain, short_names
+from closeform.plots.palette import INK, OTHER
 from closeform.plots.panels import (
     DIRECTIONS,
     STYLES,
@@ -27,6 +25,8 @@ from closeform.plots.panels import (
     style_of,
     tint,
 )
+from closeform.plots.snapshot import Knots, Moment, clock_text
+from closeform.plots.style import SMALL, TEXT, sheet
 from closeform.plots.views import OBLIQUE
 from closeform.search.gather_result import Event, EventKind, Gathering
 from closeform.search.sets import FORMATION, LOST

@@ -13,7 +13,6 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, instance, number, numbers
-from closeform.palette import BEFORE, FAINT, INK, OTHER
 from closeform.plots.camera import (
     GROUP_COLOURS,
     Camera,
@@ -27,7 +26,8 @@ from closeform.plots.camera import (
     to_sun,
     word,
 )
-from closeform.plots.look import DASHED, DOTTED, TEXT, headline, length_unit, sheet
+from closeform.plots.palette import BEFORE, FAINT, INK, OTHER
+from closeform.plots.style import DASHED, DOTTED, TEXT, headline, length_unit, sheet
 from closeform.search.leg import SUN
 from closeform.search.locks import lock_times
 from closeform.search.schedule import Search

@@ -8,9 +8,9 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
-from closeform.palette import AFTER, INK
-from closeform.plots.letters import plain
-from closeform.plots.look import SMALL, TEXT, area, dress, headline, sheet
+from closeform.plots.fonts import plain
+from closeform.plots.palette import AFTER, INK
+from closeform.plots.style import SMALL, TEXT, area, dress, headline, sheet
 
 MOST = 40  # rows that are shown
 WORDS, BESIDE, ROW = 2.6, 0.4, 0.34  # inches for names, right of the axes, and of a row

@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from closeform.arrays import instance, number, numbers
-from closeform.palette import AFTER, ALTERNATIVE, BEFORE, INK, OTHER
-from closeform.plots.look import (
+from closeform.plots.palette import AFTER, ALTERNATIVE, BEFORE, INK, OTHER
+from closeform.plots.style import (
     SMALL,
     TEXT,
     WIDTH,
@@ -23,7 +23,7 @@ from closeform.plots.look import (
     right_axis,
     sheet,
 )
-from closeform.search.binned import FINER, Binned
+from closeform.search.histogram import FINER, Binned
 from closeform.search.schedule import Search
 
 CURVE = "#7a2a10"

@@ -14,10 +14,10 @@ from matplotlib.patches import Patch, Rectangle
 
 from closeform.arrays import Floats
 from closeform.motion.path import Path
-from closeform.palette import CONFLICT, FAINT, INK, OTHER
-from closeform.plots.letters import inches, plain
-from closeform.plots.look import LETTERS, SMALL, TEXT, area, headline, sheet
+from closeform.plots.fonts import inches, plain
 from closeform.plots.pairs import Pairs, asked, ratio_text, title
+from closeform.plots.palette import CONFLICT, FAINT, INK, OTHER
+from closeform.plots.style import LETTERS, SMALL, TEXT, area, headline, sheet
 from closeform.zones.combined_zones import OwnZone
 from closeform.zones.pair_zones import PairZones
 

@@ -14,11 +14,14 @@ from matplotlib.patches import Patch
 
 from closeform.arrays import Floats
 from closeform.motion.path import Path
-from closeform.palette import AFTER, CONFLICT, FAINT, INK, OTHER, ZONE, colours
 from closeform.plots.closest import guarded, ratio_axis
 from closeform.plots.fleet import NAMED, NEAREST, in_space
-from closeform.plots.letters import inches, plain, short_names
-from closeform.plots.look import (
+from closeform.plots.fonts import inches, plain, short_names
+from closeform.plots.label_placement import Names
+from closeform.plots.palette import AFTER, CONFLICT, FAINT, INK, OTHER, ZONE, colours
+from closeform.plots.panels import framed
+from closeform.plots.stage_flights import Lock, StageFlight, asked, impulses, pairs_found
+from closeform.plots.style import (
     SMALL,
     TEXT,
     WIDTH,
@@ -33,9 +36,6 @@ from closeform.plots.look import (
     thrust_unit,
     time_axes,
 )
-from closeform.plots.names import Names
-from closeform.plots.panels import framed
-from closeform.plots.stage_flights import Lock, StageFlight, asked, impulses, pairs_found
 from closeform.plots.tracks import Formation, closest, together
 from closeform.plots.views import AXES, OBLIQUE, ORBITAL, window
 from closeform.zones.combined_zones import OwnZone

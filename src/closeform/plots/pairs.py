@@ -11,8 +11,8 @@ from closeform.arrays import Floats
 from closeform.conflicts.two_paths import Conflict, closest_approach, find_conflicts, nearest_first
 from closeform.motion.joining import stack
 from closeform.motion.path import Path
-from closeform.plots.given import crafts
-from closeform.plots.letters import short_names
+from closeform.plots.fonts import short_names
+from closeform.plots.inputs import crafts
 from closeform.zones.made_table import NONE
 from closeform.zones.pair_zones import pair_zones
 from closeform.zones.zone import Zone

@@ -12,7 +12,6 @@ from matplotlib.figure import Figure
 from matplotlib.transforms import blended_transform_factory
 
 from closeform.arrays import Floats
-from closeform.palette import BEFORE, FAINT, INK, OTHER
 from closeform.plots.camera import (
     GROUP_COLOURS,
     SUN_COLOUR,
@@ -26,9 +25,10 @@ from closeform.plots.camera import (
     triad,
     word,
 )
-from closeform.plots.letters import plain
-from closeform.plots.look import DASHED, HALO, SMALL, TEXT
-from closeform.plots.moment import Knots, Moment, clock_text
+from closeform.plots.fonts import plain
+from closeform.plots.palette import BEFORE, FAINT, INK, OTHER
+from closeform.plots.snapshot import Knots, Moment, clock_text
+from closeform.plots.style import DASHED, HALO, SMALL, TEXT
 from closeform.plots.views import OBLIQUE
 from closeform.search.gather_result import EventKind, Gathering
 from closeform.search.leg import SPELLED, SUN

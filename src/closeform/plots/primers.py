@@ -15,10 +15,11 @@ from closeform.fuel.bound import least_delta_v
 from closeform.fuel.burns import burns_of
 from closeform.fuel.thrusters import Thrusters
 from closeform.motion.path import Path, ends_of
-from closeform.palette import AFTER, BEFORE, INK, OTHER, ZONE
 from closeform.planning.plan import Avoidance, Plan
-from closeform.plots.given import crafts, one_craft
-from closeform.plots.look import (
+from closeform.plots.inputs import crafts, one_craft
+from closeform.plots.palette import AFTER, BEFORE, INK, OTHER, ZONE
+from closeform.plots.plan_primer import PlanePushes, Worth
+from closeform.plots.style import (
     DASHED,
     HALO,
     SMALL,
@@ -34,7 +35,6 @@ from closeform.plots.look import (
     speed_unit,
     time_axes,
 )
-from closeform.plots.worth import PlanePushes, Worth
 
 LEAST = 0.05  # per cent above a bound, that count as it
 LETTERED = 12  # impulses or slots that are labelled

@@ -12,9 +12,9 @@ from matplotlib.figure import Figure
 from closeform.arrays import shown
 from closeform.motion.joining import stack
 from closeform.motion.path import Path
+from closeform.plots.answer_paths import FLYING
 from closeform.plots.answers import PICTURES, Drawer
-from closeform.plots.flown import FLYING
-from closeform.plots.given import crafts
+from closeform.plots.inputs import crafts
 from closeform.zones.combined_zones import OwnZone
 from closeform.zones.pair_zones import PairZones
 

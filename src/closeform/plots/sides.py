@@ -12,11 +12,11 @@ from matplotlib.figure import Figure
 from closeform.arrays import Floats, instance, sequence
 from closeform.conflicts.two_paths import closest_approach, find_conflicts
 from closeform.motion.path import Path
-from closeform.palette import AFTER, ALTERNATIVE, BEFORE, CONFLICT, DIRECTIONS, INK, OTHER, ZONE
 from closeform.planning.both_sides import ways_around
-from closeform.plots.given import one_craft
-from closeform.plots.letters import plain, short_names
-from closeform.plots.look import (
+from closeform.plots.fonts import plain, short_names
+from closeform.plots.inputs import one_craft
+from closeform.plots.palette import AFTER, ALTERNATIVE, BEFORE, CONFLICT, DIRECTIONS, INK, OTHER, ZONE
+from closeform.plots.style import (
     DASHED,
     DOTTED,
     HALO,

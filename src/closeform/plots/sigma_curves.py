@@ -11,12 +11,12 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from closeform.arrays import instance, number, sequence
 from closeform.motion.path import Path
-from closeform.palette import CONFLICT, INK, ZONE
 from closeform.plots.closest import COLOURS, DASHES
 from closeform.plots.deviations import Deviations
-from closeform.plots.given import crafts, texts
-from closeform.plots.letters import plain
-from closeform.plots.look import (
+from closeform.plots.fonts import plain
+from closeform.plots.inputs import crafts, texts
+from closeform.plots.palette import CONFLICT, INK, ZONE
+from closeform.plots.style import (
     SMALL,
     TEXT,
     clock,

@@ -13,11 +13,13 @@ from matplotlib.figure import Figure
 from closeform.arrays import Floats, instance
 from closeform.conflicts.two_paths import Approach, closest_approach, find_conflicts
 from closeform.motion.path import Path
-from closeform.palette import AFTER, BEFORE, CONFLICT, INK, OTHER, ZONE
 from closeform.plots.fleet import beside, owned, scaled
-from closeform.plots.given import crafts, one_craft, same
-from closeform.plots.letters import short_names
-from closeform.plots.look import (
+from closeform.plots.fonts import short_names
+from closeform.plots.inputs import crafts, one_craft, same
+from closeform.plots.label_placement import Names
+from closeform.plots.palette import AFTER, BEFORE, CONFLICT, INK, OTHER, ZONE
+from closeform.plots.panels import framed
+from closeform.plots.style import (
     DASHED,
     Unit,
     area,
@@ -29,8 +31,6 @@ from closeform.plots.look import (
     length_unit,
     sheet,
 )
-from closeform.plots.names import Names
-from closeform.plots.panels import framed
 from closeform.plots.views import AXES, ORBITAL, window
 from closeform.plots.zones_and_tracks import headings, place
 from closeform.zones.outlines import PLANES, drawn, shadow

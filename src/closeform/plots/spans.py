@@ -11,9 +11,9 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from closeform.arrays import Floats
-from closeform.palette import AFTER, CONFLICT, INK, ZONE
-from closeform.plots.letters import plain
-from closeform.plots.look import SMALL, TEXT, Clock, column, dress, headline, plain_unit, sheet, time_axes
+from closeform.plots.fonts import plain
+from closeform.plots.palette import AFTER, CONFLICT, INK, ZONE
+from closeform.plots.style import SMALL, TEXT, Clock, column, dress, headline, plain_unit, sheet, time_axes
 
 NAMED = 6  # of the least, whose names stand beside them
 APART = (0.08, 0.06)  # of the axes: dots that are nearer share the name of the least

@@ -10,9 +10,9 @@ import numpy as np
 from closeform.arrays import Floats, number, sequence, shown, whole
 from closeform.motion.arc import IMPULSE, START
 from closeform.motion.path import Path
-from closeform.plots.given import one_path, texts
-from closeform.plots.look import instants
+from closeform.plots.inputs import one_path, texts
 from closeform.plots.pairs import Pairs
+from closeform.plots.style import instants
 
 CLOSEST, LOOKS = 300, 500  # pairs of which the nearest is shown, and times of a stage
 SAME = 1e-9  # of all the time, by which stages may overlap: rounding

@@ -11,9 +11,9 @@ from matplotlib.transforms import ScaledTranslation
 from numpy.typing import ArrayLike
 
 from closeform.arrays import instance, numbers, sequence
-from closeform.palette import INK, colours
-from closeform.plots.letters import fonts, inches, plain
-from closeform.plots.look import SMALL, TEXT, WIDTH, area, dress, headline, legend, sheet
+from closeform.plots.fonts import fonts, inches, plain
+from closeform.plots.palette import INK, colours
+from closeform.plots.style import SMALL, TEXT, WIDTH, area, dress, headline, legend, sheet
 
 MOST, LONG = 12, 40  # lines that are drawn, letters of a name
 BESIDE = 0.9  # inches of a legend beside each name

@@ -12,10 +12,10 @@ from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, number, numbers, shown
 from closeform.motion.path import Path
-from closeform.palette import AFTER, ALTERNATIVE, BEFORE, DIRECTIONS, INK, OTHER, colours
-from closeform.plots.given import crafts, texts
-from closeform.plots.letters import plain, short_names
-from closeform.plots.look import (
+from closeform.plots.fonts import plain, short_names
+from closeform.plots.inputs import crafts, texts
+from closeform.plots.palette import AFTER, ALTERNATIVE, BEFORE, DIRECTIONS, INK, OTHER, colours
+from closeform.plots.style import (
     DASHED,
     DOTTED,
     SMALL,

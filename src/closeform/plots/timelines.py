@@ -11,9 +11,9 @@ from matplotlib.figure import Figure
 from closeform.arrays import Floats, instance
 from closeform.conflicts.two_paths import Conflict, closest_approach, find_conflicts
 from closeform.motion.path import Path
-from closeform.palette import CONFLICT, DIRECTIONS, INK, OTHER, ZONE
-from closeform.plots.letters import short_names
-from closeform.plots.look import (
+from closeform.plots.fonts import short_names
+from closeform.plots.palette import CONFLICT, DIRECTIONS, INK, OTHER, ZONE
+from closeform.plots.style import (
     SMALL,
     TEXT,
     Clock,

@@ -7,9 +7,9 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.conflicts.flight import stays_rather
 from closeform.motion.path import Path
-from closeform.plots.given import crafts
-from closeform.plots.look import instants
+from closeform.plots.inputs import crafts
 from closeform.plots.pairs import Pairs, ratio_text
+from closeform.plots.style import instants
 from closeform.zones.outlines import drawn
 from closeform.zones.zone import Zone
 

@@ -14,12 +14,12 @@ from matplotlib.patches import Patch
 
 from closeform.arrays import Floats, instance, number
 from closeform.motion.path import Path
-from closeform.palette import AFTER, CONFLICT, INK, ZONE
 from closeform.plots.camera import Camera
 from closeform.plots.deviations import Deviations
 from closeform.plots.fleet import FLAT, PLANES, SIDE, beside, owned, scaled
-from closeform.plots.letters import short_names
-from closeform.plots.look import SMALL, area, clock, dress, headline, legend, length_unit, sheet
+from closeform.plots.fonts import short_names
+from closeform.plots.palette import AFTER, CONFLICT, INK, ZONE
+from closeform.plots.style import SMALL, area, clock, dress, headline, legend, length_unit, sheet
 from closeform.plots.zones_and_tracks import headings, place
 from closeform.uncertainty.clearance import SigmaApproach, clearance_in_sigmas
 from closeform.uncertainty.errors import Errors

@@ -4,8 +4,8 @@ from collections.abc import Iterator
 from math import degrees
 from typing import Any
 
+from closeform.mission.stage_start import Arrival
 from closeform.planning.plan import UNITS
-from closeform.stage_start import Arrival
 
 SAME = 0.02  # deg: phases that are told as one
 

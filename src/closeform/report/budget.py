@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.mission_result import Mission
+from closeform.mission.mission_result import Mission
 from closeform.report import effort, limits
 from closeform.report.section import Section
 from closeform.report.table import MOST_ROWS, Column, Table

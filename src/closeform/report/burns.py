@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from closeform.mission_result import Mission, StageResult
+from closeform.mission.mission_result import Mission, StageResult
+from closeform.mission.stage_burns import burns_in
 from closeform.report import effort
 from closeform.report.picture import Picture
 from closeform.report.table import MOST_ROWS, Column, Table, counted
-from closeform.stage_burns import burns_in
 
 NOTHING = 5e-7  # m/s
 TELLING = 1e-5  # m/s: a burn that is listed

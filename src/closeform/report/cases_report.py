@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import Any
 
 from closeform.campaign.flown_cases import FlownCases
-from closeform.report import repeat, results
+from closeform.mission.verdict import MET, NOT_MET
+from closeform.report import reproduction, results
 from closeform.report.page import Head
 from closeform.report.picture import Progress
 from closeform.report.section import Section
 from closeform.report.table import Table
-from closeform.result_folder import Folder
-from closeform.verdict import MET, NOT_MET
+from closeform.storage.result_folder import Folder
 
 Replays = Sequence[tuple[str, str, str]]  # pages of cases: file, what it shows, why it is worth looking at
 
@@ -56,7 +56,7 @@ class CasesReport(ABC):
 
     def run_of(self, case: int, which: str) -> tuple[str, ...]:
         """The command that shows `which` case this is; none where the file as it is draws others."""
-        told = f"closeform run {repeat.quoted(self.campaign.scenario.file)} --case {case} shows {which}"
+        told = f"closeform run {reproduction.quoted(self.campaign.scenario.file)} --case {case} shows {which}"
         return (told,) if self.campaign.as_in_file else ()
 
     @property
@@ -66,7 +66,7 @@ class CasesReport(ABC):
         return {
             "kind": "study",
             "title": campaign.title,
-            "inputs": repeat.inputs(campaign.scenario),
+            "inputs": reproduction.inputs(campaign.scenario),
             "seed": campaign.seed,
             "cases": len(campaign),
             "status": MET if campaign.ok else NOT_MET,
@@ -82,7 +82,7 @@ class CasesReport(ABC):
             options += f" --cases {len(campaign)}"
         if study is None or study.seed != campaign.seed:
             options += f" --seed {campaign.seed}"
-        return repeat.by_scenario(campaign.scenario, "study", options, beside, out, campaign.seed)
+        return reproduction.by_scenario(campaign.scenario, "study", options, beside, out, campaign.seed)
 
     def leave(
         self,

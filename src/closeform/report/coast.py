@@ -1,6 +1,6 @@
 """The section of a coast, and of the impulses that it is given."""
 
-from closeform.mission_result import Mission, StageResult
+from closeform.mission.mission_result import Mission, StageResult
 from closeform.report import burns, conflicts
 from closeform.report.section import Section, heading
 from closeform.scenario import Coast

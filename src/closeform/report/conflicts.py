@@ -10,11 +10,11 @@ import numpy as np
 
 from closeform.conflicts.flight import ALL_PAIRS, PairApproach, WatchedFlight
 from closeform.conflicts.two_paths import PairConflict, nearest_first
-from closeform.mission_result import StageResult
+from closeform.mission.mission_result import StageResult
+from closeform.mission.verdict import conflicts_in
 from closeform.motion.arc import END, START
 from closeform.report.picture import Film, Picture
 from closeform.report.table import MOST_ROWS, PAIR, Column, Table, counted, record
-from closeform.verdict import conflicts_in
 from closeform.zones.combined_zones import REGION
 from closeform.zones.pair_zones import PairZones
 

@@ -18,7 +18,7 @@ from closeform.report.picture import Film, Share
 
 if TYPE_CHECKING:
     from closeform.report.picture import Progress, Shot
-    from closeform.result_folder import Folder
+    from closeform.storage.result_folder import Folder
 
 AHEAD = (  # what pictures of most stages need; no scenario, no tables
     "closeform.plots",
@@ -31,7 +31,7 @@ AHEAD = (  # what pictures of most stages need; no scenario, no tables
     "closeform.plots.space",
     "closeform.plots.timelines",
     "closeform.report.picture",
-    "closeform.result_folder",
+    "closeform.storage.result_folder",
     "closeform.motion.orbit",
     "closeform.plots.drifts",
     "scipy.special",  # of errors; last, while the other process still reads the scenario

@@ -5,17 +5,17 @@ from dataclasses import replace
 from math import inf, isfinite, isnan
 from typing import TYPE_CHECKING, Any
 
-from closeform.drift.failures import ThrustLost
-from closeform.mission_result import StageResult
+from closeform.mission.mission_result import StageResult
 from closeform.motion.path import Path
 from closeform.report.picture import Picture
 from closeform.report.table import MOST_ROWS, Column, Table, record
+from closeform.safety.failures import ThrustLost
 from closeform.scenario.quantity import span
 from closeform.scenario.stage_table import Drifting
 from closeform.zones.zone import Zone
 
 if TYPE_CHECKING:
-    from closeform.passive import PairDrift, PassiveSafety
+    from closeform.mission.passive_safety import PairDrift, PassiveSafety
 
 CURVES = 6  # pairs whose nearness is drawn against the instant of failure
 ROUNDING = 1e-6  # m: who is nearer meets
@@ -23,8 +23,8 @@ SECONDS = "{:.3f}".format
 EVENTS = {
     "ThrustLost": ("thrust is lost", "thrust lost at [s]"),
     "MissedBurns": ("burns are missed", "first missed at [s]"),
-    "WeakThrust": ("thrust gets weak", "weak from [s]"),
-    "StuckThrust": ("thrust is stuck", "stuck at [s]"),
+    "DegradedThrust": ("thrust gets weak", "weak from [s]"),
+    "StuckOnThrust": ("thrust is stuck", "stuck at [s]"),
 }
 
 
@@ -172,7 +172,7 @@ def pictures(result: StageResult[Any, Any]) -> tuple[Picture, ...]:
     failing = [pair for pair in passive.pairs if not isnan(pair.failed_at)][:CURVES]
     if not failing:
         return ()
-    from closeform.drift.sides import carried  # whose kernels only a drift needs
+    from closeform.safety.sides import carried  # whose kernels only a drift needs
 
     flown = result.after.paths if passive.until == inf else carried(result.after.paths, passive.until)
     names = result.after.names
@@ -203,7 +203,7 @@ def pictures(result: StageResult[Any, Any]) -> tuple[Picture, ...]:
 
 def unplanned(result: StageResult[Any, Any], direct: "PairDrift", until: float) -> tuple[Path, Path, Zone]:
     """The nearest pair of the direct paths: who fails, who flies on until the end, their zone."""
-    from closeform.drift.sides import carried  # whose kernels only a drift needs
+    from closeform.safety.sides import carried  # whose kernels only a drift needs
 
     paths, names = result.before.paths, result.before.names
     flown = paths if until == inf else carried(paths, until)

@@ -7,7 +7,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from closeform.mission_result import Mission, StageResult
+from closeform.mission.mission_result import Mission, StageResult
 from closeform.motion.path import Path
 from closeform.report.table import Column, Table, record
 

@@ -7,17 +7,17 @@ from typing import Any
 import numpy as np
 
 from closeform.exchange.conjunction import Conjunction
+from closeform.mission.verdict import MET, NOT_MET
 from closeform.report import model, results
 from closeform.report.page import Head
 from closeform.report.picture import Picture, Progress
-from closeform.report.repeat import Command
+from closeform.report.reproduction import Command
 from closeform.report.section import Section
 from closeform.report.table import STATE_COLUMNS, Column, Table
-from closeform.result_folder import Folder
+from closeform.storage.result_folder import Folder
 from closeform.uncertainty.clearance import SigmaApproach
 from closeform.uncertainty.encounter import Encounter
 from closeform.uncertainty.probability import Probability
-from closeform.verdict import MET, NOT_MET
 from closeform.zones.solids import Sphere
 
 FIGURES = (

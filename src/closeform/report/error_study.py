@@ -9,7 +9,7 @@ import numpy as np
 
 from closeform.campaign.error_cases import MET, ErrorCampaign, PairCounts
 from closeform.confidence import Estimate, estimate
-from closeform.report import asked, model, worst
+from closeform.report import model, scenario_summary, worst
 from closeform.report.cases import SHARES, percent
 from closeform.report.cases_report import CasesReport, Replays
 from closeform.report.section import Section
@@ -113,7 +113,7 @@ class ErrorStudyReport(CasesReport):
         worth = worst.of_errors(campaign)
         sure = [SHARES, *model.of_errors(True)]
         return (
-            asked.section(campaign.scenario),
+            scenario_summary.section(campaign.scenario),
             Section("What was found", self.hint, self.tables),
             *worst.section(campaign, replays, worth),
             Section("Limits of the model", tables=(model.certain(sure),)),

@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from closeform.mission_result import Mission, StageResult
+from closeform.mission.mission_result import Mission, StageResult
+from closeform.mission.verdict import conflicts_in, conflicts_of
 from closeform.report import conflicts, effort, search
 from closeform.report.burns import StageBurns
 from closeform.report.picture import Film, Picture
@@ -14,7 +15,6 @@ from closeform.report.section import Section, heading
 from closeform.report.table import MOST_ROWS, PHASE, Column, Table, minutes
 from closeform.scenario import Gather
 from closeform.search.gather_result import Event, EventKind, Gathering, GatherStatus, listed
-from closeform.verdict import conflicts_in, conflicts_of
 
 MOST_NAMES = 12  # of a set on one line; larger ones are counted
 MOMENTS = 6  # of a gathering that are shown

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from closeform.mission_result import Mission, StageResult
+from closeform.mission.mission_result import Mission, StageResult
+from closeform.mission.verdict import Use
 from closeform.report import effort
 from closeform.report.table import MOST_ROWS, Column, Table
-from closeform.verdict import Use
 
 
 def greatest(mission: Mission, result: StageResult[Any, Any]) -> dict[str, tuple[Use, ...]]:

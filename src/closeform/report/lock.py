@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from closeform.mission_result import FirstLocks, Mission, StageResult
+from closeform.mission.mission_result import FirstLocks, Mission, StageResult
 from closeform.report import conflicts, search
 from closeform.report.picture import Picture
 from closeform.report.section import Section, heading

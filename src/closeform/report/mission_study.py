@@ -9,7 +9,7 @@ import numpy as np
 
 from closeform.campaign.mission_cases import MET, WORDS, MissionCampaign
 from closeform.confidence import estimate
-from closeform.report import asked, flown_study, model, worst
+from closeform.report import model, scenario_summary, simulation_study, worst
 from closeform.report.cases import SHARES, percent
 from closeform.report.cases_report import CasesReport, Replays
 from closeform.report.picture import Picture
@@ -68,7 +68,7 @@ class MissionStudyReport(CasesReport):
         if campaign.causes:
             found.append(Table("Why", WHY, campaign.causes))
         if campaign.flights is not None:
-            found += flown_study.tables(campaign.flights)
+            found += simulation_study.tables(campaign.flights)
         if campaign.spreads:
             flown = ", flown" * (campaign.flights is not None)
             title = "What they spent" if campaign.flights is None else "What they spend, flown and as planned"
@@ -111,14 +111,14 @@ class MissionStudyReport(CasesReport):
             "spreads": {name: spread(one) for name, one in campaign.spreads.items()},
             "least_ratio": None if campaign.nearest is None else campaign.nearest[0],
             "drifting": dict(zip(("cases", "into_a_zone"), campaign.endings.drifting, strict=True)),
-            **({} if campaign.flights is None else {"flights": flown_study.figures(campaign.flights)}),
+            **({} if campaign.flights is None else {"flights": simulation_study.figures(campaign.flights)}),
         }
 
     def chapters(self, replays: Replays) -> Sequence[Section]:
         """What the page tells, but for how to repeat it."""
         scenario = self.campaign.scenario
-        request = asked.section(scenario)
-        sure = [flown_study.SURE] * (self.campaign.flights is not None)
+        request = scenario_summary.section(scenario)
+        sure = [simulation_study.SURE] * (self.campaign.flights is not None)
         return (
             Section(request.title, request.lines, (*request.tables, *draw_table(self.campaign))),
             Section("What was found", self.hint, self.tables, pictures=self.pictures),
@@ -133,7 +133,7 @@ class MissionStudyReport(CasesReport):
         done = ~np.isnan(campaign.column("end_s"))
         if not done.any():
             return ()
-        found, told = [], (SPENT,) if campaign.flights is None else (PLANNED, *flown_study.PICTURES)
+        found, told = [], (SPENT,) if campaign.flights is None else (PLANNED, *simulation_study.PICTURES)
         for name, caption, words, column, tail in told:
             some = campaign.column(column)[done]
             if not np.isnan(some).any():

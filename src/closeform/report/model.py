@@ -9,7 +9,7 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.conflicts.flight import WatchedFlight
-from closeform.mission_result import Mission, StageResult
+from closeform.mission.mission_result import Mission, StageResult
 from closeform.motion.mean_motion import EARTH_MU, semi_major_axis_from_mean_motion
 from closeform.report.section import Section, plan_of
 from closeform.report.table import Column, Table

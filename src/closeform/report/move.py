@@ -5,11 +5,11 @@ from functools import partial
 from typing import Any
 
 from closeform.conflicts.two_paths import closest_approach, nearest_first
-from closeform.mission_result import AvoidResult, Mission, StageResult
+from closeform.mission.mission_result import AvoidResult, Mission, StageResult
 from closeform.motion.path import Path
 from closeform.planning.plan import UNITS, Status
 from closeform.report import arrival, burns, conflicts, effort, optimum
-from closeform.report.choices import Choices, lines_of_fuel, pictures_of_fuel, tables_of_fuel
+from closeform.report.actuator_options import Choices, lines_of_fuel, pictures_of_fuel, tables_of_fuel
 from closeform.report.picture import Picture
 from closeform.report.section import Section, heading
 from closeform.report.table import Column, Table

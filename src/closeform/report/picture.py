@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
     from closeform.plots.gif import Reel
-    from closeform.result_folder import Folder
+    from closeform.storage.result_folder import Folder
 
 Progress = Callable[[str], None]
 
@@ -41,7 +41,7 @@ class Picture:
     def leave(self, folder: "Folder", progress: Progress) -> Shot:
         """Draw it into a folder."""
         from closeform import plots
-        from closeform.plots.look import banner, headline
+        from closeform.plots.style import banner, headline
 
         home, _, name = self.plot.rpartition(".")
         drawn = import_module(f"closeform.plots.{home}") if home else plots

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from closeform.mission_result import Mission, ReconfigureResult, StageResult
+from closeform.mission.mission_result import Mission, ReconfigureResult, StageResult
 from closeform.motion.path import Path
 from closeform.report import burns, conflicts, effort, optimum
-from closeform.report.choices import Choices, lines_of_fuel, pictures_of_fuel, tables_of_fuel
+from closeform.report.actuator_options import Choices, lines_of_fuel, pictures_of_fuel, tables_of_fuel
 from closeform.report.picture import Picture
 from closeform.report.section import Section, heading
 from closeform.report.table import MOST_ROWS, PAIR, Column, Table

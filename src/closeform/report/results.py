@@ -4,12 +4,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from closeform.report import page, repeat
+from closeform.report import page, reproduction
 from closeform.report.drawing import drawn
 from closeform.report.page import Head
 from closeform.report.picture import Progress, Shot
 from closeform.report.section import Section
-from closeform.result_folder import REPORT, VIEWER, Folder
+from closeform.storage.result_folder import REPORT, VIEWER, Folder
 
 Viewer = Callable[[Folder, Sequence[Shot]], None]  # what writes a page that moves, beside pictures
 
@@ -41,7 +41,7 @@ def leave(
         progress(f"writing {VIEWER}")
         viewer(folder, shots)
     pages(progress)
-    files = repeat.beside(folder)
+    files = reproduction.beside(folder)
     whole = [*chapters, repeated(files)]
-    folder.text(REPORT, page.document(replace(head, links=repeat.links(files)), whole, shots))
+    folder.text(REPORT, page.document(replace(head, links=reproduction.links(files)), whole, shots))
     folder.summary(figures)

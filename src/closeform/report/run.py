@@ -9,25 +9,24 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from closeform import arc_tables
 from closeform.arrays import Floats
-from closeform.mission_result import Mission, StageResult
+from closeform.mission.mission_result import Mission, StageResult
 from closeform.report import (
-    asked,
     budget,
     coast,
     conflicts,
     drift,
     effort,
-    found,
     gather,
-    left_out,
     limits,
     lock,
     model,
+    model_error,
     move,
     reconfigure,
-    repeat,
+    reproduction,
+    requirements,
+    scenario_summary,
     transfer,
     uncertain,
 )
@@ -36,9 +35,8 @@ from closeform.report.picture import Film, Progress
 from closeform.report.results import Viewer
 from closeform.report.results import leave as leave_all
 from closeform.report.section import Section, fate, not_filmed, not_flown
-from closeform.report.stamps import Stamps
 from closeform.report.table import STATE_COLUMNS, Table, counted
-from closeform.result_folder import Folder
+from closeform.report.utc_columns import Stamps
 from closeform.scenario import (
     Avoid,
     Coast,
@@ -51,9 +49,11 @@ from closeform.scenario import (
     StageTable,
     Transfer,
 )
+from closeform.storage import arc_tables
+from closeform.storage.result_folder import Folder
 
 if TYPE_CHECKING:
-    from closeform.report.flight import FlightTold
+    from closeform.report.simulation import FlightTold
 
 SUBJECTS: dict[type[StageTable], Callable[[Mission, Any], Section]] = {
     Coast: coast.section,
@@ -97,7 +97,7 @@ class RunReport:
         """What there is to say of its flights in the field, where it has some."""
         if self.mission.flights is None:
             return None
-        from closeform.report.flight import FlightTold  # whose kernels most runs can spare
+        from closeform.report.simulation import FlightTold  # whose kernels most runs can spare
 
         return FlightTold(self.mission.flights)
 
@@ -115,7 +115,7 @@ class RunReport:
     def origin(self) -> tuple[str, ...]:
         """The chief's orbit; which states at the epoch were interpolated; the model error."""
         chief, inputs = self.mission.scenario.chief, self.mission.scenario.inputs
-        estimate = tuple(left_out.estimate(self.mission))
+        estimate = tuple(model_error.estimate(self.mission))
         if chief is None:
             return estimate
         a, _, ex, ey, inclination, node = chief.elements
@@ -138,10 +138,10 @@ class RunReport:
     def chapters(self) -> tuple[Section, ...]:
         """What the page tells, but for how to repeat it: around the stages what holds for all of them."""
         mission, epoch = self.mission, self.mission.scenario.epoch
-        whole = found.section(mission)
+        whole = requirements.section(mission)
         if epoch is not None:
             whole = replace(whole, tables=tuple(map(Stamps(epoch).dated, whole.tables)))
-        before = asked.section(mission.scenario), whole
+        before = scenario_summary.section(mission.scenario), whole
         told = budget.section(mission, self.thrusting), *self.sections, *self.in_flight
         sure = () if self.flights is None else (self.flights.sure,)
         return *before, *told, model.section(mission), *sure
@@ -157,7 +157,7 @@ class RunReport:
         scenario = self.mission.scenario
         case = "" if scenario.case is None else f" --case {scenario.case}"
         point = "" if scenario.place is None else f" --point {scenario.place}"
-        return repeat.by_scenario(scenario, "run", f"{point}{case}", beside, out, self.seed)
+        return reproduction.by_scenario(scenario, "run", f"{point}{case}", beside, out, self.seed)
 
     @property
     def summary(self) -> dict[str, Any]:
@@ -167,7 +167,7 @@ class RunReport:
         return {
             "kind": "run",
             "title": scenario.title,
-            "inputs": repeat.inputs(scenario),
+            "inputs": reproduction.inputs(scenario),
             **origin(scenario),
             "seed": self.seed,
             "case": scenario.case,
@@ -179,7 +179,7 @@ class RunReport:
             "delta_v_m_s": dict(zip(scenario.names, delta_v.tolist(), strict=True)),
             "propellant_kg": dict(zip(scenario.names, propellant.tolist(), strict=True)),
             "used": limits.used(mission).records if self.closing else [],
-            "asked": found.figures(mission),
+            "asked": requirements.figures(mission),
             **({} if not mission.lost else {"lost": [one.figures for one in mission.lost]}),
             "budget": budget.figures(mission, self.thrusting),
             "stages": [section.figures for section in self.sections],
@@ -194,7 +194,7 @@ class RunReport:
         for result, told in zip(self.mission.results, self.sections, strict=True):
             for name, table in told.files.items():
                 columns = {"stage": [result.number] * len(table.rows), **table.stored}
-                below = found.setdefault(name, {key: [] for key in columns})
+                below = requirements.setdefault(name, {key: [] for key in columns})
                 for key, cells in columns.items():
                     below[key] += cells
         return found
@@ -226,13 +226,13 @@ def section(mission: Mission, result: StageResult[Any, Any]) -> Section:
         lines=(
             *not_flown(result),
             *drift.lines(result),
-            *left_out.lines(mission, result),
+            *model_error.lines(mission, result),
             *conflicts.zones(result.before),
             *told.lines,
         ),
         tables=told.tables + drift.tables(result),
         closing=(
-            *left_out.margin(result),
+            *model_error.margin(result),
             *told.closing,
             *closing,
             *not_filmed(told.pictures, count),
@@ -261,7 +261,7 @@ def section(mission: Mission, result: StageResult[Any, Any]) -> Section:
             **told.figures,
             **used,
             **drift.figures(result),
-            **left_out.figures(result),
+            **model_error.figures(result),
         },
         files={
             **conflicts.files(result),
@@ -333,6 +333,6 @@ def leave(
     folder.csv("burns", report.files.get("burns", {}))
     scenario, found = mission.scenario, mission.verdict
     lines = [f"{report.opening}; {Path(scenario.file).name}", *report.origin]
-    head = Head(scenario.title, lines, str(found), found.ok, mission.warnings)
+    head = Head(scenario.title, lines, str(found), requirements.ok, mission.warnings)
     repeated = partial(report.repeat, out)
     leave_all(folder, head, report.chapters, repeated, report.summary, progress, viewer)

@@ -10,17 +10,17 @@ import numpy as np
 from closeform.conflicts.flight import WatchedFlight
 from closeform.exchange.common_frame import CommonFrame
 from closeform.exchange.epochs import Epoch
+from closeform.mission.verdict import MOST_NAMES, Verdict, conflicts_in
 from closeform.report import conflicts, model, results, uncertain
 from closeform.report.conflicts import APPROACH, CONFLICT, MOST_PAIRS
 from closeform.report.page import Head
 from closeform.report.picture import Picture, Progress
-from closeform.report.repeat import Command
+from closeform.report.reproduction import Command
 from closeform.report.section import Section
-from closeform.report.stamps import Stamps
 from closeform.report.table import STATE_COLUMNS, Column, Table, counted
 from closeform.report.uncertain import SIGMAS, row
-from closeform.result_folder import Folder
-from closeform.verdict import MOST_NAMES, Verdict, conflicts_in
+from closeform.report.utc_columns import Stamps
+from closeform.storage.result_folder import Folder
 from closeform.zones.pair_zones import PairZones
 
 if TYPE_CHECKING:  # which a screening without errors can spare

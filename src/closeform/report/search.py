@@ -5,12 +5,12 @@ from functools import lru_cache
 from math import degrees, isinf, pi
 from typing import Any
 
-from closeform.mission_result import StageResult
+from closeform.mission.mission_result import StageResult
+from closeform.mission.verdict import SunAngle
 from closeform.report import conflicts
 from closeform.report.table import PHASE, Column, Table, minutes
 from closeform.search.leg import SPELLED
 from closeform.search.schedule import Search
-from closeform.verdict import SunAngle
 
 ROUNDING = 1e-9  # rad
 FROM, TO = (

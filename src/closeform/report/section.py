@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from textwrap import shorten
 from typing import TYPE_CHECKING, Any
 
-from closeform.mission_result import StageResult
+from closeform.mission.mission_result import StageResult
 from closeform.report.picture import Film, Picture
 from closeform.report.table import Table
 

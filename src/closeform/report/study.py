@@ -12,7 +12,7 @@ from closeform.campaign import Campaign
 from closeform.campaign.flown_cases import FlownCases
 from closeform.campaign.spread import QUANTILES, Spread
 from closeform.confidence import Estimate, estimate
-from closeform.report import asked, model, search, worst
+from closeform.report import model, scenario_summary, search, worst
 from closeform.report.cases import (
     SHARES,
     SUBJECTS,
@@ -25,8 +25,8 @@ from closeform.report.cases_report import CasesReport, Replays
 from closeform.report.picture import Picture
 from closeform.report.section import Section
 from closeform.report.table import Column, Table
-from closeform.search.binned import Binned
 from closeform.search.gather_result import listed
+from closeform.search.histogram import Binned
 
 SPREAD = tuple(map(Column, ("mean", "median", "95 %", "99.9 %", "greatest", "in case")))
 
@@ -122,7 +122,7 @@ class StudyReport(CasesReport):
         campaign, what = self.campaign, self.subject.what
         scenario = campaign.scenario
         whole = search.facts(self.subject.search, campaign.search.duration)
-        request = asked.section(scenario)
+        request = scenario_summary.section(scenario)
         caption = f"When cases were {campaign.done}"
         picture = Picture(
             "histogram", caption, "lockings.binned", (self.times, campaign.search), {"what": what}

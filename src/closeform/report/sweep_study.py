@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from closeform.campaign.sweep_cases import Point, SweepCampaign
-from closeform.report import asked, model
+from closeform.report import model, scenario_summary
 from closeform.report.cases import SHARES, percent
 from closeform.report.cases_report import CasesReport, Replays
 from closeform.report.picture import Picture
-from closeform.report.repeat import quoted
+from closeform.report.reproduction import quoted
 from closeform.report.section import Section
 from closeform.report.study import draw_table, draws, spread
 from closeform.report.table import Column, Table
@@ -87,7 +87,7 @@ class SweepReport(CasesReport):
 
     def chapters(self, replays: Replays) -> Sequence[Section]:
         """What the page tells, but for how to repeat it."""
-        request = asked.section(self.campaign.scenario)
+        request = scenario_summary.section(self.campaign.scenario)
         return (
             Section(request.title, request.lines, (*request.tables, *draw_table(self.campaign))),
             Section("What was found", self.hint, self.tables, pictures=(self.picture,)),

@@ -2,9 +2,9 @@
 
 from collections.abc import Iterator
 
-from closeform.mission_result import Mission, StageResult, TransferResult
+from closeform.mission.mission_result import Mission, StageResult, TransferResult
 from closeform.report import arrival, burns, conflicts, effort
-from closeform.report.choices import Choices
+from closeform.report.actuator_options import Choices
 from closeform.report.picture import Picture
 from closeform.report.section import Section, heading
 from closeform.report.table import Column, Table

@@ -11,8 +11,8 @@ from closeform.report.table import MOST_ROWS, PAIR, Column, Table, record
 
 if TYPE_CHECKING:  # whose kernels a stage without errors can spare
     from closeform.conflicts.flight import WatchedFlight
-    from closeform.mission_result import StageResult
-    from closeform.uncertain_stage import UncertainStage
+    from closeform.mission.mission_result import StageResult
+    from closeform.mission.uncertainty import UncertainStage
     from closeform.uncertainty.errors import Errors
     from closeform.uncertainty.probability import Probability
     from closeform.uncertainty.uncertain_flight import UncertainPair
@@ -70,7 +70,7 @@ def told(section: Section, result: "StageResult[Any, Any]", names: Sequence[str]
 
 def lines(found: "UncertainStage") -> tuple[str, ...]:
     """By how many sigmas all are clear, and how probable a collision is; what is counted."""
-    from closeform.uncertain_stage import fewest, radius
+    from closeform.mission.uncertainty import fewest, radius
 
     many, near = found.stage.sigmas, found.nearest
     lead = "Clear"

@@ -10,7 +10,7 @@ from closeform.campaign import Campaign
 from closeform.campaign.flown_cases import FlownCases
 from closeform.campaign.search_campaign import LATER
 from closeform.report.cases_report import Replays
-from closeform.report.repeat import quoted
+from closeform.report.reproduction import quoted
 from closeform.report.section import Section
 from closeform.report.table import Column, Table
 

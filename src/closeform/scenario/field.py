@@ -10,7 +10,7 @@ from closeform.scenario.quantity import DENSITY, LENGTH, SHARE, SPEED, TIME, Par
 from closeform.scenario.table import Length, Table
 
 if TYPE_CHECKING:
-    from closeform.field.feedback import Feedback, Navigation
+    from closeform.dynamics.feedback import Feedback, Navigation
 
 DEGREES = (0, 2, 3, 4, 5, 6)
 AIR = ("density", "at_altitude", "scale_height")
@@ -86,7 +86,7 @@ class FeedbackTable(Table):
 
     def build(self) -> "Feedback":
         """That of the core."""
-        from closeform.field.feedback import Feedback
+        from closeform.dynamics.feedback import Feedback
 
         return Feedback(self.every, self.horizon, self.impulses, self.delay)
 
@@ -102,7 +102,7 @@ class NavigationTable(Table):
 
     def build(self) -> "Navigation":
         """That of the core."""
-        from closeform.field.feedback import Navigation
+        from closeform.dynamics.feedback import Navigation
 
         biases = self.position_bias, self.velocity_bias
         return Navigation(self.position, self.velocity, *biases, self.correlation)

@@ -118,8 +118,8 @@ def too_blind(scenario: Scenario, orbit: Orbit) -> Iterator[str]:
     """Navigation that leaves pairs farther off than their zones reach."""
     if scenario.field is None or scenario.navigation is None:
         return
-    from closeform.field.feedback import Feedback
-    from closeform.field.tube import tube
+    from closeform.dynamics.feedback import Feedback
+    from closeform.dynamics.tube import tube
 
     told = scenario.flight
     room = tube(orbit, told["feedback"] or Feedback(), told["navigation"])

@@ -29,9 +29,9 @@ from closeform.zones.solids import Sphere
 from closeform.zones.zone import Zone
 
 if TYPE_CHECKING:
-    from closeform.campaign.history import History
+    from closeform.campaign.executed_mission import History
+    from closeform.dynamics.field import Field
     from closeform.exchange.chief import Chief
-    from closeform.field.field import Field
     from closeform.search.schedule import Search
     from closeform.search.search_errors import SearchErrors
 
@@ -100,8 +100,8 @@ class Scenario:
         table, chief = self.orbit.field, self.chief
         if table is None or chief is None:
             return None
-        from closeform.field.drag import Drag
-        from closeform.field.field import Field
+        from closeform.dynamics.drag import Drag
+        from closeform.dynamics.field import Field
 
         drag = None
         if table.air is not None:

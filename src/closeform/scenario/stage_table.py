@@ -6,7 +6,7 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from closeform.drift.failures import Failure, MissedBurns, StuckThrust, ThrustLost, WeakThrust
+from closeform.safety.failures import DegradedThrust, Failure, MissedBurns, StuckOnThrust, ThrustLost
 from closeform.scenario.engine import Engine
 from closeform.scenario.formation import Goal, Target
 from closeform.scenario.table import Drift, Name, Names, Share, Span, Table
@@ -106,7 +106,7 @@ class Thrusting(Engine, Drifting):
     @property
     def what_fails(self) -> Failure:
         if self.failure == "thrust stuck" and self.longest is not None:
-            return StuckThrust(self.longest.seconds)
+            return StuckOnThrust(self.longest.seconds)
         if self.failure in ("burns missed", "thrust weak"):
-            return (MissedBurns if self.failure == "burns missed" else WeakThrust)(self.least or 0.0)
+            return (MissedBurns if self.failure == "burns missed" else DegradedThrust)(self.least or 0.0)
         return ThrustLost()

@@ -17,7 +17,7 @@ from closeform.scenario.errors import did_you_mean
 from closeform.scenario.inputs import Inputs
 
 if TYPE_CHECKING:
-    from closeform.field.field import Field
+    from closeform.dynamics.field import Field
 
 UNKNOWN = "UNKNOWN"  # what a table of states does not tell
 HILL = (UNKNOWN, "HILL", "RTN", ROTATING)  # how it may call the frame of the scenario itself

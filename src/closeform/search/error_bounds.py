@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.search.own_turns import OwnTurns
+from closeform.search.imperfect_attitude import OwnTurns
 from closeform.search.schedule import Search
 from closeform.search.search_errors import SearchErrors, of_each
 from closeform.search.sensor import Sensor

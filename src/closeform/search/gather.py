@@ -32,11 +32,11 @@ from closeform.search.gather_events import (
 from closeform.search.gather_result import Event, EventKind, Gathering, GatherStatus, who_is_left
 from closeform.search.gatherings import Gatherings
 from closeform.search.lock_march import in_parts
-from closeform.search.lost_fleet import LostFleet, lost_fleet
 from closeform.search.request import Burns, Groups, states
 from closeform.search.schedule import Search
 from closeform.search.search_errors import SearchErrors, first_of
 from closeform.search.sets import LOST
+from closeform.search.spacecraft_set import LostFleet, lost_fleet
 from closeform.zones.combined_zones import OwnZone
 from closeform.zones.pair_zones import PairZones
 

@@ -19,8 +19,8 @@ from closeform.arrays import Floats, instance, numbers, shown
 from closeform.result import Result
 from closeform.search.coverage import covered
 from closeform.search.leg import START_ATTITUDE, SUN, Group, Leg, rotation
+from closeform.search.out_of_plane_tips import full_tip, least_half_angle, near_field
 from closeform.search.sensor import Sensor, one_positive
-from closeform.search.tips import full_tip, least_half_angle, near_field
 
 YEAR = 365.25636 * 86400.0  # sidereal, in seconds: how fast the sun's direction turns at 1 AU
 COLUMNS = 12  # of a row of a table of legs: START, END, RATE, STEADY (3), COSINE (3), SINE (3)

@@ -18,8 +18,8 @@ import numpy as np
 from scipy.special import ndtr
 
 from closeform.arrays import Floats
-from closeform.uncertainty.histories import Histories
 from closeform.uncertainty.quadrature import Integral, integral
+from closeform.uncertainty.sampled_trajectories import Histories
 from closeform.uncertainty.whitened import THINNEST
 
 REACH = 39.0  # deviations: as far as densities are numbers

@@ -13,8 +13,8 @@ from closeform.conflicts.two_paths import check_comparable, closest_approach, cr
 from closeform.motion.path import Path
 from closeform.result import Rows
 from closeform.uncertainty.errors import Errors
-from closeform.uncertainty.levels import least_of_pairs
 from closeform.uncertainty.search import one_for_each
+from closeform.uncertainty.sigma_levels import least_of_pairs
 from closeform.uncertainty.spread import spread_of
 from closeform.uncertainty.tube import tube_for
 from closeform.zones.zone import Zone

@@ -11,8 +11,8 @@ from scipy.special import betaincinv
 from closeform.arrays import Floats
 from closeform.confidence import CONFIDENCE, DEVIATIONS
 from closeform.uncertainty.entry_rate import draw_entries
-from closeform.uncertainty.histories import CORES, Histories
 from closeform.uncertainty.mean_entries import Flux, Unresolved, pool, rules
+from closeform.uncertainty.sampled_trajectories import CORES, Histories
 
 SEEN = 5  # histories that tell how much each of them counts less; none counts less than nothing
 FEW = 30  # histories, up to which their share is told by the interval of Clopper and Pearson

@@ -14,8 +14,8 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.uncertainty.ball_share import inside
 from closeform.uncertainty.error_lines import ENTRIES, EVER, NOTHING, follow_lines
-from closeform.uncertainty.histories import Histories
 from closeform.uncertainty.quadrature import integral
+from closeform.uncertainty.sampled_trajectories import Histories
 
 SAMPLES = 512  # times an orbit (or a piece, in deep space), at which errors are looked at
 THIN = 1e-7, 1e-6  # of the greatest, and of the zone: what 16 digits of a covariance leave across

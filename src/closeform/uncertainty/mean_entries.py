@@ -11,8 +11,8 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.uncertainty.entry_rate import surface_integrals
-from closeform.uncertainty.histories import CORES, Histories
 from closeform.uncertainty.quadrature import Integral, integral
+from closeform.uncertainty.sampled_trajectories import CORES, Histories
 
 TOLERANCE = 1e-4  # of an integral over time
 ROUND = 1e-4  # of a rate, over the surface

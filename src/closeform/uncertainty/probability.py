@@ -14,10 +14,10 @@ from closeform.uncertainty.ball_share import inside
 from closeform.uncertainty.drawn_entries import clopper_pearson, drawn, enough, interval_of_mean, lost_of
 from closeform.uncertainty.errors import Errors
 from closeform.uncertainty.few_errors import FewErrors, few_ways
-from closeform.uncertainty.histories import Histories
 from closeform.uncertainty.mean_entries import Flux, Unresolved, expected_entries
-from closeform.uncertainty.noisy_histories import NoisyHistories
+from closeform.uncertainty.noisy_trajectories import NoisyHistories
 from closeform.uncertainty.relative_errors import relative_errors
+from closeform.uncertainty.sampled_trajectories import Histories
 from closeform.uncertainty.short_encounter import passes_through
 from closeform.zones.shapes import BALL
 from closeform.zones.zone import Zone

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from closeform.arrays import Floats, shown, size
-from closeform.conflicts.entries import COLUMNS
+from closeform.conflicts.pair_search import COLUMNS
 from closeform.conflicts.tracks import NO_TRACKS, Tracks, follow
 from closeform.motion.path import Path
+from closeform.uncertainty.sigma_conflicts import stays_of_pairs
 from closeform.uncertainty.spread import Spread
-from closeform.uncertainty.stays import stays_of_pairs
 from closeform.uncertainty.tube import tube_for
 from closeform.uncertainty.widths import widened
 from closeform.zones.zone import Zone

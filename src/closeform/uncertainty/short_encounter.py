@@ -6,7 +6,7 @@ import numpy as np
 from scipy.special import ndtr
 
 from closeform.conflicts.two_paths import closest_approach
-from closeform.uncertainty.histories import Histories
+from closeform.uncertainty.sampled_trajectories import Histories
 from closeform.uncertainty.whitened import THINNEST
 
 REACH = 39.0  # deviations: as far as densities are numbers

@@ -23,7 +23,7 @@ from closeform.kernel_loans import stack_matrix, stack_vector
 from closeform.motion.arc import acceleration, derivatives_at
 from closeform.motion.certified_march import bound, relative_state, store, window
 from closeform.motion.hill import oscillation
-from closeform.uncertainty.drum import plane
+from closeform.uncertainty.cylinder_separation import plane
 from closeform.uncertainty.golden_planes import is_short, search_planes
 from closeform.uncertainty.planes import faced
 from closeform.uncertainty.spread import add_noise, add_settled, compress, error_arc, is_known, under_way

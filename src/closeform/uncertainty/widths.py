@@ -15,7 +15,7 @@ from numba import float64, void
 
 from closeform._jit import kernel
 from closeform.arrays import Floats
-from closeform.conflicts.exclusion import OFF_CHORD
+from closeform.conflicts.quick_rejection import OFF_CHORD
 from closeform.conflicts.tracks import Tracks
 from closeform.kernel_loans import lent, stack_matrix, stack_vector
 from closeform.motion.arc import END, START, acceleration, derivatives_at, state_at

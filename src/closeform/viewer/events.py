@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from closeform.mission_result import FirstLocks, StageResult
+from closeform.mission.mission_result import FirstLocks, StageResult
 from closeform.report import drift as failing
 from closeform.report.gather import BURNS, met, replayed
 from closeform.report.section import fate
@@ -17,7 +17,7 @@ from closeform.viewer.shown import Shown
 from closeform.viewer.thrusts import pushes, stretches
 
 if TYPE_CHECKING:
-    from closeform.passive import PairDrift
+    from closeform.mission.passive_safety import PairDrift
 
 Record = dict[str, Any]
 MANY = 40  # burns of a craft in a stage, above which the first and the last stand for them
@@ -157,7 +157,7 @@ def sigmas(result: StageResult[Any, Any]) -> Iterator[Record]:
     near = None if result.uncertain is None else result.uncertain.nearest
     if near is None or not isfinite(near.sigmas):
         return
-    from closeform.uncertain_stage import SURE  # whose kernels runs without errors can spare
+    from closeform.mission.uncertainty import SURE  # whose kernels runs without errors can spare
 
     asked, place = result.stage.sigmas, places_of(result)
     short = asked is not None and near.sigmas < SURE * asked

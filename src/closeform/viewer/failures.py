@@ -6,16 +6,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.drift.failures import ThrustLost
-from closeform.mission_result import StageResult
+from closeform.mission.mission_result import StageResult
 from closeform.motion.arc import IMPULSE, START
 from closeform.motion.path import Path
+from closeform.safety.failures import ThrustLost
 from closeform.viewer.numbers import Numbers
 from closeform.viewer.shown import Shown
 from closeform.viewer.tracks import track
 
 if TYPE_CHECKING:
-    from closeform.passive import PairDrift
+    from closeform.mission.passive_safety import PairDrift
 
 Record = dict[str, Any]
 DRAWN, LISTED = 12, 100  # failures of a stage that have a track, and that are listed; the nearest

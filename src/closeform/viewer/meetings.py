@@ -7,7 +7,7 @@ import numpy as np
 
 from closeform.conflicts.flight import WatchedFlight
 from closeform.conflicts.two_paths import nearest_first
-from closeform.mission_result import StageResult
+from closeform.mission.mission_result import StageResult
 from closeform.viewer.shown import Shown
 
 Record = dict[str, Any]

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from closeform.report.page import letters
 from closeform.report.picture import Shot
-from closeform.result_folder import REPORT, VIEWER, Folder
+from closeform.storage.result_folder import REPORT, VIEWER, Folder
 from closeform.viewer.scene import Scene, scene_of
 from closeform.viewer.shown import Shown
 from closeform.viewer.stills import stills

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from closeform.campaign import Campaign, GatherCampaign, case_of
 from closeform.report.picture import Progress
 from closeform.report.results import Pages, nothing
-from closeform.result_folder import REPORT, Folder
 from closeform.scenario import Scenario
+from closeform.storage.result_folder import REPORT, Folder
 
 if TYPE_CHECKING:
     from closeform.campaign.mission_cases import MissionCampaign
-    from closeform.mission_result import Mission
+    from closeform.mission.mission_result import Mission
 
 PLANNED = "planned.html"
 MOST = 2  # cases in which something is not met, at most, of each kind
@@ -59,7 +59,7 @@ def mission_of(campaign: Any, case: int | None) -> Mission:
 
     A search is fast to repeat.  Of other missions the study has kept those that it flew in this process.
     """
-    from closeform.mission import fly, in_field  # with kernels, which a study without pages can spare
+    from closeform.mission.mission import fly, in_field  # with kernels, which a study without pages can spare
 
     if case is None:
         planned: Mission = campaign.mission

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.mission_result import FirstLocks, StageResult
+from closeform.mission.mission_result import FirstLocks, StageResult
 from closeform.search.gather_result import EventKind, Gathering
 from closeform.search.leg import Leg
 from closeform.search.schedule import Search

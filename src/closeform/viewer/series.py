@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.mission_result import StageResult
+from closeform.mission.mission_result import StageResult
 from closeform.viewer.meetings import places_of, worth_watching
 from closeform.viewer.numbers import Numbers
 from closeform.viewer.shown import Shown

@@ -9,12 +9,12 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.conflicts.flight import WatchedFlight, watch
 from closeform.exchange.epochs import Epoch
-from closeform.mission_result import Mission, StageResult
+from closeform.mission.mission_result import Mission, StageResult
+from closeform.mission.verdict import MET
 from closeform.motion.joining import stack
 from closeform.motion.orbit import Orbit
 from closeform.report.run import RunReport
 from closeform.scenario.stage_table import StageTable
-from closeform.verdict import MET
 from closeform.zones.made_table import MadeTable, set_of
 from closeform.zones.pair_zones import PairZones
 from closeform.zones.solids import Sphere
@@ -22,8 +22,8 @@ from closeform.zones.zone import Zone
 
 if TYPE_CHECKING:  # with readers of files and the kernels of probabilities, which runs can spare
     from closeform.report.encounter import EncounterReport
-    from closeform.report.flight import FlightReport, FlightTold
     from closeform.report.screening import ScreenReport
+    from closeform.report.simulation import FlightReport, FlightTold
     from closeform.uncertainty.errors import Errors
     from closeform.uncertainty.uncertain_flight import UncertainFlight
 
@@ -142,7 +142,7 @@ class Shown:
         """One stage, whose craft have `errors` at its start, or none; what was `found` of those."""
         start, uncertain = float(np.min(flight.paths.start)), None
         if errors:
-            from closeform.uncertain_stage import UncertainStage  # whose kernels others can spare
+            from closeform.mission.uncertainty import UncertainStage  # whose kernels others can spare
 
             uncertain = UncertainStage(1, stage, errors, found, None)
         count = len(flight.names)

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.mission_result import StageResult
+from closeform.mission.mission_result import StageResult
 from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, START, THRUST
 from closeform.motion.path import Path, runs_of
 from closeform.viewer.numbers import Numbers

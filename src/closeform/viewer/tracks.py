@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.mission_result import StageResult
+from closeform.mission.mission_result import StageResult
 from closeform.motion.path import Path
 from closeform.viewer.nodes import nodes_of
 from closeform.viewer.numbers import Numbers

@@ -1,0 +1,164 @@
+"""History: how the errors of one case come out, as planned or planned anew, and whose thrust is lost."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from math import inf
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.special import ndtri
+
+from closeform.arrays import Floats
+from closeform.campaign.draws import WORDS, uniform
+from closeform.campaign.loss_of_thrust import Shaken, flown, instants, missed, told, with_losses
+from closeform.campaign.process_noise import USUAL, Shaking
+from closeform.mission.search_stage import gather_flawed
+from closeform.motion.joining import drifting, join
+from closeform.motion.path import Path
+from closeform.scenario import Craft, Gather, Scenario
+from closeform.search.burn_flaws import BurnFlaws
+from closeform.uncertainty.columns import added, columns_of
+from closeform.uncertainty.covariance import root_of
+
+if TYPE_CHECKING:
+    from closeform.mission.mission_result import Mission, StageResult
+
+
+@dataclass(frozen=True)
+class History:
+    """What a case draws that plans do not know: errors, by `draws` of its study, and failures.
+
+    `fails`: the share of the mission after which each craft (N,) loses its thrust, nan for who does not;
+    `instants`: the times [s] of this where stages are flown with it, by the craft's number, else None.
+    Random numbers are keyed by the seed and the craft's name, so that other craft change none.
+    """
+
+    seed: int
+    case: int
+    draws: str
+    fails: tuple[float, ...] = ()
+    instants: Mapping[int, float] | None = None
+
+    @property
+    def replanned(self) -> bool:
+        """Whether each stage is planned from where errors have left the craft."""
+        return self.draws == "replanned"
+
+    @property
+    def erring(self) -> bool:
+        """Whether it has errors."""
+        return self.draws != "vary"
+
+    def starts(self, craft: Craft) -> Floats:
+        """How far a craft is from its state (6,) when the mission begins."""
+        if craft.covariance is None:
+            return np.zeros(6)
+        random = self.normal(f"start of {craft.name}", 6)
+        return np.asarray(root_of("covariance", craft.covariance.matrix) @ random)
+
+    def normal(self, key: str, count: int) -> Floats:
+        """Normal random numbers (count,), four for each event."""
+        events = [
+            uniform(self.seed, key, 1, self.case, self.case + 1, event).ravel()
+            for event in range(-(-count // WORDS))
+        ]
+        return np.asarray(ndtri(np.concatenate([np.empty(0), *events])[:count]))
+
+    def failing_in(self, mission: Mission) -> History | None:
+        """The same with the instants at which thrust is lost, where a mission is to be flown anew with them.
+
+        That is where craft gather: what one misses there the others see, and act upon.
+        """
+        gathers = any(isinstance(result.stage, Gather) for result in mission.flown)
+        times = instants(mission, self.fails) if gathers and self.draws != "errors" else {}
+        return replace(self, instants=times) if times else None
+
+    def executed(
+        self, scenario: Scenario, result: StageResult[Any, Any], states: Floats
+    ) -> StageResult[Any, Any]:
+        """A stage from `states` (N, 6) as it is flown: its burns are off, and lost thrust is missing."""
+        if not result.flown or not (self.replanned or self.instants):
+            return result
+        if isinstance(result.stage, Gather) and (flaws := self.flaws(scenario, result)).any:
+            return gather_flawed(scenario, result, states, flaws)
+        paths, shaken = list[Path](), self.shaken(scenario)
+        for k, craft in enumerate(scenario.craft):
+            path = result.after.path(craft.name)
+            if self.replanned and craft.errors is not None:
+                columns = columns_of(path, craft.errors)
+                key = f"stage {result.number} of {craft.name}"
+                path = added(path, columns, self.normal(key, len(columns)))
+            if self.instants and (time := self.instants.get(k, inf)) < result.end:
+                path = drifting(path, time, states[k] if time <= result.start else None)
+            paths.append(shaken(path, k, path.start))
+        return flown(scenario, result, paths)
+
+    def shaken(self, scenario: Scenario) -> Shaken:
+        """What white noise makes of paths, which nobody's thrust did."""
+        if not (self.replanned and scenario.noisy):
+            return lambda path, k, since: path
+        shaking = Shaking(self.seed, scenario.orbit.build().mean_motion, USUAL)
+        return lambda path, k, since: shaking.moved(path, scenario.craft[k], self.case, since)
+
+    def flaws(self, scenario: Scenario, result: StageResult[Any, Any]) -> BurnFlaws:
+        """What goes wrong with burns of a gathering: four random numbers belong to each burn of a craft."""
+        craft = scenario.craft
+        times = [(self.instants or {}).get(k, inf) - result.start for k in range(len(craft))]
+        gates = np.array([(0.0,) * 4 if one.execution is None else one.execution.gates for one in craft])
+
+        def normals(burns: int) -> Floats:
+            keys = (f"stage {result.number} of {one.name}" for one in craft)
+            drawn = [self.normal(key, burns * WORDS).reshape(burns, WORDS) for key in keys]
+            return np.array(drawn)[None, :, :, :3]
+
+        off = self.replanned and gates.any()
+        return BurnFlaws(np.array([times]), gates, normals if off else None)
+
+    def whole(self, mission: Mission) -> Mission:
+        """A mission with what happens in it that no plan takes into account."""
+        if not mission.flown:
+            return mission
+        if self.draws == "errors":
+            mission = self.uncorrected(mission)
+        if self.instants is None:
+            return with_losses(mission, self.fails, self.shaken(mission.scenario))
+        times = {k: time for k, time in self.instants.items() if time <= mission.flown[-1].end}
+        return told(mission, times, {k: missed(mission, k, time) for k, time in times.items()})
+
+    def uncorrected(self, mission: Mission) -> Mission:
+        """A mission flown as planned, where nobody corrects what the errors of all craft do."""
+        scenario, end = mission.scenario, mission.flown[-1].end
+        shaking = Shaking.beside_zones(scenario, self.seed, end) if scenario.noisy else None
+        errors = [
+            errors_of(craft, join([result.after.path(craft.name) for result in mission.flown]), self)
+            for craft in scenario.craft
+        ]
+
+        def off(k: int, path: Path) -> Path:
+            own = errors[k]
+            path = path if own is None else added(path, *own)
+            return path if shaking is None else shaking.moved(path, scenario.craft[k], self.case, 0.0)
+
+        def uncorrected(result: StageResult[Any, Any]) -> StageResult[Any, Any]:
+            paths = [off(k, result.after.path(name)) for k, name in enumerate(scenario.names)]
+            return flown(scenario, result, paths)
+
+        each = (uncorrected(result) if result.flown else result for result in mission.results)
+        return replace(mission, results=tuple(each))
+
+
+def errors_of(craft: Craft, path: Path, history: History) -> tuple[Path, Floats] | None:
+    """The columns of a craft's errors over its whole mission, and how large each is; None without any."""
+    if craft.errors is None:
+        return None
+    columns = columns_of(path, craft.errors)
+    first, last = history.case, history.case + 1
+    return columns, drawn(history.seed, craft.name, len(columns), first, last)[0]
+
+
+def drawn(seed: int, name: str, count: int, first: int, last: int) -> Floats:
+    """Normal random numbers (last - first, count) of one craft in some cases of a mission as planned."""
+    random = uniform(seed, f"errors of {name}", -(-count // WORDS), first, last)
+    return np.asarray(ndtri(random.reshape(last - first, -1)[:, :count]))

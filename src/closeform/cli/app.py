@@ -1,0 +1,298 @@
+"""The command line. Exit status: 0 done and clear, 1 a clearance or a limit is not met, 2 bad input."""
+
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from cyclopts import App, CycloptsError, Parameter
+
+from closeform.cli.console import (
+    WIDTH,
+    OutputError,
+    complain,
+    discard_output,
+    kept,
+    one_line,
+    open_output,
+    say,
+    stderr,
+    stdout,
+    tell_run,
+    working,
+)
+from closeform.cli.inputs import BAD_INPUT, CLEAR, UsageError, one_case, read
+from closeform.cli.screen import encounter, export, screen
+from closeform.cli.simulate import fly as fly_run
+from closeform.cli.study import study
+
+if TYPE_CHECKING:
+    from closeform.report.picture import Shot
+    from closeform.storage.result_folder import Folder
+
+NOT_PRINTED, INTERRUPTED, NOBODY_READS = 74, 130, 141  # EX_IOERR of sysexits.h; 128 + SIGINT, + SIGPIPE
+
+
+def installed() -> str:
+    """The version of closeform."""
+    from importlib.metadata import version
+
+    return version("closeform")
+
+
+app = App(
+    name="closeform",
+    help="Closed-form guidance for close formation flight: craft found, conflicts certified, cheap paths.",
+    version=installed,
+    help_format="plaintext",
+    result_action="return_value",
+    suppress_keyboard_interrupt=False,
+)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line; returns the exit status."""
+    from closeform.storage.result_folder import FolderError
+
+    tokens = list(sys.argv[1:] if arguments is None else arguments)
+    try:
+        if arguments is None:
+            open_output()
+            make_haste(tokens)
+        check_folder()
+        status = app(tokens, exit_on_error=False, print_error=False)
+        sys.stdout.flush()
+    except CycloptsError as error:
+        named = " ".join(("closeform", *(error.command_chain or ())))
+        told, listed, _ = one_line(error).partition("Available commands: ")  # cyclopts lists eight
+        every = ", ".join(name for name in app if not name.startswith("-")) if listed else ""
+        complain(f"closeform: {told}{listed}{every}; see {named} --help")
+        return BAD_INPUT
+    except (UsageError, FolderError) as error:
+        complain(str(error))
+        return BAD_INPUT
+    except OutputError as error:
+        discard_output()
+        if error.closed:
+            return NOBODY_READS
+        complain(f"closeform: {error}")
+        return NOT_PRINTED
+    except KeyboardInterrupt as error:
+        complain(f"closeform: stopped by the keyboard; {str(error) or 'nothing was written'}")
+        return INTERRUPTED
+    return int(status or 0)
+
+
+def check_folder() -> None:
+    """Raise UsageError if the current folder was deleted: relative paths mean nothing there."""
+    try:
+        os.getcwd()
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise UsageError(f"closeform: the current folder: {reason}; change to another folder") from None
+
+
+def make_haste(tokens: list[str]) -> None:
+    """What shortens a command that has its process for itself."""
+    if not sys.stdout.isatty():
+        os.environ.setdefault("COLUMNS", str(WIDTH))  # of help, which is 80 in a pipe else
+    os.environ["MPLBACKEND"] = "agg"  # matplotlib refuses to load with one that it does not know
+    if tokens[:1] in (["run"], ["fly"], ["screen"], ["encounter"], ["study"]) and (os.cpu_count() or 1) > 1:
+        from closeform.report import drawing
+
+        drawing.begin(drawing.STUDIED if tokens[0] == "study" else drawing.AHEAD)
+
+
+@app.command(sort_key=0)
+def run(
+    scenario: Path,
+    /,
+    *,
+    out: Path | None = None,
+    case: int | None = None,
+    point: int | None = None,
+    overwrite: Annotated[bool, Parameter(negative="")] = False,
+    no_viewer: Annotated[bool, Parameter(negative="")] = False,
+) -> int:
+    """Fly a scenario: who finds whom, every conflict, the cheapest way around found; leaves results.
+
+    Parameters
+    ----------
+    scenario
+        TOML file; docs/scenario.md lists its keys.
+    out
+        Folder for the results; NAME-results next to where you are by default.
+    case
+        One case of the study, counted from 0, instead of the nominal values.
+    point
+        One point of the study's sweep, counted from 0.
+    overwrite
+        Replace finished results.
+    no_viewer
+        Leave viewer.html out, the page in which all of it moves.
+    """
+    from closeform.storage.publishing import check_free, folder
+    from closeform.storage.result_folder import WORST_FLIGHT, written
+
+    name = scenario.stem
+    for what, number in (("point", point), ("case", case)):
+        name += "" if number is None else f"-{what}-{number}"
+    place = out if out is not None else Path(f"{name}-results")
+    check_free(place, overwrite)
+    loaded = read(scenario, "run" if case is None else "run --case")
+    if loaded is not None:
+        loaded = one_case(loaded, case, point)
+    if loaded is None:
+        return BAD_INPUT
+    from closeform.mission.mission import fly
+    from closeform.report.run import RunReport, leave
+    from closeform.scenario import ScenarioError
+
+    def viewer(under_way: "Folder", pictures: "Sequence[Shot]") -> None:
+        from closeform.viewer import page  # with matplotlib, which loads while the other process draws
+        from closeform.viewer.shown import Shown
+
+        page.leave(Shown.of_mission(mission), under_way, pictures)
+        if report.flights is not None:
+            page.leave(Shown.of_flight(report.flights), under_way, pictures, WORST_FLIGHT)
+
+    notes = stderr()
+    try:
+        with working(notes, "flying") as tell, folder(place, overwrite) as under_way:
+            mission = fly(loaded, tell)
+            report = RunReport(mission)
+            with written(place):
+                leave(report, under_way, tell, None if no_viewer else viewer, out)
+    except ScenarioError as error:
+        complain(*error.lines)
+        return BAD_INPUT
+    with kept(place):
+        tell_run(report, place)
+    return mission.verdict.status
+
+
+@app.command(sort_key=1)
+def check(scenario: Path, /) -> int:
+    """Validate a scenario without flying it: every error, and what cannot be flown, each with its key.
+
+    Parameters
+    ----------
+    scenario
+        TOML file; docs/scenario.md lists its keys.
+    """
+    loaded = read(scenario, "check")
+    if loaded is None:
+        return BAD_INPUT
+    stages = ", ".join(stage.verb for stage in loaded.stages)
+    told = f"{len(loaded.craft)} craft; stages: {stages}"
+    commands = ("study", "run --case", "run") if loaded.study is not None else ("run",)
+    refused = {command: lines for command in commands if (lines := loaded.refused(command))}
+    if commands[0] not in refused:
+        from closeform.scenario.foreseen import stops
+
+        held = stops(loaded) if "run" not in refused else ()
+        if held and loaded.study is None:
+            say(stdout(), f"{scenario}: valid tables, but run would stop: {told}")
+            complain(*(f"{scenario}: {line}" for line in held))
+            return BAD_INPUT
+        say(stdout(), f"{scenario}: valid: {told}")
+        for lines in (*refused.values(), *([held] if held else [])):
+            say(stdout(), f"{scenario}: for run: {lines[0]}")
+        return CLEAR
+    others = [command for command in commands if command not in refused]
+    taken = f", {others[0]} takes it" if others else ""
+    say(stdout(), f"{scenario}: valid tables, but {' and '.join(refused)} cannot fly them{taken}: {told}")
+    complain(*(f"{scenario}: {line}" for line in refused[commands[0]]))
+    return BAD_INPUT
+
+
+app.command(fly_run, name="fly", sort_key=1)
+app.command(screen, sort_key=2)
+app.command(encounter, sort_key=2)
+
+
+app.command(study, sort_key=3)
+
+
+@app.command(sort_key=4)
+def view(directory: Path, /, *, report: Annotated[bool, Parameter(negative="")] = False) -> int:
+    """Open in a browser what a run left: the page in which it moves; or its report, as of a study.
+
+    Parameters
+    ----------
+    directory
+        Result folder of a run, or of a study.
+    report
+        The report instead.
+    """
+    import webbrowser
+
+    from closeform.storage.publishing import settle
+    from closeform.storage.result_folder import page_of
+
+    settle(directory)
+    page = page_of(directory, report).resolve()
+    print(page)
+    webbrowser.open(page.as_uri())
+    return CLEAR
+
+
+@app.command(sort_key=5)
+def new(name: str | None = None, /) -> int:
+    """Write an example to start from as NAME.toml, here; without a name list the examples.
+
+    Parameters
+    ----------
+    name
+        Of the example.
+    """
+    from closeform.cli import example_files as examples
+
+    known = examples.names()
+    if name is None:
+        width = max(map(len, known))
+        say(stdout(), *(f"{one:{width}}  {examples.title(one)}" for one in known))
+        return CLEAR
+    if name not in known:
+        from difflib import get_close_matches
+
+        near = "".join(f"; did you mean {one}?" for one in get_close_matches(name, known, 1))
+        raise UsageError(f"new: there is no example {name!r}{near or '; closeform new lists them'}")
+    file = Path(f"{name}.toml")
+    try:
+        with open(file, "x", encoding="utf-8") as written:
+            written.write(examples.text(name))
+    except FileExistsError:
+        raise UsageError(f"{file}: is there already, and stays as it is; move it away") from None
+    except OSError as error:
+        raise UsageError(f"{file}: {(error.strerror or str(error)).lower()}; choose another folder") from None
+    verb = "study" if examples.studied(name) else "run"
+    say(stdout(), f"{file}: {examples.title(name)}", f"Fly it with: closeform {verb} {file}")
+    return CLEAR
+
+
+@app.command(sort_key=6)
+def completion(shell: Literal["bash", "zsh", "fish"], /) -> int:
+    """Print what lets a shell complete commands, options and files.
+
+    Parameters
+    ----------
+    shell
+        Which.
+    """
+    print(app.generate_completion(shell=shell))
+    return CLEAR
+
+
+@app.command(name="compile", sort_key=6)
+def compile_kernels() -> int:
+    """Compile all kernels now, for this version and this processor; later commands load them."""
+    from closeform._jit import compile_ahead, kernel_modules
+
+    compiled = compile_ahead(kernel_modules(), complain)
+    say(stdout(), f"{compiled} kernels compiled" if compiled else "All kernels are compiled already")
+    return CLEAR
+
+
+app.command(export, sort_key=4)

@@ -1,0 +1,264 @@
+"""What is printed: results on standard output, the state of long work on a terminal, complaints."""
+
+import codecs
+import io
+import os
+import re
+import sys
+import textwrap
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from unicodedata import normalize
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from closeform.report.cases_report import CasesReport
+    from closeform.report.encounter import EncounterReport
+    from closeform.report.run import RunReport
+    from closeform.report.screening import ScreenReport
+    from closeform.report.simulation import FlightReport
+    from closeform.report.table import Table
+
+WIDTH = 100  # columns of a terminal's output
+# all but tabs and ends of lines; the last ones turn the direction of writing
+CONTROLS = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069]")
+EVERY = 30.0  # s between lines about long work, where there is no terminal
+UNBROKEN = 100_000  # what is read by other programs, or kept in a file, has its lines as they are
+
+
+class OutputError(Exception):
+    """Standard output cannot be written: its reader is gone (`closed`), or its disk is full."""
+
+    def __init__(self, error: OSError) -> None:
+        self.closed = isinstance(error, BrokenPipeError)
+        super().__init__(f"standard output: {(error.strerror or str(error)).lower()}")
+
+
+class Output(io.TextIOWrapper):
+    """Standard output that tells its own failures from those of other files."""
+
+    def write(self, text: str) -> int:
+        try:
+            return super().write(text)
+        except OSError as error:
+            raise OutputError(error) from error
+
+    def flush(self) -> None:
+        try:
+            super().flush()
+        except OSError as error:
+            raise OutputError(error) from error
+
+
+def open_output() -> None:
+    """Make the process's output one that can always be encoded, and that says where it cannot be written."""
+    codecs.register_error("closeform", spelt)
+    for name in ("stdout", "stderr"):
+        stream = getattr(sys, name)
+        if stream is None:  # closed by who started us
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115
+        elif isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="closeform")
+    if isinstance(sys.stdout, io.TextIOWrapper) and sys.__stdout__ is not None:
+        out = sys.stdout
+        sys.stdout = Output(out.buffer, out.encoding, "closeform", line_buffering=out.line_buffering)
+
+
+def spelt(error: UnicodeError) -> tuple[str | bytes, int]:
+    """What stands for characters that an encoding lacks: plainer ones, 2 for a raised 2, or their codes."""
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    lacking = error.object[error.start : error.end]
+    plain = normalize("NFKD", lacking).encode("ascii", "ignore").decode()
+    return plain or codecs.backslashreplace_errors(error)[0], error.end
+
+
+def discard_output() -> None:
+    """Let go of an output that cannot be written, so that nobody tries again."""
+    with suppress(OSError, ValueError):
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, sys.stdout.fileno())
+        os.close(nowhere)
+
+
+def stdout() -> "Console":
+    """Where results are printed."""
+    from rich.console import Console
+
+    width = WIDTH if sys.stdout.isatty() else UNBROKEN
+    return Console(width=width, highlight=False, markup=False, emoji=False)
+
+
+def stderr() -> "Console":
+    """Where the state of long work is shown, on a terminal only."""
+    from rich.console import Console
+
+    return Console(stderr=True, width=WIDTH, markup=False, emoji=False)
+
+
+@contextmanager
+def working(console: "Console", what: str) -> "Iterator[Callable[[str], None]]":
+    """What is told which part of long work is under way: shown on a terminal, elsewhere now and then."""
+    if console.is_terminal:
+        with console.status(what) as status:
+            yield lambda text: status.update(visible(text))
+        return
+    under_way, over, begun = [what], threading.Event(), time.monotonic()
+
+    def tell() -> None:
+        while not over.wait(EVERY):
+            complain(f"{under_way[-1]}, {time.monotonic() - begun:.0f} s so far")
+
+    teller = threading.Thread(target=tell, daemon=True)
+    teller.start()
+    try:
+        yield under_way.append
+    finally:
+        over.set()
+        teller.join()
+
+
+@contextmanager
+def progress(console: "Console", total: int) -> "Iterator[Callable[[int, int], None]]":
+    """What is told how many cases are flown and in how many all is met: a bar with rate and estimate.
+
+    Where there is no terminal, now and then a line.
+    """
+    if not console.is_terminal:
+        yield Lines(total).tell
+        return
+    from rich import progress as rich
+
+    class Rate(rich.ProgressColumn):
+        """Cases per second."""
+
+        def render(self, task: rich.Task) -> str:
+            return f"{task.speed:,.0f}/s" if task.speed else ""
+
+    unmet = rich.TextColumn("{task.fields[unmet]:,} not met")
+    columns = (rich.BarColumn(), rich.MofNCompleteColumn(), Rate(), rich.TimeRemainingColumn(), unmet)
+    with rich.Progress(*columns, console=console, transient=True) as bar:
+        task = bar.add_task("cases", total=total, unmet=0)
+        yield lambda done, met: bar.update(task, completed=done, unmet=done - met)
+
+
+class Lines:
+    """Lines on standard error about long work of a `total` of cases."""
+
+    def __init__(self, total: int) -> None:
+        self.total = total
+        self.begun: int | None = None
+        self.start = self.told = time.monotonic()
+
+    def tell(self, done: int, met: int) -> None:
+        """Say how far it is, how fast and how long it will be, if that is due."""
+        now = time.monotonic()
+        self.begun = done if self.begun is None else self.begun  # by a study that was stopped
+        if now - self.told < EVERY or done <= self.begun:
+            return
+        self.told, rate = now, (done - self.begun) / (now - self.start)
+        left = f"{(self.total - done) / rate:,.0f} s left"
+        complain(f"{done:,} of {self.total:,} cases, {rate:,.0f}/s, {left}, {done - met:,} not met")
+
+
+def say(console: "Console", *lines: str) -> None:
+    """Print lines as they are, on a terminal wrapped at its width."""
+    for line in lines:
+        put(console, line)
+
+
+def put(console: "Console", text: str, **how: Any) -> None:
+    """Print a text without its control characters, which a terminal would obey."""
+    console.print(visible(text), **how)
+
+
+def visible(text: str) -> str:
+    """Return a text with control characters and marks of writing direction as escape sequences, as \\x1b."""
+    return CONTROLS.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
+
+
+def show(console: "Console", shown: "Table") -> None:
+    """Print a small table: words to the left, numbers to the right."""
+    from rich.table import Table
+
+    say(console, "", *[shown.title] * bool(shown.title))
+    table = Table(box=None, pad_edge=False)
+    texts = [[column.heading or "" for column in shown.shown], *shown.texts]
+    widths = [max(len(text) for text in column) for column in zip(*texts, strict=True)]
+    full = sum(widths) + 2 * (len(widths) - 1) > console.width
+    kept = [k for k, column in enumerate(shown.shown) if not (full and column.spare)]
+    for column in (shown.shown[k] for k in kept):
+        table.add_column(column.heading or "", justify="left" if column.words else "right", overflow="fold")
+    for row in texts[1:]:
+        table.add_row(*(visible(row[k]) for k in kept))
+    console.print(table)
+
+
+def tell_run(report: "RunReport", place: Path) -> None:
+    """Print what a run found."""
+    console, mission = stdout(), report.mission
+    say(console, mission.scenario.title, report.opening, *report.origin)
+    for section in (*report.sections, *report.in_flight):
+        put(console, f"\n{section.title}", style="bold")
+        say(console, *section.lines)
+        for table in section.tables:
+            if not table.folded:
+                show(console, table)
+        if section.closing:
+            say(console, "", *section.closing)
+    for table in report.closing:
+        if not table.folded:
+            show(console, table)
+    say(console, "", *(f"Warning: {line}" for line in mission.warnings))
+    end = f"{mission.verdict}; "
+    if len(end) > WIDTH:
+        say(console, *textwrap.wrap(str(mission.verdict), WIDTH, subsequent_indent="  "))
+        end = ""
+    put(console, f"{end}results in {place}", soft_wrap=True)  # a path is not to be broken
+
+
+def tell_screen(report: "ScreenReport | EncounterReport | FlightReport", place: Path) -> None:
+    """Print what a screening found, or what a conjunction message comes to."""
+    console = stdout()
+    say(console, *report.opening, *report.lines)
+    for table in report.tables:
+        show(console, table)
+    say(console, "")
+    put(console, f"{report.verdict}; results in {place}", soft_wrap=True)  # a path is not to be broken
+
+
+def tell_study(report: "CasesReport", drawn: Sequence[str], place: Path) -> None:
+    """Print what a study found; `drawn` says what was drawn for its cases."""
+    console = stdout()
+    say(console, *report.opening, *drawn)
+    for table in report.tables:
+        show(console, table)
+    say(console, "")
+    for line in (*report.hint, f"{report.verdict}; results in {place}"):
+        put(console, line, soft_wrap=True)  # a path is not to be broken
+
+
+@contextmanager
+def kept(place: Path) -> Iterator[None]:
+    """After results were published: Ctrl-C does not take them away."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(f"results in {place}") from None
+
+
+def complain(*lines: str) -> None:
+    """Say what is wrong, on standard error, if anybody listens."""
+    with suppress(OSError):
+        for line in lines:
+            print(visible(line), file=sys.stderr, flush=True)
+
+
+def one_line(error: object) -> str:
+    """A message of several lines as one."""
+    return " ".join(str(error).split()).rstrip(" .,")

@@ -1,0 +1,61 @@
+"""The modules whose kernels a scenario needs: they are compiled before it begins, in several processes."""
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from closeform.scenario.stage_table import Thrusting
+from closeform.scenario.stages import Avoid, Gather, Joint, Lock
+
+if TYPE_CHECKING:
+    from closeform.scenario import Scenario
+
+MOTION = "motion.effort motion.path motion.steering conflicts.pair_search conflicts.quick_rejection"
+PLANNING = "planning.approaches planning.contacts planning.deflection planning.qp"
+LEAST_ENERGY = "planning.contact_solver planning.dual_bound planning.side_costs"
+LEAST_DELTA_V = "motion.impulses motion.impulse_arcs motion.constant_primers"
+JOINT_DELTA_V = "planning.joint_dual planning.primer_maxima planning.impulse_flight planning.impulse_planes"
+PASSIVE_SAFETY = "safety.search"
+SAFE_PLANS = "planning.failures planning.passive_planes"
+ERRORS = "uncertainty.sigma_levels uncertainty.spread uncertainty.sigma_conflicts uncertainty.widths"
+PROBABILITY = "uncertainty.sampled_trajectories uncertainty.entry_rate"
+FIELD = "dynamics.gravity dynamics.least_ratios"
+
+
+def modules_for(scenario: "Scenario") -> list[str]:
+    """Return names of modules without the package; a kernel that is left out is compiled at its call."""
+    return [*dict.fromkeys(name for names in _needs(scenario) for name in names.split())]
+
+
+def _needs(scenario: "Scenario") -> Iterator[str]:
+    """Yield the modules by feature."""
+    if all(stage.searches for stage in scenario.stages):
+        yield "search.lock_march" if isinstance(scenario.stages[0], Lock) else "search.gather_events"
+        return
+    yield MOTION
+    for stage in scenario.stages:
+        plans = isinstance(stage, Avoid | Joint)
+        cost = stage.cost if isinstance(stage, Thrusting) else None
+        if isinstance(stage, Gather):
+            yield "search.gather_events"
+        if plans:
+            yield PLANNING
+        if plans and cost == "energy":
+            yield LEAST_ENERGY
+        if cost == "delta-v":
+            yield LEAST_DELTA_V
+        if plans and cost == "delta-v":
+            yield JOINT_DELTA_V
+        if getattr(stage, "drift", None) is not None:
+            yield PASSIVE_SAFETY
+            if plans:
+                yield SAFE_PLANS
+        if stage.sigmas is not None:
+            yield ERRORS
+        if stage.max_probability is not None:
+            yield PROBABILITY
+    if any(craft.covariance is not None for craft in scenario.craft):
+        yield ERRORS
+    if any(craft.thrusters is not None for craft in scenario.craft):
+        yield f"{LEAST_DELTA_V} motion.saturated"
+    if scenario.orbit.field is not None:
+        yield FIELD

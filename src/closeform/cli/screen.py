@@ -1,0 +1,293 @@
+"""What the command line does with files of orbits: `screen`, `encounter` and `export`."""
+
+import os
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from closeform.cli.console import complain, kept, say, stderr, stdout, tell_screen, working
+from closeform.cli.inputs import BAD_INPUT, CLEAR, UsageError, check_present, ephemerides, quantity
+
+if TYPE_CHECKING:
+    from closeform.conflicts.flight import WatchedFlight
+    from closeform.exchange.common_frame import CommonFrame
+    from closeform.exchange.conjunction import Conjunction
+    from closeform.report.encounter import EncounterReport
+    from closeform.report.picture import Shot
+    from closeform.report.reproduction import Command
+    from closeform.report.screening import ScreenReport
+    from closeform.report.simulation import FlightReport
+    from closeform.storage.result_folder import Folder
+    from closeform.uncertainty.uncertain_flight import UncertainFlight
+
+
+def screen(
+    files: Annotated[tuple[Path, ...], Parameter(name="oem")],
+    /,
+    *,
+    sphere: str | None = None,
+    box: str | None = None,
+    ellipsoid: str | None = None,
+    cylinder: str | None = None,
+    axis: str | None = None,
+    covariance: str | None = None,
+    sigmas: float | None = None,
+    body: Annotated[bool, Parameter(negative="")] = False,
+    hard_body: str | None = None,
+    zones: Path | None = None,
+    interpolate: str | None = None,
+    out: Path | None = None,
+    overwrite: Annotated[bool, Parameter(negative="")] = False,
+) -> int:
+    """Find every conflict among real ephemerides, in the orbital frame of the first.
+
+    Parameters
+    ----------
+    files
+        CCSDS orbit ephemeris messages, two or more, with common epochs or --interpolate.
+    sphere
+        Keep-out zone by its radius: "20 m".
+    box
+        Keep-out zone by its half-widths radial, along-track, cross-track: "20 40 20 m".
+    ellipsoid
+        Keep-out zone by its half-axes radial, along-track, cross-track: "20 40 20 m".
+    cylinder
+        Keep-out zone by its radius and half-length along --axis: "10 100 m".
+    axis
+        Direction of the cylinder, radial, along-track, cross-track: "0 1 0".
+    covariance
+        Of the position of every craft, rr tr tt nr nt nn: "25 0 400 0 0 25 m^2"; those of two add.
+    sigmas
+        How many standard deviations are kept clear: of --covariance, else of the ephemerides' covariances.
+    body
+        The zone is what each craft fills: those of two add.
+    hard_body
+        Radius of the sphere that each craft fills: "5 m"; those of two add.
+    zones
+        TOML file with a zone for each craft: [craft] with name and keep_out, as in a scenario.
+    interpolate
+        How far off states may be that are interpolated to common epochs: "1 m".
+    out
+        Folder for the results; NAME-screen-results next to where you are by default, NAME of the first file,
+        and a number behind it where that is taken.
+    overwrite
+        Replace finished results.
+    """
+    from closeform.scenario import ScenarioError
+    from closeform.scenario.options import HARD_BODY, AskedZones
+    from closeform.scenario.quantity import LENGTH
+
+    shapes = {"sphere": sphere, "box": box, "ellipsoid": ellipsoid, "cylinder": cylinder}
+    place = free(out, files[0] if files else Path("none"), "screen", overwrite)
+    try:
+        asked = AskedZones.of(
+            shapes | {HARD_BODY: hard_body, "covariance": covariance}, axis, sigmas, body, zones
+        )
+        frame = ephemerides(files, quantity("interpolate", LENGTH, interpolate))
+        held_clear = asked.of_pairs(frame.names)
+        if asked.sigmas is not None and not any(held is not None for held in frame.covariances):
+            raise ValueError("--sigmas: no ephemeris has a covariance; add blocks, or give --covariance")
+    except ScenarioError as error:
+        complain(*error.lines)
+        return BAD_INPUT
+    except ValueError as error:
+        raise UsageError(str(error)) from None
+    from closeform.conflicts.flight import watch
+    from closeform.report.reproduction import Command
+    from closeform.report.screening import ScreenReport
+
+    options: dict[str, object] = {
+        "axis": axis,
+        "covariance": covariance,
+        "sigmas": sigmas,
+        "body": body,
+        "hard-body": hard_body,
+    }
+    options |= {"zones": zones, "interpolate": interpolate}
+    command = Command("screen", files, {**shapes, **options}, [zones] if zones is not None else [], out)
+
+    def report() -> ScreenReport:
+        flight = watch(frame.paths, frame.names, held_clear)
+        return ScreenReport(frame, flight, held_clear, command, uncertain(frame, flight, asked.sigmas))
+
+    return left(report, place, overwrite)
+
+
+def free(out: Path | None, file: Path, command: str, overwrite: bool) -> Path:
+    """Where the results of a command on a file go; unless told where, beside those of others, with a number.
+
+    Raises FolderError where they must not.
+    """
+    from closeform.storage.publishing import check_free
+
+    usual = f"{file.stem}-{command}-results"
+    place, number = out or Path(usual), 1
+    while out is None and not overwrite and os.path.lexists(place):
+        number += 1
+        place = Path(f"{usual}-{number}")
+    check_free(place, overwrite)
+    return place
+
+
+def left(
+    made: "Callable[[], ScreenReport | EncounterReport | FlightReport]", place: Path, overwrite: bool
+) -> int:
+    """Make a report, leave its results and print it; the exit status."""
+    from closeform.storage.publishing import folder
+    from closeform.storage.result_folder import written
+
+    def viewer(under_way: "Folder", pictures: "Sequence[Shot]") -> None:
+        from closeform.viewer import page  # with matplotlib, which loads while the other process draws
+        from closeform.viewer.shown import Shown
+
+        page.leave(Shown.of_report(report), under_way, pictures)
+
+    notes = stderr()
+    with working(notes, "looking") as tell, folder(place, overwrite) as under_way:
+        report = made()
+        with written(place):
+            report.leave(under_way, tell, viewer)
+    with kept(place):
+        tell_screen(report, place)
+    return report.verdict.status
+
+
+def uncertain(
+    frame: "CommonFrame", flight: "WatchedFlight", sigmas: float | None
+) -> "UncertainFlight | None":
+    """How many sigmas pairs are clear by, and how probable it is that they meet; None if nobody asked."""
+    if sigmas is None:
+        return None
+    from closeform.uncertainty.uncertain_flight import UncertainFlight
+
+    return UncertainFlight.of(flight, frame.errors, sigmas)
+
+
+def encounter(
+    message: Path,
+    /,
+    *,
+    radius: str | None = None,
+    window: str | None = None,
+    limit: float | None = None,
+    out: Path | None = None,
+    overwrite: Annotated[bool, Parameter(negative="")] = False,
+) -> int:
+    """Tell how probable a collision is that a conjunction message warns of, however slow the two pass.
+
+    Parameters
+    ----------
+    message
+        CCSDS conjunction data message, key-value or XML.
+    radius
+        Of both bodies together: "15 m"; that of the message unless given.
+    window
+        How long before and after closest approach both are followed: "1420 s"; a quarter of an orbit, or as
+        long as they are near each other.
+    limit
+        The largest probability that is accepted: 1e-4.  Above it the exit status is 1.
+    out
+        Folder for the results; NAME-encounter-results next to where you are by default, and a number
+        behind it where that is taken.
+    overwrite
+        Replace finished results.
+    """
+    from closeform.exchange.cdm import read_cdm
+    from closeform.exchange.message import within
+    from closeform.report.reproduction import Command
+    from closeform.scenario.quantity import LENGTH, TIME
+
+    half = quantity("window", TIME, window)
+    if limit is not None and not 0.0 < limit <= 1.0:
+        raise UsageError(f"--limit: a probability above 0, up to 1, got {limit:g}; give for example 1e-4")
+    bodies = quantity("radius", LENGTH, radius)
+    check_present(message)
+    place = free(out, message, "encounter", overwrite)
+    command = Command("encounter", [message], {"radius": radius, "window": window, "limit": limit}, out=out)
+    try:
+        told = read_cdm(message)
+        bodies = bodies or told.hard_body_radius
+        if bodies is None:
+            remedy = '--radius "15 m", say'
+            if told.exclusion_radii:
+                remedy = (
+                    f'--radius "{sum(told.exclusion_radii):g} m" is what its screening excludes about both'
+                )
+            raise ValueError(f"{message}: tells no hard-body radius; give one: {remedy}")
+        with within(message):
+            report = judged(told, bodies, half, limit, command)
+    except ValueError as error:
+        raise UsageError(str(error)) from None
+    return left(lambda: report, place, overwrite)
+
+
+def judged(
+    told: "Conjunction", radius: float, half_window: float | None, limit: float | None, command: "Command"
+) -> "EncounterReport":
+    """The report of a message, with bodies of some radius [m] together."""
+    from closeform.report.encounter import EncounterReport
+    from closeform.uncertainty.clearance import clearance_in_sigmas
+    from closeform.uncertainty.probability import collision_probability
+    from closeform.uncertainty.short_encounter import NotPassing
+    from closeform.zones.solids import Sphere
+
+    met, zone = told.encounter(half_window), Sphere(radius)
+    pair = met.path, met.other, zone, met.errors, met.other_errors
+    entries = collision_probability(*pair)
+    try:
+        short = collision_probability(*pair, method="short-encounter")
+    except NotPassing:
+        short = None  # nearest at an edge of the time: the report says so
+    return EncounterReport(told, radius, met, clearance_in_sigmas(*pair), entries, short, limit, command)
+
+
+def export(
+    directory: Path,
+    /,
+    *,
+    to: str,
+    out: Path | None = None,
+    frame: str | None = None,
+    step: str | None = None,
+    overwrite: Annotated[bool, Parameter(negative="")] = False,
+) -> int:
+    """Write what a run flew in the format of other tools: ephemerides, manoeuvres, attitudes, conjunctions.
+
+    Parameters
+    ----------
+    directory
+        Result folder of a run of a scenario with an epoch.
+    to
+        oem, oem-xml, opm, ocm, aem, cdm, csv, stk, czml or spk.
+    out
+        Folder for the files; NAME-TO next to where you are by default.
+    frame
+        The chief's inertial frame by its name (the default), or RSW_ROTATING, the axes of Hill's frame.
+    step
+        Between states: "10 s"; as long as interpolation allows by default.
+    overwrite
+        Replace an earlier export.
+    """
+    from closeform.scenario.quantity import TIME
+
+    apart = quantity("step", TIME, step)
+    from closeform.results.export import export as write
+    from closeform.results.export import told
+    from closeform.results.load import LoadedRun, load
+    from closeform.storage.result_folder import FolderError
+
+    place = out if out is not None else Path(f"{directory.resolve().name}-{to}")
+    run = load(directory)
+    if not isinstance(run, LoadedRun):
+        raise UsageError(f"{directory}: is a study's, whose cases are not kept; export the run of one --case")
+    try:
+        write(run, place, to, frame=frame, step=apart, overwrite=overwrite)
+    except FolderError:
+        raise
+    except (ValueError, ImportError) as error:
+        raise UsageError(f"{directory}: {error}") from None
+    for line in told(place):
+        say(stdout(), line)
+    return CLEAR

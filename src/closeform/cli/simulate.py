@@ -1,0 +1,157 @@
+"""What the command line does with a run that is to be flown in its field: `fly`."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
+
+from cyclopts import Parameter
+
+from closeform.cli.inputs import UsageError, quantity
+from closeform.cli.screen import left
+
+if TYPE_CHECKING:
+    from closeform.dynamics.feedback import Feedback
+    from closeform.report.simulation import FlightReport
+    from closeform.scenario.quantity import Parts
+
+RESULTS, FLIGHTS = "-results", "-flights"  # ends of the names of folders
+
+
+def fly(
+    directory: Path,
+    /,
+    *,
+    every: str | None = None,
+    horizon: str | None = None,
+    navigation: str | None = None,
+    thrust_error: str | None = None,
+    execution: str | None = None,
+    control: Literal["track", "replan", "open"] = "track",
+    seeds: int = 100,
+    out: Path | None = None,
+    overwrite: Annotated[bool, Parameter(negative="")] = False,
+) -> int:
+    """Fly what a run planned in the field of its scenario, many times, with errors as they are.
+
+    Parameters
+    ----------
+    directory
+        Result folder of a run whose [orbit] has a field.
+    every
+        From one measurement to the next: "60 s"; the scenario's unless given.
+    horizon
+        In which a deviation would be brought to zero: "10 min".
+    navigation
+        Standard deviations of each axis that is measured: "10 cm, 0.3 mm/s".
+    thrust_error
+        By how much thrust is off at most, in size and direction, all through a flight: "1 %, 1 deg".
+    execution
+        Standard deviations of each burn and impulse by itself, in size and direction: "1 %, 0.5 deg".
+    control
+        track: measure and come back; replan: plan the rest anew; open: thrust as commanded, nobody measures.
+    seeds
+        How many flights.
+    out
+        Folder for the results; NAME-flights next to where you are by default.
+    overwrite
+        Replace finished results.
+    """
+    from closeform.results.load import LoadedRun, load
+    from closeform.scenario.flown import not_anew
+    from closeform.storage.publishing import check_free
+    from closeform.storage.result_folder import SUMMARY
+
+    given = {"every": every, "horizon": horizon, "navigation": navigation}
+    given |= {"thrust-error": thrust_error, "execution": execution}
+    asked = Options.of(given)
+    if seeds < 1:
+        raise UsageError(f"--seeds: {seeds} is below 1; give for example --seeds 100")
+    place = out or Path(f"{directory.resolve().name.removesuffix(RESULTS)}{FLIGHTS}")
+    check_free(place, overwrite)
+    run = load(directory)
+    if not isinstance(run, LoadedRun):
+        raise UsageError(f"{directory}: is of a study; give the folder of a run")
+    if run.scenario.field is None:
+        remedy = "add field, with epoch and chief, to [orbit], and run it again"
+        raise UsageError(f"{directory}: its scenario has no field; {remedy}")
+    if not run.flown:
+        raise UsageError(
+            f"{directory}: nothing was flown, {run.stopped}; change the scenario, and run it again"
+        )
+    for why, without in not_anew(run.scenario) if control == "replan" else ():
+        raise UsageError(f"--control: {why} in {directory}; fly it by track, or a run with {without}")
+    from closeform.dynamics.infeasible import Grounded
+    from closeform.mission.simulation import FlownRun, usually_led
+    from closeform.report.reproduction import Command
+
+    told = asked.instead_of(run.scenario.truth.flight, usually_led(run, control))
+    options = {**given, "control": None if control == "track" else control, "seeds": seeds}
+    command = Command("fly", [directory], options, [directory / SUMMARY], out)
+
+    def report() -> "FlightReport":
+        from closeform.report.simulation import FlightReport
+
+        try:
+            return FlightReport(FlownRun.of(run, control, told, seeds), command)
+        except Grounded as error:
+            raise UsageError(f"{directory}: cannot be flown: {error}") from None
+        except ValueError as error:
+            raise UsageError(f"{directory}: {error}") from None
+
+    return left(report, place, overwrite)
+
+
+class Options(NamedTuple):
+    """What options ask for in place of the scenario's: [s], [m, m/s], and as shares and [rad]; or None."""
+
+    every: float | None
+    horizon: float | None
+    navigation: tuple[float, ...] | None
+    thrust_error: tuple[float, ...] | None
+    execution: tuple[float, ...] | None
+
+    @classmethod
+    def of(cls, given: dict[str, str | None]) -> "Options":
+        """By the options' names."""
+        from closeform.scenario.field import as_navigation, as_thrust_error
+        from closeform.scenario.quantity import TIME
+
+        return cls(
+            quantity("every", TIME, given["every"]),
+            quantity("horizon", TIME, given["horizon"]),
+            parts("navigation", as_navigation, given["navigation"]),
+            parts("thrust-error", as_thrust_error, given["thrust-error"]),
+            parts("execution", as_thrust_error, given["execution"]),
+        )
+
+    def instead_of(self, told: dict[str, Any], usual: "Feedback") -> dict[str, Any]:
+        """What `fly` is to be told: what the scenario says, or what is `usual`, but for what was given."""
+        times = {key: value for key in ("every", "horizon") if (value := getattr(self, key)) is not None}
+        found = dict(told)
+        if times:
+            try:
+                found["feedback"] = replace(told["feedback"] or usual, **times)
+            except ValueError as error:
+                raise UsageError(f"--{error}") from None
+        if self.navigation is not None:
+            position, velocity = self.navigation
+            found["navigation"] = replace(told["navigation"], position=position, velocity=velocity)
+        if self.thrust_error is not None:
+            found["thrust_error"] = self.thrust_error
+        if self.execution is not None:
+            from closeform.uncertainty.errors import Errors  # whose kernels nothing else needs
+
+            size, turn = self.execution
+            states = [one and one.state for one in told["errors"] or [None] * len(told["thrust_error"])]
+            found["errors"] = [Errors(state, size, turn, (0.0, size, 0.0, turn)) for state in states]
+        return found
+
+
+def parts(option: str, read: "Parts", text: str | None) -> tuple[float, ...] | None:
+    """Quantities with commas between them that an option gives."""
+    if text is None:
+        return None
+    try:
+        return read(text)
+    except ValueError as error:
+        raise UsageError(f"--{option}: {error}") from None

@@ -1,0 +1,130 @@
+"""The command that flies a study: here or elsewhere, anew or from where it was stopped."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib import import_module
+from pathlib import Path
+from threading import Timer
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from closeform.cli.console import complain, kept, progress, say, stderr, stdout, tell_study, working
+from closeform.cli.inputs import BAD_INPUT, UsageError, read
+
+if TYPE_CHECKING:
+    from closeform.campaign.cases import Cases
+    from closeform.campaign.stored_study import Runner
+
+
+def study(
+    scenario: Path,
+    /,
+    *,
+    cases: int | None = None,
+    seed: int | None = None,
+    out: Path | None = None,
+    overwrite: Annotated[bool, Parameter(negative="")] = False,
+    scheduler: str | None = None,
+    no_pages: Annotated[bool, Parameter(negative="")] = False,
+) -> int:
+    """Fly many cases of a scenario, each with its own draws: who is found or met when, in how many of them.
+
+    Parameters
+    ----------
+    scenario
+        TOML file with a [study] table.
+    cases
+        How many cases, instead of the file's.
+    seed
+        Seed of the draws, instead of the file's.
+    out
+        Folder for the results; NAME-study next to where you are by default.
+    overwrite
+        Replace finished results.
+    scheduler
+        Dask scheduler whose workers fly the cases: an address such as tcp://HOST:8786, or the file it writes.
+    no_pages
+        Leave out the pages in which single cases move.
+    """
+    from closeform.storage.publishing import check_free, folder, settle
+    from closeform.storage.result_folder import CASES, FolderError, finished, written
+
+    place = out if out is not None else Path(f"{scenario.stem}-study")
+    settle(place)
+    again = finished(place) and not overwrite
+    if not again:
+        check_free(place, overwrite, study=True)
+    loaded = read(scenario, "study")
+    if loaded is None:
+        return BAD_INPUT
+    from closeform.campaign import asked, stored_study
+    from closeform.campaign.chunks import ChunkError, Stored
+    from closeform.mission.verdict import MET, NOT_MET
+    from closeform.report.any_study import report_of
+    from closeform.scenario import ScenarioError
+
+    notes = stderr()
+    try:
+        kind, count = asked(loaded, cases, seed)
+        if again and (status := finished_before(place, kind, count)) is not None:
+            return status
+        with runner_of(scheduler) as runner, folder(place, overwrite, study=True) as under_way:
+            chunks = Stored(kind, count, under_way.path / CASES, under_way.manifest)
+            with written(place):
+                complain(*(f"{place}: {what}, and flown anew" for what in chunks.begin(overwrite)))
+                if chunks.whole:
+                    complain(f"{place}: going on, {chunks.flown} of {count} cases are flown")
+                beside = Timer(0.1, import_module, ["scipy.special"])  # for the end, while cases fly
+                beside.daemon = True
+                beside.start()
+                with progress(notes, count) as tell:
+                    campaign = stored_study.fly(chunks, runner, tell)
+            report = report_of(campaign, loaded)
+            under_way.known.update(chunks.digests)
+            from closeform.report.study import draw_lines
+            from closeform.viewer import replays
+
+            with working(notes, "writing results") as show, written(place):
+                pages = replays.begin(campaign, under_way, not no_pages)
+                report.leave(under_way, *pages, out, show)
+    except ScenarioError as error:
+        complain(*error.lines)
+        return BAD_INPUT
+    except FolderError:
+        raise
+    except ChunkError as error:
+        raise FolderError(f"{place}: {error}") from None
+    except ValueError as error:  # cases or seed
+        raise UsageError(f"--{error}") from None
+    with kept(place):
+        tell_study(report, draw_lines(campaign), place)
+    return MET if campaign.ok else NOT_MET
+
+
+def finished_before(place: Path, cases: "Cases", count: int) -> int | None:
+    """Return the status of a finished study, stated in a line, if it is the same; None if it is not."""
+    from closeform.report import reproduction
+    from closeform.storage.result_folder import summary_of, versions
+
+    done, inputs = summary_of(place), reproduction.inputs(cases.scenario)
+    asked = {"kind": "study", "seed": cases.seed, "cases": count, "versions": versions()}
+    if {**done, **asked} != done or sorted(done.get("inputs", {}).values()) != sorted(inputs.values()):
+        return None
+    complain(f"{place}: holds the results of this very study; add --overwrite to repeat it")
+    say(stdout(), f"{done['verdict']}; results in {place}")
+    return int(done["status"])
+
+
+@contextmanager
+def runner_of(scheduler: str | None) -> "Iterator[Runner]":
+    """What flies chunks: this machine, or the workers of a scheduler."""
+    from closeform.campaign import stored_study
+
+    if scheduler is None:
+        yield stored_study.local
+        return
+    from closeform.campaign.cluster import Cluster
+
+    with Cluster(scheduler) as cluster:
+        yield cluster

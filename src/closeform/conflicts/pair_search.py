@@ -1,0 +1,241 @@
+"""The march over pairs of paths: their conflicts and closest approaches, as rows of floats."""
+
+from math import inf, nan
+
+import numpy as np
+from numba import float64, int64, void
+
+from closeform._jit import kernel
+from closeform.conflicts.quick_rejection import FEW, coasts_apart, count_near, interval, is_clear, mark_near
+from closeform.kernel_loans import borrowed, stack_matrix
+from closeform.motion.arc import END, START
+from closeform.motion.certified_march import (
+    LESS_PATIENCE,
+    PATIENCE,
+    bounds,
+    locate,
+    relative_state,
+    taylor_step,
+    window,
+    window_end,
+)
+from closeform.motion.extrema import minimum_norm
+from closeform.zones.shapes import (
+    CYLINDER,
+    FACES,
+    FORM,
+    inside_flat,
+    inside_step,
+    norm,
+    outside_step,
+    rank,
+)
+
+# A norm within 1e-12 of 1 is on the surface.  Outside ends at ENTERED, inside only at LEFT, so
+# that rounding cannot make the two searches chase each other; each aims a little further.
+TOUCH = 1e-12
+ENTRY_AIM, ENTERED, LEFT, EXIT_AIM = 1 + 0.08 * TOUCH, 1 + 0.16 * TOUCH, 1 + 0.4 * TOUCH, 1 + 0.5 * TOUCH
+COLUMNS = 5  # of a row of conflicts: pair, start, end, time, ratio
+
+
+@kernel()
+def cross(shape, faces, q, order, n, t, stop, inside, patience):
+    """March through a window until the norm changes sides: (time reached, whether it did)."""
+    ax, ay, az, a, speed = bounds(q, order, n, stop)
+    axes = rank(shape, 0)
+    if axes > 1 and patience == LESS_PATIENCE and t == 0.0:
+        t = taylor_step(axes, q, order, n, stop, EXIT_AIM if inside else ENTRY_AIM, inside)
+        if inside and shape == CYLINDER:  # nor does it leave by an end
+            t = min(t, inside_flat(q[0, 2], q[1, 2], az, EXIT_AIM))
+    for _ in range(patience):
+        x, y, z, vx, vy, vz = relative_state(q, order, n, t)
+        s = norm(shape, faces, x, y, z)
+        if (inside and s > LEFT) or (not inside and s <= ENTERED):
+            return t, True
+        if t >= stop:
+            return stop, False
+        if inside:
+            h = inside_step(shape, faces, x, y, z, vx, vy, vz, ax, ay, az, a, speed, EXIT_AIM)
+        else:
+            h = outside_step(shape, faces, x, y, z, vx, vy, vz, ax, ay, az, a, ENTRY_AIM)
+        t = min(stop, max(t + h, t * (1.0 + 2.3e-16)))
+    return t, False
+
+
+@kernel()
+def closest(arcs, i, i_end, others, j, j_end, start, end, form, q):
+    """Least norm over [start, end] and its time, between one path's arcs and another's."""
+    shape, matrix, faces = form
+    best, best_time = inf, nan
+    i = locate(arcs, i, i_end, start)
+    j = locate(others, j, j_end, start)
+    t = start
+    patience = PATIENCE
+    while True:
+        while i + 1 < i_end and arcs[i, END] <= t:
+            i += 1
+        while j + 1 < j_end and others[j, END] <= t:
+            j += 1
+        stop = window_end(arcs[i], others[j], t, end)
+        order, n = window(arcs[i], others[j], t, matrix, q)
+        least, when, reached = minimum_norm(shape, faces, q, order, n, 0.0, stop - t, patience, best, nan)
+        if least < best:
+            best, best_time = least, min(t + when, stop)  # t + (stop - t) may round to beyond it
+        if reached < stop - t:
+            patience = LESS_PATIENCE
+            t += reached
+        else:
+            t = stop
+        if t >= end or (best == 0.0 and shape != FACES):
+            return best, best_time
+
+
+@kernel()
+def append(rows, count, pair, start, end):
+    """Note a stay where there is room; the new count."""
+    if count < len(rows):
+        rows[count, 0], rows[count, 1], rows[count, 2] = pair, start, end
+    return count + 1
+
+
+@kernel()
+def search_window(a, b, t, stop, form, q, inside, entry, pair, rows, count):
+    """March two arcs from t to `stop`: whether inside then, since when, and the count of rows."""
+    shape, matrix, faces = form
+    patience = PATIENCE
+    while True:
+        order, n = window(a, b, t, matrix, q)
+        local = 0.0
+        while True:
+            local, crossed = cross(shape, faces, q, order, n, local, stop - t, inside, patience)
+            if not crossed:
+                break
+            inside = not inside
+            if inside:
+                entry = min(t + local, stop)
+            else:
+                count = append(rows, count, pair, entry, min(t + local, stop))
+        if local >= stop - t:
+            return inside, entry, count
+        t += local
+        patience = LESS_PATIENCE
+
+
+@kernel()
+def pair_conflicts(arcs, i, i_end, others, j, j_end, start, end, form, times, near, k, q, pair, rows, count):
+    """Append the conflicts of one pair to `rows`; the new count, beyond len(rows) if they do not fit.
+
+    `near` tells the intervals of `times` to be searched, from the k-th on; empty for all.  The
+    windows do not depend on it, so that neither do the times found.
+    """
+    inside = False
+    entry = start
+    t = start
+    while True:
+        while i + 1 < i_end and arcs[i, END] <= t:
+            i += 1
+        while j + 1 < j_end and others[j, END] <= t:
+            j += 1
+        stop = window_end(arcs[i], others[j], t, end)
+        while k + 1 < len(near) and times[k + 1] <= t:
+            k += 1
+        if len(near) == 0 or not is_clear(times, near, k, stop):
+            inside, entry, count = search_window(
+                arcs[i], others[j], t, stop, form, q, inside, entry, pair, rows, count
+            )
+        t = stop
+        if t >= end:
+            break
+    return append(rows, count, pair, entry, end) if inside else count
+
+
+@kernel(
+    void(
+        float64[:, ::1],
+        int64[::1],
+        float64[:, ::1],
+        int64[::1],
+        int64[::1],
+        int64[::1],
+        FORM,
+        float64[:, ::1],
+    )
+)
+def approaches_of_pairs(arcs, offsets, others, other_offsets, first, second, form, out):
+    """Time and least norm of every pair over its common time."""
+    arcs, others = borrowed(arcs), borrowed(others)
+    form = form[0], borrowed(form[1]), borrowed(form[2])
+    q = stack_matrix(8, 3)
+    for pair in range(len(first)):
+        i, i_end = offsets[first[pair]], offsets[first[pair] + 1]
+        j, j_end = other_offsets[second[pair]], other_offsets[second[pair] + 1]
+        start = max(arcs[i, START], others[j, START])
+        end = min(arcs[i_end - 1, END], others[j_end - 1, END])
+        out[pair, 0], out[pair, 1] = nan, inf
+        if start <= end:
+            ratio, when = closest(arcs, i, i_end, others, j, j_end, start, end, form, q)
+            out[pair, 0], out[pair, 1] = when, ratio
+
+
+@kernel(
+    int64(
+        float64[:, ::1],
+        int64[::1],
+        float64[:, ::1],
+        int64[::1],
+        int64[::1],
+        int64[::1],
+        int64,
+        FORM,
+        float64[::1],
+        float64[:, :, ::1],
+        float64[:, :, ::1],
+        float64[:, ::1],
+        int64[::1],
+    )
+)
+def conflicts_of_pairs(
+    arcs, offsets, others, other_offsets, first, second, pair, form, times, tracks, other_tracks, rows, done
+):
+    """Conflicts of pairs (first[k], second[k]) from k = `pair` on, as many as fit in `rows`.
+
+    `times` and tracks are those of `tracks.Tracks`.  Returns how many rows were filled; `done`
+    gets the pair to go on with.
+    """
+    arcs, others, rows, times = borrowed(arcs), borrowed(others), borrowed(rows), borrowed(times)
+    tracks, other_tracks = borrowed(tracks), borrowed(other_tracks)
+    form = form[0], borrowed(form[1]), borrowed(form[2])
+    q = stack_matrix(8, 3)
+    near = np.empty(max(0, len(times) - 1), dtype=np.bool_)
+    count = 0
+    for p in range(pair, len(first)):
+        one, two = first[p], second[p]
+        i, i_end, j, j_end = offsets[one], offsets[one + 1], other_offsets[two], other_offsets[two + 1]
+        start = max(arcs[i, START], others[j, START])
+        end = min(arcs[i_end - 1, END], others[j_end - 1, END])
+        if not start <= end:
+            continue
+        k, last = 0, 0
+        if len(near) > 0:
+            k, last = interval(times, start), interval(times, end) + 1
+        few = 0 < last - k <= FEW  # intervals that cost less than the bound of an ellipse
+        if few and count_near(tracks, one, other_tracks, two, k, last) == 0:
+            continue
+        i, j = locate(arcs, i, i_end, start), locate(others, j, j_end, start)
+        if not few and coasts_apart(arcs[i], others[j], start, end, form, q):
+            continue
+        if last - k > FEW and count_near(tracks, one, other_tracks, two, k, last) == 0:
+            continue
+        mark_near(tracks, one, other_tracks, two, k, last, near)
+        total = pair_conflicts(
+            arcs, i, i_end, others, j, j_end, start, end, form, times, near, k, q, p, rows, count
+        )
+        if total > len(rows):
+            done[0], done[1] = p, total - count
+            return count
+        for m in range(count, total):
+            ratio, when = closest(arcs, i, i_end, others, j, j_end, rows[m, 1], rows[m, 2], form, q)
+            rows[m, 3], rows[m, 4] = when, ratio
+        count = total
+    done[0] = len(first)
+    return count

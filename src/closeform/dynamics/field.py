@@ -1,0 +1,256 @@
+"""Field: what pulls on a formation and its chief, beyond Hill's equations."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from closeform.arrays import Floats, broadcast, instance, number, shown
+from closeform.dynamics.drag import Drag, air_of
+from closeform.dynamics.gravity import DEGREES, TABLEAU, WIDTH, accelerate, fly
+from closeform.exchange.chief import Chief
+from closeform.motion.mean_motion import EARTH_J2, checked
+from closeform.motion.orbit import Orbit
+
+# J2 to J6 of JGM-3 (Tapley et al. 1996), about a radius of 6378136.3 m.
+EARTH_ZONALS = (EARTH_J2, -2.532435346e-6, -1.619331205e-6, -2.277161016e-7, 5.396484906e-7)
+GRAVITY_RADIUS = 6378136.3
+LONGEST = 30.0  # s: a step of the chief's motion, off by 1e-9 m in low orbit
+DAY = 86400.0  # s
+TIGHT = 1e-12  # of what an integrator of foreign fields may be off
+
+Acceleration = Callable[[Floats, Floats], ArrayLike]
+
+
+@dataclass(frozen=True, eq=False)
+class Field:
+    """What pulls on a formation: a flattened body and its air, or any function; the chief flies in it, too.
+
+    Parameters
+    ----------
+    chief : Chief
+        From whose state, at its epoch, the formation's origin flies in this field; along an ephemeris it
+        flies that.
+    zonals : int or sequence of float, no unit, default 2
+        Up to which degree the Earth is flattened: 0 is a point mass, 2 to 6 are J2 to J6.  Or these
+        themselves, of another body, from J2 on.
+    drag : Drag, optional
+        Air and ballistic coefficients; without it there is none.
+    radius : float [m], default 6378136.3
+        Of the body, that `zonals` are about.
+    acceleration : callable, optional
+        In place of all that: of times (M,) [s] since the chief's epoch and inertial states (M, 6)
+        [m, m/s] the accelerations (M, 3) [m/s^2], the same function for the chief and all craft.  Flights
+        take `zonals` as a first guess of it.
+
+    Raises
+    ------
+    ValueError
+        If a degree is not one of these, a number is not finite, the chief is below the ground, or
+        `acceleration` comes with `drag`.
+
+    Notes
+    -----
+    The body's pole is the z axis of the chief's frame: exactly so of TOD, to some 0.1 degrees of EME2000 in
+    this century.  The Moon, the Sun, radiation and all that depends on longitude are left out: give an
+    `acceleration` that has them.
+
+    References
+    ----------
+    docs/theory.md section 10; zonals of JGM-3 (Tapley et al. 1996).
+
+    Examples
+    --------
+    >>> import closeform as cf
+    >>> chief = cf.Chief.from_elements("2026-11-22T12:00:00", [6.878e6, 0.0, 1e-3, 0.0, 0.9, 0.0])
+    >>> field = cf.Field(chief)
+    """
+
+    chief: Chief
+    zonals: Any = 2
+    drag: Drag | None = None
+    radius: float = GRAVITY_RADIUS
+    acceleration: Acceleration | None = None
+
+    def __post_init__(self) -> None:
+        instance("chief", self.chief, Chief)
+        instance("drag", self.drag, Drag, type(None))
+        object.__setattr__(self, "radius", checked("radius", number("radius", self.radius), positive=True))
+        if self.acceleration is not None and (self.drag is not None or not callable(self.acceleration)):
+            raise ValueError("acceleration: a function of times and states, in place of zonals and drag")
+        object.__setattr__(self, "zonals", zonals_of(self.zonals))
+        low = self.chief.semi_major_axis * (1.0 - self.chief.eccentricity)
+        if low < self.radius:
+            raise ValueError(
+                f"chief: comes to {low - self.radius:.0f} m above a body of {self.radius:.0f} m; "
+                "give another orbit"
+            )
+
+    def _of(self, which: Any) -> Field:
+        """As some of its craft feel it."""
+        if self.drag is None or not np.ndim(self.drag.ballistic):
+            return self
+        return replace(self, drag=replace(self.drag, ballistic=np.asarray(self.drag.ballistic)[which]))
+
+    @cached_property
+    def _constants(self) -> Floats:
+        """What kernels know it by."""
+        row = np.array([self.chief.mu, self.radius, *self.zonals, *air_of(self.drag)])
+        assert len(row) == WIDTH
+        return row
+
+    @cached_property
+    def orbit(self) -> Orbit:
+        """The circular orbit whose frame turns as the chief's does in this field, on average over a day.
+
+        Where formations are held for long, relative orbits in it keep step with the chief: those in
+        `Chief.orbit`, which is Kepler's, get ahead or fall behind by a part in a thousand.
+        """
+        end = DAY
+        if self.chief.ephemeris is not None:
+            end = min(end, float(np.max(self.chief.ephemeris.times)))
+        times = np.linspace(0.0, end, 2 * int(end / (2.0 * LONGEST)) + 3)
+        states = self.chief_states(times)
+        momentum = np.linalg.norm(np.cross(states[:, :3], states[:, 3:]), axis=1)
+        spin = momentum / (states[:, :3] ** 2).sum(axis=1)
+        simpson = np.ones(len(times))
+        simpson[1:-1:2], simpson[2:-1:2] = 4.0, 2.0
+        return Orbit(float(spin @ simpson / simpson.sum()))
+
+    @property
+    def _chief_ballistic(self) -> float:
+        return 0.0 if self.drag is None else self.drag.chief
+
+    def accelerations(self, times: ArrayLike, states: ArrayLike, ballistics: ArrayLike = 0.0) -> Floats:
+        """What craft feel.
+
+        Parameters
+        ----------
+        times : array_like of shape (...) [s]
+            Since the chief's epoch; broadcasts with the states.
+        states : array_like of shape (..., 6) [m, m/s]
+            Inertial, in the chief's frame.
+        ballistics : array_like of shape (...) [m^2/kg], default 0
+            Their ballistic coefficients.
+
+        Returns
+        -------
+        array of shape (..., 3) [m/s^2]
+            In the chief's inertial frame.
+
+        Raises
+        ------
+        ValueError
+            If shapes do not fit, a number is not finite, or `acceleration` raises, or gives another shape, or
+            numbers that are not finite.
+
+        References
+        ----------
+        docs/theory.md (80) and (81).
+        """
+        given = np.asarray(checked("states", states, last=6))
+        when, own = np.asarray(checked("times", times)), np.asarray(checked("ballistics", ballistics))
+        shape = broadcast(times=when.shape, states=given.shape[:-1], ballistics=own.shape)
+        rows = np.ascontiguousarray(np.broadcast_to(given, (*shape, 6)).reshape(-1, 6))
+        if self.acceleration is None:
+            felt = np.empty((len(rows), 3))
+            accelerate(self._constants, np.broadcast_to(own, shape).ravel(), rows, felt)
+            return felt.reshape((*shape, 3))
+        when = np.broadcast_to(when, shape).ravel()
+        try:
+            felt = np.asarray(self.acceleration(when, rows), dtype=float)
+        except Exception as error:  # the user's, of any kind
+            raise ValueError(
+                f"acceleration: the function raises {type(error).__name__}: {error}; it is given times (M,) "
+                "and states (M, 6)"
+            ) from error
+        if felt.shape != (len(rows), 3) or not np.isfinite(felt).all():
+            raise ValueError(
+                f"acceleration: expected finite numbers of shape ({len(rows)}, 3), got {shown(felt)}"
+            )
+        return felt.reshape((*shape, 3))
+
+    def chief_states(self, times: ArrayLike) -> Floats:
+        """The chief's inertial states as it flies in this field, or along its ephemeris.
+
+        Parameters
+        ----------
+        times : array_like of shape (T,) [s]
+            Since the chief's epoch, of any sign.
+
+        Returns
+        -------
+        array of shape (T, 6) [m, m/s]
+            In the chief's frame.
+
+        Raises
+        ------
+        ValueError
+            If a time is not finite, or outside of the ephemeris.
+
+        References
+        ----------
+        Dormand and Prince's method of eighth order (Hairer, Norsett and Wanner 1993, II.10).
+        """
+        given = np.ravel(checked("times", times))
+        if self.chief.ephemeris is not None:
+            return self.chief.states(given)
+        return self._craft_states(self.chief.state, self._chief_ballistic, 0.0, given)
+
+    def _craft_states(self, start: Floats, ballistic: float, begin: float, times: Floats) -> Floats:
+        """Inertial states (T, 6) of a craft that is in `start` (6,) at `begin` [s], at times (T,) [s]."""
+        since = times - begin
+        out = np.empty((len(times), 6))
+        for some in (np.flatnonzero(since >= 0.0), np.flatnonzero(since < 0.0)):
+            some = some[np.argsort(np.abs(since[some]), kind="stable")]
+            out[some] = self._flown(start, ballistic, begin, since[some])
+        return out
+
+    def _flown(self, start: Floats, ballistic: float, begin: float, since: Floats) -> Floats:
+        """States so long after `begin` (T,) [s], at times that go away from it."""
+        out = np.empty((len(since), 6))
+        if not len(since):
+            return out
+        if self.acceleration is None:
+            fly(self._constants, ballistic, start, since, LONGEST, TABLEAU, out)
+            return out
+
+        from scipy.integrate import solve_ivp  # which loads half of scipy
+
+        def rates(t: float, s: Floats) -> Floats:
+            return np.concatenate([s[3:], self.accelerations(np.array(begin + t), s)])
+
+        span = (0.0, float(since[-1]))
+        if span[1] == 0.0:
+            return np.tile(start, (len(since), 1))
+        done = solve_ivp(rates, span, start, "DOP853", since, rtol=TIGHT, atol=TIGHT * np.abs(start).max())
+        return np.asarray(done.y.T)
+
+
+def described(field: Field) -> str:
+    """What a field is, for people."""
+    if field.acceleration is not None:
+        return "a function"
+    degree = max((k + 2 for k, one in enumerate(field.zonals) if one != 0.0), default=0)
+    pull = f"J2 to J{degree}" if degree > 2 else ("J2" if degree else "a point mass")
+    return pull if field.drag is None else f"{pull} and drag"
+
+
+def zonals_of(given: Any) -> tuple[float, ...]:
+    """J2 to J6 of a degree, or as given."""
+    none = (0.0,) * DEGREES
+    if isinstance(given, int) and not isinstance(given, bool):
+        if given not in (0, *range(2, DEGREES + 2)):
+            raise ValueError(f"zonals: 0, or a degree from 2 to {DEGREES + 1}, got {given}")
+        return (EARTH_ZONALS[: max(given - 1, 0)] + none)[:DEGREES]
+    if isinstance(given, (str, bytes)) or not np.iterable(given):
+        raise ValueError(f"zonals: a degree, or J2 and what follows, got {shown(given)}")
+    own = tuple(number("zonals", one) for one in given)
+    if len(own) > DEGREES or not np.isfinite(own).all():
+        raise ValueError(f"zonals: up to {DEGREES} finite numbers, J2 to J{DEGREES + 1}, got {shown(given)}")
+    return (own + none)[:DEGREES]

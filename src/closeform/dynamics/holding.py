@@ -1,0 +1,94 @@
+"""Holding: when craft are kept on what they coast along, and when their own impulses move them."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.dynamics.feedback import Feedback
+from closeform.dynamics.timetable import SAME
+from closeform.motion.arc import END, IMPULSE, START, THRUST
+from closeform.motion.path import Path, runs_of
+
+
+class Holding(NamedTuple):
+    """Of each craft (N): spans (M, 2) [s] in which impulses move it, and those (D, 2) of thrust that lasts.
+
+    In the rest it coasts, and is kept there.  If thrust is `lasting`, it is against the field all the while.
+    """
+
+    moves: tuple[Floats, ...]
+    burns: tuple[Floats, ...]
+    lasting: bool
+
+    @classmethod
+    def of(cls, paths: Path, law: Feedback | None) -> Self:
+        """Of paths (N,) under feedback; without it impulses move a craft from its start to its end.
+
+        A coast that begins without an impulse is one to be kept, if it is as long as a horizon, or an orbit:
+        what begins with one is a way that this leads.
+        """
+        each = [paths.arcs[a:b] for a, b in zip(paths.offsets, paths.offsets[1:], strict=False)]
+        if law is None:
+            moves = tuple(_times(arcs, [(0, len(arcs))] if fires(arcs).any() else []) for arcs in each)
+            return cls(moves, (np.zeros((0, 2)),) * len(each), True)
+        long = min(law.horizon, 2.0 * np.pi / paths.orbit.mean_motion)
+        found = [_spans(arcs, long) for arcs in each]
+        return cls(tuple(moves for moves, _ in found), tuple(burns for _, burns in found), not law.impulses)
+
+    def among(self, which: Any) -> Self:
+        """The same of some of the craft."""
+        some = np.arange(len(self.moves))[which]
+        return self._replace(
+            moves=tuple(self.moves[k] for k in some), burns=tuple(self.burns[k] for k in some)
+        )
+
+    @property
+    def bounds(self) -> Floats:
+        """Where such spans begin or end, of any craft [s]."""
+        return np.unique(
+            np.concatenate([np.zeros(0), *map(np.ravel, self.moves), *map(np.ravel, self.burns)])
+        )
+
+    def moved(self, times: Floats) -> Any:
+        """Who is moved by impulses (N, T) at some times."""
+        return np.array([_inside(spans, times) for spans in self.moves])
+
+    def opposed(self, times: Floats) -> Any:
+        """Who thrusts against what Hill's equations leave out (N, T) at some times."""
+        burning = self.lasting | np.array([_inside(spans, times) for spans in self.burns])
+        return np.asarray(burning & ~self.moved(times))
+
+
+def fires(arcs: Floats) -> Any:
+    """Which arcs (M,) begin with an impulse."""
+    return np.asarray(arcs[:, IMPULSE : IMPULSE + 3].any(axis=1))
+
+
+def _spans(arcs: Floats, long: float) -> tuple[Floats, Floats]:
+    """Where impulses move one craft, and where it thrusts; coasts of `long` [s] or more are neither."""
+    fired, thrusts = fires(arcs), np.asarray(arcs[:, THRUST:].any(axis=1))
+    held = ~fired & ~thrusts & (arcs[:, END] - arcs[:, START] >= long)
+    burns = []
+    for a, b in runs_of(~fired & ~held):
+        burning = np.flatnonzero(thrusts[a:b])
+        if not len(burning):
+            continue
+        if b < len(arcs) and fired[b]:  # until which it waits, as part of what moves it
+            b = a + int(burning[-1]) + 1
+        burns.append((a, b))
+        held[a:b] = True
+    moves = [(a, b) for a, b in runs_of(~held) if fired[a:b].any()]
+    return _times(arcs, moves), _times(arcs, burns)
+
+
+def _times(arcs: Floats, runs: list[tuple[int, int]]) -> Floats:
+    """When runs of arcs begin and end (R, 2) [s]."""
+    return np.array([(arcs[a, START], arcs[b - 1, END]) for a, b in runs]).reshape(-1, 2)
+
+
+def _inside(spans: Floats, times: Floats) -> Any:
+    """Which times (T,) are in some of the spans (M, 2), both ends included."""
+    return ((spans[:, :1] - SAME <= times) & (times <= spans[:, 1:] + SAME)).any(axis=0)

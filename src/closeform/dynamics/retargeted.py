@@ -1,0 +1,182 @@
+"""Retargeting: impulses that lead in a field where the planned ones lead in Hill's equations."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.dynamics.chief_frame import ChiefFrame
+from closeform.dynamics.drag import ballistics_of
+from closeform.dynamics.drawn import exactly
+from closeform.dynamics.feedback import Feedback
+from closeform.dynamics.field import Field
+from closeform.dynamics.infeasible import Grounded
+from closeform.dynamics.reference_trajectory import Commands, commands_of, flown
+from closeform.dynamics.timetable import SAME, impulses_of
+from closeform.motion.joining import stack
+from closeform.motion.path import Path
+from closeform.result import Rows
+
+ROUNDS = 12
+MET = 1e-6  # m, by which a round still changes what is met
+NUDGE = 1e-4  # m/s, by which impulses differ to see what they do
+ALONG = 64  # places along the path that are kept
+LEVER = 0.02  # of the length that a change leads to in a radian of the orbit: an end is not met by less
+FREE = 1e-2  # how much that length counts, beside places along the path
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Retargeted(Rows):
+    """Impulses of craft, changed for a field, in order of craft and time: M rows; made by `thrust`.
+
+    Attributes
+    ----------
+    craft : array of int of shape (M,)
+        Whose each is, by index.
+    time : array of shape (M,) [s]
+        Since the chief's epoch.
+    impulse : array of shape (M, 3) [m/s]
+        Radial, along-track and cross-track, in the chief's axes.
+    planned : array of shape (M, 3) [m/s]
+        Those of the plan, in the same axes.
+    """
+
+    _columns: ClassVar = {
+        "craft": "craft",
+        "time": "time_s",
+        "impulse": "vx_m_s vy_m_s vz_m_s",
+        "planned": "planned_vx_m_s planned_vy_m_s planned_vz_m_s",
+    }
+
+    craft: Any
+    time: Floats
+    impulse: Floats
+    planned: Floats
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+
+def changed_impulses(
+    paths: Path, field: Field, law: Feedback | None = None
+) -> tuple[Retargeted, Path, Floats]:
+    """Impulses in the field, what is flown, and how far that is from the plan (N,) [m].
+
+    Those of one craft at one instant, as two plans have where they meet, are changed by equal parts.  Under
+    feedback what is flown is what that leads back to.
+    """
+    craft, times, planned = impulses_of(paths)
+    deviation = np.zeros(len(paths))
+    if not len(craft):
+        return Retargeted(craft, times, planned, planned), paths, deviation
+    plain = commands_of(paths, law, field, ballistics_of(field.drag, len(paths)))
+    commands = retargeted(plain, field)
+    assert commands.reference is not None
+    table = plain.table
+    when, before = table.shown_times, commands.reference.copy()
+    before[:, table.shown[table.fires >= 0], 3:] -= commands.jumps
+    slots = np.searchsorted(table.fired_times, times)
+    at_once = ((craft == craft[:, None]) & (slots == slots[:, None])).sum(axis=1)
+    changed = planned + (commands.jumps - plain.jumps)[craft, slots] / at_once[:, None]
+    fires = np.unique(craft)
+    off = commands.reference[..., :3] - paths.position(when)
+    deviation[fires] = np.linalg.norm(off, axis=2).max(axis=1)[fires]
+    own = paths.orbit._through(when, commands.reference, before)
+    path = stack([own[k] if k in fires else paths[k] for k in range(len(paths))])
+    return Retargeted(craft, times, changed, planned), path, deviation
+
+
+def retargeted(commands: Commands, field: Field) -> Commands:
+    """The same with impulses changed for a field, and as reference what they fly in it.
+
+    Each span in which impulses move a craft by itself, from the planned state at its begin; in the others the
+    reference is the plan.
+    """
+    frame = commands.frame_in(field)
+    jumps, reference = commands.jumps.copy(), commands.path.state(commands.table.shown_times)
+    for (first, last), who in _spans(commands).items():
+        part, fired, shown = commands.of(who).alone(first, last)
+        changed, states = _retargeted(part, field, frame.during(slice(2 * first, 2 * last + 1)))
+        jumps[np.ix_(who, fired)], reference[np.ix_(who, shown)] = changed, states
+    return replace(commands, jumps=jumps, reference=reference)
+
+
+def _spans(commands: Commands) -> dict[tuple[int, int], list[int]]:
+    """The first and the last node of each span in which impulses move craft, and which craft these are."""
+    nodes, found = commands.table.nodes, dict[tuple[int, int], list[int]]()
+    for k, moves in enumerate(commands.holding.moves):
+        for begin, end in moves:
+            first = int(np.searchsorted(nodes, begin - SAME))
+            last = int(np.searchsorted(nodes, end + SAME, side="right")) - 1
+            found.setdefault((first, last), []).append(k)
+    return found
+
+
+def _retargeted(commands: Commands, field: Field, frame: ChiefFrame) -> tuple[Floats, Floats]:
+    """Impulses of a span (N, Q, 3) as changed for a field, and states (N, T, 6) that they lead to.
+
+    The state at the end is met as far as impulses lead there, and places along the path as nearly as that
+    leaves free.  By Newton's method, theory (89): what impulses do is flown, by craft whose impulses differ.
+    """
+    times, n = commands.table.shown_times, commands.path.orbit.mean_motion
+    wanted = commands.path.state(times)
+    begin = commands.path.state(commands.table.nodes[0])
+    if commands.table.fires[0] >= 0:
+        begin[:, 3:] -= commands.jumps[:, 0]
+    along = np.unique(np.linspace(0, len(times) - 1, ALONG + 1).astype(int)[1:])
+    crafts = [np.flatnonzero(own.any(axis=1)) for own in commands.jumps]
+
+    def off(states: Floats) -> Floats:
+        """The end, its speed as a length, and places along the path, of states (..., T, 6)."""
+        end = states[..., -1, :] / np.repeat([1.0, n], 3)
+        return np.concatenate([end, states[..., along, :3].reshape(*states.shape[:-2], -1)], axis=-1)
+
+    def led(some: Commands, begin: Floats) -> Floats:
+        """States (N, T, 6) to which impulses lead."""
+        return np.asarray(flown(some, field, frame, exactly(len(begin), 1), begin).states[0])
+
+    states = led(commands, begin)
+    did = []
+    for k, own in enumerate(crafts):
+        nudged = _nudged(commands, k, own)
+        did.append(n * off(led(nudged, np.tile(begin[k], (len(nudged.path), 1))) - states[k]).T / NUDGE)
+    jumps = commands.jumps.copy()
+    for _ in range(ROUNDS):
+        moved = 0.0
+        for k, (own, lengths) in enumerate(zip(crafts, did, strict=True)):
+            changed = (jumps[k] - commands.jumps[k])[own].ravel() / n
+            step = _step(lengths, off(states[k] - wanted[k]), changed)
+            jumps[k, own] += n * step.reshape(-1, 3)
+            moved = max(moved, float(np.abs(step).max()))
+        states = led(replace(commands, jumps=jumps), begin)
+        if moved < MET:
+            return jumps, states
+    raise Grounded(
+        f"plan: changes of its impulses for this field do not settle in {ROUNDS} rounds; plan in shorter "
+        "stages, or thrust that lasts: cost 'energy'"
+    )
+
+
+def _step(did: Floats, missed: Floats, changed: Floats) -> Floats:
+    """How impulses are to change further (3 M,), as lengths: places (6 + P,), first the end, are `missed`.
+
+    What they hardly do to the end is not asked of them: such changes are left to places along the path.
+    """
+    push, singular, ways = np.linalg.svd(did[:6])
+    strong = int((singular > LEVER).sum())
+    met = ways[:strong].T @ (push[:, :strong].T @ -missed[:6] / singular[:strong])
+    free = ways[strong:].T
+    pushed = np.vstack([did[6:] @ free, FREE * free])
+    rest = np.concatenate([missed[6:] + did[6:] @ met, FREE * (changed + met)])
+    return np.asarray(met - free @ np.linalg.lstsq(pushed, rest)[0])
+
+
+def _nudged(commands: Commands, craft: int, own: Any) -> Commands:
+    """A craft 3 M times, with each of its `own` impulses (M,) larger along each axis."""
+    which = np.full(3 * len(own), craft)
+    some = commands.of(which)
+    some.jumps[np.arange(len(which)), np.repeat(own, 3), np.tile(np.arange(3), len(own))] += NUDGE
+    return some

@@ -1,0 +1,170 @@
+"""Stages in which a whole formation moves in one plan: scatter, regather, reconfigure."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from math import inf, nan
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.mission.mission_result import ReconfigureResult, StageResult
+from closeform.mission.stage_margin import with_margin
+from closeform.mission.stage_start import StageStart, too_late
+from closeform.mission.thruster_firing import pulsed
+from closeform.motion.duration import far_beyond
+from closeform.named_craft import named
+from closeform.scenario import Goal, Joint, Reconfigure, Regather, Scatter
+
+if TYPE_CHECKING:
+    from closeform.planning.plan import Plan
+
+AGAIN = 20  # times that a goal which depends on when one arrives is aimed at
+ROUNDING = 1e-9
+SLACK = 1.01  # by which later such times are stretched, so that they settle
+
+Goals = Callable[[float], Floats]  # duration of the stage [s] -> slots (S, 6)
+Moved = StageResult[Joint, ReconfigureResult]
+
+
+def scatter(start: StageStart, stage: Scatter) -> Moved:
+    """All craft spread out."""
+    from closeform.planning.targets import scattered, scattered_from
+
+    def goals(duration: float) -> Floats:
+        try:
+            if stage.factor is not None:
+                return scattered(start.orbit, start.states, duration, stage.factor)
+            return scattered_from(start.orbit, start.states, duration, *stage.away)
+        except ValueError as error:
+            raise ValueError(f"{named(str(error), start.scenario.names)}; change within") from None
+
+    return pulsed(start, lambda later: together(later, stage, goals))
+
+
+def regather(start: StageStart, stage: Regather) -> Moved:
+    """All craft return to the relative orbits that they had at the start of an earlier stage."""
+    from closeform.planning.targets import regathered
+
+    time, states = start.past[stage.as_before]
+
+    def goals(duration: float) -> Floats:
+        return regathered(start.orbit, states, start.time + duration - time)
+
+    return pulsed(start, lambda later: together(later, stage, goals))
+
+
+def reconfigure(start: StageStart, stage: Reconfigure) -> Moved:
+    """Craft move to new relative orbits."""
+    from closeform.planning import targets
+
+    names, to = start.scenario.names, stage.to
+    who = [names.index(name) for name in stage.moving(names)]
+
+    def goals(duration: float) -> Floats:
+        coasted = np.asarray(start.states @ start.orbit.transition(duration).T)
+        slots = stage.known(start.orbit, len(who), start.latitude(duration))
+        if slots is not None:
+            return stage.centred(slots, coasted[who])
+        if isinstance(to, Goal) and to.join is not None:
+            members = [names.index(name) for name in to.join]
+            return targets.added_member(start.orbit, coasted[members])[None]
+        if isinstance(to, Goal) and to.remove == "eccentricity":
+            return targets.without_eccentricity(start.orbit, coasted[who])
+        return targets.without_altitude_difference(start.orbit, coasted[who])
+
+    return pulsed(start, lambda later: together(later, stage, goals))
+
+
+def together(start: StageStart, stage: Joint, goals: Goals) -> Moved:
+    """A formation moves to its `goals` in one plan; craft that do not move coast, and are kept clear of."""
+    from closeform.planning.plan import Status
+
+    names = start.scenario.names
+    movers = stage.moving(names)
+    others = tuple(name for name in names if name not in movers)
+    who = [names.index(name) for name in movers]
+    plan, measures = planned(start, stage, goals, who, [names.index(name) for name in others])
+    asked = start.asked(stage)
+    before = start.mixed(who, plan.direct)
+    changed = plan.status is Status.AVOIDED
+    after = start.mixed(who, plan.paths) if changed and plan.paths is not None else before
+    punctual = plan.punctual.tolist() if plan.punctual is not None else [None] * len(movers)
+    late = too_late(start, stage, after, dict(zip(movers, punctual, strict=True)))
+    failure = None if plan.ok else f"{plan.status}: {plan.reason}"
+    result = ReconfigureResult(movers, others, asked, plan, measures)
+    return StageResult(start.number, stage, start.time, before, after, result, failure, plan.ok, late)
+
+
+def planned(
+    start: StageStart, stage: Joint, goals: Goals, who: list[int], rest: list[int]
+) -> tuple["Plan", tuple[str, ...]]:
+    """The plan for the craft `who` around those that coast, and what was tried.
+
+    Where craft arrive later than asked for, goals that move are aimed at anew, where they are then.
+    """
+    from closeform.planning.plan import Status, weakness
+    from closeform.planning.reconfigure import reconfigure
+
+    scenario = start.scenario
+    thrusters = [start.thrusters(k, stage.cost) for k in who]
+    limits = np.array(  # with the first mass
+        [
+            inf if own is not None else scenario.craft[k].max_acceleration
+            for k, own in zip(who, thrusters, strict=True)
+        ]
+    )
+    order = None
+    if stage.plan == "sequential":
+        order = [who.index(scenario.names.index(name)) for name in stage.order or ()]
+        order += [k for k in range(len(who)) if k not in order]
+    duration, known = start.asked(stage), start.planned_errors(stage, who + rest)
+    drift = start.planned_drift(stage)
+    seen = far_beyond(duration + (drift or 0.0), start.orbit.mean_motion)
+    coasting = [start.coast(k, seen) for k in rest]
+    measures: tuple[str, ...] = ()
+    punctual: Floats | None = None
+    for attempt in range(AGAIN):
+        slots = start.earlier(goals(duration + start.room.time))
+
+        def made(margin: Any, slots: Floats = slots, duration: float = duration) -> "Plan":
+            return reconfigure(
+                start.orbit,
+                start.states[who],
+                slots,
+                duration,
+                [start.keep_out[k] for k in who + rest],
+                assign=stage.assigns,
+                start=start.time,
+                obstacles=coasting,
+                max_acceleration=limits if np.isfinite(limits).any() else None,
+                if_blocked=stage.if_blocked,
+                method=stage.plan,
+                order=order,
+                names=[scenario.names[k] for k in who + rest],
+                cost=stage.cost,
+                thrusters=thrusters if any(own is not None for own in thrusters) else None,
+                errors=known,
+                sigmas=stage.sigmas or 0.0,
+                drift=drift,
+                margin=margin,
+                prove=stage.proving,
+            )
+
+        plan = with_margin(start, stage, who + rest, coasting, made)
+        measures += plan.measures
+        punctual = punctual if attempt else plan.punctual  # of the duration asked for
+        plan = replace(plan, punctual=punctual)
+        if plan.weak is not None:
+            weak = scenario.craft[who[plan.weak.craft]]
+            plan = replace(plan, reason=weakness(plan.weak, weak.name, scenario.force_mass(weak.name)))
+        took = float(np.max(plan.starts + plan.durations)) - start.time
+        if not plan.ok or abs(took - duration) <= ROUNDING * duration:
+            return plan, measures
+        if np.array_equal(start.earlier(goals(took + start.room.time)), slots):
+            return plan, measures  # they hold whenever craft arrive
+        duration = took * SLACK if attempt else took
+        measures += (f"aims at where the relative orbits are after {duration:.6g} s",)
+    reason = f"the relative orbits move on faster than craft arrive, up to {took:.6g} s"
+    late = replace(plan, paths=None, energy=nan, delta_v=nan, status=Status.TOO_WEAK, reason=reason)
+    return late, measures

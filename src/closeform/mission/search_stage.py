@@ -1,0 +1,91 @@
+"""Stages in which lost craft look for each other: first locks, and gatherings."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.conflicts.flight import WatchedFlight, watch
+from closeform.mission.mission_result import FirstLocks, StageResult
+from closeform.mission.stage_start import StageStart
+from closeform.mission.verdict import SunAngle
+from closeform.motion.arc import END, START
+from closeform.scenario import Gather, Lock, Scenario
+from closeform.search.gather_result import Gathering, GatherStatus, who_is_left
+from closeform.search.imperfect_attitude import OwnTurns
+from closeform.search.schedule import Search
+from closeform.search.search_errors import between, of_each
+
+if TYPE_CHECKING:
+    from closeform.search.burn_flaws import BurnFlaws
+
+NAMED = 10  # pairs that are named where more never lock
+
+
+def lock(start: StageStart, stage: Lock) -> StageResult[Lock, FirstLocks]:
+    """All craft coast through the search; who sees whom, and when."""
+    from closeform.search.locks import lock_times
+
+    search, pairs, names = start.scenario.plan, start.scenario.opposite, start.scenario.names
+    relative = start.states[pairs[:, 1]] - start.states[pairs[:, 0]]
+    craft = start.scenario.search_errors
+    errors = None if craft is None else between(craft, pairs)
+    found = FirstLocks(search, pairs, lock_times(search, relative[:, :3], relative[:, 3:], errors))
+    failure = None
+    if never := [f"{names[i]} - {names[j]}" for i, j in found.missing]:
+        some = ", ".join(never[:NAMED]) + ", ..." * (len(never) > NAMED)
+        failure = f"{len(never)} of {len(pairs)} pairs never lock: {some}"
+    flight = start.coasts(search.duration)
+    sun = sun_angle(start.scenario, search)
+    return StageResult(start.number, stage, start.time, flight, flight, found, failure, sun=sun)
+
+
+def gather(start: StageStart, stage: Gather) -> StageResult[Gather, Gathering]:
+    """Lost craft search, lock and join, until one formation holds them all or the rounds are over."""
+    from closeform.search.gather import gather
+
+    scenario, states = start.scenario, start.states
+    found = gather(scenario.plan, states[:, :3], states[:, 3:], **scenario.gathering(stage))
+    flight = flown(scenario, found, start.time)
+    failure, sun = incomplete(scenario, found), sun_angle(scenario, found.search)
+    return StageResult(start.number, stage, start.time, flight, flight, found, failure, sun=sun)
+
+
+def gather_flawed(
+    scenario: Scenario, planned: StageResult[Gather, Gathering], states: Floats, flaws: BurnFlaws
+) -> StageResult[Gather, Gathering]:
+    """A gathering from the same states (N, 6), whose burns go wrong."""
+    from closeform.search.burn_errors import gather_flawed
+
+    told = scenario.gathering(planned.stage)
+    found = gather_flawed(planned.result, scenario.plan, states[:, :3], states[:, 3:], flaws, **told)
+    flight, failure = flown(scenario, found, planned.start), incomplete(scenario, found)
+    return replace(
+        planned, before=flight, after=flight, result=found, failure=failure, commanded=planned.after
+    )
+
+
+def sun_angle(scenario: Scenario, search: Search) -> SunAngle | None:
+    """Return the greatest sun angle of craft that search with errors; None where none has an error."""
+    if (errors := scenario.search_errors) is None:
+        return None
+    turns = OwnTurns(search, scenario.groups, of_each(errors, (len(scenario.craft),)))
+    k = int(np.argmax(turns.sun_angles))
+    return SunAngle(scenario.names[k], float(turns.sun_angles[k]), search.sun_limit)
+
+
+def flown(scenario: Scenario, found: Gathering, time: float) -> WatchedFlight:
+    """The paths of a gathering that begins at a time [s] of the mission, watched."""
+    arcs = found.paths.arcs.copy()
+    arcs[:, [START, END]] += time
+    return watch(replace(found.paths, arcs=arcs), scenario.names, scenario.zones)
+
+
+def incomplete(scenario: Scenario, found: Gathering) -> str | None:
+    """Why a mission cannot go on after a gathering; None where it holds all craft."""
+    if found.status is not GatherStatus.INCOMPLETE:
+        return None
+    return who_is_left(found.sets, found.lost, found.rounds, scenario.names)

@@ -1,0 +1,152 @@
+"""Stages in which one craft moves: among others that do not give way, or without regard to them."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.conflicts.flight import WatchedFlight
+from closeform.conflicts.two_paths import closest_approach
+from closeform.mission.mission_result import AvoidResult, StageResult, TransferResult
+from closeform.mission.stage_margin import with_margin
+from closeform.mission.stage_start import StageStart, too_late
+from closeform.mission.thruster_firing import pulsed
+from closeform.motion.duration import far_beyond
+from closeform.motion.joining import join
+from closeform.motion.path import Path
+from closeform.motion.within_limit import TooLittleThrust
+from closeform.scenario import Avoid, Transfer
+from closeform.zones.zone import ON, Zone
+
+
+def avoid(start: StageStart, stage: Avoid) -> StageResult[Avoid, AvoidResult]:
+    """One craft moves; the others coast or fly their own transfers and do not give way."""
+    return pulsed(start, lambda later: around(later, stage))
+
+
+def around(start: StageStart, stage: Avoid) -> StageResult[Avoid, AvoidResult]:
+    """The plan of one craft around the others."""
+    from closeform.planning.plan import Avoidance, weakness
+    from closeform.planning.single_craft import Around
+
+    names, asked = start.scenario.names, start.asked(stage)
+    mover = names.index(stage.craft)
+    goals = {
+        fellow.craft: start.arrival(fellow.to, names.index(fellow.craft), asked, stage.cost)
+        for fellow in stage.meanwhile
+    }
+    rest = tuple(name for name in names if name != stage.craft)
+    own = start.transfer if stage.cost == "energy" else start.own_transfer  # which keeps limits
+    moves = {
+        name: own(goals[name].target, names.index(name), asked, stage.cost) for name in rest if name in goals
+    }
+
+    def other(name: str, duration: float) -> Path:
+        if name not in moves:
+            return start.coast(names.index(name), duration)
+        path = moves[name]
+        later = start.time + duration - path.end
+        return join([path, start.orbit.coast(path.state(path.end), later, path.end)]) if later > 0.0 else path
+
+    who = [mover, *(names.index(name) for name in rest)]
+    known = start.planned_errors(stage, who)
+    drift = start.planned_drift(stage)
+    seen = far_beyond(asked + (drift or 0.0), start.orbit.mean_motion)
+    others = [other(name, seen) for name in rest]
+    zones = tuple(zone for zone in start.zones.around(mover) if zone is not None)
+
+    def clear(finals: Floats) -> Any:
+        return outside(finals, others, zones, start.time + asked, drift or 0.0)
+
+    to = None
+    if stage.to is not None:
+        goals[stage.craft] = start.arrival(stage.to, mover, asked, stage.cost, clear)
+        to = goals[stage.craft].target
+
+    def flight(path: Path) -> WatchedFlight:
+        around = [other(name, path.end - start.time) for name in rest]
+        return start.flight([*around[:mover], path, *around[mover:]])
+
+    def way(factor: float) -> Path:
+        if to is None:
+            return start.coast(mover, factor * asked)
+        task = to, mover, factor * asked, stage.cost
+        if stage.cost == "energy":
+            return start.transfer(*task)
+        try:
+            return start.own_transfer(*task)
+        except TooLittleThrust:
+            return start.transfer(*task)  # what the plan finds no thrust for
+
+    craft, direct = start.scenario.craft[mover], way(1.0)
+    thrusters = start.thrusters(mover, stage.cost)
+    task = Around.of(start.orbit, others, zones, stage.method, None, rest, stage.cost, thrusters)
+    task = replace(task, drift=drift)
+    if known is not None:
+        task = task.keeping(direct, known[0], known[1:], stage.sigmas)
+
+    def made(margin: Any) -> Avoidance:
+        padded = task.padded(margin) if np.any(margin) else task
+        if not craft.limited or thrusters is not None:
+            return padded.plan(direct, stage.proving)
+        return padded.keep(
+            craft.max_acceleration,
+            lambda factor: way(factor) if factor != 1.0 else direct,
+            stage.longer,
+            stage.proving,
+        )
+
+    avoidance = with_margin(start, stage, who, others, made)
+    if avoidance.weak is not None:
+        avoidance = replace(
+            avoidance, reason=weakness(avoidance.weak, craft.name, start.scenario.force_mass(craft.name))
+        )
+    before = flight(direct)
+    after = flight(avoidance.path) if avoidance.path not in (None, direct) else before
+    late = too_late(start, stage, after, {craft.name: avoidance.punctual})
+    plain = way((after.end - start.time) / asked) if late is not None else direct
+    asked_for = start.scenario.zones_around(craft.name)  # not larger for pulses, as those of plans may be
+    result = AvoidResult(stage.craft, rest, asked_for, direct, plain, avoidance, asked, goals)
+    failure = None if avoidance.ok else avoidance.reason
+    return StageResult(start.number, stage, start.time, before, after, result, failure, avoidance.ok, late)
+
+
+def outside(finals: Floats, others: Sequence[Path], zones: Sequence[Zone], time: float, drift: float) -> Any:
+    """Which of some final states (S, 6) are in nobody's zone at a time, nor drift into one for so long.
+
+    Each of the others has a zone of its own.
+    """
+    ratios = [
+        zone.norm(finals[:, :3] - path.position(time)) for path, zone in zip(others, zones, strict=True)
+    ]
+    if drift > 0.0 and others:
+        coasts = others[0].orbit.coast(finals, drift, start=time)
+        ratios += [
+            closest_approach(coasts, path, zone).ratio for path, zone in zip(others, zones, strict=True)
+        ]
+    return np.all(np.array(ratios) > ON, axis=0)
+
+
+def transfer(start: StageStart, stage: Transfer) -> StageResult[Transfer, TransferResult]:
+    """One craft moves within its thrust in the given time; the others coast."""
+    return pulsed(start, lambda later: moved(later, stage))
+
+
+def moved(start: StageStart, stage: Transfer) -> StageResult[Transfer, TransferResult]:
+    """The plan of one craft that moves alone."""
+    names, asked = start.scenario.names, start.asked(stage)
+    k = 0 if stage.craft is None else names.index(stage.craft)
+    goal = start.arrival(stage.to, k, asked, stage.cost)
+    to = goal.target
+    initial, final = start.states[k], start.goal(to, asked)
+    failure = None
+    free = path = start.transfer(to, k, asked, stage.cost)
+    try:
+        path = start.own_transfer(to, k, asked, stage.cost)
+    except ValueError as error:
+        failure = str(error)
+    before, after = (start.mixed([k], one) for one in (free, path))
+    result = TransferResult(names[k], initial, final, asked, free, goal)
+    return StageResult(start.number, stage, start.time, before, after, result, failure, failure is None)

@@ -1,0 +1,44 @@
+"""Every burn of a stage: impulses, thrust from coast to coast, and pulses where thrusters fire."""
+
+from collections.abc import Callable, Iterator
+from math import isfinite
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from closeform.mission.mission_result import StageResult
+
+COLUMNS = (
+    *("craft", "start_s", "duration_s", "radial_m_s", "along_track_m_s", "cross_track_m_s", "size_m_s"),
+    *("thruster", "propellant_kg"),
+)
+# What the craft of an index burns for a delta-v [m/s] in the stage [kg].
+Burnt = Callable[[int, float], float]
+
+
+def burns_in(result: "StageResult[Any, Any]", burnt: Burnt) -> list[tuple[Any, ...]]:
+    """Rows of COLUMNS in order of time, without burns of nothing; thrusters count from 1, None: not known."""
+    found = [row for k in range(len(result.after.names)) for row in _of_craft(result, k, burnt)]
+    return sorted(found, key=lambda row: row[1])
+
+
+def _of_craft(result: "StageResult[Any, Any]", k: int, burnt: Burnt) -> Iterator[tuple[Any, ...]]:
+    """Those of one craft."""
+    from closeform.fuel.burns import burns_of, burns_of_pulses
+
+    pulsed, name, thruster = result.pulsed, result.after.names[k], None
+    if pulsed is not None and name in pulsed.names:
+        pulses, who = pulsed.firing.pulses, pulsed.names.index(name)
+        burns = burns_of_pulses(pulses, who)
+        thruster = (pulses.thruster[pulses.craft == who] + 1).tolist()
+    else:
+        burns = burns_of(result.after.paths[k])
+    so_far = [burnt(k, spent) for spent in np.cumsum(burns.size).tolist()]
+    told = burns.telling | (thruster is not None)  # bits of thrusters are as they are
+    columns = burns.start, burns.duration, *burns.push.T, burns.size
+    for row, values in enumerate(zip(*(column.tolist() for column in columns), strict=True)):
+        if not told[row]:
+            continue
+        fuel = so_far[row] - (so_far[row - 1] if row else 0.0)
+        yield name, *values, thruster and thruster[row], fuel if isfinite(fuel) else None

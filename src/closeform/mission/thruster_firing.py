@@ -1,0 +1,157 @@
+"""What thrusters make of a stage: pulses that fly its plan, with the room that they need, certified."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
+
+from closeform.conflicts.flight import WatchedFlight
+from closeform.mission.mission_result import StageResult
+from closeform.mission.stage_start import BurnRoom, StageStart
+from closeform.named_craft import as_listed
+from closeform.scenario import Avoid, Joint
+
+if TYPE_CHECKING:
+    from closeform.fuel.firing import Firing
+
+Result = TypeVar("Result", bound=StageResult[Any, Any])
+
+TRIES = 12  # plans that are made for room that grows
+SPARE = 1.02  # times the time that burns stick out: another plan has other burns
+GROWTH = 1.5  # times what pulses lead a pair nearer than planned: those of another plan lead elsewhere
+# Of a zone: by no more it grows from plan to plan, as small pulses before a long drift lead far from some
+# plans and not from those beside them; and by less than that there is no plan between two.
+LEAP, FINEST = 0.15, 0.02
+REMEDY = "give it more thrust or time, or try cost 'energy', which spreads it"
+
+
+@dataclass(frozen=True, eq=False)
+class Pulsed:
+    """A stage whose craft `names` fire pulses: the `firing` counts them in this order.
+
+    `planned` is the flight that the pulses follow, in the `room` that it leaves them; `short`: where that is
+    not enough, which room there is no plan for, and why.
+    """
+
+    names: tuple[str, ...]
+    firing: "Firing"
+    planned: WatchedFlight
+    room: BurnRoom
+    short: str | None = None
+
+
+def pulsed(start: StageStart, plan: Callable[[StageStart], Result]) -> Result:
+    """The StageResult of a `plan`, flown by the thrusters of those that have some.
+
+    Burns that would begin before the stage or end after it, and pulses that lead into a zone, or would where
+    thrust is lost, ask for room: the plan is made anew within coasts, or for larger zones.  Where there is
+    none, conflicts remain, or drifts that are not safe.
+    """
+    room = BurnRoom()
+    kept: Result | None = None
+    clearest, planned = -1.0, 1.0  # the least norm of what is kept, and for which zones there was a plan last
+    for _ in range(TRIES):
+        later = start.leaving(room)
+        found = plan(later)
+        if found.failure is not None:
+            if kept is None or room.larger - planned < FINEST:
+                return without(kept, found, room, found.failure)
+            room = replace(room, larger=0.5 * (planned + room.larger))
+            continue
+        if not (shooting := shooters(start, found.after)):
+            return found
+        from closeform.fuel.order import Overlap  # whose kernels only thrusters need
+
+        try:
+            names, shot = fired(start, found.after, shooting)
+        except Overlap as overlap:
+            failure = f"{str(overlap).partition(': ')[2].partition(';')[0]}; {REMEDY}"
+            return without(kept, found, room, failure)
+        end = found.after.end + room.after
+        early, late = start.time - float(np.min(shot.path.start)), float(np.max(shot.path.end)) - end
+        if max(early, late) > 0.0:
+            before, after = (SPARE * max(one, 0.0) for one in (early, late))
+            room = replace(room, before=room.before + before, after=room.after + after)
+            if room.time < (asked := start.asked(found.stage)):
+                continue
+            failure = f"burns at its ends take {room.time:.6g} s of the {asked:.6g} s that it has; {REMEDY}"
+            return without(kept, found, room, failure)
+        flight = shooting_flight(start, found.after, names, shot, end)
+        norm = min(nearest(flight, found.after), adrift(later, found.stage, flight))
+        if norm > clearest:
+            flies_now = Pulsed(names, shot, found.after, room)
+            kept, clearest = replace(found, start=start.time, after=flight, pulsed=flies_now), norm
+        if kept is not None and norm > 1.0:
+            return kept
+        planned = room.larger
+        room = replace(room, larger=min(1.0 + GROWTH * (planned - norm), planned + LEAP))
+    return without(kept, found, room, f"{TRIES} plans are not enough; {REMEDY}")
+
+
+def without(kept: Result | None, found: Result, room: BurnRoom, why: str) -> Result:
+    """What is kept though pulses need more `room`, which was asked for in vain, or else a failure."""
+    if kept is None or kept.pulsed is None:
+        return replace(found, failure=why, flown=False)
+    short = f"zones {100.0 * (room.larger - 1.0):.3g} % larger: {why}"
+    return replace(kept, pulsed=replace(kept.pulsed, short=short))
+
+
+def shooters(start: StageStart, flight: WatchedFlight) -> list[int]:
+    """Who has thrusters and needs them on a flight."""
+    craft = enumerate(start.scenario.craft)
+    return [k for k, one in craft if one.thrusters is not None and flight.paths[k].delta_v > 0.0]
+
+
+def fired(start: StageStart, flight: WatchedFlight, shooting: list[int]) -> "tuple[tuple[str, ...], Firing]":
+    """What some craft fire on a flight, with their names.
+
+    Raises ValueError that counts craft by their names and thrusters from 1.
+    """
+    scenario = start.scenario
+    thrusters = [scenario.craft[k].fired(float(start.shares[k])) for k in shooting]
+    masses = [scenario.craft[k].mass for k in shooting]
+    impulses = [scenario.craft[k].specific_impulse for k in shooting]
+    tanks: dict[str, Any] = {}
+    if None not in masses and None not in impulses:
+        tanks = {
+            "mass": np.array(masses, dtype=float) * start.shares[shooting],
+            "specific_impulse": np.array(impulses, dtype=float),
+        }
+    from closeform.fuel.firing import fire  # whose kernels only thrusters need
+
+    names = tuple(scenario.names[k] for k in shooting)
+    try:
+        return names, fire(flight.paths[shooting], [one for one in thrusters if one is not None], **tanks)
+    except ValueError as error:
+        raise type(error)(as_listed(str(error), names)) from None
+
+
+def shooting_flight(
+    start: StageStart, planned: WatchedFlight, names: tuple[str, ...], shot: "Firing", end: float
+) -> WatchedFlight:
+    """A flight on which some craft fire, and the others do as planned, from the stage's start to its end."""
+    from closeform.fuel.pulses import extended
+
+    flies = dict(zip(names, [shot.path[k] for k in range(len(names))], strict=True))
+    paths = [flies.get(name, planned.path(name)) for name in planned.names]
+    return start.flight([extended(path, start.time, end) for path in paths])
+
+
+def nearest(flight: WatchedFlight, planned: WatchedFlight) -> float:
+    """The least norm in conflicts of a flight, of pairs that are planned to have none; inf without."""
+    asked = {(conflict.first, conflict.second) for conflict in planned.conflicts}
+    norms = [one.ratio for one in flight.conflicts if (one.first, one.second) not in asked]
+    return min(norms, default=np.inf)
+
+
+def adrift(start: StageStart, stage: Any, flight: WatchedFlight) -> float:
+    """The least norm where craft lose their thrust on a flight that is planned for that; inf without."""
+    if not isinstance(stage, Avoid | Joint) or stage.drift is None or start.planned_drift(stage) is None:
+        return np.inf
+    from closeform.mission.passive_safety import nearest as nearest_drifts  # whose kernels only a drift needs
+
+    until = flight.end + stage.drift.on(start.orbit.mean_motion)
+    pairs, _ = nearest_drifts(flight, start.scenario.zones, until, stage.what_fails)
+    fail = stage.moving(flight.names)[: 1 if isinstance(stage, Avoid) else None]  # fellows are not planned
+    return min((pair.proven for pair in pairs if pair.fails in fail), default=np.inf)

@@ -1,0 +1,105 @@
+"""Moment: what a gathering looks like at one time."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Self
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.motion.arc import END, START
+from closeform.motion.path import Path
+from closeform.search.gather_result import Event, EventKind, Gathering
+from closeform.search.imperfect_attitude import OwnTurns
+from closeform.search.leg import Leg
+from closeform.search.search_errors import SearchErrors, of_each
+
+SEEN = 1e-6  # of the distance: a pair counts as in lock at the very time of its lock
+
+
+@dataclass(frozen=True, eq=False)
+class Knots:
+    """Where and when a craft starts, burns and ends: `times` (K,) [s] and `points` (K, 3) [m]."""
+
+    times: Floats
+    points: Floats
+
+    @classmethod
+    def of(cls, path: Path) -> Self:
+        times = np.append(path.arcs[:, START], path.arcs[-1, END])
+        return cls(times, path.position(times))
+
+
+@dataclass(frozen=True, eq=False)
+class Moment:
+    """A gathering at a `time` [s]: where its craft are, which way they look, which set holds each."""
+
+    gathering: Gathering
+    knots: Sequence[Knots]
+    time: float
+
+    @cached_property
+    def positions(self) -> Floats:
+        """Positions (N, 3) [m]."""
+        return self.gathering.paths.position(self.time)
+
+    @cached_property
+    def attitudes(self) -> Floats:
+        """Attitude of each craft as it is flown (N, 3, 3); columns are the body axes."""
+        gathering = self.gathering
+        return OwnTurns(gathering.search, gathering.groups, self.errors).attitudes(self.time)
+
+    @cached_property
+    def errors(self) -> SearchErrors:
+        """How far each craft (N,) is off the search."""
+        return of_each(self.gathering.errors or SearchErrors(), (len(self.gathering.groups),))
+
+    @cached_property
+    def half_angles(self) -> Floats:
+        """Of each craft's cone (N,) [rad]."""
+        return np.asarray(self.gathering.search.sensor.half_angle + self.errors.half_angle)
+
+    @property
+    def leg(self) -> Leg:
+        """The turn that is under way, or just done at the end."""
+        legs = self.gathering.search.legs
+        return next((leg for leg in legs if leg.start <= self.time < leg.end), legs[-1])
+
+    @cached_property
+    def locks(self) -> list[Event]:
+        """Locks so far."""
+        return [one for one in self.gathering.events if one.kind == EventKind.LOCK and one.time <= self.time]
+
+    @cached_property
+    def labels(self) -> Any:
+        """The set of each craft (N,): -1 lost, 0 the formation set, k >= 1 knowledge set k."""
+        times = [event.time for event in self.gathering.events]
+        return self.gathering.history[np.searchsorted(times, self.time, side="right")]
+
+    @cached_property
+    def trails(self) -> list[Floats]:
+        """The way of each craft so far: its start, its burns and where it is now, (K, 3) each."""
+        both = zip(self.knots, self.positions, strict=True)
+        return [np.vstack([one.points[one.times < self.time], now]) for one, now in both]
+
+    def in_lock(self, pairs: Any) -> Any:
+        """Which of the pairs (M, 2), one of A and one of B each, see each other now: (M,).  # theory (13)"""
+        sensor, look = self.gathering.search.sensor, self.attitudes[:, :, 2]
+        sensors = self.positions + sensor.offset * look
+        gap = sensors[pairs[:, 1]] - sensors[pairs[:, 0]]
+        distance = np.linalg.norm(gap, axis=1)
+        ranges = np.full(len(look), sensor.range) if self.errors.range is None else self.errors.range
+        reach = np.where(self.errors.silent, 0.0, ranges)[pairs].min(axis=1)
+        both = distance <= reach * (1.0 + SEEN)
+        cosines = np.cos(self.half_angles)
+        for one, way in ((pairs[:, 0], 1.0), (pairs[:, 1], -1.0)):
+            ahead = way * (gap * look[one]).sum(axis=1)
+            both &= ahead >= distance * (cosines[one] - SEEN)
+        return both
+
+
+def clock_text(time: float) -> str:
+    """A time [s] as minutes and seconds."""
+    minutes, seconds = divmod(int(time + 0.5), 60)
+    return f"{minutes:02d}:{seconds:02d}"

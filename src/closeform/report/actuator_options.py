@@ -1,0 +1,228 @@
+"""What each choice costs: impulses at both ends, least energy or delta-v, within limits, with thrusters."""
+
+import re
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from math import isfinite
+from typing import Any
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.mission.mission_result import AvoidResult, Mission, ReconfigureResult, StageResult
+from closeform.motion.duration import MOST_TURNS
+from closeform.motion.path import Path, ends_of
+from closeform.report import burns, effort
+from closeform.report.picture import Picture
+from closeform.report.table import Column, Table
+from closeform.scenario import Craft
+
+MOST = 24  # craft, up to which choices are looked at
+DURATIONS = np.geomspace(0.1, 3.0, 40)  # of the plan's, at which the trade is looked at
+NOTHING = 1e-9  # m/s: what a plan costs at least, of which nobody tells shares
+CHOICE = (
+    Column("choice", "choice", words=True),
+    Column("delta-v [m/s]", "delta_v_m_s", "{:#.6g}".format, absent="impossible"),
+    Column("above the free least [%]", "above_least", "{:+.3f}".format, 100.0),
+    effort.FUEL,
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Choices:
+    """The craft `movers` of a stage, between the ends of its direct paths, each alone."""
+
+    mission: Mission
+    result: StageResult[Any, Any]
+    movers: Sequence[str]
+
+    @property
+    def told(self) -> bool:
+        """Whether a stage that keeps zones tells of them, and of its burns, in words and pictures."""
+        return self.result.stage.cost == "delta-v" or self.result.pulsed is not None
+
+    @property
+    def craft(self) -> Sequence[Craft]:
+        """All craft as they thrust in the stage."""
+        return self.mission.scenario.craft_in(self.result.stage)
+
+    @cached_property
+    def ends(self) -> tuple[Floats, Floats, float, float]:
+        """Initial and final states (N, 6), duration and start [s]."""
+        paths = [self.result.before.path(name) for name in self.movers]
+        initial, final = (np.array(states) for states in zip(*map(ends_of, paths), strict=True))
+        return initial, final, paths[0].end - paths[0].start, paths[0].start
+
+    @cached_property
+    def least(self) -> Any:
+        """The Bound of each; None where there is none to be had."""
+        from closeform.fuel.bound import least_delta_v
+
+        initial, final, duration, _ = self.ends
+        if len(self.movers) > MOST or duration > MOST_TURNS * self.mission.orbit.period:
+            return None
+        return least_delta_v(self.mission.orbit, initial, final, duration)
+
+    @property
+    def lower(self) -> float:
+        """What any plan costs at least, of all craft [m/s]."""
+        return float(np.sum(self.least.lower))
+
+    @cached_property
+    def tried(self) -> dict[str, Any]:
+        """What each craft spends by each choice but the plan [m/s]; why not where that is impossible."""
+        orbit, (initial, final, duration, start) = self.mission.orbit, self.ends
+        task = initial, final, duration, start
+        craft = [self.craft[k] for k in self.places]
+        limits = [one.max_acceleration for one in craft]
+        told: dict[str, Callable[[], Any]] = {"least energy": lambda: orbit.transfer(*task).delta_v}
+        if orbit.mean_motion:
+            told["impulses at both ends"] = lambda: orbit.two_impulse(*task).delta_v
+        if np.isfinite(limits).all():
+            told["least energy, within the limit"] = lambda: orbit.transfer(*task, limits).delta_v
+            told["burns and coasts, within the limit"] = lambda: (
+                orbit.transfer(*task, limits, "delta-v").delta_v
+            )
+        if all(one.thrusters is not None for one in craft):
+            told["impulses of these thrusters"] = self.by_thrusters
+        least = "free impulses" if orbit.mean_motion else "two impulses"  # of deep space, at both ends
+        told[f"least delta-v, {least}"] = lambda: self.least.upper
+        return {name: self.spent_or_why(spent) for name, spent in told.items()}
+
+    def spent_or_why(self, spent: Callable[[], Any]) -> Any:
+        """What a choice costs; in words why it is none."""
+        try:
+            return spent()
+        except ValueError as error:
+            why = str(error).partition(": ")[2].split(";")[0].split(", at [")[0]
+            who = re.match(r"craft (\d+): ", why)
+            if who is None:
+                return why
+            craft = f"{self.movers[int(who[1])]}, " * (len(self.movers) > 1)
+            return f"{craft}{why[who.end() :]}"
+
+    @cached_property
+    def rows(self) -> list[tuple[Any, ...]]:
+        """Rows of CHOICE, the dearest first but for the plan."""
+        found = [self.row(name, spent) for name, spent in self.tried.items()]
+        found = sorted(found, key=lambda row: -float(f"{row[1] or np.inf:.6g}"))  # as printed
+        if self.result.flown:
+            planned = [effort.asked(self.mission, self.result, name, self.plan(name)) for name in self.movers]
+            found.append(self.row("this plan", planned))
+            if self.result.pulsed is not None:
+                found.append(self.row("this plan, as fired", self.result.delta_v[self.places]))
+        return found
+
+    @property
+    def places(self) -> list[int]:
+        """The movers among all craft."""
+        return [self.mission.scenario.names.index(name) for name in self.movers]
+
+    def row(self, name: str, spent: Any) -> tuple[Any, ...]:
+        """A row of CHOICE for what each craft spends [m/s]; a text where that is impossible."""
+        if isinstance(spent, str) or not np.isfinite(spent).all():
+            return name, None, None, None
+        total = float(np.sum(spent))
+        burnt = sum(
+            self.mission.burnt(self.result.number, k, float(one))
+            for k, one in zip(self.places, spent, strict=True)
+        )
+        above = effort.above(total, self.lower) if self.lower > NOTHING else None
+        return name, total, above, burnt if isfinite(burnt) else None
+
+    def by_thrusters(self) -> Floats:
+        """What impulses of each craft's thrusters cost, summed over these."""
+        initial, final, duration, start = self.ends
+        return np.array(
+            [
+                self.mission.orbit.impulsive(
+                    initial[k], final[k], duration, start, self.craft[place].fired(1.0)
+                ).delta_v
+                for k, place in enumerate(self.places)
+            ]
+        )
+
+    def table(self, zones: bool) -> Iterator[Table]:
+        """The choices, where there is something to choose."""
+        if self.least is None or not self.lower > 0.0:
+            return
+        title = "What each choice costs" + ", each craft by itself, without zones" * zones
+        yield Table(title, effort.shown(self.mission, CHOICE), self.rows)
+
+    @property
+    def lines(self) -> Iterator[str]:
+        """Why a choice is impossible, below the table."""
+        if next(self.table(zones=False), None) is not None:
+            for name, spent in self.tried.items():
+                if isinstance(spent, str):
+                    yield f"No {name}: {spent}"
+
+    @property
+    def figures(self) -> dict[str, Any]:
+        """The same for `summary.json`."""
+        if self.least is None:
+            return {}
+        return {"least_m_s": self.lower, "choices": Table("", CHOICE, self.rows).records}
+
+    @property
+    def pictures(self) -> tuple[Picture, ...]:
+        """Why the plan costs what it does, and what more time would save."""
+        if self.least is None or not self.lower > 0.0:
+            return ()
+        found = []
+        if self.result.stage.cost == "delta-v" and self.result.flown:
+            dearest = max(self.movers, key=lambda name: float(self.plan(name).delta_v))
+            caption = f"The primer of {dearest}: where a push pays"
+            whose = f"{dearest}, who spends most" if len(self.movers) > 1 else ""
+            found.append(Picture("primer", caption, "primer", *self.primer(dearest), shows=whose))
+        plans, fired, asked = None, None, None if self.result.flown else self.ends[2]
+        if self.result.flown:
+            plans = [self.plan(name) for name in self.movers]
+            if self.result.pulsed is not None:
+                fired = float(self.result.delta_v[self.places].sum())
+        caption = "Least delta-v against duration" + ", of all, without zones" * (len(self.movers) > 1)
+        return (*found, Picture("trade", caption, "trade", (self.trade, plans, fired, asked)))
+
+    def primer(self, name: str) -> tuple[tuple[Any, ...], dict[str, Any]]:
+        """What is drawn of a craft's primer: its plan around zones, or its path to its end."""
+        scenario, done = self.mission.scenario, self.result.result
+        own = {"thrusters": self.craft[scenario.names.index(name)].fired(1.0)}
+        if isinstance(done, ReconfigureResult):
+            return (done.plan, done.movers.index(name)), own
+        return (done.avoidance if isinstance(done, AvoidResult) else self.plan(name),), own
+
+    def plan(self, name: str) -> Path:
+        """The planned path of a craft."""
+        return self.result.planned.path(name)
+
+    @cached_property
+    def trade(self) -> Any:
+        """What arriving on the same natural motions costs in more time or less, summed over all craft."""
+        from closeform.fuel.arrivals import arrivals
+
+        orbit, (initial, final, duration, _) = self.mission.orbit, self.ends
+        times = duration * DURATIONS
+        times = times[times <= MOST_TURNS * orbit.period]
+        slots = final @ orbit.transition(-duration).T
+        each = [arrivals(orbit, one, slot[None], times) for one, slot in zip(initial, slots, strict=True)]
+        spent, least = (np.sum([getattr(one, what) for one in each], axis=0) for what in ("delta_v", "lower"))
+        return replace(each[0], delta_v=spent, lower=least)
+
+
+def tables_of_fuel(choices: Choices, fired: burns.StageBurns) -> Iterator[Table]:
+    """What choices there are, and every burn, where that is told."""
+    if choices.told:
+        yield from choices.table(zones=True)
+        yield from fired.tables
+
+
+def lines_of_fuel(choices: Choices) -> Iterator[str]:
+    """Which choices are impossible, where they are told."""
+    if choices.told:
+        yield from choices.lines
+
+
+def pictures_of_fuel(choices: Choices) -> tuple[Picture, ...]:
+    """Burns, and why they cost what they do, where that is told."""
+    return burns.pictures(choices.result) + choices.pictures if choices.told else ()

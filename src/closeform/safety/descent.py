@@ -1,0 +1,280 @@
+"""The way downhill over all that a failure leaves open at once: when, how much, how long, and the time.
+
+Norms have kinks where faces of a zone meet, and least norms lie in these.  BFGS with a line search that asks
+for a weak descent of the slope goes on in them, as its metric shrinks across a kink, and not along it
+(A. S. Lewis and M. L. Overton, Nonsmooth optimization via quasi-Newton methods, 2013).  It begins with the
+metric of places, so that it does not matter how unlike the unknowns are, again and again, with shorter and
+shorter steps.  At its ends an unknown turns back, or is held there.
+"""
+
+from math import inf, sqrt
+
+from closeform._jit import kernel
+from closeform.kernel_loans import stack_matrix, stack_vector
+from closeform.motion.arc import END, MEAN_MOTION, START, thrusts
+from closeform.motion.linear import back_substitute, factorise
+from closeform.safety.active_faces import steepest
+from closeform.safety.failure_cells import (
+    HELD,
+    KIND,
+    LOW,
+    MEASURE,
+    PIECE,
+    SIDE,
+    STUCK,
+    column_of,
+    earliest,
+    parameter_count,
+    single,
+)
+from closeform.safety.failure_family import open_window
+from closeform.safety.failure_motion import is_instant, note
+from closeform.zones.shapes import FACES
+
+SCALE = 0.3  # how far unknowns go at first: of their range, and in n t of times
+DIFFERENCE, AT_END = 1e-4, 1e-6  # of that: for derivatives; what is an end
+ROUNDS, HALVINGS = 300, 30  # of a descent, of a line search
+LONGEST_STEP = 3.0  # of SCALE
+SHORTER, SHORTEST = 0.03, 1e-7  # of steps from one beginning to the next, of the norm
+SETTLED, IDLE = 1e-12, 3  # of a norm, or of 1: less is no progress, and ends a beginning after so often
+
+
+@kernel()
+def turned_back(x, low, high):
+    """An unknown within its range, turned back at its ends; and which way it goes there."""
+    way = 1.0
+    if x < low:
+        x, way = min(2.0 * low - x, high), -1.0
+    elif x > high:
+        x, way = max(2.0 * high - x, low), -1.0
+    return x, way
+
+
+@kernel()
+def range_of(side, cell, o, j, n):
+    """Least and greatest of a side's j-th unknown in the piece of a cell."""
+    piece, kind = int(cell[o + PIECE]), side.now[KIND]
+    if j == 1:
+        return (0.0, side.numbers[MEASURE]) if kind == STUCK else (side.numbers[MEASURE], 1.0)
+    if piece % 2 == 1:
+        return 0.0, 1.0
+    arc, held = side.arcs[piece // 2], kind == STUCK and side.numbers[HELD] >= 0.0
+    if held or thrusts(arc) or arc[MEAN_MOTION] != n:
+        return arc[START], arc[END]
+    return cell[o + LOW], cell[o + LOW]
+
+
+@kernel()
+def ranges(one, two, cell, width, end, n, low, high, scale):
+    """Fill the ends and the scale of every unknown of a cell's pieces, the time last; how many before it."""
+    count, first = 0, max(earliest(one, cell, SIDE), earliest(two, cell, SIDE + width))
+    for second in range(2):
+        side, o = (two, SIDE + width) if second else (one, SIDE)
+        for j in range(parameter_count(side)):
+            low[count], high[count] = range_of(side, cell, o, j, n)
+            scale[count] = SCALE * (high[count] - low[count])
+            if j == 0 and is_instant(side, cell, o) and n > 0.0:
+                scale[count] = min(scale[count], SCALE / n)
+            count += 1
+    low[count], high[count] = -inf, end
+    scale[count] = SCALE / n if n > 0.0 else 0.05 * (end - first)
+    return count
+
+
+@kernel()
+def seen_at(one, two, width, t, end, n, form, room):
+    """Where the failure `room.point[0]` is at a time, in zone coordinates; `room.motions[0]` has its rate."""
+    single(one, room.point[0], SIDE, n, room.rows[0])
+    single(two, room.point[0], SIDE + width, n, room.rows[1])
+    open_window(one, two, room.point[0], width, t, end, n, 1, t, form, room)
+    q = room.motions[0]
+    return q[0, 0], q[0, 1], q[0, 2]
+
+
+@kernel()
+def norm_and_slope(one, two, width, u, count, low, high, scale, n, form, room, tangents, slope):
+    """The norm at unknowns, its slope, and the time; `room.point[0]` becomes that failure.
+
+    `tangents` (6, 3) are what each unknown moves it by.
+    """
+    point, end = room.point[0], high[count]
+    for k in range(count):
+        x, way = turned_back(u[k], low[k], high[k])
+        column = column_of(one, width, k)
+        point[column] = point[column + 1] = x
+        slope[k] = way
+    first = max(earliest(one, point, SIDE), earliest(two, point, SIDE + width))
+    if first > end:
+        return inf, end
+    t, way = turned_back(u[count], first, end)
+    x, y, z = seen_at(one, two, width, t, end, n, form, room)
+    s, ax, ay, az = steepest(form, x, y, z)
+    v = room.motions[0, 1]
+    for axis in range(3):
+        tangents[count, axis] = way * v[axis]
+    for k in range(count):
+        column = column_of(one, width, k)
+        here, by, turn = point[column], DIFFERENCE * scale[k], slope[k]
+        below, above = max(here - by, low[k]), min(here + by, high[k])
+        for axis in range(3):
+            tangents[k, axis] = 0.0
+        if not below < above:
+            continue
+        point[column] = point[column + 1] = above
+        late = max(earliest(one, point, SIDE), earliest(two, point, SIDE + width))
+        after = seen_at(one, two, width, t, end, n, form, room)
+        point[column] = point[column + 1] = below
+        late -= max(earliest(one, point, SIDE), earliest(two, point, SIDE + width))
+        before = seen_at(one, two, width, t, end, n, form, room)
+        point[column] = point[column + 1] = here
+        for axis in range(3):
+            tangents[k, axis] = turn * (after[axis] - before[axis]) / (above - below)
+            if u[count] < first:  # the earliest time moves with it
+                tangents[k, axis] -= 2.0 * tangents[count, axis] * turn * late / (above - below)
+    for k in range(count + 1):
+        slope[k] = ax * tangents[k, 0] + ay * tangents[k, 1] + az * tangents[k, 2]
+    return s, t
+
+
+@kernel()
+def hold_at_ends(u, low, high, scale, slope, free, count):
+    """Say which unknowns are free to move: not those without a range, nor whose way leads out of it."""
+    for k in range(count + 1):
+        free[k] = 1.0 if scale[k] > 0.0 else 0.0
+    for k in range(count):
+        end = low[k] if u[k] < 0.5 * (low[k] + high[k]) else high[k]
+        outward = 1.0 if end == high[k] else -1.0
+        inside = 1.0 if low[k] <= u[k] <= high[k] else -1.0  # beyond its ends it goes the other way
+        if abs(u[k] - end) < AT_END * scale[k] and outward * inside * slope[k] < 0.0:
+            u[k], free[k] = end, 0.0
+
+
+@kernel()
+def first_metric(metric, scale, free, tangents, slope, count, size, reach):
+    """Make a metric that of places and of the unknowns' scales: steps of one, of `reach` sizes, at most."""
+    ball, square = max(reach * size, SETTLED), 0.0
+    for k in range(count):
+        for m in range(count):
+            metric[k, m] = 0.0
+    column, normal = stack_vector(6), stack_matrix(6, 6)
+    for k in range(count):
+        for m in range(count):
+            dot = (
+                tangents[k, 0] * tangents[m, 0]
+                + tangents[k, 1] * tangents[m, 1]
+                + tangents[k, 2] * tangents[m, 2]
+            )
+            normal[k, m] = dot / (ball * ball) if free[k] * free[m] > 0.0 else 0.0
+        normal[k, k] += 1.0 / scale[k] ** 2 if free[k] > 0.0 else 1.0
+    factorise(normal, count)
+    for k in range(count):
+        if free[k] > 0.0:
+            for m in range(count):
+                column[m] = 1.0 if k == m else 0.0
+            back_substitute(normal, column, count)
+            for m in range(count):
+                metric[m, k] = column[m]
+                square += slope[m] * slope[k] * column[m]
+    share = min(1.0 / sqrt(square), size / square) if square > 0.0 else 0.0
+    for k in range(count):
+        for m in range(count):
+            metric[k, m] *= share
+
+
+@kernel()
+def turn_metric(metric, step, change, size):
+    """The BFGS update of an inverse metric by a step and the change of slope along it."""
+    along, whole, spread = 0.0, 0.0, stack_vector(6)
+    for k in range(size):
+        along += step[k] * change[k]
+    if not along > 0.0:
+        return
+    for k in range(size):
+        spread[k] = 0.0
+        for m in range(size):
+            spread[k] += metric[k, m] * change[m]
+        whole += spread[k] * change[k]
+    share = (1.0 + whole / along) / along
+    for k in range(size):
+        for m in range(size):
+            metric[k, m] += share * step[k] * step[m] - (spread[k] * step[m] + step[k] * spread[m]) / along
+
+
+@kernel()
+def step_down(one, two, width, s, u, v, count, low, high, scale, metric, n, form, room, found, slope, after):
+    """A step from unknowns `u` to `v`, along which the norm s and its slope fall: the norm there.
+
+    `found`, the least norm that was met and its time, and `room.point[1]` follow.
+    """
+    step, tangents, descent, length = stack_vector(6), stack_matrix(6, 3), 0.0, 0.0
+    for k in range(count + 1):
+        step[k] = 0.0
+        for m in range(count + 1):
+            step[k] -= metric[k, m] * slope[m]
+        descent += step[k] * slope[k]
+        if scale[k] > 0.0:
+            length = max(length, abs(step[k]) / scale[k])
+    short, long, share, there = 0.0, inf, min(1.0, LONGEST_STEP / length), inf
+    for _ in range(HALVINGS if descent < 0.0 else 0):
+        for k in range(count + 1):
+            v[k] = u[k] + share * step[k]
+        there, time = norm_and_slope(
+            one, two, width, v, count, low, high, scale, n, form, room, tangents, after
+        )
+        if there < found[0]:
+            found[0], found[1] = there, time
+            note(room, room.point[0])
+        along = 0.0
+        for k in range(count + 1):
+            along += step[k] * after[k]
+        if not there < s + 1e-4 * share * descent:
+            long = share
+        elif along < 0.5 * descent:
+            short = share
+        else:
+            break
+        share = 0.5 * (short + long) if long < inf else 2.0 * share
+    return there
+
+
+@kernel()
+def descend_all(one, two, width, when, end, n, form, room, best):
+    """Follow the failure `room.point[1]`, met at a time, downhill over all unknowns: the norm and its time.
+
+    `room.point[1]` is where that ends, if it is below `best`.  Pieces of paths stay the same.
+    """
+    u, v, slope, after = stack_vector(6), stack_vector(6), stack_vector(6), stack_vector(6)
+    low, high, scale, free = stack_vector(6), stack_vector(6), stack_vector(6), stack_vector(6)
+    metric, tangents, found = stack_matrix(6, 6), stack_matrix(6, 3), stack_vector(2)
+    worst = room.point[1]
+    for c in range(len(worst)):
+        room.point[0, c] = worst[c]
+    count = ranges(one, two, worst, width, end, n, low, high, scale)
+    for k in range(count):
+        u[k] = worst[column_of(one, width, k)]
+    u[count], found[0], found[1] = when, best, when
+    spent, reach = 0, 1.0
+    while reach > SHORTEST and spent < ROUNDS:
+        s, time = norm_and_slope(one, two, width, u, count, low, high, scale, n, form, room, tangents, slope)
+        if s < found[0]:
+            found[0], found[1] = s, time
+            note(room, room.point[0])
+        hold_at_ends(u, low, high, scale, slope, free, count)
+        size = max(abs(s), 1.0 if form[0] == FACES else SETTLED)  # half-spaces have no least norm at 0
+        first_metric(metric, scale, free, tangents, slope, count + 1, size, reach)
+        idle = 0
+        while idle < IDLE and spent < ROUNDS and (s >= SETTLED or form[0] == FACES):
+            spent += 1
+            there = step_down(
+                one, two, width, s, u, v, count, low, high, scale, metric, n, form, room, found, slope, after
+            )
+            if not there < s:
+                break
+            idle = idle + 1 if s - there < SETTLED * max(abs(s), 1.0) else 0
+            s = there
+            for k in range(count + 1):  # `v` and `after` become what the metric learns from
+                u[k], v[k] = v[k], v[k] - u[k]
+                slope[k], after[k] = after[k], after[k] - slope[k]
+            turn_metric(metric, v, after, count + 1)
+        reach *= SHORTER
+    return found[0], found[1]

@@ -1,0 +1,314 @@
+"""Whether two paths stay passively safe, and how near a failure brings their craft."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+
+from closeform.arrays import Floats, broadcast, instance, shown
+from closeform.conflicts.two_paths import check_comparable, craft_of
+from closeform.motion.arc import START
+from closeform.motion.duration import MOST_ORBITS
+from closeform.motion.orbit import Orbit
+from closeform.motion.path import Path
+from closeform.result import Rows
+from closeform.safety.drift_end import FAILURES, checked_end, drift_end, forgiven, last_times, soon_after
+from closeform.safety.failure_cells import FLIES, KIND, LOW, MISSED, PIECE, SIDE, STUCK, WEAK, Side
+from closeform.safety.failure_motion import MEETS
+from closeform.safety.failures import Failure, ThrustLost
+from closeform.safety.many_unknowns import worst_of_many
+from closeform.safety.search import FAILURE, LOWER, PLACE, RATIO, TIME, worst_failures
+from closeform.safety.sides import room_for, side_of
+from closeform.safety.tubes import floor_of, shadow_of_faces, tube_form
+from closeform.zones.shapes import FACES
+from closeform.zones.zone import Zone
+
+Failing = Literal["path", "other", "either", "both"]
+SAME = 5e-10  # of a least ratio, or of 1: what cells may hide of it
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class DriftApproach(Rows):
+    """The closest approach of two craft, or of the pairs of two batches, when thrust fails.
+
+    Attributes
+    ----------
+    failed_at : float or array of shape (...) [s]
+        When thrust fails for the worst; of missed burns the first of which something is missing.  Where
+        both craft fail (..., 2), that of `path` first; nan without a common time.
+    time : float or array of shape (...) [s]
+        When the norm is least then; nan without a common time, and inf where slower and slower drifts
+        tend to it.
+    ratio : float or array of shape (...), no unit
+        The least norm that a failure was found to lead to; inf without a common time.  It is the least over
+        all instants of failure and all of the drift where `lower` is beside it, an upper bound of that else.
+    distance : float or array of shape (...) [m]
+        Between the centres at that time, which need not be the least; inf where there is none.
+    failing : str or array of str of shape (...)
+        Who fails for the worst: "path", "other" or "both".
+    lower : float or array of shape (...), no unit
+        No failure leads to a norm below: 1e-9 under the ratio, or that share of it.  Farther below where the
+        search had to end after many cells, as with several missed burns of both craft, and -inf where drift
+        without an end may lead ever deeper into half-spaces.  Judge safety by this one.
+    """
+
+    _columns: ClassVar = {
+        "failed_at": "failed_at_s other_failed_at_s",
+        "time": "time_s",
+        "ratio": "ratio",
+        "distance": "distance_m",
+        "failing": "failing",
+        "lower": "lower",
+    }
+
+    failed_at: Any
+    time: Any
+    ratio: Any
+    distance: Any
+    failing: Any
+    lower: Any
+
+
+def passively_safe(
+    path: Path,
+    other: Path,
+    zone: Zone,
+    until: float,
+    failure: Failure = ThrustLost(),  # noqa: B008 (it is frozen)
+    failing: Failing = "path",
+) -> Any:
+    """Whether a craft stays out of a zone for whatever instant its thrust fails at, and all of the drift.
+
+    Parameters
+    ----------
+    path : Path
+        Of one craft, or a batch.
+    other : Path
+        Of the craft that the zone is around, or a batch, in the same orbit; batch shapes broadcast.
+    zone : Zone
+        Of the pair.
+    until : float [s]
+        The end of the drift, on the clock of the paths: at the end of the path that fails, or later; inf
+        is a million orbits, in which who flies on coasts after its end.
+    failure : ThrustLost, MissedBurns, DegradedThrust or StuckOnThrust, default ThrustLost()
+        What fails.
+    failing : {"path", "other", "either", "both"}, default "path"
+        Which craft: one of them while the other flies on as planned, either (the worse of the two), or both,
+        each at its own instant.
+
+    Returns
+    -------
+    bool or array of bool of shape (...)
+        True where it is certain that no failure leads into the zone; also without a common time.  False
+        where one does, or nothing was certain after many cells (failures that graze it, of many unknowns).
+
+    Raises
+    ------
+    ValueError
+        If a path that flies on does not reach `until`, `until` is before the end of a path that fails,
+        impulses would be stuck on, the orbits differ, batch shapes do not broadcast, or an argument is
+        of another kind.
+
+    References
+    ----------
+    docs/theory.md section 8; docs/passive_safety.md.
+
+    Examples
+    --------
+    >>> orbit = cf.Orbit.circular(500e3)
+    >>> client = orbit.coast(np.zeros(6), 3 * orbit.period)
+    >>> approach = orbit.transfer([0, -200, 0, 0, 0, 0], [0, -30, 0, 0, 0, 0], orbit.period)
+    >>> bool(cf.passively_safe(approach, client, cf.Sphere(10.0), client.end))
+    False
+    """
+    ratios = [rows[:, RATIO] for _, rows, *_ in _worst(path, other, zone, until, failure, failing, 0.0)]
+    shape = broadcast(path=path.shape, other=other.shape)
+    safe = np.isinf(np.minimum.reduce(ratios))
+    return safe.reshape(shape) if shape else bool(safe[0])
+
+
+def drift_approach(
+    path: Path,
+    other: Path,
+    zone: Zone,
+    until: float,
+    failure: Failure = ThrustLost(),  # noqa: B008 (it is frozen)
+    failing: Failing = "path",
+) -> DriftApproach:
+    """The least norm that a failure at any instant leads to, over all of the drift after it.
+
+    Parameters
+    ----------
+    path : Path
+        Of one craft, or a batch.
+    other : Path
+        Of the craft that the zone is around, or a batch, in the same orbit; batch shapes broadcast.
+    zone : Zone
+        Whose norm is looked at.
+    until : float [s]
+        The end of the drift, on the clock of the paths: at the end of the path that fails, or later; inf
+        is a million orbits, in which who flies on coasts after its end.
+    failure : ThrustLost, MissedBurns, DegradedThrust or StuckOnThrust, default ThrustLost()
+        What fails.
+    failing : {"path", "other", "either", "both"}, default "path"
+        Which craft: one of them while the other flies on as planned, either (the worse of the two), or both,
+        each at its own instant.
+
+    Returns
+    -------
+    DriftApproach
+        Floats for two craft, arrays for batches.  No instant of failure, and none of the drift, leads
+        below `lower`.  The `ratio` is that of a failure that was found: it is the least to 1e-9, or to that
+        share of itself where it is above 1, unless failures with many unknowns need more cells than are
+        searched; then the least lies between `lower` and `ratio`.
+
+    Raises
+    ------
+    ValueError
+        If a path that flies on does not reach `until`, `until` is before the end of a path that fails,
+        impulses would be stuck on, the orbits differ, batch shapes do not broadcast, or an argument is
+        of another kind.
+
+    References
+    ----------
+    docs/theory.md section 8; docs/passive_safety.md.
+    """
+    found = [
+        _told(who, rows, zone, sides, ends)
+        for who, rows, zone, sides, ends in _worst(path, other, zone, until, failure, failing, SAME)
+    ]
+    best = found[0]
+    for other_one in found[1:]:
+        lower = np.minimum(best[-1], other_one[-1])
+        best = [np.where(other_one[2] < best[2], b, a) for a, b in zip(best, other_one, strict=True)]
+        best[-1] = lower
+    shape = broadcast(path=path.shape, other=other.shape)
+    if not shape:
+        at, time, ratio, distance, who, lower = (column[0] for column in best)
+        failed_at = float(at) if np.ndim(at) == 0 else at
+        return DriftApproach(failed_at, float(time), float(ratio), float(distance), str(who), float(lower))
+    return DriftApproach(*(column.reshape(shape + column.shape[1:]) for column in best))
+
+
+def _checked(path: Path, other: Path, zone: Zone, until: float, failure: Any, failing: Any) -> float:
+    """The end of the drift, of arguments that fit each other."""
+    check_comparable(path, other, zone)
+    instance("failure", failure, *FAILURES)
+    if not isinstance(failing, str) or failing not in ("path", "other", "either", "both"):
+        raise ValueError(f"failing: expected 'path', 'other', 'either' or 'both', got {shown(failing)}")
+    end = drift_end(until, path.orbit)
+    fails = {"path": (True, False), "other": (False, True)}.get(failing, (True, True))
+    flies = {"path": (False, True), "other": (True, False), "either": (True, True)}.get(
+        failing, (False, False)
+    )
+    for name, one, fail, fly in zip(("path", "other"), (path, other), fails, flies, strict=True):
+        if fail:
+            checked_end(name, one, end, failure)
+        if (
+            fly
+            and last_times(one).min(initial=np.inf) < end < np.inf
+            and (one.end < end - forgiven(one)).any()
+        ):
+            raise ValueError(
+                f"{name}: ends at {last_times(one).min():g} s, and flies on while the other fails; "
+                f"carry it on to {end:g} s, such as by a coast"
+            )
+    return end
+
+
+def _worst(
+    path: Path, other: Path, zone: Zone, until: float, failure: Any, failing: Any, certain: float
+) -> list[tuple[str, Floats, Zone, tuple[Side, Side], Any]]:
+    """Of each way to fail who does, and the rows of `search.worst_failures` of all pairs."""
+    end = _checked(path, other, zone, until, failure, failing)
+    soon = end if np.isfinite(end) else soon_after(path, other)
+    shape = broadcast(path=path.shape, other=other.shape)
+    first, second = craft_of(path, shape), craft_of(other, shape)
+    found = []
+    for who in ("path", "other") if failing == "either" else (failing,):
+        one = side_of(path, None if who == "other" else failure, soon, end == np.inf)
+        two = side_of(other, None if who == "path" else failure, soon, end == np.inf)
+        most = np.inf if certain > 0.0 else MEETS
+        rows = search_pairs(one, two, first, second, soon, path.orbit, zone, certain, most, end == np.inf)
+        found.append((who, rows, zone, (one, two), (first, second)))
+    return found
+
+
+def search_pairs(
+    one: Side,
+    two: Side,
+    first: Any,
+    second: Any,
+    end: float,
+    orbit: Orbit,
+    zone: Zone,
+    certain: float,
+    most: float,
+    for_ever: bool = False,
+) -> Floats:
+    """The rows of `search.worst_failures` for some pairs, in as much room as they need."""
+    room = room_for(one, two)
+    rows = np.zeros((len(first), FAILURE + room.cells.shape[1]))
+    far = end + (MOST_ORBITS * orbit.period if for_ever else 0.0)
+    tube = zone.form if zone.shape == FACES and not (for_ever and certain == 0.0) else tube_form(zone)
+    find: Any = worst_failures
+    rest: tuple[Any, ...] = (orbit.mean_motion, zone.form, zone.stretch, certain, most, far * for_ever, tube)
+    if {WEAK, STUCK} & {int(one.now[KIND]), int(two.now[KIND])}:
+        find, rest = worst_of_many, (*rest[:-1], shadow_of_faces(zone) or tube, floor_of(zone))
+    rest = *rest, room
+    ends = np.full(len(first), end)
+    left = np.arange(len(first))
+    while len(left):
+        some = np.zeros((len(left), rows.shape[1]))
+        find(one, two, first[left], second[left], ends[left], *rest, some)
+        rows[left] = some
+        left = left[some[:, RATIO] == -np.inf]
+        if len(left):
+            room = room_for(one, two, 4 * int(rows[left, TIME].max()))
+            rest = *rest[:-1], room
+    return rows
+
+
+def _told(who: str, rows: Floats, zone: Zone, sides: tuple[Side, Side], craft: Any) -> list[Any]:
+    """Columns of a `DriftApproach`."""
+    at = failures_at(who, rows, sides, craft)
+    time, ratio = rows[:, TIME], rows[:, RATIO]
+    distance = np.linalg.norm(rows[:, PLACE : PLACE + 3] @ _to_metres(zone), axis=1)
+    distance[~np.isfinite(time)] = np.inf  # of a slow drift only the ratio is known
+    at[np.isnan(time)] = np.nan
+    return [at, time, ratio, distance, np.full(len(rows), who), rows[:, LOWER]]
+
+
+@lru_cache(maxsize=64)
+def _to_metres(zone: Zone) -> Floats:
+    """What takes rows of zone coordinates to metres."""
+    return np.asarray(np.linalg.inv(zone.matrix).T)
+
+
+def failures_at(who: str, rows: Floats, sides: tuple[Side, Side], craft: Any) -> Floats:
+    """When the worst failures of some pairs happen (M,), or (M, 2) where both craft fail."""
+    width = (rows.shape[1] - FAILURE - SIDE) // 2
+    instants = [
+        failed_at(sides[k], rows[:, FAILURE + SIDE + k * width :][:, :width], craft[k])
+        for k in {"path": (0,), "other": (1,), "both": (0, 1)}[who]
+    ]
+    return np.stack(instants, axis=1) if who == "both" else instants[0]
+
+
+def failed_at(side: Side, failures: Floats, craft: Any) -> Floats:
+    """When one side fails in each of some failures (M, W), columns of a cell; nan where it does not."""
+    kind, pieces = side.now[KIND], failures[:, PIECE].astype(np.int64)
+    if kind == MISSED:
+        instants = np.full(len(failures), np.nan)
+        for k, one in enumerate(craft):
+            first, last = side.burn_offsets[one], side.burn_offsets[one + 1]
+            weak = np.flatnonzero(failures[k, LOW : LOW + 2 * (last - first) : 2] < 1.0)
+            if len(weak):
+                instants[k] = side.burns[first + weak[0], 0, START]
+        return instants
+    if kind == FLIES:
+        return np.full(len(failures), np.nan)
+    return np.where(pieces % 2 == 1, side.arcs[pieces // 2, START], failures[:, LOW])

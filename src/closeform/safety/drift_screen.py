@@ -1,0 +1,177 @@
+"""All pairs of a formation: who comes into whose zone when thrust fails."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+
+from closeform.arrays import Floats, shown
+from closeform.motion.joining import stack
+from closeform.motion.orbit import Orbit
+from closeform.motion.path import Path
+from closeform.result import Rows
+from closeform.safety.drift_approach import failures_at, search_pairs
+from closeform.safety.drift_end import checked_end, soon_after
+from closeform.safety.failure_cells import Side
+from closeform.safety.failure_motion import MEETS
+from closeform.safety.failures import Failure, ThrustLost
+from closeform.safety.search import LOWER, RATIO, TIME
+from closeform.safety.sides import side_of
+from closeform.zones.combined_zones import OwnZone
+from closeform.zones.pair_zones import PairZones, pair_zones, pairs_of, portions
+from closeform.zones.solids import Sphere
+from closeform.zones.zone import Zone
+
+ENOUGH = 5e-4  # of a zone: as precise as ratios of a screen are; to 1e-9 they take twice as long
+CHUNK = 256  # pairs that one thread takes at a time
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class DriftScreening(Rows):
+    """Who comes into whose zone when thrust fails, one row for each such pair, sorted by pair.
+
+    Attributes
+    ----------
+    pairs : array of int of shape (M, 2)
+        The craft that fails, and the one that it meets; where both fail the first is the one before.
+    failed_at : array of shape (M,) [s]
+        When thrust fails for the worst; (M, 2) where both fail.
+    time : array of shape (M,) [s]
+        When the norm is least then; inf where slower and slower drifts tend to it.
+    ratio : array of shape (M,), no unit
+        The least norm that is found: certain to 1e-3, and to 1e-9 by `drift_approach` of the pair.  Less so
+        where failures of many unknowns, or drift without an end, need more cells than are searched; it is
+        above 1 where that leaves open whether they meet.
+    """
+
+    _columns: ClassVar = {
+        "pairs": "first second",
+        "failed_at": "failed_at_s other_failed_at_s",
+        "time": "time_s",
+        "ratio": "ratio",
+    }
+
+    pairs: Any
+    failed_at: Floats
+    time: Floats
+    ratio: Floats
+
+    def __len__(self) -> int:
+        return len(self.ratio)
+
+
+def drift_screen(
+    paths: Path | Sequence[Path],
+    zone: OwnZone | Sequence[OwnZone | None] | PairZones,
+    until: float,
+    failure: Failure = ThrustLost(),  # noqa: B008 (it is frozen)
+    failing: Literal["either", "both"] = "either",
+) -> DriftScreening:
+    """Every pair of many craft in which failures lead one into the zone of the other, on all cores.
+
+    Parameters
+    ----------
+    paths : Path or sequence of Path
+        A Path of shape (N,), or N of single craft, in one orbit.  Who does not fail flies on as planned,
+        and coasts on after that.
+    zone : Zone, Uncertainty, Body, None, sequence of these, or PairZones
+        As of `screen`.
+    until : float [s]
+        The end of the drift, at the last end of the paths or later; inf is a million orbits.
+    failure : ThrustLost, MissedBurns, DegradedThrust or StuckOnThrust, default ThrustLost()
+        What fails.
+    failing : {"either", "both"}, default "either"
+        Which craft of a pair: one while the other flies on, either way, or both, each at its own instant.
+
+    Returns
+    -------
+    DriftScreening
+        Certified: all other pairs are passively safe.
+
+    Raises
+    ------
+    ValueError
+        If `paths` are no Path of shape (N,) or in different orbits, `until` is before their ends, impulses
+        would be stuck on, `failing` is another word, or `zone` is of another kind, of another number of
+        craft, or makes none for a pair.
+
+    References
+    ----------
+    docs/theory.md section 8; docs/passive_safety.md.
+    """
+    batch = paths if isinstance(paths, Path) else stack(paths)
+    if len(batch.shape) != 1:
+        raise ValueError(f"paths: expected a Path of shape (N,), got shape {batch.shape}")
+    end = checked_end("paths", batch, until, failure)
+    if not isinstance(failing, str) or failing not in ("either", "both"):
+        raise ValueError(f"failing: expected 'either' or 'both', got {shown(failing)}")
+    held = zone if isinstance(zone, Zone) else pair_zones("zone", zone, len(batch))
+    for_ever, both = end == np.inf, failing == "both"
+    soon = soon_after(batch, batch) if for_ever else end
+    fails = side_of(batch, failure, soon, carry_on=True)
+    flies = fails if both else side_of(batch, None, soon, carry_on=True)
+
+    def search(job: tuple[Zone, Any, Any]) -> tuple[Any, ...]:
+        one, first, second = job
+        sides = own(fails), own(flies)
+        pair = first, second, soon, batch.orbit
+        unsafe, rows = worst_drifts(sides, *pair, one, ENOUGH, for_ever)
+        craft = first[unsafe], second[unsafe]
+        at = failures_at("both" if both else "path", rows, sides, craft)
+        return np.stack(craft, axis=1), at, rows[:, TIME], rows[:, RATIO]
+
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        found = list(pool.map(search, _asked(held, len(batch), both)))
+    if not found:
+        found = [search((Sphere(1.0), *np.empty((2, 0), dtype=np.int64)))]
+    columns = [np.concatenate(column) for column in zip(*found, strict=True)]
+    order = np.lexsort(columns[0].T[::-1])
+    return DriftScreening(*(column[order] for column in columns))
+
+
+def own(side: Side) -> Side:
+    """A side for a search of its own, which notes in it whom it looks at."""
+    return side._replace(now=side.now.copy())
+
+
+def worst_drifts(
+    sides: tuple[Side, Side],
+    first: Any,
+    second: Any,
+    end: float,
+    orbit: Orbit,
+    zone: Zone,
+    certain: float,
+    for_ever: bool = False,
+) -> tuple[Any, Floats]:
+    """Which pairs are not passively safe, and the rows of `search.worst_failures` of these.
+
+    Where drift has an end one search tells both: the least norm is looked for where any is within the zone.
+    """
+    judged = 0.0 if for_ever else certain
+    rows = search_pairs(*sides, first, second, end, orbit, zone, judged, MEETS, for_ever)
+    unsafe = np.flatnonzero(np.isfinite(rows[:, RATIO]))
+    unsure = unsafe if for_ever else unsafe[np.isnan(rows[unsafe, TIME])]
+    rows[unsure] = search_pairs(
+        *sides, first[unsure], second[unsure], end, orbit, zone, certain, np.inf, for_ever
+    )
+    unsafe = unsafe[rows[unsafe, LOWER] <= 1.0]
+    return unsafe, rows[unsafe]
+
+
+def _asked(zone: Zone | PairZones, count: int, both: bool) -> Iterator[tuple[Zone, Any, Any]]:
+    """Zones, who fails, and who flies on, each pair both ways; or `both` fail, each pair once."""
+    if isinstance(zone, PairZones):
+        held: Any = ((one, first, second) for one, first, second in portions(zone, CHUNK))
+    else:
+        around = (zone,) if zone.symmetric else (zone, zone.mirrored)
+        held = ((one, *pair) for pair in pairs_of(count, CHUNK) for one in around)
+    for one, first, second in held:
+        yield one, first, second
+        if not both:
+            yield one.mirrored, second, first

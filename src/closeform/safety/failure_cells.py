@@ -1,0 +1,297 @@
+"""Cells: boxes of failures of one or two craft, and the motions that span what happens in each.
+
+A cell is a row of floats: the time from which it is still to be searched, and for each side (the craft
+of `path`, then that of `other`) a piece of its path and a low and a high end of each of its
+parameters.  A piece is an arc (2 i) or the impulse at its start (2 i + 1).  The parameters are
+
+    LOST     when thrust is lost [s]; of an impulse which share of it was given
+    WEAK     the same, and the share of thrust that is left from then on
+    STUCK    the same, and for how long thrust is stuck on [s]
+    MISSED   the share of each burn that is given
+
+Motions of the first three are natural: rows of arcs without thrust, from their own times on.
+"""
+
+from math import ceil
+from typing import Any, NamedTuple
+
+from numba import float64, int64, types
+
+from closeform._jit import kernel
+from closeform.arrays import Floats
+from closeform.kernel_loans import stack_matrix, stack_vector
+from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, START, STATE, state_at, thrusts
+from closeform.motion.hill import coast, pushed
+from closeform.safety.remainders import lost_remainder, stuck_remainder, thrust_derivatives
+
+FLIES, LOST, WEAK, STUCK, MISSED = 0, 1, 2, 3, 4
+KIND, FIRST, LAST, BURN, BURNS = 0, 1, 2, 3, 4  # of a side's `now`
+MEASURE, HELD, ACCELERATION = 0, 1, 2  # of a side's `numbers`
+FROM, SIDE = 0, 1  # first columns of a cell
+PIECE, LOW, HIGH = 0, 1, 2  # of a side of a cell; the next parameter's two columns on
+# Of a cell at first, in n t.  At 0.5 verdicts take a fifth longer; at 1, those of a day a tenth.
+LONGEST = 0.7
+
+
+class Side(NamedTuple):
+    """One of the two craft, in every pair of a batch: its paths, their burns, and how it fails."""
+
+    arcs: Floats  # (M, 30)
+    offsets: Any  # (N + 1,)
+    burns: Floats  # (B, 2, 30): the natural motions before and after each burn, of MISSED alone
+    burn_offsets: Any  # (N + 1,)
+    now: Any  # (5,): kind of failure; first and last arc, first and last burn of the craft looked at
+    numbers: Floats  # (5,): least share or longest time; length and components of a given acceleration
+
+
+ROWS, BLOCKS, NUMBERS, INDICES = float64[:, ::1], float64[:, :, ::1], float64[::1], int64[::1]
+SIDE_TYPE = types.NamedTuple((ROWS, INDICES, BLOCKS, INDICES, INDICES, NUMBERS), Side)
+
+
+@kernel()
+def choose(side, craft):
+    """Look at one craft of a side."""
+    side.now[FIRST], side.now[LAST] = side.offsets[craft], side.offsets[craft + 1]
+    side.now[BURN], side.now[BURNS] = side.burn_offsets[craft], side.burn_offsets[craft + 1]
+
+
+@kernel()
+def parameter_count(side):
+    """How many parameters a failure has."""
+    kind = side.now[KIND]
+    if kind == MISSED:
+        return side.now[BURNS] - side.now[BURN]
+    return 0 if kind == FLIES else (1 if kind == LOST else 2)
+
+
+@kernel()
+def vertex_count(side):
+    """How many motions span a cell on one side."""
+    kind = side.now[KIND]
+    if kind == WEAK:
+        return 8
+    if kind == STUCK:
+        return 12
+    return 4 if kind == LOST else 1
+
+
+@kernel()
+def natural(row, s, n, x, y, z, vx, vy, vz):
+    """Make a row the natural motion through a state at time s."""
+    row[START], row[MEAN_MOTION] = s, n
+    row[STATE], row[STATE + 1], row[STATE + 2] = x, y, z
+    row[STATE + 3], row[STATE + 4], row[STATE + 5] = vx, vy, vz
+
+
+@kernel()
+def failed_row(side, piece, at, n, kick, u, stuck, row):
+    """Make a row the motion after a failure at parameter `at` of a piece; the epoch of the failure.
+
+    Its velocity there is changed by `kick` times the thrust u, which then is stuck on for a while.
+    """
+    arc = side.arcs[piece // 2]
+    if piece % 2 == 1:
+        s, left = arc[START], 1.0 - at
+        x, y, z = arc[STATE], arc[STATE + 1], arc[STATE + 2]
+        vx = arc[STATE + 3] - left * arc[IMPULSE]
+        vy = arc[STATE + 4] - left * arc[IMPULSE + 1]
+        vz = arc[STATE + 5] - left * arc[IMPULSE + 2]
+    else:
+        s = at
+        x, y, z, vx, vy, vz = state_at(arc, s)
+        vx, vy, vz = vx + kick * u[0, 0], vy + kick * u[0, 1], vz + kick * u[0, 2]
+    if stuck > 0.0:
+        push = stack_vector(12)
+        for k in range(12):
+            push[k] = u[0, k] if k < 3 else 0.0
+        x, y, z, vx, vy, vz = coast(n, stuck, x, y, z, vx, vy, vz)
+        dx, dy, dz, dvx, dvy, dvz = pushed(n, stuck, push, 0)
+        x, y, z, vx, vy, vz = x + dx, y + dy, z + dz, vx + dvx, vy + dvy, vz + dvz
+    natural(row, s + stuck, n, x, y, z, vx, vy, vz)
+    return s
+
+
+@kernel()
+def stuck_thrust(side, piece, at, n, u):
+    """Fill the first row of `u` with the thrust that is stuck on where it fails."""
+    if side.numbers[HELD] >= 0.0:
+        for axis in range(3):
+            u[0, axis] = side.numbers[ACCELERATION + axis]
+    elif piece % 2 == 1:
+        u[0, 0] = u[0, 1] = u[0, 2] = 0.0
+    else:
+        thrust_derivatives(side.arcs[piece // 2], n, at, u)
+
+
+@kernel()
+def single(side, cell, o, n, rows):
+    """Fill the first row with the motion of the low ends of a cell's side."""
+    kind = side.now[KIND]
+    if kind == FLIES or kind == MISSED:
+        return
+    u = stack_matrix(7, 3)
+    piece, at = int(cell[o + PIECE]), cell[o + LOW]
+    stuck = cell[o + LOW + 2] if kind == STUCK else 0.0
+    if stuck > 0.0:
+        stuck_thrust(side, piece, at, n, u)
+    failed_row(side, piece, at, n, 0.0, u, stuck, rows[0])
+
+
+@kernel()
+def column_of(one, width, k):
+    """The column of the low end of a cell's k-th unknown."""
+    mine = parameter_count(one)
+    return SIDE + LOW + 2 * k if k < mine else SIDE + width + LOW + 2 * (k - mine)
+
+
+@kernel()
+def moved(row, source, by, x, y, z, vx, vy, vz):
+    """Make a row a natural motion to which so much of another state of the same time is added."""
+    a = STATE
+    natural(
+        row,
+        source[START],
+        source[MEAN_MOTION],
+        source[a] + by * x,
+        source[a + 1] + by * y,
+        source[a + 2] + by * z,
+        source[a + 3] + by * vx,
+        source[a + 4] + by * vy,
+        source[a + 5] + by * vz,
+    )
+
+
+@kernel()
+def span_stuck(side, piece, at, n, third, short, long, end, rows):
+    """Fill the six rows of one end of a cell of thrust stuck on from `short` to `long`.
+
+    Points of a parabola in how long it is stuck at `end` (0 or 3), and of its derivative by the instant a
+    `third` of the cell on.                                                                  # theory (48)
+    """
+    u, w, push = stack_matrix(7, 3), stack_matrix(7, 3), stack_vector(12)
+    own, half, inner = side.numbers[HELD] < 0.0, 0.5 * (long - short), 1 if end == 0 else 2
+    stuck_thrust(side, piece, at, n, w)
+    for k in range(7):
+        u[k, 0] = u[k, 1] = u[k, 2] = 0.0
+    if third != 0.0:
+        thrust_derivatives(side.arcs[piece // 2], n, at, u)
+    for k in range(12):
+        push[k] = u[1, k] if own and k < 3 else 0.0
+    wx, wy, wz = w[0, 0], w[0, 1], w[0, 2]
+    for j in range(0, 3, 2):
+        row, stuck = rows[4 * j + end], short if j == 0 else long
+        failed_row(side, piece, at, n, 0.0, w, stuck, row)
+        x, y, z, vx, vy, vz = pushed(n, stuck, push, 0)
+        if not own:
+            x, y, z, vx, vy, vz = coast(n, stuck, 0.0, 0.0, 0.0, u[0, 0] - wx, u[0, 1] - wy, u[0, 2] - wz)
+        vx, vy, vz = vx + wx, vy + wy, vz + wz
+        moved(rows[4 * j + inner], row, third, x, y, z, vx, vy, vz)
+        if j == 0:
+            moved(rows[4 + end], row, half, 0.0, 0.0, 0.0, wx, wy, wz)
+            vx += half * (push[0] - 2.0 * n * wy)
+            vy += half * (push[1] + 2.0 * n * wx)
+            vz += half * push[2]
+            moved(
+                rows[4 + inner], rows[4 + end], third, x - half * wx, y - half * wy, z - half * wz, vx, vy, vz
+            )
+
+
+@kernel()
+def span_cell(side, cell, o, n, rows):
+    """Fill rows with the motions that span a cell's side, and say how far others are off them.
+
+    That is in place, in speed and for good, from the epoch of the cell's start on: four numbers.
+    """
+    kind = side.now[KIND]
+    if kind == FLIES or kind == MISSED:
+        return 0.0, 0.0, 0.0, cell[FROM]
+    piece, low, high = int(cell[o + PIECE]), cell[o + LOW], cell[o + HIGH]
+    arc = side.arcs[piece // 2]
+    u, w = stack_matrix(7, 3), stack_matrix(7, 3)
+    h = 0.0 if piece % 2 == 1 else high - low
+    if kind == STUCK:
+        short, long = cell[o + LOW + 2], cell[o + HIGH + 2]
+        span_stuck(side, piece, low, n, h / 3.0, short, long, 0, rows)
+        span_stuck(side, piece, high, n, -h / 3.0, short, long, 3, rows)
+        for k in range(7):
+            u[k, 0] = u[k, 1] = u[k, 2] = 0.0
+        if h > 0.0:
+            thrust_derivatives(arc, n, low, u)
+        place, speed, rest = stuck_remainder(
+            n, arc[MEAN_MOTION], u, h, side.numbers[HELD], long, long - short
+        )
+        start = arc[START] if piece % 2 == 1 else low
+        return place, speed, rest, start - h - (long - short)
+    if h > 0.0:
+        thrust_derivatives(arc, n, low, u)
+        thrust_derivatives(arc, n, high, w)
+    epoch = failed_row(side, piece, low, n, 0.0, u, 0.0, rows[0])
+    failed_row(side, piece, high, n, 0.0, w, 0.0, rows[3])
+    third = h / 3.0 if h > 0.0 else 0.0
+    failed_row(side, piece, low, n, third, u, 0.0, rows[1])
+    failed_row(side, piece, high, n, -third, w, 0.0, rows[2])
+    if not h > 0.0:
+        return 0.0, 0.0, 0.0, epoch
+    place, speed = lost_remainder(n, u, h)
+    share = 1.0 - cell[o + LOW + 2] if kind == WEAK else 1.0
+    return share * place, share * speed, 0.0, epoch
+
+
+@kernel()
+def span_both(one, two, cell, width, n, rows):
+    """`span_cell` of both sides, and how far the difference of two motions is off what spans it."""
+    place, speed, always, epoch = span_cell(one, cell, SIDE, n, rows[0])
+    other_place, other_speed, other_always, other_epoch = span_cell(two, cell, SIDE + width, n, rows[1])
+    return place + other_place, speed + other_speed, always + other_always, min(epoch, other_epoch)
+
+
+@kernel()
+def first_cells(side, o, n, cells):
+    """Fill a side's columns of `cells` with the cells that hold all its failures; how many there are.
+
+    Beyond the last row they are counted only.
+    """
+    kind, count = side.now[KIND], 0
+    if kind == FLIES or kind == MISSED:
+        if len(cells) > 0:
+            cells[0, o + PIECE] = 2.0 * side.now[FIRST]
+            for k in range(side.now[BURNS] - side.now[BURN]):
+                cells[0, o + LOW + 2 * k], cells[0, o + HIGH + 2 * k] = side.numbers[MEASURE], 1.0
+        return 1
+    shortest = 0.0 if kind == STUCK else side.numbers[MEASURE]
+    longest = side.numbers[MEASURE] if kind == STUCK else 1.0
+    start, end = side.arcs[side.now[FIRST], START], side.arcs[side.now[LAST] - 1, END]
+    for i in range(side.now[FIRST], side.now[LAST]):
+        arc = side.arcs[i]
+        for jump in range(1, -1, -1):
+            low, high, parts = arc[START], arc[END], 1
+            if jump == 1:
+                if arc[IMPULSE] == 0.0 and arc[IMPULSE + 1] == 0.0 and arc[IMPULSE + 2] == 0.0:
+                    continue
+                low, high = 0.0, 1.0
+            elif thrusts(arc) or arc[MEAN_MOTION] != n or (kind == STUCK and side.numbers[HELD] >= 0.0):
+                shares = (high - low) * n / LONGEST if n > 0.0 else 4.0 * (high - low) / (end - start)
+                parts = max(1, ceil(shares))
+            else:
+                high = low  # natural motion goes on as it is
+            for k in range(parts):
+                if count < len(cells):
+                    cell = cells[count]
+                    cell[o + PIECE] = 2.0 * i + jump
+                    cell[o + LOW] = low + (high - low) * k / parts
+                    cell[o + HIGH] = low + (high - low) * (k + 1) / parts if k + 1 < parts else high
+                    if kind != LOST:
+                        cell[o + LOW + 2], cell[o + HIGH + 2] = shortest, longest
+                count += 1
+    return count
+
+
+@kernel()
+def earliest(side, cell, o):
+    """From when on the motions of a cell's side are what they say."""
+    kind = side.now[KIND]
+    if kind == FLIES or kind == MISSED:
+        return side.arcs[side.now[FIRST], START]
+    piece = int(cell[o + PIECE])
+    s = side.arcs[piece // 2, START] if piece % 2 == 1 else cell[o + LOW]
+    return s + cell[o + LOW + 2] if kind == STUCK else s

@@ -1,0 +1,207 @@
+"""Fans: all motions that span a cell of failures, seen over one window as derivatives at its start.
+
+All that may happen in a cell lies in a convex set: the hull of some motions of one craft, less that of
+some of the other, plus any part of some generators (burns that may be missed), plus a ball that grows.
+"""
+
+from typing import NamedTuple
+
+from numba import types
+
+from closeform._jit import kernel
+from closeform.arrays import Floats
+from closeform.motion.arc import ANGLE, END, MEAN_MOTION, START, derivatives_at, is_cubic, thrusts
+from closeform.motion.certified_march import COAST_ANGLE, locate, store
+from closeform.motion.hill import inverse_transforms, oscillation
+from closeform.safety.failure_cells import (
+    BLOCKS,
+    BURN,
+    BURNS,
+    FIRST,
+    FLIES,
+    HIGH,
+    KIND,
+    LAST,
+    LOST,
+    LOW,
+    MISSED,
+    NUMBERS,
+    ROWS,
+    SIDE,
+    STUCK,
+    WEAK,
+    vertex_count,
+)
+
+OTHER, PATH, GENERATORS = 12, 24, 25  # of `motions`: where the second side's begin, and so on
+
+
+class PairRoom(NamedTuple):
+    """Room for the work on one pair."""
+
+    cells: Floats  # (C, W): those that are still to be searched
+    point: Floats  # (3, W): a cell without extent, the best failure that was met, and one to be kept
+    rows: Floats  # (2, 12, 30): natural motions of both sides
+    motions: Floats  # (25 + G, 8, 3): derivatives of all motions at a window's start, in zone coordinates
+    bends: Floats  # (25 + G, 3): bounds of their accelerations
+    places: Floats  # (25 + G, 6): places and velocities at one time
+    terms: Floats  # (25 + G, 5): along a plane: place, rate, bend; drift, swing
+    drifts: Floats  # (25 + G,): along the track [m/s]
+    edges: Floats  # (P, 4): of the set at one time, a direction for each parameter, and by how much it drifts
+    shares: Floats  # (P,): where on them the set is nearest
+
+
+ROOM_TYPE = types.NamedTuple((ROWS, ROWS, BLOCKS, BLOCKS, ROWS, ROWS, ROWS, NUMBERS, ROWS, NUMBERS), PairRoom)
+
+
+class Window(NamedTuple):
+    """Which of the motions in `PairRoom` are seen for a while, and how they move."""
+
+    ones: int  # of the first side, from 0 on
+    twos: int  # of the second, from OTHER on
+    generators: int  # where the second side's begin; those of the first do at GENERATORS
+    last: int  # where they end
+    order: int  # of the derivatives
+    n: float
+
+
+@kernel()
+def next_seen(window, k):
+    """The motion of a window after the k-th; `last` or more behind them all."""
+    if k + 1 == window.ones:
+        return OTHER
+    return GENERATORS if k + 1 == OTHER + window.twos else k + 1
+
+
+@kernel()
+def see(arc, t, order, sign, q, fresh):
+    """Make `q` (8, 3) `sign` times the first derivatives of an arc, or add to it where it is not fresh."""
+    if fresh:
+        for k in range(order):
+            q[k, 0] = q[k, 1] = q[k, 2] = 0.0
+    derivatives_at(arc, t, order, q, sign)
+
+
+@kernel()
+def mix(target, one, a, other, b, order):
+    """Set the derivatives `target` to a times one motion's and b times another's."""
+    for k in range(order):
+        for axis in range(3):
+            target[k, axis] = a * one[k, axis] + b * other[k, axis]
+
+
+@kernel()
+def see_burns(side, cell, o, arc, t, order, sign, room, base, first):
+    """Take from a motion what burns give less in a cell; fill generators with what they may give more."""
+    motions = room.motions
+    for j in range(side.now[BURN], side.now[BURNS]):
+        k = j - side.now[BURN]
+        low, high = cell[o + LOW + 2 * k], cell[o + HIGH + 2 * k]
+        before, after = side.burns[j, 0], side.burns[j, 1]
+        given = motions[first + k]
+        if t < before[START]:
+            for i in range(order):
+                given[i, 0] = given[i, 1] = given[i, 2] = 0.0
+            continue
+        see(before, t, order, -1.0, given, True)
+        see(after if t >= after[START] else arc, t, order, 1.0, given, False)
+        mix(motions[base], motions[base], 1.0, given, low - 1.0, order)
+        mix(given, given, sign * (high - low), given, 0.0, order)
+
+
+@kernel()
+def see_side(side, cell, o, rows, count, i, t, order, sign, room, base, first):
+    """Fill the motions of one side's fan at time t, in metres; `i` is the arc of its path."""
+    kind, motions = side.now[KIND], room.motions
+    if kind == FLIES or kind == MISSED:
+        see(side.arcs[i], t, order, 1.0, motions[base], True)
+        if kind == MISSED:
+            see_burns(side, cell, o, side.arcs[i], t, order, sign, room, base, first)
+        return
+    for k in range(12 if kind == STUCK and count > 1 else count):
+        see(rows[k], t, order, 1.0, motions[base + k], True)
+    if kind == WEAK:
+        low, high = cell[o + LOW + 2], cell[o + HIGH + 2]
+        see(side.arcs[i], t, order, 1.0, motions[PATH], True)
+        for k in range(count):
+            failed = motions[base + k]
+            mix(motions[base + 4 + k], failed, 1.0 - high, motions[PATH], high, order)
+            mix(failed, failed, 1.0 - low, motions[PATH], low, order)
+
+
+@kernel()
+def is_natural(side, i, n):
+    """Whether a side moves without thrust as long as it is in the i-th arc."""
+    kind = side.now[KIND]
+    return kind == LOST or kind == STUCK or not (thrusts(side.arcs[i]) or side.arcs[i, MEAN_MOTION] != n)
+
+
+@kernel()
+def arc_end(side, i, end):
+    """Until when a side's motions are as they are in the i-th arc."""
+    kind = side.now[KIND]
+    if kind == LOST or kind == STUCK or i + 1 == side.now[LAST]:
+        return end
+    return min(end, side.arcs[i, END])
+
+
+@kernel()
+def arc_of(side, t):
+    """The arc in which a side's path goes on after time t; it can be the last, and behind its end."""
+    return locate(side.arcs, side.now[FIRST], side.now[LAST], t)
+
+
+@kernel()
+def open_window(one, two, cell, width, t, end, n, count, epoch, form, room):
+    """See both fans from time t on: the window, and its end."""
+    shape, matrix, faces = form
+    motions = room.motions
+    i, j = arc_of(one, t), arc_of(two, t)
+    stop = min(arc_end(one, i, end), arc_end(two, j, end))
+    order = 4
+    if not (is_natural(one, i, n) and is_natural(two, j, n)):
+        cubics = n == 0.0 and is_cubic(one.arcs[i]) and is_cubic(two.arcs[j])
+        order = 4 if cubics else 8
+        if n > 0.0:
+            stop = min(stop, t + ANGLE / n)
+    if n > 0.0:  # what is off the span of a cell is taken to be as large as it gets in a window
+        stop = min(stop, t + max(t - epoch if count > 1 else 0.0, COAST_ANGLE / n))
+    elif count > 1:
+        stop = min(stop, t + max(t - epoch, 0.25 * (end - t)))
+    generators = GENERATORS + one.now[BURNS] - one.now[BURN]
+    last = generators + two.now[BURNS] - two.now[BURN]
+    see_side(one, cell, SIDE, room.rows[0], count, i, t, order, 1.0, room, 0, GENERATORS)
+    see_side(two, cell, SIDE + width, room.rows[1], count, j, t, order, -1.0, room, OTHER, generators)
+    ones = vertex_count(one) if count > 1 else 1
+    twos = vertex_count(two) if count > 1 else 1
+    if twos == 1:  # the difference is one motion, and smaller than both
+        for k in range(ones):
+            mix(motions[k], motions[k], 1.0, motions[OTHER], -1.0, order)
+        mix(motions[OTHER], motions[OTHER], 0.0, motions[OTHER], 0.0, order)
+    window = Window(ones, twos, generators, last, order, n)
+    k = 0
+    while k < last:
+        for m in range(order):
+            store(motions[k], m, matrix, motions[k, m, 0], motions[k, m, 1], motions[k, m, 2])
+        k = next_seen(window, k)
+    return window, stop
+
+
+@kernel()
+def place_all(room, window, t):
+    """Places and velocities of all motions at time t after the window's start."""
+    n, order = window.n, window.order
+    p = inverse_transforms(n, t) if order == 8 else (0.0,) * 12
+    c2, c3, c4 = oscillation(n, t) if order == 4 else (t, 0.5 * t * t, t * t * t / 6.0)
+    b4, b5, d4 = p[8] + 2.0 * n * n * p[10], p[9] + 2.0 * n * n * p[11], p[7] + 2.0 * n * n * p[9]
+    k = 0
+    while k < window.last:
+        q, place = room.motions[k], room.places[k]
+        for axis in range(3):
+            x = q[0, axis] + q[1, axis] * t + q[2, axis] * c3 + q[3, axis] * c4
+            v = q[1, axis] + q[2, axis] * c2 + q[3, axis] * c3
+            if order == 8:
+                x += q[4, axis] * b4 + q[5, axis] * b5 + q[6, axis] * p[10] + q[7, axis] * p[11]
+                v += q[4, axis] * d4 + q[5, axis] * b4 + q[6, axis] * p[9] + q[7, axis] * p[10]
+            place[axis], place[3 + axis] = x, v
+        k = next_seen(window, k)

@@ -1,0 +1,244 @@
+"""Failures flown one by one, and cells that are cut where nothing else tells."""
+
+from math import ceil, inf, nan
+
+from closeform._jit import kernel
+from closeform.motion.arc import END, START
+from closeform.motion.certified_march import LESS_PATIENCE, PATIENCE
+from closeform.motion.extrema import minimum_norm, step_on
+from closeform.motion.hill import oscillation
+from closeform.safety.active_faces import EDGES, mixed_normal
+from closeform.safety.edges import make_edges, nearest, place_at, widest
+from closeform.safety.failure_cells import (
+    FLIES,
+    FROM,
+    HIGH,
+    KIND,
+    LOW,
+    MISSED,
+    PIECE,
+    SIDE,
+    STUCK,
+    column_of,
+    earliest,
+    parameter_count,
+    single,
+    span_both,
+)
+from closeform.safety.failure_family import OTHER, arc_end, arc_of, is_natural, open_window
+from closeform.zones.shapes import BALL, FACES, norm
+
+MEETS = 1.0 + 1e-12  # up to here a norm is on the surface
+LEAST_SHARE = 0.2  # of a cell, that a cut leaves on either side
+FIRST_STEP, LAST_STEP = 0.1, 1e-3  # downhill: in n t, and of the first
+NEAR = 0.5  # in n t: so far before and after where planes end a motion is followed
+GLANCE, GLANCES = 0.5, 16  # in n t, and of a window in deep space: so far apart a motion is glanced at
+SMALLEST = 1e-13  # of a set's edges, in zones: failures in it are the same
+
+
+@kernel()
+def target_below(best, certain):
+    """Up to which norm cells must be clear, for the least that was met to be that of all.
+
+    Cells may hide the share `certain` of it, or of 1; but whether it is above 1, until any is met below.
+    """
+    return best - certain * max(abs(best), 1.0) if certain > 0.0 and best != MEETS else 1.0
+
+
+@kernel()
+def fly(one, two, cell, width, begin, end, n, form, room, best):
+    """Least norm and its time of the failure at a cell's low ends, over [begin, end], if below `best`."""
+    shape, _, faces = form
+    single(one, cell, SIDE, n, room.rows[0])
+    single(two, cell, SIDE + width, n, room.rows[1])
+    when, t, patience = nan, begin, PATIENCE
+    while True:
+        window, stop = open_window(one, two, cell, width, t, end, n, 1, t, form, room)
+        motion = room.motions[0]
+        best, local, reached = minimum_norm(
+            shape, faces, motion, window.order, n, 0.0, stop - t, patience, best, nan
+        )
+        if local == local:
+            when = min(t + local, stop)
+        if reached < stop - t:
+            patience = LESS_PATIENCE
+            t += reached
+        else:
+            t = stop
+        if t >= end or (best == 0.0 and shape != FACES):
+            return best, when
+
+
+@kernel()
+def is_instant(side, cell, o):
+    """Whether a cell's first parameter is a time at which thrust fails."""
+    kind = side.now[KIND]
+    return kind != FLIES and kind != MISSED and int(cell[o + PIECE]) % 2 == 0
+
+
+@kernel()
+def aim(one, two, cell, width, latest, room):
+    """Make `room.point` the failure of a cell at `shares` of its edges.
+
+    One that has happened at the time `latest`, as what spans the cell goes back beyond that.
+    """
+    point, k = room.point[0], 0
+    for c in range(len(cell)):
+        point[c] = cell[c]
+    for second in range(2):
+        side, o = (two, SIDE + width) if second else (one, SIDE)
+        for j in range(parameter_count(side)):
+            share = room.shares[k]
+            low, high = cell[o + LOW + 2 * j], cell[o + HIGH + 2 * j]
+            at = min(max(low + share * (high - low), low), high)
+            if j == 0 and is_instant(side, cell, o):
+                at = max(low, min(at, latest - (cell[o + LOW + 2] if side.now[KIND] == STUCK else 0.0)))
+            elif j == 1 and side.now[KIND] == STUCK:
+                at = max(low, min(at, latest - earliest(side, point, o) + point[o + LOW + 2]))
+            point[o + LOW + 2 * j], point[o + HIGH + 2 * j] = at, at
+            k += 1
+    return max(earliest(one, point, SIDE), earliest(two, point, SIDE + width))
+
+
+@kernel()
+def has_extent(side, cell, o):
+    """Whether a cell holds more than one failure of a side."""
+    for k in range(parameter_count(side)):
+        if cell[o + LOW + 2 * k] < cell[o + HIGH + 2 * k]:
+            return True
+    return False
+
+
+@kernel()
+def note(room, cell):
+    """Keep a failure as the worst that was met."""
+    for c in range(len(cell)):
+        room.point[1, c] = cell[c]
+
+
+@kernel()
+def glance(one, two, cell, width, end, n, form, room, best):
+    """About the least norm of what a cell spans, at times GLANCE apart, and when, if it is below `best`.
+
+    The failure stands in `room.point[1]` then.
+    """
+    shape, _, faces = form
+    rest = span_both(one, two, cell, width, n, room.rows)
+    t, when, motions = cell[FROM], nan, room.motions
+    while True:
+        window, stop = open_window(one, two, cell, width, t, end, n, 4, rest[3], form, room)
+        i, j = arc_of(one, t), arc_of(two, t)
+        if is_natural(one, i, n) and is_natural(two, j, n):  # whose window is short for bounds alone
+            stop = min(arc_end(one, i, end), arc_end(two, j, end))
+        elif n > 0.0:
+            stop = min(stop, t + GLANCE / n)
+        steps = max(1, ceil((stop - t) * n / GLANCE)) if n > 0.0 else GLANCES
+        if window.order == 8:
+            steps = 1
+        h = (stop - t) / steps
+        transforms, count = oscillation(n, h), make_edges(one, two, room, window)
+        for k in range(steps):
+            for axis in range(3):
+                room.places[0, axis], room.places[OTHER, axis] = motions[0, 0, axis], 0.0
+                for m in range(count):
+                    room.edges[m, axis] = motions[1 + m, 0, axis]
+            x, y, z = nearest(room, count)
+            if shape != BALL and 1 < count <= EDGES:
+                mixed_normal(room, count, form, x, y, z, 0.0)
+                x, y, z = place_at(room, count, -1.0)
+            s = norm(shape, faces, x, y, z)
+            if s < best:
+                best, when = s, min(t + k * h, stop)
+                aim(one, two, cell, width, when, room)
+                note(room, room.point[0])
+            for m in range(count + 1 if k + 1 < steps else 0):
+                step_on(motions[m], n, h, transforms)
+        t = stop
+        if t >= end:
+            return best, when
+
+
+@kernel()
+def around(one, two, cell, width, when, end, n):
+    """From when and until when a failure is followed near a time."""
+    first = max(earliest(one, cell, SIDE), earliest(two, cell, SIDE + width))
+    reach = NEAR / n if n > 0.0 else 0.05 * (end - first)
+    begin = max(when - reach, first)
+    return begin, min(end, max(when, begin) + reach)
+
+
+@kernel()
+def near_by(one, two, cell, width, t, near, end, n, count, room):
+    """Aim at the failure that is nearest where planes end; from when and until when it is to be flown."""
+    size = widest(room, count)[1] if near < inf else inf
+    s = aim(one, two, cell, width, near if size > SMALLEST else t, room)
+    if near == inf:
+        return max(t, s), end
+    begin, stop = around(one, two, room.point[0], width, near, end, n)
+    return max(cell[FROM], s, min(t, begin) if size <= SMALLEST else begin), stop
+
+
+@kernel()
+def descend(one, two, width, when, end, n, form, room, best):
+    """Follow the worst failure that was met downhill, from instant to instant: the least norm and its time.
+
+    Within its arc, as far as steps that grow downhill and turn back smaller uphill lead.
+    """
+    cell, worst = room.point[0], room.point[1]
+    for second in range(2):
+        side, o = (two, SIDE + width) if second else (one, SIDE)
+        if not is_instant(side, worst, o):
+            continue
+        arc = side.arcs[int(worst[o + PIECE]) // 2]
+        whole = arc[END] - arc[START]
+        step = min(FIRST_STEP / n, 0.1 * whole) if n > 0.0 else 0.02 * whole
+        least_step = LAST_STEP * step
+        while abs(step) > least_step:
+            for c in range(len(cell)):
+                cell[c] = worst[c]
+            at = min(max(worst[o + LOW] + step, arc[START]), arc[END])
+            cell[o + LOW], cell[o + HIGH] = at, at
+            begin, until = around(one, two, cell, width, when, end, n)
+            least, time = best, when
+            if at != worst[o + LOW] and begin <= end:
+                least, time = fly(one, two, cell, width, begin, until, n, form, room, best)
+            if least < best:
+                best, when = least, time
+                note(room, cell)
+                step *= 2.0
+            else:
+                step *= -0.3
+    return best, when
+
+
+@kernel()
+def cut(one, two, width, top, t, room, count):
+    """Put a cell's two parts in its place, to go on from time t; the part to be searched first is last.
+
+    It is cut where the set was nearest, so that what is nearest ends both, or near that end: parts farther
+    off are clear the sooner.  How many cells there are then: as many as without it, if all in it is one
+    failure.
+    """
+    cells = room.cells
+    which, _ = widest(room, count)
+    for _ in range(count):
+        column = column_of(one, width, which)
+        low, high = cells[top, column], cells[top, column + 1]
+        share = room.shares[which]
+        if not LEAST_SHARE < share < 1.0 - LEAST_SHARE:
+            share = LEAST_SHARE if share < 0.5 else 1.0 - LEAST_SHARE
+        middle = low + share * (high - low)
+        if low < middle < high:
+            break
+        which = (which + 1) % count  # floats end here: along another edge
+    if not low < middle < high:
+        return top
+    for c in range(cells.shape[1]):
+        cells[top + 1, c] = cells[top, c]
+    upper = room.shares[which] > (middle - low) / (high - low)
+    cells[top, column], cells[top, column + 1] = (low, middle) if upper else (middle, high)
+    cells[top + 1, column], cells[top + 1, column + 1] = (middle, high) if upper else (low, middle)
+    for k in range(2):
+        cell = cells[top + k]
+        cell[FROM] = max(t, earliest(one, cell, SIDE), earliest(two, cell, SIDE + width))
+    return top + 2

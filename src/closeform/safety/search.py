@@ -1,0 +1,303 @@
+"""The search over failures and drifts at once, by cells that are cut until each is clear or is met.
+
+What a cell spans is marched (see `fans`); where that ends, the failure whose motion is nearest there is
+flown, and the cell is cut across its longest edge.  Both parts go on from there.
+"""
+
+from math import inf, nan, pi
+
+from numba import float64, int64, void
+
+from closeform._jit import kernel
+from closeform.kernel_loans import borrowed, lent
+from closeform.motion.arc import START
+from closeform.motion.extrema import NIL
+from closeform.safety.bounded_motion_limits import is_tube
+from closeform.safety.edges import widest
+from closeform.safety.failure_cells import (
+    FROM,
+    KIND,
+    LAST,
+    LOST,
+    SIDE,
+    SIDE_TYPE,
+    STUCK,
+    choose,
+    earliest,
+    first_cells,
+    parameter_count,
+    single,
+    span_both,
+)
+from closeform.safety.failure_family import ROOM_TYPE, is_natural, open_window
+from closeform.safety.failure_motion import (
+    MEETS,
+    around,
+    cut,
+    descend,
+    fly,
+    glance,
+    has_extent,
+    near_by,
+    note,
+    target_below,
+)
+from closeform.safety.infinite_horizon import search_tail
+from closeform.safety.planes import EITHER_WAY, march
+from closeform.zones.shapes import FACES, FORM
+
+RETRIED = 0.1  # of a set's widest edge: where a least norm falls by more, a cell is marched again, uncut
+# Cells after which a verdict is that nothing is certain, and a least norm is looked for less closely.
+MANY, LESS = 5_000, 10.0
+LONG = 6.0 * pi  # of a drift, in n t: whether it leaves the zone's shadow is asked first
+# Columns of what is told of a pair; the place in zone coordinates, the failure a cell.
+TIME, RATIO, LOWER, PLACE, FAILURE = 0, 1, 2, 3, 6
+
+
+@kernel()
+def fill_cells(one, two, begin, width, n, cells):
+    """Fill all cells of a pair, each of one side with each of the other; how many, if there is room."""
+    ones = first_cells(one, SIDE, n, cells)
+    twos = first_cells(two, SIDE + width, n, cells[:0])
+    if ones * twos > len(cells):
+        return ones * twos
+    for k in range(ones - 1, -1, -1):
+        for m in range(twos):
+            for c in range(SIDE, SIDE + width):
+                cells[k * twos + m, c] = cells[k, c]
+    first_cells(two, SIDE + width, n, cells)
+    for k in range(ones * twos):
+        for c in range(SIDE + width, SIDE + 2 * width):
+            cells[k, c] = cells[k % twos, c]
+        cell = cells[k]
+        cell[FROM] = max(begin, earliest(one, cell, SIDE), earliest(two, cell, SIDE + width))
+    return ones * twos
+
+
+@kernel()
+def sample(one, two, top, width, end, n, form, room):
+    """Glance at each cell, put the worst last, and go downhill from there: the least norm, its time."""
+    about, near, worst = inf, nan, 0
+    for k in range(top):
+        if room.cells[k, FROM] <= end:
+            least, time = glance(one, two, room.cells[k], width, end, n, form, room, about)
+            if least < about:
+                about, near, worst = least, time, k
+    for c in range(room.cells.shape[1]):
+        swap = room.cells[worst, c]
+        room.cells[worst, c] = room.cells[top - 1, c]
+        room.cells[top - 1, c] = swap
+        room.point[0, c] = room.point[1, c]
+    if near != near:
+        return inf, nan
+    begin, stop = around(one, two, room.point[0], width, near, end, n)
+    best, when = fly(one, two, room.point[0], width, begin, stop, n, form, room, inf)
+    return descend(one, two, width, when, end, n, form, room, best)
+
+
+@kernel()
+def calm_from(side, n):
+    """From when on a side moves without thrust, whatever fails."""
+    kind, last = side.now[KIND], side.now[LAST] - 1
+    if kind == LOST or kind == STUCK:
+        return -inf
+    return side.arcs[last, START] if is_natural(side, last, n) else inf
+
+
+@kernel()
+def march_drift(one, two, cell, width, calm, end, n, form, tube, scale, target, best, rest, room):
+    """`march` to the end of a drift: of a long one no farther than one turn, if the tube is clear in that.
+
+    Both are without thrust from `calm` on.  In the tube natural motion is periodic.       # theory (49)
+    """
+    if is_tube(tube) and n * (end - max(calm, cell[FROM])) > LONG:
+        if cell[FROM] < calm:
+            t, clear, near = march(
+                one, two, cell, width, calm, n, form, scale, target, best, rest, -1, EITHER_WAY, room
+            )
+            if not clear:
+                return t, clear, near
+            cell[FROM] = calm
+        turn = cell[FROM] + 2.0 * pi / n
+        if march(one, two, cell, width, turn, n, tube, scale, target, -1.0, rest, -1, EITHER_WAY, room)[1]:
+            return end, True, end
+    return march(one, two, cell, width, end, n, form, scale, target, best, rest, -1, EITHER_WAY, room)
+
+
+@kernel()
+def visit(one, two, cell, width, calm, end, n, form, tube, scale, target, best, count, room):
+    """Whether a cell is clear; from when on it is not, and until when a failure in it was flown instead.
+
+    And the least norm of that, if below `best`, and its time; it is `room.point[0]`.
+    """
+    rest = span_both(one, two, cell, width, n, room.rows)
+    t, near = cell[FROM], inf
+    if has_extent(one, cell, SIDE) or has_extent(two, cell, SIDE + width):
+        t, clear, near = march_drift(
+            one, two, cell, width, calm, end, n, form, tube, scale, target, best, rest, room
+        )
+        if clear:
+            return True, t, end, best, nan
+    begin, stop = near_by(one, two, cell, width, t, near, end, n, count, room)
+    least, time = fly(one, two, room.point[0], width, begin, stop, n, form, room, best)
+    return False, t, stop, least, time
+
+
+@kernel()
+def divide(one, two, width, top, t, stop, end, room, count):
+    """Cut a cell, to go on from time t, or from where it was flown to if all in it is one failure.
+
+    How many cells there are then.
+    """
+    parts = cut(one, two, width, top, t, room, count)
+    if parts == top and stop < end:
+        room.cells[top, FROM] = stop
+        parts += 1
+    return parts
+
+
+@kernel()
+def search(one, two, top, width, end, n, form, scale, tube, certain, most, room):
+    """Least norm over all failures and drifts, its time, and how certain it is after MANY cells at most.
+
+    Of norms up to `most` alone, if that is MEETS, and 1 without a time where nothing is certain; any of these
+    if `certain` is 0.  The failure stands in `room.point[1]`.
+    """
+    best, when = sample(one, two, top, width, end, n, form, room) if most == inf else (most, nan)
+    count = parameter_count(one) + parameter_count(two)
+    for k in range(count):
+        room.shares[k] = 0.5
+    calm = max(calm_from(one, n), calm_from(two, n))
+    spent = 0
+    while top > 0:
+        spent += 1
+        if spent > MANY:
+            if best == MEETS:
+                return 1.0, nan, 0.0
+            certain, spent = LESS * certain, 0
+        target = target_below(best, certain)
+        if certain > 1.0 or (target <= NIL and form[0] != FACES):
+            break
+        top -= 1
+        cell = room.cells[top]
+        if cell[FROM] > end:
+            continue
+        clear, t, stop, least, time = visit(
+            one, two, cell, width, calm, end, n, form, tube, scale, target, best, count, room
+        )
+        if clear:
+            continue
+        extended = has_extent(one, cell, SIDE) or has_extent(two, cell, SIDE + width)
+        if least < best:
+            much = best - least > RETRIED * widest(room, count)[1]
+            best, when = least, time
+            note(room, room.point[0])
+            if certain == 0.0:
+                break
+            if much:
+                best, when = descend(one, two, width, when, end, n, form, room, best)
+            if extended and much:  # perhaps it is clear of what is asked now
+                cell[FROM] = t
+                top += 1
+                continue
+        if extended:
+            if top + 2 > len(room.cells):
+                return -inf, float(top), 0.0
+            top = divide(one, two, width, top, t, stop, end, room, count)
+    return best, when, certain
+
+
+@kernel()
+def begin_pair(one, two, first, second, end, n, room, told):
+    """Choose a pair and fill its cells: how many, 0 without a common time, -1 where there is no room."""
+    width = (room.cells.shape[1] - SIDE) // 2
+    choose(one, first)
+    choose(two, second)
+    begin = max(one.arcs[one.now[1], START], two.arcs[two.now[1], START])
+    told[TIME], told[RATIO], told[LOWER] = nan, inf, inf
+    if begin > end:
+        return 0
+    top = fill_cells(one, two, begin, width, n, room.cells)
+    if 2 * top > len(room.cells):
+        told[TIME], told[RATIO] = top, -inf
+        return -1
+    return top
+
+
+@kernel()
+def go_on(one, two, found, width, end, far, n, form, scale, tube, floor, certain, room):
+    """The least norm, its time and how certain it is: what was `found`, or the drift from `end` to `far`."""
+    ratio, when, known = found
+    top = fill_cells(one, two, end, width, n, room.cells)
+    ratio, later, late = search_tail(
+        one, two, top, width, far, n, form, scale, tube, floor, certain, room, ratio
+    )
+    if later == -inf:
+        return -inf, float(2 * len(room.cells)), known
+    return ratio, later if later == later else when, max(known, late)
+
+
+@kernel()
+def tell(one, two, found, end, n, form, floor, room, told):
+    """Fill the columns of a pair with its worst failure, `room.point[1]`, if there is one."""
+    ratio, when, known = found
+    width = (room.cells.shape[1] - SIDE) // 2
+    if ratio == -inf or (ratio == 1.0 and when != when):  # too little room, or nothing is certain
+        told[TIME], told[RATIO] = when, ratio
+    if ratio == -inf or when != when:
+        return
+    worst = room.point[1]
+    single(one, worst, SIDE, n, room.rows[0])
+    single(two, worst, SIDE + width, n, room.rows[1])
+    seen = when if when < inf else end
+    open_window(one, two, worst, width, seen, end, n, 1, seen, form, room)
+    lower = ratio - known * max(abs(ratio), 1.0)
+    told[TIME], told[RATIO], told[LOWER] = when, ratio, max(lower, floor)
+    for axis in range(3):
+        told[PLACE + axis] = room.motions[0, 0, axis]
+    for c in range(len(worst)):
+        told[FAILURE + c] = worst[c]
+
+
+@kernel(
+    void(
+        SIDE_TYPE,
+        SIDE_TYPE,
+        int64[::1],
+        int64[::1],
+        float64[::1],
+        float64,
+        FORM,
+        float64,
+        float64,
+        float64,
+        float64,
+        FORM,
+        ROOM_TYPE,
+        float64[:, ::1],
+    )
+)
+def worst_failures(one, two, first, second, ends, n, form, scale, certain, most, far, tube, room, out):
+    """Of each pair the time and ratio of its worst failure, and its columns (see `cells`).
+
+    The ratio is `certain` to that share of itself, or of 1, or to more where that takes too many cells: no
+    failure leads below LOWER.  With `most` MEETS failures that stay out of the zone have inf, and 1 without
+    a time is told where nothing is certain; with `certain` 0 the first that meets the zone is enough.  A
+    pair without a common time has nan and inf; one that needs more room than there is has -inf, and how
+    many cells there were for a time.
+    With `far` above 0 drift goes on from its end to then, and what is met in the `tube` has the time inf.
+    """
+    one, two, room, out = lent(one), lent(two), lent(room), borrowed(out)
+    form = form[0], borrowed(form[1]), borrowed(form[2])
+    tube = tube[0], borrowed(tube[1]), borrowed(tube[2])
+    width, floor = (room.cells.shape[1] - SIDE) // 2, -inf if form[0] == FACES else 0.0
+    for p in range(len(first)):
+        end = ends[p]
+        top = begin_pair(one, two, first[p], second[p], end, n, room, out[p])
+        if top <= 0:
+            continue
+        ratio, when, known = search(one, two, top, width, end, n, form, scale, tube, certain, most, room)
+        found = ratio, when, known
+        if far > 0.0 and ratio > -inf and (certain > 0.0 or when != when):
+            found = go_on(one, two, found, width, end, far, n, form, scale, tube, floor, certain, room)
+        tell(one, two, found, end, n, form, floor, room, out[p])

@@ -1,0 +1,60 @@
+"""Gatherings whose burns go wrong: thrust is lost in them, or burns are off."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from closeform.arrays import Floats
+from closeform.search.burn_flaws import BurnFlaws
+from closeform.search.gather import EACH_CALL, WAYS, flown_least, gathering, gatherings
+from closeform.search.gather_events import END_TIME
+from closeform.search.gather_result import Gathering
+from closeform.search.gatherings import Gatherings
+from closeform.search.lock_march import in_parts
+from closeform.search.request import states
+from closeform.search.schedule import Search
+from closeform.search.spacecraft_set import lost_fleet
+
+
+def gather_flawed(
+    planned: Gathering,
+    search: Search,
+    positions: ArrayLike,
+    velocities: ArrayLike,
+    flaws: BurnFlaws,
+    **told: Any,
+) -> Gathering:
+    """What becomes of a gathering as `planned`, `told` the same, with the `flaws` (1, N) of its burns.
+
+    Its first pair burns as planned, and `totals` are those of the plan: nobody knows what will go wrong.
+    """
+    where, speeds = states(positions, velocities, 2)
+    fleet = lost_fleet(search, shape=where.shape[:2], **told)
+    flight = fleet.fly(where, speeds, [WAYS[planned.burns]], 8 * where.shape[1], flaws=flaws)
+    return gathering(fleet, where[0], speeds[0], planned.burns, planned.totals, *flight)
+
+
+def gather_failing(
+    search: Search, positions: ArrayLike, velocities: ArrayLike, shares: Floats, **told: Any
+) -> tuple[Gatherings, Floats]:
+    """What `gather_cases` does, of craft that lose their thrust after `shares` (C, N) of it; nan: never.
+
+    Shares are of the time that a case takes without: the times [s] are (C, N), nan also where all is over.
+    """
+    where, speeds = states(positions, velocities, 3)
+    fleet = lost_fleet(search, shape=where.shape[:2], **told)
+    results, ways = flown_least(fleet, where, speeds, told["burns"])
+    fails = shares * results[:, END_TIME, None]
+    (failing,) = np.nonzero(~np.isnan(fails).all(axis=1))
+
+    def part(some: slice) -> None:
+        which = failing[some]
+        flaws = BurnFlaws.of_thrust(np.nan_to_num(fails[which], nan=np.inf))
+        each = fleet.fly(where[which], speeds[which], [*WAYS.values()], some=which, flaws=flaws)[2]
+        results[which] = each[np.arange(len(which)), ways[which]]
+
+    in_parts(part, len(failing), EACH_CALL)
+    return gatherings(fleet, results), np.where(fails <= results[:, END_TIME, None], fails, np.nan)

@@ -1,0 +1,277 @@
+"""What a run or a study leaves behind: its files, and whose the files in a folder are.
+
+`summary.json` (hash of the inputs, versions, seed, every figure printed), tables in Parquet,
+pictures and `report.html`. The summary is written last and lists all files: a folder is finished
+when it holds one, and what it does not list belongs to somebody else.
+"""
+
+import csv
+import io
+import json
+import os
+import platform
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from math import isfinite
+from pathlib import Path, PurePosixPath
+from typing import TYPE_CHECKING, Any
+
+from closeform.storage import manifest
+from closeform.storage.lock_file import is_held
+
+if TYPE_CHECKING:
+    from closeform.scenario import Scenario
+
+SUMMARY, SCENARIO = "summary.json", "scenario.toml"
+REPORT, VIEWER, WORST_FLIGHT = "report.html", "viewer.html", "flown.html"
+FORMAT = 1  # of summary.json
+DIGESTED = (".parquet", ".toml")  # files that `load` reads, whose SHA-256 the summary tells, and
+INPUTS = "inputs/"  # those that a scenario names
+CASES = "cases"  # the folder of a study's chunks
+LIBRARIES = ("closeform", "numpy", "numba", "scipy", "pydantic", "matplotlib", "pyarrow")
+
+PRIVATE = ".unfinished"  # the folder in a result folder where a run or a study works
+LOCK = "lock"  # in a private folder: its owner lives
+RESULTS, REPLACED = "results", "replaced"  # in it too: what is being made, and what it will take the place of
+AGAIN = "run it again, or give another folder"
+
+
+class FolderError(ValueError):
+    """A result folder that cannot be written or opened; one line with the remedy."""
+
+
+@dataclass(frozen=True)
+class Folder:
+    """A result folder under way; `known` has the SHA-256 of files whose writer told it."""
+
+    path: Path
+    known: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def manifest(self) -> Path:
+        """Of a study: the manifest of its chunks, which stay where the study is stopped."""
+        return self.path.parent / manifest.NAME
+
+    def summary(self, figures: Mapping[str, Any]) -> None:
+        """Write `summary.json`, last: `figures`, versions and files; numbers that are not finite as null."""
+        files = sorted(file.relative_to(self.path).as_posix() for file in below(self.path))
+        content = {"closeform": FORMAT, "versions": versions(), "files": [*files, SUMMARY], **figures}
+        content["digests"] = {
+            name: self.known.get(name) or digest(self.path / name) for name in files if digested(name)
+        }
+        self.text(SUMMARY, json.dumps(finite(content), indent=1, allow_nan=False, ensure_ascii=False) + "\n")
+
+    def table(self, name: str, columns: Mapping[str, Sequence[Any]]) -> None:
+        """Write `name`.parquet; the unit stands in a column's name, as in `start_s`."""
+        import pyarrow
+        import pyarrow.parquet
+
+        file = self.path / f"{name}.parquet"
+        file.parent.mkdir(exist_ok=True)
+        pyarrow.parquet.write_table(pyarrow.table(dict(columns)), file)
+
+    def csv(self, name: str, columns: Mapping[str, Sequence[Any]]) -> None:
+        """Write columns as `name`.csv, for who has no Parquet; an absent value is empty."""
+        if not columns:
+            return
+        lines = io.StringIO(newline="")
+        writer = csv.writer(lines, lineterminator="\n")
+        writer.writerow(columns)
+        writer.writerows(zip(*columns.values(), strict=True))
+        self.text(f"{name}.csv", lines.getvalue())
+
+    def picture(self, name: str, figure: Any) -> Path:
+        """Write a matplotlib figure as `name`.png."""
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+        from closeform.plots.png import png
+
+        file = self.path / f"{name}.png"
+        canvas = FigureCanvasAgg(figure)
+        canvas.draw()  # unlike savefig once
+        file.write_bytes(png(canvas.buffer_rgba()))
+        return file
+
+    def scenario(self, scenario: "Scenario") -> None:
+        """Write `scenario.toml`, and copies of the files that it names."""
+        self.text(SCENARIO, scenario.text)
+        for name, held in (scenario.inputs.copies if scenario.inputs is not None else {}).items():
+            (self.path / name).parent.mkdir(exist_ok=True)
+            (self.path / name).write_bytes(held)
+
+    def text(self, name: str, text: str) -> None:
+        """Write a text file as it is; what is no Unicode, as in the name of a file, as JSON writes it."""
+        (self.path / name).write_bytes(text.encode("utf-8", "backslashreplace"))
+
+
+def digested(name: str) -> bool:
+    """Whether a file is one that `load` reads."""
+    return name.endswith(DIGESTED) or name.startswith(INPUTS)
+
+
+def digest(file: Path) -> str:
+    """SHA-256 of a file."""
+    import hashlib
+
+    with file.open("rb") as content:
+        return hashlib.file_digest(content, "sha256").hexdigest()
+
+
+def versions() -> dict[str, str]:
+    """The versions that the figures depend on."""
+    from importlib.metadata import version
+
+    return {"python": platform.python_version(), **{name: version(name) for name in LIBRARIES}}
+
+
+def finite(value: Any) -> Any:
+    """The value for JSON: what is not finite becomes null."""
+    if isinstance(value, Mapping):
+        return {key: finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [finite(item) for item in value]
+    if isinstance(value, float):
+        return value if isfinite(value) else None
+    return value
+
+
+@contextmanager
+def written(path: Path) -> Iterator[None]:
+    """Say in one line why results cannot be written at a `path`."""
+    try:
+        yield
+    except OSError as error:
+        reason = os.strerror(error.errno) if error.errno else str(error)  # pyarrow has its own words for it
+        raise FolderError(f"{path}: {reason.lower()}; choose another --out") from error
+
+
+def below(path: Path) -> Iterator[Path]:
+    """Every file below a folder, every empty folder and every link, which is not followed."""
+    for file in path.iterdir():
+        inner = [*below(file)] if file.is_dir() and not file.is_symlink() else []
+        yield from inner or [file]
+
+
+def listed(summary: Path) -> frozenset[str]:
+    """The files that a summary of ours lists; none for any other file."""
+    try:
+        content = json.loads(summary.read_bytes())
+    except (OSError, ValueError, RecursionError):
+        return frozenset()
+    if not isinstance(content, dict) or content.get("closeform") != FORMAT:
+        return frozenset()
+    made_with, files = content.get("versions"), content.get("files")
+    if not isinstance(made_with, dict) or not {"python", *LIBRARIES} <= made_with.keys():
+        return frozenset()
+    if not isinstance(files, list) or SUMMARY not in files or not all(map(inside, files)):
+        return frozenset()
+    return frozenset(files)
+
+
+def inside(name: Any) -> bool:
+    """Whether something is the name of a file in the folder that lists it."""
+    if not isinstance(name, str):
+        return False
+    path = PurePosixPath(name)
+    return not path.is_absolute() and ".." not in path.parts and path.as_posix() == name
+
+
+def finished(path: Path) -> bool:
+    """Whether a folder holds the results of a finished run or study."""
+    return bool(listed(path / SUMMARY))
+
+
+def others(path: Path) -> list[str]:
+    """Return what is in a folder and neither a listed result nor in its private folder."""
+    files = listed(path / SUMMARY)
+    folders = {parent.as_posix() for name in files for parent in PurePosixPath(name).parents}
+    private = tuple(f"{PRIVATE}/{name}" for name in (LOCK, RESULTS, REPLACED, Path(manifest.NAME).stem))
+    strange = []
+    for file in below(path):
+        name = file.relative_to(path).as_posix()
+        ours = name in files or name == PRIVATE or name.startswith(private)
+        if not ours and (name not in folders or file.is_symlink()):
+            strange.append(name)
+    return sorted(strange)
+
+
+def page_of(path: Path, report: bool = False) -> Path:
+    """The page that a finished result folder is looked at by: the viewer, or the `report`, as of a study.
+
+    Raises FolderError where there is none.
+    """
+    if not os.path.isdir(path):
+        raise FolderError(f"{path}: no such folder; give the folder that a run left")
+    pages = (REPORT,) if report else (VIEWER, REPORT)
+    found = next((path / name for name in pages if os.path.isfile(path / name)), None)
+    if not finished(path) or found is None:
+        raise FolderError(f"{path}: {unfinished(path)}")
+    return found
+
+
+def unfinished(path: Path) -> str:
+    """What a folder is that has no finished results, and what to do."""
+    whole, every = manifest.progress(path / PRIVATE / manifest.NAME)
+    chunks = f"{whole} of {every} chunks are whole"
+    if is_held(path / PRIVATE / LOCK):
+        what = f"a study is under way in it, {chunks}" if every else "a run is under way in it"
+        return f"{what}; wait for its end"
+    if whole:
+        return f"holds an unfinished study, {chunks}; go on with it by the same closeform study"
+    return "holds no finished results; run the scenario first"
+
+
+def summary_of(path: Path) -> dict[str, Any]:
+    """What `summary.json` of a finished result folder says. Raises FolderError where there is none."""
+    if not os.path.isdir(path):
+        what = "is a file" if os.path.exists(path) else "no such folder"
+        raise FolderError(f"{path}: {what}; give the folder that a run left")
+    try:
+        content: dict[str, Any] = json.loads((path / SUMMARY).read_bytes())
+    except FileNotFoundError:
+        raise FolderError(f"{path}: {unfinished(path)}") from None
+    except (OSError, ValueError, RecursionError):
+        raise FolderError(f"{path}: {SUMMARY} is damaged; {AGAIN}") from None
+    form = content.get("closeform") if isinstance(content, dict) else None
+    if isinstance(form, int) and form != FORMAT:
+        raise FolderError(f"{path}: has format {form}, this version reads {FORMAT}; {AGAIN}")
+    if not finished(path):
+        raise FolderError(f"{path}: {SUMMARY} is none of closeform's; give the folder that a run left")
+    return content
+
+
+@contextmanager
+def intact(path: Path, name: str) -> Iterator[None]:
+    """Say in one line that what stands in a folder is damaged."""
+    try:
+        yield
+    except FolderError:
+        raise
+    except (OSError, ValueError, KeyError, TypeError, IndexError, AttributeError) as error:
+        what = "is missing" if isinstance(error, FileNotFoundError) else "is damaged"
+        raise FolderError(f"{path}: {name} {what}; {AGAIN}") from None
+
+
+def content(path: Path, summary: Mapping[str, Any], name: str) -> bytes:
+    """What stands in a file of a folder, to the last bit that was left there. Raises FolderError for else."""
+    import hashlib
+
+    with intact(path, name):
+        data = (path / name).read_bytes()
+        if hashlib.sha256(data).hexdigest() != summary["digests"][name]:
+            raise FolderError(f"{path}: {name} was changed or is damaged; {AGAIN}")
+    return data
+
+
+def table(path: Path, summary: Mapping[str, Any], name: str) -> dict[str, Any]:
+    """The columns of a table of a folder, as arrays."""
+    import pyarrow
+    import pyarrow.parquet
+
+    data = content(path, summary, name)
+    with intact(path, name):
+        found = pyarrow.parquet.read_table(  # without pyarrow's threads, which can abort Python's exit
+            pyarrow.BufferReader(data), use_threads=False, pre_buffer=False
+        )
+        return {key: found[key].to_numpy() for key in found.column_names}
