@@ -138,16 +138,16 @@ NAMES = (  # known before they are made, which takes seconds and compiles most k
     "Probability of histories",
     "Bound",
     "batch Bound",
-    "Arrivals",
+    "TransferCostTable",
     "Avoidance",
     "Contact",
-    "Price",
+    "ShadowPrice",
     "Plan",
     "Plan for delta-v",
     "ThrustShortfall",
     "ClearanceCostCurve",
     "MaxClearance",
-    "Firing",
+    "ThrusterFiring",
     "Firing of two",
     "Pulses",
     "Search",
@@ -169,8 +169,8 @@ NAMES = (  # known before they are made, which takes seconds and compiles most k
     "Validity",
     "CompensatedThrust",
     "Retargeted",
-    "Flight",
-    "Room",
+    "Simulation",
+    "TrackingMargins",
     "Tube",
     "FittedMargin",
     "Mission",
@@ -196,7 +196,7 @@ def answers() -> dict[str, Any]:
     moves = orbit.transfer(craft, craft[[1, 0, 2]], 200.0)
     rest = orbit.coast(np.zeros(6), 200.0)
     past = orbit.transfer(craft[0], craft[1], 200.0)
-    known = cf.Errors(np.diag([1.0, 2.0, 1.0, 1e-3, 1e-3, 1e-3]) ** 2)
+    known = cf.Uncertainty(np.diag([1.0, 2.0, 1.0, 1e-3, 1e-3, 1e-3]) ** 2)
     near = orbit.coast([0.0, 45.0, 0.0, 0.0, -0.05, 0.0], 200.0)
     stays = orbit.coast(np.zeros(6), 400.0)
     six = cf.Thrusters.rtn(acceleration=0.2, period=20.0)
@@ -245,18 +245,18 @@ def answers() -> dict[str, Any]:
         ),
         "Bound": bound,
         "batch Bound": cf.least_delta_v(orbit, craft, craft[[1, 0, 2]] + [0, 1.0, 0, 0, 0, 0], 200.0),
-        "Arrivals": cf.arrivals(orbit, craft[0], craft[1:], [150.0, 200.0]),
+        "TransferCostTable": cf.transfer_cost_table(orbit, craft[0], craft[1:], [150.0, 200.0]),
         "Avoidance": avoided,
         "Contact": avoided.contacts[0],
-        "Price": avoided.prices[0],
+        "ShadowPrice": avoided.prices[0],
         "Plan": plan,
         "Plan for delta-v": cf.avoid(past, rest, ball, cost="delta-v"),
         "ThrustShortfall": cf.avoid(past, rest, ball, max_acceleration=1e-9).weak,
         "ClearanceCostCurve": cf.clearance_cost_curve(past, rest, ball, [0.5, 1.0]),
         "MaxClearance": cf.max_clearance(past, rest, ball, 1.1 * avoided.energy),
-        "Firing": cf.fire(past, six),
-        "Firing of two": cf.fire(moves[:2], six),
-        "Pulses": cf.fire(past, six).pulses,
+        "ThrusterFiring": cf.fire_thrusters(past, six),
+        "Firing of two": cf.fire_thrusters(moves[:2], six),
+        "Pulses": cf.fire_thrusters(past, six).pulses,
         "Search": search,
         "Leg": search.legs[0],
         "Locks": locks,
@@ -278,10 +278,12 @@ def answers() -> dict[str, Any]:
     field, steered = cf.Field(low), low.orbit.transfer(craft, craft[[1, 0, 2]], 200.0)
     found |= {
         "Validity": cf.validity(steered, field, ball),
-        "CompensatedThrust": cf.thrust(steered, field, every=20.0),
-        "Retargeted": cf.thrust(low.orbit.two_impulse(craft, craft[[1, 0, 2]], 200.0), field).impulses,
-        "Flight": cf.fly(steered, field),
-        "Room": cf.room(steered, field, cf.Feedback(), cf.Navigation(0.1, 1e-3)),
+        "CompensatedThrust": cf.compensated_thrust(steered, field, every=20.0),
+        "Retargeted": cf.compensated_thrust(
+            low.orbit.two_impulse(craft, craft[[1, 0, 2]], 200.0), field
+        ).impulses,
+        "Simulation": cf.simulate(steered, field),
+        "TrackingMargins": cf.tracking_margins(steered, field, cf.Feedback(), cf.Navigation(0.1, 1e-3)),
         "Tube": cf.tube(low.orbit, cf.Feedback(), cf.Navigation(0.1, 1e-3), [1e-6, 2e-6]),
     }
     swap = low.orbit, craft, craft[[1, 0, 2]], 200.0, ball

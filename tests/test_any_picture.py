@@ -20,13 +20,13 @@ from closeform.plots.palette import CONFLICT
 
 # what users give, and parts of answers that are seen in the picture of the whole
 GIVEN = {"Orbit", "Zone", "Box", "Ellipsoid", "Sphere", "Cylinder", "HalfSpaces", "Uncertainty", "Body"}
-GIVEN |= {"PairZones", "Errors", "ThrustLost", "MissedBurns", "DegradedThrust", "StuckOnThrust"}
+GIVEN |= {"PairZones", "Uncertainty", "ThrustLost", "MissedBurns", "DegradedThrust", "StuckOnThrust"}
 GIVEN |= {"Thrusters", "Sensor", "Chief", "Field", "Drag", "Feedback", "Navigation"}
 GIVEN |= {"SearchErrors", "EccentricOrbit"}
 PARTS = {
     "Contact",
     "ThrustShortfall",
-    "Price",
+    "ShadowPrice",
     "Event",
     "Leg",
     "TheoremCase",
@@ -130,7 +130,9 @@ def test_what_does_not_belong_to_a_picture_is_named(name: str, argument: str, ba
     assert len(str(caught.value).splitlines()) == 1
 
 
-@pytest.mark.parametrize("name", ["Path", "Avoidance", "Firing", "Mission", "Gathering", "CommonFrame"])
+@pytest.mark.parametrize(
+    "name", ["Path", "Avoidance", "ThrusterFiring", "Mission", "Gathering", "CommonFrame"]
+)
 def test_what_flies_is_animated(name: str, tmp_path: Path) -> None:
     file = tmp_path / "flight.gif"
     cf.animate(answers()[name], file, frames=3)

@@ -43,7 +43,7 @@ ZONES = cf.PairZones.of([BALL, None, BALL])
 LEG = SEARCH.legs[0]
 SIX = cf.Thrusters.rtn(acceleration=1.0, period=90.0)
 GATHERED = cf.gather(SEARCH, PLACES, SPEEDS)
-KNOWN = cf.Errors(np.diag([1.0, 2.0, 1.0, 1e-3, 1e-3, 1e-3]) ** 2)
+KNOWN = cf.Uncertainty(np.diag([1.0, 2.0, 1.0, 1e-3, 1e-3, 1e-3]) ** 2)
 NEAR = ORBIT.coast(np.array([0.0, 30.0, 0.0, 0.0, 0.0, 0.0]), 900.0)
 STAYS = ORBIT.coast(np.zeros(6), 1800.0)
 MOVES = ORBIT.transfer(START, START[::-1], 900.0)
@@ -84,7 +84,7 @@ CALLS = {
         orbit=ORBIT, initial=START, final=START[::-1], duration=TIMES, max_acceleration=100.0
     ),
     "delta_v_bound": turned(orbit=ORBIT, initial=START, final=START[::-1], duration=TIMES),
-    "arrivals": turned(orbit=ORBIT, initial=START[0], slots=START, duration=np.array([900.0, 1800.0])),
+    "transfer_cost_table": turned(orbit=ORBIT, initial=START[0], slots=START, duration=np.array([900.0, 1800.0])),
     "Orbit.burn": turned(
         self=ORBIT, state=START, acceleration=1e-4 * START[:, :3], duration=TIMES, start=TIMES,
         frame="inertial",
@@ -103,7 +103,7 @@ CALLS = {
     "Sphere": turned(radius=3.0),
     "Cylinder": turned(radius=3.0, half_length=4.0, axis=np.array([0.0, 1, 0])),
     "HalfSpaces": turned(normals=np.eye(3), offsets=np.array([1.0, 2, 3])),
-    "Uncertainty": turned(covariance=np.diag([1.0, 2, 3]), sigmas=3.0),
+    "CovarianceZone": turned(covariance=np.diag([1.0, 2, 3]), sigmas=3.0),
     "Body": turned(zone=BALL),
     "Zone.norm": turned(self=BALL, position=START[:, :3]),
     "Zone.enlarged": turned(self=BALL, factor=2.0),
@@ -162,14 +162,14 @@ CALLS = {
     "drift_screen": turned(
         paths=MOVES, zone=cf.Sphere(60.0), until=1800.0, failure=cf.MissedBurns(0.5), failing="either"
     ),
-    "Errors": turned(
+    "Uncertainty": turned(
         state=MESSAGE, magnitude=0.01, pointing=0.01, impulse=np.array([1e-3, 0.01, 1e-3, 0.01]), noise=1e-9
     ),
-    "Errors.from_rtn": turned(
+    "Uncertainty.from_rtn": turned(
         covariance=MESSAGE, path=MOVE, time=9.0, chief=CHIEF, craft=DEPUTY, magnitude=0.01
     ),
-    "Errors.from_inertial": turned(covariance=MESSAGE, path=MOVE, time=9.0, chief=CHIEF, magnitude=0.01),
-    "Errors.covariance": turned(self=KNOWN, path=MOVE, time=TIMES),
+    "Uncertainty.from_inertial": turned(covariance=MESSAGE, path=MOVE, time=9.0, chief=CHIEF, magnitude=0.01),
+    "Uncertainty.covariance": turned(self=KNOWN, path=MOVE, time=TIMES),
     "Encounter.of": turned(
         primary=CHIEF, secondary=DEPUTY, covariance=MESSAGE, secondary_covariance=MESSAGE, axes="rtn",
         half_window=60.0, mu=4e14,
@@ -192,18 +192,18 @@ CALLS = {
         names=["a"],
     ),
     "end_gradients": turned(path=MOVE),
-    "fire": turned(
+    "fire_thrusters": turned(
         plan=MOVE, thrusters=SIX, mass=12.0, specific_impulse=60.0, zone=BALL, obstacles=[REST]
     ),
     "plots.primer": turned(path=MOVE, craft=0, thrusters=SIX),
     "plots.trade": turned(
-        found=cf.arrivals(ORBIT, START[0], START, np.array([900.0, 1800.0])),
+        found=cf.transfer_cost_table(ORBIT, START[0], START, np.array([900.0, 1800.0])),
         plan=[MOVE],
         fired=2.0,
         asked=1800.0,
     ),
     "plots.clearance": turned(found=cf.clearance_cost_curve(MOVE, [REST], BALL, [0.5, 1.0]), most=None),
-    "plots.pulses": turned(firing=cf.fire(MOVE, SIX), craft=0),
+    "plots.pulses": turned(firing=cf.fire_thrusters(MOVE, SIX), craft=0),
     "Thrusters": turned(
         directions=np.eye(3), frame="inertial", acceleration=PLACE**2, minimum_bit=1e-3, period=9.0
     ),
@@ -364,10 +364,10 @@ CALLS = {
     "Tube.of_pairs": turned(
         self=cf.tube(ORBIT, cf.Feedback(), cf.Navigation(0.1, 3e-4)), craft=2, fixed=1
     ),
-    "room": turned(
+    "tracking_margins": turned(
         plan=LOW.orbit.transfer(START, START[::-1], 900.0), field=cf.Field(LOW), feedback=cf.Feedback(),
         navigation=cf.Navigation(0.1, 3e-4), cancel=True, residual=np.full(len(START), 1e-7),
-        thrust_error=np.array([0.01, 0.01]), errors=cf.Errors(magnitude=0.01), sigmas=3.0,
+        thrust_error=np.array([0.01, 0.01]), errors=cf.Uncertainty(magnitude=0.01), sigmas=3.0,
         minimum_bit=0.0, thrusters=None, engine=True,
     ),
     "fit_margin": turned(
@@ -379,14 +379,16 @@ CALLS = {
         residual=1e-7, thrust_error=np.array([0.0, 0.0]), errors=None, sigmas=3.0, max_acceleration=1.0,
         minimum_bit=0.0, thrusters=[None, None], engine=[True, True],
     ),
-    "fly": turned(
+    "simulate": turned(
         plan=LOW.orbit.transfer(START, START[::-1], 900.0), field=cf.Field(LOW), control="open",
         feedback=cf.Feedback(), navigation=cf.Navigation(), zones=BALL, cancel=True, known=cf.Field(LOW),
         thrust_error=np.array([0.01, 0.01]), max_acceleration=1.0, minimum_bit=1e-3, thrusters=None, seeds=2,
         errors=[None] * len(START), lost=np.full(len(START), 600.0), engine=[True] * len(START),
     ),
-    "Flight.path": turned(self=cf.fly(LOW.orbit.transfer(START, START[::-1], 900.0), cf.Field(LOW)), seed=0),
-    "thrust": turned(
+    "Simulation.path": turned(
+        self=cf.simulate(LOW.orbit.transfer(START, START[::-1], 900.0), cf.Field(LOW)), seed=0
+    ),
+    "compensated_thrust": turned(
         plan=LOW.orbit.transfer(START[0], START[1], 900.0), field=cf.Field(LOW), every=60.0,
         max_acceleration=1.0, thrusters=cf.Thrusters.rtn(acceleration=1.0, period=60.0), mass=100.0,
         specific_impulse=200.0, engine=True,
@@ -422,9 +424,9 @@ CALLS = {
 
 
 def parameter(name, argument):
-    """Of the function that a call is of; `**execution` is what `Errors` takes."""
+    """Of the function that a call is of; `**execution` is what `Uncertainty` takes."""
     taken = inspect.signature(CALLABLES[name.partition(",")[0]]).parameters
-    return taken[argument] if argument in taken else inspect.signature(cf.Errors).parameters[argument]
+    return taken[argument] if argument in taken else inspect.signature(cf.Uncertainty).parameters[argument]
 
 
 def call(name, /, **changed):
@@ -534,7 +536,7 @@ def held(value, how):
         zone = copy(value)
         object.__setattr__(zone, "matrix", HELD[how](value.matrix))
         return zone
-    if isinstance(value, cf.Errors) and how == "a memory map":
+    if isinstance(value, cf.Uncertainty) and how == "a memory map":
         errors = copy(value)
         errors.__dict__.update(state=HELD[how](value.state), _root=HELD[how](value._root))
         return errors
@@ -601,11 +603,14 @@ def wide(margin):
     [
         ("max_acceleration", lambda: cf.reconfigure(LOW.orbit, *ENDS, 900.0, BALL, max_acceleration=PAIR)),
         ("duration", lambda: cf.reconfigure(LOW.orbit, *ENDS, [900.0, 800.0], BALL)),
-        ("max_acceleration", lambda: cf.fly(TRIO, cf.Field(LOW), max_acceleration=PAIR)),
-        ("residual", lambda: cf.room(TRIO, cf.Field(LOW), residual=PAIR)),
+        ("max_acceleration", lambda: cf.simulate(TRIO, cf.Field(LOW), max_acceleration=PAIR)),
+        ("residual", lambda: cf.tracking_margins(TRIO, cf.Field(LOW), residual=PAIR)),
         ("max_acceleration", lambda: cf.fit_margin(wide, cf.Field(LOW), BALL, max_acceleration=PAIR)),
-        ("mass", lambda: cf.fire(TRIO, SIX, mass=PAIR, specific_impulse=60.0)),
-        ("ballistic", lambda: cf.thrust(TRIO, cf.Field(LOW, drag=cf.Drag(5e-13, 5e5, 6e4, PAIR, 0.02)))),
+        ("mass", lambda: cf.fire_thrusters(TRIO, SIX, mass=PAIR, specific_impulse=60.0)),
+        (
+            "ballistic",
+            lambda: cf.compensated_thrust(TRIO, cf.Field(LOW, drag=cf.Drag(5e-13, 5e5, 6e4, PAIR, 0.02))),
+        ),
     ],
 )
 def test_one_for_all_or_one_for_each_is_refused_in_the_same_words(key, call):

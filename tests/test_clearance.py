@@ -275,7 +275,7 @@ def test_an_unknown_collision_is_counted_and_a_gathering_at_once_counts_its_pair
 
 def test_each_pair_keeps_its_own_zone():
     """Two of one knowledge set pass at 15 m: a matter of their own zones, whatever the others keep."""
-    exact, unsure = cf.Sphere(20.0), cf.Uncertainty(np.diag([16.0, 16.0, 16.0]), 3.0)  # 12 m, 17 m of both
+    exact, unsure = cf.Sphere(20.0), cf.CovarianceZone(np.diag([16.0, 16.0, 16.0]), 3.0)  # 12 m, 17 m of both
     passing = with_kernel([[0, 0, 0], [80.0, 15.0, 0]], [[0, 0, 0], [-0.1, 0, 0]])
     for own, burns in (
         ([exact] * 4, 1),

@@ -118,7 +118,7 @@ def test_a_formation():
     assert larger.energy > budget
 
 
-KNOWN = cf.Errors(np.diag([1.0, 2.0, 1.0, 2e-3, 2e-3, 2e-3]) ** 2)
+KNOWN = cf.Uncertainty(np.diag([1.0, 2.0, 1.0, 2e-3, 2e-3, 2e-3]) ** 2)
 
 
 @pytest.mark.parametrize("share", [0.02, 0.3])
@@ -163,12 +163,12 @@ def test_what_keeps_sigmas_from_being_more():
     assert (none.status, none.plan) == (cf.ClearanceStatus.NO_WAY, None)
     assert none.reason.startswith("at no sigma they cost ")
     assert np.isnan(none.sigmas)
-    across = cf.Errors(np.diag([0, 0, 1.0, 0, 0, 1e-6]))  # never brings one that is ahead nearer
+    across = cf.Uncertainty(np.diag([0, 0, 1.0, 0, 0, 1e-6]))  # never brings one that is ahead nearer
     hold, client = ORBIT.coast([0, 200, 0, 0, 0, 0], 3000.0), ORBIT.coast(np.zeros(6), 3000.0)
     free = cf.max_clearance(hold, client, cf.Sphere(20.0), 1e-6, errors=across)
     assert free.status == cf.ClearanceStatus.NEVER_NEAR
     assert (free.reason, free.sigmas) == ("10 000 sigmas bring nobody together", 10_000.0)
-    exact = cf.max_clearance(PATH, OTHER, cf.Sphere(1.0), 2.0 * PATH.energy, errors=cf.Errors())
+    exact = cf.max_clearance(PATH, OTHER, cf.Sphere(1.0), 2.0 * PATH.energy, errors=cf.Uncertainty())
     assert (exact.status, exact.sigmas) == (cf.ClearanceStatus.NEVER_NEAR, 10_000.0)
     with pytest.raises(ValueError, match=r"^other_errors: of a formation; give them in errors"):
         cf.max_clearance(FORMATION, (), ZONE, 1.0, other_errors=KNOWN)

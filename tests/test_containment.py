@@ -12,7 +12,7 @@ FIELD, ORBIT = cf.Field(CHIEF), CHIEF.orbit
 SIGHT = cf.Navigation(0.1, 3e-4)
 
 
-def greatest(flights: cf.Flight) -> np.ndarray:
+def greatest(flights: cf.Simulation) -> np.ndarray:
     """How far off each craft is at most in each flight (S N,) [m]."""
     return flights.deviations.max(axis=-1).ravel()
 
@@ -25,7 +25,7 @@ def greatest(flights: cf.Flight) -> np.ndarray:
 def test_flights_leave_it_as_rarely_as_promised(law: cf.Feedback) -> None:
     """Of 4000 flights of an orbit: no more than promised, and more than half as many."""
     circle = ORBIT.coast(np.zeros((8, 6)), ORBIT.period)
-    off = greatest(cf.fly(circle, FIELD, feedback=law, navigation=SIGHT, seeds=500))
+    off = greatest(cf.simulate(circle, FIELD, feedback=law, navigation=SIGHT, seeds=500))
     room = cf.tube(ORBIT, law, SIGHT)
     for chance in (0.1, 0.02):
         left = (off > room.containment(ORBIT.period, 1.0 - chance)).mean()
@@ -42,12 +42,12 @@ def test_pushes_that_nobody_knows_and_noise_together() -> None:
     draws = np.random.default_rng(4)
     start, final = draws.normal(size=(2, 8, 6)) * 2e3 * np.repeat([0.5, 0.5 * ORBIT.mean_motion], 3)
     path = ORBIT.transfer(start, final, ORBIT.period)
-    less = (cf.thrust(path, field).commanded for field in (truth, known))
+    less = (cf.compensated_thrust(path, field).commanded for field in (truth, known))
     unknown = np.linalg.norm(np.subtract(*less), axis=-1).max(axis=-1)  # m/s^2
     room = cf.tube(ORBIT, cf.Feedback(), SIGHT, unknown)
-    still = greatest(cf.fly(path, truth, known=known, feedback=cf.Feedback())).reshape(-1, 8)
+    still = greatest(cf.simulate(path, truth, known=known, feedback=cf.Feedback())).reshape(-1, 8)
     assert (still <= room.model).all()
-    flights = cf.fly(path, truth, known=known, navigation=SIGHT, seeds=500)
+    flights = cf.simulate(path, truth, known=known, navigation=SIGHT, seeds=500)
     outside = flights.deviations.max(axis=-1) > room.containment(ORBIT.period, 0.99)
     assert outside.mean() < 0.01 + 3.0 * np.sqrt(0.01 / outside.size)
 

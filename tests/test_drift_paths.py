@@ -130,7 +130,7 @@ def path_of(kind):
     if kind == "saturated":
         return ORBIT.transfer(start, end, PERIOD, max_acceleration=0.8 * peak)
     if kind == "pulsed":
-        return cf.fire(path, cf.Thrusters.rtn(acceleration=4 * peak, period=PERIOD / 12)).path
+        return cf.fire_thrusters(path, cf.Thrusters.rtn(acceleration=4 * peak, period=PERIOD / 12)).path
     times = np.linspace(0.0, PERIOD, 60)
     return ORBIT.sampled(times, path.state(times)) if kind == "sampled" else path
 

@@ -84,7 +84,7 @@ def test_who_has_no_engine_drifts_in_the_field(kind):
     """As DOP853 says, for nothing; the others fly as beside one that is held, to a micrometre."""
     make, told = KINDS[kind]
     path, told = among(make), told | {"navigation": SIGHT, "thrust_error": OFF, "seeds": 2}
-    found = cf.fly(path, FIELD, engine=[True, False, True], **told)
+    found = cf.simulate(path, FIELD, engine=[True, False, True], **told)
     want = drifted(0.0, DEBRIS, SPAN)
     assert found.states[:, 1, -1, :3] == pytest.approx(np.array([want, want]), abs=1e-3)
     assert np.linalg.norm(want - path.position(SPAN)[1]) > 10.0  # m: off Hill's drift
@@ -92,7 +92,7 @@ def test_who_has_no_engine_drifts_in_the_field(kind):
     assert not found.planned_delta_v[1] + abs(found.field_delta_v[1])
     assert not found.limited.any()
     if "replan" not in told.values():
-        held = cf.fly(path, FIELD, **told)
+        held = cf.simulate(path, FIELD, **told)
         apart = np.linalg.norm((found.states - held.states)[:, [0, 2], :, :3], axis=-1)
         assert apart.max() < 1e-6
         assert kind == "impulses" or held.delta_v[:, 1].min() > 0.01
@@ -100,9 +100,9 @@ def test_who_has_no_engine_drifts_in_the_field(kind):
 
 def test_a_start_that_is_off_is_what_drifts():
     """Drawn states at the start, by DOP853; errors of thrust do nothing."""
-    off = cf.Errors(np.diag([3.0, 6.0, 3.0, 2e-3, 2e-3, 2e-3]) ** 2, magnitude=0.05, pointing=0.05)
+    off = cf.Uncertainty(np.diag([3.0, 6.0, 3.0, 2e-3, 2e-3, 2e-3]) ** 2, magnitude=0.05, pointing=0.05)
     path = ORBIT.coast(DEBRIS, SPAN)
-    found = cf.fly(path, FIELD, navigation=SIGHT, errors=off, seeds=3, engine=False)
+    found = cf.simulate(path, FIELD, navigation=SIGHT, errors=off, seeds=3, engine=False)
     for flight in found.states[:, 0]:
         assert flight[-1, :3] == pytest.approx(drifted(0.0, flight[0], SPAN), abs=1e-3)
     assert np.linalg.norm(found.states[:, 0, 0, :3] - DEBRIS[:3], axis=-1).min() > 1.0
@@ -112,12 +112,12 @@ def test_a_start_that_is_off_is_what_drifts():
 def test_room_is_where_it_drifts():
     """Its shift by DOP853, to what a coast is sampled to; what nobody knows within its rest."""
     path = among("transfer")
-    found = cf.room(path, FIELD, navigation=SIGHT, thrust_error=OFF, engine=[True, False, True])
+    found = cf.tracking_margins(path, FIELD, navigation=SIGHT, thrust_error=OFF, engine=[True, False, True])
     for k in (60, len(found.times) - 1):
         want = drifted(0.0, DEBRIS, found.times[k]) - path.position(found.times[k])[1]
         assert found.shift[1, k] == pytest.approx(want, abs=5e-3)
     assert found.noise[1] == found.thrust[1] == found.rest[1] == 0.0
-    held = cf.room(path, FIELD, navigation=SIGHT, thrust_error=OFF)
+    held = cf.tracking_margins(path, FIELD, navigation=SIGHT, thrust_error=OFF)
     assert found.greatest[[0, 2]] == pytest.approx(held.greatest[[0, 2]], rel=1e-12)
 
 
@@ -125,18 +125,18 @@ def test_what_nobody_knows_and_how_starts_are_off():
     """Air that `residual` bounds leads within `rest`, and uses much of it; drawn starts are as `spread`."""
     path = ORBIT.coast(DEBRIS, SPAN)
     air = cf.Drag(5.2e-13, 500e3, 60e3, ballistic=0.05, chief=0.0)
-    dragged = cf.fly(path, cf.Field(FIELD.chief, drag=air), known=FIELD, engine=False)
-    free = cf.fly(path, FIELD, engine=False)
+    dragged = cf.simulate(path, cf.Field(FIELD.chief, drag=air), known=FIELD, engine=False)
+    free = cf.simulate(path, FIELD, engine=False)
     origin = FIELD.chief_states(np.linspace(0.0, SPAN, 50))
     with_air, without = (cf.Field(FIELD.chief, drag=one) for one in (air, None))
     pushed = with_air.accelerations(0.0, origin, 0.05) - without.accelerations(0.0, origin)
     most = 1.05 * np.linalg.norm(pushed, axis=-1).max()  # of the chief, and its craft some 300 m off
-    room = cf.room(path, FIELD, residual=most, engine=False)
+    room = cf.tracking_margins(path, FIELD, residual=most, engine=False)
     off = np.linalg.norm((dragged.states - free.states)[0, 0, :, :3], axis=-1).max()
     assert 0.3 * room.rest[0] < off < room.rest[0]
-    errors = cf.Errors(np.diag([3.0, 6.0, 3.0, 2e-3, 2e-3, 2e-3]) ** 2)
-    wide = cf.room(path, FIELD, errors=errors, engine=False)
-    many = cf.fly(path, FIELD, errors=errors, seeds=400, engine=False)
+    errors = cf.Uncertainty(np.diag([3.0, 6.0, 3.0, 2e-3, 2e-3, 2e-3]) ** 2)
+    wide = cf.tracking_margins(path, FIELD, errors=errors, engine=False)
+    many = cf.simulate(path, FIELD, errors=errors, seeds=400, engine=False)
     spread = np.cov((many.states - free.states)[:, 0, -1, :3].T)
     sizes = (np.sqrt(np.linalg.eigvalsh(one)) for one in (spread, wide.spread[0, -1]))
     assert next(sizes) == pytest.approx(next(sizes), rel=0.15)  # of 400: 4 sigmas of 1 / sqrt(2 * 400)
@@ -171,7 +171,7 @@ def test_a_margin_that_fits_has_room_for_the_drift():
         assert plan.fits
         both = together(cf.join([held[0], plan.plan.path]), drifts)
         told = {"navigation": SIGHT, "zones": ZONE, "engine": [True, False]}
-        flights = cf.fly(both, FIELD, seeds=20, **told)
+        flights = cf.simulate(both, FIELD, seeds=20, **told)
         assert flights.ends[:, 1].max() < 5e-3  # it is where natural motion leads
         found[name] = plan.greatest, flights.violated
     assert found["held"][1] == 1.0
@@ -182,8 +182,8 @@ def test_a_margin_that_fits_has_room_for_the_drift():
 
 def test_nothing_is_commanded():
     path = among("transfer")
-    table = cf.thrust(path, FIELD, engine=[True, False, True])
-    held = cf.thrust(path, FIELD)
+    table = cf.compensated_thrust(path, FIELD, engine=[True, False, True])
+    held = cf.compensated_thrust(path, FIELD)
     assert not table.commanded[1].any()
     assert not table.delta_v[1]
     assert held.delta_v[1] > 0.01
@@ -281,12 +281,12 @@ def test_who_has_no_engine_is_not_moved(was: str, becomes: str, line: str):
 def test_bad_engines():
     path = among("transfer")
     with pytest.raises(ValueError, match=r"^engine: True or False, or one for each of 3 craft, got"):
-        cf.fly(path, FIELD, engine=[True, False])
+        cf.simulate(path, FIELD, engine=[True, False])
     with pytest.raises(
         ValueError, match=r"^engine: craft 0 has none, and its path thrusts; give that of its"
     ):
-        cf.room(path, FIELD, engine=False)
+        cf.tracking_margins(path, FIELD, engine=False)
     with pytest.raises(ValueError, match=r"^thrusters: craft 1 has no engine; give None in its place$"):
-        cf.fly(path, FIELD, thrusters=OWN, engine=[True, False, True])
+        cf.simulate(path, FIELD, thrusters=OWN, engine=[True, False, True])
     with pytest.raises(ValueError, match=r"^engine: True or False"):
-        cf.thrust(path, FIELD, engine=0.0)
+        cf.compensated_thrust(path, FIELD, engine=0.0)

@@ -16,7 +16,7 @@ PATH = cf.join(
     ]
 )
 REST = ORBIT.coast(np.zeros(6), END)
-KNOWN = cf.Errors(np.diag([1.0, 2.0, 1.0, 1e-3, 1e-3, 1e-3]) ** 2, 0.01, np.radians(0.5))
+KNOWN = cf.Uncertainty(np.diag([1.0, 2.0, 1.0, 1e-3, 1e-3, 1e-3]) ** 2, 0.01, np.radians(0.5))
 BALL = cf.Sphere(20.0)
 
 
@@ -60,7 +60,7 @@ def test_sigmas_against_time_are_the_least_distances_in_sigmas() -> None:
         fewest = np.sqrt(np.einsum("pi,ij,pj->p", gaps, inverse, gaps).min())
         assert curve.get_ydata()[k] == pytest.approx(fewest, rel=1e-3)  # of so many samples
     assert figure._suptitle.get_text().startswith(f"Clear by {least.sigmas:.2f} sigma at least: A - B")
-    across = cf.Errors(np.diag([0.0, 0.0, 1.0, 0.0, 0.0, 0.0]))
+    across = cf.Uncertainty(np.diag([0.0, 0.0, 1.0, 0.0, 0.0, 0.0]))
     with pytest.raises(ValueError, match="errors: none of any size"):
         cf.plots.sigmas(PATH, REST, BALL, across)
 

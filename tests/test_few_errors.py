@@ -35,7 +35,7 @@ def asked(mean, directions, method="entries", zone=ZONE):
     """Of one direction (6,) or several (6, K)."""
     path, other = ORBIT.coast(mean, 2 * PERIOD), ORBIT.coast(np.zeros(6), 2 * PERIOD)
     root = np.reshape(directions, (6, -1))
-    errors = cf.Errors(root @ root.T)
+    errors = cf.Uncertainty(root @ root.T)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # velocities without positions
         return cf.collision_probability(path, other, zone, errors, method=method)
@@ -79,7 +79,7 @@ def test_intervals_that_move_fast(sigma, turned):
     duration, ratio, half = turned * PERIOD, 5e3 / sigma, 15.0 / sigma
     path, other = ORBIT.coast([0, 0, 0, 0, 0, 5e3 * N], duration), ORBIT.coast(np.zeros(6), duration)
     line = np.array([0, 0, sigma, 0, 0, 0])
-    figure = cf.collision_probability(path, other, ZONE, cf.Errors(np.outer(line, line)), method="bound")
+    figure = cf.collision_probability(path, other, ZONE, cf.Uncertainty(np.outer(line, line)), method="bound")
     angle = 2 * np.pi * turned
     low = -ratio * np.tan(angle) - half / abs(np.cos(angle))  # where the interval begins at the end
     if turned < 0.25:
@@ -189,7 +189,7 @@ def test_two_errors_are_fosters_integral(miss, along, scale):
         epsabs=0.0,
     )
     figure = cf.collision_probability(
-        path, orbit.coast(np.zeros(6), 600.0), cf.Sphere(radius), cf.Errors(root @ root.T)
+        path, orbit.coast(np.zeros(6), 600.0), cf.Sphere(radius), cf.Uncertainty(root @ root.T)
     )
     assert figure.value == pytest.approx(expected, rel=2e-5)
     assert figure.low <= expected <= figure.high

@@ -105,7 +105,7 @@ def test_a_function_is_a_field():
     built, times = cf.Field(chief()), [0.0, 900.0, 5000.0]
     assert own.chief_states(times) == pytest.approx(built.chief_states(times), rel=1e-11, abs=1e-3)
     path = chief().orbit.transfer([0, 200, 0, 0, 0, 0], [0, 50, 30, 0, 0, 0], 3000.0)
-    one, other = (cf.thrust(path, field).commanded for field in (own, built))
+    one, other = (cf.compensated_thrust(path, field).commanded for field in (own, built))
     assert one == pytest.approx(other, abs=1e-10)  # differences of accelerations of 8 m/s^2
 
 
@@ -196,7 +196,7 @@ def test_commanded_thrust_flies_the_plan(seed):
     orbit = chief().orbit
     start, final, duration = task(orbit, seed)
     path = orbit.transfer(start, final, duration)
-    table = cf.thrust(path, cf.Field(chief()))
+    table = cf.compensated_thrust(path, cf.Field(chief()))
     assert table.field == "J2"
     spline = CubicSpline(table.times, table.commanded, axis=1)
     kept = flown(path, start, duration, lambda t: spline(t))
@@ -238,7 +238,7 @@ def test_prediction_beside_a_chief_of_one_percent(seed):
     start, final, duration = task(wide.orbit, 40 + seed, count=3)
     path = wide.orbit.transfer(start, final, duration)
     found = cf.validity(path, cf.Field(wide), zone)
-    real = cf.fly(path, cf.Field(wide), "open", cancel=False, zones=zone)
+    real = cf.simulate(path, cf.Field(wide), "open", cancel=False, zones=zone)
     assert found.ends.max() > 10.0
     assert found.ends == pytest.approx(real.ends[0], rel=0.01)
     assert 100.0 * found.flown == pytest.approx(100.0 * real.ratios[0], abs=0.1)
@@ -300,10 +300,10 @@ def test_least_ratios_where_thrust_jumps(zone, kind):
 def test_limit_and_columns():
     path = chief().orbit.transfer([0, 200, 0, 0, 0, 0], [0, 50, 30, 0, 0, 0], 3000.0)
     field = cf.Field(chief())
-    peak = float(cf.thrust(path, field).peak_thrust[0])
-    assert cf.thrust(path, field, max_acceleration=0.99 * peak).exceeded.all()
-    assert not cf.thrust(path, field, max_acceleration=1.01 * peak).exceeded.any()
-    columns = cf.thrust(path, field, every=100.0).columns()
+    peak = float(cf.compensated_thrust(path, field).peak_thrust[0])
+    assert cf.compensated_thrust(path, field, max_acceleration=0.99 * peak).exceeded.all()
+    assert not cf.compensated_thrust(path, field, max_acceleration=1.01 * peak).exceeded.any()
+    columns = cf.compensated_thrust(path, field, every=100.0).columns()
     assert {len(column) for column in columns.values()} == {31}
     assert columns["time_s"][-1] == 3000.0
 
@@ -370,7 +370,7 @@ def test_impulses_are_changed_for_the_field(kind):
     orbit = chief().orbit
     start, final, duration = task(orbit, 7, count=3)
     path = getattr(orbit, kind)(start, final, duration)
-    table = cf.thrust(path, cf.Field(chief()))
+    table = cf.compensated_thrust(path, cf.Field(chief()))
     assert isinstance(table.impulses, cf.Retargeted)
     assert not table.commanded.any()  # nothing but impulses is fired
     for k in range(3):
@@ -397,8 +397,8 @@ def test_between_impulses_the_path_is_as_near_as_is_told():
     orbit = chief().orbit
     start, final, duration = task(orbit, 7, count=3)
     path = orbit.impulsive(start, final, duration)
-    table = cf.thrust(path, cf.Field(chief()))
-    plain = cf.fly(path, cf.Field(chief()), "open", cancel=False)
+    table = cf.compensated_thrust(path, cf.Field(chief()))
+    plain = cf.simulate(path, cf.Field(chief()), "open", cancel=False)
     assert (table.deviation < 0.6 * plain.deviations.max(axis=(0, 2))).all()
     own = table.impulses.craft == 1
     instants = np.linspace(0.1, 0.95, 7) * duration
@@ -418,10 +418,10 @@ def test_impulses_are_changed_for_eccentric_chiefs_and_long_plans(e, turns):
     orbit, field = chief(e=e, a=7.5e6).orbit, cf.Field(chief(e=e, a=7.5e6))
     start, final, duration = task(orbit, 7, count=3, turns=turns)
     path = orbit.impulsive(start, final, duration)
-    flights = cf.fly(path, field, "open")
+    flights = cf.simulate(path, field, "open")
     assert flights.greatest_end < 1e-2  # m
     assert np.abs(flights.states[0, :, -1, 3:] - final[:, 3:]).max() < 1e-5  # m/s
-    assert cf.thrust(path, field).deviation.max() < 0.1 * e * 2e5
+    assert cf.compensated_thrust(path, field).deviation.max() < 0.1 * e * 2e5
 
 
 def kicked(orbit, first: np.ndarray, times: tuple[float, ...], sizes: np.ndarray, end: float) -> cf.Path:
@@ -443,15 +443,15 @@ def test_impulses_of_two_craft_at_times_that_differ_by_rounding():
         kicked(orbit, one, (50.0, time), np.stack([size, -size]), 2600.0)
         for one, time, size in zip(start, times, sizes, strict=True)
     ]
-    flight = cf.fly(cf.stack(alone), field, "open")
+    flight = cf.simulate(cf.stack(alone), field, "open")
     assert (np.diff(flight.times) > 1e-6).all()
-    told = cf.thrust(cf.stack(alone), field)
+    told = cf.compensated_thrust(cf.stack(alone), field)
     for k, one in enumerate(alone):
         own = told.impulses.craft == k
         end = fired(start[k], told.impulses.time[own], told.impulses.impulse[own], 2600.0)
         assert flight.states[0, k, -1] == pytest.approx(end, abs=1e-3)
         assert flight.path(flight.worst)[k].position(2600.0) == pytest.approx(end[:3], abs=1e-3)
-        assert told.delta_v[k] == pytest.approx(cf.thrust(one, field).delta_v[0], rel=1e-6)
+        assert told.delta_v[k] == pytest.approx(cf.compensated_thrust(one, field).delta_v[0], rel=1e-6)
 
 
 def test_impulses_beside_each_other_are_changed_as_one():
@@ -464,7 +464,7 @@ def test_impulses_beside_each_other_are_changed_as_one():
     whole = kicked(orbit, first, (60.0, 1450.3, 2300.0), sizes, 2400.0)
     apart = np.array([sizes[0], 0.2 * sizes[1], 0.8 * sizes[1], sizes[2]])
     parted = kicked(orbit, first, (60.0, 1450.3, 1450.333, 2300.0), apart, 2400.0)
-    one, two = (cf.thrust(path, field) for path in (whole, parted))
+    one, two = (cf.compensated_thrust(path, field) for path in (whole, parted))
     assert np.linalg.norm(two.impulses.impulse[1:3].sum(axis=0) - one.impulses.impulse[1]) < 1e-4
     most = np.linalg.norm(one.impulses.impulse - one.impulses.planned, axis=1).max()
     assert np.linalg.norm(two.impulses.impulse - two.impulses.planned, axis=1).max() < 2.0 * most
@@ -485,13 +485,13 @@ def test_impulses_of_two_stages_that_meet_are_fired_both(late):
     end, (when, sizes) = float(path.end), map(np.array, zip(*path.impulses, strict=True))
     assert len(when) == 4
     assert 0.0 <= when[2] - when[1] < 1e-6
-    as_planned = cf.fly(path, field, "open", cancel=False)
+    as_planned = cf.simulate(path, field, "open", cancel=False)
     assert as_planned.states[0, 0, -1] == pytest.approx(fired(first, when, sizes, end), abs=1e-3)
-    told = cf.thrust(path, field)
+    told = cf.compensated_thrust(path, field)
     met = fired(first, told.impulses.time, told.impulses.impulse, end)
     assert met == pytest.approx(path.state(end), abs=1e-3)
     assert told.delta_v == pytest.approx(told.planned_delta_v, rel=1e-3)
-    burns = cf.thrust(path, field, thrusters=cf.Thrusters.rtn(acceleration=1.0))
+    burns = cf.compensated_thrust(path, field, thrusters=cf.Thrusters.rtn(acceleration=1.0))
     assert burns.deviation[0] < told.deviation[0] + 0.1  # m
 
 
@@ -502,7 +502,7 @@ def test_an_end_is_met_as_far_as_impulses_lead_there():
     end, sizes = times[1] + 1.0, np.array([[0.027, 0, 0.16], [-0.027, 0, 0.05]])
     first = np.array([0.0, 50.0, 100.0, 0.0, 0.0, 0.0])
     path = kicked(orbit, first, times, sizes, end)
-    told, final = cf.thrust(path, field), path.state(end)
+    told, final = cf.compensated_thrust(path, field), path.state(end)
     left = fired(first, times, sizes, end) - final
     kept = fired(first, times, told.impulses.impulse, end) - final
     assert abs(left[2]) > 0.05  # m
@@ -518,11 +518,11 @@ def test_craft_with_impulses_beside_others():
     start, final, duration = task(orbit, 3, count=2)
     steered = orbit.transfer(start[0], final[0], duration)
     both = cf.stack([steered, orbit.impulsive(start[1], final[1], duration)])
-    table = cf.thrust(both, cf.Field(chief()))
+    table = cf.compensated_thrust(both, cf.Field(chief()))
     assert table.deviation[0] == 0.0 < table.deviation[1]
     assert table.commanded[0].any()
     assert not table.commanded[1].any()
-    flights = cf.fly(both, cf.Field(chief()), "open")
+    flights = cf.simulate(both, cf.Field(chief()), "open")
     assert flights.greatest_end < 1e-3
     assert flights.delta_v[0] == pytest.approx(table.delta_v, rel=1e-4)
 
@@ -533,16 +533,16 @@ def test_impulses_under_feedback():
     start, final, _ = task(orbit, 7, count=2)
     path = orbit.impulsive(start, final, 2.0 * orbit.period)
     seen = cf.Navigation(0.1, 3e-4)
-    flights = cf.fly(path, field, navigation=seen, thrust_error=(0.01, 0.01), seeds=20)
-    blind = cf.fly(path, field, "open", thrust_error=(0.01, 0.01), seeds=20)
+    flights = cf.simulate(path, field, navigation=seen, thrust_error=(0.01, 0.01), seeds=20)
+    blind = cf.simulate(path, field, "open", thrust_error=(0.01, 0.01), seeds=20)
     assert flights.greatest_end < 0.2 * blind.greatest_end
     assert (flights.feedback_delta_v > 0.0).all()
     went = flights.path(flights.worst).state(flights.times)
     assert went == pytest.approx(flights.states[flights.worst], abs=1e-9)  # after the last impulse
-    coarse = cf.fly(path, field, navigation=seen, minimum_bit=0.01, seeds=20)
+    coarse = cf.simulate(path, field, navigation=seen, minimum_bit=0.01, seeds=20)
     sizes = np.linalg.norm((coarse.states - coarse.arrivals)[..., 3:], axis=-1)
     assert sizes[sizes > 1e-9].min() >= 0.01 * (1.0 - 1e-9)
-    fine = cf.fly(path, field, navigation=seen, seeds=20)
+    fine = cf.simulate(path, field, navigation=seen, seeds=20)
     for craft, spent in zip(fine.path(3), fine.delta_v[3], strict=True):
         assert sum(np.linalg.norm(push) for _, push in craft.impulses) == pytest.approx(spent, rel=1e-6)
         assert (craft.impulses[0][0], craft.impulses[-1][0]) == (craft.start, craft.end)
@@ -560,9 +560,9 @@ def test_pulses_fly_the_plan_in_the_field():
     orbit = chief().orbit
     start, final, duration = task(orbit, 7, count=2, turns=0.4)
     path = orbit.transfer(start, final, duration)
-    table = cf.thrust(path, cf.Field(chief()), thrusters=BY_PULSES)
+    table = cf.compensated_thrust(path, cf.Field(chief()), thrusters=BY_PULSES)
     fires = table.firing
-    plain = cf.fire(path, BY_PULSES)
+    plain = cf.fire_thrusters(path, BY_PULSES)
     assert table.deviation == pytest.approx(fires.deviation, rel=0.05)  # that of the same pulses in Hill's
     assert (table.deviation <= 1.02 * fires.deviation_bound).all()
     assert table.delta_v == pytest.approx(plain.delta_v, rel=0.01)
@@ -581,10 +581,10 @@ def test_pulses_of_impulses_are_burns():
     start, final, duration = task(orbit, 7, count=2)
     path = orbit.two_impulse(start, final, duration)
     strong = cf.Thrusters.rtn(acceleration=1.0)
-    table = cf.thrust(path, cf.Field(chief()), thrusters=strong)
+    table = cf.compensated_thrust(path, cf.Field(chief()), thrusters=strong)
     assert table.path.start[0] < 0.0
     assert table.path.end[0] > duration
-    assert (table.deviation < cf.thrust(path, cf.Field(chief())).deviation + 0.1).all()
+    assert (table.deviation < cf.compensated_thrust(path, cf.Field(chief())).deviation + 0.1).all()
     whole = [np.abs(table.impulses.impulse[table.impulses.craft == k]).sum() for k in range(2)]
     assert table.delta_v == pytest.approx(whole, rel=1e-6)  # along each axis a thruster
 
@@ -596,19 +596,21 @@ def test_pulses_under_feedback():
     path, seen = orbit.transfer(start, final, duration), cf.Navigation(0.1, 3e-4)
     coarse = cf.Thrusters.rtn(acceleration=0.02, minimum_bit=1e-3, period=60.0)
     for thrusters in (BY_PULSES, coarse):
-        blind = cf.fly(path, field, "open", thrusters=thrusters, thrust_error=(0.002, 0.002), seeds=10)
-        led = cf.fly(path, field, thrusters=thrusters, thrust_error=(0.002, 0.002), navigation=seen, seeds=10)
-        table = cf.thrust(path, field, thrusters=thrusters)
+        blind = cf.simulate(path, field, "open", thrusters=thrusters, thrust_error=(0.002, 0.002), seeds=10)
+        led = cf.simulate(
+            path, field, thrusters=thrusters, thrust_error=(0.002, 0.002), navigation=seen, seeds=10
+        )
+        table = cf.compensated_thrust(path, field, thrusters=thrusters)
         assert led.ends.mean() < 0.5 * blind.ends.mean()
         assert led.greatest_deviation < table.deviation.max() + 8.0
         assert np.array_equal(led.states, led.arrivals)  # burns, no impulses
-        exact = cf.fly(path, field, thrusters=thrusters, navigation=seen, seeds=3)
+        exact = cf.simulate(path, field, thrusters=thrusters, navigation=seen, seeds=3)
         sizes = np.abs(exact.orders)
         assert sizes[sizes > 1e-8].min(initial=1.0) >= thrusters.minimum_bit.min() * (1.0 - 1e-6)
         assert (exact.delta_v >= sizes.sum(axis=(2, 3))).all()
         assert led.orders.any()
     fixed = cf.Thrusters.rtn("inertial", 0.02, 1e-4, 60.0)
-    assert cf.fly(path, field, thrusters=fixed, navigation=seen).greatest_end < 3.0
+    assert cf.simulate(path, field, thrusters=fixed, navigation=seen).greatest_end < 3.0
 
 
 # --- feedback ---------------------------------------------------------------------------------
@@ -625,17 +627,17 @@ def test_open_loop_as_flown_by_another_integrator():
     other = flown(
         path, path.state(0.0), float(path.end[0]), lambda t: path.thrust(min(t, float(path.end[0])))
     )
-    one = cf.fly(path, cf.Field(chief()), "open", cancel=False)
+    one = cf.simulate(path, cf.Field(chief()), "open", cancel=False)
     assert one.states[0, :, -1, :3] == pytest.approx(other, abs=1e-4)  # m; of 20 m off the plan
     assert one.delta_v[0] == pytest.approx(path.delta_v, rel=1e-4)
-    kept = cf.fly(path, cf.Field(chief()), "open")
+    kept = cf.simulate(path, cf.Field(chief()), "open")
     assert kept.greatest_end < 1e-3
 
 
 def test_deviations_spread_as_the_tube_says():
     """Of 200 flights: the standard deviation of the worst axis, and no craft beyond 6 of them."""
     path, seen = formation(), cf.Navigation(0.1, 3e-4)
-    flights = cf.fly(path, cf.Field(chief()), navigation=seen, seeds=200)
+    flights = cf.simulate(path, cf.Field(chief()), navigation=seen, seeds=200)
     off = (flights.states - path.state(flights.times))[..., 60:, :3]
     room = cf.tube(path.orbit, cf.Feedback(), seen)
     assert off.std(axis=(0, 1, 2)).max() == pytest.approx(room.noise, rel=0.1)
@@ -646,7 +648,7 @@ def test_deviations_spread_as_the_tube_says():
 def test_pushes_stay_in_the_tube():
     """What Hill's equations leave out, uncorrected, is an acceleration that is bounded."""
     path, field = formation(), cf.Field(chief())
-    left = cf.fly(path, field, cancel=False)
+    left = cf.simulate(path, field, cancel=False)
     room = cf.tube(path.orbit, cf.Feedback(), cf.Navigation(), cf.validity(path, field).residual)
     off = np.linalg.norm((left.states - path.state(left.times))[..., :3], axis=-1).max(axis=(0, 2))
     assert (off <= room.radius).all()
@@ -656,7 +658,7 @@ def test_pushes_stay_in_the_tube():
 
 def test_biases_stay_in_the_tube():
     path, seen = formation(), cf.Navigation(position_bias=0.1, velocity_bias=1e-3)
-    flights = cf.fly(path, cf.Field(chief()), navigation=seen, seeds=60)
+    flights = cf.simulate(path, cf.Field(chief()), navigation=seen, seeds=60)
     off = np.linalg.norm((flights.states - path.state(flights.times))[..., :3], axis=-1).max()
     bias = cf.tube(path.orbit, cf.Feedback(), seen).bias
     assert 0.8 * bias < off <= 1.02 * bias  # begun at 0, not in the steady state
@@ -665,8 +667,8 @@ def test_biases_stay_in_the_tube():
 def test_another_field_than_known():
     """Higher degrees that nobody commands against: feedback holds what open loop loses."""
     path, whole, known = formation(1.5), cf.Field(chief(), 6), cf.Field(chief(), 2)
-    blind = cf.fly(path, whole, "open", known=known)
-    tracked = cf.fly(path, whole, known=known)
+    blind = cf.simulate(path, whole, "open", known=known)
+    tracked = cf.simulate(path, whole, known=known)
     assert tracked.greatest_end < 0.1 * blind.greatest_end
     assert blind.greatest_end > 1e-3
 
@@ -674,7 +676,8 @@ def test_another_field_than_known():
 def test_a_flight_is_the_same_alone_and_among_others():
     path, seen = formation(0.3), cf.Navigation(0.1, 3e-4)
     few, many = (
-        cf.fly(path, cf.Field(chief()), navigation=seen, seeds=n, thrust_error=(0.01, 0.01)) for n in (2, 5)
+        cf.simulate(path, cf.Field(chief()), navigation=seen, seeds=n, thrust_error=(0.01, 0.01))
+        for n in (2, 5)
     )
     assert (many.states[:2] == few.states).all()
     assert (many.states[1] != many.states[0]).any()
@@ -683,13 +686,13 @@ def test_a_flight_is_the_same_alone_and_among_others():
 def test_limits_hold_in_flight():
     path, field = formation(0.5), cf.Field(chief())
     limit = 0.7 * float(path.peak_thrust.max())
-    short = cf.fly(path, field, max_acceleration=limit)
+    short = cf.simulate(path, field, max_acceleration=limit)
     assert (short.delta_v <= limit * float(path.end[0])).all()
-    free = cf.fly(path, field)
+    free = cf.simulate(path, field)
     assert short.greatest_end > free.greatest_end
     assert not free.limited.any()
-    blind = cf.fly(path, field, "open", max_acceleration=limit)
-    table = cf.thrust(path, field, every=1.0)
+    blind = cf.simulate(path, field, "open", max_acceleration=limit)
+    table = cf.compensated_thrust(path, field, every=1.0)
     over = (np.linalg.norm(table.commanded, axis=2) > limit).mean(axis=1)  # of its rows
     assert over.max() > 0.1
     assert blind.limited[0] == pytest.approx(over, abs=0.01)
@@ -699,7 +702,7 @@ def test_ratios_of_flights_are_those_of_the_march():
     orbit, zone = chief().orbit, cf.Sphere(30.0)
     start = np.array([[0, 0, 120.0, 0, 0, 0], [0, 0, -120.0, 0, 0, 0]])
     plan = cf.reconfigure(orbit, start, start[::-1], 0.4 * orbit.period, zone)
-    flights = cf.fly(plan, cf.Field(chief()), navigation=cf.Navigation(0.1, 3e-4), zones=zone, seeds=5)
+    flights = cf.simulate(plan, cf.Field(chief()), navigation=cf.Navigation(0.1, 3e-4), zones=zone, seeds=5)
     path = flights.path(flights.worst)
     nearest = cf.closest_approach(path[0], path[1], zone)
     assert nearest.ratio == pytest.approx(flights.least_ratio, abs=1e-4)
@@ -711,14 +714,14 @@ def test_delta_v_is_that_of_plan_field_and_errors():
     orbit, field = chief().orbit, cf.Field(chief())
     start, final, duration = task(orbit, 7, count=3)
     path = orbit.transfer(start, final, duration, max_acceleration=3e-3, cost="delta-v")
-    blind = cf.fly(path, field, "open")
+    blind = cf.simulate(path, field, "open")
     assert blind.feedback_delta_v[0] == pytest.approx(np.zeros(3), abs=1e-9)
-    table = cf.thrust(path, field, every=1.0)
+    table = cf.compensated_thrust(path, field, every=1.0)
     assert blind.field_delta_v == pytest.approx(table.delta_v - table.planned_delta_v, rel=1e-2)
-    noisy = cf.fly(path, field, navigation=cf.Navigation(1.0, 1e-3), seeds=4)
+    noisy = cf.simulate(path, field, navigation=cf.Navigation(1.0, 1e-3), seeds=4)
     assert noisy.field_delta_v == pytest.approx(blind.field_delta_v, rel=1e-2)  # of other steps
     assert (noisy.feedback_delta_v > 0.0).all()
-    plain = cf.fly(path, field, cancel=False)
+    plain = cf.simulate(path, field, cancel=False)
     assert not plain.field_delta_v.any()
     whole = noisy.planned_delta_v + noisy.field_delta_v + noisy.feedback_delta_v
     assert whole == pytest.approx(noisy.delta_v, rel=1e-12)
@@ -729,7 +732,7 @@ def test_deviations_under_impulses_spread_as_the_tube_says():
     orbit, seen = chief().orbit, cf.Navigation(0.1, 3e-4)
     law = cf.Feedback(300.0, 1800.0, 6)
     path = orbit.impulsive([0, 300, 0, 0, 0, 0], [0, -200, 50, 0, 0, 0], 1.5 * orbit.period)
-    flights = cf.fly(path, cf.Field(chief()), feedback=law, navigation=seen, seeds=60)
+    flights = cf.simulate(path, cf.Field(chief()), feedback=law, navigation=seen, seeds=60)
     steady = flights.times > 3000.0
     off = (flights.states - flights.states.mean(axis=0))[:, :, steady, :3]
     room = cf.tube(orbit, law, seen)
@@ -753,13 +756,13 @@ def test_flights_in_the_field_of_a_function(control):
     }
     for cancel in (True, False):
         options = {"cancel": cancel, "navigation": cf.Navigation(0.1, 3e-4), "seeds": 3}
-        known = cf.fly(path, whole, control, **options)
-        two, none = (cf.fly(path, field, control, **options) for field in own.values())
+        known = cf.simulate(path, whole, control, **options)
+        two, none = (cf.simulate(path, field, control, **options) for field in own.values())
         assert two.states[..., :3] == pytest.approx(known.states[..., :3], abs=1e-4)  # m
         assert none.states[..., :3] == pytest.approx(known.states[..., :3], abs=2e-2)
         assert two.delta_v == pytest.approx(known.delta_v, rel=1e-6)
     kicked = chief().orbit.impulsive(*(path.state(t)[0] for t in (0.0, 3000.0)), 3000.0)
-    assert cf.fly(kicked, own[2], "open").greatest_end < 1e-2
+    assert cf.simulate(kicked, own[2], "open").greatest_end < 1e-2
 
 
 # --- new plans in flight ------------------------------------------------------------------------
@@ -776,8 +779,8 @@ def test_new_plans_keep_zones_where_tracking_enters_them():
     """Of a plan that leaves no room for errors: tracked, some flights enter; planned anew, none."""
     plan, zone = crossing(0.0)
     field, seen = cf.Field(chief()), cf.Navigation(0.1, 3e-4)
-    tracked = cf.fly(plan, field, navigation=seen, zones=zone, seeds=10)
-    flights = cf.fly(plan, field, "replan", navigation=seen, zones=zone, seeds=10)
+    tracked = cf.simulate(plan, field, navigation=seen, zones=zone, seeds=10)
+    flights = cf.simulate(plan, field, "replan", navigation=seen, zones=zone, seeds=10)
     assert tracked.violated > 0.0 == flights.violated
     assert (flights.replans == 8).all()  # of 12 intervals the last ones are tracked
     room = 4.0 * np.sqrt(2.0) * np.hypot(0.1, 300.0 * 3e-4)
@@ -790,7 +793,8 @@ def test_poor_navigation_is_cheaper_with_new_plans():
     plan, zone = crossing(12.0)
     field, seen = cf.Field(chief()), cf.Navigation(1.0, 1e-3)
     tracked, flights = (
-        cf.fly(plan, field, control, navigation=seen, zones=zone, seeds=5) for control in ("track", "replan")
+        cf.simulate(plan, field, control, navigation=seen, zones=zone, seeds=5)
+        for control in ("track", "replan")
     )
     assert flights.delta_v.sum() < 0.9 * tracked.delta_v.sum()
     assert flights.violated == 0.0
@@ -801,7 +805,7 @@ def test_a_plan_that_there_is_not_is_told():
     orbit, zone = chief().orbit, cf.Sphere(30.0)
     start = np.array([[0, 20.0, 0, 0, 0, 0], [0, -11.0, 0, 0, 0, 0]])  # a metre beside each other's zone
     path, seen = orbit.coast(start, 2400.0), cf.Navigation(3.0, 1e-3)
-    flights = cf.fly(path, cf.Field(chief()), "replan", navigation=seen, zones=zone, seeds=2)
+    flights = cf.simulate(path, cf.Field(chief()), "replan", navigation=seen, zones=zone, seeds=2)
     assert (flights.replans < 4).any()
     seed, time, why = flights.refused[0]
     assert seed in (0, 1)
@@ -814,7 +818,7 @@ def test_a_plan_that_is_measured_once_flies():
     """Briefer than from one measurement to the next, with or without new plans."""
     plan, zone = crossing(2.0, 0.3)
     law = cf.Feedback(4000.0, 5000.0)
-    one, other = (cf.fly(plan, cf.Field(chief()), way, law, zones=zone) for way in ("track", "replan"))
+    one, other = (cf.simulate(plan, cf.Field(chief()), way, law, zones=zone) for way in ("track", "replan"))
     assert one.greatest_end < 1e-3
     assert (other.states == one.states).all()
     assert other.replans.tolist() == [0]
@@ -844,7 +848,7 @@ def test_a_formation_is_held():
     start[:, 4] = -2.0 * n * start[:, 0]
     coast = orbit.coast(start, 3.0 * orbit.period)
     law = cf.Feedback(orbit.period, 2.0 * orbit.period, 8)
-    held = cf.fly(coast, field, feedback=law, navigation=cf.Navigation(0.1, 3e-4))
+    held = cf.simulate(coast, field, feedback=law, navigation=cf.Navigation(0.1, 3e-4))
     jumps = (held.states - held.arrivals)[0, 0, :, 3:]
     own = jumps.any(axis=1)
     assert own.sum() == 12  # four of eight are fired before the next measurement
@@ -852,7 +856,7 @@ def test_a_formation_is_held():
     assert held.states[0, 0, -1] == pytest.approx(end, abs=1e-3)
     assert held.delta_v[0] == pytest.approx(np.linalg.norm(jumps, axis=1).sum(), rel=1e-9)
     assert held.field_delta_v == pytest.approx([0.0], abs=1e-12)
-    loose = cf.fly(coast, field, "open", cancel=False)
+    loose = cf.simulate(coast, field, "open", cancel=False)
     assert held.greatest_deviation < loose.greatest_deviation
 
 
@@ -864,7 +868,7 @@ def test_a_month_is_held():
     start[:, 4] = -2.0 * n * start[:, 0]
     law = cf.Feedback(orbit.period, 2.0 * orbit.period, 8)
     few, many = (
-        cf.fly(orbit.coast(start, days * 86400.0), field, feedback=law, zones=cf.Sphere(50.0))
+        cf.simulate(orbit.coast(start, days * 86400.0), field, feedback=law, zones=cf.Sphere(50.0))
         for days in (5, 30)
     )
     assert many.delta_v_per_day == pytest.approx(few.delta_v_per_day, rel=0.5)
@@ -893,7 +897,7 @@ def test_thrust_that_bends_within_a_step():
     late = path.thrust(np.array([1000.0, 2000.0]))
     assert np.linalg.norm(late[1]) > 100.0 * np.linalg.norm(late[0])
     both = cf.stack([path, client])
-    flight = cf.fly(both, cf.Field(chief()), "open", zones=zone)
+    flight = cf.simulate(both, cf.Field(chief()), "open", zones=zone)
     nearest = cf.closest_approach(path, client, zone)
     assert 100.0 * flight.least_ratio == pytest.approx(100.0 * nearest.ratio, abs=0.01)
     end = flight.states[0, 0, -1]

@@ -87,7 +87,7 @@ def test_what_is_printed_and_left(tmp_path: Path, capsys):
     loaded = cf.load(tmp_path / "out").scenario
     assert loaded.field.drag.ballistic.tolist() == [0.02, 0.022]
     assert loaded.field.drag.chief == 0.02
-    assert cf.fly(cf.load(tmp_path / "out").paths, loaded.field, **loaded.flight).greatest_end < 1e-3
+    assert cf.simulate(cf.load(tmp_path / "out").paths, loaded.field, **loaded.flight).greatest_end < 1e-3
 
 
 @pytest.mark.parametrize(
@@ -129,7 +129,7 @@ def simulated_missions(craft: int, kind: str, count: int) -> np.ndarray:
         else:
             states[0, :, 4] = -2.0 * orbit.mean_motion * states[0, :, 0]
             path = orbit.coast(states[0], turns * orbit.period)
-        flight = cf.fly(path, cf.Field(chief), "open", cancel=False)
+        flight = cf.simulate(path, cf.Field(chief), "open", cancel=False)
         planned = path.state(flight.times)[..., :3]
         off = np.linalg.norm(flight.states[0, ..., :3] - planned, axis=-1).max()
         reach = np.linalg.norm(planned, axis=-1).max()
@@ -170,9 +170,9 @@ def test_each_craft_has_its_own_errors_and_limit():
     mission = fly(parse(swap(craft=own)))
     told, (stage,) = mission.scenario.flight, mission.results
     assert told["max_acceleration"].tolist() == [5e-3, 8e-3]
-    one = cf.fly(stage.after.paths, mission.scenario.field, "open", **told, seeds=5)
+    one = cf.simulate(stage.after.paths, mission.scenario.field, "open", **told, seeds=5)
     assert one.ends[:, 0].max() < 1e-3 < 0.1 < one.ends[:, 1].max()
-    limited = cf.fly(stage.after.paths, mission.scenario.field, max_acceleration=[1e-9, 1.0])
+    limited = cf.simulate(stage.after.paths, mission.scenario.field, max_acceleration=[1e-9, 1.0])
     assert limited.limited[0].tolist() == pytest.approx([1.0, 0.0], abs=0.02)
 
 

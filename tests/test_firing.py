@@ -23,7 +23,7 @@ def test_the_bound_holds_in_random_plans():
     """400 of the 10 000 that tools/fire_plans.py fires: energy-optimal, constant thrust, impulses, mixed."""
     ratios = []
     for seed in range(400):
-        firing = cf.fire(*modulated(np.random.default_rng(seed)))
+        firing = cf.fire_thrusters(*modulated(np.random.default_rng(seed)))
         off = deviation(firing, looks=12)
         assert off <= firing.deviation_bound, seed
         assert off >= firing.deviation * (1 - 1e-9) or off >= 0.98 * firing.deviation
@@ -38,7 +38,7 @@ def test_the_bound_holds_as_the_mass_falls():
         rng = np.random.default_rng(seed)
         path, thrusters = modulated(rng)
         impulse = 2 * path.delta_v / 9.80665 / rng.uniform(0.01, 0.5)
-        firing = cf.fire(path, thrusters, 10.0, impulse)
+        firing = cf.fire_thrusters(path, thrusters, 10.0, impulse)
         if len(firing.pulses) > 100:
             continue
         edges, states = reflown(firing, 10.0, impulse)
@@ -61,11 +61,11 @@ def test_another_integrator_flies_the_pulses(kind, frame):
     }[kind]
     thrusters = cf.Thrusters.rtn(frame, acceleration=0.01, period=40.0)
     mass, impulse = 12.0, 20.0
-    firing = cf.fire(path, thrusters, mass, impulse)
+    firing = cf.fire_thrusters(path, thrusters, mass, impulse)
     edges, states = reflown(firing, mass, impulse)
     off = np.linalg.norm(states[:, :3] - firing.planned.position(edges), axis=1).max()
     assert off <= firing.deviation_bound
-    constant = cf.fire(path, thrusters)
+    constant = cf.fire_thrusters(path, thrusters)
     beside = np.linalg.norm(states[:, :3] - firing.path.position(edges), axis=1).max()
     assert beside <= firing.deviation_bound - 0.9 * constant.deviation_bound
     assert states[-1, 6] == pytest.approx(mass - firing.propellant, rel=1e-12)
@@ -73,7 +73,7 @@ def test_another_integrator_flies_the_pulses(kind, frame):
 
 def test_propellant_is_the_rocket_equations():
     """Summed over thrusters that fire at once, against 40 digits; each pulse burns at one rate."""
-    firing = cf.fire(MOVE, SIX, mass=12.0, specific_impulse=60.0)
+    firing = cf.fire_thrusters(MOVE, SIX, mass=12.0, specific_impulse=60.0)
     mpmath.mp.dps = 40
     spent = mpmath.fsum(map(float, firing.pulses.impulse))
     burned = 12 * (1 - mpmath.exp(-spent / (mpmath.mpf(60) * mpmath.mpf("9.80665"))))
@@ -81,12 +81,12 @@ def test_propellant_is_the_rocket_equations():
     assert firing.delta_v == pytest.approx(float(spent), rel=1e-14)
     flow = 12.0 * 2e-3 / (60.0 * 9.80665)
     assert np.allclose(firing.pulses.propellant, flow * firing.pulses.duration, rtol=1e-14)
-    assert np.isnan(cf.fire(MOVE, SIX).propellant)
+    assert np.isnan(cf.fire_thrusters(MOVE, SIX).propellant)
 
 
 def test_a_chunk_has_its_plans_delta_v_and_centroid():
     """Each pulse against quadrature of the planned thrust between ticks of its period."""
-    firing = cf.fire(MOVE, SIX)
+    firing = cf.fire_thrusters(MOVE, SIX)
     pulses = firing.pulses
     for k in range(0, len(pulses), 17):
         axis, sign = int(pulses.thruster[k]) // 2, 1.0 - 2.0 * (pulses.thruster[k] % 2)
@@ -125,7 +125,7 @@ def test_thrusters_share_a_thrust_at_the_least_sum(directions):
 def test_an_impulse_is_a_burn_about_its_time():
     """It leads q w / 8 off while it lasts, and hardly farther after; so at both ends of the plan."""
     path = ORBIT.two_impulse(A, B, 1500.0)
-    firing = cf.fire(path, cf.Thrusters.rtn(acceleration=5e-3))
+    firing = cf.fire_thrusters(path, cf.Thrusters.rtn(acceleration=5e-3))
     assert firing.path.start < path.start
     assert firing.path.end > path.end
     for time, jump in path.impulses:
@@ -139,7 +139,7 @@ def test_an_impulse_is_a_burn_about_its_time():
 
 def test_thrust_at_full_strength_is_one_burn():
     push = ORBIT.burn(A, [0.0, 1e-3, 0.0], 600.0)
-    firing = cf.fire(push, cf.Thrusters.rtn(acceleration=1e-3, period=30.0))
+    firing = cf.fire_thrusters(push, cf.Thrusters.rtn(acceleration=1e-3, period=30.0))
     assert len(firing.pulses) == 1
     assert (firing.pulses.start[0], firing.pulses.duration[0]) == pytest.approx((0.0, 600.0))
     assert firing.deviation < 1e-9
@@ -152,7 +152,7 @@ def test_an_impulse_at_the_end_that_is_less_than_a_bit():
     begin, late = np.array([0.0, -100, 0, 0, 0, 0]), np.array([0, 0, 0, 0, 2e-4, 1e-4])
     end = orbit.coast(begin + [0, 0, 0, 0, 0.02, 0], 3000.0).state(3000.0) + late
     plan = orbit.two_impulse(begin, end, 3000.0)
-    fired = cf.fire(plan, cf.Thrusters.rtn(acceleration=1e-2, minimum_bit=1e-3))
+    fired = cf.fire_thrusters(plan, cf.Thrusters.rtn(acceleration=1e-2, minimum_bit=1e-3))
     assert fired.dropped.start == pytest.approx([3000.0, 3000.0])
     assert fired.dropped.impulse == pytest.approx([2e-4, 1e-4])
     assert fired.path.state(3000.0) == pytest.approx(end - late, abs=0.01)
@@ -162,8 +162,8 @@ def test_an_impulse_at_the_end_that_is_less_than_a_bit():
 def test_bits_are_gathered_or_dropped():
     """No pulse is below the bit; what is dropped is told, and its cost is part of the bound."""
     fine, coarse = (
-        cf.fire(MOVE, SIX),
-        cf.fire(MOVE, cf.Thrusters.rtn(acceleration=2e-3, period=30.0, minimum_bit=0.02)),
+        cf.fire_thrusters(MOVE, SIX),
+        cf.fire_thrusters(MOVE, cf.Thrusters.rtn(acceleration=2e-3, period=30.0, minimum_bit=0.02)),
     )
     assert len(coarse.pulses) < len(fine.pulses)
     assert coarse.pulses.impulse.min() >= 0.02
@@ -178,7 +178,7 @@ def test_bits_are_gathered_or_dropped():
 def test_a_bit_is_larger_for_a_lighter_craft():
     """The mass at the end, not that at the start, says how little a thruster can give."""
     thrusters = cf.Thrusters.rtn(acceleration=2e-3, period=30.0, minimum_bit=4e-3)
-    light = cf.fire(MOVE, thrusters, mass=10.0, specific_impulse=1.0)
+    light = cf.fire_thrusters(MOVE, thrusters, mass=10.0, specific_impulse=1.0)
     left = 10.0 - light.propellant
     assert left < 0.97 * 10.0
     assert light.pulses.impulse.min() >= 4e-3 * 10.0 / left * (1 - 1e-12)
@@ -191,7 +191,7 @@ def test_a_millimetre_a_second_in_a_cluster_of_a_hundred_metres():
         sizes = rng.normal(size=(2, 4)) * 50
         ends = [[x, y, z, v * N / 2, -2 * N * x, -z * N] for x, y, z, v in sizes]
         path = ORBIT.transfer(*ends, ORBIT.period * rng.uniform(0.3, 1.0))
-        firing = cf.fire(path, cf.Thrusters.rtn(acceleration=1e-3, minimum_bit=1e-3, period=10.0))
+        firing = cf.fire_thrusters(path, cf.Thrusters.rtn(acceleration=1e-3, minimum_bit=1e-3, period=10.0))
         assert deviation(firing, 12) <= firing.deviation_bound
         found.append((firing.deviation, firing.deviation_bound))
     assert np.median(found, axis=0)[0] < 1.0
@@ -211,7 +211,7 @@ def test_a_formation_is_fired_and_certified():
     thrusters = cf.Thrusters.rtn(acceleration=5e-3, period=120.0)
     touching = cf.reconfigure(ORBIT, *ring(), 1400.0, cf.Sphere(20.0))
     assert touching.contacts
-    near = cf.fire(touching, thrusters, zone=cf.Sphere(20.5))
+    near = cf.fire_thrusters(touching, thrusters, zone=cf.Sphere(20.5))
     assert near.path.shape == near.deviation.shape == near.propellant.shape == (6,)
     assert (near.deviation <= near.deviation_bound).all()
     assert set(near.pulses.craft) == set(range(6))
@@ -219,13 +219,13 @@ def test_a_formation_is_fired_and_certified():
     assert {(one.first, one.second) for one in near.conflicts} <= {(i, j) for j in range(6) for i in range(j)}
 
     plan = cf.reconfigure(ORBIT, *ring(), 1400.0, cf.Sphere(20.0 + 2.2 * near.deviation_bound.max()))
-    fired = cf.fire(plan, thrusters, zone=cf.Sphere(20.0))
+    fired = cf.fire_thrusters(plan, thrusters, zone=cf.Sphere(20.0))
     assert fired.clear
     places = fired.path.position(np.linspace(fired.path.start.max(), fired.path.end.min(), 20001))
     for one in range(6):
         for other in range(one):
             assert np.linalg.norm(places[one] - places[other], axis=1).min() > 20.0
-    alone = [cf.fire(plan.paths[k], thrusters) for k in range(6)]
+    alone = [cf.fire_thrusters(plan.paths[k], thrusters) for k in range(6)]
     assert np.allclose([one.delta_v for one in alone], fired.delta_v, rtol=1e-12)
 
 
@@ -233,17 +233,17 @@ def test_an_avoidance_is_fired_past_its_obstacle():
     path = ORBIT.transfer([0, -200, 10, 0, 0, 0], [40, 200, 60, 0, -0.09, 0], 3000.0)
     other = ORBIT.coast(ORBIT.transition(-1350.0) @ (path.state(1350.0) + [3, 4, -5, 0.02, 0, 0.01]), 3000.0)
     found = cf.avoid(path, other, cf.Sphere(25.0))
-    fired = cf.fire(found, SIX, zone=[cf.Sphere(24.0)], obstacles=other)
+    fired = cf.fire_thrusters(found, SIX, zone=[cf.Sphere(24.0)], obstacles=other)
     assert fired.clear
     assert cf.find_conflicts(fired.path, other, cf.Sphere(24.0)) == ()
-    (near,) = cf.fire(found, SIX, zone=cf.Sphere(25.0 + 0.5), obstacles=[other]).conflicts
+    (near,) = cf.fire_thrusters(found, SIX, zone=cf.Sphere(25.0 + 0.5), obstacles=[other]).conflicts
     assert (near.first, near.second) == (0, 1)
     assert fired.conflicts == ()
-    assert cf.fire(found, SIX).conflicts is None
+    assert cf.fire_thrusters(found, SIX).conflicts is None
 
 
 def test_burns_are_a_table():
-    firing = cf.fire(MOVE, SIX, 12.0, 60.0)
+    firing = cf.fire_thrusters(MOVE, SIX, 12.0, 60.0)
     burns = firing.burns
     assert list(burns)[:4] == ["craft", "thruster", "start_s", "duration_s"]
     assert {len(column) for column in burns.values()} == {len(firing.pulses)}
@@ -253,7 +253,7 @@ def test_burns_are_a_table():
 
 
 def test_who_coasts_fires_nothing():
-    firing = cf.fire(ORBIT.coast(A, 900.0), SIX, 12.0, 60.0)
+    firing = cf.fire_thrusters(ORBIT.coast(A, 900.0), SIX, 12.0, 60.0)
     assert len(firing.pulses) == 0
     assert (firing.delta_v, firing.propellant, firing.deviation, firing.deviation_bound) == (0, 0, 0, 0)
 
@@ -338,7 +338,7 @@ def test_refused():
     for what in REFUSED:
         arguments, message = REFUSED[what]
         with pytest.raises(ValueError, match=r": ") as error:
-            cf.fire(**{"plan": MOVE, "thrusters": SIX} | arguments)
+            cf.fire_thrusters(**{"plan": MOVE, "thrusters": SIX} | arguments)
         assert str(error.value).startswith(message)
 
 
@@ -346,7 +346,7 @@ def test_of_a_batch_the_craft_is_named():
     both = cf.stack([ORBIT.coast(A, 3000.0), MOVE])
     weak = cf.Thrusters.rtn(acceleration=1e-5, period=30.0)
     with pytest.raises(ValueError, match=r"^acceleration: craft 1: at about "):
-        cf.fire(both, weak)
+        cf.fire_thrusters(both, weak)
 
 
 def test_impulses_at_one_time_but_for_rounding_are_one_burn():
@@ -358,7 +358,7 @@ def test_impulses_at_one_time_but_for_rounding_are_one_burn():
     later = between.state(1000.05)
     later[3:] += [0.0, 0.06, 0.0]
     plan = cf.join([middle, between, ORBIT.coast(later, 2000.0, 1000.05)])
-    fired = cf.fire(plan, SIX)
+    fired = cf.fire_thrusters(plan, SIX)
     assert len(plan.impulses) == 2
     assert len(fired.pulses) == 1
     assert fired.pulses.impulse.sum() == pytest.approx(0.08, rel=1e-9)
@@ -372,7 +372,7 @@ def test_the_bound_holds_where_burns_beside_each_other_are_one():
     together, ratios = 0, []
     for seed in range(150):
         plan, thrusters = clustered(np.random.default_rng(seed))
-        firing = cf.fire(plan, thrusters)
+        firing = cf.fire_thrusters(plan, thrusters)
         off = deviation(firing, looks=12)
         assert off <= firing.deviation_bound, seed
         together += len(firing.pulses) < 3 * len(plan.impulses)
@@ -386,4 +386,4 @@ def test_an_impulse_is_no_part_of_thrust_that_lasts():
     thrust = ORBIT.burn(A, [0.0, 4e-4, 0.0], 60.0)
     after = thrust.state(60.0) + [0.0, 0, 0, 0, 0.1, 0]
     with pytest.raises(ValueError, match="must begin again at"):
-        cf.fire(cf.join([thrust, ORBIT.coast(after, 2000.0, 60.0)]), SIX)
+        cf.fire_thrusters(cf.join([thrust, ORBIT.coast(after, 2000.0, 60.0)]), SIX)

@@ -15,7 +15,7 @@ SIX = cf.Thrusters.rtn(acceleration=2e-3, minimum_bit=3e-3, period=60.0)
 
 
 def test_a_panel_for_each_axis_with_its_bars_and_what_is_asked():
-    firing = cf.fire(MOVE, SIX)
+    firing = cf.fire_thrusters(MOVE, SIX)
     figure = cf.plots.pulses(firing)
     assert [axes.get_ylabel() for axes in figure.axes] == [
         "radial [mm/s]",
@@ -42,7 +42,7 @@ def test_a_panel_for_each_axis_with_its_bars_and_what_is_asked():
 
 def test_of_a_formation_one_craft_is_shown_and_others_are_refused():
     both = cf.stack([ORBIT.coast(np.zeros(6), 3000.0), MOVE])
-    firing = cf.fire(both, cf.Thrusters(CUBE, acceleration=2e-3, period=60.0))
+    firing = cf.fire_thrusters(both, cf.Thrusters(CUBE, acceleration=2e-3, period=60.0))
     figure = cf.plots.pulses(firing, craft=1)
     assert figure.get_suptitle().startswith(f"Craft 1: {len(firing.pulses)} pulses")
     assert [axes.get_ylabel().split(" [")[0] for axes in figure.axes] == [

@@ -1,4 +1,4 @@
-"""Runs and studies that fly their plans in the field: against `cf.fly` by hand, and another integrator."""
+"""Runs and studies simulated in the field, against `cf.simulate` and another integrator."""
 
 import json
 from dataclasses import replace
@@ -129,7 +129,9 @@ def test_the_open_loop_is_asked_for(tmp_path: Path):
     text = swap(craft='thrust_error = "2 %, 1 deg"', more='\n[flight]\ncontrol = "open"\nseeds = 5\n')
     (tmp_path / "open.toml").write_text(text)
     mission = cf.run(tmp_path / "open.toml")
-    own = cf.fly(mission.paths, mission.scenario.field, "open", thrust_error=(0.02, np.radians(1.0)), seeds=5)
+    own = cf.simulate(
+        mission.paths, mission.scenario.field, "open", thrust_error=(0.02, np.radians(1.0)), seeds=5
+    )
     assert np.array_equal(mission.flights.flight.states, own.states)
 
 
@@ -145,7 +147,7 @@ def test_a_row_is_its_flight_by_hand(missions, case: int):
         for value, craft in ((density, truth.craft), (5.2e-13, scenario.craft))
     )
     chief = scenario.chief
-    own = cf.fly(
+    own = cf.simulate(
         mission.paths,
         cf.Field(chief, drag=air),
         feedback=cf.Feedback(60.0, 600.0, delay=truth.feedback.delay),
@@ -239,7 +241,7 @@ def test_a_flight_without_errors_is_the_integrated_one():
     truth, plan = mission.scenario.truth, mission.paths
     density, chief = truth.orbit.field.density, scenario.chief
     coefficients = np.array([0.02, *(one.ballistic for one in truth.craft)])[:, None]
-    table = cf.thrust(plan, scenario.field)
+    table = cf.compensated_thrust(plan, scenario.field)
 
     def felt(states: np.ndarray) -> np.ndarray:
         places = states[:, :3]
@@ -270,7 +272,7 @@ def test_a_flight_without_errors_is_the_integrated_one():
     assert flight.states[0, :, -1, :3] == pytest.approx(place, abs=0.02)  # m: a table of 10 s, read linearly
     assert flight.greatest_end > 1.0
     known = replace(mission.scenario, drawn_flight=None)
-    assert cf.fly(plan, known.field, "open").greatest_end < 1e-3
+    assert cf.simulate(plan, known.field, "open").greatest_end < 1e-3
 
 
 def test_the_command_leaves_rows_and_pages(missions, tmp_path: Path, capsys):

@@ -80,7 +80,7 @@ def test_a_stage_begins_where_the_one_before_was_flown_to(run: Path, tmp_path: P
     options = ("--control", "open", "--thrust-error", "2 %, 1 deg", "--seeds", "3")
     _, summary, tables = flown(run, tmp_path / "out", *options)
     loaded = cf.load(run)
-    first = cf.fly(
+    first = cf.simulate(
         loaded.results[0].after.paths,
         loaded.scenario.field,
         "open",
@@ -280,7 +280,7 @@ def test_the_margin_knows_errors_of_burns_and_of_the_start(cost, tmp_path: Path,
     assert "Burns: each off by 1 % and 1 deg (1 sigma)\n" in said
     assert "1 mm/s and 0 % along it, 0 mm/s and 1 deg across (1 sigma, Gates' model)\n" in said
     scenario = loaded.scenario
-    own = cf.fly(loaded.paths, scenario.field, zones=scenario.zones, seeds=60, **scenario.flight)
+    own = cf.simulate(loaded.paths, scenario.field, zones=scenario.zones, seeds=60, **scenario.flight)
     assert tables["flights"]["delta_v_m_s"] == pytest.approx(own.delta_v.ravel())
     gates = found["errors"][0]
     assert gates["gates"] == [1e-3, 0.0, 0.0, pytest.approx(np.radians(1.0))]
@@ -335,10 +335,10 @@ def test_a_later_margin_of_pulses_is_kept_after_a_coast():
 def test_errors_of_burns_that_an_option_gives(run: Path, tmp_path: Path):
     _, _, tables = flown(run, tmp_path / "out", "--seeds", "3", "--execution", "2 %, 1 deg")
     loaded, turn = cf.load(run), np.radians(1.0)
-    told = loaded.scenario.flight | {"errors": cf.Errors(None, 0.02, turn, (0.0, 0.02, 0.0, turn))}
-    own = cf.fly(loaded.paths, loaded.scenario.field, seeds=3, **told)
+    told = loaded.scenario.flight | {"errors": cf.Uncertainty(None, 0.02, turn, (0.0, 0.02, 0.0, turn))}
+    own = cf.simulate(loaded.paths, loaded.scenario.field, seeds=3, **told)
     assert tables["flights"]["delta_v_m_s"] == pytest.approx(own.delta_v.ravel())
-    exact = cf.fly(loaded.paths, loaded.scenario.field, seeds=3, **loaded.scenario.flight)
+    exact = cf.simulate(loaded.paths, loaded.scenario.field, seeds=3, **loaded.scenario.flight)
     assert np.abs(own.delta_v - exact.delta_v).max() > 1e-6
 
 

@@ -30,7 +30,9 @@ def test_bars_are_as_high_as_burns():
 
 
 def test_the_plan_stands_in_the_trade_by_the_sum_of_all():
-    trade = cf.arrivals(ORBIT, [0, -2000, 30, 0, 0, 0], np.zeros((1, 6)), np.linspace(1000.0, 9000.0, 9))
+    trade = cf.transfer_cost_table(
+        ORBIT, [0, -2000, 30, 0, 0, 0], np.zeros((1, 6)), np.linspace(1000.0, 9000.0, 9)
+    )
     figure = cf.plots.trade(trade, [HOP, HOP])
     ring = figure.axes[0].lines[-1]
     assert ring.get_ydata()[0] == pytest.approx(

@@ -40,8 +40,8 @@ def stages(coast: float, verb: str = "impulsive") -> tuple[cf.Path, cf.Path, cf.
 def test_coasts_between_impulses_are_held():
     """Two days on either side: as near as a coast alone, clear, and there by another integrator, too."""
     before, move, after = stages(2.0 * DAY)
-    flight = cf.fly(cf.join([before, move, after]), FIELD, feedback=HELD, zones=cf.Sphere(50.0))
-    alone = cf.fly(before, FIELD, feedback=HELD)
+    flight = cf.simulate(cf.join([before, move, after]), FIELD, feedback=HELD, zones=cf.Sphere(50.0))
+    alone = cf.simulate(before, FIELD, feedback=HELD)
     assert flight.violated == 0.0
     assert flight.greatest_deviation < 1.5 * alone.greatest_deviation < 60.0  # m; 253 m when nobody held them
     states = flight.states[0, 0]
@@ -54,8 +54,8 @@ def test_coasts_between_impulses_are_held():
 def test_impulses_of_a_stage_are_those_of_the_stage_alone():
     """Changed within it, from where the coast is led to, up to where the next begins."""
     before, move, after = stages(DAY)
-    flight = cf.fly(cf.join([before, move, after]), FIELD, feedback=HELD, zones=cf.Sphere(50.0))
-    alone = cf.thrust(move, FIELD).impulses
+    flight = cf.simulate(cf.join([before, move, after]), FIELD, feedback=HELD, zones=cf.Sphere(50.0))
+    alone = cf.compensated_thrust(move, FIELD).impulses
     jumps = (flight.states - flight.arrivals)[0, ..., 3:]
     for k in range(2):
         when, sizes = alone.time[alone.craft == k], alone.impulse[alone.craft == k]
@@ -72,12 +72,12 @@ def test_a_stage_that_lasts_is_corrected_beside_one_of_impulses():
     first = ORBIT.transfer(circle(300.0), circle(200.0, 2.0), ORBIT.period)
     final = circle(300.0, 2.0 + 2.0 * np.pi)
     second = ORBIT.impulsive(first.state(first.end[0]), final, ORBIT.period, start=first.end[0])
-    both = cf.fly(cf.join([first, second]), FIELD, feedback=OFTEN)
-    alone = cf.fly(first, FIELD)
+    both = cf.simulate(cf.join([first, second]), FIELD, feedback=OFTEN)
+    alone = cf.simulate(first, FIELD)
     upon = np.searchsorted(both.times, ORBIT.period)
     assert np.abs(deviations(both.planned, both)[0, :, :upon]).max() < 1e-3  # m
     assert alone.greatest_deviation < 1e-3
-    kicks = cf.thrust(second, FIELD)
+    kicks = cf.compensated_thrust(second, FIELD)
     shares = alone.field_delta_v + (kicks.delta_v - kicks.planned_delta_v)
     assert both.field_delta_v == pytest.approx(shares, abs=1e-4)  # m/s
 
@@ -85,8 +85,8 @@ def test_a_stage_that_lasts_is_corrected_beside_one_of_impulses():
 def test_coasts_between_thrust_that_lasts_are_held_by_impulses():
     """Where feedback fires impulses nobody thrusts against the field through a day's coast."""
     each = stages(DAY, "transfer")
-    flight = cf.fly(cf.join(each), FIELD, feedback=HELD, zones=cf.Sphere(50.0))
-    move = cf.fly(each[1], FIELD)
+    flight = cf.simulate(cf.join(each), FIELD, feedback=HELD, zones=cf.Sphere(50.0))
+    move = cf.simulate(each[1], FIELD)
     assert flight.violated == 0.0
     assert flight.greatest_deviation < 60.0
     assert flight.field_delta_v == pytest.approx(move.field_delta_v, abs=1e-4)
@@ -96,8 +96,8 @@ def test_coasts_between_thrust_that_lasts_are_held_by_impulses():
 def test_rooms_know_what_is_held_and_what_is_moved(law):
     """Along the whole flight, without errors: where it is expected, to what is known between instants."""
     path = cf.join(stages(3.0 * ORBIT.period))
-    room = cf.room(path, FIELD, law)
-    flight = cf.fly(path, FIELD, feedback=law)
+    room = cf.tracking_margins(path, FIELD, law)
+    flight = cf.simulate(path, FIELD, feedback=law)
     aside = at(room, room.shift, flight.times) - deviations(path, flight)[0]
     assert np.abs(deviations(path, flight)).max() > (0.5 if law.impulses else 1e-6)
     assert np.abs(aside).max() < 0.05 * np.abs(deviations(path, flight)).max() + 0.05
@@ -108,8 +108,8 @@ def test_coasts_beside_pulses_are_held(verb):
     """As near and for as little as without thrusters, but for what each thruster counts; led on, 1.2 km."""
     path = cf.join(stages(2.0 * DAY, verb))
     thrusters = cf.Thrusters.rtn(acceleration=0.02, minimum_bit=1e-5, period=60.0)
-    pulsed = cf.fly(path, FIELD, feedback=HELD, zones=cf.Sphere(50.0), thrusters=[thrusters, thrusters])
-    plain = cf.fly(path, FIELD, feedback=HELD)
+    pulsed = cf.simulate(path, FIELD, feedback=HELD, zones=cf.Sphere(50.0), thrusters=[thrusters, thrusters])
+    plain = cf.simulate(path, FIELD, feedback=HELD)
     assert pulsed.violated == 0.0
     assert pulsed.greatest_deviation < plain.greatest_deviation + 5.0  # m; 20 of it, of feedback each orbit
     assert pulsed.greatest_end < plain.greatest_end + 1.0
@@ -123,7 +123,7 @@ def test_brief_pulses_of_long_flights_are_flown():
     """Pulses of hundredths of a second in four days lead as DOP853 does, that is told each of them."""
     path = cf.join(stages(2.0 * DAY))
     thrusters = cf.Thrusters.rtn(acceleration=0.5, minimum_bit=1e-5)
-    flight = cf.fly(path, FIELD, "open", thrusters=thrusters)
+    flight = cf.simulate(path, FIELD, "open", thrusters=thrusters)
     assert flight.firing.pulses.duration.min() < 0.2  # s
     own = flight.firing.pulses[flight.firing.pulses.craft == 1]
     told = zip(own.start, own.start + own.duration, own.direction * 0.5, strict=True)
@@ -138,8 +138,8 @@ def test_rooms_know_coasts_beside_pulses(verb):
     """Where pulses lead, and what they miss where a coast begins, as far as the flight is off."""
     path = cf.join(stages(3.0 * ORBIT.period, verb))
     thrusters = cf.Thrusters.rtn(acceleration=0.02, minimum_bit=1e-5, period=60.0)
-    room = cf.room(path, FIELD, HELD, thrusters=thrusters)
-    flight = cf.fly(path, FIELD, feedback=HELD, thrusters=thrusters)
+    room = cf.tracking_margins(path, FIELD, HELD, thrusters=thrusters)
+    flight = cf.simulate(path, FIELD, feedback=HELD, thrusters=thrusters)
     off = deviations(path, flight)[0]
     assert np.abs(at(room, room.shift, flight.times) - off).max() < 0.05 * np.abs(off).max() + 0.05
 
@@ -213,7 +213,7 @@ for = "2 d"
 
 def test_long_flights_are_drawn_as_they_curve():
     """Ten days on an ellipse of 150 by 300 m: no line of its picture cuts across."""
-    flight = cf.fly(ORBIT.coast(circle(300.0), 10.0 * DAY), FIELD, feedback=HELD)
+    flight = cf.simulate(ORBIT.coast(circle(300.0), 10.0 * DAY), FIELD, feedback=HELD)
     along, radial = cf.plots.flight_paths(flight).axes[0].lines[0].get_data()
     middles = [0.5 * (line[:-1] + line[1:]) for line in (along / 300.0, radial / 150.0)]
     assert np.hypot(*middles).min() > 0.99

@@ -317,7 +317,7 @@ def test_arrivals_are_the_cheapest_of_all():
     rng = np.random.default_rng(12)
     slots, initial = np.array([relative(rng, 60.0) for _ in range(30)]), relative(rng, 200.0, drifting=True)
     durations = np.linspace(0.15, 2.5, 20) * ORBIT.period
-    found = cf.arrivals(ORBIT, initial, slots, durations)
+    found = cf.transfer_cost_table(ORBIT, initial, slots, durations)
     finals = np.einsum("dij,sj->dsi", ORBIT.transition(durations), slots)
     costs = least(initial, finals, durations[:, None])
     assert found.delta_v == pytest.approx(costs.min(axis=1), rel=1e-9)
@@ -346,7 +346,7 @@ def test_arrivals_are_the_cheapest_of_all():
 )
 def test_arrivals_refuse(slots, duration, message):
     with pytest.raises(ValueError, match=message):
-        cf.arrivals(ORBIT, CURTIS, slots, duration)
+        cf.transfer_cost_table(ORBIT, CURTIS, slots, duration)
 
 
 @pytest.mark.parametrize("plan", [ORBIT.impulsive, lambda *a: cf.least_delta_v(ORBIT, *a)])

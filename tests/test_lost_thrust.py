@@ -56,7 +56,10 @@ def test_who_loses_thrust_drifts_in_the_field(kind):
     make, told = KINDS[kind]
     path = getattr(ORBIT, make)(START, ENDS, SPAN)
     told = told | {"navigation": SIGHT, "thrust_error": OFF, "seeds": 3}
-    sound, failing = cf.fly(path, FIELD, **told), cf.fly(path, FIELD, lost=[np.inf, LOST, np.inf], **told)
+    sound, failing = (
+        cf.simulate(path, FIELD, **told),
+        cf.simulate(path, FIELD, lost=[np.inf, LOST, np.inf], **told),
+    )
     assert LOST in failing.times
     assert LOST not in sound.times
     here, there = np.isin(failing.times, sound.times), np.isin(sound.times, failing.times)
@@ -77,7 +80,7 @@ def test_what_is_spent_ends_with_the_thrust():
     """Without errors: what is commanded until then, from the tables of `thrust`."""
     lost = [LOST, np.inf, 400.0]
     lasting, kicks = (getattr(ORBIT, make)(START, ENDS, SPAN) for make in ("transfer", "two_impulse"))
-    table = cf.thrust(lasting, FIELD)
+    table = cf.compensated_thrust(lasting, FIELD)
     sizes = np.linalg.norm(table.commanded, axis=-1)
     spent = [
         np.trapezoid(np.interp(some, table.times, own), some)
@@ -85,25 +88,25 @@ def test_what_is_spent_ends_with_the_thrust():
         for some in [np.linspace(0.0, min(until, SPAN), 5001)]
     ]
     told = {"control": "open", "lost": lost}
-    assert cf.fly(lasting, FIELD, **told).delta_v[0] == pytest.approx(spent, rel=1e-4)
-    changed = cf.thrust(kicks, FIELD).impulses
+    assert cf.simulate(lasting, FIELD, **told).delta_v[0] == pytest.approx(spent, rel=1e-4)
+    changed = cf.compensated_thrust(kicks, FIELD).impulses
     sums = [
         np.linalg.norm(changed.impulse[(changed.craft == k) & (changed.time < lost[k])], axis=1).sum()
         for k in range(3)
     ]
-    assert cf.fly(kicks, FIELD, **told).delta_v[0] == pytest.approx(sums, rel=1e-9)
-    fired = cf.thrust(lasting, FIELD, thrusters=OWN).firing.pulses
+    assert cf.simulate(kicks, FIELD, **told).delta_v[0] == pytest.approx(sums, rel=1e-9)
+    fired = cf.compensated_thrust(lasting, FIELD, thrusters=OWN).firing.pulses
     until = np.array(lost)[fired.craft]
     share = np.clip((until - fired.start) / fired.duration, 0.0, 1.0)
     pulsed = np.bincount(fired.craft, fired.impulse * share)
-    assert cf.fly(lasting, FIELD, thrusters=OWN, **told).delta_v[0] == pytest.approx(pulsed, rel=1e-9)
+    assert cf.simulate(lasting, FIELD, thrusters=OWN, **told).delta_v[0] == pytest.approx(pulsed, rel=1e-9)
 
 
 def test_thrust_that_is_lost_before_or_after_all():
     """Never missed after the end; from the start on all drifts, and Hill's drift is what it is off."""
     path = ORBIT.transfer(START, ENDS, SPAN)
     sound, late, early = (
-        cf.fly(path, FIELD, navigation=SIGHT, seeds=2, lost=lost) for lost in (None, SPAN + 1.0, 0.0)
+        cf.simulate(path, FIELD, navigation=SIGHT, seeds=2, lost=lost) for lost in (None, SPAN + 1.0, 0.0)
     )
     assert late.states == pytest.approx(sound.states, abs=1e-9)  # rounded in other lanes
     assert not early.delta_v.any()
@@ -121,12 +124,12 @@ def test_craft_of_which_some_have_thrusters_fly_in_air_of_their_own():
         return cf.Field(chief(), drag=cf.Drag(5e-12, 500e3, 60e3, ballistic=list(own), chief=0.02))
 
     sets = [OWN, None, OWN]
-    flight = cf.fly(path, air(0.02, 0.08, 0.03), "open", thrusters=sets)
-    room = cf.room(path, air(0.02, 0.08, 0.03), thrusters=sets, thrust_error=OFF)
-    alone = cf.fly(path[[1]], air(0.08), "open")
+    flight = cf.simulate(path, air(0.02, 0.08, 0.03), "open", thrusters=sets)
+    room = cf.tracking_margins(path, air(0.02, 0.08, 0.03), thrusters=sets, thrust_error=OFF)
+    alone = cf.simulate(path[[1]], air(0.08), "open")
     assert flight.states[0, 1, -1] == pytest.approx(alone.states[0, 0, -1], abs=1e-6)
     assert flight.delta_v[0, 1] == pytest.approx(alone.delta_v[0, 0], rel=1e-6)
-    only = cf.room(path[[1]], air(0.08), cf.Feedback(300.0, 1800.0, 6), thrust_error=OFF)
+    only = cf.tracking_margins(path[[1]], air(0.08), cf.Feedback(300.0, 1800.0, 6), thrust_error=OFF)
     assert room.greatest[1] == pytest.approx(only.greatest[0], rel=1e-9)
 
 
@@ -147,7 +150,7 @@ seed = 5
 
 
 def test_cases_whose_craft_fail_are_flown_so():
-    """A row is `cf.fly` of the plan with the instants that it says, and the case says who drifts."""
+    """A row is `cf.simulate` of the plan with the instants that it says, and the case says who drifts."""
     scenario = parse(swap(more='margin = "auto"\n' + STUDY), "fails.toml")
     campaign, seen = flown(scenario), set()
     sound = parse(swap(more='margin = "auto"\n' + STUDY.split("[study]")[0]), "sound.toml")
@@ -155,7 +158,7 @@ def test_cases_whose_craft_fail_are_flown_so():
     for case in range(12):
         times = [campaign.column(f"{name}_fails_s")[case] for name in "AB"]
         lost = np.where(np.isnan(times), np.inf, times)
-        own = cf.fly(
+        own = cf.simulate(
             plan,
             scenario.field,
             navigation=cf.Navigation(0.1, 3e-4),

@@ -135,7 +135,7 @@ def test_reconfigure_keeps_metres_of_each_pair(cost):
         {"method": "sauter-palmer"},
         {"drift": 300.0},
         {"prove": 0.2},
-        {"errors": cf.Errors(np.diag([0.25, 0.25, 0.25, 0.0, 0.0, 0.0]))},
+        {"errors": cf.Uncertainty(np.diag([0.25, 0.25, 0.25, 0.0, 0.0, 0.0]))},
     ],
     ids=lambda asked: "-".join(asked),
 )

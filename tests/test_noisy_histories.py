@@ -95,7 +95,7 @@ def all_shaken(n):
 def test_plain_monte_carlo_of_short_steps(case):
     mean, zone, density, n = SHAKEN[case]
     path, other = coasts(mean, PERIOD, cf.Orbit(n))
-    figure = drawn(path, other, zone, cf.Errors(SLOW, noise=density))
+    figure = drawn(path, other, zone, cf.Uncertainty(SLOW, noise=density))
     place = [motion == n for *_, motion in SHAKEN[:case]].count(True)
     compared(figure, *all_shaken(n)[place])
 
@@ -110,7 +110,7 @@ def test_burns_of_both_craft_with_noise():
     )
     other, zone = ORBIT.coast([5.0, 0, 0, 0, 0, 0], 3500.0), cf.Sphere(30.0)
     means = path.position(np.linspace(0.0, 3500.0, 801)) - other.position(np.linspace(0.0, 3500.0, 801))
-    figure = drawn(path, other, zone, cf.Errors(0.3 * SLOW, noise=2e-7), cf.Errors(noise=3e-7))
+    figure = drawn(path, other, zone, cf.Uncertainty(0.3 * SLOW, noise=2e-7), cf.Uncertainty(noise=3e-7))
     assert 0.02 < figure.value < 0.98
     compared(figure, *shaken([(means, 5e-7, zone)], 0.3 * SLOW, 3500.0)[0])
 
@@ -133,7 +133,7 @@ def test_entries_are_as_many_as_their_rate_says():
     expected = quad(rate, 1.0, duration, limit=200)[0]
     path, other = coasts([mean, 0, 0, speed, 0, 0], duration, DEEP)
     slab = cf.Ellipsoid([width, 1e6, 1e6])
-    figure = drawn(path, other, slab, cf.Errors(noise=density), samples=20_000)
+    figure = drawn(path, other, slab, cf.Uncertainty(noise=density), samples=20_000)
     assert 0.2 < expected < 0.9
     assert figure.at_start == 0.0
     assert abs(figure.mean_entries - expected) < 4.0 * np.sqrt(expected / 20_000)
@@ -142,8 +142,8 @@ def test_entries_are_as_many_as_their_rate_says():
 def test_next_to_no_noise_is_none():
     """Of 1e-16 m^2/s^3, 1 mm in an orbit: the exact figure without any, within the interval."""
     path, other = coasts(AHEAD, 2 * PERIOD)
-    exact = cf.collision_probability(path, other, ZONE, cf.Errors(SLOW))
-    figure = drawn(path, other, ZONE, cf.Errors(SLOW, noise=1e-16))
+    exact = cf.collision_probability(path, other, ZONE, cf.Uncertainty(SLOW))
+    figure = drawn(path, other, ZONE, cf.Uncertainty(SLOW, noise=1e-16))
     error = np.sqrt(exact.value / figure.samples)
     assert abs(figure.value - exact.value) < 4.0 * error
     assert abs(figure.repeated - exact.repeated * exact.mean_entries) < 0.01
@@ -177,7 +177,7 @@ def test_noise_is_marched_as_it_is_drawn():
     zone, before = cf.Sphere(30.0), ORBIT.coast([0, 45, 0, 0, 0, 0], 777.0)
     path = cf.join([before, ORBIT.burn(before.state(777.0), [0, -1e-4, 0], 500.0, start=777.0)])
     other = ORBIT.coast(np.zeros(6), 1277.0)
-    seen = NoisyHistories.in_steps(path, other, columns_of(path, cf.Errors(SLOW)), 0.0, zone, 100.0)
+    seen = NoisyHistories.in_steps(path, other, columns_of(path, cf.Uncertainty(SLOW)), 0.0, zone, 100.0)
     random = np.random.default_rng(2)
     errors = random.standard_normal((50, len(seen.histories.columns)))
     pushes = random.standard_normal((50, seen.changes, 6)) * np.repeat([1.0, 0.02], 3)
@@ -218,7 +218,7 @@ def test_the_chance_to_leave_a_step():
 @pytest.mark.slow
 def test_bound_holds_what_is_drawn():
     path, other = coasts(AHEAD, PERIOD)
-    errors = cf.Errors(SLOW, noise=1e-8)
+    errors = cf.Uncertainty(SLOW, noise=1e-8)
     bound = cf.collision_probability(path, other, ZONE, errors, method="bound")
     figure = drawn(path, other, ZONE, errors, samples=100_000)
     assert bound.low < figure.value < bound.high + 4.0 * np.sqrt(bound.high / 100_000)
@@ -228,4 +228,4 @@ def test_bound_holds_what_is_drawn():
 def test_noise_beyond_all_steps_is_refused():
     path, other = coasts(AHEAD, PERIOD)
     with pytest.raises(ValueError, match=r"^errors: noise of 1e\+06 m\^2/s\^3 moves craft too far"):
-        drawn(path, other, ZONE, cf.Errors(SLOW, noise=1e6))
+        drawn(path, other, ZONE, cf.Uncertainty(SLOW, noise=1e6))

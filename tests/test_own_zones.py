@@ -51,7 +51,7 @@ def edge(zone: cf.Zone, rng: np.random.Generator, count: int = 4000) -> np.ndarr
 
 
 def test_covariances_of_two_craft_add():
-    own = cf.Uncertainty(COVARIANCE, 3.0)
+    own = cf.CovarianceZone(COVARIANCE, 3.0)
     kept = cf.PairZones.of([own, own])
     assert own.zone.norm(PLACE) == pytest.approx(1.25)
     assert kept.between(0, 1).norm(PLACE) == pytest.approx(0.884, abs=5e-4)
@@ -63,13 +63,13 @@ def test_the_sum_is_the_covariance_of_the_relative_position():
     rng = np.random.default_rng(7)
     first = TURN @ np.diag([1.0, 90.0, 16.0]) @ TURN.T
     draws = [rng.multivariate_normal(np.zeros(3), matrix, 1_000_000) for matrix in (first, COVARIANCE)]
-    zone = cf.PairZones.of([cf.Uncertainty(first, 3.0), cf.Uncertainty(COVARIANCE, 3.0)]).between(0, 1)
+    zone = cf.PairZones.of([cf.CovarianceZone(first, 3.0), cf.CovarianceZone(COVARIANCE, 3.0)]).between(0, 1)
     inside = (zone.norm(draws[0] - draws[1]) <= 1.0).mean()
     assert inside == pytest.approx(chi2(3).cdf(9.0), abs=5 * sqrt(0.03 / 1e6))  # five sigmas of the estimate
 
 
 def test_beside_a_craft_that_is_known_exactly_its_own_counts():
-    own = cf.Uncertainty(COVARIANCE, 3.0)
+    own = cf.CovarianceZone(COVARIANCE, 3.0)
     kept = cf.PairZones.of([own, None, None])
     assert kept.between(0, 1).norm(PLACE) == pytest.approx(1.25)
     assert kept.rule(0, 1) == "covariance of one, 3 sigma"
@@ -79,9 +79,9 @@ def test_beside_a_craft_that_is_known_exactly_its_own_counts():
 
 def test_unlike_demands_are_refused_by_name():
     with pytest.raises(ValueError, match=r"^A and B: covariances of 3 and 2 sigmas; demand as many of both"):
-        cf.PairZones.of([cf.Uncertainty(COVARIANCE, 3.0), cf.Uncertainty(COVARIANCE, 2.0)], ["A", "B"])
+        cf.PairZones.of([cf.CovarianceZone(COVARIANCE, 3.0), cf.CovarianceZone(COVARIANCE, 2.0)], ["A", "B"])
     with pytest.raises(ValueError, match=r"^covariance: must be positive definite"):
-        cf.Uncertainty(np.diag([1.0, -1.0, 1.0]), 3.0)
+        cf.CovarianceZone(np.diag([1.0, -1.0, 1.0]), 3.0)
     with pytest.raises(ValueError, match=r"^zone: expected a zone"):
         cf.Body(2.0)
 
@@ -164,7 +164,7 @@ def test_a_wall_and_a_ball():
 
 def test_unlike_kinds_add_as_sets():
     """A visitor that may be anywhere in its ellipsoid, or has a body, keeps all of it out of a region."""
-    region, body, unsure = cf.Sphere(50.0), cf.Body(cf.Sphere(2.0)), cf.Uncertainty(np.eye(3), 3.0)
+    region, body, unsure = cf.Sphere(50.0), cf.Body(cf.Sphere(2.0)), cf.CovarianceZone(np.eye(3), 3.0)
     kept = cf.PairZones.of([region, body, unsure])
     assert kept.between(0, 1).extents == pytest.approx([52.0] * 3)
     assert kept.between(0, 2).extents == pytest.approx([53.0] * 3)
@@ -187,7 +187,7 @@ def drifters() -> cf.Path:
 
 
 def test_screening_adds_covariances():
-    paths, own = drifters(), cf.Uncertainty(COVARIANCE, 3.0)
+    paths, own = drifters(), cf.CovarianceZone(COVARIANCE, 3.0)
     for given in (own, [own] * 3, cf.PairZones.of([own] * 3)):
         found = cf.screen(paths, given)
         assert found.pairs.tolist() == [[0, 1]]
@@ -207,7 +207,7 @@ def mahalanobis(path: cf.Path, other: cf.Path, covariance: np.ndarray) -> float:
 def test_plans_keep_three_sigmas_of_both():
     """A swap along the track; each alone would let them pass at 2.1 sigmas of their sum."""
     first, second = np.diag([25.0, 100.0, 25.0]), np.diag([9.0, 25.0, 64.0])
-    own = [cf.Uncertainty(first, 3.0), cf.Uncertainty(second, 3.0)]
+    own = [cf.CovarianceZone(first, 3.0), cf.CovarianceZone(second, 3.0)]
     states = np.array([[0, 300.0, 0, 0, 0, 0], [0, -300.0, 4.0, 0, 0, 0]])
     plan = cf.reconfigure(SPACE, states, states[::-1], 2500.0, own)
     assert plan.ok
@@ -220,7 +220,7 @@ def test_avoid_takes_the_zones_of_the_craft_and_its_obstacles():
     first, second = np.diag([25.0, 100.0, 25.0]), np.diag([9.0, 25.0, 64.0])
     path = SPACE.transfer([0, 300.0, 0, 0, 0, 0], [0, -300.0, 0, 0, 0, 0], 2500.0)
     other = SPACE.coast([0, 0, 2.0, 0, 0, 0], 2500.0)
-    own = [cf.Uncertainty(first, 3.0), cf.Uncertainty(second, 3.0)]
+    own = [cf.CovarianceZone(first, 3.0), cf.CovarianceZone(second, 3.0)]
     for zones, total in ((cf.PairZones.of(own), first + second), (own[1], second), (own[1:], second)):
         found = cf.avoid(path, other, zones)
         assert found.ok
@@ -359,7 +359,7 @@ within = "1000 s"
 """
 
 
-@pytest.mark.parametrize("what", [cf.Uncertainty(COVARIANCE, 3.0), cf.Body(cf.Sphere(2.0))])
+@pytest.mark.parametrize("what", [cf.CovarianceZone(COVARIANCE, 3.0), cf.Body(cf.Sphere(2.0))])
 def test_a_search_of_two_says_how_what_each_has_makes_their_zone(what):
     path = cf.Orbit(0.0).coast(np.zeros(6), 10.0)
     with pytest.raises(ValueError, match=r"^zone: .*make PairZones\.of\(\[one, other\]\)\.between\(0, 1\)$"):
@@ -373,7 +373,7 @@ def unlike(count: int, kind: str, seed: int = 5) -> list:
     rng = np.random.default_rng(seed)
     if kind == "spheres":
         return [cf.Sphere(radius) for radius in rng.uniform(5.0, 20.0, count)]
-    own = [cf.Uncertainty(np.diag(rng.uniform(2.0, 8.0, 3) ** 2), 3.0) for _ in range(count)]
+    own = [cf.CovarianceZone(np.diag(rng.uniform(2.0, 8.0, 3) ** 2), 3.0) for _ in range(count)]
     return (
         own if kind == "covariances" else [*own[:-30], *[cf.Sphere(9.0 + k) for k in range(25)], *[None] * 5]
     )
@@ -436,6 +436,6 @@ def test_who_gathers_with_unlike_zones_keeps_those_of_each_two() -> None:
 
 
 def test_zones_that_cannot_be_made_are_refused_at_once_however_many() -> None:
-    own = [*unlike(80, "covariances"), cf.Uncertainty(np.eye(3), 2.0)]
+    own = [*unlike(80, "covariances"), cf.CovarianceZone(np.eye(3), 2.0)]
     with pytest.raises(ValueError, match="covariances of 3 and 2 sigmas"):
         cf.PairZones.of(own)

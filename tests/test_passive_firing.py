@@ -133,7 +133,7 @@ def test_safe_pulses_are_fired_as_they_are_planned():
     case = hold_transfers()[2]
     six = cf.Thrusters.rtn(acceleration=1e-2, minimum_bit=1e-3)
     plan = cf.avoid(case.path, case.client, case.zone, drift=case.drift, cost="delta-v", thrusters=six)
-    firing = cf.fire(plan, six)
+    firing = cf.fire_thrusters(plan, six)
     assert np.isclose(firing.delta_v, plan.delta_v, rtol=1e-9)
     assert firing.deviation < 1e-9
     assert firing.pulses.impulse.min() >= 1e-3
@@ -141,4 +141,4 @@ def test_safe_pulses_are_fired_as_they_are_planned():
     assert cf.passively_safe(firing.path, case.client, case.zone, case.duration + case.drift)
     lasting = cf.avoid(case.path, case.client, case.zone, drift=case.drift)
     with pytest.raises(ValueError, match=r"^thrusters: have no period"):
-        cf.fire(lasting, six)
+        cf.fire_thrusters(lasting, six)

@@ -14,15 +14,15 @@ from test_arguments import CALLS as OTHERS
 from test_surface import CALLABLES
 
 mpl.use("agg")
-KNOWN = cf.Errors(np.diag([1.0, 2.0, 1.0, 1e-3, 1e-3, 1e-3]) ** 2)
+KNOWN = cf.Uncertainty(np.diag([1.0, 2.0, 1.0, 1e-3, 1e-3, 1e-3]) ** 2)
 NEAR = REST.orbit.coast([0.0, 30.0, 0.0, 0.0, 0.0, 0.0], REST.end)
-MEETING = cf.collision_probability(NEAR, REST, BALL, cf.Errors(np.eye(6)))
+MEETING = cf.collision_probability(NEAR, REST, BALL, cf.Uncertainty(np.eye(6)))
 LATER = COAST.orbit.coast(COAST.state(COAST.end.max()), 100.0, COAST.end.max())
 CHIEF = cf.Chief.from_elements("2026-11-22T12:00:00", [6.878e6, 0.0, 1e-3, 0.0, 0.9, 0.0])
 PAIR = CHIEF.orbit.transfer(
     [[0, 100, 0, 0, 0, 0], [0, 180, 0, 0, 0, 0]], [[0, 0, 50, 0, 0, 0], [50, 80, 0, 0, 0, 0]], 900.0
 )
-FLOWN = cf.fly(PAIR, cf.Field(CHIEF), navigation=cf.Navigation(0.1, 3e-4), zones=BALL, seeds=3)
+FLOWN = cf.simulate(PAIR, cf.Field(CHIEF), navigation=cf.Navigation(0.1, 3e-4), zones=BALL, seeds=3)
 CALLS = {
     "plots.animation": {
         "gathering": GATHERED, "file": io.BytesIO(), "craft": 0, "names": ["a", "b", "c"],

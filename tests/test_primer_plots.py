@@ -37,7 +37,7 @@ def test_primer_shows_what_other_impulses_waste():
 def test_trade_is_what_arrivals_found():
     slots = np.zeros((2, 6))
     slots[:, 1] = [-100.0, 100.0]
-    found = cf.arrivals(ORBIT, [0, -500.0, 0, 0, 0, 0], slots, [9000.0, 3000.0, 6000.0])
+    found = cf.transfer_cost_table(ORBIT, [0, -500.0, 0, 0, 0, 0], slots, [9000.0, 3000.0, 6000.0])
     figure = cf.plots.trade(found)
     (curve,) = (line for line in figure.axes[0].lines if line.get_marker() == "o")
     order = [1, 2, 0]
@@ -49,7 +49,7 @@ def test_trade_is_what_arrivals_found():
     name = "mm/s" if unit == 1e-3 else "m/s"
     assert figure.get_suptitle() == f"Least delta-v {first} {name} in 50 min, {last} {name} in 150 min"
     with pytest.raises(ValueError, match="found: has no duration"):
-        cf.plots.trade(cf.arrivals(ORBIT, START, slots, []))
+        cf.plots.trade(cf.transfer_cost_table(ORBIT, START, slots, []))
 
 
 ROUND = cf.Orbit.circular(500e3)

@@ -75,16 +75,16 @@ def test_plain_monte_carlo(mean, covariance, zone, n):
     duration = 2 * PERIOD
     path, other = coasts(mean, duration, cf.Orbit(n))
     began, ever, entries = flown(mean, covariance, duration, zone, n=n)
-    figure = cf.collision_probability(path, other, zone, cf.Errors(covariance))
+    figure = cf.collision_probability(path, other, zone, cf.Uncertainty(covariance))
     agree(figure.value, ever)
     agree(figure.at_start, began, 1.0 / len(began))
     agree(figure.mean_entries, entries)
     drawn_figure = cf.collision_probability(
-        path, other, zone, cf.Errors(covariance), method="monte-carlo", samples=50_000
+        path, other, zone, cf.Uncertainty(covariance), method="monte-carlo", samples=50_000
     )
     assert drawn_figure.low < figure.high
     assert figure.low < drawn_figure.high
-    bound = cf.collision_probability(path, other, zone, cf.Errors(covariance), method="bound")
+    bound = cf.collision_probability(path, other, zone, cf.Uncertainty(covariance), method="bound")
     assert bound.low < figure.low < figure.high <= bound.high
     assert bound.high == pytest.approx(figure.at_start + figure.mean_entries, rel=2e-4)
 
@@ -100,7 +100,7 @@ def test_who_is_inside_at_the_start_of_thin_errors(thin):
     def slice_of(d):
         return norm.pdf(d) * -np.expm1(-0.5 * (225.0 - (4.0 + thin * d) ** 2) / WIDTH**2)
 
-    errors = cf.Errors(np.diag([WIDTH, thin, WIDTH, 1e-2, 1e-2, 1e-2]) ** 2)
+    errors = cf.Uncertainty(np.diag([WIDTH, thin, WIDTH, 1e-2, 1e-2, 1e-2]) ** 2)
     columns, noise = relative_errors(*OFF_CENTRE, ZONE, errors, None)
     share, _ = inside(Histories.of(*OFF_CENTRE, columns, noise, ZONE), 0.0)
     assert share == pytest.approx(quad(slice_of, -9.0, 9.0, epsabs=1e-12)[0], rel=1e-6)
@@ -113,7 +113,7 @@ def test_who_is_inside_at_the_start_of_thin_errors(thin):
 
 def test_who_is_inside_at_the_start_of_errors_along_a_line():
     line = np.diag([0.0, WIDTH, 0.0, 1e-3, 1e-3, 1e-3]) ** 2
-    figure = cf.collision_probability(*OFF_CENTRE, ZONE, cf.Errors(line), method="bound")
+    figure = cf.collision_probability(*OFF_CENTRE, ZONE, cf.Uncertainty(line), method="bound")
     assert figure.at_start == pytest.approx(norm.cdf(11.0 / WIDTH) - norm.cdf(-19.0 / WIDTH), rel=1e-6)
 
 
@@ -124,7 +124,7 @@ def test_three_errors_of_velocity():
     root[3:] = [[0.0177, -0.0034, -0.009], [0.0034, -0.0118, -0.0026], [0.0079, 0.0032, -0.0062]]
     duration = 2.125 * PERIOD
     _, ever, entries = flown(mean, root @ root.T, duration, ZONE, times=1600)
-    figure = cf.collision_probability(*coasts(mean, duration), ZONE, cf.Errors(root @ root.T))
+    figure = cf.collision_probability(*coasts(mean, duration), ZONE, cf.Uncertainty(root @ root.T))
     agree(figure.value, ever)
     agree(figure.mean_entries, entries)
     assert figure.repeated > 0.1
@@ -133,8 +133,8 @@ def test_three_errors_of_velocity():
 def test_errors_of_both_craft_add():
     """Two craft, independent: as one with the sum of both; and of burns and impulses, twelve columns."""
     path, other = coasts(AHEAD, 2 * PERIOD)
-    half = cf.Errors(0.5 * SLOW)
-    one = cf.collision_probability(path, other, ZONE, cf.Errors(SLOW))
+    half = cf.Uncertainty(0.5 * SLOW)
+    one = cf.collision_probability(path, other, ZONE, cf.Uncertainty(SLOW))
     both = cf.collision_probability(path, other, ZONE, half, half)
     assert both.mean_entries == pytest.approx(one.mean_entries, rel=2e-4)
     assert both.low < one.high
@@ -151,7 +151,7 @@ def test_errors_of_burns_and_impulses():
     )
     path = cf.join([path, ORBIT.transfer(path.state(3500.0), [0, 60, 0, 0, 0, 0], 2000.0, start=3500.0)])
     other = ORBIT.coast(np.zeros(6), 5500.0)
-    errors = cf.Errors(0.3 * SLOW, magnitude=0.05, pointing=0.03, impulse=(2e-3, 0.05, 2e-3, 0.02))
+    errors = cf.Uncertainty(0.3 * SLOW, magnitude=0.05, pointing=0.03, impulse=(2e-3, 0.05, 2e-3, 0.02))
     zone = cf.Sphere(30.0)
     columns = columns_of(path, errors)
     assert len(columns) > 12
@@ -176,7 +176,7 @@ def test_pointing_alone():
     """
     arriving = ORBIT.transfer([0, 200, 0, 0, 0, 0], [0, 60, 0, 0, 0, 0], 2000.0)
     path = cf.join([arriving, ORBIT.coast([0, 60, 0, 0, 0, 0], 3000.0, start=2000.0)])
-    errors = cf.Errors(pointing=0.05)
+    errors = cf.Uncertainty(pointing=0.05)
     times = np.linspace(0.0, 5000.0, 2000)
     sizes = np.random.default_rng(9).standard_normal((12_000, 3))
     motions = columns_of(path, errors).position(times)
@@ -193,7 +193,7 @@ def test_a_plane_of_errors_that_never_meets_a_flat_zone():
     """60 m ahead errors of pointing lead along the track and across, and the zone is flat there."""
     arriving = ORBIT.transfer([0, 200, 0, 0, 0, 0], [0, 60, 0, 0, 0, 0], 2000.0)
     path = cf.join([arriving, ORBIT.coast([0, 60, 0, 0, 0, 0], 3000.0, start=2000.0)])
-    asked = path, ORBIT.coast(np.zeros(6), 5000.0), cf.Ellipsoid([0.2, 20, 20]), cf.Errors(pointing=0.1)
+    asked = path, ORBIT.coast(np.zeros(6), 5000.0), cf.Ellipsoid([0.2, 20, 20]), cf.Uncertainty(pointing=0.1)
     assert cf.collision_probability(*asked).high == 0.0
     assert cf.collision_probability(*asked, method="monte-carlo", samples=20_000).value == 0.0
 
@@ -217,12 +217,12 @@ def test_white_noise_is_in_the_bound():
         entries += now & ~inside
         inside, ever = now, ever | now
     path, other = coasts(AHEAD, duration)
-    errors = cf.Errors(SLOW, noise=density)
+    errors = cf.Uncertainty(SLOW, noise=density)
     figure = cf.collision_probability(path, other, ZONE, errors, method="bound")
     agree(figure.mean_entries, entries)
     assert figure.low < ever.mean() < figure.high
     assert figure.high < 2.0 * ever.mean()
-    without = cf.collision_probability(path, other, ZONE, cf.Errors(SLOW), method="bound")
+    without = cf.collision_probability(path, other, ZONE, cf.Uncertainty(SLOW), method="bound")
     assert figure.mean_entries < 0.9 * without.mean_entries  # it carries craft away, too
 
 
@@ -237,7 +237,7 @@ def test_rate_is_rices_in_one_dimension():
     covariance = np.diag([16.0, 9.0, 9.0, 1e-3, 1e-4, 1e-4])
     covariance[np.ix_([0, 3], [0, 3])] = root @ root.T
     path, other = coasts([mean, 0, 0, speed, 0, 0], 800.0, DEEP)
-    columns, _ = relative_errors(path, other, slab(width), cf.Errors(covariance), None)
+    columns, _ = relative_errors(path, other, slab(width), cf.Uncertainty(covariance), None)
     seen = Histories.of(path, other, columns, 0.0, slab(width))
     times = np.linspace(1.0, 799.0, 9)
     found = rates(seen, times, 4.0)[:, 0]
@@ -274,7 +274,7 @@ def test_known_velocity_is_fosters_integral(miss):
     expected, _ = dblquad(
         density, -radius, radius, lambda x: -np.sqrt(radius**2 - x**2), lambda x: np.sqrt(radius**2 - x**2)
     )
-    errors = cf.Errors(covariance)
+    errors = cf.Uncertainty(covariance)
     figure = cf.collision_probability(path, other, cf.Sphere(radius), errors)
     assert figure.value == pytest.approx(expected, rel=2e-4)
     assert figure.low <= expected <= figure.high
@@ -289,7 +289,7 @@ def test_errors_that_are_small_beside_the_zone(share):
     sigma = 1000.0 * share
     covariance = np.diag([sigma, 2 * sigma, 3 * sigma, 0, 0, 0]) ** 2
     path, other = coasts([1000.0 + sigma, -500, 0, 0, 1.0, 0], 1000.0, DEEP)
-    figure = cf.collision_probability(path, other, cf.Sphere(1000.0), cf.Errors(covariance))
+    figure = cf.collision_probability(path, other, cf.Sphere(1000.0), cf.Uncertainty(covariance))
 
     def strip(d):
         depth = (1000.0 - np.sqrt(1e6 - (3 * sigma * d) ** 2)) / sigma
@@ -304,7 +304,7 @@ def test_thin_covariances_take_no_more():
         covariance = np.zeros((6, 6))
         covariance[:3, :3] = np.diag([100.0, 50.0, thin]) ** 2
         path, other = coasts([30, -400, 4.0, 0, 1.0, 0], 800.0, DEEP)
-        figure = cf.collision_probability(path, other, cf.Sphere(10.0), cf.Errors(covariance))
+        figure = cf.collision_probability(path, other, cf.Sphere(10.0), cf.Uncertainty(covariance))
         half = np.sqrt(10.0**2 - 4.0**2)
         expected = norm.cdf((half - 30) / 100.0) - norm.cdf((-half - 30) / 100.0)
         assert figure.value == pytest.approx(expected, rel=3e-4)
@@ -317,11 +317,11 @@ def test_units_and_axes_do_not_matter():
     one = cf.Ellipsoid([10.0, 25.0, 18.0])
     turn = np.linalg.qr(np.random.default_rng(2).normal(size=(3, 3)))[0]
     both = 1e3 * np.kron(np.eye(2), turn)
-    figure = cf.collision_probability(*coasts(mean, 2000.0, DEEP), one, cf.Errors(factor @ factor.T))
+    figure = cf.collision_probability(*coasts(mean, 2000.0, DEEP), one, cf.Uncertainty(factor @ factor.T))
     turned = cf.collision_probability(
         *coasts(both @ mean, 2000.0, DEEP),
         cf.Ellipsoid([1e4, 2.5e4, 1.8e4], turn.T),
-        cf.Errors(both @ factor @ factor.T @ both.T),
+        cf.Uncertainty(both @ factor @ factor.T @ both.T),
     )
     assert turned.mean_entries == pytest.approx(figure.mean_entries, rel=2e-4)
     assert turned.at_start == pytest.approx(figure.at_start, rel=2e-4)
@@ -369,7 +369,7 @@ def test_one_in_1e17_by_importance_sampling():
         positions = np.einsum("tij,sj->sti", moved, mean + xi * deviations)
         worth.append(ratio * (np.linalg.norm(positions, axis=2) <= radius).any(axis=1))
     path, other = coasts(mean, duration)
-    figure = cf.collision_probability(path, other, cf.Sphere(radius), cf.Errors(np.diag(deviations**2)))
+    figure = cf.collision_probability(path, other, cf.Sphere(radius), cf.Uncertainty(np.diag(deviations**2)))
     assert 1e-17 < figure.value < 3e-17
     agree(figure.value, np.concatenate(worth))
     assert figure.high - figure.low < 2e-3 * figure.value
@@ -380,7 +380,7 @@ def test_other_shapes_by_monte_carlo():
     path, other = coasts(AHEAD, 2 * PERIOD)
     _, ever, _ = flown(AHEAD, SLOW, 2 * PERIOD, zone)
     figure = cf.collision_probability(
-        path, other, zone, cf.Errors(SLOW), method="monte-carlo", samples=100_000
+        path, other, zone, cf.Uncertainty(SLOW), method="monte-carlo", samples=100_000
     )
     assert abs(figure.value - ever.mean()) < 4 * np.sqrt(ever.mean() / len(ever)) + figure.high - figure.low
     assert figure.mean_entries >= figure.value - figure.at_start
@@ -401,7 +401,7 @@ def test_each_history_is_counted(zone, n):
     """One by one, as dense samples of its own motion have it, and denser ones where these enter nowhere."""
     mean, covariance = np.array([10.0, 40.0, -5.0, 10.0 * n, -20.0 * n, 10.0 * n]), 4.0 * SLOW
     path, other = coasts(mean, 2.0 * PERIOD, cf.Orbit(n))
-    columns, noise = relative_errors(path, other, zone, cf.Errors(covariance), None)
+    columns, noise = relative_errors(path, other, zone, cf.Uncertainty(covariance), None)
     histories = Histories.of(path, other, columns, noise, zone)
     errors = np.random.default_rng(3).normal(size=(1000, len(columns)))
     middle, factor = histories.states(np.zeros(1))
@@ -424,14 +424,14 @@ def test_each_history_is_counted(zone, n):
 
 def test_where_nobody_can_be():
     path, other = coasts([0, 1e6, 0, 0, 0, 0], 100.0)
-    figure = cf.collision_probability(path, other, ZONE, cf.Errors(SLOW))
+    figure = cf.collision_probability(path, other, ZONE, cf.Uncertainty(SLOW))
     assert (figure.value, figure.low, figure.high, figure.mean_entries) == (0.0, 0.0, 0.0, 0.0)
     assert len(figure.rates) == 0
 
 
 def test_rates_sum_to_entries():
     path, other = coasts(AHEAD, 2 * PERIOD)
-    figure = cf.collision_probability(path, other, ZONE, cf.Errors(SLOW))
+    figure = cf.collision_probability(path, other, ZONE, cf.Uncertainty(SLOW))
     assert (np.diff(figure.rate_times) > 0).all()
     assert np.trapezoid(figure.rates, figure.rate_times) == pytest.approx(figure.mean_entries, rel=0.01)
     assert f"{figure.value:.5g}" in str(figure)
@@ -444,7 +444,7 @@ def test_passage_of_seconds_in_half_a_day_is_found():
     path = cf.join([DEEP.coast([0, -20_000.0, 0, 0, 1.0, 0], 43_200.0)])
     other = DEEP.coast(np.zeros(6), 43_200.0)
     covariance = np.diag([1.0, 0.5, 0.8, 1e-9, 1e-9, 1e-9]) ** 2
-    figure = cf.collision_probability(path, other, cf.Sphere(0.5), cf.Errors(covariance))
+    figure = cf.collision_probability(path, other, cf.Sphere(0.5), cf.Uncertainty(covariance))
     inner = quad(
         lambda x: (
             norm.pdf(x) * (norm.cdf(np.sqrt(0.25 - x * x) / 0.8) - norm.cdf(-np.sqrt(0.25 - x * x) / 0.8))

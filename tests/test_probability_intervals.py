@@ -28,7 +28,7 @@ def coasts(state, duration):
 def test_intervals_hold_the_truth_as_often_as_they_say():
     """Where 4 % enter twice, of 120 seeds; of 1000 by tools/interval_coverage.py."""
     path, other = coasts(AHEAD, 2 * PERIOD)
-    columns, _ = relative_errors(path, other, ZONE, cf.Errors(SLOW), None)
+    columns, _ = relative_errors(path, other, ZONE, cf.Uncertainty(SLOW), None)
     seen = Histories.of(path, other, columns, 0.0, ZONE)
     flux = expected_entries(seen)
     truth, *_ = interval_of_mean(lost_of(seen.counted(drawn(seen, flux, 200_000, 99))))
@@ -43,10 +43,10 @@ def test_intervals_hold_the_truth_as_often_as_they_say():
 def test_as_many_are_drawn_as_make_the_interval_a_thousandth(ahead, repeated):
     """However often histories enter again; and a few times fewer where next to none do."""
     paths = coasts([0, ahead, 0, 0, 0, 0], 2 * PERIOD)
-    found = cf.collision_probability(*paths, ZONE, cf.Errors(SLOW))
+    found = cf.collision_probability(*paths, ZONE, cf.Uncertainty(SLOW))
     assert 0.5 * (found.high - found.low) <= 1e-3 * found.value
     assert abs(found.repeated - repeated) <= 0.1 * repeated + 0.003
-    exact = cf.collision_probability(*paths, ZONE, cf.Errors(SLOW), samples=150_000, seed=7)
+    exact = cf.collision_probability(*paths, ZONE, cf.Uncertainty(SLOW), samples=150_000, seed=7)
     assert exact.samples == 150_000
     assert abs(found.value - exact.value) <= 2.0 * (found.high - found.low)  # independent: four halves
     assert found.samples == 8000 if repeated == 0.0 else 12_000 < found.samples < 80_000
@@ -56,7 +56,7 @@ def test_entries_are_drawn_from_all_of_the_surface():
     """Where half of those who enter come again: beside eleven million histories, drawn by Monte Carlo
     with seeds 3, 11 and 12, of which 0.39760 met, with a deviation of 0.00015."""
     paths = coasts([5, 30, -10, 0, -0.01, 0.01], 2 * PERIOD)
-    zone, errors = cf.Ellipsoid([10, 30, 15]), cf.Errors(4 * SLOW)
+    zone, errors = cf.Ellipsoid([10, 30, 15]), cf.Uncertainty(4 * SLOW)
     found = cf.collision_probability(*paths, zone, errors, samples=300_000, seed=5)
     assert abs(found.value - 0.39760) <= 3.0 * np.hypot(0.00015, 0.25 * (found.high - found.low))
 
@@ -88,11 +88,14 @@ def test_seeds_and_cores(monkeypatch):
     path, other = coasts(AHEAD, 2 * PERIOD)
     asked = {"method": "monte-carlo", "samples": 40_000}
     one, again, third = (
-        cf.collision_probability(path, other, ZONE, cf.Errors(SLOW), **asked, seed=seed) for seed in (1, 1, 2)
+        cf.collision_probability(path, other, ZONE, cf.Uncertainty(SLOW), **asked, seed=seed)
+        for seed in (1, 1, 2)
     )
     assert one.value == again.value != third.value
     monkeypatch.setattr(histories_module, "CORES", 1)
-    alone = cf.collision_probability(path, other, ZONE, cf.Errors(SLOW), **asked, seed=1)
+    alone = cf.collision_probability(path, other, ZONE, cf.Uncertainty(SLOW), **asked, seed=1)
     assert dataclasses.astuple(alone)[:6] == dataclasses.astuple(one)[:6]
-    entries = [cf.collision_probability(path, other, ZONE, cf.Errors(SLOW), seed=s).value for s in (1, 1, 2)]
+    entries = [
+        cf.collision_probability(path, other, ZONE, cf.Uncertainty(SLOW), seed=s).value for s in (1, 1, 2)
+    ]
     assert entries[0] == entries[1] != entries[2]

@@ -41,7 +41,7 @@ def test_what_nobody_pushes_is_left_to_the_field():
     """Across the track a craft drifts as DOP853 says of thrust as planned; in the plane it is led back."""
     z = ORBIT.coast([0, 0, 300.0, 0, 0, 0], 3000.0).state(3000.0)[[2, 5]]
     path = ORBIT.transfer([[0, 200.0, 300.0, 0, 0, 0]], [[40, -150, z[0], 0, -0.09, z[1]]], 3000.0)
-    found = cf.fly(path, FIELD, thrusters=IN_PLANE)
+    found = cf.simulate(path, FIELD, thrusters=IN_PLANE)
     off = found.states[0, 0, :, :3] - path.position(found.times)[0]
     apart = flown_apart(path, FIELD, found.times)[0] - path.position(found.times)[0]
     assert np.abs(apart[:, 2]).max() > 0.1  # m

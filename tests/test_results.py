@@ -31,7 +31,7 @@ TABLES = (
     "Probability of histories",
     "Bound",
     "batch Bound",
-    "Arrivals",
+    "TransferCostTable",
     "ClearanceCostCurve",
     "Pulses",
     "Locks",
@@ -41,7 +41,7 @@ TABLES = (
     "CommonFrame",
     "CompensatedThrust",
     "Retargeted",
-    "Flight",
+    "Simulation",
 )
 UNITS = re.compile(r"_(s|m|m_s|m_s2|m2_s3|kg|1_s)$")
 

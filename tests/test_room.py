@@ -16,11 +16,11 @@ def formation(turns: float = 1.0, count: int = 4) -> cf.Path:
     return ORBIT.transfer(*(draws.normal(size=(2, count, 6)) * scale), turns * ORBIT.period)
 
 
-def deviations(path: cf.Path, flights: cf.Flight) -> np.ndarray:
+def deviations(path: cf.Path, flights: cf.Simulation) -> np.ndarray:
     return (flights.states - path.state(flights.times))[..., :3]
 
 
-def at(room: cf.Room, what: np.ndarray, times: np.ndarray) -> np.ndarray:
+def at(room: cf.TrackingMargins, what: np.ndarray, times: np.ndarray) -> np.ndarray:
     """What is known (N, T, ...) at the room's times, at others between them."""
     flat = what.reshape(len(what), len(room.times), -1)
     found = [[np.interp(times, room.times, column) for column in one.T] for one in flat]
@@ -30,8 +30,8 @@ def at(room: cf.Room, what: np.ndarray, times: np.ndarray) -> np.ndarray:
 def test_flights_stay_in_their_room_and_use_it():
     """Errors of thrust as drawn, without noise: at each time within what it says, and no wide bound."""
     path = formation()
-    room = cf.room(path, FIELD, thrust_error=OFF)
-    flights = cf.fly(path, FIELD, thrust_error=OFF, seeds=150)
+    room = cf.tracking_margins(path, FIELD, thrust_error=OFF)
+    flights = cf.simulate(path, FIELD, thrust_error=OFF, seeds=150)
     off = np.linalg.norm(deviations(path, flights), axis=-1)
     limit = at(room, room.radius, flights.times)
     assert (off <= limit + 1e-4).all()  # m
@@ -46,19 +46,19 @@ def test_intervals_are_those_of_the_flight_wherever_it_begins():
     assert begin + 3000.0 - begin > 3000.0
     ends = [[0, 400, 0, 0, 0, 0], [0, 0, 0, 0, 0, 0]], [[0, -300, 200, 0, 0, 0], [0, 50, 0, 0, 0, 0]]
     early, late = (ORBIT.transfer(*ends, 3000.0, start) for start in (0.0, begin))
-    rooms = [cf.room(path, FIELD, navigation=SIGHT).times for path in (early, late)]
+    rooms = [cf.tracking_margins(path, FIELD, navigation=SIGHT).times for path in (early, late)]
     assert rooms[1] == pytest.approx(rooms[0] + begin)
     seldom = cf.Feedback(600.0, 900.0)
     for path in (early, late):  # anew three times, not less than 900 s before the end
-        anew = cf.fly(path, FIELD, "replan", zones=cf.Sphere(5.0), feedback=seldom, navigation=SIGHT)
+        anew = cf.simulate(path, FIELD, "replan", zones=cf.Sphere(5.0), feedback=seldom, navigation=SIGHT)
         assert anew.replans.tolist() == [3]
 
 
 def test_what_is_not_commanded_against_is_expected():
     """Flown without cancelling: where each craft is, to a hundredth of how far."""
     path = formation()
-    room = cf.room(path, FIELD, cancel=False)
-    flight = cf.fly(path, FIELD, cancel=False)
+    room = cf.tracking_margins(path, FIELD, cancel=False)
+    flight = cf.simulate(path, FIELD, cancel=False)
     off, expected = deviations(path, flight)[0], at(room, room.shift, flight.times)
     assert np.abs(off).max() > 0.1
     assert np.abs(expected - off).max() < 0.02 * np.abs(off).max()
@@ -67,22 +67,25 @@ def test_what_is_not_commanded_against_is_expected():
 def test_noise_with_thrust_that_is_off():
     """Thrust that is larger or turned makes other noise; never less than drawn flights show."""
     path, wrong = formation(), (0.2, 0.2)
-    room = cf.room(path, FIELD, navigation=SIGHT, thrust_error=wrong)
-    plain = cf.room(path, FIELD, navigation=SIGHT)
+    room = cf.tracking_margins(path, FIELD, navigation=SIGHT, thrust_error=wrong)
+    plain = cf.tracking_margins(path, FIELD, navigation=SIGHT)
     assert plain.noise == pytest.approx(cf.tube(ORBIT, cf.Feedback(), SIGHT).noise, rel=5e-3)
     assert 1.01 < room.noise.max() / plain.noise.max() < 1.3
-    quiet = cf.fly(path, FIELD, thrust_error=wrong, seeds=200)
-    noisy = cf.fly(path, FIELD, thrust_error=wrong, navigation=SIGHT, seeds=200)
+    quiet = cf.simulate(path, FIELD, thrust_error=wrong, seeds=200)
+    noisy = cf.simulate(path, FIELD, thrust_error=wrong, navigation=SIGHT, seeds=200)
     spread = (noisy.states - quiet.states)[..., 60:, :3].std(axis=(0, 2)).max()
     assert 0.8 * room.noise.max() < spread < 1.03 * room.noise.max()
 
 
 def test_errors_of_each_craft():
     path, sizes = formation(), np.array([[0.0, 0.0], OFF, [0.02, 0.0], [0.0, 0.02]])
-    room, alike = cf.room(path, FIELD, thrust_error=sizes), cf.room(path, FIELD, thrust_error=OFF)
+    room, alike = (
+        cf.tracking_margins(path, FIELD, thrust_error=sizes),
+        cf.tracking_margins(path, FIELD, thrust_error=OFF),
+    )
     assert room.greatest[0] == 0.0
     assert room.greatest[1] == pytest.approx(alike.greatest[1])
-    off = np.linalg.norm(deviations(path, cf.fly(path, FIELD, thrust_error=sizes, seeds=40)), axis=-1)
+    off = np.linalg.norm(deviations(path, cf.simulate(path, FIELD, thrust_error=sizes, seeds=40)), axis=-1)
     assert (off.max(axis=(0, 2)) <= room.greatest + 1e-4).all()
     assert (off.max(axis=(0, 2))[2:] > 0.5 * room.greatest[2:]).all()
 
@@ -92,7 +95,7 @@ def test_errors_of_a_filter():
     path, filtered = formation(), cf.Navigation(0.1, 3e-4, correlation=300.0)
     wide, white = (cf.tube(ORBIT, cf.Feedback(), sight).noise for sight in (filtered, SIGHT))
     assert wide > 2.0 * white
-    off = deviations(path, cf.fly(path, FIELD, navigation=filtered, seeds=300))
+    off = deviations(path, cf.simulate(path, FIELD, navigation=filtered, seeds=300))
     assert off[..., 120:, :].std(axis=(0, 1, 2)).max() == pytest.approx(wide, rel=0.06)  # drawn: 3 %
     for long, alike in ((1e9, cf.Navigation(position_bias=0.1)), (1e-3, cf.Navigation(position=0.1))):
         limit = cf.tube(ORBIT, cf.Feedback(), cf.Navigation(position=0.1, correlation=long))
@@ -107,13 +110,13 @@ def test_thrust_that_answers_late(delay):
     tubes = [cf.tube(ORBIT, law, SIGHT, 1e-5) for law in (cf.Feedback(), late)]
     assert tubes[1].noise > tubes[0].noise
     assert tubes[1].model > tubes[0].model
-    flights = cf.fly(path, FIELD, feedback=late, navigation=SIGHT, seeds=200)
+    flights = cf.simulate(path, FIELD, feedback=late, navigation=SIGHT, seeds=200)
     spread = deviations(path, flights)[..., 120:, :].std(axis=(0, 1, 2)).max()
     assert spread == pytest.approx(tubes[1].noise, rel=0.05)  # drawn: 2 %
-    pushed = cf.fly(path, FIELD, feedback=late, cancel=False)
-    expected = cf.room(path, FIELD, late, cancel=False)
+    pushed = cf.simulate(path, FIELD, feedback=late, cancel=False)
+    expected = cf.tracking_margins(path, FIELD, late, cancel=False)
     found = at(expected, expected.shift, pushed.times) - deviations(path, pushed)[0]
-    plain = deviations(path, cf.fly(path, FIELD, cancel=False))[0]
+    plain = deviations(path, cf.simulate(path, FIELD, cancel=False))[0]
     assert np.abs(found).max() < 0.02 * np.abs(deviations(path, pushed)).max()
     assert np.abs(at(expected, expected.shift, pushed.times) - plain).max() > 3.0 * np.abs(found).max()
     most = cf.tube(ORBIT, late, cf.Navigation(), cf.validity(path, FIELD).residual)
@@ -123,20 +126,20 @@ def test_thrust_that_answers_late(delay):
 def test_a_state_is_predicted_over_a_delay():
     """Without errors and pushes nothing is off, and what was off is brought back as without a delay."""
     path = formation(0.5)
-    kept = cf.fly(path, FIELD, feedback=cf.Feedback(60.0, 600.0, delay=45.0))
+    kept = cf.simulate(path, FIELD, feedback=cf.Feedback(60.0, 600.0, delay=45.0))
     assert kept.greatest_deviation < 1e-3
     long = ORBIT.coast(np.zeros(6), 40 * ORBIT.period)  # flown in several stretches
-    short = cf.fly(long, FIELD, feedback=cf.Feedback(60.0, 600.0, delay=25.0), navigation=SIGHT)
+    short = cf.simulate(long, FIELD, feedback=cf.Feedback(60.0, 600.0, delay=25.0), navigation=SIGHT)
     assert short.greatest_deviation < 6.0 * cf.tube(ORBIT, cf.Feedback(60.0, 600.0, delay=25.0), SIGHT).noise
 
 
 def test_thrust_that_a_limit_allows():
     """What is asked for is never reached in flights; a limit a bit lower stops all craft now and then."""
     path = formation()
-    room = cf.room(path, FIELD, navigation=SIGHT, thrust_error=OFF)
+    room = cf.tracking_margins(path, FIELD, navigation=SIGHT, thrust_error=OFF)
     ways = {"navigation": SIGHT, "thrust_error": OFF, "seeds": 60}
-    assert not cf.fly(path, FIELD, max_acceleration=room.thrust, **ways).limited.any()
-    assert cf.fly(path, FIELD, max_acceleration=0.93 * room.thrust, **ways).limited.any(axis=0).all()
+    assert not cf.simulate(path, FIELD, max_acceleration=room.thrust, **ways).limited.any()
+    assert cf.simulate(path, FIELD, max_acceleration=0.93 * room.thrust, **ways).limited.any(axis=0).all()
 
 
 def lagging() -> tuple[cf.Path, cf.Field]:
@@ -151,7 +154,7 @@ def test_impulses_that_are_not_fired():
     """Of flights without noise that a difference of drag moves: within the tube, and no wide one."""
     law, bit = cf.Feedback(600.0, 2400.0, impulses=4), 1e-3
     path, lag = lagging()
-    flights = cf.fly(path, lag, feedback=law, minimum_bit=bit, cancel=False)
+    flights = cf.simulate(path, lag, feedback=law, minimum_bit=bit, cancel=False)
     unknown = cf.validity(path, lag).residual
     room = cf.tube(ORBIT, law, cf.Navigation(), unknown, minimum_bit=bit)
     fine = cf.tube(ORBIT, law, cf.Navigation(), unknown)
@@ -171,13 +174,13 @@ def kicked() -> cf.Path:
 def test_flights_by_impulses_stay_in_their_room_and_use_it(law):
     """Impulses as large and turned as drawn, led back by impulses: within what it says, and no wide bound."""
     path = kicked()
-    room = cf.room(path, FIELD, law, thrust_error=OFF)
-    flights = cf.fly(path, FIELD, feedback=law, thrust_error=OFF, seeds=150)
+    room = cf.tracking_margins(path, FIELD, law, thrust_error=OFF)
+    flights = cf.simulate(path, FIELD, feedback=law, thrust_error=OFF, seeds=150)
     off = np.linalg.norm(deviations(path, flights), axis=-1)
     limit = at(room, room.radius, flights.times)
     assert (off <= limit).all()
     assert (off.max(axis=(0, 2)) > 0.6 * room.greatest).all()
-    exact = cf.fly(path, FIELD, feedback=law)
+    exact = cf.simulate(path, FIELD, feedback=law)
     aside = at(room, room.shift, flights.times) - deviations(path, exact)[0]
     assert np.abs(deviations(path, exact)).max() > 1.0  # m, by impulses changed for the field
     assert np.abs(aside).max() < 0.25  # m, of what is known each 50 or 100 s
@@ -185,7 +188,9 @@ def test_flights_by_impulses_stay_in_their_room_and_use_it(law):
 
 @pytest.mark.parametrize("path", [formation(), kicked()], ids=["thrust", "impulses"])
 def test_as_many_sigmas_count_as_are_asked_for(path):
-    wide, narrow = (cf.room(path, FIELD, navigation=SIGHT, thrust_error=OFF, sigmas=k) for k in (4.0, 1.5))
+    wide, narrow = (
+        cf.tracking_margins(path, FIELD, navigation=SIGHT, thrust_error=OFF, sigmas=k) for k in (4.0, 1.5)
+    )
     assert (wide.sigmas, narrow.sigmas) == (4.0, 1.5)
     assert (wide.radius - narrow.radius) / wide.noise[:, None] == pytest.approx(2.5)
 
@@ -194,16 +199,16 @@ def test_as_many_sigmas_count_as_are_asked_for(path):
 def test_noise_of_impulses_and_how_it_ends(law):
     """The covariance of 400 flights against that of the law, in steady state: to a few percent."""
     path = kicked()
-    quiet = cf.fly(path, FIELD, feedback=law)
-    noisy = cf.fly(path, FIELD, feedback=law, navigation=SIGHT, seeds=400)
-    room = cf.room(path, FIELD, law, SIGHT)
+    quiet = cf.simulate(path, FIELD, feedback=law)
+    noisy = cf.simulate(path, FIELD, feedback=law, navigation=SIGHT, seeds=400)
+    room = cf.tracking_margins(path, FIELD, law, SIGHT)
     off = (noisy.states - quiet.states)[..., :3].reshape(-1, len(noisy.times), 3)
     spread = np.linalg.eigvalsh(np.einsum("sti,stj->tij", off, off) / len(off))[:, -1] ** 0.5
     assert spread.max() == pytest.approx(room.noise.max(), rel=0.06)  # of all times; drawn: 2 % each
-    shaky = cf.room(path, FIELD, law, SIGHT, thrust_error=(0.2, 0.2))
+    shaky = cf.tracking_margins(path, FIELD, law, SIGHT, thrust_error=(0.2, 0.2))
     assert 1.05 < shaky.noise.max() / room.noise.max() < 1.4
-    wild = cf.fly(path, FIELD, feedback=law, thrust_error=(0.2, 0.2), seeds=200)
-    both = cf.fly(path, FIELD, feedback=law, thrust_error=(0.2, 0.2), navigation=SIGHT, seeds=200)
+    wild = cf.simulate(path, FIELD, feedback=law, thrust_error=(0.2, 0.2), seeds=200)
+    both = cf.simulate(path, FIELD, feedback=law, thrust_error=(0.2, 0.2), navigation=SIGHT, seeds=200)
     assert (both.states - wild.states)[..., :3].std(axis=(0, 1)).max() < 1.03 * shaky.noise.max()
 
 
@@ -211,9 +216,9 @@ def test_an_impulse_that_is_due_at_the_next_measurement_is_left_to_it():
     """Measured each 310 s at most, in 3000 s they are each 300 s, as flown: by 400 flights."""
     path = ORBIT.impulsive([0, 400, 0, 0, 0, 0], [0, -300, 200, 0, 0, 0], 3000.0)
     law = cf.Feedback(310.0, 1800.0, 6)
-    quiet = cf.fly(path, FIELD, feedback=law)
-    noisy = cf.fly(path, FIELD, feedback=law, navigation=SIGHT, seeds=400)
-    room = cf.room(path, FIELD, law, SIGHT)
+    quiet = cf.simulate(path, FIELD, feedback=law)
+    noisy = cf.simulate(path, FIELD, feedback=law, navigation=SIGHT, seeds=400)
+    room = cf.tracking_margins(path, FIELD, law, SIGHT)
     assert room.noise == pytest.approx(cf.tube(ORBIT, cf.Feedback(300.0, 1800.0, 6), SIGHT).noise, rel=1e-9)
     off = (noisy.states - quiet.states)[:, 0, :, :3]
     spread = np.linalg.eigvalsh(np.einsum("sti,stj->tij", off, off) / len(off))[:, -1] ** 0.5
@@ -234,9 +239,12 @@ def test_flights_by_pulses_stay_in_their_room(kind, bit):
     path = (ORBIT.two_impulse if kind == "impulses" else ORBIT.transfer)(*ends, 0.45 * ORBIT.period)
     nozzles = cf.Thrusters.rtn(acceleration=0.02, minimum_bit=bit, period=60.0)
     for sets in (nozzles, [nozzles, None]):
-        for errors in ({}, {"thrust_error": OFF}, {"errors": cf.Errors(magnitude=0.01, pointing=0.01)}):
+        for errors in ({}, {"thrust_error": OFF}, {"errors": cf.Uncertainty(magnitude=0.01, pointing=0.01)}):
             told = {"thrusters": sets, "navigation": SIGHT, **errors}
-            room, flights = cf.room(path, FIELD, **told), cf.fly(path, FIELD, **told, seeds=60)
+            room, flights = (
+                cf.tracking_margins(path, FIELD, **told),
+                cf.simulate(path, FIELD, **told, seeds=60),
+            )
             within = (flights.times > room.times[0]) & (flights.times < room.times[-1])
             off = flights.states - flights.planned.state(flights.times)
             off = np.linalg.norm(off[:, :, within, :3], axis=-1).max(axis=0)
@@ -248,8 +256,11 @@ def test_flights_by_pulses_stay_in_their_room(kind, bit):
 def test_pulses_lead_where_the_room_says():
     """Without errors it is their deviation alone, which thrust that lasts has not."""
     path = ORBIT.transfer(*formation(count=2).state([0.0, 3000.0]).swapaxes(0, 1), 3000.0)
-    room, flight = cf.room(path, FIELD, thrusters=NOZZLES), cf.fly(path, FIELD, thrusters=NOZZLES)
-    assert not cf.room(path, FIELD).shift.any()
+    room, flight = (
+        cf.tracking_margins(path, FIELD, thrusters=NOZZLES),
+        cf.simulate(path, FIELD, thrusters=NOZZLES),
+    )
+    assert not cf.tracking_margins(path, FIELD).shift.any()
     within = (flight.times > room.times[0]) & (flight.times < room.times[-1])
     off = (flight.states - flight.planned.state(flight.times))[0, :, within, :3].swapaxes(0, 1)
     said = at(room, room.shift, flight.times[within])
@@ -261,8 +272,8 @@ def test_impulses_below_a_bit_stay_in_the_room():
     """As in the tube: of craft that a difference of drag moves."""
     law, bit = cf.Feedback(600.0, 2400.0, impulses=4), 1e-3
     path, lag = lagging()
-    flights = cf.fly(path, lag, feedback=law, minimum_bit=bit, cancel=False)
-    fine, room = (cf.room(path, lag, law, cancel=False, minimum_bit=size) for size in (0.0, bit))
+    flights = cf.simulate(path, lag, feedback=law, minimum_bit=bit, cancel=False)
+    fine, room = (cf.tracking_margins(path, lag, law, cancel=False, minimum_bit=size) for size in (0.0, bit))
     off = flights.deviations.max(axis=(0, 2))
     assert (off <= room.greatest).all()
     assert (off > fine.greatest).any()
@@ -273,18 +284,20 @@ def test_what_bits_are_of():
     with pytest.raises(
         ValueError, match=r"^minimum_bit: of impulses; give a Feedback by some, or leave it out$"
     ):
-        cf.room(path, FIELD, minimum_bit=1e-3)
+        cf.tracking_margins(path, FIELD, minimum_bit=1e-3)
     with pytest.raises(
         ValueError, match=r"^thrusters: have bits of their own, and fly in the field; leave out"
     ):
-        cf.room(path, FIELD, minimum_bit=1e-3, thrusters=NOZZLES)
+        cf.tracking_margins(path, FIELD, minimum_bit=1e-3, thrusters=NOZZLES)
     with pytest.raises(ValueError, match=r"^thrusters: 3 sets for 2 craft; give one, or one for each$"):
-        cf.room(path, FIELD, thrusters=[NOZZLES] * 3)
+        cf.tracking_margins(path, FIELD, thrusters=[NOZZLES] * 3)
 
 
 def test_thrusters_that_nobody_has():
     path = formation(0.3, 2)
-    none, room = (cf.room(path, FIELD, navigation=SIGHT, thrusters=sets) for sets in ([None] * 2, None))
+    none, room = (
+        cf.tracking_margins(path, FIELD, navigation=SIGHT, thrusters=sets) for sets in ([None] * 2, None)
+    )
     assert (none.radius == room.radius).all()
 
 
@@ -296,7 +309,7 @@ def test_flights_by_pulses_that_are_shorter_than_intervals_stay_in_their_room(se
         "thrusters": cf.Thrusters.rtn(acceleration=0.02, minimum_bit=1e-7, period=20.0),
     }
     path = ORBIT.coast(np.zeros((1, 6)), seconds)
-    room, flights = cf.room(path, FIELD, **told), cf.fly(path, FIELD, **told, seeds=300)
+    room, flights = cf.tracking_margins(path, FIELD, **told), cf.simulate(path, FIELD, **told, seeds=300)
     assert 0.01 < deviations(path, flights).std(axis=(0, 1)).max() < room.noise.max()
     assert (flights.deviations.max(axis=(0, 2)) < room.greatest).all()
 
@@ -305,11 +318,11 @@ def test_a_delay_beyond_the_end():
     """Nothing is answered to, in flight nor in the room."""
     path, law = formation(0.008), cf.Feedback(60.0, 600.0, delay=60.0)
     assert path.end[0] - path.start[0] < 60.0
-    errors = cf.Errors(1e-2 * np.eye(6))
+    errors = cf.Uncertainty(1e-2 * np.eye(6))
     told = {"feedback": law, "navigation": SIGHT, "errors": errors}
-    flights, free = cf.fly(path, FIELD, **told), cf.fly(path, FIELD, "open", errors=errors)
+    flights, free = cf.simulate(path, FIELD, **told), cf.simulate(path, FIELD, "open", errors=errors)
     assert flights.states == pytest.approx(free.states)
-    room = cf.room(path, FIELD, **told)
+    room = cf.tracking_margins(path, FIELD, **told)
     free = ORBIT.transition(path.end[0])[:3] * 0.1
     assert room.spread[0, -1] == pytest.approx(free @ free.T)
 
@@ -324,12 +337,14 @@ def rounded(begin: float) -> cf.Path:
 @pytest.mark.parametrize("begin", [6066.357757671799, 6547.846749285817])
 def test_impulses_at_measurements_but_for_rounding(begin):
     """Who is measured as one is fired is so before it: the same room wherever the path begins."""
-    gates = cf.Errors(impulse=(0.0, 0.01, 0.0, 0.0175))
+    gates = cf.Uncertainty(impulse=(0.0, 0.01, 0.0, 0.0175))
     field = cf.Field(CHIEF, 0)
-    early, late = (cf.room(rounded(one), field, errors=gates, cancel=False) for one in (0.0, begin))
+    early, late = (
+        cf.tracking_margins(rounded(one), field, errors=gates, cancel=False) for one in (0.0, begin)
+    )
     assert late.spread == pytest.approx(early.spread, abs=1e-4)  # m^2, of 19
     assert late.times == pytest.approx(early.times + begin)
-    assert cf.fly(rounded(begin), field, seeds=2).greatest_deviation < 1.0  # m
+    assert cf.simulate(rounded(begin), field, seeds=2).greatest_deviation < 1.0  # m
 
 
 # --- margins that fit ---------------------------------------------------------------------------
@@ -363,8 +378,8 @@ def test_a_fitted_margin_is_flown_clear(zone):
     assert found.rounds <= 4
     assert 0.28 < found.greatest < 0.6
     flown = {"navigation": SIGHT, "zones": zone, "thrust_error": OFF, "seeds": 100}
-    assert cf.fly(found.plan, FIELD, **flown).violated == 0.0
-    assert cf.fly(planned(0.0), FIELD, **flown).violated > 0.3
+    assert cf.simulate(found.plan, FIELD, **flown).violated == 0.0
+    assert cf.simulate(planned(0.0), FIELD, **flown).violated > 0.3
 
 
 def test_a_margin_of_impulses_is_for_what_usually_leads_them_back():
@@ -379,8 +394,8 @@ def test_a_margin_of_impulses_is_for_what_usually_leads_them_back():
     assert found.fits
     assert 1.0 < found.greatest < 2.5  # m; thrust that lasts needs 0.32
     flown = {"navigation": SIGHT, "zones": zone, "thrust_error": OFF, "seeds": 300}
-    assert cf.fly(found.plan, FIELD, **flown).violated == 0.0
-    assert cf.fly(planned(0.0), FIELD, **flown).violated > 0.3
+    assert cf.simulate(found.plan, FIELD, **flown).violated == 0.0
+    assert cf.simulate(planned(0.0), FIELD, **flown).violated > 0.3
 
 
 def test_beside_an_obstacle_that_is_known():
@@ -415,7 +430,7 @@ def test_beside_a_craft_that_is_held(cost):
     assert 1.1 * known.greatest < found.greatest < 2.0 * known.greatest
     still = ORBIT.coast(np.zeros((1, 6)), 1500.0)
     entered = [
-        cf.fly(cf.stack([plan.path, still[0]]), FIELD, zones=zone, seeds=300, **told).violated
+        cf.simulate(cf.stack([plan.path, still[0]]), FIELD, zones=zone, seeds=300, **told).violated
         for plan in (found.plan, planned(0.0))
     ]
     assert entered[0] == 0.0
@@ -439,7 +454,7 @@ def test_a_fast_pass_is_seen_between_two_looks(cost):
     assert found.greatest > 5.0 * noise
     still = ORBIT.coast(np.zeros((1, 6)), 1000.0)
     entered = [
-        cf.fly(cf.stack([plan.path, still[0]]), FIELD, zones=zone, seeds=300, **told).violated
+        cf.simulate(cf.stack([plan.path, still[0]]), FIELD, zones=zone, seeds=300, **told).violated
         for plan in (found.plan, planned(noise))
     ]
     assert entered[0] == 0.0

@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import closeform as cf
+from closeform.conflicts import batches
 
 N = 1.1e-3
 ORBIT = cf.Orbit(N)

@@ -209,8 +209,8 @@ def test_shares_are_probabilities():
         path,
         other,
         cf.Sphere(25.0),
-        cf.Errors(known, noise=1e-7),
-        cf.Errors(known, noise=2e-8),
+        cf.Uncertainty(known, noise=1e-7),
+        cf.Uncertainty(known, noise=2e-8),
         method="monte-carlo",
         samples=40_000,
     )
@@ -279,9 +279,9 @@ def test_flights_are_spread_as_covariances_say():
     """Half an orbit in the real field, off the flight without noise, of two craft and 600 flights."""
     path = CHIEF.orbit.coast([[0, 200, 0, 0, 0, 0], [0, -100, 0, 0, 0, 0]], 2800.0)
     field = cf.Field(CHIEF)
-    errors = [cf.Errors(noise=1e-8), cf.Errors(noise=4e-8)]
-    quiet = cf.fly(path, field, "open", cancel=False)
-    flights = cf.fly(path, field, "open", cancel=False, errors=errors, seeds=600)
+    errors = [cf.Uncertainty(noise=1e-8), cf.Uncertainty(noise=4e-8)]
+    quiet = cf.simulate(path, field, "open", cancel=False)
+    flights = cf.simulate(path, field, "open", cancel=False, errors=errors, seeds=600)
     for place in (40, -1):
         time = flights.times[place]
         assert time % STEP == 0.0  # where states are exact
@@ -291,7 +291,7 @@ def test_flights_are_spread_as_covariances_say():
             assert are_spread_as(away[:, k], expected)
             assert not are_spread_as(away[:, k], 1.3 * expected)
     assert flights.delta_v.max() == 0.0
-    alone = cf.fly(path, field, "open", cancel=False, errors=[None, errors[1]], seeds=[4])
+    alone = cf.simulate(path, field, "open", cancel=False, errors=[None, errors[1]], seeds=[4])
     np.testing.assert_array_equal(alone.states[0, 1], flights.states[4, 1])
     np.testing.assert_array_equal(alone.states[0, 0], quiet.states[0, 0])
 
@@ -300,7 +300,7 @@ def test_feedback_answers_to_noise():
     """Led back each minute: what is left is steady, by Lyapunov's equation of what answers."""
     path = CHIEF.orbit.coast([0, 200, 0, 0, 0, 0], 12_000.0)
     field, law, density = cf.Field(CHIEF), cf.Feedback(60.0, 600.0), 1e-8
-    flights = cf.fly(path, field, feedback=law, errors=cf.Errors(noise=density), seeds=300)
+    flights = cf.simulate(path, field, feedback=law, errors=cf.Uncertainty(noise=density), seeds=300)
     n = CHIEF.orbit.mean_motion
     flow, grown = expm(hill(n) * 60.0), noise_of(1.0, n, 600.0)
     # thrust of least energy to the plan, which takes 600 s, for 60 s: B(60) Phi(540)^T W(600)^-1 Phi(600)
@@ -320,13 +320,13 @@ def test_feedback_answers_to_noise():
 def test_plans_are_shaken_by_the_same_noise(pulsed):
     """By thrust that lasts and by pulses, in steps of other lengths: off as far as a craft that coasts."""
     orbit, field = CHIEF.orbit, cf.Field(CHIEF)
-    start, errors = [[0, 200, 0, 0, 0, 0], [0, -400, 0, 0, 0, 0]], cf.Errors(noise=1e-8)
+    start, errors = [[0, 200, 0, 0, 0, 0], [0, -400, 0, 0, 0, 0]], cf.Uncertainty(noise=1e-8)
     path = orbit.transfer(start, [[0, 100, 0, 0, 0, 0], [0, -300, 0, 0, 0, 0]], 2400.0)
     more = {"thrusters": cf.Thrusters.rtn(acceleration=0.02, period=60.0)} if pulsed else {}
     moved, times = [], 240.0 * np.arange(1, 11)
     for plan, others in ((path, more), (orbit.coast(start, 2400.0), {"cancel": False})):
         told_so = {"control": "open", "seeds": [3], **others}
-        quiet, noisy = (cf.fly(plan, field, errors=one, **told_so) for one in (None, errors))
+        quiet, noisy = (cf.simulate(plan, field, errors=one, **told_so) for one in (None, errors))
         moved.append(noisy.path(0).position(times) - quiet.path(0).position(times))
     assert np.abs(moved[1]).max() > 3.0  # m
     assert np.abs(moved[0] - moved[1]).max() < 0.01 * np.abs(moved[1]).max()
@@ -339,9 +339,9 @@ def test_legs_of_new_plans_see_the_same_noise():
         [[0, 100, 0, 0, 0, 0], [0, -300, 0, 0, 0, 0]],
     )
     path, field, law = CHIEF.orbit.transfer(start, final, 2400.0), cf.Field(CHIEF), cf.Feedback(300.0, 2400.0)
-    told_so = {"feedback": law, "zones": cf.Sphere(20.0), "errors": cf.Errors(noise=1e-8), "seeds": [3]}
-    legs, one = (cf.fly(path, field, control, **told_so) for control in ("replan", "track"))
-    quiet = cf.fly(path, field, "track", **(told_so | {"errors": None}))
+    told_so = {"feedback": law, "zones": cf.Sphere(20.0), "errors": cf.Uncertainty(noise=1e-8), "seeds": [3]}
+    legs, one = (cf.simulate(path, field, control, **told_so) for control in ("replan", "track"))
+    quiet = cf.simulate(path, field, "track", **(told_so | {"errors": None}))
     times = 300.0 * np.arange(1, 9)
     anew, led, still = (flight.path(0).position(times) for flight in (legs, one, quiet))
     assert legs.replans[0] == 0

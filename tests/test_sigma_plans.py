@@ -24,7 +24,7 @@ PATH = ORBIT.transfer(
 CLIENT = ORBIT.coast(np.zeros(6), PATH.end)
 ZONE = cf.Sphere(28.0)
 KNOWN = np.diag([1.0, 2.0, 1.0, 2e-3, 2e-3, 2e-3]) ** 2
-ERRORS = cf.Errors(KNOWN)
+ERRORS = cf.Uncertainty(KNOWN)
 NODES = 400  # of the convex program
 TOUCH = 1e-6  # of the zone: what the march may leave open between a plan and its margin
 
@@ -140,7 +140,7 @@ def test_no_sigmas_are_the_ordinary_plan_and_few_cost_hardly_more():
     plain = cf.avoid(PATH, CLIENT, ZONE)
     none = cf.avoid(PATH, CLIENT, ZONE, errors=ERRORS, sigmas=0.0)
     assert (none.energy, none.sigmas) == (plain.energy, 0.0)
-    nowhere = cf.avoid(PATH, CLIENT, ZONE, errors=cf.Errors(), sigmas=3.0)
+    nowhere = cf.avoid(PATH, CLIENT, ZONE, errors=cf.Uncertainty(), sigmas=3.0)
     assert nowhere.energy == pytest.approx(plain.energy, rel=1e-6)
     few = cf.avoid(PATH, CLIENT, ZONE, errors=ERRORS, sigmas=1e-6)
     assert few.energy == pytest.approx(plain.energy, rel=1e-6)
@@ -153,7 +153,7 @@ def test_more_sigmas_and_larger_errors_cost_more_at_the_price_that_is_told():
     assert spent[0] < spent[-1]
     (price,) = by_sigmas[2].prices
     assert price.per_sigma == pytest.approx((spent[3] - spent[1]) / 0.002, rel=1e-3)
-    known = [cf.Errors(s * s * KNOWN) for s in (0.5, 1.0, 1.5)]
+    known = [cf.Uncertainty(s * s * KNOWN) for s in (0.5, 1.0, 1.5)]
     by_errors = [cf.avoid(PATH, CLIENT, ZONE, errors=one, sigmas=2.0).energy for one in known]
     assert by_errors == sorted(by_errors)
     assert by_errors[2] == pytest.approx(spent[4], rel=1e-6)  # 3 sigmas are 2 of errors half as large again
@@ -161,8 +161,8 @@ def test_more_sigmas_and_larger_errors_cost_more_at_the_price_that_is_told():
 
 def test_errors_of_the_obstacle_add():
     both = cf.avoid(PATH, CLIENT, ZONE, errors=ERRORS, other_errors=ERRORS, sigmas=1.5)
-    one = cf.avoid(PATH, CLIENT, ZONE, errors=cf.Errors(2.0 * KNOWN), sigmas=1.5)
-    other = cf.avoid(PATH, CLIENT, ZONE, other_errors=cf.Errors(2.0 * KNOWN), sigmas=1.5)
+    one = cf.avoid(PATH, CLIENT, ZONE, errors=cf.Uncertainty(2.0 * KNOWN), sigmas=1.5)
+    other = cf.avoid(PATH, CLIENT, ZONE, other_errors=cf.Uncertainty(2.0 * KNOWN), sigmas=1.5)
     assert both.energy == pytest.approx(one.energy, rel=1e-6)
     assert other.energy == pytest.approx(one.energy, rel=1e-6)
 
@@ -187,7 +187,7 @@ def test_zones_of_every_shape_are_kept_out_of(zone):
 
 
 def test_a_burn_that_is_too_strong_or_too_weak_stays_clear():
-    errors = cf.Errors(KNOWN, magnitude=0.03)
+    errors = cf.Uncertainty(KNOWN, magnitude=0.03)
     plan = cf.avoid(PATH, CLIENT, ZONE, errors=errors, sigmas=2.0)
     times = np.linspace(PATH.start, PATH.end, 800)
     places = flown(plan.path, times, drawn(5000, 7, 2.0, 4), np.sqrt(KNOWN), magnitude=0.03)
@@ -209,7 +209,7 @@ def test_impulses_of_least_delta_v_keep_the_margin():
         assert np.linalg.norm(places, axis=2).min() > 28.0
         spent.append(plan.delta_v)
     assert cf.avoid(PATH, CLIENT, ZONE, cost="delta-v").delta_v < spent[0] < spent[1]
-    gates = cf.Errors(KNOWN, impulse=[1e-4, 0.01, 1e-4, 0.01])
+    gates = cf.Uncertainty(KNOWN, impulse=[1e-4, 0.01, 1e-4, 0.01])
     wider = cf.avoid(PATH, CLIENT, ZONE, errors=gates, sigmas=2.0, cost="delta-v")
     assert cf.clearance_in_sigmas(wider.path, CLIENT, ZONE, gates).sigmas >= 2.0
     assert wider.delta_v > spent[1]
@@ -225,7 +225,7 @@ def ring(size, phase, order):
 @pytest.mark.parametrize("cost", ["energy", "delta-v"])
 def test_four_craft_keep_the_sigmas_of_their_sum(cost):
     initial, final = ring(60.0, 0.0, [0, 1, 2, 3]), ring(60.0, 0.3, [2, 0, 1, 3])
-    known = [cf.Errors(s * s * KNOWN) for s in (0.5, 1.0, 1.0, 1.5)]
+    known = [cf.Uncertainty(s * s * KNOWN) for s in (0.5, 1.0, 1.0, 1.5)]
     spent = []
     for k in (0.0, 1.0, 2.0):
         plan = cf.reconfigure(
@@ -345,7 +345,7 @@ def test_formations_that_ask_for_sigmas_are_planned_with_them():
 
 def test_zones_by_pair_at_sigmas():
     """Of each pair the zone that the table gives, at so many sigmas of what is known of both."""
-    known = cf.Errors(np.diag([1.0, 2.0, 1.0, 1e-3, 1e-3, 1e-3]) ** 2)
+    known = cf.Uncertainty(np.diag([1.0, 2.0, 1.0, 1e-3, 1e-3, 1e-3]) ** 2)
     path = ORBIT.transfer([3, 41, -39, 0, 0, 0], [-4, -60, 43, 0, 0, 0], 0.4 * ORBIT.period)
     others = [ORBIT.coast([0, ahead, 0, 0, 0, 0], path.end) for ahead in (0.0, -100.0)]
     zones = cf.PairZones.of([cf.Sphere(10.0), cf.Box([15.0, 25.0, 15.0]), cf.Sphere(5.0)])

@@ -39,7 +39,9 @@ def flown(orbit, seed):
 @pytest.mark.parametrize("noise", [0.0, 1e-7])
 def test_no_sigma_reaches_beyond_the_width_of_its_interval(orbit, noise):
     """Singular values of the covariance at a dense grid of times, of craft with errors of all kinds."""
-    errors = cf.Errors(deviations([2, 3, 1], [2e-3, 1e-3, 4e-3]), 0.05, 0.03, (1e-3, 0.03, 2e-3, 0.02), noise)
+    errors = cf.Uncertainty(
+        deviations([2, 3, 1], [2e-3, 1e-3, 4e-3]), 0.05, 0.03, (1e-3, 0.03, 2e-3, 0.02), noise
+    )
     paths = cf.stack([flown(orbit, seed) for seed in range(12)])
     for zone in ZONES:
         bodies = paths.arcs, paths.offsets
@@ -69,7 +71,9 @@ def test_what_is_excluded_has_no_stay(zone):
     coasts = ORBIT.coast(states, PERIOD)
     paths = cf.stack([*(coasts[k] for k in range(40)), *(flown(ORBIT, seed) for seed in range(12))])
     kinds = [
-        cf.Errors(deviations([1, s, 1], [s * 1e-3] * 3), 0.1, impulse=(0.01, 0, 0.01, 0), noise=s * 1e-10)
+        cf.Uncertainty(
+            deviations([1, s, 1], [s * 1e-3] * 3), 0.1, impulse=(0.01, 0, 0.01, 0), noise=s * 1e-10
+        )
         for s in (1, 2, 5)
     ]
     errors = [None if k == 3 else kinds[k % 3] for k in range(len(paths))]
@@ -90,7 +94,7 @@ def test_a_thousand_craft_with_errors():
     states = rng.normal(size=(1000, 6)) * [4e3, 13e3, 4e3, 4.4, 0, 4.4]
     states[:, 4] = -2 * N * states[:, 0]
     paths = ORBIT.coast(states, 2 * PERIOD)
-    errors = cf.Errors(deviations([2, 2, 1], [1e-3] * 3))
+    errors = cf.Uncertainty(deviations([2, 2, 1], [1e-3] * 3))
     cf.screen(paths[:50], cf.Body(cf.Sphere(5.0)), errors=errors)
     begin = process_time()
     found = cf.screen(paths, cf.Body(cf.Sphere(5.0)), errors=errors)
@@ -100,11 +104,11 @@ def test_a_thousand_craft_with_errors():
 
 def test_an_uncertainty_beside_errors_counts_twice():
     paths = ORBIT.coast([[0, 0, 0, 0, 0, 0], [0, 60, 0, 0, 0, 0]], PERIOD)
-    known, errors = cf.Uncertainty(np.eye(3), 3.0), cf.Errors(np.eye(6) * 1e-6)
+    known, errors = cf.CovarianceZone(np.eye(3), 3.0), cf.Uncertainty(np.eye(6) * 1e-6)
     for zone in (known, [known, cf.Body(cf.Sphere(2.0))], cf.PairZones.of([cf.Sphere(3.0), known])):
         with pytest.raises(ValueError, match="zone: an Uncertainty beside errors counts them twice"):
             cf.screen(paths, zone, errors=errors)
-    many = [cf.Uncertainty(np.eye(3) * (1 + k), 3.0) for k in range(80)]  # zones that are made by need
+    many = [cf.CovarianceZone(np.eye(3) * (1 + k), 3.0) for k in range(80)]  # zones that are made by need
     with pytest.raises(ValueError, match="counts them twice"):
         cf.screen(ORBIT.coast(np.zeros((80, 6)), 10.0), many, errors=errors)
 
@@ -116,7 +120,7 @@ def test_a_path_through_samples_has_errors_of_its_state_and_noise():
     sampled = ORBIT.sampled(times, coast.state(times))
     assert sampled.cubic_share > 0.9
     other, zone = ORBIT.coast(np.zeros(6), 2 * PERIOD), cf.Sphere(15.0)
-    errors = cf.Errors(deviations([3, 6, 3], [3e-3] * 3), noise=1e-9)
+    errors = cf.Uncertainty(deviations([3, 6, 3], [3e-3] * 3), noise=1e-9)
     exact = cf.clearance_in_sigmas(coast, other, zone, errors)
     found = cf.clearance_in_sigmas(sampled, other, zone, errors)
     assert found.sigmas == pytest.approx(exact.sigmas, rel=1e-5)

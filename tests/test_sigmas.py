@@ -109,7 +109,7 @@ def sigmas_of(zone, mean, root):
 def test_fewest_sigmas_are_those_of_a_dense_grid(case, shape):
     """Nearest points at each time by a solver of its own, refined about the least one."""
     mean, covariance, duration = CASES[case]
-    zone, errors = ZONES[shape], cf.Errors(covariance)
+    zone, errors = ZONES[shape], cf.Uncertainty(covariance)
     path, other = ORBIT.coast(mean, duration), ORBIT.coast(AT_REST, duration)
     found = cf.clearance_in_sigmas(path, other, zone, errors)
     if cf.closest_approach(path, other, zone).ratio <= 1.0:
@@ -168,7 +168,7 @@ def test_errors_that_shrink_and_grow_again(small):
     At its start a standing plane would keep 9 sigmas, if what shrinks went on to do so.
     """
     line = np.array([1.0, 0, 0, -0.01, 0, 0])
-    errors = cf.Errors(np.outer(line, line) + small**2 * np.diag([1.0, 1, 1, 0, 0, 0]))
+    errors = cf.Uncertainty(np.outer(line, line) + small**2 * np.diag([1.0, 1, 1, 0, 0, 0]))
     mean, zone = [10.0, 0, 0, 0, 1 / 290.0, 0], cf.Sphere(1.0)
     path, other = DEEP.coast(mean, 800.0), DEEP.coast(AT_REST, 800.0)
     found = cf.clearance_in_sigmas(path, other, zone, errors)
@@ -186,7 +186,7 @@ def test_a_plane_of_errors_that_turns_past_a_cylinder(small):
     across = np.array([0, 0, 0.161844858, 0, 0, 0])
     drifts = np.array([1.12422894e-2, 1.99177631e-3, 3.78774006e-3, 5.29472696e-6, -1.39886915e-5, 1.8766e-7])
     covariance = np.outer(across, across) + np.outer(drifts, drifts)
-    errors = cf.Errors(covariance + small**2 * np.diag([1, 1, 1, N * N, N * N, N * N]))
+    errors = cf.Uncertainty(covariance + small**2 * np.diag([1, 1, 1, N * N, N * N, N * N]))
     zone = cf.Cylinder(5.0, 4.0, [0.59409685, 0.78443622, -0.17806952])
     path, other = ORBIT.coast(mean, 2 * PERIOD), ORBIT.coast(AT_REST, 2 * PERIOD)
     found = cf.clearance_in_sigmas(path, other, zone, errors)
@@ -234,7 +234,7 @@ def test_thin_errors_that_move_past_a_cylinder(case):
     """Met where the solver says so, and nowhere with fewer: planes that Newton's method does not find."""
     mean, columns, orbits, (radius, axis) = THIN[case]
     zone, columns = cf.Cylinder(radius, 0.8 * radius, axis), np.array(columns)
-    errors = cf.Errors(columns.T @ columns)
+    errors = cf.Uncertainty(columns.T @ columns)
     path, other = ORBIT.coast(mean, orbits * PERIOD), ORBIT.coast(AT_REST, orbits * PERIOD)
     moved = ORBIT.coast(errors._root.T, orbits * PERIOD)
 
@@ -256,7 +256,7 @@ def test_a_minimum_this_side_of_a_hump():
             [0.83339, -1.52684, -1.18605, -8.44943e-4, -1.84476e-3, -1.93981e-3],
         ]
     )
-    errors, zone, duration = cf.Errors(columns.T @ columns), cf.Box([20.0, 14.0, 10.0]), 0.5 * PERIOD
+    errors, zone, duration = cf.Uncertainty(columns.T @ columns), cf.Box([20.0, 14.0, 10.0]), 0.5 * PERIOD
     path, other = ORBIT.coast(mean, duration), ORBIT.coast(AT_REST, duration)
     found = cf.clearance_in_sigmas(path, other, zone, errors)
     moved = ORBIT.coast(errors._root.T, duration)
@@ -288,7 +288,7 @@ def test_thin_errors_at_one_place(shape):
         root = np.concatenate([root, tiny * np.eye(3)], axis=1)
         covariance = np.zeros((6, 6))
         covariance[:3, :3] = root @ root.T
-        errors = cf.Errors(covariance)
+        errors = cf.Uncertainty(covariance)
         found = cf.clearance_in_sigmas(DEEP.coast([*mean, 0, 0, 0], 1.0), other, zone, errors).sigmas
         least = sigmas_of(zone, mean, errors._root[:3])
         if least < 9e3:
@@ -306,8 +306,10 @@ def test_thin_errors_at_one_place(shape):
 def test_sigmas_of_thrusting_craft_with_all_errors(shape, orbit, noise):
     """Execution errors of both, and noise: covariances at a grid of times against the march."""
     zone = ZONES[shape].enlarged(0.3)
-    errors = cf.Errors(deviations([2, 3, 1], [2e-3, 1e-3, 1e-3]), 0.05, 0.03, (1e-3, 0.03, 2e-3, 0.02), noise)
-    others = cf.Errors(deviations([1, 1, 1], [1e-3] * 3), magnitude=0.1, noise=0.5 * noise)
+    errors = cf.Uncertainty(
+        deviations([2, 3, 1], [2e-3, 1e-3, 1e-3]), 0.05, 0.03, (1e-3, 0.03, 2e-3, 0.02), noise
+    )
+    others = cf.Uncertainty(deviations([1, 1, 1], [1e-3] * 3), magnitude=0.1, noise=0.5 * noise)
     for seed in range(3):
         path, other = flown(orbit, seed)
         found = cf.clearance_in_sigmas(path, other, zone, errors, others)
@@ -330,7 +332,7 @@ def test_no_drawn_error_within_the_sigmas_enters():
     rng = np.random.default_rng(2)
     mean, covariance, duration = CASES["ellipse"]
     path, other = ORBIT.coast(mean, duration), ORBIT.coast(AT_REST, duration)
-    errors = cf.Errors(covariance)
+    errors = cf.Uncertainty(covariance)
     columns = columns_of(path, errors)
     for zone in ZONES.values():
         k = cf.clearance_in_sigmas(path, other, zone, errors)
@@ -347,7 +349,7 @@ def test_an_error_just_beyond_the_sigmas_enters():
     """Of a sphere: the error that leads to its nearest point at that time, a millionth longer."""
     mean, covariance, duration = CASES["walking"]
     path, other = ORBIT.coast(mean, duration), ORBIT.coast(AT_REST, duration)
-    errors, zone = cf.Errors(covariance), ZONES["sphere"]
+    errors, zone = cf.Uncertainty(covariance), ZONES["sphere"]
     found = cf.clearance_in_sigmas(path, other, zone, errors)
     columns = columns_of(path, errors)
     places, r = columns.position(found.time), path.position(found.time)
@@ -369,7 +371,7 @@ def test_an_error_just_beyond_the_sigmas_enters():
 def test_stays_begin_and_end_where_the_tube_touches(shape):
     """At each start and end as many sigmas are met; between stays more are needed, within them fewer."""
     mean, covariance, duration = CASES["walking"]
-    zone, errors = ZONES[shape], cf.Errors(covariance)
+    zone, errors = ZONES[shape], cf.Uncertainty(covariance)
     path, other = ORBIT.coast(mean, duration), ORBIT.coast(AT_REST, duration)
     k = 1.3 * cf.clearance_in_sigmas(path, other, zone, errors).sigmas
     stays = cf.find_conflicts(path, other, zone, errors=errors, sigmas=k)
@@ -391,7 +393,7 @@ def test_stays_begin_and_end_where_the_tube_touches(shape):
 
 def test_ratio_of_a_stay_is_the_norm_in_the_sum_of_zone_and_sigmas():
     """Of two balls: |r| / (R + k sigma), exactly."""
-    errors = cf.Errors(np.diag([4.0, 4.0, 4.0, 0, 0, 0]))
+    errors = cf.Uncertainty(np.diag([4.0, 4.0, 4.0, 0, 0, 0]))
     path, other = DEEP.coast([-100, 12.0, 0, 1.0, 0, 0], 200.0), DEEP.coast(AT_REST, 200.0)
     (stay,) = cf.find_conflicts(path, other, cf.Sphere(9.0), errors, sigmas=3.0)
     assert stay.ratio == pytest.approx(12.0 / 15.0, rel=1e-9)
@@ -405,7 +407,7 @@ def test_without_errors_and_at_no_sigmas_the_search_is_the_ordinary_one():
     zone = cf.Box([150.0, 120.0, 100.0])
     plain = cf.find_conflicts(path, other, zone)
     assert plain
-    for errors in (cf.Errors(), cf.Errors(deviations([1, 1, 1], [1e-3] * 3))):
+    for errors in (cf.Uncertainty(), cf.Uncertainty(deviations([1, 1, 1], [1e-3] * 3))):
         k = 3.0 if not errors.state.any() else 0.0
         same = cf.find_conflicts(path, other, zone, errors, sigmas=k)
         assert len(same) == len(plain)
@@ -417,16 +419,16 @@ def test_without_errors_and_at_no_sigmas_the_search_is_the_ordinary_one():
 def test_sigmas_where_nothing_is_uncertain_or_nobody_meets():
     path, other = ORBIT.coast([0, 200, 0, 0, 0, 0], PERIOD), ORBIT.coast(AT_REST, PERIOD)
     zone = cf.Sphere(15.0)
-    nothing = cf.clearance_in_sigmas(path, other, zone, cf.Errors())
+    nothing = cf.clearance_in_sigmas(path, other, zone, cf.Uncertainty())
     assert nothing.sigmas == np.inf
     assert np.isnan(nothing.time)
-    across = cf.Errors(np.diag([0, 0, 1.0, 0, 0, 1e-6]))  # never brings it nearer along the track
+    across = cf.Uncertainty(np.diag([0, 0, 1.0, 0, 0, 1e-6]))  # never brings it nearer along the track
     assert cf.clearance_in_sigmas(path, other, zone, across).sigmas == np.inf
     later = ORBIT.coast([0, 200, 0, 0, 0, 0], PERIOD, start=2 * PERIOD)
-    apart = cf.clearance_in_sigmas(later, other, zone, cf.Errors(np.eye(6)))
+    apart = cf.clearance_in_sigmas(later, other, zone, cf.Uncertainty(np.eye(6)))
     assert apart.sigmas == np.inf
     inside = cf.clearance_in_sigmas(
-        ORBIT.coast([0, 9, 0, 0, 0, 0], PERIOD), other, zone, cf.Errors(np.eye(6) * 1e-6)
+        ORBIT.coast([0, 9, 0, 0, 0, 0], PERIOD), other, zone, cf.Uncertainty(np.eye(6) * 1e-6)
     )
     assert inside.sigmas == 0.0
 
@@ -434,7 +436,7 @@ def test_sigmas_where_nothing_is_uncertain_or_nobody_meets():
 def test_batches_broadcast_and_errors_are_given_for_each():
     others = ORBIT.coast([[0, 0, 0, 0, 0, 0], [0, 500, 0, 0, 0, 0]], PERIOD)
     paths = ORBIT.coast([[0, 200, 0, 0, 0, 0], [0, -90, 0, 0, 0, 0], [30, 5, 0, 0, 0, 0]], PERIOD)
-    errors = [cf.Errors(deviations([1, s, 1], [1e-3] * 3)) for s in (1.0, 4.0, 9.0)]
+    errors = [cf.Uncertainty(deviations([1, s, 1], [1e-3] * 3)) for s in (1.0, 4.0, 9.0)]
     zone = cf.Sphere(15.0)
     both = cf.clearance_in_sigmas(paths[:, None], others, zone, errors, [errors[0], None])
     assert both.sigmas.shape == both.time.shape == (3, 2)
@@ -455,22 +457,24 @@ def test_sigmas_fall_with_errors_and_zones_and_do_not_depend_on_units(seed, shar
     root = rng.normal(size=(6, 6)) * np.array([2, 4, 2, 2e-3, 2e-3, 2e-3])[:, None]
     path, other = ORBIT.coast(mean, share * PERIOD), ORBIT.coast(AT_REST, share * PERIOD)
     zone = ZONES[shape]
-    k = cf.clearance_in_sigmas(path, other, zone, cf.Errors(root @ root.T)).sigmas
-    assert cf.clearance_in_sigmas(path, other, zone, cf.Errors(1.21 * root @ root.T)).sigmas == pytest.approx(
-        k / 1.1, rel=2e-9
-    )
+    k = cf.clearance_in_sigmas(path, other, zone, cf.Uncertainty(root @ root.T)).sigmas
+    assert cf.clearance_in_sigmas(
+        path, other, zone, cf.Uncertainty(1.21 * root @ root.T)
+    ).sigmas == pytest.approx(k / 1.1, rel=2e-9)
     more = root.copy()
     more[:, 0] *= 1.5
-    assert cf.clearance_in_sigmas(path, other, zone, cf.Errors(more @ more.T)).sigmas <= k * (1 + 2e-9)
-    assert cf.clearance_in_sigmas(path, other, zone.enlarged(1.1), cf.Errors(root @ root.T)).sigmas <= k * (
-        1 + 2e-9
-    )
+    assert cf.clearance_in_sigmas(path, other, zone, cf.Uncertainty(more @ more.T)).sigmas <= k * (1 + 2e-9)
+    assert cf.clearance_in_sigmas(
+        path, other, zone.enlarged(1.1), cf.Uncertainty(root @ root.T)
+    ).sigmas <= k * (1 + 2e-9)
     if shape in ("sphere", "ellipsoid", "box"):  # in other units of length nothing changes
         wide = ORBIT.coast(scale * mean, share * PERIOD)
-        same = cf.clearance_in_sigmas(wide, other, zone.enlarged(scale), cf.Errors(scale**2 * root @ root.T))
+        same = cf.clearance_in_sigmas(
+            wide, other, zone.enlarged(scale), cf.Uncertainty(scale**2 * root @ root.T)
+        )
         assert same.sigmas == pytest.approx(k, rel=1e-8)
     if shape != "half-spaces":  # from the other side, with the errors there
-        there = cf.clearance_in_sigmas(other, path, zone, None, cf.Errors(root @ root.T))
+        there = cf.clearance_in_sigmas(other, path, zone, None, cf.Uncertainty(root @ root.T))
         assert there.sigmas == pytest.approx(k, rel=1e-9)
 
 
@@ -511,7 +515,7 @@ def test_sigmas_do_not_depend_on_axes(shape):
             path = orbit.burn(moved[0], by @ thrust, 1000.0, start)
             path = cf.join([path, orbit.coast(path.state(start + 1000.0), 1500.0, start=start + 1000.0)])
             other = orbit.coast(moved[1], 2500.0, start=start)
-            known = cf.Errors(both @ root @ root.T @ both.T, magnitude=0.1, pointing=0.05, noise=1e-9)
+            known = cf.Uncertainty(both @ root @ root.T @ both.T, magnitude=0.1, pointing=0.05, noise=1e-9)
             found = cf.clearance_in_sigmas(path, other, zone, known)
             return found.sigmas, found.time - start
 
@@ -532,7 +536,7 @@ def test_screen_finds_the_stays_of_each_pair():
     states = rng.normal(size=(8, 6)) * [40, 150, 40, 0.03, 0.03, 0.03]
     states[:, 4] = -2 * N * states[:, 0]
     paths = ORBIT.coast(states, PERIOD)
-    errors = [cf.Errors(deviations([1, s, 1], [1e-3] * 3), noise=1e-10) for s in range(1, 8)] + [None]
+    errors = [cf.Uncertainty(deviations([1, s, 1], [1e-3] * 3), noise=1e-10) for s in range(1, 8)] + [None]
     found = cf.screen(paths, cf.Body(cf.Sphere(2.0)), errors=errors, sigmas=3.0)
     expected = []
     for i, j in zip(*np.triu_indices(8, 1), strict=True):

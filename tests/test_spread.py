@@ -16,7 +16,7 @@ ORBIT, DEEP = cf.Orbit(N), cf.Orbit(0.0)
 START = np.array([120.0, -80.0, 45.0, 0.11, -0.27, 0.06])
 STATE = np.diag([2.0, 5.0, 3.0, 2e-3, 1e-3, 3e-3]) ** 2
 GATES = (1e-3, 0.02, 2e-3, 0.01)
-ALL = cf.Errors(STATE, magnitude=0.02, pointing=0.01, impulse=GATES, noise=1e-9)
+ALL = cf.Uncertainty(STATE, magnitude=0.02, pointing=0.01, impulse=GATES, noise=1e-9)
 
 
 def hill(n):
@@ -53,7 +53,7 @@ def close(found, expected, tolerance):
 def test_state_and_noise_obey_the_equation_of_covariances(orbit):
     """P' = A P + P A^T + Q, integrated."""
     path = orbit.coast(START, 12000.0, start=-50.0)
-    errors = cf.Errors(STATE, noise=1e-9)
+    errors = cf.Uncertainty(STATE, noise=1e-9)
     a, q = hill(orbit.mean_motion), np.diag([0, 0, 0, 1e-9, 1e-9, 1e-9])
 
     def rate(_, p):
@@ -110,7 +110,7 @@ def test_flown_errors_of_execution_have_the_covariance(orbit):
         root = np.linalg.cholesky(across * np.eye(3) + (along - across) * np.outer(ahead, ahead))
         for column in root.T:
             total += added(time, time, lambda u: np.zeros(3), column)
-    errors = cf.Errors(magnitude=0.02, pointing=0.01, impulse=GATES)
+    errors = cf.Uncertainty(magnitude=0.02, pointing=0.01, impulse=GATES)
     close(
         errors.covariance(path, times)[1:], total[1:], 1e-7
     )  # of the integrator at joints of saturated arcs
@@ -118,7 +118,7 @@ def test_flown_errors_of_execution_have_the_covariance(orbit):
 
 def test_columns_are_paths_that_make_up_the_covariance():
     path = flown()
-    quiet = cf.Errors(STATE, magnitude=0.02, pointing=0.01, impulse=GATES)
+    quiet = cf.Uncertainty(STATE, magnitude=0.02, pointing=0.01, impulse=GATES)
     columns = columns_of(path, quiet)
     assert columns.orbit == path.orbit
     assert (columns.start == path.start).all()
@@ -137,10 +137,10 @@ def test_columns_are_paths_that_make_up_the_covariance():
 
 def test_errors_that_are_nil_have_no_column():
     path = flown()
-    assert columns_of(path, cf.Errors(noise=1e-9)).shape == (0,)
-    assert columns_of(path, cf.Errors(np.diag([0, 1.0, 0, 0, 0, 0]))).shape == (1,)
-    assert columns_of(path, cf.Errors(impulse=(1e-3, 0, 0, 0))).shape == (2,)
-    assert columns_of(ORBIT.coast(START, 9.0), cf.Errors(magnitude=0.1, impulse=GATES)).shape == (0,)
+    assert columns_of(path, cf.Uncertainty(noise=1e-9)).shape == (0,)
+    assert columns_of(path, cf.Uncertainty(np.diag([0, 1.0, 0, 0, 0, 0]))).shape == (1,)
+    assert columns_of(path, cf.Uncertainty(impulse=(1e-3, 0, 0, 0))).shape == (2,)
+    assert columns_of(ORBIT.coast(START, 9.0), cf.Uncertainty(magnitude=0.1, impulse=GATES)).shape == (0,)
 
 
 def test_pointing_turns_thrust_as_rotations_do():
@@ -152,7 +152,7 @@ def test_pointing_turns_thrust_as_rotations_do():
         np.array([1e-3, -5e-4, 2e-4]) + np.cross(angles, np.array([1e-3, -5e-4, 2e-4]))
     )
     ends = ORBIT.burn(START, turned, 600.0).state(600.0)
-    expected = cf.Errors(magnitude=2e-3, pointing=1e-3).covariance(burn, 600.0)
+    expected = cf.Uncertainty(magnitude=2e-3, pointing=1e-3).covariance(burn, 600.0)
     close(np.cov(ends.T), expected, 0.05)  # of 20000 samples, and 5 sigmas
 
 
@@ -161,7 +161,7 @@ def test_a_direction_that_is_known_far_better_keeps_its_digits():
     import mpmath as mp
 
     path = ORBIT.coast(START, 20 * ORBIT.period)
-    errors = cf.Errors(np.diag([1e-2, 1e3, 1e-2, 1e-6, 1e-5, 1e-6]) ** 2)
+    errors = cf.Uncertainty(np.diag([1e-2, 1e3, 1e-2, 1e-6, 1e-5, 1e-6]) ** 2)
     found = errors.covariance(path, path.end)
     with mp.workdps(40):
         flow = mp.expm(mp.matrix(hill(N).tolist()) * mp.mpf(path.end))
@@ -177,7 +177,7 @@ def test_any_covariance_is_kept_whatever_its_rank_and_units(seed, rank, scale):
     root = rng.normal(size=(6, rank)) * 10.0 ** np.array([scale] * 3 + [scale - 3.0] * 3)[:, None]
     state = root @ root.T
     path = ORBIT.coast(START, 100.0)
-    found = cf.Errors(state).covariance(path, 0.0)
+    found = cf.Uncertainty(state).covariance(path, 0.0)
     np.testing.assert_allclose(found, state, atol=1e-12 * max(state.max(), 1e-300), rtol=1e-9)
 
 
@@ -200,27 +200,29 @@ def test_a_covariance_of_a_message_is_that_of_drawn_states():
     inertial = np.concatenate([drawn[:, :3] @ axes, drawn[:, 3:] @ axes], axis=1)
     states = cf.relative_from_inertial(chief, chief + inertial)
     path = orbit.coast(np.array([50.0, 0, 0, 0, 0, 0]), 900.0, start=100.0)
-    errors = cf.Errors.from_rtn(message, path, 700.0, chief, craft=deputy)
+    errors = cf.Uncertainty.from_rtn(message, path, 700.0, chief, craft=deputy)
     close(errors.covariance(path, 700.0), np.cov(states.T), 0.02)  # of 100 000 samples
-    same = cf.Errors.from_inertial(
+    same = cf.Uncertainty.from_inertial(
         np.kron(np.eye(2), axes).T @ message @ np.kron(np.eye(2), axes), path, 700.0, chief
     )
     close(same.covariance(path, 123.0), errors.covariance(path, 123.0), 1e-9)
-    early = cf.Errors.from_rtn(message, path, -5000.0, chief, magnitude=0.1)  # an epoch before the path
+    early = cf.Uncertainty.from_rtn(message, path, -5000.0, chief, magnitude=0.1)  # an epoch before the path
     back = orbit.transition(5100.0)
-    frame = cf.Errors.from_rtn(message, orbit.coast(np.zeros(6), 9.0, start=-5000.0), -5000.0, chief).state
+    frame = cf.Uncertainty.from_rtn(
+        message, orbit.coast(np.zeros(6), 9.0, start=-5000.0), -5000.0, chief
+    ).state
     close(early.state, back @ frame @ back.T, 1e-9)
     assert early.magnitude == 0.1
 
 
 def test_mixed_units_are_told():
     path = ORBIT.coast(START, 100.0)
-    mixed = cf.Errors(np.diag([0.01, 0.01, 0.01, 0.1, 0.1, 0.1]) ** 2)  # km and m/s
+    mixed = cf.Uncertainty(np.diag([0.01, 0.01, 0.01, 0.1, 0.1, 0.1]) ** 2)  # km and m/s
     with pytest.warns(UserWarning, match="are units mixed, km with m/s"):
         mixed.covariance(path, 50.0)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        cf.Errors(np.diag([0, 0, 0, 0.1, 0.1, 0.1]) ** 2).covariance(
+        cf.Uncertainty(np.diag([0, 0, 0, 0.1, 0.1, 0.1]) ** 2).covariance(
             path, 50.0
         )  # known places, lost velocities
         ALL.covariance(path, 50.0)
@@ -233,5 +235,5 @@ def test_a_nearly_singular_covariance_is_not_taken_for_mixed_units(recwarn):
     thin = np.array([1e-3, 1e-7, 1e-3, 3e3 * n * 1e-3, 3e3 * n * 1e-3, 1e-9])
     exact = np.array([1e-9, 1e-9, 1e-9, 1e-3, 1e-3, 1e-3])
     for sigmas in (thin, exact):
-        cf.find_conflicts(path, other, cf.Sphere(10.0), errors=cf.Errors(np.diag(sigmas**2)), sigmas=3.0)
+        cf.find_conflicts(path, other, cf.Sphere(10.0), errors=cf.Uncertainty(np.diag(sigmas**2)), sigmas=3.0)
     assert not recwarn.list

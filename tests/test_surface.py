@@ -23,18 +23,26 @@ RESULTS = {"Approach", "Avoidance", "CommonFrame", "Conflict", "Contact", "Path"
 RESULTS |= {"PairZones", "PairZones.which", "PairZones.between", "PairZones.around", "PairZones.rule"}
 RESULTS |= {"Event", "EventKind", "GatherStatus", "Gathering", "Gatherings", "Leg", "LockMargins", "Locks"}
 RESULTS |= {"LockProof", "LongestLock"}
-RESULTS |= {"Arrivals", "Bound", "Encounter", "Firing", "Probability", "Pulses", "SigmaApproach"}
-RESULTS |= {"ClearanceCostCurve", "ClearanceStatus", "MaxClearance", "Price"}
+RESULTS |= {
+    "TransferCostTable",
+    "Bound",
+    "Encounter",
+    "ThrusterFiring",
+    "Probability",
+    "Pulses",
+    "SigmaApproach",
+}
+RESULTS |= {"ClearanceCostCurve", "ClearanceStatus", "MaxClearance", "ShadowPrice"}
 RESULTS |= {
     "DriftApproach",
     "DriftScreening",
     "CompensatedThrust",
     "Retargeted",
     "Validity",
-    "Flight",
+    "Simulation",
     "Tube",
 }
-RESULTS |= {"Room", "FittedMargin"}
+RESULTS |= {"TrackingMargins", "FittedMargin"}
 RESULTS |= {"LoadedRun", "LoadedStage", "LoadedStudy"}
 RESULTS |= {"Leg.attitude_at", "Plan", "Search", "PairConflict", "TheoremCase", "ThrustShortfall"}
 

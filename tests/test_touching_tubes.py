@@ -16,7 +16,7 @@ ALONG = np.array([0, 1.0, 0, 0, 0, 0])
 
 
 def rank_one(*columns):
-    return cf.Errors(sum(np.outer(column, column) for column in columns))
+    return cf.Uncertainty(sum(np.outer(column, column) for column in columns))
 
 
 # Mean, one column and a zone: any share of the column from -50 on, or -10, touches it for ever.
@@ -103,11 +103,11 @@ def test_tubes_no_thicker_than_what_parts_them_from_the_zone():
 
 def test_at_rest_in_deep_space_and_under_thrust_along_an_orbit():
     """Nothing moves for thirty years; and the circle flown by thrust, where the orbit has no pull."""
-    errors = cf.Errors(np.diag([1.0, 1, 1, 0, 0, 0]))
+    errors = cf.Uncertainty(np.diag([1.0, 1, 1, 0, 0, 0]))
     path, other = DEEP.coast([100.0, 0, 0, 0, 0, 0], 1e9), DEEP.coast(AT_REST, 1e9)
     assert cf.clearance_in_sigmas(path, other, cf.Sphere(50.0), errors).sigmas == pytest.approx(50.0)
     assert cf.find_conflicts(path, other, cf.Sphere(50.0), errors, sigmas=50.0 * (1 - 1e-11)) == ()
-    noisy = cf.Errors(np.diag([1.0, 1, 1, 0, 0, 0]), noise=1e-14)
+    noisy = cf.Uncertainty(np.diag([1.0, 1, 1, 0, 0, 0]), noise=1e-14)
     path, other = DEEP.coast([100.0, 0, 0, 0, 0, 0], 1e4), DEEP.coast(AT_REST, 1e4)
     most = cf.clearance_in_sigmas(path, other, cf.Sphere(50.0), noisy)
     assert most.sigmas == pytest.approx(50.0 / np.sqrt(1.0 + 1e-14 * 1e12 / 3.0), rel=1e-9)
@@ -118,11 +118,11 @@ def test_a_burn_beside_a_tube_that_touches():
     path, other = ORBIT.coast(AROUND, PERIOD), ORBIT.burn(AT_REST, [0, 0, 1e-11], PERIOD, 50)
     errors = rank_one(0.01 * AROUND)
     begin = process_time()
-    found = cf.clearance_in_sigmas(path, other, cf.Sphere(50.0), errors, cf.Errors(magnitude=0.1))
+    found = cf.clearance_in_sigmas(path, other, cf.Sphere(50.0), errors, cf.Uncertainty(magnitude=0.1))
     assert found.sigmas == pytest.approx(50.0, rel=1e-5)
     assert found.sigmas < 50.0
     stays = cf.find_conflicts(
-        path, other, cf.Sphere(50.0), errors, cf.Errors(magnitude=0.1), sigmas=found.sigmas * (1 - 1e-9)
+        path, other, cf.Sphere(50.0), errors, cf.Uncertainty(magnitude=0.1), sigmas=found.sigmas * (1 - 1e-9)
     )
     assert stays == ()
     assert process_time() - begin < 5.0

@@ -68,7 +68,7 @@ def test_errors_are_carried_from_stage_to_stage() -> None:
     mission = fly(parse(HEAD + EXECUTION + CLOSER))
     whole = cf.join([result.after.path("F2") for result in mission.results])
     state = np.diag([1.0, 2.0, 1.0, 1e-3, 1e-3, 1e-3]) ** 2
-    errors = cf.Errors(state, 0.01, np.radians(0.5), (0.0, 0.01, 0.0, np.radians(0.5)), 1e-12)
+    errors = cf.Uncertainty(state, 0.01, np.radians(0.5), (0.0, 0.01, 0.0, np.radians(0.5)), 1e-12)
     for result in mission.results:
         found = result.uncertain.errors[1].state
         expected = errors.covariance(whole, result.start)
@@ -88,7 +88,7 @@ def test_digits_of_a_direction_that_is_known_well_are_carried() -> None:
     """1e-7 m beside 1e3 m, of which a covariance of the same numbers keeps no digit."""
     orbit = cf.Orbit.circular(550e3)
     coast = orbit.coast([0, 200, 0, 0, 0, 0], 3000.0)
-    errors = cf.Errors(np.diag([1e3, 1e3, 1e-7, 1.0, 1.0, 1e-10]) ** 2)
+    errors = cf.Uncertainty(np.diag([1e3, 1e3, 1e-7, 1.0, 1.0, 1e-10]) ** 2)
     after = carried(errors, coast)
     flow = orbit.transition(3000.0)
     assert after._root[2] @ after._root[2] == pytest.approx(
@@ -102,7 +102,7 @@ def test_the_verdict_names_the_least_sigmas(tmp_path, monkeypatch, capsys) -> No
     monkeypatch.setattr("closeform.report.results.drawn", lambda *_: ())
     orbit = cf.Orbit.circular(550e3)
     paths = [orbit.coast([0, y, 0, 0, 0, 0], 0.6 * orbit.period) for y in (0.0, 40.0)]
-    errors = cf.Errors(np.diag([1.0, 2.0, 1.0, 1e-3, 1e-3, 1e-3]) ** 2)
+    errors = cf.Uncertainty(np.diag([1.0, 2.0, 1.0, 1e-3, 1e-3, 1e-3]) ** 2)
     least = cf.clearance_in_sigmas(*paths, cf.Sphere(12.0), errors, errors)
     k = float(least.sigmas)
     said = f"least {k:.3g} sigma, F1 - F2 at {least.time:.1f} s"
@@ -383,7 +383,7 @@ def test_a_probability_that_cannot_be_told_is_not_granted(monkeypatch) -> None:
     assert mission.verdict.status == 1
     path = mission.results[0].after.path("F2")
     state = np.diag([1.0, 2.0, 1.0, 1e-3, 1e-3, 1e-3]) ** 2
-    errors = cf.Errors(state, 0.01, np.radians(0.5), (0.0, 0.01, 0.0, np.radians(0.5)))
+    errors = cf.Uncertainty(state, 0.01, np.radians(0.5), (0.0, 0.01, 0.0, np.radians(0.5)))
     expected = errors.covariance(path, path.end)
     sizes = np.sqrt(np.diag(expected))
     found = mission.results[1].uncertain.errors[1].state

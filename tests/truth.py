@@ -1,7 +1,7 @@
 """Independent truth for motion and conflicts; nothing here uses the package.
 
 `Reference` is theory in 200 digits: Palmer's phase coordinates (equations 2-9), whose
-cancellation at small n t costs digits that are there to lose.  `Flight` is Hill's
+cancellation at small n t costs digits that are there to lose.  `Simulation` is Hill's
 equations themselves, integrated by Taylor series of degree 16 over at most half a radian, for
 a batch of craft at once; `extrema` samples the norm of a relative motion densely and refines
 every minimum and maximum between the samples.

@@ -24,7 +24,7 @@ def compared(seeds):
     ratios, dropped = [], []
     for seed in seeds:
         drawn = modulated if seed % 5 else clustered
-        firing = cf.fire(*drawn(np.random.default_rng(seed)))
+        firing = cf.fire_thrusters(*drawn(np.random.default_rng(seed)))
         ratios.append(firing.deviation_bound / deviation(firing, looks=12))
         dropped.append(len(firing.dropped) > 0)
     return np.array(ratios), np.array(dropped)

@@ -80,7 +80,7 @@ def rows(seed: int, held_out: bool) -> list[list[Any]]:
             if not fit.fits:  # the margin is wider than the gap between ends, as a rule
                 found.append([*row, fit.greatest, np.nan, np.nan, np.nan])
                 continue
-            flight = cf.fly(fit.plan, field, zones=zone, known=known, seeds=[seed], **how)
+            flight = cf.simulate(fit.plan, field, zones=zone, known=known, seeds=[seed], **how)
             left = (flight.least_ratio - 1.0) * radius
             dearer = fit.plan.delta_v / tight.delta_v - 1.0
             spent = flight.delta_v.sum() / fit.plan.delta_v - 1.0
@@ -129,13 +129,13 @@ def predicted(seed: int) -> list[float]:
     start, final, duration, radius = task(draws, field.chief.orbit, count)
     path, zone = field.chief.orbit.transfer(start, final, duration), cf.Sphere(radius)
     found = cf.validity(path, field, zone)
-    real = cf.fly(path, field, "open", cancel=False, zones=zone)
+    real = cf.simulate(path, field, "open", cancel=False, zones=zone)
     off = real.states[0][..., :3] - path.position(real.times)
     said = [[np.interp(real.times, found.times, one[:, k]) for k in range(3)] for one in found.deviations]
     wrong = np.linalg.norm(np.moveaxis(np.array(said), 1, 2) - off, axis=-1).max(axis=1)
     size = np.linalg.norm(off, axis=-1).max(axis=1)
     least = radius * np.abs(found.flown - real.ratios[0])
-    kept = cf.fly(path, field, "open").ends.max()
+    kept = cf.simulate(path, field, "open").ends.max()
     return [field.chief.eccentricity, size.max(), (wrong / size).max(), least.max(), float(kept)]
 
 

@@ -22,7 +22,7 @@ from closeform.uncertainty.sampled_trajectories import Histories
 
 ORBIT = cf.Orbit.circular(500e3)
 ZONE = cf.Sphere(15.0)
-SLOW = cf.Errors(np.diag([3.0, 6.0, 3.0, 2e-3, 2e-3, 2e-3]) ** 2)
+SLOW = cf.Uncertainty(np.diag([3.0, 6.0, 3.0, 2e-3, 2e-3, 2e-3]) ** 2)
 AHEAD = {"a hold 120 m ahead": 120.0, "a hold 200 m ahead": 200.0}
 
 

@@ -48,7 +48,7 @@ class Simulated:
         self.start = np.vstack(
             [chief, cf.inertial_from_relative(chief, plan.paths.state(0.0), acceleration=felt)]
         )
-        self.commanded = cf.thrust(plan, field, every=0.5 * STEP).commanded[:, 1::2]
+        self.commanded = cf.compensated_thrust(plan, field, every=0.5 * STEP).commanded[:, 1::2]
 
     def coasting(self) -> float:
         """Seconds, where nobody thrusts."""

@@ -24,9 +24,9 @@ def measure(quick: bool) -> Report:
     plan, _ = formation(3, 8, 1.0)
     other = basilisk_peer.Simulated(plan, FIELD)
     runs = {
-        "open loop": (lambda count: cf.fly(plan, FIELD, "open", seeds=count), other.open_loop),
+        "open loop": (lambda count: cf.simulate(plan, FIELD, "open", seeds=count), other.open_loop),
         "with feedback": (
-            lambda count: cf.fly(plan, FIELD, feedback=FEEDBACK, navigation=SIGHT, seeds=count),
+            lambda count: cf.simulate(plan, FIELD, feedback=FEEDBACK, navigation=SIGHT, seeds=count),
             lambda: other.tracked(FEEDBACK, SIGHT),
         ),
     }

@@ -30,18 +30,18 @@ def long_flight(repeats: int) -> float:
     speeds = n * r * np.array([np.cos(angle) / 2.0, -np.sin(angle), np.cos(angle)])
     circle = orbit.coast(np.vstack([places, speeds]).T, 30.0 * 86400.0)
     law = cf.Feedback(orbit.period, 2.0 * orbit.period, 8)
-    return timed(lambda: cf.fly(circle, FIELD, feedback=law, navigation=SIGHT), min(repeats, 3))[0]
+    return timed(lambda: cf.simulate(circle, FIELD, feedback=law, navigation=SIGHT), min(repeats, 3))[0]
 
 
 def new_plans(plan: cf.Plan, zone: cf.Sphere) -> float:
     """The time [s] of a flight whose plan is made anew each five minutes."""
-    return timed(lambda: cf.fly(plan, FIELD, "replan", navigation=SIGHT, zones=zone), 1)[0]
+    return timed(lambda: cf.simulate(plan, FIELD, "replan", navigation=SIGHT, zones=zone), 1)[0]
 
 
 def updates(plan: cf.Plan, repeats: int) -> float:
     """The time [s] of one measurement of all craft in flights of an orbit, and of a minute of flight."""
     many, few = (
-        timed(lambda flights=flights: cf.fly(plan, FIELD, navigation=SIGHT, seeds=flights), repeats)[0]
+        timed(lambda flights=flights: cf.simulate(plan, FIELD, navigation=SIGHT, seeds=flights), repeats)[0]
         for flights in (41, 1)
     )
     return (many - few) / 40.0 / np.ceil(float(plan.paths.end[0]) / 60.0)
@@ -51,8 +51,10 @@ def measure(quick: bool) -> Report:
     repeats, flights, count = (1, 10, 4) if quick else (9, 100, 60)
     plan, zone = formation(3, 8, 1.0)
     checked, _ = timed(lambda: cf.validity(plan, FIELD, zone), repeats)
-    commanded, _ = timed(lambda: cf.thrust(plan, FIELD), repeats)
-    flown, many = timed(lambda: cf.fly(plan, FIELD, navigation=SIGHT, zones=zone, seeds=flights), repeats)
+    commanded, _ = timed(lambda: cf.compensated_thrust(plan, FIELD), repeats)
+    flown, many = timed(
+        lambda: cf.simulate(plan, FIELD, navigation=SIGHT, zones=zone, seeds=flights), repeats
+    )
     rows = [
         ["validity", seconds(checked), ""],
         ["thrust, every 10 s", seconds(commanded), ""],
@@ -64,7 +66,7 @@ def measure(quick: bool) -> Report:
     ]
     lasting, anew, update = long_flight(repeats), new_plans(plan, zone), updates(plan, repeats)
     kicked = ORBIT.impulsive(plan.paths.state(0.0), plan.paths.state(plan.paths.end[0]), ORBIT.period)
-    changed, _ = timed(lambda: cf.thrust(kicked, FIELD), repeats)
+    changed, _ = timed(lambda: cf.compensated_thrust(kicked, FIELD), repeats)
     rows += [
         ["thrust, impulses changed for the field", seconds(changed), ""],
         ["fly, 8 craft held for 30 days by impulses", seconds(lasting), ""],
@@ -79,8 +81,8 @@ def measure(quick: bool) -> Report:
         if not one.ok:
             continue
         before = cf.validity(one, FIELD, zone)
-        kept.append(cf.fly(one, FIELD, "open").ends.max())
-        alone = cf.fly(one, FIELD, "open", cancel=False, zones=zone)
+        kept.append(cf.simulate(one, FIELD, "open").ends.max())
+        alone = cf.simulate(one, FIELD, "open", cancel=False, zones=zone)
         lost.append(alone.ends.max())
         predicted.append(np.abs(before.ends / alone.ends[0] - 1.0).max())
         nearest.append(np.abs(before.flown - alone.ratios[0]).max() * zone.radius)

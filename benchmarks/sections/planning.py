@@ -14,7 +14,7 @@ from timing import say
 
 ORBIT = cf.Orbit(MEAN_MOTION)
 SIGMAS, PASSAGES = 3.0, 60
-ZONE, KNOWN = cf.Sphere(15.0), cf.Errors(np.diag([1.0, 2.0, 1.0, 1e-3, 1e-3, 1e-3]) ** 2)
+ZONE, KNOWN = cf.Sphere(15.0), cf.Uncertainty(np.diag([1.0, 2.0, 1.0, 1e-3, 1e-3, 1e-3]) ** 2)
 
 
 def measure(quick: bool) -> Report:
@@ -87,7 +87,7 @@ def passages(number: int) -> list[tuple[cf.Path, cf.Path]]:
         ends = rng.normal(size=(2, 6)) * [40, 80, 40, 0.02, 0.02, 0.02]
         path = ORBIT.transfer(*ends, rng.uniform(0.3, 0.8) * PERIOD)
         client = ORBIT.coast(np.zeros(6), path.end)
-        there = cf.Errors(KNOWN.covariance(path, path.end))
+        there = cf.Uncertainty(KNOWN.covariance(path, path.end))
         asked = [
             (path, KNOWN),
             *((ORBIT.coast(path.state(t), 1e-3), one) for t, one in ((0.0, KNOWN), (path.end, there))),

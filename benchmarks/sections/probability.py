@@ -29,7 +29,7 @@ def measure(quick: bool) -> Report:
     for name, (state, deviations, orbits) in CASES.items():
         say(f"  {name}")
         pair = ORBIT.coast(state, orbits * PERIOD), ORBIT.coast(np.zeros(6), orbits * PERIOD)
-        errors = cf.Errors(np.diag(deviations) ** 2)
+        errors = cf.Uncertainty(np.diag(deviations) ** 2)
         took, figure = timed(lambda p=pair, e=errors: cf.collision_probability(*p, ZONE, e), repeats)
         half = 0.5 * (figure.high - figure.low) / figure.value
         drawn, share = timed(lambda s=state, d=deviations, o=orbits: peer(s, d, o, quick), 1)
@@ -55,7 +55,7 @@ def measure(quick: bool) -> Report:
     samples = 20_000 if quick else 1_000_000
     state, deviations, _ = CASES["hold 200 m ahead"]
     pair = ORBIT.coast(state, 2 * PERIOD), ORBIT.coast(np.zeros(6), 2 * PERIOD)
-    errors = cf.Errors(np.diag(deviations) ** 2)
+    errors = cf.Uncertainty(np.diag(deviations) ** 2)
     marched, _ = timed(
         lambda: cf.collision_probability(*pair, ZONE, errors, method="monte-carlo", samples=samples), repeats
     )

@@ -60,7 +60,7 @@ def one_pair(name: str, zone: cf.Zone, pairs: int, repeats: int) -> tuple[float,
     state, deviations, orbits = CASES[name]
     duration = orbits * PERIOD
     path, other = ORBIT.coast([state] * pairs, duration), ORBIT.coast(np.zeros(6), duration)
-    errors = cf.Errors(np.diag(deviations) ** 2)
+    errors = cf.Uncertainty(np.diag(deviations) ** 2)
     k = float(cf.clearance_in_sigmas(path[0], other, zone, errors).sigmas)
     one, two = spread_of(path, [errors] * pairs), spread_of(other, [None])
     first, second = np.arange(pairs), np.zeros(pairs, dtype=np.int64)
@@ -80,7 +80,7 @@ def peers(quick: bool) -> Table:
         state, deviations, orbits = CASES[name]
         told = ORBIT, np.array(state), np.array(deviations), orbits * PERIOD, 15.0
         pair = ORBIT.coast(state, orbits * PERIOD), ORBIT.coast(np.zeros(6), orbits * PERIOD)
-        errors = cf.Errors(np.diag(deviations) ** 2)
+        errors = cf.Uncertainty(np.diag(deviations) ** 2)
         methods = {
             lambda p=pair, e=errors: cf.clearance_in_sigmas(*p, ZONES["sphere"], e).sigmas: 1 if quick else 7,
             lambda t=told: on_grid(*t): 1,
@@ -107,7 +107,7 @@ def fleet(quick: bool) -> tuple[int, float, int]:
     states = random.normal(size=(craft, 6)) * [4e3, 13e3, 4e3, 4e3 * N, 0, 4e3 * N]
     states[:, 4] = -2 * N * states[:, 0]
     paths = ORBIT.coast(states, 2 * PERIOD)
-    errors = cf.Errors(np.diag([2.0, 2.0, 1.0, 1e-3, 1e-3, 1e-3]) ** 2)
+    errors = cf.Uncertainty(np.diag([2.0, 2.0, 1.0, 1e-3, 1e-3, 1e-3]) ** 2)
     body = cf.Body(cf.Sphere(5.0))
     took, found = timed(lambda: cf.screen(paths, body, errors=errors), 1 if quick else 5)
     return craft, took, len({tuple(pair) for pair in found.pairs.tolist()})

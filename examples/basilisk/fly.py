@@ -59,7 +59,7 @@ def task(seed: int) -> Task:
         field = cf.Field(chief, drag=cf.Drag(*AIR, ballistic, 0.02, spin=0.0))
         known = cf.Field(chief, drag=cf.Drag(*AIR, 0.02, 0.02, spin=0.0))
         far = np.linalg.norm(tight.paths.position(np.linspace(0.0, duration, 200)), axis=-1).max()
-        less = (cf.thrust(tight, one).commanded for one in (field, known))
+        less = (cf.compensated_thrust(tight, one).commanded for one in (field, known))
         unknown = np.linalg.norm(np.subtract(*less), axis=-1).max() + HIGHER * orbit.mean_motion**2 * far
         room = cf.tube(orbit, FEEDBACK, SIGHT, float(unknown))
         plan = cf.reconfigure(orbit, *states, duration, zone, margin=room)
@@ -93,7 +93,7 @@ def exported(one: Task, known: cf.Field, folder: Path, step: float) -> tuple[np.
     rows = np.vstack([chief, craft])
     head = "x_m,y_m,z_m,vx_m_s,vy_m_s,vz_m_s"
     np.savetxt(folder / "start.csv", rows, "%.17g", ",", header=head, comments="")
-    columns = cf.thrust(one.plan, known, every=0.5 * step).columns()
+    columns = cf.compensated_thrust(one.plan, known, every=0.5 * step).columns()
     head = "craft,time_s,ux_m_s2,uy_m_s2,uz_m_s2"
     rows = np.stack([columns[name] for name in head.split(",")], axis=1)
     np.savetxt(folder / "thrust.csv", rows, "%.17g", ",", header=head, comments="")
@@ -175,7 +175,7 @@ def same_field(folder: Path) -> tuple[float, list[tuple[float, float]]]:
     Of thrust that both hold for 10 s; and of `fly`, where it turns with the axes, by what Basilisk holds [s].
     """
     one = task(1)
-    ours = cf.fly(one.plan, one.field, "open")
+    ours = cf.simulate(one.plan, one.field, "open")
     path, apart = ours.orbit.sampled(ours.times, ours.states[0]), []
     for step in (10.0, 2.0, 1.0, 0.5):
         flown, states = open_loop(one, one.field, folder, step)
@@ -234,7 +234,7 @@ def main(folder: Path) -> None:
     alike, same = same_field(folder)
     print("J2, drag and the same thrust: relative positions of closeform and Basilisk apart at most")
     print(f"  both hold it for 10 s: {1e3 * alike:8.3f} mm")
-    print("  as cf.fly has it, turning with the axes, and Basilisk")
+    print("  as cf.simulate has it, turning with the axes, and Basilisk")
     for step, apart in same:
         print(f"  holds it for {step:6.1f} s: {1e3 * apart:8.3f} mm")
     assert max(alike, same[-1][1]) < 1e-3

@@ -11,7 +11,7 @@ from closeform.planning.plan import (
     Status as Status,
     ThrustShortfall as ThrustShortfall,
 )
-from closeform.planning.shadow_price import Price as Price
+from closeform.planning.shadow_price import ShadowPrice as ShadowPrice
 from closeform.planning.clearance_cost_curve import (
     ClearanceCostCurve as ClearanceCostCurve,
     clearance_cost_curve as clearance_cost_curve,
@@ -27,15 +27,21 @@ from closeform.campaign import study as study
 from closeform.exchange.cdm import read_cdm as read_cdm, write_cdm as write_cdm
 from closeform.mission.mission import run as run
 from closeform.exchange.chief import Chief as Chief
-from closeform.dynamics.compensated_thrust import CompensatedThrust as CompensatedThrust, thrust as thrust
+from closeform.dynamics.compensated_thrust import (
+    CompensatedThrust as CompensatedThrust,
+    compensated_thrust as compensated_thrust,
+)
 from closeform.dynamics.drag import Drag as Drag
 from closeform.dynamics.feedback import Feedback as Feedback, Navigation as Navigation
 from closeform.dynamics.field import Field as Field
-from closeform.dynamics.simulate import fly as fly
-from closeform.dynamics.simulation_result import Flight as Flight
+from closeform.dynamics.simulate import simulate as simulate
+from closeform.dynamics.simulation_result import Simulation as Simulation
 from closeform.dynamics.fitted import FittedMargin as FittedMargin, fit_margin as fit_margin
 from closeform.dynamics.retargeted import Retargeted as Retargeted
-from closeform.dynamics.tracking_margins import Room as Room, room as room
+from closeform.dynamics.tracking_margins import (
+    TrackingMargins as TrackingMargins,
+    tracking_margins as tracking_margins,
+)
 from closeform.dynamics.natural import coast as coast, transition as transition
 from closeform.dynamics.tube import Tube as Tube, tube as tube
 from closeform.dynamics.validity import Validity as Validity, validity as validity
@@ -74,13 +80,16 @@ from closeform.safety.failures import (
     ThrustLost as ThrustLost,
     DegradedThrust as DegradedThrust,
 )
-from closeform.fuel.arrivals import Arrivals as Arrivals, arrivals as arrivals
+from closeform.fuel.arrivals import (
+    TransferCostTable as TransferCostTable,
+    transfer_cost_table as transfer_cost_table,
+)
 from closeform.fuel.bound import (
     Bound as Bound,
     delta_v_bound as delta_v_bound,
     least_delta_v as least_delta_v,
 )
-from closeform.fuel.firing import Firing as Firing, fire as fire
+from closeform.fuel.firing import ThrusterFiring as ThrusterFiring, fire_thrusters as fire_thrusters
 from closeform.fuel.least_time import least_time as least_time
 from closeform.fuel.pulses import Pulses as Pulses
 from closeform.fuel.shortest import shortest_transfer as shortest_transfer
@@ -160,13 +169,13 @@ from closeform.uncertainty.clearance import (
     SigmaApproach as SigmaApproach,
     clearance_in_sigmas as clearance_in_sigmas,
 )
-from closeform.uncertainty.errors import Errors as Errors
+from closeform.uncertainty.errors import Uncertainty as Uncertainty
 from closeform.uncertainty.probability import (
     Probability as Probability,
     collision_probability as collision_probability,
 )
 from closeform.zones.combined_zones import Body as Body
-from closeform.zones.combined_zones import Uncertainty as Uncertainty
+from closeform.zones.combined_zones import CovarianceZone as CovarianceZone
 from closeform.zones.pair_zones import PairZones as PairZones
 from closeform.zones.solids import (
     Box as Box,

@@ -139,11 +139,11 @@ class Options(NamedTuple):
         if self.thrust_error is not None:
             found["thrust_error"] = self.thrust_error
         if self.execution is not None:
-            from closeform.uncertainty.errors import Errors  # whose kernels nothing else needs
+            from closeform.uncertainty.errors import Uncertainty  # whose kernels nothing else needs
 
             size, turn = self.execution
             states = [one and one.state for one in told["errors"] or [None] * len(told["thrust_error"])]
-            found["errors"] = [Errors(state, size, turn, (0.0, size, 0.0, turn)) for state in states]
+            found["errors"] = [Uncertainty(state, size, turn, (0.0, size, 0.0, turn)) for state in states]
         return found
 
 

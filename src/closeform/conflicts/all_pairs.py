@@ -175,7 +175,7 @@ def screen(
         One is every craft's own, a sequence has one for each (None: none of its own).  Of two regions
         the larger holds, covariances and bodies are added; `PairZones` tell it themselves.  One region
         that is not symmetric is searched for both ways.
-    errors : Errors, sequence of these, or None, default None
+    errors : Uncertainty, sequence of these, or None, default None
         Of the craft, independent: one for all or one for each, in order (None: where its path is).  Then a
         stay is as of `find_conflicts` with errors; hard bodies go into `zone`, as `Body(Sphere(radius))`.
     sigmas : float, no unit, default 3

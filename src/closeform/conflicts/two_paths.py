@@ -15,12 +15,12 @@ from closeform.conflicts.tracks import NO_TRACKS
 from closeform.motion.arc import MEAN_MOTION, START, STATE
 from closeform.motion.path import Path
 from closeform.result import Result, Rows
-from closeform.zones.combined_zones import Body, Uncertainty
+from closeform.zones.combined_zones import Body, CovarianceZone
 from closeform.zones.pair_zones import PairZones
 from closeform.zones.zone import Zone
 
 if TYPE_CHECKING:
-    from closeform.uncertainty.errors import Errors
+    from closeform.uncertainty.errors import Uncertainty
 
 EQUAL = 6  # digits of ratios after the point: symmetric craft touch alike but for rounding
 
@@ -99,7 +99,7 @@ def check_comparable(path: Path, other: Path, zone: Zone) -> None:
     """Refuse two paths of different orbits, and a zone that is not that of a pair."""
     for name, one in (("path", path), ("other", other)):
         instance(name, one, Path)
-    if isinstance(zone, PairZones | Uncertainty | Body):
+    if isinstance(zone, PairZones | CovarianceZone | Body):
         raise ValueError(
             "zone: expected that of the two; of what each has make PairZones.of([one, other]).between(0, 1)"
         )
@@ -115,8 +115,8 @@ def find_conflicts(
     path: Path,
     other: Path,
     zone: Zone,
-    errors: Errors | None = None,
-    other_errors: Errors | None = None,
+    errors: Uncertainty | None = None,
+    other_errors: Uncertainty | None = None,
     sigmas: float = 3.0,
 ) -> tuple[Conflict, ...]:
     """Every stay of one craft inside the zone around another, in order of time.
@@ -129,10 +129,10 @@ def find_conflicts(
         Of the craft that the zone is around, in the same orbit.
     zone : Zone
         Of the pair.
-    errors : Errors, optional
+    errors : Uncertainty, optional
         Of `path`, or with no `other_errors` of the one relative to the other: then a stay is a time in which
         errors within so many sigmas can bring them together.
-    other_errors : Errors, optional
+    other_errors : Uncertainty, optional
         Of `other`, independent.
     sigmas : float, no unit, default 3
         How many, where there are errors.
@@ -211,7 +211,7 @@ def one_of(errors: Sequence[tuple[str, Any]]) -> Any:
     given = [(name, one) for name, one in errors if one is not None]
     for name, one in given:
         if not hasattr(one, "_find_conflicts"):
-            raise ValueError(f"{name}: expected Errors, got {shown(one)}")
+            raise ValueError(f"{name}: expected Uncertainty, got {shown(one)}")
     return given[0][1] if given else None
 
 

@@ -16,7 +16,7 @@ from closeform.dynamics.timetable import BESIDE
 from closeform.motion.orbit import Orbit
 
 if TYPE_CHECKING:
-    from closeform.uncertainty.errors import Errors
+    from closeform.uncertainty.errors import Uncertainty
 
 PARTS = 24  # of an interval, in which a push counts as one
 COARSE = 1.01  # of the sum over parts, in place of an integral, and of what has faded
@@ -123,7 +123,7 @@ class ClosedLoop:
             brought[:, some] = each[:, k, : some.stop - some.start]
         return brought
 
-    def shaken(self, sight: Navigation, errors: Errors, believed: Floats, count: int) -> Floats:
+    def shaken(self, sight: Navigation, errors: Uncertainty, believed: Floats, count: int) -> Floats:
         """Covariances (T, 3, 3) [m^2] at so many steps of what answers add, each with errors of its own.
 
         They answer to what is believed (I, 6, 6), as second moments, to noise, and to what answers before
@@ -145,7 +145,7 @@ class ClosedLoop:
         """What a burn that is larger by itself, or turned by 1 about an axis, adds (4, S + 1, 6, 6)."""
         return np.array([self._answers(wrong) - self.answered for wrong in np.eye(4)])
 
-    def _pushed(self, errors: Errors, asked: Floats) -> tuple[Floats, Floats, Floats]:
+    def _pushed(self, errors: Uncertainty, asked: Floats) -> tuple[Floats, Floats, Floats]:
         """Covariances (S + 1, 6, 6) that errors of a burn make in its interval and in the next.
 
         It answers to what is `asked` (6, 6).  With what of them is believed (6, 6) when the next is begun,
@@ -158,7 +158,7 @@ class ClosedLoop:
         told = _moved(end - unseen, asked)
         return _moved(now, asked).sum(axis=0), _moved(later, asked).sum(axis=0), told.sum(axis=0)[0]
 
-    def _struck(self, errors: Errors, asked: Floats) -> tuple[Floats, Floats, Floats]:
+    def _struck(self, errors: Uncertainty, asked: Floats) -> tuple[Floats, Floats, Floats]:
         """The same of Gates' errors of impulses; those of a fixed size count to all sides."""
         fixed, share, aside, turned = errors.impulse
         sizes = _moved(self.law, asked)

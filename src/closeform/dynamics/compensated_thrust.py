@@ -24,7 +24,7 @@ from closeform.motion.path import Path
 from closeform.result import Rows
 
 if TYPE_CHECKING:
-    from closeform.fuel.firing import Firing
+    from closeform.fuel.firing import ThrusterFiring
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -57,7 +57,7 @@ class CompensatedThrust(Rows):
         field, through samples; `screen` certifies it.
     deviation : array of shape (N,) [m]
         How far that is from the plan at most, at these samples.
-    firing : Firing or None
+    firing : ThrusterFiring or None
         The pulses of thrusters; then `path` is what these fly, and its `deviation_bound` holds in Hill's
         equations: in a field it grows by as small a share as the path's other acceleration is of thrust,
         and of impulses by what the field does between them.
@@ -82,7 +82,7 @@ class CompensatedThrust(Rows):
     impulses: Retargeted
     path: Path
     deviation: Floats
-    firing: Firing | None
+    firing: ThrusterFiring | None
 
     @property
     def craft(self) -> Any:
@@ -100,7 +100,7 @@ class CompensatedThrust(Rows):
         return np.asarray(np.linalg.norm(self.commanded, axis=2).max(axis=1))
 
 
-def thrust(
+def compensated_thrust(
     plan: Any,
     field: Field,
     every: float = 10.0,
@@ -160,7 +160,7 @@ def thrust(
     >>> import closeform as cf
     >>> chief = cf.Chief.from_elements("2026-11-22T12:00:00", [6.878e6, 0.0, 1e-3, 0.0, 0.9, 0.0])
     >>> path = chief.orbit.transfer([0, 200, 0, 0, 0, 0], [0, 50, 0, 0, 0, 0], 3000.0)
-    >>> table = cf.thrust(path, cf.Field(chief))
+    >>> table = cf.compensated_thrust(path, cf.Field(chief))
     >>> bool(table.delta_v[0] < 1.1 * table.planned_delta_v[0])
     True
     """

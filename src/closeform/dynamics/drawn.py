@@ -16,7 +16,7 @@ from closeform.dynamics.timetable import Timetable
 
 if TYPE_CHECKING:
     from closeform.dynamics.reference_trajectory import Commands
-    from closeform.uncertainty.errors import Errors
+    from closeform.uncertainty.errors import Uncertainty
 
 # Streams of a craft in a flight: of its state; of burns by plan, back, and impulses; of noise
 START, PLANNED, NOISE = 0, 1, 4
@@ -51,7 +51,7 @@ class Draws:
     seeds: Sequence[int]
     sight: Navigation
     sizes: Floats
-    errors: Sequence[Errors] | None
+    errors: Sequence[Uncertainty] | None
     since: float = 0.0
 
     def measured(self, table: Timetable) -> tuple[Floats, Floats]:
@@ -122,7 +122,7 @@ class Draws:
 
 
 def uncertain(
-    measured: bool, sight: Navigation, thrust_error: ArrayLike, errors: Sequence[Errors | None] | None
+    measured: bool, sight: Navigation, thrust_error: ArrayLike, errors: Sequence[Uncertainty | None] | None
 ) -> bool:
     """Whether flights differ at all: in what is `measured`, if anything is, in thrust, starts or burns."""
     seen = sight.position, sight.velocity, sight.position_bias, sight.velocity_bias
@@ -151,14 +151,18 @@ def seeds_of(seeds: int | Sequence[int]) -> list[int]:
     return [whole("seeds", one) for one in seeds]
 
 
-def drawable(errors: Errors | Sequence[Errors | None] | None, count: int) -> Sequence[Errors] | None:
+def drawable(
+    errors: Uncertainty | Sequence[Uncertainty | None] | None, count: int
+) -> Sequence[Uncertainty] | None:
     """The argument `errors` as those of each craft; None where nobody has any."""
     if errors is None:
         return None
-    from closeform.uncertainty.errors import Errors  # whose kernels nothing else needs
+    from closeform.uncertainty.errors import Uncertainty  # whose kernels nothing else needs
     from closeform.uncertainty.search import given_errors
 
-    return [Errors() if one is None else one for one in given_errors("errors", errors, count, Errors)]
+    return [
+        Uncertainty() if one is None else one for one in given_errors("errors", errors, count, Uncertainty)
+    ]
 
 
 def _stream(seed: int, craft: int, which: int, leg: int) -> np.random.Generator:

@@ -14,13 +14,13 @@ from closeform.dynamics.validity import deviations_of
 from closeform.motion.arc import START
 from closeform.motion.path import Path
 from closeform.uncertainty.columns import burning, columns_of, gates_of
-from closeform.uncertainty.errors import Errors
+from closeform.uncertainty.errors import Uncertainty
 
-EACH = Errors(magnitude=1.0, pointing=1.0)  # of which a burn has four columns
+EACH = Uncertainty(magnitude=1.0, pointing=1.0)  # of which a burn has four columns
 
 
 def error_motions(
-    path: Path, errors: Errors, times: Floats, jumps: tuple[Floats, Floats], against: Floats
+    path: Path, errors: Uncertainty, times: Floats, jumps: tuple[Floats, Floats], against: Floats
 ) -> Floats:
     """Those (R, T, 6) [m, m/s] of one craft at some times: of its start, its impulses and its burns.
 

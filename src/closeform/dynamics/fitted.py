@@ -15,7 +15,7 @@ from closeform.dynamics.field import Field
 from closeform.dynamics.flown_plan import following, paths_to_fly, spanning
 from closeform.dynamics.infeasible import Grounded
 from closeform.dynamics.timetable import SAME
-from closeform.dynamics.tracking_margins import Room, needed_room, room
+from closeform.dynamics.tracking_margins import TrackingMargins, needed_room, tracking_margins
 from closeform.dynamics.tube import tube
 from closeform.fuel.thrusters import Thrusters
 from closeform.motion.arc import END, START
@@ -39,7 +39,7 @@ class FittedMargin(Result):
     ----------
     plan : Plan or Avoidance
         The last that was made; flown in the field, its pairs stay clear of their zones.
-    room : Room or None
+    room : TrackingMargins or None
         How far its craft are off it; None where it has no paths, or cannot be flown.
     margin : array of shape (B, B) [m]
         Of each pair of bodies that it was made with.
@@ -54,7 +54,7 @@ class FittedMargin(Result):
     _told: ClassVar = ("fits", "rounds", "greatest", "reason")
 
     plan: Any
-    room: Room | None
+    room: TrackingMargins | None
     margin: Floats
     fits: bool
     rounds: int
@@ -115,7 +115,7 @@ def fit_margin(
         As of `room`.
     thrust_error : array_like of shape (2,) or (N, 2), no unit and [rad], default (0, 0)
         As of `room`.
-    errors : Errors or sequence of Errors or None, optional
+    errors : Uncertainty or sequence of Errors or None, optional
         As of `room`.
     minimum_bit : float [m/s], default 0
         As of `room`.
@@ -193,7 +193,7 @@ def fit_margin(
         if held and others is not None:
             paths = stack([paths[k] for k in range(craft)] + [during(others[k], paths) for k in range(fixed)])
         try:
-            found = room(
+            found = tracking_margins(
                 *(_after(before, paths), field, feedback, sight),
                 cancel=cancel,
                 residual=residual,
@@ -255,7 +255,7 @@ def _least_radius(zones: OwnZone | PairZones) -> float:
     return min((zone.inner_radius for zone in given.zones), default=np.inf)
 
 
-def _too_weak(found: Room, peaks: Floats, craft: int, limits: Floats) -> str:
+def _too_weak(found: TrackingMargins, peaks: Floats, craft: int, limits: Floats) -> str:
     """Which craft is asked for more than it has, and within what to plan."""
     has, asked = float(limits[craft]), float(found.thrust[craft])
     within = has - asked + float(peaks[craft])

@@ -25,7 +25,7 @@ from closeform.fuel.thrusters import Thrusters
 from closeform.motion.path import Path
 
 if TYPE_CHECKING:
-    from closeform.uncertainty.errors import Errors
+    from closeform.uncertainty.errors import Uncertainty
 
 STEPS, MOST = 6, 60  # from one measurement to the next: even, and a delay ends with one
 OFTEN = 15.0  # s from one step to the next, unless that is more than the most
@@ -131,7 +131,9 @@ class Followed:
         found = self.loop.answers(np.concatenate(believed), len(self.times))
         return found.reshape(*believed.shape[:2], -1, 3)
 
-    def scattered(self, craft: int, sight: Navigation, size: Floats, errors: Errors) -> tuple[Floats, Floats]:
+    def scattered(
+        self, craft: int, sight: Navigation, size: Floats, errors: Uncertainty
+    ) -> tuple[Floats, Floats]:
         """What a craft's own `errors` make of it: covariances (T, 3, 3) [m^2], and of its answers.
 
         These are (T, 3, 3) [m^2/s^4], or of impulses (Q, 3, 3) [m^2/s^2].  All its thrust is off by up to a

@@ -27,7 +27,7 @@ from closeform.dynamics.retargeted import Retargeted, changed_impulses, retarget
 from closeform.dynamics.thruster_model import nozzles_of
 from closeform.dynamics.timetable import BESIDE, edges_of, impulses_of, joined
 from closeform.fuel.chunks import PUSHES
-from closeform.fuel.firing import Firing, fire
+from closeform.fuel.firing import ThrusterFiring, fire_thrusters
 from closeform.fuel.pulses import Pulses, linked
 from closeform.fuel.thrusters import Thrusters
 from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, PUSH, START, WIDTH
@@ -47,7 +47,7 @@ def fired_in(
     mass: ArrayLike | None = None,
     specific_impulse: ArrayLike | None = None,
     law: Feedback | None = None,
-) -> Firing:
+) -> ThrusterFiring:
     """What thrusters fire for planned paths (N,) in a field: their thrust less the residual, or `jumps`.
 
     These are impulses as changed for the field.  Of craft that have thrusters; nothing for those that coast,
@@ -82,7 +82,7 @@ def fired_in(
 def _can_fire(paths: Path, thrusters: Sequence[Thrusters | None]) -> bool:
     """Whether thrusters fire planned paths as these are in Hill's equations."""
     try:
-        fire(paths, [one for one in thrusters if one is not None])
+        fire_thrusters(paths, [one for one in thrusters if one is not None])
     except ValueError:
         return False
     return True
@@ -94,10 +94,10 @@ def _fired(
     thrusters: Sequence[Thrusters | None],
     mass: ArrayLike | None = None,
     specific_impulse: ArrayLike | None = None,
-) -> Firing:
+) -> ThrusterFiring:
     """What the craft that are `shooters` fire for their paths.  Raises Grounded, which counts all craft."""
     try:
-        return fire(paths, [one for one in thrusters if one is not None], mass, specific_impulse)
+        return fire_thrusters(paths, [one for one in thrusters if one is not None], mass, specific_impulse)
     except ValueError as error:
         raise Grounded(named(str(error), [f"craft {k}" for k in shooters])) from None
 
@@ -154,7 +154,7 @@ def fly_pulses(
     draws: Draws,
     lost: Floats,
     engines: Engines,
-) -> tuple[Firing, Floats, Floats, Floats, Flights]:
+) -> tuple[ThrusterFiring, Floats, Floats, Floats, Flights]:
     """What thrusters fire for planned paths (N,), what these cost (N,) [m/s], and what `flown_pulses` gives.
 
     They cost what thrusters fire for it in Hill's equations, each counted, until they are `lost` (N,) [s].
@@ -189,7 +189,7 @@ def each_counts(done: Flights, given: float) -> Flights:
 
 
 def flown_exactly(
-    paths: Path, firing: Firing, thrusters: Sequence[Thrusters | None], field: Field
+    paths: Path, firing: ThrusterFiring, thrusters: Sequence[Thrusters | None], field: Field
 ) -> tuple[Floats, Floats]:
     """Times (T,), and states (N, T, 6) to which what is fired leads planned paths, without errors."""
     nothing = nothing_drawn(len(paths))
@@ -200,7 +200,7 @@ def flown_exactly(
 
 
 def pulsed_ways(
-    paths: Path, firing: Firing, thrusters: Sequence[Thrusters], field: Field, law: Feedback
+    paths: Path, firing: ThrusterFiring, thrusters: Sequence[Thrusters], field: Field, law: Feedback
 ) -> tuple[Floats, list[PulsedWay]]:
     """Times (T,), and ways (N,) by what is fired that feedback leads back to, of craft with thrusters."""
     plan = spanning(paths, np.array([firing.path.start.min(), firing.path.end.max()]))
@@ -216,7 +216,7 @@ def pulsed_ways(
 
 def flown_pulses(
     paths: Path,
-    firing: Firing,
+    firing: ThrusterFiring,
     thrusters: Sequence[Thrusters | None],
     fields: tuple[Field, Field],
     law: Feedback | None,

@@ -19,7 +19,7 @@ from closeform.dynamics.pulsed_flight import each_counts, fired_in, flown_exactl
 from closeform.dynamics.reference_trajectory import Flights, commands_of, flown, in_order
 from closeform.dynamics.retargeted import Retargeted
 from closeform.dynamics.thruster_model import nozzles_of
-from closeform.fuel.firing import Firing
+from closeform.fuel.firing import ThrusterFiring
 from closeform.fuel.thrusters import Thrusters
 from closeform.motion.path import Path
 
@@ -51,7 +51,7 @@ class PulsedPlan(NamedTuple):
 
     paths: Path
     thrusters: Sequence[Thrusters | None]
-    firing: Firing
+    firing: ThrusterFiring
     led: Path
     engines: Engines
 

@@ -19,7 +19,7 @@ from closeform.dynamics.least_ratios import least_ratios
 from closeform.dynamics.lost_thrust import flown_by_each, losses, until_lost
 from closeform.dynamics.reference_trajectory import Flights, commands_of
 from closeform.dynamics.retargeted import retargeted
-from closeform.dynamics.simulation_result import Flight
+from closeform.dynamics.simulation_result import Simulation
 from closeform.dynamics.timetable import intervals_in
 from closeform.fuel.thrusters import Thrusters, each_set
 from closeform.motion.path import Path, fires_impulses
@@ -27,10 +27,10 @@ from closeform.zones.pair_zones import PairZones
 from closeform.zones.zone import Zone
 
 if TYPE_CHECKING:
-    from closeform.fuel.firing import Firing
+    from closeform.fuel.firing import ThrusterFiring
 
 
-def fly(
+def simulate(
     plan: Any,
     field: Field,
     control: Literal["track", "replan", "open"] = "track",
@@ -47,7 +47,7 @@ def fly(
     errors: Any = None,
     lost: ArrayLike | None = None,
     engine: ArrayLike = True,
-) -> Flight:
+) -> Simulation:
     """Fly planned paths in a field, as often as asked, with errors drawn anew each time.
 
     Parameters
@@ -84,7 +84,7 @@ def fly(
         their directions, a bit or more, when they are not on by plan.
     seeds : int or sequence of int, default 1
         How many flights, or the seed of each: its errors are the same however many others there are.
-    errors : Errors or sequence of Errors or None, optional
+    errors : Uncertainty or sequence of Errors or None, optional
         Of each craft, beside `thrust_error`, drawn anew for its state at the start, for each burn and each
         impulse, whether planned or to lead back.  What leads back by thrust that lasts is a burn from one
         measurement to the next, and so is what thrusters fire from one order to the next.  `noise` shakes
@@ -124,7 +124,7 @@ def fly(
     >>> import closeform as cf
     >>> chief = cf.Chief.from_elements("2026-11-22T12:00:00", [6.878e6, 0.0, 1e-3, 0.0, 0.9, 0.0])
     >>> path = chief.orbit.transfer([0, 200, 0, 0, 0, 0], [0, 50, 0, 0, 0, 0], 3000.0)
-    >>> flown = cf.fly(path, cf.Field(chief), navigation=cf.Navigation(0.1, 3e-4), seeds=20)
+    >>> flown = cf.simulate(path, cf.Field(chief), navigation=cf.Navigation(0.1, 3e-4), seeds=20)
     >>> flown.greatest_end < 0.4
     True
     """
@@ -179,7 +179,7 @@ class _Flown(NamedTuple):
     planned: Floats
     replans: Sequence[int] = ()
     refused: tuple[tuple[int, float, str], ...] = ()
-    firing: Firing | None = None
+    firing: ThrusterFiring | None = None
     ordered: Floats | None = None
 
 
@@ -244,13 +244,13 @@ class _Asked(NamedTuple):
         led = until_lost(paths, self.lost)
         return _Flown(commands.table.shown_times, done, led, led.delta_v)
 
-    def flight(self, told: _Flown) -> Flight:
+    def flight(self, told: _Flown) -> Simulation:
         """What is answered of it."""
         times, done, planned = told.times, told.done, np.array(told.planned)
         each = zip(done.states, done.arrivals, strict=True)
         found = [least_ratios(one, before, times, self.zones) for one, before in each]
         nothing = np.zeros((len(done.states), len(planned), 0, 3))
-        return Flight(
+        return Simulation(
             times,
             done.states,
             done.arrivals,

@@ -14,14 +14,14 @@ from closeform.motion.path import Path
 from closeform.result import Rows
 
 if TYPE_CHECKING:
-    from closeform.fuel.firing import Firing
+    from closeform.fuel.firing import ThrusterFiring
 
 DAY = 86400.0  # s
 ROUNDING = 1e-12  # of what is spent: what is left of it below that is nothing
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Flight(Rows):
+class Simulation(Rows):
     """S flights of N craft in a field; made by `fly`.
 
     Attributes
@@ -52,7 +52,7 @@ class Flight(Rows):
         How many new plans were flown.
     refused : tuple of (int, float [s], str)
         New plans that there were not: the seed, the time, and with how much of the room and why.
-    firing : Firing or None
+    firing : ThrusterFiring or None
         What thrusters fire by plan, of craft that have some; None without.
     ordered : array of shape (Q,) [s]
         When thrusters are told how to lead back; none without thrusters.
@@ -82,7 +82,7 @@ class Flight(Rows):
     planned: Path
     replans: Any
     refused: tuple[tuple[int, float, str], ...]
-    firing: Firing | None
+    firing: ThrusterFiring | None
     ordered: Floats
     orders: Floats
 

@@ -31,7 +31,7 @@ CLOSER, FINER = 4, 16  # times that the two steps about a least are looked at an
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Room(Result):
+class TrackingMargins(Result):
     """How far N craft are off their planned paths at T times, under feedback; made by `room`.
 
     Attributes
@@ -91,7 +91,7 @@ class Room(Result):
         """The same at any time (N,) [m]."""
         return np.asarray(self.radius.max(axis=1))
 
-    def _since(self, begin: float) -> Room:
+    def _since(self, begin: float) -> TrackingMargins:
         """From some time on [s]."""
         times = np.concatenate([[begin], self.times[self.times > begin]])
         later: Any = {
@@ -101,7 +101,7 @@ class Room(Result):
         return replace(self, times=times, **later)
 
 
-def room(
+def tracking_margins(
     plan: Any,
     field: Field,
     feedback: Feedback | None = None,
@@ -115,7 +115,7 @@ def room(
     thrusters: Thrusters | Sequence[Thrusters | None] | None = None,
     sigmas: float = 4.0,
     engine: ArrayLike = True,
-) -> Room:
+) -> TrackingMargins:
     """How far craft are off a plan at each of its times, under feedback with errors as `fly` draws them.
 
     Parameters
@@ -136,7 +136,7 @@ def room(
     thrust_error : array_like of shape (2,) or (N, 2), no unit and [rad], default (0, 0)
         By how much each craft's thrust is off at most, as a share of its size, and in direction; constant
         through a flight.
-    errors : Errors or sequence of Errors or None, optional
+    errors : Uncertainty or sequence of Errors or None, optional
         Of each craft, which `fly` draws; without white noise.
     minimum_bit : float [m/s], default 0
         The least impulse of feedback that is fired.
@@ -163,7 +163,7 @@ def room(
     -----
     Errors of thrust that is planned are followed along it, as the plan knows how large it is when; those
     of thrust that feedback adds are bounded, and change what noise makes.  Thrust keeps no limit here:
-    `Room.thrust` says which it keeps.
+    `TrackingMargins.thrust` says which it keeps.
 
     References
     ----------
@@ -175,7 +175,7 @@ def room(
     >>> chief = cf.Chief.from_elements("2026-11-22T12:00:00", [6.878e6, 0.0, 1e-3, 0.0, 0.9, 0.0])
     >>> path = chief.orbit.transfer([0, 200, 0, 0, 0, 0], [0, 50, 0, 0, 0, 0], 3000.0)
     >>> sight = cf.Navigation(0.1, 3e-4)
-    >>> found = cf.room(path, cf.Field(chief), navigation=sight, thrust_error=(0.01, 0.0175))
+    >>> found = cf.tracking_margins(path, cf.Field(chief), navigation=sight, thrust_error=(0.01, 0.0175))
     >>> bool(0.2 < found.greatest[0] < 0.4)
     True
     """
@@ -225,7 +225,9 @@ def room(
     return found[0] if len(found) == 1 else _together(found, np.argsort(np.concatenate(groups)))
 
 
-def _of_alike(flight: Followed, sight: Navigation, told: Sequence[Any], bit: Any, many: float) -> Room:
+def _of_alike(
+    flight: Followed, sight: Navigation, told: Sequence[Any], bit: Any, many: float
+) -> TrackingMargins:
     """Of craft that all have thrusters or none; with bounds, unknown accelerations, errors as told."""
     sizes, unknown, errors = np.array(told[0]), np.array(told[1]), told[2]
     loop, (shift, stretch, *turned) = flight.loop, flight.caused[0]
@@ -242,10 +244,12 @@ def _of_alike(flight: Followed, sight: Navigation, told: Sequence[Any], bit: Any
     if not len(loop.fired):
         asked = asked + np.linalg.norm(steady, axis=-1).max(axis=1) + answer + many * np.sqrt(random)
     off = shift + flight.aside, stretch, np.stack(turned, axis=-1)
-    return Room(flight.times, *off, sizes, rest, spread, np.full(len(sizes), noise), many, asked)
+    return TrackingMargins(flight.times, *off, sizes, rest, spread, np.full(len(sizes), noise), many, asked)
 
 
-def _of_drifting(paths: Path, field: Field, times: Floats, told: Sequence[Any], many: float) -> Room:
+def _of_drifting(
+    paths: Path, field: Field, times: Floats, told: Sequence[Any], many: float
+) -> TrackingMargins:
     """Of craft without engines: where they drift, with bounds, unknown accelerations, errors as told."""
     sizes, unknown, errors = np.array(told[0]), np.array(told[1]), told[2]
     moved = paths.orbit.transition(times - times[0])
@@ -257,10 +261,10 @@ def _of_drifting(paths: Path, field: Field, times: Floats, told: Sequence[Any], 
     shift = drifting(paths, field).position(times) - paths.position(times)
     none = np.zeros(len(paths))
     turn = np.zeros_like(spread)
-    return Room(times, shift, np.zeros_like(shift), turn, sizes, rest, spread, none, many, none)
+    return TrackingMargins(times, shift, np.zeros_like(shift), turn, sizes, rest, spread, none, many, none)
 
 
-def _together(parts: Sequence[Room], order: Any) -> Room:
+def _together(parts: Sequence[TrackingMargins], order: Any) -> TrackingMargins:
     """Of craft one part after another, in this order."""
     joined: Any = {
         name: np.concatenate([getattr(one, name) for one in parts])[order]
@@ -269,7 +273,7 @@ def _together(parts: Sequence[Room], order: Any) -> Room:
     return replace(parts[0], **joined)
 
 
-def needed_room(found: Room, paths: Path, zones: PairZones, planned: int) -> tuple[Any, Floats]:
+def needed_room(found: TrackingMargins, paths: Path, zones: PairZones, planned: int) -> tuple[Any, Floats]:
     """Pairs (P, 2) with a zone, and the most (P,) [m] that each needs where it is nearer than that, or 0.
 
     `paths` and `zones` are of the N craft and, after them, bodies that are where they are said to be; pairs
@@ -311,7 +315,7 @@ def _about_least(times: Floats, left: Floats) -> Floats:
 
 
 def _room_left(
-    found: Room, zone: Zone, pair: Sequence[int], times: Floats, apart: Floats
+    found: TrackingMargins, zone: Zone, pair: Sequence[int], times: Floats, apart: Floats
 ) -> tuple[Floats, Floats]:
     """How far a pair is off its zone (T,) [m] where it is `apart` (T, 3), and how far it needs to be."""
     off, normals = gap(zone, apart)
@@ -322,7 +326,9 @@ def _room_left(
     return off, most - shift + found.sigmas * np.sqrt(square)
 
 
-def _along(found: Room, craft: int, times: Floats, normals: Floats) -> tuple[Floats, Floats, Floats]:
+def _along(
+    found: TrackingMargins, craft: int, times: Floats, normals: Floats
+) -> tuple[Floats, Floats, Floats]:
     """Where one craft is expected along normals (T, 3) [m], how much further at most, and its variance."""
     shift, stretch, turn, spread = (
         _between(found.times, one[craft], times)

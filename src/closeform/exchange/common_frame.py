@@ -20,7 +20,7 @@ from closeform.result import Result
 
 if TYPE_CHECKING:
     from closeform.motion.path import Path
-    from closeform.uncertainty.errors import Errors
+    from closeform.uncertainty.errors import Uncertainty
 
 # Frames of CCSDS 502.0-B annex B (and the usual J2000) that do not turn with the Earth.  TOD, MOD
 # and TEME follow its pole: below 1e-11 rad/s, nothing beside a mean motion.
@@ -102,11 +102,11 @@ class CommonFrame(Result):
         }
 
     @property
-    def errors(self) -> tuple[Errors | None, ...]:
+    def errors(self) -> tuple[Uncertainty | None, ...]:
         """Of each path from the first of `times` on, by its covariance; None of who has none."""
-        from closeform.uncertainty.errors import Errors  # with kernels, which states alone can spare
+        from closeform.uncertainty.errors import Uncertainty  # with kernels, which states alone can spare
 
-        return tuple(None if held is None else Errors(held) for held in self.covariances)
+        return tuple(None if held is None else Uncertainty(held) for held in self.covariances)
 
 
 def common_frame(

@@ -82,7 +82,7 @@ def from_lower(values: Sequence[float]) -> Floats:
 
 
 def check(name: str, matrix: Floats) -> None:
-    """Refuse a matrix (6, 6) that is no covariance, as `Errors` does."""
+    """Refuse a matrix (6, 6) that is no covariance, as `Uncertainty` does."""
     from closeform.uncertainty.covariance import (
         root_of,  # with kernels, which a file without blocks can spare
     )

@@ -17,7 +17,7 @@ from closeform.motion.arc import START
 from closeform.motion.path import Path
 
 if TYPE_CHECKING:
-    from closeform.uncertainty.errors import Errors
+    from closeform.uncertainty.errors import Uncertainty
 
 STEPS = (20.0, 10.0, 5.0, 2.0, 1.0, 0.5, 0.2, 0.1)  # s; with 60 a screening is millimetres off under thrust
 GOAL, COARSE = 1e-6, 1e-3  # m: how far states between nodes are off, of steps that are chosen and given
@@ -39,7 +39,7 @@ class FlownCraft:
     path: Path
     burns: Shots
     mass: float | None = None
-    spread: tuple[tuple[Path, Errors], ...] = ()
+    spread: tuple[tuple[Path, Uncertainty], ...] = ()
 
 
 def tracks(craft: Sequence[FlownCraft], frame: FileFrame, step: float | None = None) -> tuple[Track, ...]:
@@ -79,7 +79,9 @@ def tracks(craft: Sequence[FlownCraft], frame: FileFrame, step: float | None = N
     )
 
 
-def told(piece: Path, times: Floats, frame: FileFrame, spread: Sequence[tuple[Path, Errors]] = ()) -> Piece:
+def told(
+    piece: Path, times: Floats, frame: FileFrame, spread: Sequence[tuple[Path, Uncertainty]] = ()
+) -> Piece:
     """States and thrust of a piece at its nodes, and covariances at some of them."""
     relative, thrust = rows(piece, times), rows(piece, times, 3)
     found = Piece(times, frame.states(times, relative), frame.vectors(times, relative, thrust))
@@ -100,7 +102,7 @@ def sparse(times: Floats, mean_motion: float) -> Any:
     return np.unique(np.searchsorted(times[:-1], np.arange(times[0], times[-2], whole / KNOWN)))
 
 
-def covariances(spread: Sequence[tuple[Path, Errors]], times: Floats) -> Floats:
+def covariances(spread: Sequence[tuple[Path, Uncertainty]], times: Floats) -> Floats:
     """Of a craft's state (C, 6, 6) at rising times, in the frame of its paths; at an impulse after it."""
     begins = np.array([path.start for path, _ in spread])
     stage = np.maximum(np.searchsorted(begins, times, side="right") - 1, 0)

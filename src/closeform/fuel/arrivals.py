@@ -15,7 +15,7 @@ from closeform.result import Rows
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Arrivals(Rows):
+class TransferCostTable(Rows):
     """The cheapest slot for each of D durations.
 
     Attributes
@@ -50,7 +50,9 @@ class Arrivals(Rows):
     examined: int
 
 
-def arrivals(orbit: Orbit, initial: ArrayLike, slots: ArrayLike, duration: ArrayLike) -> Arrivals:
+def transfer_cost_table(
+    orbit: Orbit, initial: ArrayLike, slots: ArrayLike, duration: ArrayLike
+) -> TransferCostTable:
     """The cheapest of many slots to be in after each of many durations, by least delta-v.
 
     Parameters
@@ -115,4 +117,4 @@ def arrivals(orbit: Orbit, initial: ArrayLike, slots: ArrayLike, duration: Array
         costs[rows, columns] = found.upper
         bounds[rows] = np.where(np.isinf(costs[rows]), lowers[rows], costs[rows])
         examined += len(rows)
-    return Arrivals(finals[each, slot], times, slot, costs[each, slot], lowers.min(axis=1), examined)
+    return TransferCostTable(finals[each, slot], times, slot, costs[each, slot], lowers.min(axis=1), examined)

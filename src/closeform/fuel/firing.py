@@ -28,7 +28,7 @@ LOOKS = 8  # instants of each arc at which the pulsed path is compared with the 
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Firing(Result):
+class ThrusterFiring(Result):
     """A plan as its craft's thrusters fly it.
 
     Numbers of each craft are floats for one craft's path, else arrays of shape (N,).
@@ -92,14 +92,14 @@ class Firing(Result):
         }
 
 
-def fire(
+def fire_thrusters(
     plan: Any,
     thrusters: Thrusters | Sequence[Thrusters],
     mass: ArrayLike | None = None,
     specific_impulse: ArrayLike | None = None,
     zone: OwnZone | Sequence[OwnZone | None] | PairZones | None = None,
     obstacles: Path | Sequence[Path] = (),
-) -> Firing:
+) -> ThrusterFiring:
     """The pulses by which thrusters fly a plan, and the path on which they do.
 
     Thrust that lasts is cut into chunks, for each thruster one in each of its periods, or in as many as
@@ -165,7 +165,7 @@ def fire(
     columns: Any = np.array(values).T
     deviation, limit, lost, spent, burned = columns if path.shape else columns[:, 0].tolist()
     flies = stack(real) if path.shape else real[0]
-    return Firing(
+    return ThrusterFiring(
         flies,
         stack(planned) if path.shape else planned[0],
         tuple(order.thrusters for order in orders),

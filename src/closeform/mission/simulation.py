@@ -10,15 +10,15 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.conflicts.flight import ALL_PAIRS, WatchedFlight, watch
-from closeform.dynamics.compensated_thrust import CompensatedThrust, thrust
+from closeform.dynamics.compensated_thrust import CompensatedThrust, compensated_thrust
 from closeform.dynamics.drawn import seeds_of, uncertain
 from closeform.dynamics.feedback import Feedback, usual_feedback
 from closeform.dynamics.field import Field
 from closeform.dynamics.flown_plan import spanning
 from closeform.dynamics.infeasible import Grounded
 from closeform.dynamics.least_ratios import least_ratios
-from closeform.dynamics.simulate import fly
-from closeform.dynamics.simulation_result import Flight
+from closeform.dynamics.simulate import simulate
+from closeform.dynamics.simulation_result import Simulation
 from closeform.dynamics.tube import Tube, tube
 from closeform.mission.mission_result import Stages
 from closeform.mission.simulation_verdict import Entered
@@ -70,7 +70,7 @@ class FlownRun:
     known: Field
     control: Control
     told: dict[str, Any]
-    flight: Flight
+    flight: Simulation
 
     @classmethod
     def of(cls, run: Stages, control: Control, told: dict[str, Any], seeds: int | Sequence[int]) -> Self:
@@ -102,7 +102,7 @@ class FlownRun:
             if control != "replan":  # which knows by itself what holds craft on a plan
                 told["feedback"] = led_by_pulses(told["feedback"], own)
         some = seeds if differs(control, told) else seeds_of(seeds)[:1]
-        flight = fly(plan, field, control, zones=zones, known=known, seeds=some, **told)
+        flight = simulate(plan, field, control, zones=zones, known=known, seeds=some, **told)
         if pulsed:  # off what was certified, which is flown by pulses, too
             flight = replace(flight, planned=spanning(run.paths, flight.times))
         return cls(run, field, known, control, told, flight)
@@ -266,7 +266,8 @@ class FlownRun:
     def commanded(self) -> tuple[CompensatedThrust, ...]:
         """What is to be commanded in the field, in each stage."""
         return tuple(
-            thrust(one.planned.paths, self.known, engine=self.told["engine"]) for one in self.run.flown
+            compensated_thrust(one.planned.paths, self.known, engine=self.told["engine"])
+            for one in self.run.flown
         )
 
     @cached_property

@@ -175,10 +175,10 @@ class StageStart:
         if cost == "energy":
             spent = self.orbit.transfer(self.states[k], finals, duration).energy
             return int(np.argmin(spent)), float(np.min(spent))
-        from closeform.fuel.arrivals import arrivals  # whose kernels only this needs
+        from closeform.fuel.arrivals import transfer_cost_table  # whose kernels only this needs
 
         slots = finals @ self.orbit.transition(-duration).T
-        found = arrivals(self.orbit, self.states[k], slots, [duration])
+        found = transfer_cost_table(self.orbit, self.states[k], slots, [duration])
         return int(found.slot[0]), float(found.delta_v[0])
 
     def transfer(self, target: Target, k: int, duration: float, cost: Cost) -> Path:

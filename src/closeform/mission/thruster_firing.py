@@ -13,7 +13,7 @@ from closeform.named_craft import as_listed
 from closeform.scenario import Avoid, Joint
 
 if TYPE_CHECKING:
-    from closeform.fuel.firing import Firing
+    from closeform.fuel.firing import ThrusterFiring
 
 Result = TypeVar("Result", bound=StageResult[Any, Any])
 
@@ -35,7 +35,7 @@ class Pulsed:
     """
 
     names: tuple[str, ...]
-    firing: "Firing"
+    firing: "ThrusterFiring"
     planned: WatchedFlight
     room: BurnRoom
     short: str | None = None
@@ -103,7 +103,9 @@ def shooters(start: StageStart, flight: WatchedFlight) -> list[int]:
     return [k for k, one in craft if one.thrusters is not None and flight.paths[k].delta_v > 0.0]
 
 
-def fired(start: StageStart, flight: WatchedFlight, shooting: list[int]) -> "tuple[tuple[str, ...], Firing]":
+def fired(
+    start: StageStart, flight: WatchedFlight, shooting: list[int]
+) -> "tuple[tuple[str, ...], ThrusterFiring]":
     """What some craft fire on a flight, with their names.
 
     Raises ValueError that counts craft by their names and thrusters from 1.
@@ -118,17 +120,19 @@ def fired(start: StageStart, flight: WatchedFlight, shooting: list[int]) -> "tup
             "mass": np.array(masses, dtype=float) * start.shares[shooting],
             "specific_impulse": np.array(impulses, dtype=float),
         }
-    from closeform.fuel.firing import fire  # whose kernels only thrusters need
+    from closeform.fuel.firing import fire_thrusters  # whose kernels only thrusters need
 
     names = tuple(scenario.names[k] for k in shooting)
     try:
-        return names, fire(flight.paths[shooting], [one for one in thrusters if one is not None], **tanks)
+        return names, fire_thrusters(
+            flight.paths[shooting], [one for one in thrusters if one is not None], **tanks
+        )
     except ValueError as error:
         raise type(error)(as_listed(str(error), names)) from None
 
 
 def shooting_flight(
-    start: StageStart, planned: WatchedFlight, names: tuple[str, ...], shot: "Firing", end: float
+    start: StageStart, planned: WatchedFlight, names: tuple[str, ...], shot: "ThrusterFiring", end: float
 ) -> WatchedFlight:
     """A flight on which some craft fire, and the others do as planned, from the stage's start to its end."""
     from closeform.fuel.pulses import extended

@@ -8,7 +8,7 @@ from typing import Self
 from closeform.conflicts.flight import WatchedFlight, watch
 from closeform.mission.verdict import Asked
 from closeform.scenario import Scenario, StageTable
-from closeform.uncertainty.errors import Errors
+from closeform.uncertainty.errors import Uncertainty
 from closeform.uncertainty.propagated_errors import carried
 from closeform.uncertainty.uncertain_flight import MOST_BURNS, MOST_PROBABLE, UncertainFlight, UncertainPair
 from closeform.zones.shapes import BALL
@@ -28,7 +28,7 @@ class UncertainStage:
 
     number: int
     stage: StageTable
-    errors: tuple[Errors | None, ...]
+    errors: tuple[Uncertainty | None, ...]
     zones: UncertainFlight | None
     bodies: UncertainFlight | None
 
@@ -39,7 +39,7 @@ class UncertainStage:
         number: int,
         stage: StageTable,
         flight: WatchedFlight,
-        errors: Sequence[Errors | None],
+        errors: Sequence[Uncertainty | None],
     ) -> Self:
         """From a stage as flown, and the errors of all craft when it begins."""
         sigmas, limit = stage.sigmas or 0.0, stage.max_probability or inf
@@ -51,7 +51,7 @@ class UncertainStage:
             bodies = UncertainFlight.of(touching, errors, sigmas, limit=limit)
         return cls(number, stage, tuple(errors), zones, bodies)
 
-    def after(self, flight: WatchedFlight) -> tuple[Errors | None, ...]:
+    def after(self, flight: WatchedFlight) -> tuple[Uncertainty | None, ...]:
         """The errors of all craft when it is over."""
         return tuple(
             None if one is None else carried(one, flight.path(name))

@@ -26,7 +26,7 @@ from closeform.zones.combined_zones import OwnZone
 from closeform.zones.pair_zones import PairZones
 
 if TYPE_CHECKING:
-    from closeform.uncertainty.errors import Errors
+    from closeform.uncertainty.errors import Uncertainty
 
 BOTH = "bounds thrust in any direction, which thrusters do not have; leave it out, they have their own"
 
@@ -45,7 +45,7 @@ def avoid(
     cost: Cost = "energy",
     thrusters: Thrusters | None = None,
     drift: float | None = None,
-    errors: Errors | None = None,
+    errors: Uncertainty | None = None,
     other_errors: Any = None,
     sigmas: float = 3.0,
     margin: Any = 0.0,
@@ -95,11 +95,11 @@ def avoid(
         The path is to be passively safe: whenever its thrust is lost for good, the craft keeps out of every
         zone until so long after the path's end.  Obstacles must be known until then.  Not with `prove`
         or "sauter-palmer".
-    errors : Errors or None, default None
+    errors : Uncertainty or None, default None
         Of the craft, from the path's start on: no error within `sigmas` standard deviations is to bring it
         into a zone.  Errors of thrust are those of the path that is found.  Not with `drift`, `prove` or
         "sauter-palmer".
-    other_errors : Errors, sequence of these, or None, default None
+    other_errors : Uncertainty, sequence of these, or None, default None
         Of the obstacles, independent: one for all, or one for each.
     sigmas : float, no unit, default 3
         How many standard deviations are kept clear.

@@ -113,7 +113,7 @@ class LocalSolver:
         return None
 
     def workspace(self, scene: Scene, count: int) -> Workspace:
-        """Room for as many contacts and more, used again and again."""
+        """TrackingMargins for as many contacts and more, used again and again."""
         room, samples = self._workspace, len(scene.times)
         if room is None or room.states.shape[1] != samples or len(room.gaps) < 2 * count:
             room = Workspace.of(scene, ROOM[0] + ROOM[1] * self.problem.count + 2 * count)

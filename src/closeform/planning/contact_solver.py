@@ -48,7 +48,7 @@ class Bodies(NamedTuple):
 
 
 class Workspace(NamedTuple):
-    """Room for one problem's local solver: its samples, K contacts, their compliance and paths."""
+    """TrackingMargins for one problem's local solver: its samples, K contacts, their compliance and paths."""
 
     states: Floats
     places: Floats

@@ -259,7 +259,7 @@ def deflect(scene, contacts, count, factors, arcs, offsets):
 
 
 def room_for(scene: Scene, contacts: Contacts) -> tuple[Floats, Any]:
-    """Room for the craft's arcs under contacts."""
+    """TrackingMargins for the craft's arcs under contacts."""
     craft = len(scene.base)
     return np.zeros((3 * craft + 2 * contacts.number, WIDTH)), np.zeros(craft + 1, dtype=np.int64)
 

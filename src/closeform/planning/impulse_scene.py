@@ -59,7 +59,7 @@ class Planes(NamedTuple):
 
     @classmethod
     def room(cls, count: int) -> "Planes":
-        """Room for `count` planes."""
+        """TrackingMargins for `count` planes."""
         (times, misses), (first, second) = np.empty((2, count)), np.empty((2, count), dtype=np.int64)
         return cls(times, np.empty((count, 3)), misses, first, second, np.empty((count, 2)))
 

@@ -112,10 +112,10 @@ def max_clearance(
         As of `avoid`.
     names : sequence of str, optional
         Of the obstacles, for a formation of craft and obstacles, for reasons.
-    errors : Errors, sequence of these, or None, default None
+    errors : Uncertainty, sequence of these, or None, default None
         As of `avoid`, for a formation as of `reconfigure`.  Zones stay as they are, and the plan keeps as
         many standard deviations clear of them as the budget affords.
-    other_errors : Errors, sequence of these, or None, default None
+    other_errors : Uncertainty, sequence of these, or None, default None
         As of `avoid`; for a formation those of obstacles stand in `errors`.
 
     Returns

@@ -9,7 +9,7 @@ from typing import Any, Literal, TypeVar
 
 from closeform.arrays import Floats
 from closeform.motion.path import Path
-from closeform.planning.shadow_price import Price, prices_of
+from closeform.planning.shadow_price import ShadowPrice, prices_of
 from closeform.result import Result
 
 Answer = TypeVar("Answer", "Avoidance", "Plan")
@@ -157,8 +157,8 @@ class Costed(Result):
         return gap(self.spent, self.lower_bound)
 
     @property
-    def prices(self) -> tuple[Price, ...]:
-        """What more clearance costs: a Price for each pair in contact, the dearest by the metre first.
+    def prices(self) -> tuple[ShadowPrice, ...]:
+        """What more clearance costs: a ShadowPrice for each pair in contact, the dearest by the metre first.
 
         None where not `priced`.  Where the least cost has a kink, as at an edge or that of impulses may, the
         slopes for more and for less clearance differ: it is that for more, of impulses one between them.

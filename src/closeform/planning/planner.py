@@ -15,7 +15,7 @@ from closeform.planning.plan import Contact
 from closeform.planning.problem import Flown, Problem, deepest
 from closeform.planning.scene import Contacts
 from closeform.planning.side_search import MARGINS, Found, Search
-from closeform.zones.combined_zones import Uncertainty
+from closeform.zones.combined_zones import CovarianceZone
 from closeform.zones.pair_zones import TWICE, PairZones, counts_covariances
 
 
@@ -140,7 +140,7 @@ def check_errors(
         return False
     own = zone if isinstance(zone, list | tuple) else [zone]
     if any(
-        isinstance(one, Uncertainty) or (isinstance(one, PairZones) and counts_covariances(one))
+        isinstance(one, CovarianceZone) or (isinstance(one, PairZones) and counts_covariances(one))
         for one in own
     ):
         raise ValueError(TWICE)

@@ -124,7 +124,7 @@ def reconfigure(
         The plan is to be passively safe: whenever any one craft loses its thrust for good, while the others
         fly on and then coast, it keeps out of every zone until so long after the last arrival.  Obstacles
         must be known until then.  Not with `prove` or "sequential".
-    errors : Errors, sequence of these, or None, default None
+    errors : Uncertainty, sequence of these, or None, default None
         One for all, or one for each craft and, after them, obstacle, independent, each from the start of its
         path in the plan on: no errors within `sigmas` standard deviations are to bring two into their zone.
         Not with `drift`, `prove` or "sequential".

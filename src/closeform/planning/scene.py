@@ -54,7 +54,7 @@ class Contacts(NamedTuple):
 
     @classmethod
     def none(cls, count: int = 0) -> "Contacts":
-        """Room for `count` contacts."""
+        """TrackingMargins for `count` contacts."""
         return cls.at(np.zeros(count, dtype=np.int64), np.zeros(count))
 
     @classmethod

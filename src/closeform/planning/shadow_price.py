@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, repr=False)
-class Price(Result):
+class ShadowPrice(Result):
     """What more clearance between two craft costs: how fast a plan's cost rises with the size of their zone.
 
     Other zones stay as they are, as do states and times at the ends; all paths give way as is cheapest.
@@ -44,7 +44,7 @@ class Price(Result):
     per_sigma: float = 0.0
 
 
-def prices_of(contacts: Sequence[Contact], margin: float) -> tuple[Price, ...]:
+def prices_of(contacts: Sequence[Contact], margin: float) -> tuple[ShadowPrice, ...]:
     """The price of each pair that some contacts keep apart, the dearest by the metre first.
 
     `margin`: the plan was made for zones so many times as large, which grow by as much more.
@@ -54,5 +54,5 @@ def prices_of(contacts: Sequence[Contact], margin: float) -> tuple[Price, ...]:
         metre, factor, sigma = found.get((one.first, one.second), (0.0, 0.0, 0.0))
         own = margin * one.multiplier
         found[one.first, one.second] = metre + own, factor + own * one.reach, sigma + own * one.sigma
-    prices = (Price(*pair, *slopes) for pair, slopes in found.items())
+    prices = (ShadowPrice(*pair, *slopes) for pair, slopes in found.items())
     return tuple(sorted(prices, key=lambda price: -price.per_metre))

@@ -23,7 +23,7 @@ from closeform.motion.path import Path
 from closeform.planning.pieces import inner_curvature
 from closeform.planning.problem import Flown, PairRow, Problem
 from closeform.planning.scene import Contacts
-from closeform.uncertainty.errors import Errors
+from closeform.uncertainty.errors import Uncertainty
 from closeform.uncertainty.gauge_functions import gauges
 from closeform.uncertainty.planes import faced
 from closeform.uncertainty.search import given_errors, one_for_each, search_of
@@ -39,7 +39,7 @@ ROUNDING = 1e-16  # of a covariance: where nothing is uncertain, planes could le
 class Margin:
     """So many sigmas of the errors of craft and, after them, obstacles (None: where its path is)."""
 
-    errors: tuple[Errors | None, ...]
+    errors: tuple[Uncertainty | None, ...]
     sigmas: float
 
     @classmethod
@@ -48,25 +48,25 @@ class Margin:
 
         Raises ValueError for errors of another kind or number, or sigmas that are no finite number.
         """
-        own = one_for_each("errors", errors, path, Errors)
-        return cls._of(own + one_for_each("other_errors", others, obstacles, Errors), sigmas)
+        own = one_for_each("errors", errors, path, Uncertainty)
+        return cls._of(own + one_for_each("other_errors", others, obstacles, Uncertainty), sigmas)
 
     @classmethod
     def among(cls, count: int, obstacles: int, errors: Any, sigmas: Any) -> Margin | None:
         """Of many craft and obstacles after them, as `reconfigure` is given them; raises as `around`."""
         bodies = count + obstacles
         craft_only = isinstance(errors, list | tuple) and len(errors) != bodies
-        given = given_errors("errors", errors, count if craft_only else bodies, Errors)
+        given = given_errors("errors", errors, count if craft_only else bodies, Uncertainty)
         return cls._of(given + [None] * (bodies - len(given)), sigmas)
 
     @classmethod
-    def _of(cls, errors: list[Errors | None], sigmas: Any) -> Margin | None:
+    def _of(cls, errors: list[Uncertainty | None], sigmas: Any) -> Margin | None:
         many = size("sigmas", sigmas)
         return cls(tuple(errors), many) if many and any(errors) else None
 
-    def fixed(self, count: int) -> tuple[Errors | None, ...]:
+    def fixed(self, count: int) -> tuple[Uncertainty | None, ...]:
         """What of all errors no plan of the first `count` bodies changes: states and noise."""
-        own = [one and Errors(noise=one.noise)._with_root(one._root) for one in self.errors[:count]]
+        own = [one and Uncertainty(noise=one.noise)._with_root(one._root) for one in self.errors[:count]]
         return (*own, *self.errors[count:])
 
     def problem(self, plain: Problem) -> Problem:

@@ -89,7 +89,7 @@ FLYING: dict[str, Callable[[Any], Flown]] = {
     "Avoidance": _avoidance,
     "Plan": _plan,
     "MaxClearance": _most_clearance,
-    "Firing": _firing,
+    "ThrusterFiring": _firing,
     "Encounter": _encounter,
     "Conjunction": _conjunction,
     "CommonFrame": _common_frame,
@@ -98,5 +98,5 @@ FLYING: dict[str, Callable[[Any], Flown]] = {
     "StageResult": _stage,
     "LoadedStage": _stage,
     "WatchedFlight": _formation,
-    "Flight": _worst,
+    "Simulation": _worst,
 }

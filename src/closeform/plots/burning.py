@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from closeform.arrays import Floats
 from closeform.fuel.burns import Burns, burns_of, burns_of_pulses
-from closeform.fuel.firing import Firing
+from closeform.fuel.firing import ThrusterFiring
 from closeform.motion.path import Path
 from closeform.plots.fonts import short_names
 from closeform.plots.inputs import crafts
@@ -31,7 +31,7 @@ MOST_ROWS = 60
 Interval = Sequence[float]  # of pixels, from and to
 
 
-def burns(paths: Path | Sequence[Path] | Firing, names: Sequence[str] | None = None) -> Figure:
+def burns(paths: Path | Sequence[Path] | ThrusterFiring, names: Sequence[str] | None = None) -> Figure:
     """Who burns when and how much: a row for each craft, a bar for each burn, as high as its delta-v.
 
     An impulse, or a pulse of a thruster, is a thin bar; thrust that lasts from one coast to the next is one
@@ -39,8 +39,8 @@ def burns(paths: Path | Sequence[Path] | Firing, names: Sequence[str] | None = N
 
     Parameters
     ----------
-    paths : Path, sequence of Path, or Firing
-        A Path of shape (N,), or up to 60 paths; of a `Firing` its pulses.
+    paths : Path, sequence of Path, or ThrusterFiring
+        A Path of shape (N,), or up to 60 paths; of a `ThrusterFiring` its pulses.
     names : sequence of str, optional
         Of the craft; their indices unless given.
 
@@ -54,13 +54,13 @@ def burns(paths: Path | Sequence[Path] | Firing, names: Sequence[str] | None = N
     ValueError
         If there are more than 60 paths, names are not as many, or an argument is of another kind.
     """
-    flown = crafts("paths", paths.path if isinstance(paths, Firing) else paths)
+    flown = crafts("paths", paths.path if isinstance(paths, ThrusterFiring) else paths)
     if len(flown) > MOST_ROWS:
         raise ValueError(f"paths: up to {MOST_ROWS}, got {len(flown)}; show some of them")
     called, count = short_names(names, len(flown)), len(flown)
     every = (
         [burns_of_pulses(paths.pulses, k) for k in range(count)]
-        if isinstance(paths, Firing)
+        if isinstance(paths, ThrusterFiring)
         else [burns_of(path).told for path in flown]
     )
     start, end = min(path.start for path in flown), max(path.end for path in flown)
@@ -85,7 +85,7 @@ def burns(paths: Path | Sequence[Path] | Firing, names: Sequence[str] | None = N
     time_axes([axes], ticks, start - MARGIN * (end - start), end + MARGIN * (end - start))
     if greatest:
         _sizes(figure, axes, [one.size for one in every], greatest, bars)
-    planned = float(np.sum(paths.planned.delta_v)) if isinstance(paths, Firing) else None
+    planned = float(np.sum(paths.planned.delta_v)) if isinstance(paths, ThrusterFiring) else None
     headline(figure, _said(called, every, greatest, planned))
     return figure
 

@@ -11,7 +11,7 @@ from closeform.arrays import Floats, instance
 from closeform.motion.path import Path
 from closeform.plots.style import common_time, instants
 from closeform.uncertainty.clearance import clearance_in_sigmas
-from closeform.uncertainty.errors import Errors
+from closeform.uncertainty.errors import Uncertainty
 from closeform.zones.zone import Zone
 
 BRIEF = 1e-6  # s, in which nothing changes: clearance at an instant
@@ -34,7 +34,7 @@ class Deviations:
         covariances = np.zeros((len(times), 6, 6))
         for name, one, craft in (("errors", errors, path), ("other_errors", other_errors, other)):
             if one is not None:
-                covariances += instance(name, one, Errors).covariance(craft, times)
+                covariances += instance(name, one, Uncertainty).covariance(craft, times)
         return cls(path, times, path.state(times) - other.state(times), covariances)
 
     def sigmas(self, zone: Zone) -> Floats:
@@ -43,5 +43,5 @@ class Deviations:
         there = self.path.orbit.coast(np.zeros(6), BRIEF)
         places = np.zeros_like(self.covariances)  # by velocities nobody moves in so brief a time
         places[:, :3, :3] = self.covariances[:, :3, :3]
-        errors = [Errors(one) for one in places]
+        errors = [Uncertainty(one) for one in places]
         return np.asarray(clearance_in_sigmas(still, there, zone, errors).sigmas)

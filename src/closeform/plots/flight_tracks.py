@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from closeform.arrays import instance
-from closeform.dynamics.simulation_result import Flight
+from closeform.dynamics.simulation_result import Simulation
 from closeform.plots.camera import word
 from closeform.plots.fleet import FLAT, PLANES, SIDE, beside, owned, scaled
 from closeform.plots.fonts import plain, short_names
@@ -37,7 +37,7 @@ SHARE = 0.06  # of what is shown, that the greatest deviation may take
 NAMED = 12  # craft up to which each has its name
 
 
-def flight_paths(flight: Flight, names: Sequence[str] | None = None) -> Figure:
+def flight_paths(flight: Simulation, names: Sequence[str] | None = None) -> Figure:
     """The paths of all flights about those of the plan, with deviations drawn many times as large.
 
     Lines in the colours of the craft are planned, pale ones flown, red ones those of the worst flight; the
@@ -45,7 +45,7 @@ def flight_paths(flight: Flight, names: Sequence[str] | None = None) -> Figure:
 
     Parameters
     ----------
-    flight : Flight
+    flight : Simulation
         What `fly` answered.
     names : sequence of str, optional
         Of the craft; their indices unless given.
@@ -60,7 +60,7 @@ def flight_paths(flight: Flight, names: Sequence[str] | None = None) -> Figure:
     ValueError
         If names are not as many as craft, or an argument is of another kind.
     """
-    instance("flight", flight, Flight)
+    instance("flight", flight, Simulation)
     count = flight.states.shape[1]
     called, tints = short_names(names, count), colours(count)
     turns = float(np.ptp(flight.times)) / flight.planned.orbit.period

@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 
 from closeform.arrays import Floats, instance
 from closeform.dynamics.least_ratios import FINER, cubic, nearest_pair, nearest_pairs
-from closeform.dynamics.simulation_result import Flight
+from closeform.dynamics.simulation_result import Simulation
 from closeform.dynamics.tube import Tube
 from closeform.plots.camera import word
 from closeform.plots.closest import ratio_axis
@@ -52,7 +52,9 @@ BESIDE = 0.25  # of the axes: a name beyond the middle half ends at its dot
 SPACE = 0.22  # of the close look, below the least and above the zone
 
 
-def flight_deviations(flight: Flight, tube: Tube | None = None, names: Sequence[str] | None = None) -> Figure:
+def flight_deviations(
+    flight: Simulation, tube: Tube | None = None, names: Sequence[str] | None = None
+) -> Figure:
     """How far off the plan craft are in every flight, against time, and the tube that was said beforehand.
 
     Each pale line is the craft that is farthest off in one flight; in blue the median of all flights, in
@@ -60,7 +62,7 @@ def flight_deviations(flight: Flight, tube: Tube | None = None, names: Sequence[
 
     Parameters
     ----------
-    flight : Flight
+    flight : Simulation
         What `fly` answered.
     tube : Tube, optional
         What `tube` says of it.
@@ -77,7 +79,7 @@ def flight_deviations(flight: Flight, tube: Tube | None = None, names: Sequence[
     ValueError
         If names are not as many as craft, or an argument is of another kind.
     """
-    instance("flight", flight, Flight)
+    instance("flight", flight, Simulation)
     instance("tube", tube, Tube, type(None))
     called = short_names(names, flight.states.shape[1])
     off, ticks = flight.deviations.max(axis=1), _clock(flight)
@@ -115,7 +117,7 @@ def flight_deviations(flight: Flight, tube: Tube | None = None, names: Sequence[
     return figure
 
 
-def flight_ratios(flight: Flight, zone: Zone | PairZones, names: Sequence[str] | None = None) -> Figure:
+def flight_ratios(flight: Simulation, zone: Zone | PairZones, names: Sequence[str] | None = None) -> Figure:
     """How near pairs come in every flight, against time: all of it, and a close look at the nearest.
 
     Each pale line is the least ratio of all pairs in one flight, the dashed one that of the plan; in blue
@@ -123,7 +125,7 @@ def flight_ratios(flight: Flight, zone: Zone | PairZones, names: Sequence[str] |
 
     Parameters
     ----------
-    flight : Flight
+    flight : Simulation
         What `fly` answered.
     zone : Zone or PairZones
         Of all pairs, or of each.
@@ -141,7 +143,7 @@ def flight_ratios(flight: Flight, zone: Zone | PairZones, names: Sequence[str] |
         If there are fewer than two craft or no pair has a zone, names are not as many, or an argument is of
         another kind.
     """
-    instance("flight", flight, Flight)
+    instance("flight", flight, Simulation)
     instance("zone", zone, Zone, PairZones)
     count = flight.states.shape[1]
     called = short_names(names, count)
@@ -186,14 +188,14 @@ def flight_ratios(flight: Flight, zone: Zone | PairZones, names: Sequence[str] |
     return figure
 
 
-def flight_costs(flight: Flight, names: Sequence[str] | None = None) -> Figure:
+def flight_costs(flight: Simulation, names: Sequence[str] | None = None) -> Figure:
     """What each craft spends: on the plan, on the field, and on feedback in every flight.
 
     Of many craft those that spend most.
 
     Parameters
     ----------
-    flight : Flight
+    flight : Simulation
         What `fly` answered.
     names : sequence of str, optional
         Of the craft; their indices unless given.
@@ -208,7 +210,7 @@ def flight_costs(flight: Flight, names: Sequence[str] | None = None) -> Figure:
     ValueError
         If names are not as many as craft, or an argument is of another kind.
     """
-    instance("flight", flight, Flight)
+    instance("flight", flight, Simulation)
     called = short_names(names, flight.states.shape[1])
     who = np.argsort(-flight.delta_v.max(axis=0), kind="stable")[:MOST]
     who = np.sort(who)
@@ -250,16 +252,16 @@ def flight_costs(flight: Flight, names: Sequence[str] | None = None) -> Figure:
     return figure
 
 
-def _clock(flight: Flight) -> Clock:
+def _clock(flight: Simulation) -> Clock:
     return clock(flight.planned[0], float(flight.times[0]), float(flight.times[-1]))
 
 
-def _flights(flight: Flight) -> str:
+def _flights(flight: Simulation) -> str:
     count = len(flight.states)
     return f"{count} flight{'s' * (count != 1)}"
 
 
-def _which(flight: Flight, seed: int) -> str:
+def _which(flight: Simulation, seed: int) -> str:
     return f"flight {seed}: " if len(flight.states) > 1 else ""
 
 
@@ -272,7 +274,7 @@ def _all(axes: Axes, ticks: Clock, times: Floats, values: Floats, seed: int) -> 
     axes.plot(ticks(times), values[seed], color=CONFLICT, linewidth=1.4)
 
 
-def _meanings(figure: Figure, flight: Flight, words: Sequence[str]) -> None:
+def _meanings(figure: Figure, flight: Simulation, words: Sequence[str]) -> None:
     """What the lines are; of one flight there is no median."""
     looks: list[dict[str, Any]] = [
         {"color": PALE, "linewidth": 1.2},
@@ -328,7 +330,7 @@ def _near(least: Floats, planned: Floats, step: int) -> slice:
     return slice(max(0, first - 1), min(len(near), last + 2))
 
 
-def _finely(flight: Flight, zone: Zone | PairZones, some: slice) -> tuple[Floats, Floats, Floats]:
+def _finely(flight: Simulation, zone: Zone | PairZones, some: slice) -> tuple[Floats, Floats, Floats]:
     """Times (K,), least ratios of flights (S, K) and of the plan (K,), on the cubics between some states."""
     times, step = flight.times[some], np.diff(flight.times[some])
     begin, end = flight.states[:, :, some][:, :, :-1], flight.arrivals[:, :, some][:, :, 1:]

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from closeform.arrays import Floats, instance, number, whole
-from closeform.fuel.arrivals import Arrivals
+from closeform.fuel.arrivals import TransferCostTable
 from closeform.fuel.bound import least_delta_v
 from closeform.fuel.burns import burns_of
 from closeform.fuel.thrusters import Thrusters
@@ -217,7 +217,7 @@ def _groups(times: Floats, sizes: Floats, near: float) -> list[Any]:
 
 
 def trade(
-    found: Arrivals,
+    found: TransferCostTable,
     plan: Path | Sequence[Path] | None = None,
     fired: float | None = None,
     asked: float | None = None,
@@ -229,7 +229,7 @@ def trade(
 
     Parameters
     ----------
-    found : Arrivals
+    found : TransferCostTable
         Of `arrivals`.
     plan : Path or sequence of Path, optional
         What a ring is drawn for: a plan by its duration and its delta-v, of several craft by the sum.
@@ -246,10 +246,10 @@ def trade(
     Raises
     ------
     ValueError
-        If there is no duration, or `found` is no `Arrivals`, `fired` is given without a plan, or `asked` is
-        not above 0.
+        If there is no duration, `found` is not a `TransferCostTable`, `fired` is given without a plan, or
+        `asked` is not positive.
     """
-    instance("found", found, Arrivals)
+    instance("found", found, TransferCostTable)
     if not len(found.duration):
         raise ValueError("found: has no duration; give arrivals one at least")
     if fired is not None and (plan is None or not number("fired", fired) >= 0.0):

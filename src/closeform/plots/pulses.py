@@ -15,7 +15,7 @@ from matplotlib.patches import Patch
 from closeform.arrays import Floats, instance, whole
 from closeform.fuel.allocation import Allocation
 from closeform.fuel.chunks import thrust_in_frame
-from closeform.fuel.firing import Firing
+from closeform.fuel.firing import ThrusterFiring
 from closeform.fuel.pulses import Pulses
 from closeform.fuel.thrusters import Thrusters
 from closeform.motion.path import Path
@@ -43,7 +43,7 @@ OPPOSITE = 1e-9  # of two directions' sum
 IDLE = 1e-6  # of what is asked of the thruster that is asked most: less is nothing
 
 
-def pulses(firing: Firing, craft: int = 0, name: str | None = None) -> Figure:
+def pulses(firing: ThrusterFiring, craft: int = 0, name: str | None = None) -> Figure:
     """What each thruster of a craft fires, against time, over what the plan asks of it.
 
     Each pulse is a bar as long as it lasts and as high as its delta-v; behind it the planned thrust, times
@@ -53,7 +53,7 @@ def pulses(firing: Firing, craft: int = 0, name: str | None = None) -> Figure:
 
     Parameters
     ----------
-    firing : Firing
+    firing : ThrusterFiring
         From `fire`.
     craft : int, default 0
         Whose, by index.
@@ -70,7 +70,7 @@ def pulses(firing: Firing, craft: int = 0, name: str | None = None) -> Figure:
     ValueError
         If there is no such craft, or an argument is of another kind.
     """
-    instance("firing", firing, Firing)
+    instance("firing", firing, ThrusterFiring)
     if name is not None:
         instance("name", name, str)
     count = len(firing.thrusters)
@@ -206,7 +206,7 @@ def _explained(figure: Figure, thrusters: Thrusters, dropped: bool, plan: Path, 
     legend(figure, handles, words, ncols=2, columnspacing=2.0, handlelength=2.2, handler_map=each)
 
 
-def _said(firing: Firing, craft: int, fired: Pulses, dropped: Pulses, name: str | None) -> str:
+def _said(firing: ThrusterFiring, craft: int, fired: Pulses, dropped: Pulses, name: str | None) -> str:
     """What came of it, in a line."""
     many, called = len(firing.thrusters) > 1 or name is not None, f"Craft {craft}" if name is None else name
     if not len(fired):

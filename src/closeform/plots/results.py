@@ -83,7 +83,7 @@ def animate(
 
     Parameters
     ----------
-    result : Path, Plan, Avoidance, Firing, Gathering, Mission, and so on
+    result : Path, Plan, Avoidance, ThrusterFiring, Gathering, Mission, and so on
         What a function answered.
     file : str, path-like or file of bytes
         Where to, NAME.gif; a file that is there is replaced.

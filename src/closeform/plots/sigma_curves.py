@@ -29,7 +29,7 @@ from closeform.plots.style import (
     time_axes,
 )
 from closeform.uncertainty.clearance import clearance_in_sigmas
-from closeform.uncertainty.errors import Errors
+from closeform.uncertainty.errors import Uncertainty
 from closeform.zones.zone import Zone
 
 WIDE = 30.0  # times the fewest sigmas: a greater range has a logarithmic scale
@@ -39,8 +39,8 @@ def sigmas(
     path: Path | Sequence[Path],
     other: Path | Sequence[Path],
     zone: Zone | Sequence[Zone],
-    errors: Errors | Sequence[Errors | None] | None,
-    other_errors: Errors | Sequence[Errors | None] | None = None,
+    errors: Uncertainty | Sequence[Uncertainty | None] | None,
+    other_errors: Uncertainty | Sequence[Uncertainty | None] | None = None,
     asked: float | None = None,
     names: Sequence[str] | None = None,
 ) -> Figure:
@@ -52,9 +52,9 @@ def sigmas(
         Of one craft each, or P of each, in one orbit: pair k is of both places k.
     zone : Zone or sequence of Zone
         One for all pairs or one for each.
-    errors : Errors, sequence of these, or None
+    errors : Uncertainty, sequence of these, or None
         Of the first craft of each pair: one for all or one for each.
-    other_errors : Errors, sequence of these, or None, default None
+    other_errors : Uncertainty, sequence of these, or None, default None
         Of the second.
     asked : float, no unit, optional
         How many sigmas were to be clear; below it is shaded.
@@ -80,7 +80,7 @@ def sigmas(
     if asked is not None and not 0.0 < number("asked", asked) < np.inf:
         raise ValueError(f"asked: must be finite and above 0, got {asked:g}")
     own = [
-        each(name, given, count, Errors, type(None))
+        each(name, given, count, Uncertainty, type(None))
         for name, given in (("errors", errors), ("other_errors", other_errors))
     ]
     if not any(one is not None for some in own for one in some):

@@ -22,7 +22,7 @@ from closeform.plots.palette import AFTER, CONFLICT, INK, ZONE
 from closeform.plots.style import SMALL, area, clock, dress, headline, legend, length_unit, sheet
 from closeform.plots.zones_and_tracks import headings, place
 from closeform.uncertainty.clearance import SigmaApproach, clearance_in_sigmas
-from closeform.uncertainty.errors import Errors
+from closeform.uncertainty.errors import Uncertainty
 from closeform.zones.outlines import CIRCLE, shadow
 from closeform.zones.zone import Zone
 
@@ -35,8 +35,8 @@ def tube(
     path: Path,
     other: Path,
     zone: Zone,
-    errors: Errors,
-    other_errors: Errors | None = None,
+    errors: Uncertainty,
+    other_errors: Uncertainty | None = None,
     sigmas: float = 3.0,
     names: Sequence[str] | None = None,
 ) -> Figure:
@@ -51,9 +51,9 @@ def tube(
         Of one craft each, in one orbit: the position of the first relative to the other is shown.
     zone : Zone
         Around the other.
-    errors : Errors
+    errors : Uncertainty
         Of the first craft, or with `other_errors=None` of the one relative to the other.
-    other_errors : Errors, optional
+    other_errors : Uncertainty, optional
         Of the other craft.
     sigmas : float, no unit, default 3
         How many standard deviations the tube is wide.
@@ -75,7 +75,7 @@ def tube(
     many = number("sigmas", sigmas)
     if not 0.0 < many < np.inf:
         raise ValueError(f"sigmas: must be finite and above 0, got {many:g}")
-    instance("errors", errors, Errors)
+    instance("errors", errors, Uncertainty)
     one, two = short_names(names, 2)
     found = Deviations.of(path, other, errors, other_errors)
     least = clearance_in_sigmas(path, other, zone, errors, other_errors)

@@ -199,13 +199,16 @@ class Choices:
     @cached_property
     def trade(self) -> Any:
         """What arriving on the same natural motions costs in more time or less, summed over all craft."""
-        from closeform.fuel.arrivals import arrivals
+        from closeform.fuel.arrivals import transfer_cost_table
 
         orbit, (initial, final, duration, _) = self.mission.orbit, self.ends
         times = duration * DURATIONS
         times = times[times <= MOST_TURNS * orbit.period]
         slots = final @ orbit.transition(-duration).T
-        each = [arrivals(orbit, one, slot[None], times) for one, slot in zip(initial, slots, strict=True)]
+        each = [
+            transfer_cost_table(orbit, one, slot[None], times)
+            for one, slot in zip(initial, slots, strict=True)
+        ]
         spent, least = (np.sum([getattr(one, what) for one in each], axis=0) for what in ("delta_v", "lower"))
         return replace(each[0], delta_v=spent, lower=least)
 

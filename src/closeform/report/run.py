@@ -194,7 +194,7 @@ class RunReport:
         for result, told in zip(self.mission.results, self.sections, strict=True):
             for name, table in told.files.items():
                 columns = {"stage": [result.number] * len(table.rows), **table.stored}
-                below = requirements.setdefault(name, {key: [] for key in columns})
+                below = found.setdefault(name, {key: [] for key in columns})
                 for key, cells in columns.items():
                     below[key] += cells
         return found
@@ -333,6 +333,6 @@ def leave(
     folder.csv("burns", report.files.get("burns", {}))
     scenario, found = mission.scenario, mission.verdict
     lines = [f"{report.opening}; {Path(scenario.file).name}", *report.origin]
-    head = Head(scenario.title, lines, str(found), requirements.ok, mission.warnings)
+    head = Head(scenario.title, lines, str(found), found.ok, mission.warnings)
     repeated = partial(report.repeat, out)
     leave_all(folder, head, report.chapters, repeated, report.summary, progress, viewer)

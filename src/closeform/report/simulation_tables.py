@@ -166,7 +166,7 @@ def sure(flown: FlownRun) -> Section:
             "who thrusts, so that what is left are errors of measurements and thrust",
         ),
         (
-            "Errors",
+            "Uncertainty",
             f"{noise} unless they are biases, which stay through a flight, "
             "as errors of thrust do; each flight has a stream of its own",
         ),

@@ -13,7 +13,7 @@ if TYPE_CHECKING:  # whose kernels a stage without errors can spare
     from closeform.conflicts.flight import WatchedFlight
     from closeform.mission.mission_result import StageResult
     from closeform.mission.uncertainty import UncertainStage
-    from closeform.uncertainty.errors import Errors
+    from closeform.uncertainty.errors import Uncertainty
     from closeform.uncertainty.probability import Probability
     from closeform.uncertainty.uncertain_flight import UncertainPair
 
@@ -156,12 +156,12 @@ def pictures(found: "UncertainStage", result: "StageResult[Any, Any]") -> tuple[
 
 def clearances(
     flight: "WatchedFlight",
-    errors: "Mapping[str, Errors | None]",
+    errors: "Mapping[str, Uncertainty | None]",
     pairs: "Sequence[UncertainPair]",
     asked: float | None,
 ) -> tuple[Picture, ...]:
     """The tube of the nearest of some pairs, and the sigmas of the nearest against time."""
-    from closeform.uncertainty.errors import Errors
+    from closeform.uncertainty.errors import Uncertainty
 
     near = [pair for pair in pairs if pair.sigmas < inf]
     if not near:
@@ -169,7 +169,7 @@ def clearances(
     one, many = near[0], asked or TUBE_SIGMAS
     pair = flight.facing(one.first, one.second)
     zone = one.zone if pair[0] == one.first else one.zone.mirrored
-    known = errors[pair[0]] or Errors(), errors[pair[1]]
+    known = errors[pair[0]] or Uncertainty(), errors[pair[1]]
     caption = f"Where {pair[0]} may be relative to {pair[1]}, within {many:g} sigma"
     ways = *(flight.path(name) for name in pair), zone, *known
     tube = Picture("tube", caption, "tube", ways, {"sigmas": many, "names": pair})

@@ -16,7 +16,7 @@ from closeform.exchange.covariance import axes
 from closeform.exchange.exported import FileFrame
 from closeform.motion.path import Path
 from closeform.results.export_source import UNKNOWN, Source
-from closeform.uncertainty.errors import Errors
+from closeform.uncertainty.errors import Uncertainty
 from closeform.uncertainty.propagated_errors import carried
 from closeform.zones.solids import Sphere
 
@@ -99,7 +99,7 @@ def message(
     return identity, told_of, (f"Stage {stage.number}, {where}; zone entered to {met.ratio:.4f}", *told_in)
 
 
-def at_start(source: Source, stage: Any, name: str, errors: Errors) -> Errors:
+def at_start(source: Source, stage: Any, name: str, errors: Uncertainty) -> Uncertainty:
     """The errors of a craft when a stage begins."""
     for earlier in source.results:
         if earlier.number < stage.number and earlier.flown:
@@ -141,7 +141,7 @@ def told(
     )
 
 
-def probability(paths: list[Path], within: float, errors: list[Errors]) -> float:
+def probability(paths: list[Path], within: float, errors: list[Uncertainty]) -> float:
     """That two bodies with `within` [m] between their centres ever touch in a stage."""
     from closeform.uncertainty.probability import collision_probability  # with kernels of its own
 

@@ -27,7 +27,7 @@ from closeform.search.schedule import Search
 from closeform.search.search_errors import of_each
 
 if TYPE_CHECKING:
-    from closeform.uncertainty.errors import Errors
+    from closeform.uncertainty.errors import Uncertainty
 
 UNKNOWN = "UNKNOWN"  # as CCSDS calls what has no designator
 SAME_ORBIT = 1e-6  # of the mean motion, of the chief's and that of the paths
@@ -175,7 +175,7 @@ def through(orbit: Any, stages: Sequence[Any], k: int) -> Path:
     return Path(orbit, arcs, np.array([0, len(arcs)]), ())
 
 
-def spread(stages: Sequence[Any], craft: Craft) -> tuple[tuple[Path, Errors], ...]:
+def spread(stages: Sequence[Any], craft: Craft) -> tuple[tuple[Path, Uncertainty], ...]:
     """A craft's path in each stage, with its errors when that begins; none of one that is known exactly."""
     errors, found = craft.errors, []
     if errors is None:

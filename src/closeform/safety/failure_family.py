@@ -37,7 +37,7 @@ OTHER, PATH, GENERATORS = 12, 24, 25  # of `motions`: where the second side's be
 
 
 class PairRoom(NamedTuple):
-    """Room for the work on one pair."""
+    """TrackingMargins for the work on one pair."""
 
     cells: Floats  # (C, W): those that are still to be searched
     point: Floats  # (3, W): a cell without extent, the best failure that was met, and one to be kept

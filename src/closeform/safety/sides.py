@@ -114,7 +114,7 @@ def _coasts(n: float, start: float, before: Floats, end: float, after: Floats) -
 
 
 def room_for(one: Side, two: Side, cells: int = CELLS) -> PairRoom:
-    """Room for the search of one pair at a time."""
+    """TrackingMargins for the search of one pair at a time."""
     burns = [int(np.diff(side.burn_offsets).max(initial=0)) if len(side.burns) else 0 for side in (one, two)]
     width = 1 + 2 * max(2, *burns)
     motions = GENERATORS + sum(burns)

@@ -35,7 +35,7 @@ from closeform.scenario.uncertainty import Covariance, Execution, as_errors
 if TYPE_CHECKING:
     from closeform.search.schedule import Search
     from closeform.search.sensor import Sensor
-    from closeform.uncertainty.errors import Errors
+    from closeform.uncertainty.errors import Uncertainty
 
 Matrix = tuple[Vector, Vector, Vector]
 MOST_TURN = pi / 2.0  # rad, of a body: more is no error of its pointing
@@ -188,17 +188,17 @@ class Craft(Engine):
         return Thrusters(table.directions, table.frame, has, bit / share, self.period)
 
     @property
-    def errors(self) -> "Errors | None":
+    def errors(self) -> "Uncertainty | None":
         """How far it may be off, from the mission's start on; None where all is known exactly."""
         if (self.covariance is None or self.covariance.exact) and self.execution is None:
             return None
-        from closeform.uncertainty.errors import Errors  # whose kernels nothing else needs
+        from closeform.uncertainty.errors import Uncertainty  # whose kernels nothing else needs
 
         state = None if self.covariance is None else self.covariance.matrix
         one = self.execution
         if one is None:
-            return Errors(state)
-        return Errors(state, one.magnitude, one.pointing, one.gates, one.noise)
+            return Uncertainty(state)
+        return Uncertainty(state, one.magnitude, one.pointing, one.gates, one.noise)
 
     def state(self, orbit: Orbit, latitude: float = 0.0) -> Floats:
         """The state (6,) at the start, in SI units; the origin is at that argument of latitude [rad].

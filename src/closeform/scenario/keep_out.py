@@ -9,7 +9,7 @@ from pydantic import BeforeValidator, Field
 from closeform.arrays import Floats
 from closeform.scenario.quantity import AREA, LENGTH, Reader
 from closeform.scenario.table import Length, Lengths, Six, Table, Vector
-from closeform.zones.combined_zones import Body, OwnZone, Uncertainty
+from closeform.zones.combined_zones import Body, CovarianceZone, OwnZone
 from closeform.zones.solids import Box, Cylinder, Ellipsoid, HalfSpaces, Sphere
 from closeform.zones.zone import Zone
 
@@ -82,7 +82,7 @@ class KeepOut(Table):
     def own(self) -> OwnZone:
         """What the core is told: a region, a body, or where the craft may be."""
         if self.of_errors:
-            return Uncertainty(self.covariance_matrix(), self.sigmas or 0.0)
+            return CovarianceZone(self.covariance_matrix(), self.sigmas or 0.0)
         return Body(self.zone()) if self.kind == "body" else self.zone()
 
     def zone(self) -> Zone:

@@ -12,7 +12,7 @@ from closeform.arrays import broadcast
 from closeform.conflicts.two_paths import check_comparable, closest_approach, craft_of
 from closeform.motion.path import Path
 from closeform.result import Rows
-from closeform.uncertainty.errors import Errors
+from closeform.uncertainty.errors import Uncertainty
 from closeform.uncertainty.search import one_for_each
 from closeform.uncertainty.sigma_levels import least_of_pairs
 from closeform.uncertainty.spread import spread_of
@@ -46,8 +46,8 @@ def clearance_in_sigmas(
     path: Path,
     other: Path,
     zone: Zone,
-    errors: Errors | Sequence[Errors | None] | None,
-    other_errors: Errors | Sequence[Errors | None] | None = None,
+    errors: Uncertainty | Sequence[Uncertainty | None] | None,
+    other_errors: Uncertainty | Sequence[Uncertainty | None] | None = None,
 ) -> SigmaApproach:
     """How many standard deviations of their errors keep two craft clear of a zone, over their common time.
 
@@ -59,10 +59,10 @@ def clearance_in_sigmas(
         Of the craft that the zone is around, or a batch, in the same orbit; batch shapes broadcast.
     zone : Zone
         Of the pair.
-    errors : Errors, sequence of these, or None
+    errors : Uncertainty, sequence of these, or None
         Of `path`: one for all its craft or one for each, in order; None for none.  Or, with
         `other_errors=None`, of the one relative to the other, from the start of `path` on.
-    other_errors : Errors, sequence of these, or None, default None
+    other_errors : Uncertainty, sequence of these, or None, default None
         Of `other`, independent.
 
     Returns
@@ -94,8 +94,8 @@ def clearance_in_sigmas(
     """
     check_comparable(path, other, zone)
     shape = broadcast(path=path.shape, other=other.shape)
-    one = spread_of(path, one_for_each("errors", errors, path, Errors))
-    two = spread_of(other, one_for_each("other_errors", other_errors, other, Errors))
+    one = spread_of(path, one_for_each("errors", errors, path, Uncertainty))
+    two = spread_of(other, one_for_each("other_errors", other_errors, other, Uncertainty))
     first, second = craft_of(path, shape), craft_of(other, shape)
     mean = closest_approach(path, other, zone)
     time, sigmas = np.array(mean.time).reshape(-1), np.zeros(len(first))

@@ -13,12 +13,12 @@ from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, PUSH, START, STATE, 
 from closeform.motion.path import Path, of_one_craft, path_of, runs_of
 
 if TYPE_CHECKING:
-    from closeform.uncertainty.errors import Errors
+    from closeform.uncertainty.errors import Uncertainty
 
 AXES = np.eye(3)
 
 
-def columns_of(path: Path, errors: Errors) -> Path:
+def columns_of(path: Path, errors: Uncertainty) -> Path:
     """The columns (m,) of one craft's errors, all over its path: its state's, its impulses', its burns'.
 
     Errors that are nil have none, nor has white noise.                                       # theory (50)
@@ -48,7 +48,7 @@ def added(path: Path, columns: Path, sizes: Floats) -> Path:
     return path_of(path.orbit, arcs, path.offsets, path.shape)
 
 
-def errs(path: Path, errors: Errors) -> bool:
+def errs(path: Path, errors: Uncertainty) -> bool:
     """Whether one craft's errors put it off its path at all: those of burns need a burn."""
     if errors.noise or errors._root.any() or (any(errors.impulse) and path.impulses):
         return True
@@ -60,7 +60,7 @@ def burning(path: Path) -> Any:
     return runs_of(np.abs(path.arcs[:, THRUST:]).sum(axis=1) > 0.0)
 
 
-def gates_of(jump: Floats, errors: Errors) -> Floats:
+def gates_of(jump: Floats, errors: Uncertainty) -> Floats:
     """Velocities (3, 3) [m/s] of the errors of one impulse: along it, and two across.    # theory (50)"""
     size = float(np.linalg.norm(jump))
     ahead = jump / size
@@ -80,13 +80,13 @@ def _coasts(path: Path, start: float, state: Floats) -> Floats:
     return arcs if start > path.start else arcs[1:]
 
 
-def _of_state(path: Path, errors: Errors) -> Iterator[Floats]:
+def _of_state(path: Path, errors: Uncertainty) -> Iterator[Floats]:
     for column in errors._root.T:
         if column.any():
             yield _coasts(path, path.start, column)
 
 
-def _of_impulses(path: Path, errors: Errors) -> Iterator[Floats]:
+def _of_impulses(path: Path, errors: Uncertainty) -> Iterator[Floats]:
     for time, jump in path.impulses if any(errors.impulse) else ():
         for velocity in gates_of(jump, errors):
             if velocity.any():
@@ -95,7 +95,7 @@ def _of_impulses(path: Path, errors: Errors) -> Iterator[Floats]:
                 yield arcs
 
 
-def _of_burns(path: Path, errors: Errors) -> Iterator[Floats]:
+def _of_burns(path: Path, errors: Uncertainty) -> Iterator[Floats]:
     """Of each burn its magnitude (all of its thrust, grown in proportion) and its pointing about x, y, z."""
     burns = burning(path) if errors.magnitude or errors.pointing else []
     for first, last in burns:
@@ -107,7 +107,7 @@ def _of_burns(path: Path, errors: Errors) -> Iterator[Floats]:
             yield np.concatenate([before, forced, after if arcs[-1, END] < path.end else after[:0]])
 
 
-def _forced(n: float, arcs: Floats, errors: Errors) -> Iterator[Floats]:
+def _forced(n: float, arcs: Floats, errors: Uncertainty) -> Iterator[Floats]:
     """The thrusts of the columns of one burn; their states are still to come."""
     bare = arcs.copy()
     bare[:, IMPULSE:] = 0.0

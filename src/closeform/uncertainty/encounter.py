@@ -15,7 +15,7 @@ from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
 from closeform.result import Result
 from closeform.uncertainty.covariance import root_of
-from closeform.uncertainty.errors import Errors, one_state
+from closeform.uncertainty.errors import Uncertainty, one_state
 
 CIRCULAR, TOO_ECCENTRIC = 0.005, 0.1
 FAR = 0.01  # of the orbit's radius: Hill's equations hold for separations that are small against it
@@ -33,9 +33,9 @@ class Encounter(Result):
         Of the secondary; time 0 is that of the given states.
     other : Path
         Of the primary: at rest at the origin.
-    errors : Errors
+    errors : Uncertainty
         Of the secondary, at the path's start.
-    other_errors : Errors
+    other_errors : Uncertainty
         Of the primary, at the path's start.
     distance : float [m]
         Between the two at time 0.
@@ -49,8 +49,8 @@ class Encounter(Result):
 
     path: Path
     other: Path
-    errors: Errors
-    other_errors: Errors
+    errors: Uncertainty
+    other_errors: Uncertainty
     distance: float
     speed: float
     eccentricity: float
@@ -128,11 +128,11 @@ class Encounter(Result):
         path = orbit.coast(start, 2 * half, start=-half)
         other = orbit.coast(np.zeros(6), 2 * half, start=-half)
         if axes == "rtn":
-            errors = Errors.from_rtn(secondary_covariance, path, 0.0, chief, deputy)
-            other_errors = Errors.from_rtn(covariance, other, 0.0, chief)
+            errors = Uncertainty.from_rtn(secondary_covariance, path, 0.0, chief, deputy)
+            other_errors = Uncertainty.from_rtn(covariance, other, 0.0, chief)
         else:
-            errors = Errors.from_inertial(secondary_covariance, path, 0.0, chief)
-            other_errors = Errors.from_inertial(covariance, other, 0.0, chief)
+            errors = Uncertainty.from_inertial(secondary_covariance, path, 0.0, chief)
+            other_errors = Uncertainty.from_inertial(covariance, other, 0.0, chief)
         return cls(
             path,
             other,
@@ -170,7 +170,7 @@ def _half_window(given: float | None, orbit: Orbit, far: float, speed: float) ->
     return positive("half_window", given, " s")
 
 
-def _warnings(eccentricity: float, distance: float, radius: float, *errors: Errors) -> list[str]:
+def _warnings(eccentricity: float, distance: float, radius: float, *errors: Uncertainty) -> list[str]:
     """What Hill's equations leave out that matters here."""
     found = []
     if eccentricity > CIRCULAR:

@@ -27,7 +27,7 @@ MIXED, EXACT, SINGULAR = 1e3, 1e5, 1e-3
 
 
 @dataclass(frozen=True, eq=False, init=False)
-class Errors:
+class Uncertainty:
     """How far one craft may be from its path, by a normal distribution.
 
     Errors of different kinds, of different burns and of different craft are independent.  The state's is
@@ -117,17 +117,18 @@ class Errors:
             Inertial state, at that time, of the object along whose axes the covariance is; the chief unless
             given.
         execution : keyword arguments
-            `magnitude`, `pointing`, `impulse` and `noise` of `Errors`.
+            `magnitude`, `pointing`, `impulse` and `noise` of `Uncertainty`.
 
         Returns
         -------
-        Errors
+        Uncertainty
             In the path's rotating frame, at its start.
 
         Raises
         ------
         ValueError
-            As `Errors`, or if a state spans no orbital plane, the path is a batch or the time not finite.
+            As `Uncertainty`, or if a state spans no orbital plane,
+            the path is a batch or the time not finite.
 
         Notes
         -----
@@ -159,17 +160,18 @@ class Errors:
         chief : array_like of shape (6,) [m, m/s]
             Inertial state, at that time, of the chief in whose frame the path is.
         execution : keyword arguments
-            `magnitude`, `pointing`, `impulse` and `noise` of `Errors`.
+            `magnitude`, `pointing`, `impulse` and `noise` of `Uncertainty`.
 
         Returns
         -------
-        Errors
+        Uncertainty
             In the path's rotating frame, at its start; as of `from_rtn`.
 
         Raises
         ------
         ValueError
-            As `Errors`, or if `chief` spans no orbital plane, the path is a batch or the time not finite.
+            As `Uncertainty`, or if `chief` spans no orbital plane,
+            the path is a batch or the time not finite.
 
         References
         ----------
@@ -240,7 +242,7 @@ class Errors:
     @staticmethod
     def _search_of(paths: Path, errors: Any, zones: Sequence[Zone], sigmas: Any) -> Any:
         """What `screen` searches some pairs with, where there are errors."""
-        spread = spread_of(paths, one_for_each("errors", errors, paths, Errors))
+        spread = spread_of(paths, one_for_each("errors", errors, paths, Uncertainty))
         return search_of(spread, zones, paths.orbit.mean_motion, size("sigmas", sigmas))
 
     @property

@@ -12,7 +12,7 @@ from closeform.motion.path import Path
 from closeform.result import Result, Rows
 from closeform.uncertainty.ball_share import inside
 from closeform.uncertainty.drawn_entries import clopper_pearson, drawn, enough, interval_of_mean, lost_of
-from closeform.uncertainty.errors import Errors
+from closeform.uncertainty.errors import Uncertainty
 from closeform.uncertainty.few_errors import FewErrors, few_ways
 from closeform.uncertainty.mean_entries import Flux, Unresolved, expected_entries
 from closeform.uncertainty.noisy_trajectories import NoisyHistories
@@ -94,8 +94,8 @@ def collision_probability(
     path: Path,
     other: Path,
     zone: Zone,
-    errors: Errors,
-    other_errors: Errors | None = None,
+    errors: Uncertainty,
+    other_errors: Uncertainty | None = None,
     method: Method = "entries",
     samples: int | None = None,
     seed: int = 0,
@@ -111,9 +111,9 @@ def collision_probability(
     zone : Zone
         Of the pair: a sphere of both radii for bodies.  "entries" and "bound" need a sphere or an
         ellipsoid, "short-encounter" too.
-    errors : Errors
+    errors : Uncertainty
         Of the first craft, or of the relative motion of both.
-    other_errors : Errors, optional
+    other_errors : Uncertainty, optional
         Of the other craft, independent of the first's.
     method : "entries", "bound", "monte-carlo" or "short-encounter", default "entries"
         "entries" integrates the mean rate of entries, draws entries from it and counts how often their

@@ -10,12 +10,12 @@ from closeform.motion.arc import IMPULSE, MEAN_MOTION, THRUST
 from closeform.motion.joining import stack
 from closeform.motion.path import Path
 from closeform.uncertainty.columns import columns_of
-from closeform.uncertainty.errors import Errors
+from closeform.uncertainty.errors import Uncertainty
 from closeform.zones.zone import Zone
 
 
 def relative_errors(
-    path: Path, other: Path, zone: Zone, errors: Errors, other_errors: Errors | None
+    path: Path, other: Path, zone: Zone, errors: Uncertainty, other_errors: Uncertainty | None
 ) -> tuple[Path, float]:
     """Columns (M,) of the relative motion, those that move naturally as six, and its white noise [m^2/s^3].
 
@@ -26,7 +26,7 @@ def relative_errors(
         raise ValueError(
             f"path, other: of one craft each, got shapes {path.shape} and {other.shape}; index them"
         )
-    instance("errors", errors, Errors)
+    instance("errors", errors, Uncertainty)
     if path.start != other.start:
         raise ValueError(
             f"other: starts at {other.start:g} s, path at {path.start:g} s; errors are those of the start, "
@@ -34,7 +34,7 @@ def relative_errors(
         )
     columns, noise = [columns_of(path, errors)], errors.noise
     if other_errors is not None:
-        instance("other_errors", other_errors, Errors)
+        instance("other_errors", other_errors, Uncertainty)
         columns.append(columns_of(other, other_errors))
         noise += other_errors.noise
     every = [each[k] for each in columns for k in range(len(each))]

@@ -32,7 +32,7 @@ from closeform.motion.certified_march import (
 )
 from closeform.motion.path import Path
 from closeform.uncertainty.covariance import roots_of
-from closeform.uncertainty.errors import Errors
+from closeform.uncertainty.errors import Uncertainty
 from closeform.zones.shapes import FACES, FORM, norm, part, part_count
 from closeform.zones.zone import Zone
 
@@ -287,7 +287,7 @@ class Histories:
 
     def _noise(self, times: Floats) -> Floats:
         """Factors (T, 6, 6) of what white noise has added to the state's covariance."""
-        return roots_of(Errors(noise=self.noise).covariance(self.path, times))
+        return roots_of(Uncertainty(noise=self.noise).covariance(self.path, times))
 
     def counted(self, errors: Floats) -> Any:
         """Whether histories of errors (N, M) begin inside, and how often each enters after: (N, 2)."""

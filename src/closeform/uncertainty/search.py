@@ -18,7 +18,7 @@ from closeform.uncertainty.widths import widened
 from closeform.zones.zone import Zone
 
 if TYPE_CHECKING:
-    from closeform.uncertainty.errors import Errors
+    from closeform.uncertainty.errors import Uncertainty
 
 
 def stays(
@@ -45,17 +45,17 @@ def stays(
     return np.concatenate(found)
 
 
-def one_for_each(name: str, errors: Any, path: Path, kind: Any) -> list[Errors | None]:
+def one_for_each(name: str, errors: Any, path: Path, kind: Any) -> list[Uncertainty | None]:
     """Errors of the craft of a batch: one for all, or one for each (None: where its path is)."""
     return given_errors(name, errors, len(path.offsets) - 1, kind)
 
 
-def given_errors(name: str, errors: Any, count: int, kind: Any) -> list[Errors | None]:
+def given_errors(name: str, errors: Any, count: int, kind: Any) -> list[Uncertainty | None]:
     """The same of so many craft."""
     given = list(errors) if isinstance(errors, list | tuple) else [errors] * count
     for one in given:
         if not (one is None or isinstance(one, kind)):
-            raise ValueError(f"{name}: expected Errors, got {shown(one)}")
+            raise ValueError(f"{name}: expected Uncertainty, got {shown(one)}")
     if len(given) != count:
         raise ValueError(f"{name}: {len(given)} for {count} craft; give one, or one for each")
     return given

@@ -39,12 +39,12 @@ from closeform.motion.linear import triangle
 from closeform.motion.path import Path
 
 if TYPE_CHECKING:
-    from closeform.uncertainty.errors import Errors
+    from closeform.uncertainty.errors import Uncertainty
 
 ACTIVE = 36  # first column of a row's four states of errors under way, behind its root (6, 6)
 UNDER_WAY = 4  # the burn's magnitude, and its pointing about x, y and z
 ROW = ACTIVE + 6 * UNDER_WAY
-MAGNITUDE, POINTING, GATES, NOISE = 0, 1, 2, 6  # columns of `Errors.execution`
+MAGNITUDE, POINTING, GATES, NOISE = 0, 1, 2, 6  # columns of `Uncertainty.execution`
 
 
 class Spread(NamedTuple):
@@ -59,12 +59,12 @@ class Spread(NamedTuple):
 SPREAD = types.NamedTuple((float64[:, ::1], int64[::1], float64[:, ::1], float64[:, ::1]), Spread)
 
 
-def spread_of(path: Path, errors: "Sequence[Errors | None]") -> Spread:
+def spread_of(path: Path, errors: "Sequence[Uncertainty | None]") -> Spread:
     """Of each craft of a batch by its own errors; None for one that is where its path is."""
     return spread_to_ends(path, errors)[0]
 
 
-def spread_to_ends(path: Path, errors: "Sequence[Errors | None]") -> tuple[Spread, Floats]:
+def spread_to_ends(path: Path, errors: "Sequence[Uncertainty | None]") -> tuple[Spread, Floats]:
     """The same, and the roots (N, 6, 6) of the covariances at the ends of all paths."""
     count = len(path.offsets) - 1
     roots, execution = np.zeros((count, 6, 6)), np.zeros((count, 7))

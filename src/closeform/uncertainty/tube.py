@@ -40,7 +40,7 @@ ORDER, MEAN_RATE, ACTIVE, NOISY, REACH, HINT, WIDTH, STALLS = 0, 1, 2, 3, 4, 5, 
 
 
 class Tube(NamedTuple):
-    """Room for what a kernel sees of one pair; in zone coordinates but for `columns`.
+    """TrackingMargins for what a kernel sees of one pair; in zone coordinates but for `columns`.
 
     Of the zone `shape`, `matrix` and `faces`; `mean_motion` of the orbit.  Of a window the derivatives of the
     mean (8, 3), of the settled columns (4, 18) and of those under way (64, 3), `bounds` (6,) of acceleration
@@ -82,7 +82,7 @@ TUBE = types.NamedTuple(
 
 
 def tube_for(zone: Zone, mean_motion: float) -> Tube:
-    """Room for pairs with a zone."""
+    """TrackingMargins for pairs with a zone."""
     sizes: tuple[Any, ...] = ((8, 3), (4, 18), (64, 3), 6, 8, (6, 32), 6, (2, 3 * COLUMNS), (3, 3), 4, 3)
     return Tube(*faced(zone), mean_motion, *map(np.zeros, sizes))
 

@@ -11,7 +11,7 @@ from scipy.special import gammaincc
 from closeform.conflicts.flight import PairApproach, WatchedFlight
 from closeform.uncertainty.clearance import clearance_in_sigmas
 from closeform.uncertainty.columns import burning, errs
-from closeform.uncertainty.errors import Errors
+from closeform.uncertainty.errors import Uncertainty
 from closeform.uncertainty.mean_entries import Unresolved
 from closeform.uncertainty.probability import Probability, collision_probability
 from closeform.zones.shapes import BALL
@@ -58,7 +58,7 @@ class UncertainFlight:
     def of(
         cls,
         flight: WatchedFlight,
-        errors: Sequence[Errors | None],
+        errors: Sequence[Uncertainty | None],
         sigmas: float,
         probable: int = MOST_PROBABLE,
         limit: float = inf,
@@ -67,7 +67,7 @@ class UncertainFlight:
 
         The probability is that of so many pairs, and of all others that are not below a `limit` for certain.
         """
-        known = {name: one or Errors() for name, one in zip(flight.names, errors, strict=True)}
+        known = {name: one or Uncertainty() for name, one in zip(flight.names, errors, strict=True)}
         exact = tuple(name for name, one in zip(flight.names, errors, strict=True) if one is None)
         off = {name for name, one in known.items() if errs(flight.path(name), one)}
         pairs = [near for near in flight.approaches if near.first in off or near.second in off]
@@ -89,12 +89,12 @@ class UncertainFlight:
         return tuple(pair for pair in self.pairs if pair.sigmas < self.sigmas)
 
 
-def few_burns(flight: WatchedFlight, near: PairApproach, known: Mapping[str, Errors]) -> bool:
+def few_burns(flight: WatchedFlight, near: PairApproach, known: Mapping[str, Uncertainty]) -> bool:
     """Whether two craft have few enough burns and impulses with errors that histories can be drawn."""
     return sum(fired(flight, near, known)) <= MOST_BURNS
 
 
-def fired(flight: WatchedFlight, near: PairApproach, known: Mapping[str, Errors]) -> tuple[int, int]:
+def fired(flight: WatchedFlight, near: PairApproach, known: Mapping[str, Uncertainty]) -> tuple[int, int]:
     """How many burns and impulses with errors two craft have."""
     burns = impulses = 0
     for name in (near.first, near.second):
@@ -104,7 +104,9 @@ def fired(flight: WatchedFlight, near: PairApproach, known: Mapping[str, Errors]
     return burns, impulses
 
 
-def probability_of(flight: WatchedFlight, near: PairApproach, known: Mapping[str, Errors]) -> Probability:
+def probability_of(
+    flight: WatchedFlight, near: PairApproach, known: Mapping[str, Uncertainty]
+) -> Probability:
     """That two craft ever come within their zone: as exactly as their errors allow."""
     first, second = near.first, near.second
     asked = flight.path(first), flight.path(second), near.zone, known[first], known[second]
@@ -116,7 +118,9 @@ def probability_of(flight: WatchedFlight, near: PairApproach, known: Mapping[str
         return collision_probability(*asked, method="monte-carlo", samples=HISTORIES)
 
 
-def at_most(flight: WatchedFlight, near: PairApproach, known: Mapping[str, Errors], sigmas: float) -> float:
+def at_most(
+    flight: WatchedFlight, near: PairApproach, known: Mapping[str, Uncertainty], sigmas: float
+) -> float:
     """What the probability of two craft is not above, clear by some sigmas: errors beyond these."""
     if known[near.first].noise or known[near.second].noise:
         return 1.0
@@ -126,7 +130,7 @@ def at_most(flight: WatchedFlight, near: PairApproach, known: Mapping[str, Error
 
 
 def _clearances(
-    flight: WatchedFlight, pairs: Sequence[PairApproach], known: Mapping[str, Errors]
+    flight: WatchedFlight, pairs: Sequence[PairApproach], known: Mapping[str, Uncertainty]
 ) -> Iterator[tuple[float, float, PairApproach]]:
     """Sigmas and when they are fewest [s], of pairs of one zone after another."""
     place = {name: k for k, name in enumerate(flight.names)}

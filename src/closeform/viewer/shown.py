@@ -24,7 +24,7 @@ if TYPE_CHECKING:  # with readers of files and the kernels of probabilities, whi
     from closeform.report.encounter import EncounterReport
     from closeform.report.screening import ScreenReport
     from closeform.report.simulation import FlightReport, FlightTold
-    from closeform.uncertainty.errors import Errors
+    from closeform.uncertainty.errors import Uncertainty
     from closeform.uncertainty.uncertain_flight import UncertainFlight
 
 COARSE = 33  # instants of each stage at which a first look tells how large the scene is
@@ -136,7 +136,7 @@ class Shown:
         flight: WatchedFlight,
         zones: PairZones,
         stage: StageTable,
-        errors: "tuple[Errors | None, ...]" = (),
+        errors: "tuple[Uncertainty | None, ...]" = (),
         found: "UncertainFlight | None" = None,
     ) -> Self:
         """One stage, whose craft have `errors` at its start, or none; what was `found` of those."""

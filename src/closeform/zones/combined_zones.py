@@ -18,7 +18,7 @@ REGION, COVARIANCE, BODY = "keep-out region", "covariance", "body"
 
 
 @dataclass(frozen=True, eq=False, init=False)
-class Uncertainty:
+class CovarianceZone:
     """Where a craft is: about its path, by a normal distribution.
 
     Errors of two craft are taken as independent: their covariances add, and the zone of the pair is
@@ -84,13 +84,13 @@ class Body:
             raise ValueError(f"zone: expected a zone, for example Sphere(2.0), got {shown(self.zone)}")
 
 
-OwnZone = Zone | Uncertainty | Body
+OwnZone = Zone | CovarianceZone | Body
 
 
 def enlarged(own: OwnZone, factor: float) -> OwnZone:
     """The same, `factor` times as large; zones of pairs that are made of such are as much larger."""
-    if isinstance(own, Uncertainty):
-        return Uncertainty(own.covariance, factor * own.sigmas)
+    if isinstance(own, CovarianceZone):
+        return CovarianceZone(own.covariance, factor * own.sigmas)
     if isinstance(own, Body):
         return Body(own.zone.enlarged(factor))
     return own.enlarged(factor)
@@ -98,7 +98,7 @@ def enlarged(own: OwnZone, factor: float) -> OwnZone:
 
 def key(own: OwnZone) -> tuple[Any, ...]:
     """What equals that of every other one of the same kind and numbers."""
-    if isinstance(own, Uncertainty):
+    if isinstance(own, CovarianceZone):
         return own.covariance.tobytes(), own.sigmas
     if isinstance(own, Body):
         return "body", *key(own.zone)
@@ -117,7 +117,7 @@ def pair_zone(around: OwnZone | None, seen: OwnZone | None) -> tuple[Zone, str]:
     own = [one for one in (seen, around) if one is not None]
     kinds = sorted({_kind(one) for one in own})
     if kinds == [COVARIANCE]:
-        return _of_covariances([one for one in own if isinstance(one, Uncertainty)])
+        return _of_covariances([one for one in own if isinstance(one, CovarianceZone)])
     sets = [_set(around)] if around is not None else []
     sets += [_set(seen).mirrored] if seen is not None else []
     if len(own) == 1:
@@ -128,11 +128,11 @@ def pair_zone(around: OwnZone | None, seen: OwnZone | None) -> tuple[Zone, str]:
             raise ValueError("neither zone holds the other; give both one that holds both")
         return zone, REGION
     both = " and ".join(kinds) if len(kinds) > 1 else "bodies"
-    sigmas = "".join(f", {one.sigmas:g} sigma" for one in own if isinstance(one, Uncertainty))
+    sigmas = "".join(f", {one.sigmas:g} sigma" for one in own if isinstance(one, CovarianceZone))
     return outer_sum(*sets), f"{both} added{sigmas}"
 
 
-def _of_covariances(own: list[Uncertainty]) -> tuple[Zone, str]:
+def _of_covariances(own: list[CovarianceZone]) -> tuple[Zone, str]:
     """The ellipsoid of the sum of one covariance or two."""
     if len({one.sigmas for one in own}) > 1:
         demanded = " and ".join(f"{one.sigmas:g}" for one in own)
@@ -143,7 +143,7 @@ def _of_covariances(own: list[Uncertainty]) -> tuple[Zone, str]:
 
 
 def _kind(own: OwnZone) -> str:
-    if isinstance(own, Uncertainty):
+    if isinstance(own, CovarianceZone):
         return COVARIANCE
     return BODY if isinstance(own, Body) else REGION
 

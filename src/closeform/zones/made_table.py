@@ -5,7 +5,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from closeform.zones.combined_zones import OwnZone, Uncertainty, enlarged, key, pair_zone
+from closeform.zones.combined_zones import CovarianceZone, OwnZone, enlarged, key, pair_zone
 from closeform.zones.shapes import BALL
 from closeform.zones.zone import Zone
 
@@ -66,8 +66,8 @@ def set_of(own: OwnZone) -> Zone:
 def never_refused(own: Sequence[OwnZone | None]) -> bool:
     """Whether any two of them make a zone: spheres, and covariances of as many sigmas."""
     given = [one for one in own if one is not None]
-    sigmas = {one.sigmas for one in given if isinstance(one, Uncertainty)}
-    regions = [one for one in given if not isinstance(one, Uncertainty)]
+    sigmas = {one.sigmas for one in given if isinstance(one, CovarianceZone)}
+    regions = [one for one in given if not isinstance(one, CovarianceZone)]
     return len(sigmas) < 2 and all(isinstance(one, Zone) and is_sphere(one) for one in regions)
 
 

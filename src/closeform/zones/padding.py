@@ -15,7 +15,7 @@ Groups = tuple[tuple[Zone, Any], ...]  # each zone with the pairs (M, 2) that ke
 
 @runtime_checkable
 class OffPaths(Protocol):
-    """What knows how far bodies are off their paths: a `Tube`, or `Room` along a plan."""
+    """What knows how far bodies are off their paths: a `Tube`, or `TrackingMargins` along a plan."""
 
     def of_pairs(self, craft: int, fixed: int = 0) -> Floats:
         """How far the distance of each pair of bodies may be off (B, B) [m]."""

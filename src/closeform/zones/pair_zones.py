@@ -9,7 +9,7 @@ from typing import Any, Self
 import numpy as np
 
 from closeform.arrays import Floats, sequence, shown
-from closeform.zones.combined_zones import COVARIANCE, Body, OwnZone, Uncertainty, key, pair_zone
+from closeform.zones.combined_zones import COVARIANCE, Body, CovarianceZone, OwnZone, key, pair_zone
 from closeform.zones.made_table import NONE, MadeTable, never_refused
 from closeform.zones.zone import Zone
 
@@ -92,7 +92,7 @@ class PairZones:
         ----------
         docs/theory.md section 3, zones of pairs.
         """
-        zones = sequence("zones", zones, Zone, Uncertainty, Body, type(None))
+        zones = sequence("zones", zones, Zone, CovarianceZone, Body, type(None))
         for name, value, kind in (("names", names, str), ("moves", moves, bool | np.bool_)):
             if value is not None and len(given_for := sequence(name, value, kind)) != len(zones):
                 raise ValueError(f"{name}: expected one for each of {len(zones)} zones, got {len(given_for)}")
@@ -279,7 +279,7 @@ def made_by_need(zones: PairZones) -> bool:
 def counts_covariances(zones: PairZones) -> bool:
     """Whether an `Uncertainty` is in the zone of some pair."""
     if isinstance(zones.table, MadeTable):
-        return any(isinstance(own, Uncertainty) for own in zones.table.own)
+        return any(isinstance(own, CovarianceZone) for own in zones.table.own)
     return any(COVARIANCE in rule for rule in zones.rules)
 
 
