@@ -84,7 +84,9 @@ CALLS = {
         orbit=ORBIT, initial=START, final=START[::-1], duration=TIMES, max_acceleration=100.0
     ),
     "delta_v_bound": turned(orbit=ORBIT, initial=START, final=START[::-1], duration=TIMES),
-    "transfer_cost_table": turned(orbit=ORBIT, initial=START[0], slots=START, duration=np.array([900.0, 1800.0])),
+    "transfer_cost_table": turned(
+        orbit=ORBIT, initial=START[0], slots=START, duration=np.array([900.0, 1800.0])
+    ),
     "Orbit.burn": turned(
         self=ORBIT, state=START, acceleration=1e-4 * START[:, :3], duration=TIMES, start=TIMES,
         frame="inertial",

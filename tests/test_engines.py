@@ -196,7 +196,7 @@ def test_nothing_is_commanded():
 def test_a_run_flies_a_dead_client(tmp_path: Path, capsys):
     """It drifts through both stages; its file says so, and nothing is commanded to it."""
     file = tmp_path / "client.toml"
-    file.write_text(CLIENT.format(craft=DEAD, stage='margin = "auto"') + "\n[flight]\nseeds = 5\n")
+    file.write_text(CLIENT.format(craft=DEAD, stage='margin = "auto"') + "\n[simulation]\nseeds = 5\n")
     out = str(tmp_path / "out")
     assert main(["run", str(file), "--out", out, "--no-viewer"]) == 0
     assert "No engine: Client" in capsys.readouterr().out
@@ -209,7 +209,7 @@ def test_a_run_flies_a_dead_client(tmp_path: Path, capsys):
         assert row["end_most_m"] == pytest.approx(want, abs=1e-3)
     assert next(one for one in told["spent"] if one["craft"] == "Client")["delta_v_m_s"] == 0.0
     flown_out = str(tmp_path / "flown")
-    assert main(["fly", out, "--out", flown_out, "--seeds", "3", "--no-viewer"][:-1]) == 0
+    assert main(["simulate", out, "--out", flown_out, "--seeds", "3", "--no-viewer"][:-1]) == 0
     rows = pyarrow.parquet.read_table(Path(flown_out) / "commanded.parquet").to_pydict()
     sizes = np.array([rows[key] for key in ("ux_m_s2", "uy_m_s2", "uz_m_s2")]).T
     idle = np.array(rows["craft"]) == "Client"
@@ -225,7 +225,9 @@ def _drift(scenario, path: cf.Path, time: float) -> float:
 def test_auto_leaves_room_for_the_drift():
     """Of a client that drifts the margin is larger than of one that is held, and no flight enters."""
     missions = {
-        engine: fly(parse(CLIENT.format(craft=craft, stage='margin = "auto"') + "\n[flight]\nseeds = 20\n"))
+        engine: fly(
+            parse(CLIENT.format(craft=craft, stage='margin = "auto"') + "\n[simulation]\nseeds = 20\n")
+        )
         for engine, craft in ((True, ""), (False, DEAD))
     }
     margins = {key: one.results[1].result.avoidance.padding for key, one in missions.items()}
@@ -236,9 +238,7 @@ def test_auto_leaves_room_for_the_drift():
 
 
 def test_cases_of_a_study_fly_it():
-    draws = (
-        '\n[flight]\n\n[study]\ncases = 3\nseed = 1\n\n[study.vary]\n"craft.position" = { normal = "5 m" }\n'
-    )
+    draws = '\n[simulation]\n\n[study]\ncases = 3\nseed = 1\n\n[study.vary]\n"craft.position" = { normal = "5 m" }\n'
     text = CLIENT.format(craft=DEAD, stage="") + draws
     for case in range(3):
         mission = fly(case_of(parse(text, command="study"), case))

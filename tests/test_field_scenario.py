@@ -198,7 +198,7 @@ MISTAKES = {  # in a file that studies flights, none of which another one depend
     'every = "60 s"': 'evry = "60 s"',
     '"1 %, 1 deg"': '"1 %"',
     "max_acceleration": "max_accelerate",
-    "[flight]\nseeds = 100": '[flight]\nsedes = 100\ncontrol = "replan"',
+    "[simulation]\nseeds = 100": '[simulation]\nsedes = 100\ncontrol = "replan"',
     "seeds = 100": "seeds = 0",
     "cases = 100": 'cases = 100\ndraws = "errors"',
     '"craft.position" = {': '"craft.fail" = { chance = 0.1 }\n"craft.position" = {',

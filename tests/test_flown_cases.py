@@ -23,7 +23,7 @@ from philox import block, words
 from test_field import axes_of, textbook
 
 ERRORS = '\n[navigation]\nposition = "10 cm"\nvelocity = "0.3 mm/s"\n'
-FLIGHT = "\n[flight]\nseeds = {seeds}\n"
+FLIGHT = "\n[simulation]\nseeds = {seeds}\n"
 COAST = '\n[[stage]]\ndo = "coast"\nfor = "10 min"\n'
 STUDY = """
 [study]
@@ -60,7 +60,7 @@ def test_a_run_flies_its_plans_as_its_command_does(tmp_path: Path, capsys):
     (tmp_path / "plain.toml").write_text(text)
     (tmp_path / "flown.toml").write_text(text + FLIGHT.format(seeds=20))
     main(["run", str(tmp_path / "plain.toml"), "--out", str(tmp_path / "plain"), "--no-viewer"])
-    command = ["fly", str(tmp_path / "plain"), "--seeds", "20", "--out", str(tmp_path / "alone")]
+    command = ["simulate", str(tmp_path / "plain"), "--seeds", "20", "--out", str(tmp_path / "alone")]
     assert main(command) == 1
     capsys.readouterr()
     assert main(["run", str(tmp_path / "flown.toml"), "--out", str(tmp_path / "run")]) == 1
@@ -126,7 +126,7 @@ def test_a_run_whose_flights_keep_clear_is_clear(tmp_path: Path):
 
 
 def test_the_open_loop_is_asked_for(tmp_path: Path):
-    text = swap(craft='thrust_error = "2 %, 1 deg"', more='\n[flight]\ncontrol = "open"\nseeds = 5\n')
+    text = swap(craft='thrust_error = "2 %, 1 deg"', more='\n[simulation]\ncontrol = "open"\nseeds = 5\n')
     (tmp_path / "open.toml").write_text(text)
     mission = cf.run(tmp_path / "open.toml")
     own = cf.simulate(
@@ -234,7 +234,7 @@ def test_a_flight_without_errors_is_the_integrated_one():
         field=f"zonals = 2, {AIR.replace('5.2e-13', '6e-12')}",
         chief='ballistic = "0.02 m^2/kg"',
         craft='ballistic = ["0.02 m^2/kg", "0.022 m^2/kg"]',
-        more='\n[flight]\ncontrol = "open"\n' + study,
+        more='\n[simulation]\ncontrol = "open"\n' + study,
     )
     scenario = parse(text, "air.toml")
     mission = fly(case_of(scenario, 3))
@@ -340,7 +340,7 @@ def test_a_plan_that_cannot_be_flown_is_left_with_why(tmp_path: Path, capsys):
     loaded, mission = cf.load(tmp_path / "run"), cf.run(tmp_path / "weak.toml")
     assert np.array_equal(loaded.paths.arcs, mission.paths.arcs)
     assert (mission.grounded, mission.flights, mission.verdict.status) == (why, None, 1)
-    assert main(["fly", str(tmp_path / "run"), "--out", str(tmp_path / "flights")]) == 2
+    assert main(["simulate", str(tmp_path / "run"), "--out", str(tmp_path / "flights")]) == 2
     assert capsys.readouterr().err == f"{tmp_path / 'run'}: cannot be flown: {why}\n"
 
 

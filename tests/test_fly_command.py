@@ -1,4 +1,4 @@
-"""closeform fly: all stages of a run in one flight, in its field, against another integrator."""
+"""closeform simulate: all stages of a run in one flight, in its field, against another integrator."""
 
 import json
 import shutil
@@ -41,7 +41,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def flown(run: Path, place: Path, *options: str) -> tuple[int, dict, dict[str, dict[str, np.ndarray]]]:
     """The status, the summary, and the tables of flights."""
     shutil.rmtree(place, ignore_errors=True)
-    status = main(["fly", str(run), "--out", str(place), *options])
+    status = main(["simulate", str(run), "--out", str(place), *options])
     tables = {}
     for file in place.glob("*.parquet"):
         read = pyarrow.parquet.read_table(file)
@@ -146,9 +146,9 @@ def test_options_stand_for_what_the_scenario_says(run: Path, tmp_path: Path, cap
     assert (changed["feedback"]["every_s"], changed["feedback"]["horizon_s"]) == (120.0, 600.0)
     assert (changed["navigation"]["position_m"], changed["navigation"]["velocity_m_s"]) == (1.0, 1e-3)
     assert changed["thrust_error"] == [[0.01, pytest.approx(np.radians(1.0))]]
-    assert 'closeform fly swap-results --every "2 min"' in changed["command"]
+    assert 'closeform simulate swap-results --every "2 min"' in changed["command"]
     capsys.readouterr()
-    assert main(["fly", str(run), "--horizon", "30 s"]) == 2
+    assert main(["simulate", str(run), "--horizon", "30 s"]) == 2
     said = "--horizon: 30 s is shorter than the 60 s between measurements; give a longer one\n"
     assert capsys.readouterr().err == said
 
@@ -171,7 +171,7 @@ def test_a_run_without_a_field_is_refused(tmp_path: Path, capsys):
     (tmp_path / "plain.toml").write_text(text)
     main(["run", str(tmp_path / "plain.toml"), "--out", str(tmp_path / "plain"), "--no-viewer"])
     capsys.readouterr()
-    assert main(["fly", str(tmp_path / "plain"), "--out", str(tmp_path / "flights")]) == 2
+    assert main(["simulate", str(tmp_path / "plain"), "--out", str(tmp_path / "flights")]) == 2
     remedy = "add field, with epoch and chief, to [orbit], and run it again"
     assert capsys.readouterr().err == f"{tmp_path / 'plain'}: its scenario has no field; {remedy}\n"
     assert not (tmp_path / "flights").exists()
@@ -306,7 +306,7 @@ def test_a_later_margin_begins_with_what_the_stage_before_leaves():
 
     With the margin of craft that are where they should be when the stage begins every fourth does.
     """
-    slow = NAVIGATION + '\n[feedback]\nevery = "5 min"\nhorizon = "1 h"\n\n[flight]\nseeds = 200\n'
+    slow = NAVIGATION + '\n[feedback]\nevery = "5 min"\nhorizon = "1 h"\n\n[simulation]\nseeds = 200\n'
     off = 'covariance = { position = "2 2 2 m" }'
 
     def mission(margin: str, craft: str) -> Mission:
@@ -323,7 +323,7 @@ def test_a_later_margin_begins_with_what_the_stage_before_leaves():
 
 def test_a_later_margin_of_pulses_is_kept_after_a_coast():
     """Pulses hold the coast, too, but for what bits leave; the field would move craft by some 10 m."""
-    text = swap(craft=SETS, more='margin = "MARGIN"\n' + NAVIGATION + "\n[flight]\nseeds = 40\n")
+    text = swap(craft=SETS, more='margin = "MARGIN"\n' + NAVIGATION + "\n[simulation]\nseeds = 40\n")
     text = text.replace("[[stage]]\nname", f"{COAST.replace('10 min', '72 min')}\n[[stage]]\nname")
     text = text.replace('"0 0 120 m", "0 0 -120 m"]', '"0 50 120 m", "0 0 -120 m"]', 1)
     found = fly(parse(text.replace("MARGIN", "auto"), "pulses.toml"))
@@ -356,7 +356,7 @@ def test_the_rest_of_one_stage_is_planned_anew(run: Path, tmp_path: Path, capsys
     assert (
         1.2 < pulsed["spent"][2]["delta_v_m_s"] / found["spent"][2]["delta_v_m_s"] < 2.0
     )  # each thruster counts
-    assert main(["fly", str(run), "--control", "replan", "--out", str(tmp_path / "two")]) == 2
+    assert main(["simulate", str(run), "--control", "replan", "--out", str(tmp_path / "two")]) == 2
     why = "replan is for one stage, and there are 2"
     said = f"--control: {why} in {run}; fly it by track, or a run with one stage"
     assert capsys.readouterr().err == f"{said}\n"
@@ -364,7 +364,7 @@ def test_the_rest_of_one_stage_is_planned_anew(run: Path, tmp_path: Path, capsys
     swapped(tmp_path / "pushed", swap(more='cost = "delta-v"\n'))
     capsys.readouterr()
     pushed = tmp_path / "pushed" / "run"
-    assert main(["fly", str(pushed), "--control", "replan", "--out", str(tmp_path / "two")]) == 2
+    assert main(["simulate", str(pushed), "--control", "replan", "--out", str(tmp_path / "two")]) == 2
     said = (
         f"--control: replan is for thrust that lasts, and impulses are planned in {pushed}; fly it by track, "
         'or a run with cost = "energy" in the stage'

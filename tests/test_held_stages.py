@@ -190,7 +190,7 @@ impulses = 8
 [navigation]
 position = "10 cm"
 velocity = "0.3 mm/s"
-[flight]
+[simulation]
 seeds = 3
 [craft]
 name = ["A", "B", "C", "D"]

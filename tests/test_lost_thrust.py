@@ -138,7 +138,7 @@ STUDY = """
 position = "10 cm"
 velocity = "0.3 mm/s"
 
-[flight]
+[simulation]
 
 [study]
 cases = 12
@@ -199,8 +199,8 @@ def test_a_case_is_flown_from_its_folder_as_it_was(tmp_path: Path):
     for flight in own.flight.states[:, k]:
         end = drifted(lost.time, flight[failed][0], own.flight.times[-1], scenario.field)
         assert flight[-1, :3] == pytest.approx(end, abs=1e-3)
-    status = main(["fly", out, "--out", again, "--seeds", "3"])
+    status = main(["simulate", out, "--out", again, "--seeds", "3"])
     told = json.loads((Path(again) / "summary.json").read_text())
     assert status == (1 if (own.flight.ratios < 1.0).any() else 0)
     assert told["worst_flights"][0]["ratio"] == own.flight.least_ratio
-    assert main(["fly", out, "--out", str(tmp_path / "anew"), "--control", "replan"]) == 2
+    assert main(["simulate", out, "--out", str(tmp_path / "anew"), "--control", "replan"]) == 2

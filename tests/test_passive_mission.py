@@ -323,7 +323,7 @@ title = "An end on the other side of the client"
 epoch = "2026-11-22T12:00:00Z"
 chief = { elements = { altitude = "550 km", inclination = "60 deg", latitude = "0 deg" } }
 field = { zonals = 2 }
-[flight]
+[simulation]
 [craft]
 name = ["Client", "Inspector"]
 position = ["0 0 0 m", "0 200 0 m"]
@@ -574,7 +574,7 @@ seed = 1
 [study.vary]
 "craft.fails" = { chance = 1.0 }
 
-[flight]
+[simulation]
 """
     )
     entered = 0

@@ -12,7 +12,7 @@ from test_field_scenario import flown_apart
 from test_lost_thrust import FIELD, ORBIT, SIGHT
 
 IN_PLANE = cf.Thrusters([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]], acceleration=0.02, period=30.0)
-NAVIGATION = '\n[navigation]\nposition = "10 cm"\nvelocity = "0.3 mm/s"\n\n[flight]\nseeds = 2\n'
+NAVIGATION = '\n[navigation]\nposition = "10 cm"\nvelocity = "0.3 mm/s"\n\n[simulation]\nseeds = 2\n'
 CRAFT = """\
 thrusters = { directions = [[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, -1.0, 0.0]] }
 max_acceleration = "20 mm/s^2"

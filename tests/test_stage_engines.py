@@ -196,11 +196,11 @@ def test_flights_have_one_set_of_thrusters(tmp_path, capsys):
     text = swap(craft='mass = "12 kg"', more=f"{ENGINE}\n\n{again}{ENGINE.replace('50', '20')}\n")
     wrong = "stage[2].max_thrust: A has another in an earlier stage"
     with pytest.raises(ScenarioError, match=re.escape(wrong)):
-        parse(f"{text}\n[flight]\n")
+        parse(f"{text}\n[simulation]\n")
     (tmp_path / "two.toml").write_text(text)
     main(["run", str(tmp_path / "two.toml"), "--out", str(tmp_path / "run"), "--no-viewer"])
     capsys.readouterr()
-    assert main(["fly", str(tmp_path / "run"), "--out", str(tmp_path / "flights")]) == 2
+    assert main(["simulate", str(tmp_path / "run"), "--out", str(tmp_path / "flights")]) == 2
     assert wrong in capsys.readouterr().err
 
 

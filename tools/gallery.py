@@ -71,7 +71,7 @@ What `flown_swap` planned is flown a hundred times, with errors of navigation an
 ([from claim to evidence](evidence.md)):
 
 ```sh
-closeform fly flown_swap-results
+closeform simulate flown_swap-results
 ```
 
 ## Real orbits

@@ -24,7 +24,7 @@ from closeform.cli.console import (
 )
 from closeform.cli.inputs import BAD_INPUT, CLEAR, UsageError, one_case, read
 from closeform.cli.screen import encounter, export, screen
-from closeform.cli.simulate import fly as fly_run
+from closeform.cli.simulate import simulate
 from closeform.cli.study import study
 
 if TYPE_CHECKING:
@@ -98,7 +98,10 @@ def make_haste(tokens: list[str]) -> None:
     if not sys.stdout.isatty():
         os.environ.setdefault("COLUMNS", str(WIDTH))  # of help, which is 80 in a pipe else
     os.environ["MPLBACKEND"] = "agg"  # matplotlib refuses to load with one that it does not know
-    if tokens[:1] in (["run"], ["fly"], ["screen"], ["encounter"], ["study"]) and (os.cpu_count() or 1) > 1:
+    if (
+        tokens[:1] in (["run"], ["simulate"], ["screen"], ["encounter"], ["study"])
+        and (os.cpu_count() or 1) > 1
+    ):
         from closeform.report import drawing
 
         drawing.begin(drawing.STUDIED if tokens[0] == "study" else drawing.AHEAD)
@@ -207,7 +210,7 @@ def check(scenario: Path, /) -> int:
     return BAD_INPUT
 
 
-app.command(fly_run, name="fly", sort_key=1)
+app.command(simulate, name="simulate", sort_key=1)
 app.command(screen, sort_key=2)
 app.command(encounter, sort_key=2)
 

@@ -1,4 +1,4 @@
-"""What the command line does with a run that is to be flown in its field: `fly`."""
+"""What the command line does with a run that is to be flown in its field: `simulate`."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 RESULTS, FLIGHTS = "-results", "-flights"  # ends of the names of folders
 
 
-def fly(
+def simulate(
     directory: Path,
     /,
     *,
@@ -79,14 +79,14 @@ def fly(
             f"{directory}: nothing was flown, {run.stopped}; change the scenario, and run it again"
         )
     for why, without in not_anew(run.scenario) if control == "replan" else ():
-        raise UsageError(f"--control: {why} in {directory}; fly it by track, or a run with {without}")
+        raise UsageError(f"--control: {why} in {directory}; simulate it by track, or a run with {without}")
     from closeform.dynamics.infeasible import Grounded
     from closeform.mission.simulation import FlownRun, usually_led
     from closeform.report.reproduction import Command
 
     told = asked.instead_of(run.scenario.truth.flight, usually_led(run, control))
     options = {**given, "control": None if control == "track" else control, "seeds": seeds}
-    command = Command("fly", [directory], options, [directory / SUMMARY], out)
+    command = Command("simulate", [directory], options, [directory / SUMMARY], out)
 
     def report() -> "FlightReport":
         from closeform.report.simulation import FlightReport
@@ -125,7 +125,7 @@ class Options(NamedTuple):
         )
 
     def instead_of(self, told: dict[str, Any], usual: "Feedback") -> dict[str, Any]:
-        """What `fly` is to be told: what the scenario says, or what is `usual`, but for what was given."""
+        """Return the options of `simulate`: as given, else as in the scenario, else the default."""
         times = {key: value for key in ("every", "horizon") if (value := getattr(self, key)) is not None}
         found = dict(told)
         if times:

@@ -109,7 +109,7 @@ class FlownRun:
 
     @classmethod
     def asked(cls, run: Stages) -> Self:
-        """Fly it as the [flight] of its scenario asks for.  Raises Grounded where it cannot be."""
+        """Fly it as the [simulation] of its scenario asks for.  Raises Grounded where it cannot be."""
         scenario = run.scenario
         assert scenario.flights is not None
         return cls.of(run, scenario.flights.control, scenario.truth.flight, scenario.flight_seeds)

@@ -115,7 +115,7 @@ def eaten(mission: "Mission") -> Iterator[str]:
             names, more = result.after.names, f" and {len(entered) - 1} more" * (len(entered) > 1)
             where = f"stage {result.number}: flown as planned, in the field of {found.field},"
             pair = f"{names[first]} and {names[second]}{more}"
-            remedy = 'add [flight] to correct thrust for it, and margin = "auto" for errors'
+            remedy = 'add [simulation] to correct thrust for it, and margin = "auto" for errors'
             yield f"{where} leads {pair} into zones that the plan keeps; {remedy}"
 
 

@@ -172,7 +172,7 @@ def certainties(flown: list[StageResult[Any, Any]]) -> Iterator[tuple[str, str]]
         yield (
             f"In the field of {field}",
             "predicted of what is flown as planned, to a few per cent; thrust corrected for it flies the "
-            "plan, and what is certified of it holds there: closeform fly",
+            "plan, and what is certified of it holds there: closeform simulate",
         )
     if any(result.passive is not None for result in flown):
         yield (

@@ -1,4 +1,4 @@
-"""The real field of a scenario: `field` of [orbit], [feedback], [navigation], [flight] and [verdict]."""
+"""The real field of a scenario: `field` of [orbit], [feedback], [navigation], [simulation] and [verdict]."""
 
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -109,7 +109,7 @@ class NavigationTable(Table):
 
 
 class FlightTable(Table):
-    """[flight]: a run flies its plans in the field, too, so many times."""
+    """[simulation]: a run flies its plans in the field, too, so many times."""
 
     control: Literal["track", "replan", "open"] = Field("track", examples=['"track"'])
     seeds: Annotated[int, Field(ge=1)] = Field(100, examples=["100"])

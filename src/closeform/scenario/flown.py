@@ -22,7 +22,11 @@ def in_field(scenario: Scenario) -> Iterator[str]:
         if chief is not None and (chief.center or "EARTH").upper() != "EARTH":
             yield f"orbit.field: is the Earth's, and the chief is about {chief.center}; remove field"
         return
-    tables = {"feedback": scenario.feedback, "navigation": scenario.navigation, "flight": scenario.flights}
+    tables = {
+        "feedback": scenario.feedback,
+        "navigation": scenario.navigation,
+        "simulation": scenario.flights,
+    }
     for key, given in tables.items():
         if given is not None:
             yield f"{key}: is for flights in a field; {REMEDY}"
@@ -67,9 +71,9 @@ def in_flight(scenario: Scenario) -> Iterator[str]:
         return
     if scenario.flights.control == "replan":
         for why, without in not_anew(scenario):
-            yield f'flight.control: {why}; write control = "track", or have {without}'
+            yield f'simulation.control: {why}; write control = "track", or have {without}'
     if scenario.study is not None and scenario.study.draws != "vary":
-        yield "study.draws: flights draw all errors themselves, in each case anew; remove draws, or [flight]"
+        yield "study.draws: a simulation draws its own errors in each case; remove draws or [simulation]"
     fails = scenario.study is not None and FAILS in scenario.study.vary
     if scenario.flights.control == "replan" and fails:
         remedy = 'write control = "track", or remove it'

@@ -150,7 +150,7 @@ class Reading:
     def sections(self) -> dict[str, Any]:
         """The validated sections; what is wrong with them is in `lines`."""
         known = ["closeform", "title", "orbit", "craft", "sensor", "search", "feedback", "navigation"]
-        known += ["flight", "verdict", "stage", "study"]
+        known += ["simulation", "verdict", "stage", "study"]
         for key in self.raw:
             if key not in known:
                 self.complain((key,), f"unknown key; {did_you_mean(key, known)}")
@@ -170,7 +170,7 @@ class Reading:
             "study": self.table("study", Study),
             "feedback": self.table("feedback", FeedbackTable),
             "navigation": self.table("navigation", NavigationTable),
-            "flights": self.table("flight", FlightTable),
+            "flights": self.table("simulation", FlightTable),
             "verdict": self.table("verdict", VerdictTable),
         }
 

@@ -324,7 +324,7 @@ class Scenario:
             if key in SEARCHED and not any(stage.searches for stage in self.stages):
                 lines.append(f"{place}: nobody searches here; remove it")
             elif key.startswith(UNPLANNED) and self.flights is None:
-                lines.append(f"{place}: is of flights, and cases fly none; add [flight], or remove it")
+                lines.append(f"{place}: is of flights, and cases fly none; add [simulation], or remove it")
             elif key not in SEARCHED and not key.startswith(("craft.", *UNPLANNED)):
                 lines.append(f"{place}: is one for all cases; run the study for each value")
         return tuple(lines)

@@ -95,7 +95,7 @@ class Shown:
         told: dict[str, Callable[[Any], Self]] = {
             "screen": cls._of_screening,
             "encounter": cls._of_encounter,
-            "fly": cls.of_flight,
+            "simulate": cls.of_flight,
         }
         return told[report.command.name](report)
 
