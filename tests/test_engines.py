@@ -238,7 +238,10 @@ def test_auto_leaves_room_for_the_drift():
 
 
 def test_cases_of_a_study_fly_it():
-    draws = '\n[simulation]\n\n[study]\ncases = 3\nseed = 1\n\n[study.vary]\n"craft.position" = { normal = "5 m" }\n'
+    draws = (
+        "\n[simulation]\n\n[study]\ncases = 3\nseed = 1\n\n"
+        '[study.vary]\n"craft.position" = { normal = "5 m" }\n'
+    )
     text = CLIENT.format(craft=DEAD, stage="") + draws
     for case in range(3):
         mission = fly(case_of(parse(text, command="study"), case))

@@ -13,9 +13,9 @@ tells its own versions and processors apart.
 import hashlib
 import sys
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import ProcessPoolExecutor, wait
 from contextlib import contextmanager
-from functools import cached_property
+from functools import cache, cached_property
 from importlib import import_module
 from multiprocessing import get_context
 from os import cpu_count
@@ -48,6 +48,7 @@ SUB_PACKAGES = (
     "dynamics",
 )
 Progress = Callable[[str], None]
+PROGRESS_INTERVAL = 1.0  # [s] between looks at which kernels are compiled
 
 _compiling = RLock()  # numba's cache folder is one setting for all threads
 _announced: list[bool] = []
@@ -79,7 +80,10 @@ class Kernel:
     @cached_property
     def folder(self) -> Path:
         """Folder in the cache, named by all that the kernel is made of."""
-        made_of = [repr((numba.__version__, llvmlite.__version__, sys.version_info, self.signature))]
+        made_of = [
+            repr((numba.__version__, llvmlite.__version__, sys.version_info, self.signature)),
+            _loans(),
+        ]
         made_of += sorted(_sources(self.py_func, {}).values())
         return cache_folder() / f"{self.name}-{hashlib.sha256(''.join(made_of).encode()).hexdigest()[:20]}"
 
@@ -99,9 +103,8 @@ class Kernel:
             with _caching_in(self.folder):
                 try:
                     return numba.njit(self.signature, cache=True, **OPTIONS)(self.py_func)
-                except (OSError, EOFError, ValueError, ImportError, AttributeError, RuntimeError):
-                    pass  # what lies in the cache cannot be read
-                rmtree(self.folder, ignore_errors=True)
+                except Exception:  # the cache cannot be read or written; an error of compilation comes again
+                    rmtree(self.folder, ignore_errors=True)
                 return numba.njit(self.signature, **OPTIONS)(self.py_func)
 
     def __call__(self, *arguments: Any) -> Any:
@@ -155,6 +158,8 @@ def kernels_of(modules: Iterable[str]) -> list[Kernel]:
 def compile_ahead(modules: Iterable[str], progress: Progress) -> int:
     """Compile the kernels of modules that are not in the cache, on all cores.
 
+    One process compiles all kernels of a sub-package: they share parts, which it compiles once.
+
     Parameters
     ----------
     modules
@@ -172,19 +177,39 @@ def compile_ahead(modules: Iterable[str], progress: Progress) -> int:
         return 0
     _announced.append(True)
     progress(f"compiling {len(missing)} kernels, once for this version")
-    workers = min(len(missing), cpu_count() or 1)
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        under_way = {pool.submit(_compile, one.__module__, one.__name__): one for one in missing}
-        for done, future in enumerate(as_completed(under_way), 1):
-            future.result()
-            progress(f"compiled {done} of {len(missing)} kernels ({under_way[future].name})")
+    groups: dict[str, list[Kernel]] = {}
+    for one in missing:
+        groups.setdefault(one.name.partition(".")[0], []).append(one)
+    with ProcessPoolExecutor(min(len(groups), cpu_count() or 1), mp_context=get_context("spawn")) as pool:
+        largest_first = sorted(groups.values(), key=len, reverse=True)
+        running = {
+            pool.submit(_compile, [(one.__module__, one.__name__) for one in group])
+            for group in largest_first
+        }
+        left = missing
+        while left:
+            ended, running = wait(running, timeout=PROGRESS_INTERVAL)
+            for future in ended:
+                future.result()
+            compiled = [one for one in left if not running or one.is_cached]
+            left = [one for one in left if one not in compiled]
+            if compiled:
+                done = len(missing) - len(left)
+                progress(f"compiled {done} of {len(missing)} kernels ({compiled[-1].name})")
     return len(missing)
 
 
-def _compile(module: str, name: str) -> None:
-    """Compile a kernel in a process of its own, for its cache."""
+def _compile(kernels: list[tuple[str, str]]) -> None:
+    """Compile kernels, given by module and name, in a process of their own, for its cache."""
     _announced.append(True)  # by the process that waits
-    getattr(import_module(module), name).dispatcher  # noqa: B018  # compiles
+    for module, name in kernels:
+        getattr(import_module(module), name).dispatcher  # noqa: B018  # compiles
+
+
+@cache
+def _loans() -> str:
+    """Return the source of the extensions to numba, of which every kernel may be made."""
+    return Path(__file__).with_name("kernel_loans.py").read_text(encoding="utf-8")
 
 
 def _announce(one: Kernel) -> None:
@@ -209,11 +234,11 @@ def _caching_in(folder: Path) -> Iterator[None]:
 
 
 def _sources(function: Any, found: dict[str, str]) -> dict[str, str]:
-    """Return the code and constants of a function and of all functions that it calls, by name."""
+    """Return the code and constants of a function and of all that it calls in its package, by name."""
     place = f"{function.__module__}.{function.__qualname__}"
     if place in found:
         return found
-    codes, texts = [function.__code__], [place]
+    codes, texts, package = [function.__code__], [place], function.__module__.partition(".")[0]
     values = {**function.__globals__, **_closed_over(function)}
     found[place] = ""
     for code in codes:
@@ -223,7 +248,7 @@ def _sources(function: Any, found: dict[str, str]) -> dict[str, str]:
         for name in {*code.co_names, *code.co_freevars} & values.keys():
             value = values[name]
             called = getattr(value, "py_func", value)
-            if isinstance(called, FunctionType) and called.__module__.startswith("closeform"):
+            if isinstance(called, FunctionType) and called.__module__.partition(".")[0] == package:
                 _sources(called, found)
                 texts.append(f"{name}: {called.__module__}.{called.__qualname__}")
             elif callable(value) or isinstance(value, ModuleType):
