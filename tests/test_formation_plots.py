@@ -8,7 +8,7 @@ from PIL import Image
 
 import closeform as cf
 from closeform import plots
-from closeform.plots.formation_animation import Flying
+from closeform.plots.moving_formation import Flying
 from closeform.plots.palette import COLOURS, CONFLICT
 from closeform.plots.views import OBLIQUE
 

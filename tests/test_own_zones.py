@@ -10,7 +10,7 @@ from scipy.optimize import minimize_scalar
 from scipy.stats import chi2
 
 import closeform as cf
-from closeform.cli.app import app
+from closeform.cli.app import main
 from closeform.scenario import ScenarioError, parse
 from closeform.zones.pair_zones import all_made
 from closeform.zones.sums import outer_sum
@@ -273,7 +273,7 @@ UNSURE = '{ covariance = "25 0 400 0 0 25 m^2", sigmas = 3.0 }'
 def flown(tmp_path, keep_out, capsys):
     file = tmp_path / "two.toml"
     file.write_text(FILE.replace("KEEP_OUT", keep_out))
-    status = app.main(["run", str(file), "--out", str(tmp_path / "out"), "--overwrite"])
+    status = main(["run", str(file), "--out", str(tmp_path / "out"), "--overwrite"])
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     return status, capsys.readouterr().out, summary["stages"][0]["after"]
 
@@ -345,7 +345,7 @@ def test_a_stage_names_the_craft_in_the_way(tmp_path, capsys):
     text = text.replace('do = "coast"\nfor = "1000 s"', GOES)
     file = tmp_path / "two.toml"
     file.write_text(text)
-    assert app.main(["run", str(file), "--out", str(tmp_path / "out")]) == 1
+    assert main(["run", str(file), "--out", str(tmp_path / "out")]) == 1
     told = capsys.readouterr().out
     assert "the path's end is 0.33 x zone from B; move it or the time" in told
     assert "obstacle" not in told

@@ -8,7 +8,7 @@ from typing import Any
 
 # Loaded at first use: some need kernels, and those of a search are compiled for a search only.
 _HOMES = {
-    "animation": "film",
+    "animation": "gathering_animation",
     "before_after": "space",
     "burns": "burning",
     "clearance": "clearances",
@@ -22,7 +22,7 @@ _HOMES = {
     "flight_deviations": "flights",
     "flight_paths": "flight_tracks",
     "flight_ratios": "flights",
-    "formation_animation": "flying",
+    "formation_animation": "moving_formation",
     "formation_paths": "fleet",
     "formation_thrust": "thrusting",
     "distribution": "distributions",
@@ -32,9 +32,9 @@ _HOMES = {
     "manoeuvres": "attitudes",
     "overview": "missions",
     "primer": "primers",
-    "pulses": "firings",
+    "pulses": "thruster_pulses",
     "ratio_matrix": "matrix",
-    "ratios": "nearness",
+    "ratios": "clearance_ratios",
     "sigmas": "sigma_curves",
     "three_views": "formation",
     "sweep": "sweeps",

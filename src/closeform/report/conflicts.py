@@ -209,7 +209,9 @@ def film(result: StageResult[Any, Any], zones: PairZones) -> tuple[Film, ...]:
     if not result.stage.animation:
         return ()
     options = {"names": result.after.names, "zone": zones}
-    return (Film("flight", "The flight of all craft", "flying.reel", (result.after.paths,), options),)
+    return (
+        Film("flight", "The flight of all craft", "moving_formation.reel", (result.after.paths,), options),
+    )
 
 
 def deepest(flight: WatchedFlight) -> tuple[Picture, ...]:
