@@ -22,7 +22,7 @@ from closeform.plots.palette import CONFLICT
 GIVEN = {"Orbit", "Zone", "Box", "Ellipsoid", "Sphere", "Cylinder", "HalfSpaces", "Uncertainty", "Body"}
 GIVEN |= {"PairZones", "Uncertainty", "ThrustLost", "MissedBurns", "DegradedThrust", "StuckOnThrust"}
 GIVEN |= {"Thrusters", "Sensor", "Chief", "Field", "Drag", "Feedback", "Navigation"}
-GIVEN |= {"SearchErrors", "EccentricOrbit"}
+GIVEN |= {"SearchErrors", "EccentricOrbit", "CovarianceZone"}
 PARTS = {
     "Contact",
     "ThrustShortfall",

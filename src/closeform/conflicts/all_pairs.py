@@ -171,7 +171,7 @@ def screen(
     ----------
     paths : Path or sequence of Path
         A Path of shape (N,), or N of single craft, in one orbit; times may differ.
-    zone : Zone, Uncertainty, Body, None, sequence of these, or PairZones
+    zone : Zone, CovarianceZone, Body, None, sequence of these, or PairZones
         One is every craft's own, a sequence has one for each (None: none of its own).  Of two regions
         the larger holds, covariances and bodies are added; `PairZones` tell it themselves.  One region
         that is not symmetric is searched for both ways.

@@ -95,7 +95,7 @@ def fit_margin(
         `reconfigure` and `avoid` with `margin`.
     field : Field
         What is known of the field; as of `room`.
-    zones : Zone, Uncertainty, Body or PairZones
+    zones : Zone, CovarianceZone, Body or PairZones
         That the plan keeps; one for all, or of each pair.
     feedback : Feedback, optional
         As of `room`.

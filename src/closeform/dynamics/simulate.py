@@ -98,7 +98,7 @@ def simulate(
 
     Returns
     -------
-    Flight
+    Simulation
         States, what they cost, and how near pairs came.
 
     Raises

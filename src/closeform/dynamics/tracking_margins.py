@@ -150,7 +150,7 @@ def tracking_margins(
 
     Returns
     -------
-    Room
+    TrackingMargins
         By cause, craft and time.
 
     Raises

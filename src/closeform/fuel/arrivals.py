@@ -69,7 +69,7 @@ def transfer_cost_table(
 
     Returns
     -------
-    Arrivals
+    TransferCostTable
         One slot for each duration.
 
     Raises

@@ -116,7 +116,7 @@ def fire_thrusters(
         Of the craft at the start, for which the acceleration holds; it falls as propellant burns.
     specific_impulse : array_like of shape () or (N,) [s], optional
         Times 9.80665 m/s^2 the exhaust speed; with `mass`.
-    zone : Zone, Uncertainty, Body, sequence of those or None, or PairZones, optional
+    zone : Zone, CovarianceZone, Body, sequence of those or None, or PairZones, optional
         What the pulsed path is to be clear of: as given to `reconfigure`, or for one craft's path to
         `avoid`, with one for each obstacle.
     obstacles : Path or sequence of Path, optional
@@ -124,7 +124,7 @@ def fire_thrusters(
 
     Returns
     -------
-    Firing
+    ThrusterFiring
         Pulses, the path that they fly, and how far from the plan it can be.
 
     Raises

@@ -61,7 +61,7 @@ def avoid(
         Of one craft: its end states and times are kept.
     obstacles : Path or sequence of Path
         One path, a Path of shape (M,) or M paths, in the same orbit: coasting, thrusting or sampled.
-    zone : Zone, Uncertainty, Body, sequence of these, or PairZones
+    zone : Zone, CovarianceZone, Body, sequence of these, or PairZones
         One for all, or one for each obstacle, which the craft keeps out of as a point that is known exactly.
         Where it has a zone of its own, `PairZones` of craft and obstacles.
     method : "exact" or "sauter-palmer", default "exact"

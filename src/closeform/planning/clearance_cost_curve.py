@@ -79,7 +79,7 @@ def clearance_cost_curve(
         Of one craft, or of a formation, shape (N,): end states and times are kept.
     obstacles : Path or sequence of Path
         As of `max_clearance`.
-    zone : Zone, Uncertainty, Body, None, sequence of these, or PairZones
+    zone : Zone, CovarianceZone, Body, None, sequence of these, or PairZones
         As of `max_clearance`.
     factors : array_like of shape (D,), no unit
         By which all zones are enlarged.

@@ -101,7 +101,7 @@ def max_clearance(
         Of one craft, or of a formation, shape (N,): end states and times are kept.
     obstacles : Path or sequence of Path
         That do not give way, as of `avoid`; () for a formation without any.
-    zone : Zone, Uncertainty, Body, None, sequence of these, or PairZones
+    zone : Zone, CovarianceZone, Body, None, sequence of these, or PairZones
         As of `avoid`, for a formation as of `reconfigure`; all are enlarged by one factor, of an
         `Uncertainty` its sigmas.
     budget : float [m^2/s^3, or m/s of delta-v]

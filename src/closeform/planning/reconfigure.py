@@ -83,7 +83,7 @@ def reconfigure(
         S >= N.
     duration : array_like of shape (N,) [s]
         Of each craft's move; one number for all.
-    zone : Zone, Uncertainty, Body, None, sequence of these, or PairZones
+    zone : Zone, CovarianceZone, Body, None, sequence of these, or PairZones
         One for all, or one for each craft and, after them, obstacle (None: none of its own).  Of two regions
         the larger holds, covariances and bodies add; `PairZones` tell it themselves.
     assign : bool, default False

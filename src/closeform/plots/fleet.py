@@ -64,7 +64,7 @@ def formation_paths(
         one picture.
     names : sequence of str, optional
         Of the craft; their indices unless given.  They stand at the start where they fit.
-    zone : Zone, Uncertainty, Body, None, sequence of these, or PairZones, optional
+    zone : Zone, CovarianceZone, Body, None, sequence of these, or PairZones, optional
         One for all or one for each craft, of two as in `screen` (None: none of its own); obstacle k counts
         as craft N + k.
     obstacles : Path or sequence of Path, default none

@@ -42,7 +42,7 @@ def ratio_matrix(
     ----------
     paths : Path or sequence of Path
         A Path of shape (N,), or N paths.
-    zones : Zone, Uncertainty, Body, None, sequence of these, or PairZones
+    zones : Zone, CovarianceZone, Body, None, sequence of these, or PairZones
         One for all or one for each craft, of two as in `screen`; None: none of its own.
     names : sequence of str, optional
         Of the craft; their indices unless given.

@@ -70,7 +70,7 @@ def overview(
         Of shape (N,) each and in one orbit, one after another in time.
     names : sequence of str, optional
         Of the craft; their indices unless given.
-    zone : Zone, Uncertainty, Body, None, sequence of these, or PairZones, optional
+    zone : Zone, CovarianceZone, Body, None, sequence of these, or PairZones, optional
         One for all or one for each craft, of two as in `screen` (None: none of its own).
     titles : sequence of str, optional
         Of the stages; their numbers unless given.

@@ -290,7 +290,7 @@ def formation_animation(
         Where to; a file that is there is replaced.
     names : sequence of str, optional
         Of the craft; their indices unless given.
-    zone : Zone, Uncertainty, Body, None, sequence of these, or PairZones, optional
+    zone : Zone, CovarianceZone, Body, None, sequence of these, or PairZones, optional
         One for all or one for each craft, of two as in `screen`; None: none of its own.
     frames : int, default 100
         At least 2, spread evenly over the time, with one more at the closest approach, where the film stops

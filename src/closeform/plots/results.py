@@ -33,7 +33,7 @@ def plot(
     ----------
     result : Path, Plan, Avoidance, Screening, Locks, Gathering, Mission, and so on, or a sequence of Conflict
         What a function answered.
-    zone : Zone, Uncertainty, Body, None, sequence of these, or PairZones, optional
+    zone : Zone, CovarianceZone, Body, None, sequence of these, or PairZones, optional
         Of what flies, as in `formation_paths`; a mission has its own.
     obstacles : Path or sequence of Path, optional
         Drawn beside what flies.
@@ -87,7 +87,7 @@ def animate(
         What a function answered.
     file : str, path-like or file of bytes
         Where to, NAME.gif; a file that is there is replaced.
-    zone : Zone, Uncertainty, Body, None, sequence of these, or PairZones, optional
+    zone : Zone, CovarianceZone, Body, None, sequence of these, or PairZones, optional
         As in `plot`.
     obstacles : Path or sequence of Path, optional
         As in `plot`.

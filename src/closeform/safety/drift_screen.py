@@ -79,7 +79,7 @@ def drift_screen(
     paths : Path or sequence of Path
         A Path of shape (N,), or N of single craft, in one orbit.  Who does not fail flies on as planned,
         and coasts on after that.
-    zone : Zone, Uncertainty, Body, None, sequence of these, or PairZones
+    zone : Zone, CovarianceZone, Body, None, sequence of these, or PairZones
         As of `screen`.
     until : float [s]
         The end of the drift, at the last end of the paths or later; inf is a million orbits.

@@ -72,7 +72,7 @@ def gather(
         In the inertial frame.
     groups : "alternating", "balanced" or sequence of "A" or "B", default "alternating"
         A, B, A, ...; the first half A (H03's 3:2); or one for each craft.
-    keep_out : Zone, Uncertainty, Body, sequence of these or None, or PairZones, optional
+    keep_out : Zone, CovarianceZone, Body, sequence of these or None, or PairZones, optional
         One for all or one for each craft, as in `screen`, but round or a box: where it would be entered
         before the end of the search, craft of a set correct.
     rounds : int, default 2
@@ -145,7 +145,7 @@ def gather_cases(
         In the inertial frame.
     groups : "alternating", "balanced" or sequence of "A" or "B", default "alternating"
         As in `gather`, the same in all cases.
-    keep_out : Zone, Uncertainty, Body, sequence of these or None, or PairZones, optional
+    keep_out : Zone, CovarianceZone, Body, sequence of these or None, or PairZones, optional
         As in `gather`.
     rounds : int, default 2
         As in `gather`.

@@ -69,7 +69,7 @@ class PairZones:
 
         Parameters
         ----------
-        zones : sequence of Zone, Uncertainty, Body or None
+        zones : sequence of Zone, CovarianceZone, Body or None
             Each body's own; None for a point that is known exactly.
         names : sequence of str, optional
             What the bodies are called in errors, in their order.
