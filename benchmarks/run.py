@@ -40,6 +40,7 @@ SECTIONS = {
     "planning": 1,
     "field": None,
     "basilisk": 1,
+    "kernels": 1,
     "start": None,
     "viewer": None,
     "exchange": 1,
