@@ -15,7 +15,9 @@ from sphinx.application import Sphinx
 
 import closeform as cf
 
-sys.modules["closeform.targets"] = cf.targets  # which it is for users, without being a module of that name
+# To users these are modules of the package; their code has other homes.
+sys.modules["closeform.targets"] = cf.targets
+sys.modules["closeform.elements"] = cf.elements
 
 project = "closeform"
 author = "the authors of closeform"

@@ -17,12 +17,12 @@ RADIUS = 12.0  # m, of both bodies together
 PAIRS, TIMES = 5000, 500
 
 r = 7.0e6
-v = np.sqrt(cf.EARTH_MU / r)
+v = np.sqrt(cf.elements.EARTH_MU / r)
 primary = np.array([r, 0, 0, 0, v * np.cos(1.7), v * np.sin(1.7)])
 passing = np.array([0.01, -0.02, -0.01])  # m/s: radial, along-track, cross-track
 offset = np.array([15.0, 20.0, 12.0])  # m
 offset -= passing * (offset @ passing) / (passing @ passing)  # closest now
-secondary = cf.inertial_from_relative(primary, [*offset, *passing])
+secondary = cf.elements.inertial_from_relative(primary, [*offset, *passing])
 covariance = np.diag([8.0, 60.0, 5.0, 0.06, 0.008, 0.005]) ** 2  # each object's own R, T, N: m and m/s
 
 encounter = cf.Encounter.of(primary, secondary, covariance, covariance)
@@ -34,7 +34,7 @@ short = cf.collision_probability(*asked, method="short-encounter")
 def gravity(_, states):
     """Rates of states (6, N), flattened."""
     position, velocity = states.reshape(2, 3, -1)
-    pull = -cf.EARTH_MU * position / np.linalg.norm(position, axis=0) ** 3
+    pull = -cf.elements.EARTH_MU * position / np.linalg.norm(position, axis=0) ** 3
     return np.concatenate([velocity, pull]).ravel()
 
 

@@ -263,7 +263,7 @@ def answers() -> dict[str, Any]:
         "LockMargins": cf.lock_margins(search, places[0], speeds[0]),
         "LockProof": cf.prove_locks(search, -np.ones(6), np.ones(6), nodes=100),
         "LongestLock": cf.longest_lock(search, [90, 90, 90, 0, 0, 0], [99, 99, 99, 0.1, 0.1, 0.1], nodes=10),
-        "TheoremCase": cf.theorem_case(search, places[0], speeds[0]),
+        "TheoremCase": cf.papers.theorem_case(search, places[0], speeds[0]),
         "Gathering": gathered,
         "Event": gathered.events[0],
         "Gatherings": cf.gather_cases(search, places[None], speeds[None]),

@@ -58,7 +58,7 @@ def ring(orbit: cf.Orbit, rng: np.random.Generator) -> np.ndarray:
         along = ALONG * rng.normal()
         lengths = radial * np.cos(phase), radial * np.sin(phase), 0.0, along
         palmer = *lengths, across * np.cos(cross_phase), across * np.sin(cross_phase)
-        state = cf.state_from_palmer(palmer, orbit.mean_motion)
+        state = cf.elements.state_from_palmer(palmer, orbit.mean_motion)
         both = orbit.coast(state, orbit.period), orbit.coast(np.zeros(6), orbit.period)
         if cf.closest_approach(*both, cf.Sphere(RADIUS)).ratio > CLEAR:
             return state

@@ -40,7 +40,6 @@ TABLE = cf.Ephemeris(
     np.array([CHIEF, [6985270.0, 451800.0, 0, -487.8, 7530.3, 0]]),
 )
 ZONES = cf.PairZones.of([BALL, None, BALL])
-LEG = SEARCH.legs[0]
 SIX = cf.Thrusters.rtn(acceleration=1.0, period=90.0)
 GATHERED = cf.gather(SEARCH, PLACES, SPEEDS)
 KNOWN = cf.Uncertainty(np.diag([1.0, 2.0, 1.0, 1e-3, 1e-3, 1e-3]) ** 2)
@@ -193,7 +192,7 @@ CALLS = {
         path=MOVE, obstacles=[REST], zone=BALL, factors=np.array([0.5, 1.0]), cost="delta-v", thrusters=SIX,
         names=["a"],
     ),
-    "end_gradients": turned(path=MOVE),
+    "papers.end_gradients": turned(path=MOVE),
     "fire_thrusters": turned(
         plan=MOVE, thrusters=SIX, mass=12.0, specific_impulse=60.0, zone=BALL, obstacles=[REST]
     ),
@@ -219,30 +218,29 @@ CALLS = {
         orbit=ORBIT, initial=START[0], final=START[1], max_acceleration=1e-2, start=0.0
     ),
     "propellant": turned(mass=np.array([100.0]), delta_v=np.array([1.0]), specific_impulse=np.array([200.0])),
-    "relative_from_inertial": turned(
+    "elements.relative_from_inertial": turned(
         chief=CHIEF, deputy=DEPUTY, along_track="arc", radius=7e6, acceleration=np.array([-8.0, 0.0, 1e-3])
     ),
-    "inertial_from_relative": turned(
+    "elements.inertial_from_relative": turned(
         chief=CHIEF, relative=START, along_track="arc", radius=7e6, acceleration=np.array([-8.0, 0.0, 1e-3])
     ),
-    "mean_motion_from_semi_major_axis": turned(semi_major_axis=np.array([7e6]), mu=4e14),
-    "mean_motion_from_altitude": turned(altitude=np.array([5e5]), mu=4e14, radius=6.4e6),
-    "mean_motion_from_period": turned(period=np.array([5700.0])),
-    "semi_major_axis_from_mean_motion": turned(mean_motion=np.array([1e-3]), mu=4e14),
-    "altitude_from_mean_motion": turned(mean_motion=np.array([1e-3]), mu=4e14, radius=6.4e6),
-    "period_from_mean_motion": turned(mean_motion=np.array([1e-3])),
-    "palmer_from_state": turned(state=START, mean_motion=1e-3),
-    "state_from_palmer": turned(palmer=START, mean_motion=1e-3),
-    "elements_from_inertial": turned(state=CHIEF, mu=4e14),
-    "inertial_from_elements": turned(elements=ELEMENTS, mu=4e14),
-    "roe_from_elements": turned(chief=ELEMENTS, deputy=ELEMENTS + [10, 1e-5, 0, 0, 0, 0]),
-    "elements_from_roe": turned(chief=ELEMENTS, roe=ROE),
-    "scaled_roe_from_state": turned(state=START, mean_motion=1e-3, latitude=0.2),
-    "state_from_scaled_roe": turned(scaled=START, mean_motion=1e-3, latitude=0.2),
-    "roe_from_state": turned(state=START, semi_major_axis=7e6, latitude=0.2, mu=4e14),
-    "state_from_roe": turned(roe=ROE, semi_major_axis=7e6, latitude=0.2, mu=4e14),
+    "elements.mean_motion_from_semi_major_axis": turned(semi_major_axis=np.array([7e6]), mu=4e14),
+    "elements.mean_motion_from_altitude": turned(altitude=np.array([5e5]), mu=4e14, radius=6.4e6),
+    "elements.mean_motion_from_period": turned(period=np.array([5700.0])),
+    "elements.semi_major_axis_from_mean_motion": turned(mean_motion=np.array([1e-3]), mu=4e14),
+    "elements.altitude_from_mean_motion": turned(mean_motion=np.array([1e-3]), mu=4e14, radius=6.4e6),
+    "elements.period_from_mean_motion": turned(mean_motion=np.array([1e-3])),
+    "elements.palmer_from_state": turned(state=START, mean_motion=1e-3),
+    "elements.state_from_palmer": turned(palmer=START, mean_motion=1e-3),
+    "elements.elements_from_inertial": turned(state=CHIEF, mu=4e14),
+    "elements.inertial_from_elements": turned(elements=ELEMENTS, mu=4e14),
+    "elements.roe_from_elements": turned(chief=ELEMENTS, deputy=ELEMENTS + [10, 1e-5, 0, 0, 0, 0]),
+    "elements.elements_from_roe": turned(chief=ELEMENTS, roe=ROE),
+    "elements.scaled_roe_from_state": turned(state=START, mean_motion=1e-3, latitude=0.2),
+    "elements.state_from_scaled_roe": turned(scaled=START, mean_motion=1e-3, latitude=0.2),
+    "elements.roe_from_state": turned(state=START, semi_major_axis=7e6, latitude=0.2, mu=4e14),
+    "elements.state_from_roe": turned(roe=ROE, semi_major_axis=7e6, latitude=0.2, mu=4e14),
     "Sensor": turned(half_angle=1.2, offset=1.0, range=1e4),
-    "Leg.attitude_at": turned(self=LEG, time=np.array([LEG.start, LEG.end])),
     "Search.modified": turned(sensor=cf.Sensor(1.2), slew_rate=0.004, sun_limit=0.43),
     "Search.basic": turned(
         sensor=cf.Sensor(1.2), slew_rate=0.004, sun_limit=0.43, in_plane_turn=9.42, tip_angle=0.4
@@ -276,10 +274,10 @@ CALLS = {
         search=SEARCH, low=np.append(PLACE, SPEED) - 1e-3, high=np.append(PLACE, SPEED) + 1e-3, seed=2,
         nodes=9,
     ),
-    "theorem_case": turned(search=SEARCH, position=PLACE, velocity=SPEED),
-    "cone_regions": turned(search=SEARCH, position=PLACES[:2], mops=1),
-    "cone_crossings": turned(search=SEARCH, position=PLACE, velocity=SPEED),
-    "regions_searched": turned(search=SEARCH, mops=1, group="A"),
+    "papers.theorem_case": turned(search=SEARCH, position=PLACE, velocity=SPEED),
+    "papers.cone_regions": turned(search=SEARCH, position=PLACES[:2], mops=1),
+    "papers.cone_crossings": turned(search=SEARCH, position=PLACE, velocity=SPEED),
+    "papers.regions_searched": turned(search=SEARCH, mops=1, group="A"),
     "gather": turned(
         search=SEARCH, positions=PLACES, velocities=SPEEDS, groups=list("ABA"), keep_out=BALL,
         rounds=2,
@@ -436,8 +434,6 @@ def call(name, /, **changed):
     arguments = {**CALLS[name], **changed}
     if "self" in arguments:
         return getattr(arguments.pop("self"), method)(**arguments)
-    if owner == "targets":
-        return getattr(cf.targets, method)(**arguments)
     return (getattr(getattr(cf, owner), method) if owner else getattr(cf, method))(**arguments)
 
 

@@ -20,13 +20,13 @@ INCLINED = [6.928137e6, 0.3, 2e-3, -1e-3, np.radians(97.6), 1.2]
 
 
 def attracted(_, state):
-    return np.concatenate([state[3:], -cf.EARTH_MU * state[:3] / np.linalg.norm(state[:3]) ** 3])
+    return np.concatenate([state[3:], -cf.elements.EARTH_MU * state[:3] / np.linalg.norm(state[:3]) ** 3])
 
 
 def to_fifty_digits(state, time):
     """The position by Lagrange's coefficients; Kepler's equation is that of the change of the anomaly."""
     with mpmath.workdps(50):
-        mu, time = mpmath.mpf(cf.EARTH_MU), mpmath.mpf(float(time))
+        mu, time = mpmath.mpf(cf.elements.EARTH_MU), mpmath.mpf(float(time))
         place, speed = (
             mpmath.matrix([mpmath.mpf(float(one)) for one in part]) for part in (state[:3], state[3:])
         )
@@ -166,7 +166,10 @@ def test_the_warned_error_is_what_two_bodies_fly():
     times, worst = np.linspace(0.0, chief.orbit.period, 200), 0.0
     for phase in np.linspace(0.0, 2 * np.pi, 8, endpoint=False):
         roe = np.array([0.0, 1e3, 300 * np.cos(phase), 300 * np.sin(phase), 100.0, 300.0]) / 6.85e6
-        deputy = replace(chief, state=cf.inertial_from_elements(cf.elements_from_roe(chief.elements, roe)))
+        deputy = replace(
+            chief,
+            state=cf.elements.inertial_from_elements(cf.elements.elements_from_roe(chief.elements, roe)),
+        )
         relative = chief.relative_from_inertial(times, deputy.states(times), "straight")
         hill = chief.orbit.coast(relative[0], times[-1]).state(times)
         worst = max(worst, np.linalg.norm((hill - relative)[:, :3], axis=1).max())

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import closeform as cf
+from closeform.planning.max_clearance import ClearanceStatus
 from test_least_delta_v_plans import passage
 from test_price import OTHER, PATH, TILT, swapping
 
@@ -17,7 +18,7 @@ def test_the_budget_is_spent(share):
     budget = (1.0 + share) * PATH.energy
     most = cf.max_clearance(PATH, OTHER, ZONE, budget)
     assert most.ok
-    assert most.status == cf.ClearanceStatus.BUDGET
+    assert most.status == ClearanceStatus.BUDGET
     assert most.budget == budget
     again = cf.avoid(PATH, OTHER, ZONE.enlarged(most.factor))
     assert again.energy == pytest.approx(most.plan.energy, rel=1e-12)
@@ -49,7 +50,7 @@ def test_a_small_budget_affords_less_than_was_asked():
     assert not none.ok
     assert none.plan is None
     assert np.isnan(none.factor)
-    assert none.status == cf.ClearanceStatus.TOO_LITTLE
+    assert none.status == ClearanceStatus.TOO_LITTLE
     assert f"{PATH.energy:.6g}" in none.reason
 
 
@@ -58,7 +59,7 @@ def test_an_end_stops_it():
     path = SPACE.transfer([0, 100, 0, 0, 0, 0], [0, 300, 0, 0, 0, 0], 1000.0)
     other = SPACE.coast(np.zeros(6), 1000.0)
     most = cf.max_clearance(path, other, cf.Sphere(30.0), 2.0 * path.energy, names=["Target"])
-    assert most.status == cf.ClearanceStatus.END_INSIDE
+    assert most.status == ClearanceStatus.END_INSIDE
     assert most.factor == pytest.approx(100.0 / 30.0, rel=1e-6)
     assert most.factor < 100.0 / 30.0
     assert most.plan.status == cf.Status.CLEAR
@@ -72,7 +73,7 @@ def test_where_the_cost_jumps():
     walls = SPACE.coast(np.array([[0, y, 0, 0, 0, 0] for y in (-60.0, 61.0)]), 1000.0)
     zone = cf.Cylinder(40.0, 1000.0, [0.0, 0.0, 1.0])
     most = cf.max_clearance(path, walls, zone, 1e-4)
-    assert most.status == cf.ClearanceStatus.NO_WAY
+    assert most.status == ClearanceStatus.NO_WAY
     assert most.factor == pytest.approx(60.5 / 40.0, rel=1e-6)  # half of the gap between their axes
     assert most.plan.energy < 1e-6
     assert cf.find_conflicts(most.plan.path, walls[0], zone.enlarged(most.factor)) == ()
@@ -86,7 +87,7 @@ def test_zones_that_are_never_in_the_way():
     later = ORBIT.coast(OTHER.state(0.0), 1000.0, start=5000.0)
     most = cf.max_clearance(PATH, later, ZONE, 2.0 * PATH.energy)
     assert most.ok
-    assert most.status == cf.ClearanceStatus.NEVER_NEAR
+    assert most.status == ClearanceStatus.NEVER_NEAR
     assert most.factor > 1e5
 
 
@@ -110,7 +111,7 @@ def test_a_formation():
     zone = cf.Sphere(18.0)
     budget = 1.03 * FORMATION.energy.sum()
     most = cf.max_clearance(FORMATION, (), zone, budget)
-    assert most.status == cf.ClearanceStatus.BUDGET
+    assert most.status == ClearanceStatus.BUDGET
     assert most.plan.energy == pytest.approx(budget, rel=1e-6)
     assert len(cf.screen(most.plan.paths, zone.enlarged(most.factor))) == 0
     assert most.metres == pytest.approx(18.0 * (most.factor - 1.0))
@@ -127,7 +128,7 @@ def test_sigmas_that_a_budget_affords(share):
     budget = (1.0 + share) * PATH.energy
     zone = cf.Sphere(20.0)
     most = cf.max_clearance(PATH, OTHER, zone, budget, errors=KNOWN, other_errors=KNOWN)
-    assert most.status == cf.ClearanceStatus.BUDGET
+    assert most.status == ClearanceStatus.BUDGET
     assert (most.factor, most.metres) == (1.0, 0.0)
     assert budget - 2e-6 * share * PATH.energy <= most.plan.energy <= budget
     clear = cf.clearance_in_sigmas(most.plan.path, OTHER, zone, KNOWN, KNOWN).sigmas
@@ -160,16 +161,16 @@ def test_sigmas_of_delta_v_and_of_a_formation():
 
 def test_what_keeps_sigmas_from_being_more():
     none = cf.max_clearance(PATH, OTHER, ZONE, PATH.energy, errors=KNOWN)  # not even the zone itself
-    assert (none.status, none.plan) == (cf.ClearanceStatus.NO_WAY, None)
+    assert (none.status, none.plan) == (ClearanceStatus.NO_WAY, None)
     assert none.reason.startswith("at no sigma they cost ")
     assert np.isnan(none.sigmas)
     across = cf.Uncertainty(np.diag([0, 0, 1.0, 0, 0, 1e-6]))  # never brings one that is ahead nearer
     hold, client = ORBIT.coast([0, 200, 0, 0, 0, 0], 3000.0), ORBIT.coast(np.zeros(6), 3000.0)
     free = cf.max_clearance(hold, client, cf.Sphere(20.0), 1e-6, errors=across)
-    assert free.status == cf.ClearanceStatus.NEVER_NEAR
+    assert free.status == ClearanceStatus.NEVER_NEAR
     assert (free.reason, free.sigmas) == ("10 000 sigmas bring nobody together", 10_000.0)
     exact = cf.max_clearance(PATH, OTHER, cf.Sphere(1.0), 2.0 * PATH.energy, errors=cf.Uncertainty())
-    assert (exact.status, exact.sigmas) == (cf.ClearanceStatus.NEVER_NEAR, 10_000.0)
+    assert (exact.status, exact.sigmas) == (ClearanceStatus.NEVER_NEAR, 10_000.0)
     with pytest.raises(ValueError, match=r"^other_errors: of a formation; give them in errors"):
         cf.max_clearance(FORMATION, (), ZONE, 1.0, other_errors=KNOWN)
 

@@ -7,7 +7,7 @@ from scipy.integrate import solve_ivp
 import closeform as cf
 
 RADIUS = 6878137.0
-SPEED = np.sqrt(cf.EARTH_MU / RADIUS)
+SPEED = np.sqrt(cf.elements.EARTH_MU / RADIUS)
 TILT = np.radians(51.0)
 PRIMARY = np.array([RADIUS, 0.0, 0.0, 0.0, SPEED * np.cos(TILT), SPEED * np.sin(TILT)])
 GAP = np.array([3.0, 20.0, 8.0, 0.03, 0.01, -0.02])
@@ -69,7 +69,7 @@ def test_axes_of_the_states_and_own_axes_say_the_same():
 
 
 def two_body(_, y):
-    return np.concatenate([y[3:], -cf.EARTH_MU * y[:3] / np.linalg.norm(y[:3]) ** 3])
+    return np.concatenate([y[3:], -cf.elements.EARTH_MU * y[:3] / np.linalg.norm(y[:3]) ** 3])
 
 
 def test_states_drawn_from_both_covariances_spread_as_told_after_a_quarter_of_an_orbit():

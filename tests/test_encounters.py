@@ -87,13 +87,15 @@ def test_a_probability_that_is_asked_for(capsys):
 
 
 # Ephemerides: A is the chief, B stands 200 m ahead of it.
-RATE = np.sqrt(cf.EARTH_MU / 7e6**3)
+RATE = np.sqrt(cf.elements.EARTH_MU / 7e6**3)
 KNOWN = np.diag([2.0, 5.0, 2.0, 1e-3, 1e-3, 2e-3]) ** 2
 SAMPLES, EVERY, END = 3000, 40.0, 9000.0
 
 
 def orbit_of(ahead, times):
-    return cf.inertial_from_elements([[7e6, ahead + RATE * time, 0.0, 0.0, 1.0, 0.2] for time in times])
+    return cf.elements.inertial_from_elements(
+        [[7e6, ahead + RATE * time, 0.0, 0.0, 1.0, 0.2] for time in times]
+    )
 
 
 @pytest.fixture
@@ -116,13 +118,13 @@ def flown(ahead, covariance, frame, epoch, rng):
     first = position if frame == "RTN" else velocity
     rows = np.array([first / np.linalg.norm(first), np.cross(normal, first / np.linalg.norm(first)), normal])
     drawn = rng.multivariate_normal(np.zeros(6), covariance, SAMPLES)
-    elements = cf.elements_from_inertial(
+    elements = cf.elements.elements_from_inertial(
         np.concatenate([position + drawn[:, :3] @ rows, velocity + drawn[:, 3:] @ rows], axis=1)
     )
     times = np.arange(0.0, END + 1.0, EVERY)
     later = np.repeat(elements[:, None], len(times), axis=1)
-    later[..., 1] += np.sqrt(cf.EARTH_MU / later[..., 0] ** 3) * (times - epoch)
-    return cf.inertial_from_elements(later)[..., :3]
+    later[..., 1] += np.sqrt(cf.elements.EARTH_MU / later[..., 0] ** 3) * (times - epoch)
+    return cf.elements.inertial_from_elements(later)[..., :3]
 
 
 def sigmas_of(mean, covariance, radius):

@@ -156,7 +156,7 @@ def test_elements_by_mean_anomaly(place):
     found = parse(scenario(chief(given + place))).chief
     perigee = parse(scenario(chief(given + 'mean_anomaly = "0 deg"'))).chief
     assert np.linalg.norm(perigee.state[:3]) == pytest.approx(7e6 * 0.91, rel=1e-12)
-    truth = to_fifty_digits(perigee.state, np.radians(50.0) * np.sqrt(7e6**3 / cf.EARTH_MU))
+    truth = to_fifty_digits(perigee.state, np.radians(50.0) * np.sqrt(7e6**3 / cf.elements.EARTH_MU))
     np.testing.assert_allclose(found.state[:3], truth, rtol=0.0, atol=1e-6)
 
 
@@ -187,7 +187,7 @@ def test_latitude_of_the_chief_is_what_elements_refer_to():
 def test_inertial_starts_are_arcs_on_the_chiefs_circle():
     """Both on one circle, so many radians apart: the geometry is plain."""
     given = CIRCLE + ', latitude = "10 deg"'
-    ahead = cf.inertial_from_elements(
+    ahead = cf.elements.inertial_from_elements(
         [7e6, np.radians(10.0) + 1e-4, 0.0, 0.0, np.radians(97.6), np.radians(30.0)]
     )
     place, speed = (" ".join(repr(float(one)) for one in part) for part in (ahead[:3], ahead[3:]))

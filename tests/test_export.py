@@ -304,7 +304,7 @@ def test_a_kernel_read_by_spice(flown, kernels) -> None:
 def test_a_kernel_keeps_to_the_clock(system, kernels, tmp_path) -> None:
     """Over a day near the perihelion, where TDB gains 29 microseconds on TAI: 0.2 m along the orbit."""
     orbit = cf.Orbit.circular(500e3)
-    elements = [cf.semi_major_axis_from_mean_motion(orbit.mean_motion), 0, 0, 0, 1.7, 0.5]
+    elements = [cf.elements.semi_major_axis_from_mean_motion(orbit.mean_motion), 0, 0, 0, 1.7, 0.5]
     chief = cf.Chief.from_elements("2027-01-03T00:00:00", elements, time_system=system)
     path = orbit.coast([0, 100.0, 0, 0, 0, 0], 86400.0)
     place = cf.export(path, tmp_path / "spk", "spk", chief=chief, names=["A"])
@@ -488,7 +488,7 @@ def test_nothing_is_overwritten(flown, tmp_path) -> None:
 def test_names_that_are_no_names_of_files(tmp_path) -> None:
     orbit = cf.Orbit.circular(500e3)
     chief = cf.Chief.from_elements(
-        EPOCH, [cf.semi_major_axis_from_mean_motion(orbit.mean_motion), 0, 0, 0, 1.7, 0.5]
+        EPOCH, [cf.elements.semi_major_axis_from_mean_motion(orbit.mean_motion), 0, 0, 0, 1.7, 0.5]
     )
     paths = orbit.coast(np.eye(6)[:4] * 100.0, 600.0)
     names = ["A/B", "a b", "../x", "A_B"]
@@ -504,7 +504,7 @@ def test_names_that_are_no_names_of_files(tmp_path) -> None:
 def test_formats_in_utc_are_so_from_every_time_system(tmp_path) -> None:
     """37 s behind TAI: STK, CZML and conjunctions count in UTC; messages in the chief's own system say so."""
     orbit = cf.Orbit.circular(500e3)
-    elements = [cf.semi_major_axis_from_mean_motion(orbit.mean_motion), 0, 0, 0, 1.7, 0.5]
+    elements = [cf.elements.semi_major_axis_from_mean_motion(orbit.mean_motion), 0, 0, 0, 1.7, 0.5]
     chief = cf.Chief.from_elements("2026-11-22T12:00:37", elements, frame="TEME", time_system="TAI")
     path = orbit.coast([0, 100.0, 0, 0, 0, 0], 600.0)
     (file,) = cf.export(path, tmp_path / "stk", "stk", chief=chief, names=["A"]).glob("*.e")
@@ -528,7 +528,7 @@ def test_formats_in_utc_are_so_from_every_time_system(tmp_path) -> None:
 def test_pulses_of_two_craft_close_to_each_other_leave_nodes_sound(tmp_path) -> None:
     """Edges of others a millisecond away make polynomials of rounding: steps would shrink to nothing."""
     orbit = cf.Orbit.circular(500e3)
-    elements = [cf.semi_major_axis_from_mean_motion(orbit.mean_motion), 0, 0, 0, 1.7, 0.5]
+    elements = [cf.elements.semi_major_axis_from_mean_motion(orbit.mean_motion), 0, 0, 0, 1.7, 0.5]
     chief = cf.Chief.from_elements(EPOCH, elements)
     paths = []
     for late in (0.0, 2e-3):

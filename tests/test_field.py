@@ -14,8 +14,9 @@ from scipy.interpolate import CubicHermiteSpline
 import closeform as cf
 from closeform.dynamics.dormand_prince import tableau
 from closeform.dynamics.field import EARTH_ZONALS, GRAVITY_RADIUS
+from closeform.dynamics.retargeted import Retargeted
 
-MU = cf.EARTH_MU
+MU = cf.elements.EARTH_MU
 EPOCH = "2026-11-22T12:00:00"
 J2 = 1.082635854e-3
 
@@ -58,7 +59,7 @@ def test_zonals_are_the_gradient_of_the_potential():
 def test_drag_by_hand():
     """At the reference height, in air at rest: rho B v^2 / 2 against the motion."""
     air = cf.Drag(4e-13, 500e3, 60e3, ballistic=0.02, chief=0.01, spin=0.0)
-    at = [cf.EARTH_RADIUS + 500e3, 0.0, 0.0, 0.0, 7600.0, 0.0]
+    at = [cf.elements.EARTH_RADIUS + 500e3, 0.0, 0.0, 0.0, 7600.0, 0.0]
     with_air = cf.Field(chief(), 0, air).accelerations(0.0, at, 0.02)
     without = cf.Field(chief(), 0).accelerations(0.0, at)
     assert with_air - without == pytest.approx([0.0, -0.5 * 4e-13 * 0.02 * 7600.0**2, 0.0], abs=1e-15)
@@ -144,16 +145,16 @@ def test_a_force_across_the_orbit_turns_the_frame():
         there = deputy[:3] + t * deputy[3:] + 0.5 * t * t * felt
         places.append(axes_of(origin) @ (there - origin[:3]))
     rate = (places[1] - places[0]) / (2.0 * dt)
-    turning = cf.relative_from_inertial(now, deputy, acceleration=textbook(now[:3]))
-    plain = cf.relative_from_inertial(now, deputy)
+    turning = cf.elements.relative_from_inertial(now, deputy, acceleration=textbook(now[:3]))
+    plain = cf.elements.relative_from_inertial(now, deputy)
     assert turning[3:] == pytest.approx(rate, abs=2e-6)  # m/s: dt^2/6 of a jerk of 8e-3 m/s^3
     assert np.abs(plain[3:] - rate).max() > 1e-4
-    back = cf.inertial_from_relative(now, turning, acceleration=textbook(now[:3]))
+    back = cf.elements.inertial_from_relative(now, turning, acceleration=textbook(now[:3]))
     assert back == pytest.approx(deputy, rel=1e-12)
-    arcs = cf.relative_from_inertial(now, deputy, "arc", acceleration=textbook(now[:3]))
-    assert cf.inertial_from_relative(now, arcs, "arc", acceleration=textbook(now[:3])) == pytest.approx(
-        deputy
-    )
+    arcs = cf.elements.relative_from_inertial(now, deputy, "arc", acceleration=textbook(now[:3]))
+    assert cf.elements.inertial_from_relative(
+        now, arcs, "arc", acceleration=textbook(now[:3])
+    ) == pytest.approx(deputy)
 
 
 def turn_of(state: np.ndarray) -> np.ndarray:
@@ -371,7 +372,7 @@ def test_impulses_are_changed_for_the_field(kind):
     start, final, duration = task(orbit, 7, count=3)
     path = getattr(orbit, kind)(start, final, duration)
     table = cf.compensated_thrust(path, cf.Field(chief()))
-    assert isinstance(table.impulses, cf.Retargeted)
+    assert isinstance(table.impulses, Retargeted)
     assert not table.commanded.any()  # nothing but impulses is fired
     for k in range(3):
         own = table.impulses.craft == k

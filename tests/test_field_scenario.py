@@ -26,7 +26,7 @@ def flown_apart(path: cf.Path, field: cf.Field, times: np.ndarray) -> np.ndarray
     """Relative positions (N, T, 3) of thrust as planned, by DOP853 of inertial states in a textbook's J2."""
     origin = field.chief.state
     felt = textbook(origin[:3])
-    start = cf.inertial_from_relative(origin, path.state(0.0), acceleration=felt)
+    start = cf.elements.inertial_from_relative(origin, path.state(0.0), acceleration=felt)
     end = float(path.end[0])
 
     def rates(t, y):
@@ -161,7 +161,7 @@ def test_inertial_starts_are_in_the_frame_of_flights():
     scenario = parse(text + '[[stage]]\ndo = "coast"\nfor = "90 min"\n')
     start = scenario.states(scenario.orbit.build())[0]
     origin = scenario.chief.state
-    back = cf.inertial_from_relative(origin, start, acceleration=textbook(origin[:3]))
+    back = cf.elements.inertial_from_relative(origin, start, acceleration=textbook(origin[:3]))
     assert back == pytest.approx(own, rel=1e-10)
 
 

@@ -253,7 +253,9 @@ def test_a_flight_without_errors_is_the_integrated_one():
         )
 
     first = np.array(chief.state)
-    start = cf.inertial_from_relative(first, plan.state(0.0), acceleration=felt(np.tile(first, (3, 1)))[0])
+    start = cf.elements.inertial_from_relative(
+        first, plan.state(0.0), acceleration=felt(np.tile(first, (3, 1)))[0]
+    )
     commanded = table.commanded
 
     def rates(t, y):

@@ -17,6 +17,7 @@ from closeform.mission.mission_result import Mission
 from closeform.mission.simulation_verdict import Entered
 from closeform.mission.stage_margin import flown_errors
 from closeform.mission.stage_start import BurnRoom, StageStart
+from closeform.results.load import LoadedRun
 from closeform.scenario import parse
 from field_scenario import swap
 from pages import Seen
@@ -54,7 +55,9 @@ def test_the_table_that_is_left_flies_the_plan(run: Path, tmp_path: Path):
     _, _, tables = flown(run, tmp_path / "out", "--seeds", "2")
     loaded, rows = cf.load(run), tables["commanded"]
     origin = loaded.scenario.chief.state
-    start = cf.inertial_from_relative(origin, loaded.paths.state(0.0), acceleration=textbook(origin[:3]))
+    start = cf.elements.inertial_from_relative(
+        origin, loaded.paths.state(0.0), acceleration=textbook(origin[:3])
+    )
     state = np.vstack([origin, start]).ravel()
     for stage in loaded.results:
         mine = [(rows["craft"] == name) & (rows["stage"] == stage.number) for name in loaded.names]
@@ -112,7 +115,7 @@ def test_entered_zones_are_counted_and_the_status_is_1(run: Path, tmp_path: Path
     assert f"{ratios['ratio'].min():.4f} x zone" in printed
 
 
-def two(rows: dict[str, np.ndarray], loaded: cf.LoadedRun) -> list[cf.Path]:
+def two(rows: dict[str, np.ndarray], loaded: LoadedRun) -> list[cf.Path]:
     """The paths of both craft through the states of a table."""
     columns = ("x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s")
     found = []
@@ -177,7 +180,7 @@ def test_a_run_without_a_field_is_refused(tmp_path: Path, capsys):
     assert not (tmp_path / "flights").exists()
 
 
-def swapped(place: Path, text: str) -> tuple[cf.LoadedRun, dict]:
+def swapped(place: Path, text: str) -> tuple[LoadedRun, dict]:
     """A scenario that is run, and its summary."""
     (place / "swap.toml").write_text(text)
     main(["run", str(place / "swap.toml"), "--out", str(place / "run"), "--no-viewer"])

@@ -307,7 +307,7 @@ def test_burns_of_nothing_are_not_listed(touching):
 def test_burns_of_nothing_are_not_exported(touching, tmp_path):
     """An OPM has those that are told, and so has an OCM, whose accelerations add up to them."""
     plan, every = touching
-    chief = cf.Chief.from_elements("2026-11-22T12:00:00", [cf.EARTH_RADIUS + 500e3, 0, 0, 0, 1.7, 0])
+    chief = cf.Chief.from_elements("2026-11-22T12:00:00", [cf.elements.EARTH_RADIUS + 500e3, 0, 0, 0, 1.7, 0])
     told = int((every >= 5e-7).sum())
     assert told < len(every)
     opm, ocm = (cf.export(plan.paths, tmp_path / to, to, chief=chief) for to in ("opm", "ocm"))

@@ -10,6 +10,7 @@ import pytest
 import closeform as cf
 from closeform.cli.app import main
 from closeform.mission.mission_result import Mission
+from closeform.results.load import LoadedRun, LoadedStudy
 from closeform.storage.result_folder import SUMMARY, FolderError
 from scenarios import GOOD, LOST
 
@@ -63,7 +64,7 @@ def same_flight(mine: object, theirs: object) -> None:
 def test_paths_are_those_of_the_run_to_the_last_bit(moved) -> None:
     mission, place = moved
     run = cf.load(place)
-    assert isinstance(run, cf.LoadedRun)
+    assert isinstance(run, LoadedRun)
     assert (run.names, run.orbit, run.stopped) == (mission.scenario.names, mission.orbit, mission.stopped)
     assert run.clear == mission.clear
     assert [stage.stage for stage in run.results] == [result.stage for result in mission.results]
@@ -141,7 +142,7 @@ def test_a_case_of_a_study_and_the_study(tmp_path) -> None:
     np.testing.assert_array_equal(run.scenario.states(run.orbit)[:, :3], first)
     main(["study", str(tmp_path / "case.toml"), "--out", str(tmp_path / "study")])
     study = cf.load(tmp_path / "study")
-    assert isinstance(study, cf.LoadedStudy)
+    assert isinstance(study, LoadedStudy)
     assert study.scenario.title == run.scenario.title.partition(": case")[0]
     assert study.summary["cases"] == 20
     assert study.cases["case"].tolist() == list(range(20))

@@ -40,7 +40,7 @@ def drifted(start: float, state: np.ndarray, end: float, field: cf.Field = FIELD
     """Where a state at a time leads to by DOP853, in the axes of the chief of a field of J2."""
     origin = field.chief_states([start])[0]
     felt = textbook(origin[:3])
-    both = np.vstack([origin, cf.inertial_from_relative(origin, state, acceleration=felt)])
+    both = np.vstack([origin, cf.elements.inertial_from_relative(origin, state, acceleration=felt)])
 
     def rates(t, y):
         states = y.reshape(2, 6)

@@ -137,7 +137,7 @@ def test_differential_drag():
     field = cf.Field(chief(0.0), 0, air)
     path = cf.coast(np.zeros((2, 6)), field, 9.0 * 5677.0)
     assert np.abs(path[0].position(path[0].end)).max() < 1e-4
-    felt = 0.5 * 5e-13 * 0.01 * MU / 6.878e6 * np.exp((cf.EARTH_RADIUS + 500e3 - 6.878e6) / 60e3)
+    felt = 0.5 * 5e-13 * 0.01 * MU / 6.878e6 * np.exp((cf.elements.EARTH_RADIUS + 500e3 - 6.878e6) / 60e3)
     assert path[1].position(path[1].end)[1] == pytest.approx(1.5 * felt * (9.0 * 5677.0) ** 2, rel=0.02)
 
 

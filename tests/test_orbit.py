@@ -553,7 +553,7 @@ def test_sp11_gradients_are_aligned_at_every_time(n):
         middle = path.state(part * duration)
         before = orbit.transfer(INITIAL, middle, part * duration)
         after = orbit.transfer(middle, FINAL, (1 - part) * duration)
-        arriving, leaving = cf.end_gradients(before)[1], cf.end_gradients(after)[0]
+        arriving, leaving = cf.papers.end_gradients(before)[1], cf.papers.end_gradients(after)[0]
         np.testing.assert_allclose(arriving, -leaving, rtol=0, atol=1e-8 * np.abs(arriving).max())
         # moving the point along them changes the sum of both in second order only
         side = np.array([1.0, -2.0, 0.5, 1e-3, 2e-3, -1e-3])
@@ -571,7 +571,7 @@ def test_sp11_gradients_are_aligned_at_every_time(n):
 def test_end_gradients_are_the_slopes_of_the_energy(n):
     """Energy is quadratic in the end states, so central differences are exact but for rounding."""
     orbit, duration = cf.Orbit(n), 4000.0
-    slopes = cf.end_gradients(orbit.transfer(INITIAL, FINAL, duration))
+    slopes = cf.papers.end_gradients(orbit.transfer(INITIAL, FINAL, duration))
     for k, step in enumerate([1.0, 1.0, 1.0, 1e-3, 1e-3, 1e-3]):
         move = np.zeros(6)
         move[k] = step

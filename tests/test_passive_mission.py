@@ -476,7 +476,7 @@ def drifted_in_air(start: np.ndarray, chief: cf.Chief, field: cf.Field, begin: f
 
     def felt(state: np.ndarray, ballistic: float) -> np.ndarray:
         r, wind = np.linalg.norm(state[:3]), state[3:] - np.cross([0.0, 0.0, field.drag.spin], state[:3])
-        density = 5.2e-13 * np.exp((cf.EARTH_RADIUS + 500e3 - r) / 60e3)
+        density = 5.2e-13 * np.exp((cf.elements.EARTH_RADIUS + 500e3 - r) / 60e3)
         return textbook(state[:3]) - 0.5 * ballistic * density * np.linalg.norm(wind) * wind
 
     def rates(t: float, y: np.ndarray) -> np.ndarray:
@@ -484,7 +484,7 @@ def drifted_in_air(start: np.ndarray, chief: cf.Chief, field: cf.Field, begin: f
         return np.concatenate([np.r_[one[3:], felt(one, ballistic)] for one, ballistic in each])
 
     origin = field.chief_states([begin])[0]
-    craft = cf.inertial_from_relative(origin, start, acceleration=felt(origin, 0.02))
+    craft = cf.elements.inertial_from_relative(origin, start, acceleration=felt(origin, 0.02))
     times = np.linspace(begin, end, 5_000)
     found = solve_ivp(rates, (begin, end), np.r_[origin, craft], "DOP853", times, rtol=1e-10, atol=1e-5).y
     return float(np.linalg.norm(found[6:9] - found[:3], axis=0).min())

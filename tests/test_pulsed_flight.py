@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import closeform as cf
+from closeform.fuel.pulses import Pulses
 from test_field import chief, pushed, task
 
 ORBIT, FIELD = chief().orbit, cf.Field(chief())
@@ -19,7 +20,7 @@ def swap(kind: str, turns: float = 0.45) -> tuple[cf.Path, float]:
 
 
 def on_times(
-    flights: cf.Simulation, seed: int, craft: int, pulses: cf.Pulses
+    flights: cf.Simulation, seed: int, craft: int, pulses: Pulses
 ) -> list[tuple[float, float, np.ndarray]]:
     """From when to when a craft's thrusters are on, and their push: pulses, and orders in what is left.
 

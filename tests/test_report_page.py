@@ -169,7 +169,7 @@ def test_the_budget_adds_up(report):
 
 def orbits(states, period):
     """Where craft are after one orbit in the Earth's field alone."""
-    mu = cf.EARTH_MU
+    mu = cf.elements.EARTH_MU
 
     def field(_, state):
         return [*state[3:], *(-mu * state[:3] / np.linalg.norm(state[:3]) ** 3)]
@@ -183,10 +183,10 @@ def orbits(states, period):
 def test_how_far_off_the_model_is_on_a_circle(far):
     """A craft that far ahead on the same circle, integrated: the rule of the curvature to a hundredth."""
     orbit = cf.Orbit.circular(500e3)
-    a = cf.semi_major_axis_from_mean_motion(orbit.mean_motion)
-    pair = cf.inertial_from_elements([[a, angle, 0.0, 0.0, 0.9, 0.3] for angle in (0.0, far / a)])
-    start = cf.relative_from_inertial(*pair)
-    truth = cf.relative_from_inertial(*orbits(pair, orbit.period))
+    a = cf.elements.semi_major_axis_from_mean_motion(orbit.mean_motion)
+    pair = cf.elements.inertial_from_elements([[a, angle, 0.0, 0.0, 0.9, 0.3] for angle in (0.0, far / a)])
+    start = cf.elements.relative_from_inertial(*pair)
+    truth = cf.elements.relative_from_inertial(*orbits(pair, orbit.period))
     off = np.linalg.norm(orbit.coast(start, orbit.period).position(orbit.period) - truth[:3])
     reach = model.Reach("B", far, 0.0, 20.0)
     (bend, *_) = model.deviations(reach, model.Circle(orbit.mean_motion))
@@ -205,9 +205,9 @@ def test_how_far_off_it_is_on_an_ellipse(eccentricity):
         latitude, way = rng.uniform(0.0, 2.0 * np.pi, 2)
         chief = np.array([a, latitude, eccentricity * np.cos(way), eccentricity * np.sin(way), 1.0, 0.2])
         roe = rng.normal(size=6) * [0.0, 1.0, 0.5, 0.5, 0.5, 0.5]
-        deputy = cf.elements_from_roe(chief, roe * far / a)
-        pair = cf.inertial_from_elements([chief, deputy])
-        start = cf.relative_from_inertial(*pair)
+        deputy = cf.elements.elements_from_roe(chief, roe * far / a)
+        pair = cf.elements.inertial_from_elements([chief, deputy])
+        start = cf.elements.relative_from_inertial(*pair)
         path = orbit.coast(start, orbit.period)
         distance = np.linalg.norm(path.position(np.linspace(0.0, orbit.period, 200)), axis=1).max()
         off = np.linalg.norm(

@@ -110,7 +110,7 @@ def test_end_gradients_are_those_of_the_energy(angle):
     orbit, duration = (cf.Orbit(N), angle / N) if angle else (cf.Orbit(0.0), 900.0)
     ends = np.array([INITIAL, FINAL])
     steps = np.diag(np.repeat([100.0, 100.0 / duration], 3))
-    initial, final = cf.end_gradients(orbit.transfer(*ends, duration, start=50.0))
+    initial, final = cf.papers.end_gradients(orbit.transfer(*ends, duration, start=50.0))
     for gradient, plus, minus in (
         (initial, (ends[0] + steps, ends[1]), (ends[0] - steps, ends[1])),
         (final, (ends[0], ends[1] + steps), (ends[0], ends[1] - steps)),
@@ -129,7 +129,7 @@ def test_end_gradients_are_the_papers():
     mu = mp.lu_solve(reference.gramian(tau), gap)
     start = -(reference.n**3) * (reference.flow(tau).T * mu)
     coordinates = np.array([[float(v) for v in reference.cartesian(mp.eye(6)[:, k])] for k in range(6)])
-    initial, final = cf.end_gradients(cf.Orbit(N).transfer(INITIAL, FINAL, duration))
+    initial, final = cf.papers.end_gradients(cf.Orbit(N).transfer(INITIAL, FINAL, duration))
     np.testing.assert_allclose(coordinates @ final, [float(v) for v in reference.n**3 * mu], rtol=1e-10)
     np.testing.assert_allclose(coordinates @ initial, [float(v) for v in start], rtol=1e-10)
 
@@ -137,9 +137,9 @@ def test_end_gradients_are_the_papers():
 def test_end_gradients_of_a_batch():
     orbit = cf.Orbit(N)
     batch = orbit.transfer(INITIAL + np.zeros((2, 1, 6)), FINAL * np.arange(3)[:, None], 2000.0)
-    initial, final = cf.end_gradients(batch)
+    initial, final = cf.papers.end_gradients(batch)
     assert initial.shape == final.shape == (2, 3, 6)
-    for got, alone in zip((initial, final), cf.end_gradients(batch[1, 2]), strict=True):
+    for got, alone in zip((initial, final), cf.papers.end_gradients(batch[1, 2]), strict=True):
         np.testing.assert_array_equal(got[1, 2], alone)
 
 
@@ -152,7 +152,7 @@ def test_end_gradients_of_a_shaped_path():
     def shaped(initial, final):
         return cf.avoid(orbit.transfer(initial, final, duration), obstacle, zone)
 
-    initial, final = cf.end_gradients(shaped(INITIAL, FINAL).path)
+    initial, final = cf.papers.end_gradients(shaped(INITIAL, FINAL).path)
     for k in range(6):
         step = np.zeros(6)
         step[k] = 0.01 if k < 3 else 1e-5
@@ -171,7 +171,7 @@ def test_end_gradients_refuse_what_is_not_optimal(kind):
         "sampled": lambda: orbit.sampled([0.0, 300.0], [INITIAL, FINAL]),
     }[kind]()
     with pytest.raises(ValueError, match="path: the gradients are those of an energy-optimal path"):
-        cf.end_gradients(path)
+        cf.papers.end_gradients(path)
 
 
 @pytest.mark.parametrize("fraction", [0.07, 0.25, 0.5, 0.8, 0.99])
@@ -182,12 +182,12 @@ def test_the_legs_gradients_are_opposite_at_every_time(fraction):
     time = fraction * duration
     before = orbit.transfer(INITIAL, whole.state(time), time)
     after = orbit.transfer(whole.state(time), FINAL, duration - time, start=time)
-    ending, beginning = cf.end_gradients(before)[1], cf.end_gradients(after)[0]
+    ending, beginning = cf.papers.end_gradients(before)[1], cf.papers.end_gradients(after)[0]
     np.testing.assert_allclose(ending, -beginning, rtol=1e-8, atol=1e-8 * np.abs(ending[:3]).max())
     # and away from the path they are not
     aside = whole.state(time) + [30.0, 0, 0, 0, 0, 0]
-    ending = cf.end_gradients(orbit.transfer(INITIAL, aside, time))[1]
-    beginning = cf.end_gradients(orbit.transfer(aside, FINAL, duration - time))[0]
+    ending = cf.papers.end_gradients(orbit.transfer(INITIAL, aside, time))[1]
+    beginning = cf.papers.end_gradients(orbit.transfer(aside, FINAL, duration - time))[0]
     assert np.linalg.norm(ending + beginning) > 0.01 * np.linalg.norm(ending)
 
 

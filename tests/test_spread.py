@@ -184,7 +184,7 @@ def test_any_covariance_is_kept_whatever_its_rank_and_units(seed, rank, scale):
 def test_a_covariance_of_a_message_is_that_of_drawn_states():
     """Inertial states are drawn in RTN of the second object, and made relative by the exact frames."""
     r = 7000e3
-    v = np.sqrt(cf.EARTH_MU / r)
+    v = np.sqrt(cf.elements.EARTH_MU / r)
     orbit = cf.Orbit.from_semi_major_axis(r)
     chief = np.array([r * 0.6, r * 0.8, 0, -0.8 * v, 0.6 * v, 0])
     deputy = np.array(
@@ -198,7 +198,7 @@ def test_a_covariance_of_a_message_is_that_of_drawn_states():
     rng = np.random.default_rng(3)
     drawn = rng.multivariate_normal(np.zeros(6), message, 100_000)
     inertial = np.concatenate([drawn[:, :3] @ axes, drawn[:, 3:] @ axes], axis=1)
-    states = cf.relative_from_inertial(chief, chief + inertial)
+    states = cf.elements.relative_from_inertial(chief, chief + inertial)
     path = orbit.coast(np.array([50.0, 0, 0, 0, 0, 0]), 900.0, start=100.0)
     errors = cf.Uncertainty.from_rtn(message, path, 700.0, chief, craft=deputy)
     close(errors.covariance(path, 700.0), np.cov(states.T), 0.02)  # of 100 000 samples

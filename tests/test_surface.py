@@ -19,9 +19,9 @@ import closeform as cf
 PACKAGE = Path(cf.__file__).parent
 PAGES = sorted((Path(__file__).parents[1] / "docs").glob("*.md"))
 # Made by functions, never by a user: nothing to raise.
-RESULTS = {"Approach", "Avoidance", "CommonFrame", "Conflict", "Contact", "Path", "Screening", "Zone"}
+RESULTS = {"Approach", "Avoidance", "CommonFrame", "Conflict", "Path", "Screening", "Zone"}
 RESULTS |= {"PairZones", "PairZones.which", "PairZones.between", "PairZones.around", "PairZones.rule"}
-RESULTS |= {"Event", "EventKind", "GatherStatus", "Gathering", "Gatherings", "Leg", "LockMargins", "Locks"}
+RESULTS |= {"GatherStatus", "Gathering", "Gatherings", "Locks"}
 RESULTS |= {"LockProof", "LongestLock"}
 RESULTS |= {
     "TransferCostTable",
@@ -29,22 +29,25 @@ RESULTS |= {
     "Encounter",
     "ThrusterFiring",
     "Probability",
-    "Pulses",
     "SigmaApproach",
 }
-RESULTS |= {"ClearanceCostCurve", "ClearanceStatus", "MaxClearance", "ShadowPrice"}
+RESULTS |= {"ClearanceCostCurve", "MaxClearance", "ShadowPrice"}
 RESULTS |= {
     "DriftApproach",
     "DriftScreening",
     "CompensatedThrust",
-    "Retargeted",
     "Validity",
     "Simulation",
     "Tube",
 }
-RESULTS |= {"TrackingMargins", "FittedMargin"}
-RESULTS |= {"LoadedRun", "LoadedStage", "LoadedStudy"}
-RESULTS |= {"Leg.attitude_at", "Plan", "Search", "PairConflict", "TheoremCase", "ThrustShortfall"}
+RESULTS |= {
+    "TrackingMargins",
+}
+RESULTS |= {
+    "Plan",
+    "Search",
+    "papers.TheoremCase",
+}
 
 
 def members(owner: type) -> Iterator[tuple[str, Any]]:
@@ -65,8 +68,10 @@ def methods(owner: type) -> Iterator[tuple[str, Any]]:
 def callables() -> dict[str, Any]:
     """Every public function, class and method by its full name."""
     public = {name: getattr(cf, name) for name in cf._HOMES}
-    public |= {f"plots.{name}": getattr(cf.plots, name) for name in cf.plots.__all__}
-    public |= {f"targets.{name}": getattr(cf.targets, name) for name in cf.targets.__all__}
+    for module in cf._MODULES:
+        public |= {
+            f"{module}.{name}": getattr(getattr(cf, module), name) for name in getattr(cf, module).__all__
+        }
     found = {name: value for name, value in public.items() if callable(value)}
     for name, value in public.items():
         if inspect.isclass(value):

@@ -127,8 +127,8 @@ def test_separated_ring_is_passively_safe_at_any_along_track_offset(count, e, i,
     assert promised * (1.0 - 1e-9) <= least
     assert least <= promised * np.sqrt(1.0 + 3e-6 * (max(e, i) / min(e, i)) ** 2)
     # the vectors themselves, through the elements, and the formula for those of any direction
-    a = cf.semi_major_axis_from_mean_motion(N)
-    roe = a * cf.roe_from_state(states, a, 0.7)
+    a = cf.elements.semi_major_axis_from_mean_motion(N)
+    roe = a * cf.elements.roe_from_state(states, a, 0.7)
     for pair in gaps(roe):
         vectors = pair[2:4], pair[4:6]
         cross = vectors[0][0] * vectors[1][1] - vectors[0][1] * vectors[1][0]

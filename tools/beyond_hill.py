@@ -31,7 +31,7 @@ def schweighart_sedwick(radius: float, inclination: float, latitude: float, time
     In the plane x'' = (5 c^2 - 2) n^2 x + 2 n c y', y'' = -2 n c x'; across it both planes turn about the
     pole, faster or slower by the difference of inclination: an amplitude grows with time.
     """
-    n, flat = np.sqrt(cf.EARTH_MU / radius**3), EARTH_ZONALS[0] * (GRAVITY_RADIUS / radius) ** 2
+    n, flat = np.sqrt(cf.elements.EARTH_MU / radius**3), EARTH_ZONALS[0] * (GRAVITY_RADIUS / radius) ** 2
     c = np.sqrt(1.0 + 0.375 * flat * (1.0 + 3.0 * np.cos(2.0 * inclination)))
     rates = np.zeros((4, 4))
     rates[0, 2] = rates[1, 3] = 1.0

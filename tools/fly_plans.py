@@ -39,7 +39,7 @@ COLUMNS += ["navigation", "thrust", "rounds", "margin_m", "left_m", "plan_dv", "
 
 def fields(draws: np.random.Generator, count: int, orbits: Any = ORBITS) -> tuple[cf.Field, cf.Field]:
     """What pulls, and what of it is known."""
-    a = cf.EARTH_RADIUS + draws.choice(orbits[0])
+    a = cf.elements.EARTH_RADIUS + draws.choice(orbits[0])
     e, way = 10 ** draws.uniform(-3.3, -2.0), draws.uniform(0.0, 2.0 * np.pi)
     elements = [a, draws.uniform(0.0, 6.28), e * np.cos(way), e * np.sin(way)]
     chief = cf.Chief.from_elements(EPOCH, [*elements, np.radians(draws.choice(orbits[1])), 0.3])
@@ -71,7 +71,7 @@ def rows(seed: int, held_out: bool) -> list[list[Any]]:
     tight, found = planned(0.0), []
     chief, turning = field.chief, np.cross(field.chief.state[:3], field.chief.state[3:])
     tilt = np.degrees(np.arccos(turning[2] / np.linalg.norm(turning)))
-    about = [(chief.semi_major_axis - cf.EARTH_RADIUS) / 1e3, tilt, chief.eccentricity]
+    about = [(chief.semi_major_axis - cf.elements.EARTH_RADIUS) / 1e3, tilt, chief.eccentricity]
     for sight in SIGHTS if tight.contacts else ():
         for thrust, off in THRUSTS.items():
             how: Any = {"feedback": FEEDBACKS[sight], "navigation": SIGHTS[sight], "thrust_error": off}

@@ -30,7 +30,7 @@ LONGEST = {model_error_estimate.MOVES: 8.0, model_error_estimate.COASTS: 16.0}  
 
 def drawn(draws: np.random.Generator, which: int) -> tuple[cf.Path, cf.Chief]:
     """Return a mission and its chief: a coast where `which` is even, else a transfer, every other at rest."""
-    a = cf.EARTH_RADIUS + draws.uniform(3e5, 1e6)
+    a = cf.elements.EARTH_RADIUS + draws.uniform(3e5, 1e6)
     e = 0.0 if draws.random() < 0.1 else 10.0 ** draws.uniform(-4.0, np.log10(0.02))
     perigee, latitude = draws.uniform(0.0, 2.0 * np.pi, 2)
     inclination = np.arccos(draws.uniform(-1.0, 1.0))

@@ -46,7 +46,7 @@ class Simulated:
         chief = field.chief_states([0.0])[0]
         felt = field.accelerations(0.0, chief)
         self.start = np.vstack(
-            [chief, cf.inertial_from_relative(chief, plan.paths.state(0.0), acceleration=felt)]
+            [chief, cf.elements.inertial_from_relative(chief, plan.paths.state(0.0), acceleration=felt)]
         )
         self.commanded = cf.compensated_thrust(plan, field, every=0.5 * STEP).commanded[:, 1::2]
 
@@ -67,7 +67,7 @@ class Simulated:
         def law(now: float, states: Array) -> Array:
             if round(now / STEP) % round(feedback.every / STEP) == 0:
                 felt = self.field.accelerations(0.0, states[0])
-                seen = cf.relative_from_inertial(states[0], states[1:], acceleration=felt)
+                seen = cf.elements.relative_from_inertial(states[0], states[1:], acceleration=felt)
                 off = seen + sizes * draws.normal(size=seen.shape) - paths.state(now)
                 last.update(begun=now, back=paths.orbit.transfer(off, np.zeros(6), feedback.horizon))
             back: Array = last["back"].thrust(now + 0.5 * STEP - last["begun"])

@@ -56,7 +56,7 @@ def measure(quick: bool) -> Report:
 def formation(rows: int) -> tuple[cf.Path, cf.Chief]:
     """Craft that coast about a chief for as many steps as there are to be states."""
     orbit = cf.Orbit.circular(500e3)
-    radius = cf.semi_major_axis_from_mean_motion(orbit.mean_motion)
+    radius = cf.elements.semi_major_axis_from_mean_motion(orbit.mean_motion)
     chief = cf.Chief.from_elements(EPOCH, [radius, 0.0, 0.0, 0.0, 1.7, 0.0])
     scale = [100.0] * 3 + [1e-3] * 3
     states = np.random.default_rng(1).normal(0.0, scale, (CRAFT, 6))

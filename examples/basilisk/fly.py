@@ -41,7 +41,7 @@ def task(seed: int) -> Task:
         count = int(draws.integers(3, 7))
         e, way = 10 ** draws.uniform(-3.3, -2.5), draws.uniform(0.0, 2.0 * np.pi)
         shape = [
-            cf.EARTH_RADIUS + draws.choice([450e3, 500e3, 800e3]),
+            cf.elements.EARTH_RADIUS + draws.choice([450e3, 500e3, 800e3]),
             draws.uniform(0.0, 6.28),
             e * np.cos(way),
         ]
@@ -81,7 +81,7 @@ def world(field: cf.Field, higher: bool = False) -> World:
     if field.drag is None:
         return World(*body)
     density, altitude, scale = field.drag.density, field.drag.altitude, field.drag.scale_height
-    grounded = density * np.exp(altitude / scale), cf.EARTH_RADIUS, scale  # as Basilisk has it
+    grounded = density * np.exp(altitude / scale), cf.elements.EARTH_RADIUS, scale  # as Basilisk has it
     return World(*body, *grounded, (field.drag.chief, *field.drag.ballistic))
 
 
@@ -89,7 +89,7 @@ def exported(one: Task, known: cf.Field, folder: Path, step: float) -> tuple[np.
     """Writes the start (N + 1, 6) and the thrust (N, K, 3) in the middle of each step, and reads them."""
     chief = one.field.chief_states([0.0])[0]
     felt = known.accelerations(0.0, chief, 0.02)
-    craft = cf.inertial_from_relative(chief, one.plan.paths.state(0.0), acceleration=felt)
+    craft = cf.elements.inertial_from_relative(chief, one.plan.paths.state(0.0), acceleration=felt)
     rows = np.vstack([chief, craft])
     head = "x_m,y_m,z_m,vx_m_s,vy_m_s,vz_m_s"
     np.savetxt(folder / "start.csv", rows, "%.17g", ",", header=head, comments="")
@@ -105,7 +105,7 @@ def exported(one: Task, known: cf.Field, folder: Path, step: float) -> tuple[np.
 def seen(one: Task, chief: np.ndarray, craft: np.ndarray) -> np.ndarray:
     """Relative states of craft (..., 6) in the axes of a chief (..., 6), as they turn."""
     felt = one.known.accelerations(0.0, chief, 0.02)
-    return cf.relative_from_inertial(chief, craft, acceleration=felt)
+    return cf.elements.relative_from_inertial(chief, craft, acceleration=felt)
 
 
 def open_loop(

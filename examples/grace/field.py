@@ -52,7 +52,7 @@ class Tesserals:
                 inner = (n - m + 2) * (n - m + 1) * (k * u[n + 1, m - 1]).conj()
                 flat += 0.5 * (inner - k * u[n + 1, m + 1])
         flat *= turned
-        return cf.EARTH_MU / GRAVITY_RADIUS**2 * np.stack([flat.real, flat.imag, rise], axis=1)
+        return cf.elements.EARTH_MU / GRAVITY_RADIUS**2 * np.stack([flat.real, flat.imag, rise], axis=1)
 
     def harmonics(self, plane: np.ndarray, up: np.ndarray, square: np.ndarray) -> dict:
         """Solid harmonics by degree and order, one degree further than the field."""
@@ -84,7 +84,7 @@ class Start:
         steps = int(self.chief.orbit.period // 10.0)
         self.begin, self.other = begin, other[0]
         self.times = 10.0 * np.arange(steps + 1)
-        self.flown = cf.relative_from_inertial(one[: steps + 1], other[: steps + 1])[:, :3]
+        self.flown = cf.elements.relative_from_inertial(one[: steps + 1], other[: steps + 1])[:, :3]
 
     @property
     def angle(self) -> float:
@@ -101,7 +101,7 @@ class Start:
     def errors(self, field: cf.Field) -> tuple[float, float]:
         """How far the relative position is off at most [m], from both states and from a start that fits."""
         felt = field.accelerations(0.0, self.chief.state)
-        start = cf.relative_from_inertial(self.chief.state, self.other, acceleration=felt)
+        start = cf.elements.relative_from_inertial(self.chief.state, self.other, acceleration=felt)
         off = self.flown - cf.coast(start, field, self.times[-1], within=0.05).position(self.times)
         fit = np.linalg.lstsq(self.changed.reshape(-1, 6), off.ravel(), rcond=None)[0]
         from_both, fitted = (np.linalg.norm(one, axis=1).max() for one in (off, off - self.changed @ fit))

@@ -30,9 +30,9 @@ def gravity(_, state, j2):
     r, v = state.reshape(-1, 2, 3).swapaxes(0, 1)
     distance = np.linalg.norm(r, axis=1, keepdims=True)
     sine = r[:, 2:] / distance
-    bulge = 1.5 * j2 * (cf.EARTH_RADIUS / distance) ** 2
+    bulge = 1.5 * j2 * (cf.elements.EARTH_RADIUS / distance) ** 2
     pull = r * (1 + bulge * (1 - 5 * sine**2)) + [0, 0, 2] * bulge * r
-    return np.hstack([v, -cf.EARTH_MU * pull / distance**3]).ravel()
+    return np.hstack([v, -cf.elements.EARTH_MU * pull / distance**3]).ravel()
 
 
 along = arc.states[1, :, 1] / 1e3
@@ -52,7 +52,7 @@ for first in range(0, len(chief.times) - steps, 94):
         run = solve_ivp(
             gravity, (0, times[-1]), start, "DOP853", times, args=(j2,), rtol=1e-11, atol=1e-5
         ).y.T
-        relative = cf.relative_from_inertial(run[:, :6], run[:, 6:], "arc", arc.radius)
+        relative = cf.elements.relative_from_inertial(run[:, :6], run[:, 6:], "arc", arc.radius)
         simulated.append(relative[:, :3])
     differences = (
         predicted[straight] - flown[straight],

@@ -13,9 +13,7 @@ _NAMES = {
     "zones.solids": "Box Ellipsoid Sphere Cylinder HalfSpaces",
     "zones.combined_zones": "CovarianceZone Body",
     "zones.pair_zones": "PairZones",
-    "conflicts.two_paths": (
-        "Conflict PairConflict Approach find_conflicts closest_approach last_possible_conflict"
-    ),
+    "conflicts.two_paths": "Conflict Approach find_conflicts closest_approach last_possible_conflict",
     "conflicts.all_pairs": "Screening screen",
     "uncertainty.errors": "Uncertainty",
     "uncertainty.encounter": "Encounter",
@@ -26,41 +24,25 @@ _NAMES = {
     "uncertainty.clearance": "SigmaApproach clearance_in_sigmas",
     "planning.avoid": "avoid",
     "planning.reconfigure": "reconfigure",
-    "planning.plan": "Avoidance Contact Plan Status ThrustShortfall",
+    "planning.plan": "Avoidance Plan Status",
     "planning.shadow_price": "ShadowPrice",
     "planning.clearance_cost_curve": "ClearanceCostCurve clearance_cost_curve",
-    "planning.max_clearance": "ClearanceStatus MaxClearance max_clearance",
-    "planning.sauter_palmer": "end_gradients",
+    "planning.max_clearance": "MaxClearance max_clearance",
     "planning.limits": "propellant",
     "fuel.arrivals": "TransferCostTable transfer_cost_table",
     "fuel.bound": "Bound delta_v_bound least_delta_v",
     "fuel.least_time": "least_time",
     "fuel.shortest": "shortest_transfer",
     "fuel.thrusters": "Thrusters",
-    "fuel.pulses": "Pulses",
     "fuel.firing": "ThrusterFiring fire_thrusters",
-    "motion.frames": "relative_from_inertial inertial_from_relative",
-    "motion.mean_motion": (
-        "EARTH_MU EARTH_RADIUS mean_motion_from_semi_major_axis mean_motion_from_altitude "
-        "mean_motion_from_period semi_major_axis_from_mean_motion altitude_from_mean_motion "
-        "period_from_mean_motion"
-    ),
-    "motion.palmer": "palmer_from_state state_from_palmer",
-    "motion.elements": "elements_from_inertial inertial_from_elements",
-    "motion.roe": (
-        "roe_from_elements elements_from_roe roe_from_state state_from_roe "
-        "scaled_roe_from_state state_from_scaled_roe"
-    ),
     "search.sensor": "Sensor",
-    "search.leg": "Leg",
     "search.schedule": "Search",
     "search.search_errors": "SearchErrors",
     "search.locks": "Locks lock_times",
     "search.lock_proof": "LockProof prove_locks",
     "search.longest_lock": "LongestLock longest_lock",
-    "search.margins": "LockMargins lock_margins",
-    "search.theorem": "TheoremCase theorem_case cone_regions cone_crossings regions_searched",
-    "search.gather_result": "Event EventKind GatherStatus Gathering",
+    "search.margins": "lock_margins",
+    "search.gather_result": "GatherStatus Gathering",
     "search.gatherings": "Gatherings",
     "search.gather": "gather gather_cases",
     "plots.results": "animate plot",
@@ -74,22 +56,26 @@ _NAMES = {
     "dynamics.feedback": "Feedback Navigation",
     "dynamics.field": "Field",
     "dynamics.simulate": "simulate",
-    "dynamics.retargeted": "Retargeted",
     "dynamics.simulation_result": "Simulation",
-    "dynamics.fitted": "FittedMargin fit_margin",
+    "dynamics.fitted": "fit_margin",
     "dynamics.tracking_margins": "TrackingMargins tracking_margins",
     "dynamics.natural": "coast transition",
     "dynamics.tube": "Tube tube",
     "dynamics.validity": "Validity validity",
-    "results.load": "LoadedRun LoadedStage LoadedStudy load",
+    "results.load": "load",
     "exchange.ephemeris": "Ephemeris",
     "exchange.oem": "read_oem read_oem_segments write_oem",
-    "exchange.covariance": "Covariances",
     "exchange.common_frame": "CommonFrame common_frame",
     "exchange.conjunction": "Conjunction ConjunctionObject",
     "exchange.cdm": "read_cdm write_cdm",
+    "exchange.covariance": "Covariances",
 }
-_MODULES = {"plots": "plots", "targets": "planning.targets"}
+_MODULES = {
+    "elements": "motion.conversions",
+    "papers": "papers",
+    "plots": "plots",
+    "targets": "planning.targets",
+}
 _HOMES = {name: module for module, names in _NAMES.items() for name in names.split()}
 
 

@@ -3,13 +3,13 @@
 from closeform import plots as plots
 from closeform.plots.results import animate as animate, plot as plot
 from closeform.planning import targets as targets
+from closeform import papers as papers
+from closeform.motion import conversions as elements
 from closeform.planning.avoid import avoid as avoid
 from closeform.planning.plan import (
     Avoidance as Avoidance,
-    Contact as Contact,
     Plan as Plan,
     Status as Status,
-    ThrustShortfall as ThrustShortfall,
 )
 from closeform.planning.shadow_price import ShadowPrice as ShadowPrice
 from closeform.planning.clearance_cost_curve import (
@@ -17,12 +17,10 @@ from closeform.planning.clearance_cost_curve import (
     clearance_cost_curve as clearance_cost_curve,
 )
 from closeform.planning.max_clearance import (
-    ClearanceStatus as ClearanceStatus,
     MaxClearance as MaxClearance,
     max_clearance as max_clearance,
 )
 from closeform.planning.reconfigure import reconfigure as reconfigure
-from closeform.planning.sauter_palmer import end_gradients as end_gradients
 from closeform.campaign import study as study
 from closeform.exchange.cdm import read_cdm as read_cdm, write_cdm as write_cdm
 from closeform.mission.mission import run as run
@@ -36,8 +34,7 @@ from closeform.dynamics.feedback import Feedback as Feedback, Navigation as Navi
 from closeform.dynamics.field import Field as Field
 from closeform.dynamics.simulate import simulate as simulate
 from closeform.dynamics.simulation_result import Simulation as Simulation
-from closeform.dynamics.fitted import FittedMargin as FittedMargin, fit_margin as fit_margin
-from closeform.dynamics.retargeted import Retargeted as Retargeted
+from closeform.dynamics.fitted import fit_margin as fit_margin
 from closeform.dynamics.tracking_margins import (
     TrackingMargins as TrackingMargins,
     tracking_margins as tracking_margins,
@@ -46,10 +43,7 @@ from closeform.dynamics.natural import coast as coast, transition as transition
 from closeform.dynamics.tube import Tube as Tube, tube as tube
 from closeform.dynamics.validity import Validity as Validity, validity as validity
 from closeform.exchange.common_frame import CommonFrame as CommonFrame, common_frame as common_frame
-from closeform.exchange.conjunction import (
-    Conjunction as Conjunction,
-    ConjunctionObject as ConjunctionObject,
-)
+from closeform.exchange.conjunction import Conjunction as Conjunction, ConjunctionObject as ConjunctionObject
 from closeform.exchange.covariance import Covariances as Covariances
 from closeform.exchange.ephemeris import Ephemeris as Ephemeris
 from closeform.exchange.oem import (
@@ -60,7 +54,6 @@ from closeform.exchange.oem import (
 from closeform.conflicts.two_paths import (
     Approach as Approach,
     Conflict as Conflict,
-    PairConflict as PairConflict,
     closest_approach as closest_approach,
     find_conflicts as find_conflicts,
     last_possible_conflict as last_possible_conflict,
@@ -91,39 +84,8 @@ from closeform.fuel.bound import (
 )
 from closeform.fuel.firing import ThrusterFiring as ThrusterFiring, fire_thrusters as fire_thrusters
 from closeform.fuel.least_time import least_time as least_time
-from closeform.fuel.pulses import Pulses as Pulses
 from closeform.fuel.shortest import shortest_transfer as shortest_transfer
 from closeform.fuel.thrusters import Thrusters as Thrusters
-from closeform.motion.elements import (
-    elements_from_inertial as elements_from_inertial,
-    inertial_from_elements as inertial_from_elements,
-)
-from closeform.motion.mean_motion import (
-    EARTH_MU as EARTH_MU,
-    EARTH_RADIUS as EARTH_RADIUS,
-    altitude_from_mean_motion as altitude_from_mean_motion,
-    mean_motion_from_altitude as mean_motion_from_altitude,
-    mean_motion_from_period as mean_motion_from_period,
-    mean_motion_from_semi_major_axis as mean_motion_from_semi_major_axis,
-    period_from_mean_motion as period_from_mean_motion,
-    semi_major_axis_from_mean_motion as semi_major_axis_from_mean_motion,
-)
-from closeform.motion.palmer import (
-    palmer_from_state as palmer_from_state,
-    state_from_palmer as state_from_palmer,
-)
-from closeform.motion.roe import (
-    elements_from_roe as elements_from_roe,
-    roe_from_elements as roe_from_elements,
-    roe_from_state as roe_from_state,
-    scaled_roe_from_state as scaled_roe_from_state,
-    state_from_roe as state_from_roe,
-    state_from_scaled_roe as state_from_scaled_roe,
-)
-from closeform.motion.frames import (
-    inertial_from_relative as inertial_from_relative,
-    relative_from_inertial as relative_from_inertial,
-)
 from closeform.planning.limits import propellant as propellant
 from closeform.motion.eccentric import EccentricOrbit as EccentricOrbit
 from closeform.motion.orbit import Orbit as Orbit
@@ -137,14 +99,9 @@ from closeform.search.gather import gather as gather, gather_cases as gather_cas
 from closeform.results.export import export as export
 from closeform.exchange.states_csv import read_csv as read_csv
 from closeform.results.load import (
-    LoadedRun as LoadedRun,
-    LoadedStage as LoadedStage,
-    LoadedStudy as LoadedStudy,
     load as load,
 )
 from closeform.search.gather_result import (
-    Event as Event,
-    EventKind as EventKind,
     GatherStatus as GatherStatus,
     Gathering as Gathering,
 )
@@ -152,18 +109,10 @@ from closeform.search.gatherings import Gatherings as Gatherings
 from closeform.search.locks import Locks as Locks, lock_times as lock_times
 from closeform.search.lock_proof import LockProof as LockProof, prove_locks as prove_locks
 from closeform.search.longest_lock import LongestLock as LongestLock, longest_lock as longest_lock
-from closeform.search.margins import LockMargins as LockMargins, lock_margins as lock_margins
-from closeform.search.leg import Leg as Leg
+from closeform.search.margins import lock_margins as lock_margins
 from closeform.search.schedule import Search as Search
 from closeform.search.search_errors import SearchErrors as SearchErrors
 from closeform.search.sensor import Sensor as Sensor
-from closeform.search.theorem import (
-    TheoremCase as TheoremCase,
-    cone_crossings as cone_crossings,
-    cone_regions as cone_regions,
-    regions_searched as regions_searched,
-    theorem_case as theorem_case,
-)
 from closeform.uncertainty.encounter import Encounter as Encounter
 from closeform.uncertainty.clearance import (
     SigmaApproach as SigmaApproach,
