@@ -361,7 +361,7 @@ def test_the_rest_of_one_stage_is_planned_anew(run: Path, tmp_path: Path, capsys
     )  # each thruster counts
     assert main(["simulate", str(run), "--control", "replan", "--out", str(tmp_path / "two")]) == 2
     why = "replan is for one stage, and there are 2"
-    said = f"--control: {why} in {run}; fly it by track, or a run with one stage"
+    said = f"--control: {why} in {run}; simulate it by track, or a run with one stage"
     assert capsys.readouterr().err == f"{said}\n"
     (tmp_path / "pushed").mkdir()
     swapped(tmp_path / "pushed", swap(more='cost = "delta-v"\n'))
@@ -369,7 +369,7 @@ def test_the_rest_of_one_stage_is_planned_anew(run: Path, tmp_path: Path, capsys
     pushed = tmp_path / "pushed" / "run"
     assert main(["simulate", str(pushed), "--control", "replan", "--out", str(tmp_path / "two")]) == 2
     said = (
-        f"--control: replan is for thrust that lasts, and impulses are planned in {pushed}; fly it by track, "
+        f"--control: replan is for thrust that lasts, and impulses are planned in {pushed}; simulate it by track, "
         'or a run with cost = "energy" in the stage'
     )
     assert capsys.readouterr().err == f"{said}\n"
