@@ -6,7 +6,10 @@ import resource
 import subprocess
 import sys
 import webbrowser
+from _thread import interrupt_main
 from pathlib import Path
+from threading import Thread
+from urllib.request import urlopen
 
 import numpy as np
 import pyarrow.parquet
@@ -315,6 +318,19 @@ def test_view(flown: tuple[Path, str], monkeypatch, capsys) -> None:
         assert main(["view", str(flown[0]), *options]) == 0
         assert opened.pop() == (flown[0] / name).resolve().as_uri()
         assert capsys.readouterr().out.rstrip() == str((flown[0] / name).resolve())
+
+
+def test_view_serves_the_folder_until_ctrl_c(flown: tuple[Path, str], monkeypatch) -> None:
+    served: list[bytes] = []
+
+    def fetch(address: str) -> None:
+        with urlopen(address, timeout=30) as answer:
+            served.append(answer.read())
+        interrupt_main()
+
+    monkeypatch.setattr(webbrowser, "open", lambda address: Thread(target=fetch, args=(address,)).start())
+    assert main(["view", str(flown[0]), "--serve"]) == 0
+    assert served == [(flown[0] / "viewer.html").read_bytes()]
 
 
 def test_run_leaves_the_viewer_unless_asked_not_to(flown: tuple[Path, str], tmp_path, monkeypatch) -> None:

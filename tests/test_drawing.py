@@ -60,7 +60,9 @@ def test_others_draw_the_same_and_leave_nothing_to_this_process(tmp_path, alone,
     assert draw(tmp_path) == (alone[0], [])
 
 
-FILM = Film("film", "a flight", "moving_formation.reel", ((PATH, OTHER),), {"zone": cf.Sphere(50.0), "frames": 7})
+FILM = Film(
+    "film", "a flight", "moving_formation.reel", ((PATH, OTHER),), {"zone": cf.Sphere(50.0), "frames": 7}
+)
 
 
 def film(place):

@@ -369,8 +369,8 @@ def test_the_rest_of_one_stage_is_planned_anew(run: Path, tmp_path: Path, capsys
     pushed = tmp_path / "pushed" / "run"
     assert main(["simulate", str(pushed), "--control", "replan", "--out", str(tmp_path / "two")]) == 2
     said = (
-        f"--control: replan is for thrust that lasts, and impulses are planned in {pushed}; simulate it by track, "
-        'or a run with cost = "energy" in the stage'
+        f"--control: replan is for thrust that lasts, and impulses are planned in {pushed}; simulate it by "
+        'track, or a run with cost = "energy" in the stage'
     )
     assert capsys.readouterr().err == f"{said}\n"
 

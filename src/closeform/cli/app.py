@@ -219,15 +219,23 @@ app.command(study, sort_key=3)
 
 
 @app.command(sort_key=4)
-def view(directory: Path, /, *, report: Annotated[bool, Parameter(negative="")] = False) -> int:
-    """Open in a browser what a run left: the page in which it moves; or its report, as of a study.
+def view(
+    directory: Path,
+    /,
+    *,
+    report: Annotated[bool, Parameter(negative="")] = False,
+    serve: Annotated[bool, Parameter(negative="")] = False,
+) -> int:
+    """Open the animated page of a run in a browser, or the report of a study.
 
     Parameters
     ----------
     directory
         Result folder of a run, or of a study.
     report
-        The report instead.
+        Open the report of a run instead.
+    serve
+        Serve the folder at a local address until Ctrl-C, for browsers that do not open local files.
     """
     import webbrowser
 
@@ -236,8 +244,21 @@ def view(directory: Path, /, *, report: Annotated[bool, Parameter(negative="")] 
 
     settle(directory)
     page = page_of(directory, report).resolve()
-    print(page)
-    webbrowser.open(page.as_uri())
+    if not serve:
+        print(page)
+        webbrowser.open(page.as_uri())
+        return CLEAR
+    from contextlib import suppress
+    from functools import partial
+    from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+
+    handler = partial(SimpleHTTPRequestHandler, directory=page.parent)
+    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        address = f"http://127.0.0.1:{server.server_port}/{page.name}"
+        print(f"{address} (Ctrl-C ends it)", flush=True)
+        webbrowser.open(address)
+        with suppress(KeyboardInterrupt):
+            server.serve_forever()
     return CLEAR
 
 
