@@ -541,7 +541,7 @@ def test_messages(tmp_path, monkeypatch, capsys) -> None:
         "--scheduler: tcp://127.0.0.1:1 does not answer within 5 s; start it, or check the address"
     ]
     assert refused(capsys, ["study", "one.toml"]) == [
-        "one.toml: study.vary: P and Q are at one place in case 0; draw their positions"
+        "one.toml: study.vary: P and Q start at the same position in case 0; vary their positions"
     ]
     assert {file.name for file in Path().iterdir()} == {"s04.toml", "robust.toml", "cluster.toml", "one.toml"}
     assert main(["check", "s04.toml"]) == 0  # a study flies it, and so does a run of one case
@@ -556,13 +556,13 @@ def test_messages(tmp_path, monkeypatch, capsys) -> None:
         (
             'half_angle = "20 deg"',
             'half_angle = "60 deg"',
-            "search.sun_limit: a half-angle of 60 deg needs tips of 35.264 deg, the limit is 25 deg; "
-            "a half-angle of 67.0902 deg would do",
+            "search.sun_limit: a half-angle of 60 deg requires tips of 35.264 deg, the limit is 25 deg; "
+            "a half-angle of 67.0902 deg is sufficient",
         ),
         (
             'half_angle = "20 deg"',
             'half_angle = "40 deg"',
-            "sensor.half_angle: 40 deg is below 45 deg, no tip covers the complementary cones; ",
+            "sensor.half_angle: 40 deg is below 45 deg; no tip covers the complementary cones; ",
         ),
         ('sun_limit = "25 deg"', 'sun_limit = "95 deg"', "search: sun_limit must be below 90 deg; "),
         ('"A", "B", "A"', '"A", "A", "A"', "craft.group: nobody is in group B, "),
@@ -593,7 +593,7 @@ def test_what_a_search_refuses(old: str, new: str, line: str) -> None:
 
 def test_a_gathering_without_an_end_of_its_near_field() -> None:
     text = GATHERING.replace('sun_limit = "25 deg"', 'sun_limit = "25 deg"\nmax_speed = "1 m/s"')
-    with pytest.raises(ScenarioError, match=r"search\.max_speed: .* the near field has no end; "):
+    with pytest.raises(ScenarioError, match=r"search\.max_speed: .* the near field is unbounded; "):
         parse(text)
     with pytest.raises(ScenarioError, match=r"stage\[1\]\.rounds: 1001 is above 1000; "):
         parse(GATHERING.replace('do = "gather"', 'do = "gather"\nrounds = 1001'))
@@ -601,7 +601,7 @@ def test_a_gathering_without_an_end_of_its_near_field() -> None:
 
 @pytest.mark.parametrize("cases", [0, 10**9, 1.5, True])
 def test_arguments_of_study(cases: object) -> None:
-    with pytest.raises(ValueError, match=r"^cases: .*; give"):
+    with pytest.raises(ValueError, match=r"^cases: "):
         study(S04, cases)
 
 

@@ -811,7 +811,7 @@ def test_a_plan_that_there_is_not_is_told():
     seed, time, why = flights.refused[0]
     assert seed in (0, 1)
     assert time in (300.0, 600.0, 900.0, 1200.0, 1500.0)
-    assert why.startswith("2 of the room: craft 0 and craft 1")
+    assert why.startswith("2 of the margin: craft 0 and craft 1")
     assert flights.greatest_deviation < 30.0  # m: tracked all the same
 
 

@@ -76,8 +76,8 @@ def test_what_is_printed_and_left(tmp_path: Path, capsys):
     assert main(["run", str(file), "--out", str(tmp_path / "out"), "--no-viewer"]) == 1
     lines = capsys.readouterr().out.splitlines()
     at = next(k for k, line in enumerate(lines) if line.startswith("Stage 1"))
-    assert lines[at + 1].startswith("In J2 to J4 and drag, flown as planned, ")
-    assert " x zone (entered), A and B; as planned 1.0000. Hill's equations leave out " in lines[at + 2]
+    assert lines[at + 1].startswith("In J2 to J4 and drag, without compensation, ")
+    assert " (entered), A and B; as planned 1.0000. The model error of Hill's equations is " in lines[at + 2]
     assert any(line.startswith("Warning: stage 1: flown as planned") for line in lines)
     told = json.loads((tmp_path / "out" / "summary.json").read_text())["stages"][0]["in_field"]
     assert told["field"] == "J2 to J4 and drag"

@@ -217,7 +217,7 @@ def test_what_is_counted(missions):
         middle = flights.nearness.quantiles[share].value
         assert middle == pytest.approx(np.quantile(ratios, share), rel=1e-12)
         assert f"{said} {middle:.4g}" in headline.get_text()
-    assert missions.spreads["flown: delta-v of all craft [m/s]"].worst[0][0] == spent.max()
+    assert missions.spreads["simulated: delta-v of all craft [m/s]"].worst[0][0] == spent.max()
     captions = [one.caption for one in MissionStudyReport(missions).pictures]
     assert captions[:2] == ["What all craft spend together, as planned", "What all craft spend in flight"]
     reason = missions.column("reason")[flights.nearest[1]]
@@ -361,4 +361,4 @@ def test_cases_that_cannot_be_flown_do_not_count_as_flights():
         assert np.array_equal(np.isnan(missions.column(name)), grounded)
     assert missions.flights.count == 6 - grounded.sum()
     assert missions.counts["refused"] == grounded.sum()
-    assert f"{grounded.sum()} of 6 cases cannot be flown: " in missions.reason
+    assert f"{grounded.sum()} of 6 cases not feasible: " in missions.reason

@@ -280,7 +280,7 @@ def test_a_margin_of_errors_of_burns_is_flown_clear(cost, errors):
 
 def test_what_cannot_be_drawn_is_named():
     path = formation(0.1)
-    with pytest.raises(ValueError, match=r"^errors: a room counts no white noise, which flights draw"):
+    with pytest.raises(ValueError, match=r"^errors: tracking margins do not cover process noise"):
         cf.tracking_margins(path, FIELD, errors=cf.Uncertainty(noise=1e-9))
     with pytest.raises(ValueError, match=r"^errors: 2 for 4 craft; give one, or one for each$"):
         cf.simulate(path, FIELD, errors=[None, BURNS])

@@ -152,7 +152,7 @@ def test_options_stand_for_what_the_scenario_says(run: Path, tmp_path: Path, cap
     assert 'closeform simulate swap-results --every "2 min"' in changed["command"]
     capsys.readouterr()
     assert main(["simulate", str(run), "--horizon", "30 s"]) == 2
-    said = "--horizon: 30 s is shorter than the 60 s between measurements; give a longer one\n"
+    said = "--horizon: 30 s is shorter than the 60 s between measurements; increase the horizon\n"
     assert capsys.readouterr().err == said
 
 

@@ -310,14 +310,14 @@ def test_errors_of_nothing_change_nothing(speed):
 def test_errors_that_do_not_fit_the_craft_are_refused():
     search, r, v = modified(), *drawn(3, 4)
     wrong = cf.SearchErrors(start=np.zeros(3))
-    told = r"errors: start of 4 craft is \(N\), or alike for all; got \(3,\)"
+    told = r"errors: start of 4 craft is \(N\), or common to all; got \(3,\)"
     with pytest.raises(ValueError, match=told):
         cf.gather(search, r, v, errors=wrong)
-    told = r"errors: start of 4 craft in 2 cases is \(C, N\), \(N\), or alike for all; got \(3,\)"
+    told = r"errors: start of 4 craft in 2 cases is \(C, N\), \(N\), or common to all; got \(3,\)"
     with pytest.raises(ValueError, match=told):
         cf.gather_cases(search, np.stack([r, r]), np.stack([v, v]), errors=wrong)
     turned = cf.SearchErrors(pointing=np.zeros((3, 3)))
-    with pytest.raises(ValueError, match=r"pointing of 4 craft is \(N, 3\), or alike for all; got \(3, 3\)"):
+    with pytest.raises(ValueError, match=r"pointing of 4 craft is \(N, 3\), or common to all; got \(3, 3\)"):
         cf.gather(search, r, v, errors=turned)
     with pytest.raises(ValueError, match=r"errors: expected SearchErrors, got 0\.1"):
         cf.gather(search, r, v, errors=0.1)
@@ -669,7 +669,7 @@ def test_only_the_lost_burn_in_the_near_field_search():
     assert [e.first for e in burns] == [2, 2, 2]  # once a round, as long as it is lost
     assert np.allclose([e.time for e in burns], [k * span - wait for k in (1, 2, 3)], rtol=1e-13)
     assert g.lost == (2,)
-    assert "craft 2 locked nobody" in g.reason
+    assert "craft 2 locked with no craft" in g.reason
     assert g.rounds == 3
     # whom the wait itself lets drift out of the near field does not burn
     g = cf.gather(search, [[0, 0, 0], [0, 0, 60.0]], [[0, 0, 0], [0.5, 0, 0]], max_speed=0.5)
@@ -730,7 +730,7 @@ def test_a_search_without_events():
     assert g.conflicts == ()
     assert g.sets == ()
     assert g.lost == (0, 1)
-    assert g.reason == "craft 0 and 1 locked nobody in 1 round"
+    assert g.reason == "craft 0 and 1 locked with no craft in 1 round"
 
 
 # ---- bad input
@@ -779,7 +779,7 @@ def test_bad_input_names_the_argument():
 
 def test_coincident_craft_are_told_with_their_case():
     positions = np.stack([GOOD[0], GOOD[0][[0, 1, 3, 3]]])
-    with pytest.raises(ValueError, match=r"craft 2 and 3 are at one place in case 1"):
+    with pytest.raises(ValueError, match=r"craft 2 and 3 are at the same position in case 1"):
         cf.gather_cases(modified(), positions, np.zeros((2, 4, 3)))
     with pytest.raises(ValueError, match="no cases"):
         cf.gather_cases(modified(), positions[:0], positions[:0])

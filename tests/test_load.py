@@ -186,8 +186,8 @@ def test_folders_of_others_and_other_versions(moved, tmp_path) -> None:
     (tmp_path / "theirs").mkdir()
     (tmp_path / "file").write_text("x")
     for name, words in (
-        ("none", "no such folder; give the folder that a run left"),
-        ("file", "is a file; give the folder that a run left"),
+        ("none", "no such folder; give the result folder of a run"),
+        ("file", "is a file; give the result folder of a run"),
         ("theirs", "holds no finished results; run the scenario first"),
     ):
         with pytest.raises(FolderError, match=f"{name}: {words}$"):
@@ -197,7 +197,7 @@ def test_folders_of_others_and_other_versions(moved, tmp_path) -> None:
     for changes, words in (
         ({"closeform": 2}, "has format 2, this version reads 1; run it again"),
         ({"kind": None}, "was left by an earlier version or another command; run it again"),
-        ({"versions": {}}, r"summary\.json is none of closeform's; give the folder"),
+        ({"versions": {}}, r"summary\.json was not written by closeform; give the folder"),
         ({"stages": [{}]}, "its tables is damaged; run it again"),
     ):
         (place / SUMMARY).write_text(json.dumps(summary | changes))

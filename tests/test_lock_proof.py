@@ -352,7 +352,7 @@ def test_a_cone_wider_than_half_of_the_sky():
 
 def test_bad_input():
     for arguments, message in [
-        ({"low": DRAWN}, "low: component 0 of 1000 is above 1 of high; give the lesser one first"),
+        ({"low": DRAWN}, "low: component 0 of 1000 is above 1 of high; exchange them"),
         ({"low": [1, 2, 3]}, r"low: expected shape \(6,\), position and velocity, got \(3,\)"),
         ({"high": np.full(6, nan)}, "high: every number must be finite"),
         ({"low": np.zeros(6), "high": np.zeros(6)}, "high: the box is the origin alone"),

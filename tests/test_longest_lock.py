@@ -95,7 +95,10 @@ def test_all_at_once():
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"low": np.zeros(6), "high": [0, 0, 0, 1, 1, 1]}, "high: all pairs of the box start at one place"),
+        (
+            {"low": np.zeros(6), "high": [0, 0, 0, 1, 1, 1]},
+            "high: all pairs of the box start at the same position",
+        ),
         ({"low": 2 * np.ones(6)}, "low: component 0 of 2 is above 1 of high"),
         ({"seed": -1}, "seed: expected a whole number from 0 on, got -1"),
         ({"nodes": 0}, "nodes: expected a whole number from 1 on, got 0"),

@@ -178,11 +178,11 @@ def test_margins_beyond_a_right_angle():
             Search.basic(Sensor(1.2, range=9.0), RATE, LIMIT),
             [1, 2, 3],
             [0, 0, 0],
-            "search: .* the range is 9 m",
+            "search: .* unlimited range, got 9 m",
         ),
         (S04, [1, 2], [0, 0, 0], r"position: expected shape \(3,\)"),
         (S04, [1, 2, 3], np.zeros((4, 3)), r"velocity: expected shape \(3,\)"),
-        (S04, [0, 0, 0], [1, 0, 0], "position: the two craft are at one place"),
+        (S04, [0, 0, 0], [1, 0, 0], "position: the two craft are at the same position"),
         (S04, [1, 2, 3], [inf, 0, 0], "velocity: must be finite"),
     ],
 )

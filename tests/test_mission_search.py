@@ -330,7 +330,7 @@ def test_an_incomplete_gathering_stops_the_mission(tmp_path, monkeypatch, capsys
     run = run_text(two_apart('do = "gather"'), tmp_path, monkeypatch, capsys)
     assert run.status == 1
     assert len(run.summary["stages"]) == 1
-    assert run.summary["verdict"] == "stopped in stage 1 (gather): craft L3 locked nobody in 2 rounds"
+    assert run.summary["verdict"] == "stopped in stage 1 (gather): craft L3 locked with no craft in 2 rounds"
     assert run.summary["stages"][0]["gathering"]["lost"] == ["L3"]
     assert {row["craft"]: row["set"] for row in run.table("sets")} == {"L1": 0, "L2": 0, "L3": -1}
     assert "Lost: L3" in run.printed

@@ -132,7 +132,7 @@ def test_thrust_that_lasts_is_fired_once_in_a_period():
     same = cf.simulate(path, FIELD, thrusters=thrusters, feedback=cf.Feedback(60.0, 600.0, impulses=10))
     assert np.array_equal(every.states, same.states)
     with pytest.raises(
-        ValueError, match=r"^feedback: pulses 50 s apart, of thrusters that fire once in 60 s; give"
+        ValueError, match=r"^feedback: pulses 50 s apart, but thrusters fire once in 60 s; give"
     ):
         cf.simulate(path, FIELD, thrusters=thrusters, feedback=cf.Feedback(60.0, 600.0, impulses=12))
 

@@ -57,8 +57,8 @@ def test_a_run_says_so_and_a_margin_is_none():
         text = text.replace(f'"0 0 {sign}120 m"', f'"0 {sign}120 0 m"')
     mission = fly(parse(text))
     assert mission.stopped is not None
-    assert mission.stopped.startswith("stage 1 (reconfigure): no margin fits: the plan cannot be flown: ")
-    assert "thrusters: A: to some side none pushes" in mission.stopped
+    assert mission.stopped.startswith("stage 1 (reconfigure): no margin fits: the plan is not feasible: ")
+    assert "thrusters: A: an axis without a thruster" in mission.stopped
     assert mission.verdict.status == 1
     flown = fly(parse(text.replace('"auto"', '"1 m"')))
     assert flown.stopped is None
@@ -77,4 +77,4 @@ def test_a_run_says_so_and_a_margin_is_none():
     )
     assert not none.fits
     assert none.room is None
-    assert none.reason.startswith("the plan cannot be flown: thrusters: craft 0: to some side")
+    assert none.reason.startswith("the plan is not feasible: thrusters: craft 0: an axis")

@@ -152,7 +152,7 @@ def test_errors_that_do_not_fit_the_pairs_are_refused():
     search = cf.Search.modified(cf.Sensor(radians(70)), RATE, LIMIT)
     r, v = drawn(4, 14)
     with pytest.raises(
-        ValueError, match=r"errors: start of 4 pairs is \(M, 2\), or alike for all pairs; got \(4,\)"
+        ValueError, match=r"errors: start of 4 pairs is \(M, 2\), or common to all pairs; got \(4,\)"
     ):
         cf.lock_times(search, r, v, cf.SearchErrors(start=np.zeros(4)))
     with pytest.raises(ValueError, match=r"errors: half_angle leaves 3\.9.* rad; it must stay between"):

@@ -497,7 +497,7 @@ BAD = {
     "direction": (lambda: WEDGE.support([1.0, 0.0]), r"direction: expected shape \(..., 3\)"),
     "gather": (
         lambda: cf.gather(cf.Search.basic(cf.Sensor(1.2), 0.004, 0.4), np.eye(3), np.eye(3), keep_out=WEDGE),
-        "keep_out: a gathering keeps a Sphere, Ellipsoid or Box clear, not a HalfSpaces",
+        "keep_out: a gathering requires a Sphere, Ellipsoid or Box, got a HalfSpaces",
     ),
 }
 

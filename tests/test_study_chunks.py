@@ -69,7 +69,7 @@ def flown_ranges(monkeypatch: pytest.MonkeyPatch) -> list[int]:
         (
             KeyboardInterrupt(),
             130,
-            "stopped by the keyboard; 3 of 6 chunks are kept in out, the same command",
+            "stopped by the keyboard; 3 of 6 chunks are kept in out; run the same command",
         ),
         (
             OSError(28, "No space left on device"),
@@ -86,10 +86,11 @@ def test_a_study_goes_on_where_it_stopped(error, status, said, desk, monkeypatch
     assert said in capsys.readouterr().err
     assert not (desk / "out" / "summary.json").exists()
     assert main(["run", "narrow.toml", "--case", "1", "--out", "out"]) == 2  # nobody else takes its place
-    assert "out: holds an unfinished study; go on with it, add --overwrite" in capsys.readouterr().err
+    assert "out: holds an unfinished study; continue it, add --overwrite" in capsys.readouterr().err
     assert main(["view", "out"]) == 2
     told = (
-        "out: holds an unfinished study, 3 of 6 chunks are whole; go on with it by the same closeform study\n"
+        "out: holds an unfinished study, 3 of 6 chunks are complete; "
+        "run the same closeform study command to continue\n"
     )
     assert capsys.readouterr().err == told
     again = flown_ranges(monkeypatch)
@@ -137,7 +138,7 @@ def test_overwrite_replaces_an_unfinished_study_of_another_seed(desk, monkeypatc
     ("options", "what"),
     [
         (["--seed", "8"], "seed 7, not 8"),
-        ([], 'another scenario: study.vary."craft.velocity".normal "5 cm/s", not "6 cm/s"; give'),
+        ([], 'another scenario: study.vary."craft.velocity".normal "5 cm/s", not "6 cm/s"; repeat'),
     ],
 )
 def test_another_study_does_not_mix(options, what, desk, monkeypatch, capsys) -> None:
@@ -150,7 +151,7 @@ def test_another_study_does_not_mix(options, what, desk, monkeypatch, capsys) ->
     assert main([*STUDY, *options]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith(f"out: holds 2 chunks of an unfinished study of {what}")
-    assert line.endswith("; give the same again to go on, or --overwrite to start anew")
+    assert line.endswith("; repeat the same study to continue it, or add --overwrite to start again")
     assert before == (rows(desk / "out" / ".unfinished" / "results"), manifest.read_text())
     assert main([*STUDY, *options, "--overwrite"]) == 1
     assert json.loads((desk / "out" / "summary.json").read_text())["cases"] == 300
@@ -311,7 +312,7 @@ def test_a_task_is_text_and_numbers_and_gives_the_same_bytes() -> None:
         assert (one.data, one.digest, one.met) == (here.data.to_pybytes(), here.digest, here.met)
     other = sent._replace(made_with=(("numpy", "0.1"),))
     (line,) = task.fly(other, ((0, 50),)).refused
-    assert line.endswith(", not 0.1; give all the same versions")
+    assert line.endswith(", not 0.1; install the same versions on all machines")
 
 
 def test_what_a_worker_cannot_fly_is_said_as_here() -> None:

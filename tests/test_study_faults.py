@@ -214,7 +214,7 @@ def test_a_scheduler_that_is_killed_ends_in_a_line(original: Path, desk: Path, m
         *before, line = said(err)
         assert before == goes_on(kept)
         assert line.startswith(f"--scheduler: {machines.file} no longer answers; start it again; ")
-        assert line.endswith(f"{whole(desk)} of 40 chunks are kept in out, and the same command goes on")
+        assert line.endswith(f"{whole(desk)} of 40 chunks are kept in out; run the same command to continue")
         assert whole(desk) >= ahead
         kept = whole(desk)
         machines.begin()
@@ -299,4 +299,4 @@ def test_two_studies_in_a_folder(desk: Path) -> None:
     _, err = study.communicate(timeout=60)
     assert study.returncode == 130
     assert err.startswith("closeform: stopped by the keyboard; ")
-    assert f"{whole(desk)} of 40 chunks are kept in out, the same command goes on" in err
+    assert f"{whole(desk)} of 40 chunks are kept in out; run the same command to continue" in err

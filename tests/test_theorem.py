@@ -349,9 +349,12 @@ def test_planar_theorem(half_angle):
 @pytest.mark.parametrize(
     ("search", "message"),
     [
-        (Search.basic(Sensor(radians(70)), RATE, LIMIT), "search: the theorem is about Search.modified"),
-        (Search.modified(Sensor(radians(70), 7.5), RATE, LIMIT), "at the centre of mass, not 7.5 m off it"),
-        (Search.modified(Sensor(radians(70), range=500.0), RATE, LIMIT), "the range is 500 m"),
+        (Search.basic(Sensor(radians(70)), RATE, LIMIT), "search: the theorem covers only Search.modified"),
+        (
+            Search.modified(Sensor(radians(70), 7.5), RATE, LIMIT),
+            "at the centre of mass, got an offset of 7.5 m",
+        ),
+        (Search.modified(Sensor(radians(70), range=500.0), RATE, LIMIT), "unlimited range, got 500 m"),
     ],
 )
 def test_searches_that_the_theorem_does_not_cover(search, message):
@@ -366,7 +369,7 @@ def test_searches_that_the_theorem_does_not_cover(search, message):
         ([1.0, 2.0, 3.0], np.zeros((2, 3)), r"velocity: expected shape \(3,\), got \(2, 3\)"),
         ([1.0, np.nan, 3.0], [0.0, 0.0, 0.0], "position: must be finite"),
         ([1.0, 2.0, 3.0], [0.0, 0.0, inf], "velocity: must be finite"),
-        ([0.0, 0.0, 0.0], [1.0, 0.0, 0.0], "position: the two craft are at one place"),
+        ([0.0, 0.0, 0.0], [1.0, 0.0, 0.0], "position: the two craft are at the same position"),
         ([10.0, 0.0, 20.0], [-0.5, 0.0, -1.0], "velocity: the craft collide at 20 s"),
         (None, [1.0, 0.0, 0.0], "position: "),
     ],

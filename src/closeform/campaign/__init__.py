@@ -1,4 +1,4 @@
-"""Campaigns: a scenario's search flown over many drawn cases, and what became of them."""
+"""Monte Carlo studies of a scenario: sampling, execution of the cases, and statistics."""
 
 from closeform.campaign.campaign import asked, flown, study
 from closeform.campaign.draws import drawn

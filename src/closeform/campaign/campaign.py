@@ -1,8 +1,8 @@
-"""Campaign: a scenario flown over many drawn cases.
+"""Study of a scenario: evaluate many sampled cases and collect their statistics.
 
-    scenario -> kind of cases -> chunks of them, flown on all cores -> tally -> shares -> result folder
+    scenario -> kind of cases -> chunks of them, on all cores -> tally -> shares -> result folder
 
-No mathematics: what a case is stands in `draws`, what becomes of it in `search`.
+This module holds no mathematics: `draws` samples the cases, and `search` and `mission` evaluate them.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from closeform.campaign.sweep_cases import SweepCampaign
 
 MOST_CASES = 100_000_000
-MOST_LOCKS = 500_000_000  # times with their legs that arrays hold: 8 GB
+MOST_LOCKS = 500_000_000  # lock times held as arrays with their legs: 8 GB
 Progress = Callable[[int], None]
 FLIES: dict[type[StageTable], Callable[[Scenario, int], Cases]] = {Lock: LockCases.of, Gather: GatherCases.of}
 
@@ -39,39 +39,40 @@ FLIES: dict[type[StageTable], Callable[[Scenario, int], Cases]] = {Lock: LockCas
 def study(
     file: str | Path, cases: int | None = None, seed: int | None = None
 ) -> Campaign | ErrorCampaign | MissionCampaign | SweepCampaign:
-    """Fly many cases of a scenario, each with its own draws from [study.vary], or of its errors.
+    """Run a Monte Carlo study of a scenario: evaluate many cases, each with its own samples.
 
-    Case K is the same in every study of the file with the same seed, however many cases it has;
-    `closeform run FILE --case K` shows one.
+    The samples come from [study.vary], or from the uncertainty of the craft. Case K is the same in every
+    study of the file with the same seed, however many cases it has; `closeform run FILE --case K` shows one.
 
     Parameters
     ----------
     file : str or path-like
         A scenario with a [study].
     cases : int, optional
-        C, instead of the number in its [study] table.
+        Number of cases C, instead of that in the [study] table.
     seed : int, optional
-        Instead of that in its [study] table.
+        Seed, instead of that in the [study] table.
 
     Returns
     -------
     Campaign, ErrorCampaign, MissionCampaign or SweepCampaign
-        Of one search a LockCampaign or a GatherCampaign: arrays (C,) of times [s] and, of gatherings, delta-v
-        [m/s]; failed cases stay in the denominators of its `shares`.  Of errors who is ever `inside` what, in
-        which cases.  Of any other scenario the `statuses` (C,) and `column` of delta-v [m/s], ends [s] and
-        least ratios.  Of a sweep its `points`, each with such a `campaign`.
+        For one search a LockCampaign or a GatherCampaign with arrays (C,) of times [s] and, for gatherings,
+        delta-v [m/s]; failed cases stay in the denominators of its `shares`. For sampled errors the pairs
+        that are ever `inside` a zone, case by case. For any other scenario the `statuses` (C,) and `column`
+        of delta-v [m/s], end times [s] and minimum clearance ratios. For a sweep its `points`, each with
+        such a `campaign`.
 
     Raises
     ------
     ScenarioError
         If the scenario cannot be read or studied; a ValueError.
     ValueError
-        If `file` is no path, or a number of cases or a seed makes no sense.
+        If `file` is not a path, or the number of cases or the seed is out of range.
 
     Notes
     -----
-    The arrays are held: some 20 bytes for each case and pair.  `closeform study` writes cases to files as
-    they are flown, and needs the same memory for any number of them.
+    The arrays stay in memory: some 20 bytes for each case and pair. `closeform study` writes finished cases
+    to files, and its memory does not grow with the number of cases.
     """
     found: Campaign | ErrorCampaign | MissionCampaign | SweepCampaign
     found = flown(load(instance("file", file, str, Path)), cases, seed)
@@ -84,13 +85,15 @@ def flown(
     seed: int | None = None,
     progress: Progress = lambda done: None,
 ) -> Any:
-    """The campaign of a scenario that has been read, in arrays; `progress` is told how many are done."""
+    """Return the campaign of a loaded scenario as arrays; `progress` receives the number of cases done."""
     kind, count = asked(scenario, cases, seed)
     if isinstance(kind, LockCases):
         shape = (1 + len(kind.steps), count, len(kind.pairs))  # exact detection first, then at each step
         if prod(shape) > MOST_LOCKS:
             most = MOST_LOCKS // (shape[0] * shape[2])
-            line = f"{count} of {len(kind.pairs)} pairs, {shape[0]} ways of detection, are too many at once"
+            line = (
+                f"{count} of {len(kind.pairs)} pairs, with {shape[0]} detection methods, are too many to hold"
+            )
             raise ScenarioError(scenario.file, [f"study.cases: {line}; give {most} at most"])
     held, done = Held(kind, count), 0
     size = kind.in_chunk(count)
@@ -104,9 +107,9 @@ def flown(
 
 
 def asked(scenario: Scenario, cases: int | None, seed: int | None) -> tuple[Cases, int]:
-    """The kind of cases that a study of a scenario flies, and how many.
+    """Return the kind of cases that a study of the scenario evaluates, and their number.
 
-    Raises ScenarioError where it cannot be studied, and ValueError for a number that makes no sense.
+    Raises ScenarioError if the scenario cannot be studied, and ValueError for a number out of range.
     """
     if scenario.study is None:
         raise ScenarioError(scenario.file, ["study: missing; add [study] with cases = 1000 and seed = 1"])
@@ -127,13 +130,13 @@ def asked(scenario: Scenario, cases: int | None, seed: int | None) -> tuple[Case
 
 
 def kind_of(scenario: Scenario, seed: int) -> Cases:
-    """The kind of cases of a scenario."""
+    """Return the kind of cases of a scenario."""
     if scenario.study is not None and scenario.study.draws == "errors":
-        from closeform.campaign.error_cases import ErrorCases  # whose kernels searches can spare
+        from closeform.campaign.error_cases import ErrorCases  # imported late: compiles kernels
 
         return ErrorCases(scenario, seed)
     if not scenario.searches_alone:
-        from closeform.campaign.mission_cases import MissionCases  # whose plans searches can spare
+        from closeform.campaign.mission_cases import MissionCases  # imported late: the planner
 
         return MissionCases(scenario, seed)
     try:
@@ -145,9 +148,9 @@ def kind_of(scenario: Scenario, seed: int) -> Cases:
 
 
 def whole(name: str, value: Any, least: int, most: int | None) -> int:
-    """An argument that is a whole number within bounds."""
+    """Return an integer argument after a check of its bounds."""
     if isinstance(value, bool) or not isinstance(value, int | np.integer):
-        raise ValueError(f"{name}: must be a whole number, got {shown(value)}; give one")
+        raise ValueError(f"{name}: must be a whole number, got {shown(value)}")
     if value < least or (most is not None and value > most):
         bounds = f"at least {least}" + (f" and at most {most}" if most is not None else "")
         raise ValueError(f"{name}: {value} is out of range; give {bounds}")

@@ -1,4 +1,4 @@
-"""Cases: what a study flies; case K is the same wherever, whenever and beside whichever others."""
+"""Cases of a study: case K does not depend on the range, the machine or the other cases evaluated with it."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ Range = tuple[int, int]
 
 @dataclass(frozen=True, eq=False)
 class Cases(ABC):
-    """The cases of one kind of study, made from a scenario and a seed alone, on any machine.
+    """Cases of one kind of study, determined by a scenario and a seed alone.
 
-    `at_once`: how many are flown in a chunk at most, some tenths of a second's work, what a killed study
-    loses.  `drawn`: the columns that seed and case give again, which are left out where arrays are held.
+    `at_once`: the greatest number of cases in a chunk, some tenths of a second of work, which is what an
+    interrupted study loses. `drawn`: the columns that seed and case reproduce, which are not kept in memory.
     """
 
     scenario: Scenario
@@ -32,26 +32,26 @@ class Cases(ABC):
     @property
     @abstractmethod
     def at_once(self) -> int:
-        """Cases in a chunk."""
+        """Greatest number of cases in a chunk."""
 
     def in_chunk(self, count: int) -> int:
-        """Cases in a chunk of a study of so many, at most `at_once`."""
+        """Return the number of cases in a chunk of a study of `count` cases, at most `at_once`."""
         return self.at_once
 
     @abstractmethod
     def fly(self, first: int, last: int) -> Columns:
-        """What becomes of the cases from `first` to `last`, without that one, by the name of the column.
+        """Return the results of the cases from `first` to `last`, exclusive, by column name.
 
-        An array for each, of the same number of rows for each case, in the order of cases; nan is an absent
-        number, -1 an absent `leg`.  Raises ScenarioError for cases that cannot be flown.
+        Each column is an array with the same number of rows for each case, in the order of cases. nan is an
+        absent number, -1 an absent `leg`. Raises ScenarioError for cases that cannot be evaluated.
         """
 
     def prepared(self) -> Self:
-        """The same with what all cases share, where that takes its time: before threads fly any."""
+        """Return the cases with their shared data computed, before threads evaluate any of them."""
         return self
 
     def flown(self, first: int, last: int) -> Columns:
-        """The same; whatever cannot be flown is told as what is wrong with the scenario."""
+        """Return the same columns as `fly`; report every failure as an error of the scenario."""
         try:
             return self.fly(first, last)
         except ScenarioError:
@@ -62,12 +62,12 @@ class Cases(ABC):
 
     @abstractmethod
     def good(self, columns: Columns) -> Any:
-        """In which of the cases of a chunk (C,) all that was asked for is met."""
+        """Return in which cases (C,) of a chunk all requirements are met."""
 
     def stored(self, first: int, last: int, columns: Columns) -> Columns:
-        """The table of a chunk as files hold it: those columns and who they are about."""
+        """Return the columns of a chunk as files hold them: those of `fly` and the case, with its craft."""
         return {"case": np.arange(first, last), **columns}
 
     @abstractmethod
     def campaign(self, chunks: CaseChunks) -> Any:
-        """What the cases came to, as chunks hold it."""
+        """Return the statistics of the cases in some chunks."""

@@ -1,4 +1,4 @@
-"""Chunk: some cases of a study as the bytes of a Parquet file, and what is read from them again."""
+"""Chunk of a study: some cases as the bytes of a Parquet file, and the inverse conversion."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ import numpy as np
 
 from closeform.campaign.cases import Cases, Columns
 
-FEW = ("first", "second", "phase", "round", "leg", "status", "reason")  # columns of few different values
+FEW = ("first", "second", "phase", "round", "leg", "status", "reason")  # columns with few distinct values
 
 
 class Chunk(NamedTuple):
-    """The cases from `first` to `last`, without that one: their table as a file, and its SHA-256.
+    """Cases from `first` to `last`, exclusive: their table as a Parquet file, and its SHA-256.
 
-    `met`: in how many of them all that was asked for is met.
+    `met`: the number of cases in which all requirements are met.
     """
 
     first: int
@@ -27,14 +27,14 @@ class Chunk(NamedTuple):
 
 
 def flown(cases: Cases, first: int, last: int) -> Chunk:
-    """Fly some cases of a study."""
+    """Evaluate some cases of a study and return them as a chunk."""
     columns = cases.flown(first, last)
     data = encoded(cases.stored(first, last, columns))
     return Chunk(first, last, data, hashlib.sha256(data).hexdigest(), int(cases.good(columns).sum()))
 
 
 def encoded(columns: Columns) -> Any:
-    """Columns as a Parquet file; nan is null there."""
+    """Return columns as the bytes of a Parquet file; nan becomes null."""
     import pyarrow
     import pyarrow.parquet
 
@@ -46,7 +46,7 @@ def encoded(columns: Columns) -> Any:
 
 
 def column(values: Any) -> Any:
-    """An array of numbers, of rows of numbers or of words for Parquet."""
+    """Return an array of numbers, rows of numbers or words as a Parquet column."""
     import pyarrow
 
     if not isinstance(values, np.ndarray):
@@ -57,7 +57,7 @@ def column(values: Any) -> Any:
 
 
 def decoded(data: Any, names: Sequence[str]) -> Columns:
-    """Some columns of a Parquet file, those of them that it has, as `Cases.fly` made them."""
+    """Return the named columns that a Parquet file has, as `Cases.fly` returned them."""
     import pyarrow.parquet
 
     file = pyarrow.parquet.ParquetFile(data)
@@ -66,7 +66,7 @@ def decoded(data: Any, names: Sequence[str]) -> Columns:
 
 
 def array(values: Any) -> Any:
-    """A column of Parquet as an array."""
+    """Return a Parquet column as an array."""
     import pyarrow
 
     if pyarrow.types.is_list(values.type) or pyarrow.types.is_fixed_size_list(values.type):

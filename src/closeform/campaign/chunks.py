@@ -1,4 +1,4 @@
-"""Chunks: a study's cases as far as they are flown, held as arrays, or in files with a manifest."""
+"""Chunks of a study: the finished cases, as arrays or as files with a manifest."""
 
 from __future__ import annotations
 
@@ -21,55 +21,55 @@ from closeform.storage.manifest import append, entries, rewrite
 from closeform.storage.result_folder import digest
 
 LIBRARIES = ("closeform", "numpy", "numba", "scipy", "pyarrow")
-NAMED = 3  # keys of a scenario that are named where more differ
+NAMED = 3  # number of differing keys that a message lists
 
 
 class CaseChunks(Protocol):
-    """The cases of a study in chunks."""
+    """Cases of a study in chunks."""
 
     @property
     def count(self) -> int:
-        """How many cases."""
+        """Number of cases."""
         ...
 
     def read(self, *names: str, within: Range | None = None) -> Iterator[tuple[int, Columns]]:
-        """Some columns, those of them that there are, chunk after chunk with the number of its first case.
+        """Iterate over chunks: the number of the first case, and the named columns that exist.
 
-        Of the chunks with cases `within` a range only, where that is given.
+        With `within`, only the chunks that overlap this range of cases.
         """
         ...
 
 
 @dataclass(frozen=True, eq=False)
 class Held:
-    """Chunks as arrays, for Python."""
+    """Chunks as arrays in memory, for the Python interface."""
 
     cases: Cases
     count: int
     columns: dict[int, Columns] = field(default_factory=dict)
 
     def take(self, first: int, columns: Columns) -> None:
-        """Hold a chunk, without what seed and case give again."""
+        """Keep a chunk, without the columns that seed and case reproduce."""
         self.columns[first] = {
             name: values for name, values in columns.items() if name not in self.cases.drawn
         }
 
     def read(self, *names: str, within: Range | None = None) -> Iterator[tuple[int, Columns]]:
-        """Some columns of each chunk."""
+        """Iterate over the named columns of each chunk."""
         for first in touching(self.columns, self.cases.in_chunk(self.count), within):
             columns = self.columns[first]
             yield first, {name: columns[name] for name in names if name in columns}
 
 
 class ChunkError(ValueError):
-    """Chunks that cannot be gone on with; one line with the remedy."""
+    """Chunks that a study cannot continue from; the message is one line with the remedy."""
 
 
 @dataclass(frozen=True, eq=False)
 class Stored:
-    """Chunks as Parquet files in a `folder`; the `manifest` has a line for each whole one, with its SHA-256.
+    """Chunks as Parquet files in a `folder`; the `manifest` has a line with the SHA-256 of each.
 
-    The manifest's first line is what the study is: nothing else is ever added to it.
+    The first line of the manifest identifies the study. Cases of another study are never added to it.
     """
 
     cases: Cases
@@ -79,7 +79,7 @@ class Stored:
     whole: dict[int, dict[str, Any]] = field(default_factory=dict)
 
     def begin(self, overwrite: bool = False) -> list[str]:
-        """Continue from the chunks in a manifest, or begin one; returns which are damaged, in words.
+        """Continue from the chunks of a manifest, or begin a new one; return a message per damaged chunk.
 
         Chunks of another study are deleted with `overwrite`; without, they raise ChunkError.
         """
@@ -104,7 +104,7 @@ class Stored:
 
     @property
     def identity(self) -> dict[str, Any]:
-        """What the study is: nothing else may be mixed with it."""
+        """Inputs and versions that identify the study, so that no other is mixed with it."""
         scenario = self.cases.scenario
         return {
             "text": scenario.text,
@@ -117,7 +117,7 @@ class Stored:
 
     @property
     def missing(self) -> Iterator[Range]:
-        """Which cases are still to be flown, chunk by chunk."""
+        """Ranges of the cases that remain to be evaluated, chunk by chunk."""
         size = self.cases.in_chunk(self.count)
         for first in range(0, self.count, size):
             if first not in self.whole:
@@ -125,18 +125,18 @@ class Stored:
 
     @property
     def flown(self) -> int:
-        """How many cases are in whole chunks."""
+        """Number of cases in complete chunks."""
         return sum(entry["last"] - entry["first"] for entry in self.whole.values())
 
     @property
     def digests(self) -> dict[str, str]:
-        """The SHA-256 of each file, by its place in the result folder."""
+        """SHA-256 of each file, by its path in the result folder."""
         return {
             f"{self.folder.name}/{name_of(first)}": entry["sha256"] for first, entry in self.whole.items()
         }
 
     def take(self, chunk: Chunk) -> None:
-        """Write a chunk: its file appears whole or not at all, and then counts."""
+        """Write a chunk atomically and enter it in the manifest."""
         file = self.folder / name_of(chunk.first)
         partial = file.with_suffix(".partial")
         try:
@@ -153,48 +153,48 @@ class Stored:
         self.whole[chunk.first] = entry
 
     def read(self, *names: str, within: Range | None = None) -> Iterator[tuple[int, Columns]]:
-        """Some columns of each chunk, from its file."""
+        """Iterate over the named columns of each chunk, read from its file."""
         for first in touching(self.whole, self.cases.in_chunk(self.count), within):
             yield first, decoded(self.folder / name_of(first), names)
 
 
 def touching(chunks: Iterable[int], size: int, within: Range | None) -> list[int]:
-    """Of the chunks of a size, by their first cases, those with cases in a range; in order."""
+    """Return the first cases of the chunks that overlap a range of cases, in order."""
     begin, end = within or (0, maxsize)
     return [first for first in sorted(chunks) if first < end and first + size > begin]
 
 
 def name_of(first: int) -> str:
-    """The file of a chunk, by its first case."""
+    """Return the file name of a chunk from its first case."""
     return f"{first:09d}.parquet"
 
 
 @cache
 def versions() -> dict[str, str]:
-    """The versions that numbers depend on."""
+    """Return the versions of Python and the libraries on which the numbers depend."""
     return {"python": platform.python_version(), **{name: version(name) for name in LIBRARIES}}
 
 
 def differences(asked: Mapping[str, Any], known: Mapping[str, Any], chunks: int) -> str:
-    """What differs between the study that is asked for and that which is there, and the remedy."""
+    """Return how the requested study differs from the existing one, and the remedy."""
     differing = {name: value for name, value in asked.items() if known.get(name) != value}
-    keys, told = list[str](), list[str]()
+    keys, lines = list[str](), list[str]()
     if "text" in differing:
         keys = changes(known.get("text", ""), differing.pop("text"))
-        told.append(f"another scenario: {some(keys)}")
+        lines.append(f"another scenario: {some(keys)}")
     if "files" in differing:
         before, after = known.get("files", {}), differing.pop("files")
         files = (shown(name) for name in {**before, **after} if before.get(name) != after.get(name))
-        told.append(f"other contents of {', '.join(files)}")
+        lines.append(f"other contents of {', '.join(files)}")
     plain = (f"{name} {known.get(name)}, not {value}" for name, value in differing.items())
-    told += [one for one in plain if f"study.{one}" not in keys[:NAMED]]
+    lines += [one for one in plain if f"study.{one}" not in keys[:NAMED]]
     return (
-        f"holds {chunks} chunk{'s' * (chunks != 1)} of an unfinished study of {', '.join(told)}; "
-        "give the same again to go on, or --overwrite to start anew"
+        f"holds {chunks} chunk{'s' * (chunks != 1)} of an unfinished study of {', '.join(lines)}; "
+        "repeat the same study to continue it, or add --overwrite to start again"
     )
 
 
 def some(keys: Sequence[str]) -> str:
-    """The first of some keys that differ, and how many more do."""
+    """Return the first of the keys that differ, and the number of the others."""
     more = f" and {len(keys) - NAMED} more" * (len(keys) > NAMED)
-    return ", ".join(keys[:NAMED]) + more or "in comments or layout alone"
+    return ", ".join(keys[:NAMED]) + more or "only comments or layout differ"

@@ -1,4 +1,4 @@
-"""Cluster: chunks flown by the workers of a Dask scheduler; nobody but this process writes them."""
+"""Execution of a study by the workers of a Dask scheduler; this process alone writes the results."""
 
 from __future__ import annotations
 
@@ -22,45 +22,48 @@ from closeform.campaign.task import Reply, Task
 from closeform.scenario import ScenarioError
 from closeform.storage.result_folder import FolderError
 
-ANSWER = 5.0  # s in which a scheduler answers
-PATIENCE = 30.0  # s without any worker
-FETCHES = 10  # times PATIENCE that the reply of a task may take on its way
-TASK = 2.0  # s that a worker is to fly, but towards the end, so that what each task costs is little
-TOGETHER = 16  # chunks in a task at most
+ANSWER = 5.0  # s to wait for an answer of the scheduler
+PATIENCE = 30.0  # s to wait without any worker
+FETCHES = 10  # times PATIENCE to wait for the reply of a finished task
+TASK = 2.0  # s of work in a task, except near the end; shorter tasks waste time on overhead
+TOGETHER = 16  # greatest number of chunks in a task
 AHEAD = 2  # tasks for each thread of the workers
-DEATHS = 3  # of workers at the same cases, each time as often as the scheduler allows
+DEATHS = 3  # failures of workers on the same task before the study stops
 
 ADDRESS = re.compile(r"(?:tcp|tls)://(\[[^]]+\]|[^:/]+):(\d{1,5})/?")
 Ranges = tuple[Range, ...]
 
 
 class ClusterError(FolderError):
-    """A scheduler or its workers that cannot be used, or are gone; one line with the remedy."""
+    """Scheduler or workers that cannot be used or are lost; the message is one line with the remedy."""
 
 
 class Waiting:
-    """Ranges of cases that nobody flies yet, of which few are looked at."""
+    """Ranges of cases that no worker has taken yet; only a few of them are generated in advance."""
 
     def __init__(self, ranges: Iterator[Range]) -> None:
         self.later, self.soon = ranges, deque[Range]()
         self.together = 1
 
     def next_of(self, tasks: int) -> Ranges:
-        """Those of the next of some tasks under way: fewer towards the end, so that nobody waits."""
+        """Return the ranges of the next task; fewer near the end, so that all of `tasks` have work."""
         self.soon.extend(islice(self.later, max(0, self.together * tasks - len(self.soon))))
         size = min(self.together, max(1, len(self.soon) // tasks), len(self.soon))
         return tuple(self.soon.popleft() for _ in range(size))
 
     def took(self, seconds: float, chunks: int) -> None:
-        """So long took so many chunks: how many make a task."""
+        """Adapt the number of chunks in a task to the time that the last one took [s]."""
         self.together = max(1, min(TOGETHER, round(TASK * chunks / max(seconds, 1e-3))))
 
 
 class Cluster:
-    """A Dask scheduler by its address, or by the file that it writes."""
+    """Dask scheduler, given by its address or by the file that it writes."""
 
     def __init__(self, scheduler: str) -> None:
-        """Connect. Raises ClusterError where nobody answers, or a worker has other versions."""
+        """Connect to the scheduler.
+
+        Raises ClusterError if it does not answer, or a worker has other versions.
+        """
         address = address_of(scheduler)
         try:
             import dask
@@ -71,7 +74,7 @@ class Cluster:
         self.name, self.distributed = scheduler, distributed
         for name in ("distributed", *logging.root.manager.loggerDict):
             if name.startswith("distributed") or name == "asyncio":
-                logging.getLogger(name).setLevel(logging.CRITICAL)  # what is wrong is said in a line of ours
+                logging.getLogger(name).setLevel(logging.CRITICAL)  # errors are reported by ClusterError
         tls = dask.config.get("distributed.comm.tls.ca-file", None)
         if address.startswith("tls://") and not tls:
             line = "needs certificates; name them in Dask's configuration, distributed.comm.tls"
@@ -91,12 +94,12 @@ class Cluster:
             self.client.close(timeout=ANSWER)
 
     def check(self) -> None:
-        """Refuse workers that would fly other cases."""
+        """Raise ClusterError for workers with other versions, whose results could differ."""
         try:
-            told = self.client.run(versions, on_error="return")
+            answers = self.client.run(versions, on_error="return")
         except Exception as error:
             raise self.gone() from error
-        for worker, theirs in told.items():
+        for worker, theirs in answers.items():
             if not isinstance(theirs, dict):
                 what = f"worker {worker} cannot run closeform ({type(theirs).__name__})"
                 raise ClusterError(f"--scheduler: {what}; install the same version there")
@@ -106,7 +109,7 @@ class Cluster:
                 )
 
     def __call__(self, cases: Cases, ranges: Iterable[Range]) -> Iterator[Chunk]:
-        """The chunks of some ranges of cases, as they are done; a worker that is lost costs time alone."""
+        """Yield the chunks of some ranges of cases as they finish; a lost worker costs only time."""
         what, waiting, again = Task.of(cases), Waiting(iter(ranges)), deque[Ranges]()
         under_way: dict[Any, Ranges] = {}
         deaths: dict[Ranges, int] = {}
@@ -130,7 +133,7 @@ class Cluster:
                     deaths[some] = deaths.get(some, 0) + 1
                     if deaths[some] >= DEATHS:
                         which = f"cases {some[0][0]} to {some[-1][1] - 1}"
-                        raise ClusterError(f"--scheduler: workers die at {which}; look at their logs")
+                        raise ClusterError(f"--scheduler: workers die at {which}; check their logs")
                     again.append(some)
                     continue
                 if answer.refused:
@@ -139,28 +142,28 @@ class Cluster:
                 yield from answer.chunks
 
     def threads(self) -> int:
-        """How many threads the workers have together."""
+        """Return the number of threads of all workers."""
         try:
             return sum(self.client.nthreads().values())
         except Exception as error:
             raise self.gone() from error
 
     def ended(self, under_way: Iterable[Any]) -> list[Any]:
-        """The tasks that have ended since, well or not; none after a second.
+        """Return the tasks that have finished or failed; none after a second.
 
-        One is "lost" until another worker flies it again: its worker died before its answer was fetched.
+        A task is "lost" until another worker repeats it: its worker died before its reply was fetched.
         """
         futures = list(under_way)
-        with suppress(Exception), self.client.as_current():  # a time-out, or what a lost scheduler says
+        with suppress(Exception), self.client.as_current():  # a time-out, or an error of a lost scheduler
             self.distributed.wait(futures, timeout=1.0, return_when="FIRST_COMPLETED")
         if self.client.status != "running" or any(one.status == "cancelled" for one in futures):
             raise self.gone()
         return [one for one in futures if one.status in ("finished", "error")]
 
     def answer(self, future: Any) -> Reply | None:
-        """Return the reply of a task that has ended; None where its worker died once too often.
+        """Return the reply of a finished task; None if its workers died too often.
 
-        All workers may have died since, so that nobody has the reply, and nobody works on it again.
+        All workers may have died since; then no worker has the reply, and none repeats the task.
         """
         try:
             for _ in range(FETCHES):
@@ -175,22 +178,25 @@ class Cluster:
         except self.distributed.KilledWorker:
             return None
         except Exception as error:
-            if self.client.status != "running" or future.status != "error":  # its answer never came
+            if self.client.status != "running" or future.status != "error":  # the reply was never received
                 raise self.gone() from error
             what = " ".join(str(error).split())[:200]
-            raise ClusterError(f"--scheduler: a worker failed: {what}; look at its log") from error
+            raise ClusterError(f"--scheduler: a worker failed: {what}; check its log") from error
 
     def deserted(self) -> ClusterError:
         """Return the error of a scheduler without workers."""
         return ClusterError(f"--scheduler: {self.name} has no workers; start some")
 
     def gone(self) -> ClusterError:
-        """What is said of a scheduler that no longer answers."""
+        """Return the error of a scheduler that no longer answers."""
         return ClusterError(f"--scheduler: {self.name} no longer answers; start it again")
 
 
 def address_of(scheduler: str) -> str:
-    """The address of a scheduler, also by its file, where somebody answers. Raises ClusterError."""
+    """Return the address of a scheduler, given itself or in a file, after a test connection.
+
+    Raises ClusterError if it does not answer.
+    """
     if scheduler.endswith(".json"):
         try:
             address = str(json.loads(Path(scheduler).read_text(encoding="utf-8"))["address"])
@@ -198,13 +204,13 @@ def address_of(scheduler: str) -> str:
             what = (error.strerror or "cannot be read").lower()
             raise ClusterError(f"--scheduler: {scheduler}: {what}; check the path") from None
         except (ValueError, KeyError, TypeError):
-            line = "is no file of a Dask scheduler; give that which --scheduler-file names"
+            line = "is not a Dask scheduler file; give the file written by --scheduler-file"
             raise ClusterError(f"--scheduler: {scheduler}: {line}") from None
     else:
         address = scheduler
     parts = ADDRESS.fullmatch(address)
     if parts is None:
-        line = "is no address; write tcp://HOST:PORT, tls://HOST:PORT, or the scheduler's file, *.json"
+        line = "is not an address; give tcp://HOST:PORT, tls://HOST:PORT, or a scheduler file (*.json)"
         raise ClusterError(f"--scheduler: {address} {line}")
     try:
         socket.create_connection((parts[1].strip("[]"), int(parts[2])), ANSWER).close()
@@ -215,7 +221,7 @@ def address_of(scheduler: str) -> str:
 
 
 def refusal(cases: Cases, lines: tuple[str, ...]) -> Exception:
-    """What a worker would not fly, as it would be said here."""
+    """Return the error of a worker as this machine would raise it."""
     file = cases.scenario.file
     prefix = f"{file.rpartition('/')[2]}: "
     if lines[0].startswith(prefix):

@@ -1,9 +1,9 @@
-"""Draws: what varies in a study's cases, the same for case K whichever range it is drawn in.
+"""Random samples of a study: case K has the same samples in whichever range it is drawn.
 
-Each varied key has its own stream of random numbers, a Philox generator keyed by the seed and the
-key's name; craft c of N in case K takes the block of counter K N + c from it, and for the event e of
-that craft the same block of the e-th part of the stream; what is one for all craft takes block K.  So
-a case depends neither on other cases nor on other keys, and may draw for as many events as it has.
+Each varied key has its own stream of random numbers, a Philox generator keyed by the seed and the key's name.
+Craft c of N in case K takes the block of counter K N + c, and for an event e of that craft the same block of
+the e-th part of the stream. A value common to all craft takes block K. A case therefore depends neither on
+other cases nor on other keys, and can sample any number of events.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ WORDS = 4  # random numbers in one block of Philox
 
 
 def drawn(scenario: Scenario, seed: int, first: int, last: int) -> Floats:
-    """States (last - first, N, 6) of the craft in the cases from `first` to `last`, without that one."""
+    """Return states (last - first, N, 6) of the craft in the cases from `first` to `last`, exclusive."""
     nominal = scenario.states(scenario.orbit.build())
     states = np.repeat(nominal[None], last - first, axis=0)
     for key, draw in varied(scenario).items():
@@ -35,14 +35,14 @@ def drawn(scenario: Scenario, seed: int, first: int, last: int) -> Floats:
 
 
 def varied(scenario: Scenario) -> dict[str, Draw]:
-    """The draws of a scenario's study, by key."""
+    """Return the distributions of a scenario's study, by key."""
     return scenario.study.vary if scenario.study is not None else {}
 
 
 def values(scenario: Scenario, seed: int, key: str, first: int, last: int) -> Any:
-    """What a key that is no state is for each craft in some cases: (C, N), of vectors (C, N, 3).
+    """Return the values of a key in some cases: (C, N), vectors (C, N, 3).
 
-    Of tables that hold for all craft alike (C, 1).
+    Tables common to all craft give (C, 1). State keys are sampled by `drawn`.
     """
     given = np.array(scenario.given(key))
     count, size = 1 if key.startswith(TABLED) else len(scenario.craft), 3 if given.ndim > 1 else 1
@@ -55,7 +55,7 @@ def values(scenario: Scenario, seed: int, key: str, first: int, last: int) -> An
 
 
 def searching(scenario: Scenario, seed: int, first: int, last: int) -> SearchErrors | None:
-    """How far the craft (C, N) are off what a search asks of them in some cases; None where nobody is."""
+    """Return the search errors of the craft (C, N) in some cases; None if no craft has any."""
     keys = varied(scenario)
     if scenario.sensor is None or scenario.search is None:
         return None
@@ -79,7 +79,7 @@ def searching(scenario: Scenario, seed: int, first: int, last: int) -> SearchErr
 
 
 def failures(scenario: Scenario, seed: int, first: int, last: int) -> Floats:
-    """After which share of a mission each craft loses its thrust in some cases (C, N); nan: it does not."""
+    """Return the fraction of the mission after which each craft loses thrust (C, N); nan if it does not."""
     draw = varied(scenario)[FAILS]
     random = uniform(seed, FAILS, len(scenario.craft), first, last)
     lost = spread(draw, draw.numbers(FAILS), random, 1)
@@ -87,27 +87,27 @@ def failures(scenario: Scenario, seed: int, first: int, last: int) -> Floats:
 
 
 def failing(scenario: Scenario, seed: int, case: int) -> tuple[float, ...]:
-    """The same of each craft (N,) in a case; nothing where no study draws it."""
+    """Return the fractions (N,) of `failures` for one case; empty if the study does not vary them."""
     return tuple(failures(scenario, seed, case, case + 1)[0]) if FAILS in varied(scenario) else ()
 
 
 def lost_by(name: str) -> str:
-    """The column of when a craft loses its thrust."""
+    """Return the name of the column with the time at which a craft loses its thrust."""
     return f"{name}_fails_s"
 
 
 def flight_seed(seed: int, case: int) -> int:
-    """With which the flight of a case draws its errors: 53 bits of the case's block."""
+    """Return the seed of the simulation of a case: 53 bits of its random block."""
     return int(words(seed, "flight", 1, case, case + 1)[0, 0, 0])
 
 
 def uniform(seed: int, key: str, blocks: int, first: int, last: int, event: int = 0) -> Floats:
-    """Random numbers (last - first, blocks, 4) above 0 and below 1, of a key in some cases, for an event."""
+    """Return random numbers (last - first, blocks, 4) in (0, 1) of a key in some cases, for an event."""
     return np.asarray((words(seed, key, blocks, first, last, event) + 0.5) * 2.0**-53)
 
 
 def words(seed: int, key: str, blocks: int, first: int, last: int, event: int = 0) -> Any:
-    """The same as whole numbers of 53 bits."""
+    """Return the random numbers of `uniform` as whole numbers of 53 bits."""
     philox = np.random.Philox(key=stream_of(seed, key), counter=[first * blocks, event, 0, 0])
     drawn = philox.random_raw((last - first) * blocks * WORDS).reshape(last - first, blocks, WORDS)
     return drawn >> np.uint64(11)
@@ -115,12 +115,12 @@ def words(seed: int, key: str, blocks: int, first: int, last: int, event: int = 
 
 @lru_cache(maxsize=64)
 def stream_of(seed: int, key: str) -> Any:
-    """The key of Philox of a key's stream."""
+    """Return the Philox key of the stream of a scenario key."""
     return np.random.SeedSequence(seed, spawn_key=tuple(key.encode())).generate_state(2, np.uint64)
 
 
 def spread(draw: Draw, numbers: tuple[Any, ...], random: Floats, size: int) -> Any:
-    """Numbers (...) or vectors (..., 3), by `size`, of a distribution from random numbers (..., 4)."""
+    """Return samples (...) or vectors (..., 3), by `size`, of a distribution from random numbers (..., 4)."""
     some = random[..., 0] if size == 1 else random[..., :3]
     if draw.chance is not None:
         return random[..., 0] < numbers[0]
@@ -129,7 +129,7 @@ def spread(draw: Draw, numbers: tuple[Any, ...], random: Floats, size: int) -> A
     if draw.uniform is not None:
         return np.asarray(numbers[0] * (2.0 * some - 1.0))
     if draw.normal is not None:
-        from scipy.special import ndtri  # which others can spare
+        from scipy.special import ndtri  # imported late: slow to import
 
         return np.asarray(numbers[0] * ndtri(some))
     inner, outer = numbers if draw.shell is not None else (0.0, numbers[0])

@@ -1,8 +1,8 @@
-"""Cases of a mission's errors: drawn for each craft, flown as planned, and who comes within what.
+"""Monte Carlo cases of a mission as planned, with sampled errors, and the conflicts that result.
 
-A history is the mission as planned, plus each craft's errors at its start and in all that it does; in Hill's
-equations they add.  Each craft has a stream of random numbers of its own, keyed by seed and name, so that
-case K is the same however many cases and other craft there are.
+A sampled trajectory is the planned one plus the craft's errors at its start and in its burns; in Hill's
+equations they add. Each craft has its own stream of random numbers, keyed by seed and name, so that case K
+does not depend on the number of cases or on other craft.
 """
 
 from __future__ import annotations
@@ -32,26 +32,26 @@ if TYPE_CHECKING:
     from closeform.uncertainty.noisy_trajectories import NoisyHistories
 
 AT_ONCE = 1 << 15  # cases in a chunk
-NUMBERS = 1 << 22  # random ones of noise that are held, about
-MOST = 10  # of the worst cases
-BY_PAIR = ("began", "each")  # columns of each kind
+NUMBERS = 1 << 22  # random numbers of process noise in memory, about
+MOST = 10  # worst cases that are kept
+BY_PAIR = ("began", "each")  # stored columns of each kind
 KINDS = ("zone", "body")
 MET = {"zone": "clear", "body": "free of collisions"}
 
 
 @dataclass(frozen=True, eq=False)
 class Meeting:
-    """Two craft by number, a zone of them, and the histories of its columns: `kind` is "zone" or "body"."""
+    """Two craft by index, a zone of theirs, and their sampled trajectories; `kind` is "zone" or "body"."""
 
     kind: str
     pair: tuple[int, int]
-    columns: tuple[int, ...]  # how many each of both has
+    columns: tuple[int, ...]  # number of error columns of each
     histories: Histories | NoisyHistories
 
     def counted(self, names: tuple[str, ...], seed: int, first: int, last: int, shaken: Floats) -> Any:
-        """Whether they begin within the zone, and how often they enter, in each case (C, 2).
+        """Return for each case (C, 2) whether the pair begins inside the zone, and its number of entries.
 
-        Of all craft that are `shaken` noise adds so much to states in each step (N, C, K, 6).
+        `shaken` (N, C, K, 6): the increments of the states of all craft due to process noise, step by step.
         """
         signs = (1.0, -1.0)
         draws = [
@@ -68,20 +68,21 @@ class Meeting:
 
 @dataclass(frozen=True, eq=False)
 class ErrorCases(Cases):
-    """Cases of a mission's errors, a row each: `clear`, `free_of_collisions`, `zone_entries`, `body_entries`.
+    """Cases of a mission with sampled errors, a row each.
 
-    Of all pairs with a zone, and with hard bodies, `zone_began` and `zone_each` (C, P): whether they begin
-    within it, and how often they enter.
+    Columns: `clear`, `free_of_collisions`, `zone_entries`, `body_entries`. For all pairs with a zone, and
+    with hard bodies, `zone_began` and `zone_each` (C, P): whether they begin inside, and their number of
+    entries.
     """
 
     @cached_property
     def mission(self) -> Mission:
-        """The mission, flown as planned."""
+        """Mission, executed as planned."""
         return fly(self.scenario)
 
     @cached_property
     def shaking(self) -> Shaking | None:
-        """The white noise of its craft; None without any."""
+        """Process noise of the craft; None without any."""
         flown = self.mission.flown
         if not (self.scenario.noisy and flown):
             return None
@@ -89,7 +90,7 @@ class ErrorCases(Cases):
 
     @cached_property
     def meetings(self) -> tuple[Meeting, ...]:
-        """All pairs of which either craft has errors, by the zones and the hard bodies of the mission."""
+        """Pairs of which either craft has errors, with the zones and the hard bodies of the mission."""
         scenario, results = self.scenario, [result for result in self.mission.results if result.flown]
         if not results:
             return ()
@@ -106,21 +107,21 @@ class ErrorCases(Cases):
         )
 
     def prepared(self) -> Self:
-        """The same with its mission flown."""
+        """Return the cases with their mission planned."""
         _ = self.meetings
         return self
 
     @property
     def at_once(self) -> int:
-        """Cases in a chunk."""
+        """Greatest number of cases in a chunk."""
         return AT_ONCE
 
     def of_kind(self, kind: str) -> list[Meeting]:
-        """The pairs with a zone, or with hard bodies."""
+        """Return the pairs with a zone, or with hard bodies."""
         return [one for one in self.meetings if one.kind == kind]
 
     def fly(self, first: int, last: int) -> Columns:
-        """Who comes within what; of noise some cases at a time, which takes memory."""
+        """Return the conflicts of some cases; with process noise in parts, which limits the memory."""
         if self.shaking is None:
             return self.met_in(first, last, np.empty(0))
         count, craft = self.shaking.steps(self.mission.flown[-1].end), self.scenario.craft
@@ -133,7 +134,7 @@ class ErrorCases(Cases):
         return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
     def met_in(self, first: int, last: int, shaken: Floats) -> Columns:
-        """Who comes within what in some cases, of craft (N,) to which noise does so much (N, C, K, 6)."""
+        """Return the conflicts of some cases, given the noise increments `shaken` (N, C, K, 6)."""
         found: Columns = {}
         for kind in KINDS:
             if not (pairs := self.of_kind(kind)):
@@ -146,12 +147,12 @@ class ErrorCases(Cases):
         return found
 
     def good(self, columns: Columns) -> Any:
-        """In which cases nobody is ever inside."""
+        """Return the cases in which no pair is ever inside."""
         met = [columns[name] for what in MET.values() if (name := what.replace(" ", "_")) in columns]
         return np.all(met, axis=0) if met else np.zeros(0, dtype=bool)
 
     def campaign(self, chunks: CaseChunks) -> ErrorCampaign:
-        """What became of them."""
+        """Return the statistics of the cases."""
         return ErrorCampaign(self, chunks)
 
 
@@ -163,7 +164,7 @@ def meeting(
     pair: tuple[int, int],
     step: float | None,
 ) -> Meeting:
-    """Two craft and what is known of their errors; of white noise in steps of some length [s]."""
+    """Return a pair with its sampled trajectories; process noise acts in steps of length `step` [s]."""
     i, j = pair
     each = [one for one in (columns[k] for k in pair) if one is not None]
     every = [one[c] for one in each for c in range(len(one))]
@@ -171,14 +172,14 @@ def meeting(
     counts = tuple(0 if one is None else len(one) for one in (columns[k] for k in pair))
     if step is None:
         return Meeting(kind, pair, counts, Histories.of(paths[i], paths[j], known, 0.0, zone))
-    from closeform.uncertainty.noisy_trajectories import NoisyHistories  # whose kernel only noise needs
+    from closeform.uncertainty.noisy_trajectories import NoisyHistories  # imported late: compiles a kernel
 
     return Meeting(kind, pair, counts, NoisyHistories.in_steps(paths[i], paths[j], known, 0.0, zone, step))
 
 
 @dataclass(frozen=True, eq=False)
 class PairCases:
-    """Two craft by name: in which cases (C,) they begin within the zone, and how often each enters it."""
+    """Two craft by name: the cases (C,) in which they begin inside the zone, and their entries (C,)."""
 
     first: str
     second: str
@@ -187,15 +188,15 @@ class PairCases:
 
     @property
     def inside(self) -> Any:
-        """In which cases (C,) they are ever within it."""
+        """Cases (C,) in which they are ever inside."""
         return self.began | (self.entries > 0)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ErrorCampaign(FlownCases):
-    """What became of C cases of a mission's errors, drawn with `seed`, as `chunks` hold it.
+    """Statistics of C cases with sampled errors, drawn with `seed`, held by `chunks`.
 
-    `counts`: "zone" and "body" to what became of the pairs with such, those without left out.
+    `counts`: "zone" and "body" to the counts of their pairs; a kind without pairs is absent.
     """
 
     kind: ErrorCases
@@ -203,23 +204,23 @@ class ErrorCampaign(FlownCases):
 
     @property
     def cases(self) -> int:
-        """How many."""
+        """Number of cases."""
         return len(self)
 
     @property
     def mission(self) -> Mission:
-        """The mission as planned."""
+        """Mission as planned."""
         return self.kind.mission
 
     @cached_property
     def counts(self) -> dict[str, PairCounts]:
-        """What became of each kind of pairs."""
+        """Counts of each kind of pairs."""
         kinds = [kind for kind in KINDS if self.kind.of_kind(kind)]
         return {kind: PairCounts.of(self.kind, kind, self.chunks) for kind in kinds}
 
     @cached_property
     def worst(self) -> tuple[tuple[int, int, str], ...]:
-        """The cases in which anybody is inside, their entries and who: some of those with most first."""
+        """Cases with conflicts: their number, entries and pairs; some of those with most entries first."""
         kinds, found = list(self.counts), list[tuple[int, int, str]]()
         pairs = [f"{one} - {other}" for kind in kinds for one, other in self.counts[kind].pairs]
         for first, columns in self.chunks.read(*(f"{kind}_{what}" for kind in kinds for what in BY_PAIR)):
@@ -234,16 +235,16 @@ class ErrorCampaign(FlownCases):
 
     @cached_property
     def zones(self) -> tuple[PairCases, ...]:
-        """The pairs that keep a keep-out zone."""
+        """Pairs that keep a keep-out zone."""
         return self.pairs("zone")
 
     @cached_property
     def bodies(self) -> tuple[PairCases, ...]:
-        """The pairs with hard bodies."""
+        """Pairs with hard bodies."""
         return self.pairs("body")
 
     def pairs(self, kind: str) -> tuple[PairCases, ...]:
-        """The pairs of a kind, case by case."""
+        """Return the pairs of a kind, case by case."""
         meetings, names = self.kind.of_kind(kind), (f"{kind}_began", f"{kind}_each")
         if not meetings:
             return ()
@@ -257,7 +258,7 @@ class ErrorCampaign(FlownCases):
 
     @cached_property
     def met(self) -> dict[str, Any]:
-        """Of all that is looked for, in which cases (C,) it is so."""
+        """Cases (C,) in which each requirement is met."""
         found: dict[str, list[Any]] = {what: [] for kind, what in MET.items() if self.kind.of_kind(kind)}
         for _, columns in self.chunks.read(*(what.replace(" ", "_") for what in found)):
             for what in found:
@@ -266,17 +267,17 @@ class ErrorCampaign(FlownCases):
 
     @property
     def good(self) -> Any:
-        """In which cases (C,) all of it is so."""
+        """Cases (C,) in which all requirements are met."""
         return np.all(list(self.met.values()), axis=0)
 
     @property
     def ok(self) -> bool:
-        """Whether the mission was flown, and all cases are clear."""
+        """True if the mission was executed and all cases are clear."""
         return self.mission.stopped is None and not any(one.any for one in self.counts.values())
 
     @property
     def reason(self) -> str | None:
-        """In how many cases what is not so; None where all is well."""
+        """Number of cases in which each requirement is not met; None if all are met."""
         if self.mission.stopped is not None:
             return f"stopped in {self.mission.stopped}"
         parts = [
@@ -289,10 +290,10 @@ class ErrorCampaign(FlownCases):
 
 @dataclass(frozen=True, eq=False)
 class PairCounts:
-    """What became of P `pairs` of craft by name, in all cases.
+    """Counts over all cases of P `pairs` of craft by name.
 
-    In how many each is ever `inside` (P,), and `any` of them; `began` so, each (P,) and `any_began`;
-    `entries` (P,) in all.
+    The number of cases in which each pair is ever `inside` (P,), and in which `any` is; those in which they
+    `began` inside (P,) and `any_began`; the number of `entries` (P,).
     """
 
     pairs: tuple[tuple[str, str], ...]
@@ -319,5 +320,5 @@ class PairCounts:
 
 
 def pairs(table: PairZones) -> list[tuple[Any, int, int]]:
-    """Every pair that has a zone, with it."""
+    """Return every pair that has a zone, as zone and indices."""
     return [(zone, int(i), int(j)) for zone, *both in portions(table) for i, j in zip(*both, strict=True)]

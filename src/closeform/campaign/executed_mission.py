@@ -1,4 +1,4 @@
-"""History: how the errors of one case come out, as planned or planned anew, and whose thrust is lost."""
+"""Execution of one case with its sampled errors and losses of thrust, as planned or replanned."""
 
 from __future__ import annotations
 
@@ -12,7 +12,14 @@ from scipy.special import ndtri
 
 from closeform.arrays import Floats
 from closeform.campaign.draws import WORDS, uniform
-from closeform.campaign.loss_of_thrust import Shaken, flown, instants, missed, told, with_losses
+from closeform.campaign.loss_of_thrust import (
+    Shaken,
+    flown,
+    instants,
+    missed,
+    with_losses,
+    with_reported_losses,
+)
 from closeform.campaign.process_noise import USUAL, Shaking
 from closeform.mission.search_stage import gather_flawed
 from closeform.motion.joining import drifting, join
@@ -28,11 +35,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class History:
-    """What a case draws that plans do not know: errors, by `draws` of its study, and failures.
+    """Samples of a case that the planner does not know: errors, by `draws` of its study, and failures.
 
-    `fails`: the share of the mission after which each craft (N,) loses its thrust, nan for who does not;
-    `instants`: the times [s] of this where stages are flown with it, by the craft's number, else None.
-    Random numbers are keyed by the seed and the craft's name, so that other craft change none.
+    `fails`: the fraction of the mission after which each craft (N,) loses its thrust, nan if it does not;
+    `instants`: the corresponding times [s] by craft index if stages are executed with them, else None. Random
+    numbers are keyed by the seed and the craft's name, so that they do not depend on other craft.
     """
 
     seed: int
@@ -43,23 +50,23 @@ class History:
 
     @property
     def replanned(self) -> bool:
-        """Whether each stage is planned from where errors have left the craft."""
+        """True if each stage is planned from the state in which errors have left the craft."""
         return self.draws == "replanned"
 
     @property
     def erring(self) -> bool:
-        """Whether it has errors."""
+        """True if the case samples errors."""
         return self.draws != "vary"
 
     def starts(self, craft: Craft) -> Floats:
-        """How far a craft is from its state (6,) when the mission begins."""
+        """Return the deviation (6,) of a craft from its state at the start of the mission."""
         if craft.covariance is None:
             return np.zeros(6)
         random = self.normal(f"start of {craft.name}", 6)
         return np.asarray(root_of("covariance", craft.covariance.matrix) @ random)
 
     def normal(self, key: str, count: int) -> Floats:
-        """Normal random numbers (count,), four for each event."""
+        """Return normal random numbers (count,), four for each event."""
         events = [
             uniform(self.seed, key, 1, self.case, self.case + 1, event).ravel()
             for event in range(-(-count // WORDS))
@@ -67,9 +74,9 @@ class History:
         return np.asarray(ndtri(np.concatenate([np.empty(0), *events])[:count]))
 
     def failing_in(self, mission: Mission) -> History | None:
-        """The same with the instants at which thrust is lost, where a mission is to be flown anew with them.
+        """Return the history with the times of lost thrust if the mission must be repeated with them.
 
-        That is where craft gather: what one misses there the others see, and act upon.
+        This is needed for a gathering: the other craft observe a missed burn and react to it.
         """
         gathers = any(isinstance(result.stage, Gather) for result in mission.flown)
         times = instants(mission, self.fails) if gathers and self.draws != "errors" else {}
@@ -78,7 +85,7 @@ class History:
     def executed(
         self, scenario: Scenario, result: StageResult[Any, Any], states: Floats
     ) -> StageResult[Any, Any]:
-        """A stage from `states` (N, 6) as it is flown: its burns are off, and lost thrust is missing."""
+        """Return a stage from `states` (N, 6) as executed, with burn errors and without lost thrust."""
         if not result.flown or not (self.replanned or self.instants):
             return result
         if isinstance(result.stage, Gather) and (flaws := self.flaws(scenario, result)).any:
@@ -96,14 +103,14 @@ class History:
         return flown(scenario, result, paths)
 
     def shaken(self, scenario: Scenario) -> Shaken:
-        """What white noise makes of paths, which nobody's thrust did."""
+        """Return a function that adds process noise to a craft's path."""
         if not (self.replanned and scenario.noisy):
             return lambda path, k, since: path
         shaking = Shaking(self.seed, scenario.orbit.build().mean_motion, USUAL)
         return lambda path, k, since: shaking.moved(path, scenario.craft[k], self.case, since)
 
     def flaws(self, scenario: Scenario, result: StageResult[Any, Any]) -> BurnFlaws:
-        """What goes wrong with burns of a gathering: four random numbers belong to each burn of a craft."""
+        """Return the flaws of a gathering's burns; each burn of a craft takes four random numbers."""
         craft = scenario.craft
         times = [(self.instants or {}).get(k, inf) - result.start for k in range(len(craft))]
         gates = np.array([(0.0,) * 4 if one.execution is None else one.execution.gates for one in craft])
@@ -117,7 +124,7 @@ class History:
         return BurnFlaws(np.array([times]), gates, normals if off else None)
 
     def whole(self, mission: Mission) -> Mission:
-        """A mission with what happens in it that no plan takes into account."""
+        """Return a mission with the events that no plan takes into account."""
         if not mission.flown:
             return mission
         if self.draws == "errors":
@@ -125,10 +132,12 @@ class History:
         if self.instants is None:
             return with_losses(mission, self.fails, self.shaken(mission.scenario))
         times = {k: time for k, time in self.instants.items() if time <= mission.flown[-1].end}
-        return told(mission, times, {k: missed(mission, k, time) for k, time in times.items()})
+        return with_reported_losses(
+            mission, times, {k: missed(mission, k, time) for k, time in times.items()}
+        )
 
     def uncorrected(self, mission: Mission) -> Mission:
-        """A mission flown as planned, where nobody corrects what the errors of all craft do."""
+        """Return a mission executed as planned, in which no craft corrects its errors."""
         scenario, end = mission.scenario, mission.flown[-1].end
         shaking = Shaking.beside_zones(scenario, self.seed, end) if scenario.noisy else None
         errors = [
@@ -150,7 +159,7 @@ class History:
 
 
 def errors_of(craft: Craft, path: Path, history: History) -> tuple[Path, Floats] | None:
-    """The columns of a craft's errors over its whole mission, and how large each is; None without any."""
+    """Return the error columns of a craft over its whole mission and their sizes; None without any."""
     if craft.errors is None:
         return None
     columns = columns_of(path, craft.errors)
@@ -159,6 +168,6 @@ def errors_of(craft: Craft, path: Path, history: History) -> tuple[Path, Floats]
 
 
 def drawn(seed: int, name: str, count: int, first: int, last: int) -> Floats:
-    """Normal random numbers (last - first, count) of one craft in some cases of a mission as planned."""
+    """Return normal random numbers (last - first, count) of one craft in some cases of a mission."""
     random = uniform(seed, f"errors of {name}", -(-count // WORDS), first, last)
     return np.asarray(ndtri(random.reshape(last - first, -1)[:, :count]))

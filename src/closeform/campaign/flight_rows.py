@@ -1,4 +1,4 @@
-"""What the flights of cases in the field came to: columns of their rows, and what a study counts of them."""
+"""Simulation results of the cases of a study: the columns of their rows, and their counts."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ if TYPE_CHECKING:
 SEED, RATIO, END, OFF = "flight_seed", "flown_ratio", "flown_end_m", "flown_off_m"
 SPENT, FIELD, FEEDBACK = "flown_delta_v_m_s", "field_delta_v_m_s", "feedback_delta_v_m_s"
 
-NEAREST = 0.5, 0.05, 0.001  # quantiles of least ratios: small ones are the bad ones
+NEAREST = 0.5, 0.05, 0.001  # quantiles of minimum clearance ratios, for which small values are bad
 BY_CAUSE = ("plan", "field", "feedback")
 
 
 def names(scenario: Scenario) -> tuple[str, ...]:
-    """The columns of flights; none of a scenario that flies none."""
+    """Return the names of the simulation columns; none if the scenario is not simulated."""
     if scenario.flights is None:
         return ()
     ends = (end_of(number) for number in range(1, len(scenario.stages) + 1))
@@ -33,7 +33,7 @@ def names(scenario: Scenario) -> tuple[str, ...]:
 
 
 def figures(flown: FlownRun) -> dict[str, Any]:
-    """What the one flight of a case came to: delta-v of all craft, how far off the one is that is most."""
+    """Return the simulation results of a case: delta-v of all craft, greatest deviations."""
     flight = flown.flight
     return {
         RATIO: flight.least_ratio if flight.ratios.size else np.nan,
@@ -48,32 +48,33 @@ def figures(flown: FlownRun) -> dict[str, Any]:
 
 
 def named(scenario: Scenario) -> Iterator[tuple[str, str]]:
-    """What is spread of them, in words, and its column."""
+    """Yield the label and the column of each quantity with a spread."""
     if scenario.flights is None:
         return
-    yield "flown: delta-v of all craft [m/s]", SPENT
-    yield from ((f"flown: delta-v of {name} [m/s]", spent_by(name)) for name in scenario.names)
+    yield "simulated: delta-v of all craft [m/s]", SPENT
+    yield from ((f"simulated: delta-v of {name} [m/s]", spent_by(name)) for name in scenario.names)
     for number, stage in enumerate(scenario.stages, 1):
-        yield f"flown: stage {number}, {stage.verb}, ends off [m]", end_of(number)
-    yield "flown: off at most [m]", OFF
+        yield f"simulated: stage {number}, {stage.verb}, end position error [m]", end_of(number)
+    yield "simulated: greatest deviation [m]", OFF
 
 
 def spent_by(name: str) -> str:
-    """The column of what a craft spends in flight."""
+    """Return the column of the delta-v of a craft in the simulation."""
     return f"{name}_flown_delta_v_m_s"
 
 
 def end_of(number: int) -> str:
-    """The column of how far off a stage ends in flight."""
+    """Return the column of the position error at the end of a stage in the simulation."""
     return f"stage_{number}_end_m"
 
 
 @dataclass(frozen=True)
 class FlightTally:
-    """Of `count` flights to the end: in how many a zone is `entered`, the `mean` delta-v by cause [m/s].
+    """Counts over `count` complete simulations.
 
-    `nearest`: the least ratio of any pair and its case; `nearness`: the spread of the least ratio of each
-    flight.  None where nobody has a zone.
+    The number with a zone `entered` and the `mean` delta-v by cause [m/s]. `nearest`: the minimum clearance
+    ratio of any pair and its case; `nearness`: the spread of the minimum ratio of each simulation. None if no
+    pair has a zone.
     """
 
     count: int
@@ -84,7 +85,7 @@ class FlightTally:
 
     @classmethod
     def of(cls, chunks: CaseChunks) -> Self | None:
-        """Counted chunk after chunk, so that no more than one is held; None where nothing was flown."""
+        """Count chunk after chunk, so that only one is in memory; None without complete simulations."""
         count, entered, sums, nearest = 0, 0, np.zeros(3), (inf, -1)
         for first, part in chunks.read(RATIO, SPENT, FIELD, FEEDBACK, "end_s"):
             done = ~np.isnan(part["end_s"])

@@ -1,4 +1,4 @@
-"""FlownCases: what became of the cases of a study, of any kind."""
+"""Base class of the statistics of a study, of any kind of cases."""
 
 from __future__ import annotations
 
@@ -13,25 +13,25 @@ from closeform.scenario import Scenario
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FlownCases(Result, ABC):
-    """What became of C cases of one `kind`, drawn with its seed, as `chunks` hold it."""
+    """Statistics of C cases of one `kind`, drawn with its seed, held by `chunks`."""
 
     kind: Any
     chunks: CaseChunks
 
     @property
     def scenario(self) -> Scenario:
-        """What was flown."""
+        """Scenario of the study."""
         flown: Scenario = self.kind.scenario
         return flown
 
     @property
     def seed(self) -> int:
-        """With which the cases were drawn."""
+        """Seed with which the cases were drawn."""
         return int(self.kind.seed)
 
     @property
     def title(self) -> str:
-        """That of its scenario."""
+        """Title of the scenario."""
         return self.scenario.title
 
     def __len__(self) -> int:
@@ -40,10 +40,10 @@ class FlownCases(Result, ABC):
     @property
     @abstractmethod
     def ok(self) -> bool:
-        """Whether all is met in every case."""
+        """True if all requirements are met in every case."""
 
     @property
     def as_in_file(self) -> bool:
-        """Whether the file's own seed draws the same cases."""
+        """True if the file's own seed draws the same cases."""
         study = self.scenario.study
         return study is not None and study.seed == self.seed

@@ -1,4 +1,4 @@
-"""Cases of gatherings, each done when one formation set holds all craft, and what they came to."""
+"""Monte Carlo cases of gatherings, each done when one formation set holds all craft, and their statistics."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ from closeform.search.phases import ended_in
 from closeform.search.rounds import all_rounds
 from closeform.search.schedule import Search
 
-AT_ONCE = 8192  # gatherings in a chunk
+AT_ONCE = 8192  # number of gatherings in a chunk
 ALSO = "delta_v_m_s", "met_unknown", "met_known"  # columns that the tally takes too
-CAUSES = {  # columns of what is spent beside joining, by what a study says of it
+CAUSES = {  # columns of delta-v other than for joining, with their labels
     "corrections_m_s": "on corrections against collisions",
     "near_field_m_s": "in the near-field search",
 }
-KEPT = {  # columns, by what is kept
+KEPT = {  # columns by requirement
     "clear": "clear",
     "delta-v": "delta_v_kept",
     "propellant": "propellant_kept",
@@ -45,11 +45,11 @@ KEPT = {  # columns, by what is kept
 
 @dataclass(frozen=True, eq=False)
 class GatherCases(Cases):
-    """Cases with a row each: `duration_s`, `leg`, `rounds`, `left`, `delta_v_m_s`, who met, what is kept.
+    """Cases of gatherings with a row each.
 
-    Of the delta-v what goes into corrections and the near-field search, where there may be such.
-    Where craft may lose their thrust, when each does, and how many are `adrift` for it.  `search`: over all
-    rounds.
+    Columns: `duration_s`, `leg`, `rounds`, `left`, `delta_v_m_s`, the numbers of conflicts, and each
+    requirement. Where they can occur: the delta-v of corrections and of the near-field search, and for craft
+    that may lose their thrust the time of each loss and the number `adrift`. `search` covers all rounds.
     """
 
     stage: Gather
@@ -57,7 +57,7 @@ class GatherCases(Cases):
 
     @classmethod
     def of(cls, scenario: Scenario, seed: int) -> Self:
-        """The cases of a scenario that gathers."""
+        """Return the cases of a scenario that gathers."""
         (stage,) = scenario.stages
         assert isinstance(stage, Gather)
         told = scenario.gathering(stage)
@@ -66,17 +66,17 @@ class GatherCases(Cases):
 
     @property
     def at_once(self) -> int:
-        """Cases in a chunk."""
+        """Greatest number of cases in a chunk."""
         return AT_ONCE
 
     @property
     def causes(self) -> tuple[str, ...]:
-        """Which of CAUSES there may be."""
+        """Those of CAUSES that can occur."""
         near = any(leg.phase == "NFS" for leg in self.search.legs)
         return tuple(compress(CAUSES, (bool(self.scenario.zones.pairs), near)))
 
     def fly(self, first: int, last: int) -> Columns:
-        """Gatherings of all craft."""
+        """Return the results of the gatherings of some cases."""
         scenario = self.scenario
         pairs = np.stack(np.triu_indices(len(scenario.craft), 1), axis=1)
         states = drawn(scenario, self.seed, first, last)
@@ -104,26 +104,26 @@ class GatherCases(Cases):
         }
 
     def good(self, columns: Columns) -> Any:
-        """In which cases all are gathered, and keep what they should."""
+        """Return the cases in which all craft are gathered and all requirements are met."""
         kept = [columns[name] for name in KEPT.values() if name in columns]
         return np.all([columns["leg"] >= 0, *kept], axis=0)
 
     def stored(self, first: int, last: int, columns: Columns) -> Columns:
-        """A row for each case, with its phase and round."""
+        """Return a row for each case, with its phase and round."""
         return super().stored(first, last, columns | ended(self.search, columns["leg"]))
 
     def campaign(self, chunks: CaseChunks) -> GatherCampaign:
-        """What became of them."""
+        """Return the statistics of the cases."""
         return GatherCampaign(self, chunks)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class GatherCampaign(Campaign):
-    """Gatherings, each done when one formation set holds all craft.
+    """Statistics of gatherings, each done when one formation set holds all craft.
 
-    `rounds` (C,): searches begun; `left` (C,): craft not in the formation set; `delta_v` (C,) of
-    all craft together [m/s]; `met_unknown` (C,): pairs that came within their keep-out zone before
-    they knew each other, `met_known` (C,): only after.
+    `rounds` (C,): searches begun; `left` (C,): craft not in the formation set; `delta_v` (C,) of all craft
+    together [m/s]; `met_unknown` (C,): pairs that entered their keep-out zone before they knew each other,
+    `met_known` (C,): only after.
     """
 
     kind: GatherCases
@@ -131,11 +131,11 @@ class GatherCampaign(Campaign):
 
     @property
     def wanted(self) -> tuple[str, ...]:
-        """The columns that say what became of a case."""
+        """Columns with the outcome of a case."""
         return ("duration_s", "leg", *ALSO, *self.kind.causes, *KEPT.values())
 
     def settled(self, columns: Columns) -> Settled:
-        """What became of the cases of a chunk."""
+        """Return the outcomes of the cases of a chunk."""
         kept = {what: columns[name] for what, name in KEPT.items() if name in columns}
         also = {name: columns[name] for name in (*ALSO, *self.kind.causes)}
         time = columns["duration_s"]
@@ -143,12 +143,12 @@ class GatherCampaign(Campaign):
 
     @property
     def measured(self) -> dict[str, Measured]:
-        """What `spreads` are about."""
+        """Quantities of `spreads`."""
         return super().measured | {"delta-v of all craft [m/s]": partial(caused, "delta_v_m_s")}
 
     @property
     def spent(self) -> dict[str, Measured]:
-        """What `costs` are about, until craft are gathered: by cause, and by the phase in which that is."""
+        """Quantities of `costs`, up to the end of the gathering: by cause, and by the phase of that end."""
         causes, of = self.kind.causes, dict[str, Measured]()
         if causes:
             of["to join the formation set"] = partial(joining, causes)
@@ -160,54 +160,54 @@ class GatherCampaign(Campaign):
         return of
 
     def column(self, name: str) -> Any:
-        """One column of all cases."""
+        """Return one column of all cases."""
         return np.concatenate([part[name] for _, part in self.chunks.read(name)])
 
     @cached_property
     def rounds(self) -> Any:
-        """Searches begun."""
+        """Number of searches begun."""
         return self.column("rounds")
 
     @cached_property
     def left(self) -> Any:
-        """Craft not in the formation set."""
+        """Number of craft not in the formation set."""
         return self.column("left")
 
     @property
     def delta_v(self) -> Floats:
-        """Of all craft together [m/s]."""
+        """Delta-v of all craft together [m/s]."""
         spent: Floats = self._settled.also["delta_v_m_s"]
         return spent
 
     @property
     def met_unknown(self) -> Any:
-        """Pairs that came within their keep-out zone before they knew each other."""
+        """Number of pairs that entered their keep-out zone before they knew each other."""
         return self._settled.also["met_unknown"]
 
     @property
     def met_known(self) -> Any:
-        """Pairs that did so only after."""
+        """Number of pairs that did so only after."""
         return self._settled.also["met_known"]
 
 
 def caused(name: str, one: Settled) -> tuple[Floats, Any]:
-    """What a column says is spent (C,) [m/s], and which cases are gathered."""
+    """Return the delta-v (C,) [m/s] of a column, and which cases are gathered."""
     return one.also[name], one.leg >= 0
 
 
 def joining(causes: tuple[str, ...], one: Settled) -> tuple[Floats, Any]:
-    """What is spent for none of them, to join the formation set."""
+    """Return the delta-v (C,) [m/s] of joining the formation set, and which cases are gathered."""
     rest = one.also["delta_v_m_s"] - sum(one.also[name] for name in causes)
-    return np.maximum(rest, 0.0), one.leg >= 0  # of nothing but rounding nothing is left
+    return np.maximum(rest, 0.0), one.leg >= 0  # rounding can make it negative
 
 
 def spent_until(search: Search, number: int, one: Settled) -> tuple[Floats, Any]:
-    """What is spent (C,) [m/s], and which cases are gathered in a phase, by its number among all labels."""
+    """Return the delta-v (C,) [m/s], and which cases are gathered in a phase, by the index of its label."""
     return one.also["delta_v_m_s"], ended_in(search, one.time, one.leg) == number
 
 
 def within_limits(scenario: Scenario, flown: Gatherings) -> dict[str, Any]:
-    """In which gatherings (C,) each clearance and limit that the file asks for is kept."""
+    """Return in which gatherings (C,) each clearance and limit that the file requires is kept."""
     kept: dict[str, Any] = {}
     if scenario.zones.pairs:
         kept["clear"] = flown.met_unknown + flown.met_known == 0

@@ -1,4 +1,4 @@
-"""Cases of first locks, of all pairs of a craft in A and one in B that coast, and what they came to."""
+"""Monte Carlo cases of first locks of all pairs of coasting craft, one in A and one in B, and statistics."""
 
 from __future__ import annotations
 
@@ -26,16 +26,16 @@ from closeform.search.search_errors import SearchErrors, between, of_each
 from closeform.zones.pair_zones import portions
 
 WITHIN_SUN = "within_sun_limit"
-KEPT = {"clear": "clear", "sun": WITHIN_SUN}  # columns, by what is kept
-PAIRS_AT_ONCE = 100_000  # in a chunk; some megabytes
+KEPT = {"clear": "clear", "sun": WITHIN_SUN}  # columns by requirement
+PAIRS_AT_ONCE = 100_000  # number of pairs in a chunk; some megabytes
 
 
 @dataclass(frozen=True, eq=False)
 class LockCases(Cases):
-    """Cases with a row for each pair (P, 2) of craft, done when the last has locked.
+    """Cases with a row for each pair (P, 2) of craft, done when the last pair has locked.
 
     Columns: the state of the second relative to the first, `time_s` and `leg` of the lock, the same as
-    `every_60_s_time_s` and `every_60_s_leg` for a simulation that looks every 60 s, `clear`.
+    `every_60_s_time_s` and `every_60_s_leg` for detection every 60 s, `clear`.
     """
 
     search: Search
@@ -45,22 +45,22 @@ class LockCases(Cases):
 
     @classmethod
     def of(cls, scenario: Scenario, seed: int) -> Self:
-        """The cases of a scenario that locks."""
+        """Return the cases of a scenario that locks."""
         steps = scenario.study.sampled if scenario.study is not None else ()
         return cls(scenario, seed, scenario.plan, scenario.opposite, steps)
 
     @property
     def at_once(self) -> int:
-        """Cases in a chunk."""
+        """Greatest number of cases in a chunk."""
         return max(1, PAIRS_AT_ONCE // len(self.pairs))
 
     @property
     def watched(self) -> bool:
-        """Whether anybody keeps a zone."""
+        """True if any craft keeps a zone."""
         return any(zone is not None for zone in self.scenario.keep_out)
 
     def fly(self, first: int, last: int) -> Columns:
-        """First locks of all A-B pairs."""
+        """Return the first locks of all A-B pairs in some cases."""
         states = drawn(self.scenario, self.seed, first, last)
         moves = apart(self.scenario, states, self.pairs, first).reshape(-1, 6)
         craft = searching(self.scenario, self.seed, first, last)
@@ -77,12 +77,12 @@ class LockCases(Cases):
         return columns | {name: np.repeat(kept, len(self.pairs)) for name, kept in sun.items()}
 
     def good(self, columns: Columns) -> Any:
-        """In which cases all have locked, and coast clear."""
+        """Return the cases in which all pairs lock and all requirements are met."""
         kept = [columns[name][:: len(self.pairs)] for name in KEPT.values() if name in columns]
         return np.all([(columns["leg"].reshape(-1, len(self.pairs)) >= 0).all(axis=1), *kept], axis=0)
 
     def stored(self, first: int, last: int, columns: Columns) -> Columns:
-        """A row for each case and pair."""
+        """Return a row for each case and pair."""
         one, other = (np.tile(self.pairs[:, k], last - first) for k in (0, 1))
         return {
             "case": np.repeat(np.arange(first, last), len(self.pairs)),
@@ -93,13 +93,13 @@ class LockCases(Cases):
         }
 
     def campaign(self, chunks: CaseChunks) -> LockCampaign:
-        """What became of them."""
+        """Return the statistics of the cases."""
         return LockCampaign(self, chunks)
 
 
 @dataclass(frozen=True, eq=False)
 class SampledLocks:
-    """When C cases were done for a simulation that looks every `step` [s]: `time` (C,) [s] and `leg` (C,)."""
+    """Times (C,) [s] and legs (C,) of the locks of C cases for a simulation that detects every `step` [s]."""
 
     step: float
     time: Floats
@@ -108,10 +108,10 @@ class SampledLocks:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LockCampaign(Campaign):
-    """First locks of all pairs of a craft in A and one in B; a case is done when its last pair has locked.
+    """Statistics of first locks of all A-B pairs; a case is done when its last pair has locked.
 
-    `pairs` (P, 2) of craft; `pair_time` (C, P) [s], nan where there is no lock, and `pair_leg` (C, P),
-    then -1; `sampled`: the same by detection at samples, for the steps of the scenario's [study].
+    `pairs` (P, 2) of craft; `pair_time` (C, P) [s], nan without a lock, and `pair_leg` (C, P), then -1;
+    `sampled`: the same for detection at samples, with the steps of the scenario's [study].
     """
 
     kind: LockCases
@@ -119,7 +119,7 @@ class LockCampaign(Campaign):
 
     @property
     def wanted(self) -> tuple[str, ...]:
-        """Columns that say what became of a case."""
+        """Columns with the outcome of a case."""
         return (
             "time_s",
             "leg",
@@ -129,11 +129,11 @@ class LockCampaign(Campaign):
 
     @property
     def pairs(self) -> Any:
-        """The pairs (P, 2) of craft."""
+        """Pairs (P, 2) of craft."""
         return self.kind.pairs
 
     def settled(self, columns: Columns) -> Settled:
-        """When the last pair of each case has locked, and in which leg; nan and -1 unless all have."""
+        """Return time and leg at which the last pair of each case has locked; nan and -1 unless all have."""
         pairs = len(self.pairs)
         time, leg = last_of(columns["time_s"], columns["leg"], pairs)
         kept = {what: columns[name][::pairs] for what, name in KEPT.items() if name in columns}
@@ -151,22 +151,22 @@ class LockCampaign(Campaign):
 
     @property
     def pair_time(self) -> Floats:
-        """When each pair locks (C, P) [s]."""
+        """Lock time of each pair (C, P) [s]."""
         return self._pairs[0]
 
     @property
     def pair_leg(self) -> Any:
-        """In which leg each does (C, P)."""
+        """Leg of the lock of each pair (C, P)."""
         return self._pairs[1]
 
     @property
     def sampled(self) -> tuple[SampledLocks, ...]:
-        """The same by detection at samples."""
+        """Locks for detection at samples."""
         return tuple(SampledLocks(step, *found) for step, found in self._settled.sampled.items())
 
 
 def last_of(time: Floats, leg: Any, pairs: int) -> tuple[Floats, Any]:
-    """When the last of `pairs` pairs of each case has locked, and in which leg; else nan and -1."""
+    """Return the time and leg at which the last of `pairs` pairs of each case has locked; else nan and -1."""
     if pairs == 1:
         return time, leg
     time, leg = time.reshape(-1, pairs), leg.reshape(-1, pairs)
@@ -174,27 +174,27 @@ def last_of(time: Floats, leg: Any, pairs: int) -> tuple[Floats, Any]:
 
 
 def sampled_names(step: float) -> tuple[str, str]:
-    """The columns of time and leg for detection every `step` [s]."""
+    """Return the columns of time and leg for detection every `step` [s]."""
     return f"every_{step:g}_s_time_s", f"every_{step:g}_s_leg"
 
 
 def apart(scenario: Scenario, states: Floats, pairs: Any, first: int) -> Floats:
-    """States (C, P, 6) of the second craft of each pair relative to the first.
+    """Return states (C, P, 6) of the second craft of each pair relative to the first.
 
-    Raises ScenarioError where two are at one place.
+    Raises ScenarioError if two craft start at the same position.
     """
     moves = np.asarray(states[:, pairs[:, 1]] - states[:, pairs[:, 0]])
     same = (moves[..., :3] == 0.0).all(axis=-1)
     if same.any():
         case, pair = np.argwhere(same)[0]
         one, other = (scenario.names[k] for k in pairs[pair])
-        line = f"{one} and {other} are at one place in case {first + case}; draw their positions"
+        line = f"{one} and {other} start at the same position in case {first + case}; vary their positions"
         raise ScenarioError(scenario.file, [f"study.vary: {line}"])
     return moves
 
 
 def coasts_clear(scenario: Scenario, states: Floats, duration: float) -> Any:
-    """In which cases (C,) no two craft that coast from states (C, N, 6) come into each other's zone."""
+    """Return in which cases (C,) no two craft that coast from states (C, N, 6) enter each other's zone."""
     paths = scenario.orbit.build().coast(states, duration)
     clear = np.ones(len(states), dtype=bool)
     for zone, first, second in portions(scenario.zones):
@@ -204,7 +204,7 @@ def coasts_clear(scenario: Scenario, states: Floats, duration: float) -> Any:
 
 
 def within_sun_limit(scenario: Scenario, search: Search, errors: SearchErrors | None, cases: int) -> Columns:
-    """Return in which cases all craft keep the sun limit, as a column; none where no craft points wrongly."""
+    """Return in which cases all craft keep the sun limit, as a column; empty without pointing errors."""
     wrong = "craft.pointing_error" in varied(scenario) or np.any(scenario.given("craft.pointing_error"))
     if errors is None or not wrong:
         return {}

@@ -1,4 +1,4 @@
-"""Losses: craft lose their thrust in mid-mission and drift to its end, while the others fly as planned."""
+"""Loss of thrust in a mission: a craft that loses its thrust drifts, while the others follow their plan."""
 
 from __future__ import annotations
 
@@ -18,19 +18,21 @@ from closeform.motion.path import Path
 from closeform.scenario import Scenario
 from closeform.search.gather_result import Gathering
 
-Shaken = Callable[[Path, int, float], Path]  # a path of a craft by its number, with noise after a time [s]
+# adds process noise after a time [s] to the path of a craft by index
+Shaken = Callable[[Path, int, float], Path]
 
 
 def instants(mission: Mission, fails: Sequence[float]) -> dict[int, float]:
-    """When craft, by number, lose their thrust [s]: after shares (N,) of the mission, nan: they do not."""
+    """Return the times [s] at which craft, by index, lose their thrust; `fails` (N,) are fractions or nan."""
     end = mission.flown[-1].end
     return {k: float(share * end) for k, share in enumerate(fails) if not isnan(share)}
 
 
 def with_losses(mission: Mission, fails: Sequence[float], shaken: Shaken) -> Mission:
-    """A mission in which each craft (N,) loses its thrust after a share of it, nan for who does not.
+    """Return a mission in which each craft (N,) loses its thrust after a fraction of it; nan: it does not.
 
-    Who coasts all along has none to lose; who drifts is `shaken` on.
+    A craft that coasts throughout has no thrust to lose. A drifting craft is still subject to process noise
+    (`shaken`).
     """
     scenario, burns = mission.scenario, mission.paths.delta_v > 0.0
     times = {k: time for k, time in instants(mission, fails).items() if burns[k]}
@@ -46,20 +48,20 @@ def with_losses(mission: Mission, fails: Sequence[float], shaken: Shaken) -> Mis
                     paths[k] = shaken(drifting(paths[k], time, states.get(k)), k, max(time, result.start))
                     states[k] = paths[k].state(result.end)
             results[place] = flown(scenario, result, paths)
-    return told(replace(mission, results=tuple(results)), times, needed)
+    return with_reported_losses(replace(mission, results=tuple(results)), times, needed)
 
 
-def told(mission: Mission, times: Mapping[int, float], needed: Mapping[int, bool]) -> Mission:
-    """A mission as flown by craft that lose their thrust, which says who does, and how near they drift."""
+def with_reported_losses(mission: Mission, times: Mapping[int, float], needed: Mapping[int, bool]) -> Mission:
+    """Return the mission with its losses of thrust and the closest approach of each drifting craft."""
     names = mission.scenario.names
     lost = (LostThrust(names[k], time, needed[k], *nearest(mission, k, time)) for k, time in times.items())
     return replace(mission, lost=tuple(lost))
 
 
 def missed(mission: Mission, k: int, time: float) -> bool:
-    """Whether a craft is told to burn after a time, in a mission whose stages were flown without its thrust.
+    """Return True if a craft misses a burn after a time, in a mission executed without its thrust.
 
-    In a gathering: whether it could not fly along for want of a burn.
+    In a gathering: True if it could not join for want of a burn.
     """
     for result in mission.flown:
         if isinstance(result.result, Gathering):
@@ -73,21 +75,22 @@ def missed(mission: Mission, k: int, time: float) -> bool:
 
 
 def flown(scenario: Scenario, result: StageResult[Any, Any], paths: list[Path]) -> StageResult[Any, Any]:
-    """A stage with the paths on which the craft really were."""
+    """Return a stage with the paths that the craft really followed."""
     after = watch(stack(paths), scenario.names, scenario.zones)
     return replace(result, after=after, commanded=result.planned)
 
 
 def thrust_after(path: Path, time: float) -> bool:
-    """Whether a craft burns after some time of its path."""
+    """Return True if a craft burns after a time of its path."""
     burnt = path.delta_v - drifting(path, time).delta_v
     return bool(burnt > 0.0)
 
 
 def nearest(mission: Mission, k: int, time: float) -> tuple[float, str | None]:
-    """Least ratio of a craft that drifts since a time to another, and to whom; nan, None without zones.
+    """Return the minimum clearance ratio of a craft drifting since a time, and the other craft.
 
-    In the scenario's field, where it has one; else in Hill's equations.
+    The drift is propagated in the scenario's high-fidelity model if it has one, else with Hill's equations.
+    The result is nan and None without zones.
     """
     names, orbit, paths, field = mission.scenario.names, mission.orbit, mission.paths, mission.scenario.field
     own = paths[k]

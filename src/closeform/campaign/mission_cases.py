@@ -1,4 +1,4 @@
-"""Cases of a whole mission, each with its own plan, and what they came to."""
+"""Monte Carlo cases of a whole mission, each with its own plan, and their statistics."""
 
 from __future__ import annotations
 
@@ -27,53 +27,52 @@ from closeform.scenario import Scenario, ScenarioError
 from closeform.scenario.stages import Clearing
 from closeform.scenario.study import FAILS
 
-AT_ONCE = 32  # missions in a chunk: some tenths of a second of plans of a few craft; of many, a minute
-CHUNKS = 32  # of a small study at least: what is lost by a stop, and how finely progress is told
+AT_ONCE = 32  # missions in a chunk: a few tenths of a second for a few craft, a minute for many
+CHUNKS = 32  # least number in a small study; fewer lose more work at a stop and report progress more coarsely
 MET, UNMET, STOPPED, REFUSED = "met", "unmet", "stopped", "refused"
 STATUSES = (MET, UNMET, STOPPED, REFUSED)
 WORDS = {
-    MET: "all that was asked for is met",
-    UNMET: "flown, but not all that was asked for is met",
+    MET: "with all requirements met",
+    UNMET: "with requirements not met",
     STOPPED: "stopped in a stage",
-    REFUSED: "cannot be flown",
+    REFUSED: "not feasible",
 }
-GAP, ABOVE = "gap", "above the lower bound [%]"  # the column, and what it is in a table
-NAMED = 10  # cases that are named
+GAP, ABOVE = "gap", "above the lower bound [%]"  # the column, and its label in a table
+NAMED = 10  # number of cases that a message lists
 NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(\.\d+)?(e[-+]?\d+)?(?!\w)")
 
 
 @dataclass(frozen=True, eq=False)
 class MissionCases(Cases):
-    """Cases with a row each: `status`, `reason`, `end_s`, delta-v in all, by craft and by stage, `conflicts`.
+    """Cases of a mission with a row each.
 
-    Where cases are flown in the field, what that came to (`flight_rows`) stands beside what was planned.
-
-    `gap`: by how much a plan is above its lower bound at most, as a share of it.
-    `least_ratio`: of all pairs, in terms of their zones, nan where none has one.  Of what was not flown the
-    numbers are nan.  Where errors are drawn, of each stage how far they put the craft that is off most;
-    where craft fail, when each does, and `drift_ratio`, the least from then on between them and any other.
-    `plans` are those that cases have in common.
+    Columns: `status`, `reason`, `end_s`, delta-v in all, by craft and by stage, `conflicts`. Simulated cases
+    have the columns of `flight_rows` beside the planned ones. `gap`: the optimality gap of a plan, relative
+    to it. `least_ratio`: the minimum clearance ratio of all pairs, nan without zones. Numbers of stages that
+    were not executed are nan. With sampled errors, the greatest deviation of a craft in each stage; with
+    failures, the time of each and `drift_ratio`, the minimum clearance ratio of drifting craft. `plans` are
+    shared between cases.
     """
 
     plans: Plans = field(default_factory=Plans)
 
     @property
     def at_once(self) -> int:
-        """Cases in a chunk."""
+        """Greatest number of cases in a chunk."""
         return AT_ONCE
 
     def in_chunk(self, count: int) -> int:
-        """Cases in a chunk of a study of so many."""
+        """Return the number of cases in a chunk of a study of `count` cases."""
         return max(1, min(AT_ONCE, count // CHUNKS))
 
     def fly(self, first: int, last: int) -> Columns:
-        """All stages of each case, as a run of it flies them."""
+        """Plan and evaluate all stages of each case, as a run of it does."""
         rows = [self.row(case) for case in range(first, last)]
         return {name: np.array([row[name] for row in rows]) for name in self.names}
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The columns of `fly`."""
+        """Columns of `fly`."""
         craft = (of_craft(name) for name in self.scenario.names)
         numbers = range(1, len(self.scenario.stages) + 1)
         stages = (*map(of_stage, numbers), *(map(off_in, numbers) if self.replanned else ()))
@@ -84,21 +83,21 @@ class MissionCases(Cases):
 
     @property
     def bounded(self) -> bool:
-        """Whether any stage goes around zones, so that its plans have lower bounds."""
+        """True if any stage avoids zones, so that its plans have lower bounds."""
         return any(isinstance(stage, Clearing) for stage in self.scenario.stages)
 
     @property
     def failing(self) -> bool:
-        """Whether craft may lose their thrust."""
+        """True if craft may lose their thrust."""
         return FAILS in varied(self.scenario)
 
     @property
     def replanned(self) -> bool:
-        """Whether errors are drawn, and each stage is planned from where they left the craft."""
+        """True if errors are sampled and each stage is planned from the state that they result in."""
         return self.scenario.study is not None and self.scenario.study.draws == "replanned"
 
     def row(self, case: int) -> dict[str, Any]:
-        """What became of one case."""
+        """Return the row of one case."""
         row: dict[str, Any] = dict.fromkeys(self.names, nan) | {"conflicts": -1}
         scenario = one_case(self.scenario, self.seed, case)
         if scenario.flight_seed is not None:
@@ -110,38 +109,38 @@ class MissionCases(Cases):
             return row | {"status": REFUSED, "reason": reason}
         row |= {"status": ended(mission), "reason": "" if mission.verdict.ok else str(mission.verdict)}
         row |= figures(mission)
-        if self.scenario.place is None:  # no point of a sweep, whose report shows no case
+        if self.scenario.place is None:  # the report of a sweep shows no cases
             self.plans.keep(case, mission, ranks(case, row))
         return row
 
     def mission(self, case: int) -> Mission:
-        """Return the mission of one case: the one that was flown, if it was kept, else flown again."""
+        """Return the mission of one case: the stored one, else evaluated again."""
         kept = self.plans.mission(case)
         return kept or self.as_happened(one_case(self.scenario, self.seed, case), case)
 
     def as_happened(self, scenario: Scenario, case: int) -> Mission:
-        """Return a case with what happens in it that no plan knows."""
+        """Return the mission of a case with the events that its plan does not know."""
         return as_happened(self.planned(scenario, case), predicted=self.scenario.flights is None)
 
     def planned(self, scenario: Scenario, case: int) -> Mission:
-        """A case as planned: as other cases that draw the same of what plans know."""
-        predicted = self.scenario.flights is None  # which flights answer better
+        """Return the planned mission of a case, shared with cases that have the same plan inputs."""
+        predicted = self.scenario.flights is None  # a simulation gives better predictions
         if not recurring(self.scenario):
             return staged(scenario, predicted=predicted)
         drawn = known(self.scenario, self.seed, case)
         return replace(self.plans.of(drawn, lambda: staged(scenario, predicted=predicted)), scenario=scenario)
 
     def good(self, columns: Columns) -> Any:
-        """In which cases all is met."""
+        """Return the cases in which all requirements are met."""
         return columns["status"] == MET
 
     def campaign(self, chunks: CaseChunks) -> MissionCampaign:
-        """What became of them."""
+        """Return the statistics of the cases."""
         return MissionCampaign(self, chunks)
 
 
 def ranks(case: int, row: Mapping[str, Any]) -> dict[str, float]:
-    """Return what makes a case worth a page, the least first; nan where it is not (`viewer.replays`)."""
+    """Return the ranks that select a case for a page, least first; nan if none does (`viewer.replays`)."""
     last, spent = nan if np.isnan(row["end_s"]) else 0.0, row.get(flight_rows.SPENT, row["delta_v_m_s"])
     return {
         **{status: case if row["status"] == status else nan for status in (UNMET, STOPPED)},
@@ -152,7 +151,7 @@ def ranks(case: int, row: Mapping[str, Any]) -> dict[str, float]:
 
 
 def ended(mission: Mission) -> str:
-    """How it ended: one of STATUSES."""
+    """Return how a mission ended: one of STATUSES."""
     if mission.stopped is not None:
         return STOPPED
     if mission.grounded is not None:
@@ -161,7 +160,7 @@ def ended(mission: Mission) -> str:
 
 
 def figures(mission: Mission) -> dict[str, Any]:
-    """What a mission came to, in numbers: of the stages that were flown."""
+    """Return the numbers of a mission, from its executed stages."""
     flown = mission.flown
     each = np.array([result.delta_v for result in flown]).reshape(-1, len(mission.scenario.craft))
     ratios = [pair.ratio for result in flown for pair in result.after.approaches]
@@ -181,16 +180,16 @@ def figures(mission: Mission) -> dict[str, Any]:
 
 
 def widest(results: Sequence[StageResult[Any, Any]]) -> float:
-    """By how much a plan is above its lower bound at most, as a share of it; nan where none has one."""
+    """Return the greatest optimality gap of the plans, relative to each plan; nan without bounds."""
     moved = [one.result for one in results if isinstance(one.stage, Clearing)]
     plans = [getattr(one, "plan", None) or one.avoidance for one in moved]
     return float(np.fmax.reduce([max(plan.gap, 0.0) for plan in plans], initial=nan))
 
 
 def off(result: StageResult[Any, Any]) -> float:
-    """How far [m] from its planned end the craft is that errors of burns put off most.
+    """Return the greatest distance [m] between a craft and its planned end, due to burn errors.
 
-    Where a gathering would have ended before, with exact burns: from where it would have coasted to.
+    A gathering with exact burns can end earlier; its end is then propagated by coasting.
     """
     paths, end = result.planned.paths, min(result.end, result.planned.end)
     planned = paths.position(end)
@@ -200,25 +199,25 @@ def off(result: StageResult[Any, Any]) -> float:
 
 
 def off_in(number: int) -> str:
-    """The column of how far errors of burns put a craft off in a stage."""
+    """Return the column of the greatest deviation due to burn errors in a stage."""
     return f"stage_{number}_off_m"
 
 
 def of_craft(name: str) -> str:
-    """The column of what a craft spends."""
+    """Return the column of the delta-v of a craft."""
     return f"{name}_delta_v_m_s"
 
 
 def of_stage(number: int) -> str:
-    """The column of what all spend in a stage."""
+    """Return the column of the delta-v of all craft in a stage."""
     return f"stage_{number}_delta_v_m_s"
 
 
 @dataclass(frozen=True)
 class Endings:
-    """How cases ended: by status `counts` and the `first` few; why, how often and first; who came nearest.
+    """Outcomes of cases: `counts` by status, the `first` few, the causes, and the closest pair.
 
-    `drifting`: in how many a craft drifts that has a zone with another, and in how many into one.
+    `drifting`: the number of cases in which a craft with a zone drifts, and in which it enters one.
     """
 
     counts: dict[str, int]
@@ -229,7 +228,7 @@ class Endings:
 
     @classmethod
     def of(cls, chunks: CaseChunks, failing: bool) -> Self:
-        """Counted chunk after chunk, so that no more than one is held."""
+        """Count chunk after chunk, so that only one is in memory."""
         drifting = np.zeros(2, dtype=np.int64)
         counts, first = dict.fromkeys(STATUSES, 0), {status: list[int]() for status in STATUSES}
         causes, nearest = dict[str, tuple[int, int]](), (inf, -1)
@@ -254,57 +253,57 @@ class Endings:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class MissionCampaign(FlownCases):
-    """What became of C cases of a mission, drawn with a seed, as `chunks` hold it.
+    """Statistics of C cases of a mission, drawn with a seed, held by `chunks`.
 
-    As arrays (C,), read when they are asked for: `column` of any name that the files of cases have, of which
-    `statuses` are "met", "unmet", "stopped" or "refused", all of them counted.
+    Arrays (C,) are read on request: `column` of any name in the files of cases, of which `statuses` are
+    "met", "unmet", "stopped" or "refused".
     """
 
     kind: MissionCases
     _told: ClassVar = ("title", "seed", "status", "reason")
 
     def column(self, name: str) -> Any:
-        """One column of all cases."""
+        """Return one column of all cases."""
         return np.concatenate([part[name] for _, part in self.chunks.read(name)])
 
     @cached_property
     def statuses(self) -> Any:
-        """How each case ended."""
+        """Status of each case."""
         return self.column("status").astype(str)
 
     @cached_property
     def endings(self) -> Endings:
-        """How cases ended, counted chunk after chunk."""
+        """Outcomes of the cases, counted chunk after chunk."""
         return Endings.of(self.chunks, self.kind.failing)
 
     @property
     def counts(self) -> dict[str, int]:
-        """How many cases ended how, in the order of STATUSES."""
+        """Number of cases by status, in the order of STATUSES."""
         return self.endings.counts
 
     @cached_property
     def good(self) -> Any:
-        """In which cases (C,) all is met."""
+        """Cases (C,) in which all requirements are met."""
         return self.statuses == MET
 
     @property
     def failed(self) -> Any:
-        """The numbers (F,) of the cases in which it is not."""
+        """Numbers (F,) of the cases in which they are not."""
         return np.flatnonzero(~self.good)
 
     @property
     def met_cases(self) -> int:
-        """In how many cases all is met."""
+        """Number of cases in which all requirements are met."""
         return self.counts[MET]
 
     @property
     def ok(self) -> bool:
-        """Whether all is met in every case."""
+        """True if all requirements are met in every case."""
         return self.met_cases == len(self)
 
     @property
     def status(self) -> CampaignStatus:
-        """How it ended."""
+        """Status of the campaign."""
         if self.ok:
             return CampaignStatus.COMPLETE
         never = self.counts[STOPPED] + self.counts[REFUSED]
@@ -312,7 +311,7 @@ class MissionCampaign(FlownCases):
 
     @property
     def reason(self) -> str | None:
-        """How many cases ended badly, and which come first; None where none did."""
+        """Number of cases that ended badly, and the first of them; None if there are none."""
         parts = []
         for status, count in self.counts.items():
             if count and status != MET:
@@ -323,15 +322,15 @@ class MissionCampaign(FlownCases):
 
     @cached_property
     def causes(self) -> list[tuple[str, int, int]]:
-        """Why cases ended badly, numbers left out: how many did, and the first of them; most often first."""
+        """Causes without their numbers, the number of cases of each and the first; most frequent first."""
         most = sorted(self.endings.causes.items(), key=lambda row: -row[1][0])[:NAMED]
         return [(cause, many, first) for cause, (many, first) in most]
 
     @cached_property
     def spreads(self) -> dict[str, Spread]:
-        """Of the delta-v [m/s] in all, by stage and by craft, and of the end [s], where it was all flown.
+        """Spreads of the delta-v [m/s] in all, by stage and by craft, and of the end time [s].
 
-        Where errors are drawn, of how far they put craft off in each stage [m], too.
+        Over complete missions. With sampled errors, also of the deviation in each stage [m].
         """
         named = {"delta-v of all craft [m/s]": "delta_v_m_s"}
         if len(self.scenario.stages) > 1:
@@ -340,7 +339,9 @@ class MissionCampaign(FlownCases):
         named |= {f"delta-v of {name} [m/s]": of_craft(name) for name in self.scenario.names}
         if self.kind.replanned:
             stages = enumerate(self.scenario.stages, 1)
-            named |= {f"stage {number}, {stage.verb}, off [m]": off_in(number) for number, stage in stages}
+            named |= {
+                f"stage {number}, {stage.verb}, deviation [m]": off_in(number) for number, stage in stages
+            }
         if self.kind.bounded:
             named[ABOVE] = GAP
         named["end [s]"] = "end_s"
@@ -351,7 +352,7 @@ class MissionCampaign(FlownCases):
         return {words: spread for words, spread in found.items() if spread is not None}
 
     def spread(self, name: str) -> Spread | None:
-        """Of one column, of the cases that were flown to the end and have a number in it."""
+        """Return the spread of one column over the complete cases with a number in it."""
 
         def values() -> Iterator[tuple[Floats, Any]]:
             for first, part in self.chunks.read(name, "end_s"):
@@ -362,10 +363,10 @@ class MissionCampaign(FlownCases):
 
     @cached_property
     def flights(self) -> flight_rows.FlightTally | None:
-        """What became of the flights in the field; None where none was flown."""
+        """Counts of the simulations in the high-fidelity model; None without any."""
         return None if self.scenario.flights is None else flight_rows.FlightTally.of(self.chunks)
 
     @property
     def nearest(self) -> tuple[float, int] | None:
-        """The least ratio of any pair in terms of its zone, and in which case; None where nobody has one."""
+        """Minimum clearance ratio of any pair, and its case; None without zones."""
         return self.endings.nearest

@@ -1,4 +1,4 @@
-"""One case of a study, as the scenario that it is."""
+"""One case of a study as a scenario of its own."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ if TYPE_CHECKING:
 
 
 def case_of(scenario: Scenario, case: int) -> Scenario:
-    """The scenario with all that one `case` of its study has drawn, by the file's seed.
+    """Return the scenario with the samples of one `case` of its study, with the file's seed.
 
-    Raises ScenarioError for what is not built, or craft at one place in that case, and
-    ValueError for a scenario without a study or a case below 0.
+    Raises ScenarioError for an unsupported scenario or for craft at the same position in that case, and
+    ValueError for a scenario without a study or a negative case.
     """
     if scenario.study is None:
         raise ValueError(f"{scenario.file} has no cases; add a [study] table, or leave the case out")
@@ -34,7 +34,7 @@ def case_of(scenario: Scenario, case: int) -> Scenario:
 
 
 def one_case(scenario: Scenario, seed: int, case: int) -> Scenario:
-    """The scenario with what one case of its study has drawn with a seed."""
+    """Return the scenario with the samples of one case of its study, with a given seed."""
     title, history = f"{scenario.title}: case {case}", history_of(scenario, seed, case)
     if history is not None and history.draws == "errors":
         return replace(scenario, title=title, case=case, history=history)
@@ -62,7 +62,7 @@ def one_case(scenario: Scenario, seed: int, case: int) -> Scenario:
 
 
 def drawn_craft(craft: tuple[Craft, ...], columns: dict[str, Any], replanned: bool) -> tuple[Craft, ...]:
-    """Craft with the values (N,) or (N, 3) of some fields."""
+    """Return craft with the values (N,) or (N, 3) of some fields replaced."""
     known = {"start": None, "states": None} | ({"covariance": None} if replanned else {})
     found = []
     for k, one in enumerate(craft):
@@ -73,7 +73,7 @@ def drawn_craft(craft: tuple[Craft, ...], columns: dict[str, Any], replanned: bo
 
 
 def flight_of(scenario: Scenario, seed: int, case: int) -> Scenario | None:
-    """A case with what it draws of how it flies, which its plans do not know; None where that is nothing."""
+    """Return a case with the sampled values that its plan does not know; None without any."""
     found = scenario
     for key in varied(scenario):
         if not key.startswith(UNPLANNED):
@@ -90,15 +90,15 @@ def flight_of(scenario: Scenario, seed: int, case: int) -> Scenario | None:
 
 
 def history_of(scenario: Scenario, seed: int, case: int) -> History | None:
-    """How errors and failures come out in one case; None where its study draws none."""
+    """Return the sampled errors and failures of one case; None if its study samples none."""
     study = scenario.study
     if study is None or (study.draws == "vary" and FAILS not in study.vary):
         return None
-    from closeform.campaign.executed_mission import History  # whose kernels searches can spare
+    from closeform.campaign.executed_mission import History  # imported late: compiles kernels
 
     return History(seed, case, study.draws, failing(scenario, seed, case))
 
 
 def field_of(key: str) -> str:
-    """The field of a craft that a key such as craft.mass fills."""
+    """Return the field of a craft that a key such as craft.mass sets."""
     return next(name for name in Craft.model_fields if f"craft.{Craft.key_of(name)}" == key)

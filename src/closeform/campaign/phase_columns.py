@@ -1,4 +1,4 @@
-"""Ends: who a row of a study's table is about and in which phase it ended, as few bytes."""
+"""Columns for the craft and the phase of a row of a study's table, dictionary-encoded."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -7,11 +7,11 @@ import numpy as np
 
 from closeform.search.schedule import Search
 
-NAMES = ("x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s")  # of the components of a state
+NAMES = ("x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s")  # components of a state
 
 
 def named(names: Sequence[Any], which: Any) -> Any:
-    """A column of names by their number, null where that is negative."""
+    """Return a column of names by index; a negative index gives null."""
     import pyarrow
 
     index = which.astype(np.int32)
@@ -19,7 +19,7 @@ def named(names: Sequence[Any], which: Any) -> Any:
 
 
 def ended(search: Search, leg: Any) -> dict[str, Any]:
-    """The columns of phase and round for legs of a search, and of the leg; null where there is none."""
+    """Return the columns of phase, round and leg of a search; null for an absent leg."""
     import pyarrow
 
     phases = list(dict.fromkeys(one.phase for one in search.legs))

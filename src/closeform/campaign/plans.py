@@ -1,4 +1,4 @@
-"""Plans: those that cases of a study have in common, each made once, and the missions that a report shows."""
+"""Plans shared by the cases of a study, each computed once, and the missions that a report shows."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from closeform.mission.mission_result import Mission
 from closeform.scenario import Scenario
 from closeform.scenario.study import FAILS, STATES, UNPLANNED
 
-MOST = 32  # plans that are held, the last ones
-KEPT = 2  # missions that are kept of each rank: more than a report has pages for would only take memory
+MOST = 32  # number of plans in memory, the most recent ones
+KEPT = 2  # missions kept for each rank; a report has no pages for more
 
 Known = tuple[bytes, ...]
 
 
 class Plans:
-    """The plans of some cases, by what they know of a case; threads wait for the one that makes theirs.
+    """Plans by the inputs of a case that they depend on; threads wait for one that is being computed.
 
-    Beside them the missions of the cases that a report will show, as they were flown.
+    Also holds the missions of the cases that a report will show.
     """
 
     def __init__(self) -> None:
@@ -31,7 +31,7 @@ class Plans:
         self.kept: dict[str, list[tuple[float, int, Mission]]] = {}
 
     def keep(self, case: int, mission: Mission, ranks: Mapping[str, float]) -> None:
-        """Keep the mission of a case as long as it is among the first `KEPT` of a rank; nan is no rank."""
+        """Keep the mission of a case if it is among the first `KEPT` of a rank; nan is no rank."""
         with self.lock:
             for name, rank in ranks.items():
                 if not isnan(rank):
@@ -39,16 +39,16 @@ class Plans:
                     self.kept[name] = sorted(first, key=lambda one: one[:2])[:KEPT]
 
     def mission(self, case: int) -> Mission | None:
-        """Return the mission of a case, None where it was not kept."""
+        """Return the mission of a case, None if it was not kept."""
         with self.lock:
             every = (one for first in self.kept.values() for one in first)
             return next((mission for _, number, mission in every if number == case), None)
 
     def __reduce__(self) -> Any:
-        return Plans, ()  # a copy, here or in another process, holds none
+        return Plans, ()  # a copy, in this or another process, is empty
 
     def of(self, known: Known, make: Callable[[], Mission]) -> Mission:
-        """The plan that is known so, made where it is not held; what it raises, it raises for each."""
+        """Return the plan for the given inputs, computed if absent; an error is raised in every thread."""
         with self.lock:
             found, new = self.held.get(known), Future[Mission]()
             if found is None:
@@ -59,22 +59,22 @@ class Plans:
             return found.result()
         try:
             new.set_result(make())
-        except BaseException as error:  # or others would wait forever
+        except BaseException as error:  # else other threads would wait forever
             new.set_exception(error)
         return new.result()
 
 
 def recurring(scenario: Scenario) -> bool:
-    """Whether cases of a study may have the same plan, which knows a few values at most of what they draw."""
+    """Return True if cases can share plans: the planner sees only values from a finite set."""
     study = scenario.study
-    if study is None or study.draws == "replanned":  # each stage is planned from where errors led
+    if study is None or study.draws == "replanned":  # each stage is planned from a state with errors
         return False
     planned = planned_keys(scenario)
     return all(study.vary[key].kind in ("choice", "chance") for key in planned)
 
 
 def known(scenario: Scenario, seed: int, case: int) -> Known:
-    """What plans know of what a case of a study draws."""
+    """Return the sampled values of a case that plans depend on, as bytes."""
     some = case, case + 1
     others = [key for key in planned_keys(scenario) if key not in STATES]
     each: list[Any] = [drawn(scenario, seed, *some), *(values(scenario, seed, key, *some) for key in others)]
@@ -82,5 +82,5 @@ def known(scenario: Scenario, seed: int, case: int) -> Known:
 
 
 def planned_keys(scenario: Scenario) -> list[str]:
-    """The keys of draws that plans know: not how flights go, nor who fails."""
+    """Return the varied keys that plans depend on: neither simulation errors nor failures."""
     return [key for key in varied(scenario) if key != FAILS and not key.startswith(UNPLANNED)]

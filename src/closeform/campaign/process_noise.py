@@ -1,7 +1,7 @@
-"""Shaking: white noise in the cases of a study, drawn for each craft at instants that all have in common.
+"""Process noise in the cases of a study, sampled for each craft on a common time grid.
 
-A number belongs to a seed, a craft's name, a case and an interval of time, so that it is the same however
-long a mission is, how it is cut into stages, and how short the steps are.
+A random number belongs to a seed, a craft's name, a case and an interval of time. It therefore does not
+depend on the length of the mission, its division into stages, or the step.
 """
 
 from __future__ import annotations
@@ -34,14 +34,14 @@ from closeform.uncertainty.white_noise import (
 from closeform.zones.pair_zones import portions
 from closeform.zones.zone import Zone
 
-USUAL = 9  # level of steps of 8 s
-HALVES = 1 << 20  # intervals of a block that are halved, at most
-BLOCKS = 2  # of random numbers, for six of them
+USUAL = 9  # the level with steps of 8 s
+HALVES = 1 << 20  # greatest number of intervals in a block
+BLOCKS = 2  # blocks of random numbers that give the six of a step
 
 
 @dataclass(frozen=True)
 class Shaking:
-    """White noise of a study's cases with a `seed`, in steps of a `level`, at a mean motion [rad/s]."""
+    """Process noise of a study's cases with a `seed`, in steps of a `level`, at a mean motion [rad/s]."""
 
     seed: int
     mean_motion: float
@@ -49,32 +49,32 @@ class Shaking:
 
     @classmethod
     def beside_zones(cls, scenario: Scenario, seed: int, span: float) -> Self:
-        """Of a mission as planned that lasts so long [s]: what steps leave out is little of any zone.
+        """Return noise with steps short enough that the discretization is negligible beside every zone.
 
-        Raises ScenarioError where it is not.
+        `span`: the duration of the mission [s]. Raises ScenarioError if no allowed step is short enough.
         """
         n, steps = scenario.orbit.build().mean_motion, list[float]()
         for zone, density in shaken_zones(scenario):
             steps.append(step_beside(n, density, zone.inner_radius, span))
             if off_beside(density, steps[-1]) > MOST_OFF * zone.inner_radius:
                 line = (
-                    f"craft.execution: noise of {density:g} m^2/s^3 moves a pair too far beside its zone in "
-                    f"each of {STEPS} steps; give less, a larger zone, or a shorter mission"
+                    f"craft.execution: noise of {density:g} m^2/s^3 moves a pair too far for its zone in "
+                    f"each of {STEPS} steps; reduce the noise, enlarge the zone, or shorten the mission"
                 )
                 raise ScenarioError(scenario.file, [line])
         return cls(seed, n, level_of(min(steps)) if steps else USUAL)
 
     @property
     def step(self) -> float:
-        """From one change of velocity to the next [s]."""
+        """Time between changes of velocity [s]."""
         return BLOCK / 2.0**self.level
 
     def steps(self, span: float) -> int:
-        """How many begin before a mission ends that lasts so long [s]."""
+        """Return the number of steps that begin within a mission of duration `span` [s]."""
         return ceil(span / self.step - SAME)
 
     def pushes(self, craft: Craft, count: int, first: int, last: int) -> Floats:
-        """What noise adds to a craft's state in each of `count` steps in some cases (C, count, 6)."""
+        """Return the noise increments of a craft's state in `count` steps in some cases (C, count, 6)."""
         key, density = f"noise of {craft.name}", density_of(craft)
         if density == 0.0:
             return np.zeros((last - first, count, 6))
@@ -89,7 +89,7 @@ class Shaking:
         return np.asarray(np.sqrt(density) * increments(self.mean_motion, self.level, count, normal))
 
     def moved(self, path: Path, craft: Craft, case: int, since: float) -> Path:
-        """A craft's path with what noise after a time [s] makes of it; of 0 with what begins then."""
+        """Return a craft's path with the noise after a time [s]; 0 includes the noise that begins then."""
         if density_of(craft) == 0.0:
             return path
         count = int(by_then(np.asarray(path.end), self.step))
@@ -99,12 +99,12 @@ class Shaking:
 
 
 def density_of(craft: Craft) -> float:
-    """Of a craft's white noise [m^2/s^3]."""
+    """Return the noise density of a craft [m^2/s^3]."""
     return 0.0 if craft.execution is None else craft.execution.noise
 
 
 def shaken_zones(scenario: Scenario) -> Iterator[tuple[Zone, float]]:
-    """The zones of all pairs of which either is shaken, hard bodies too, and both densities' sum."""
+    """Yield the zone of each pair with noise, hard bodies included, and the sum of both densities."""
     densities = np.array([density_of(craft) for craft in scenario.craft])
     for table in (scenario.zones, scenario.bodies):
         for zone, first, second in portions(table):
@@ -112,7 +112,7 @@ def shaken_zones(scenario: Scenario) -> Iterator[tuple[Zone, float]]:
 
 
 def interval(level: int, row: int) -> int:
-    """The number of what is drawn for an interval: a block's own sum, or how one of its parts is shared."""
+    """Return the event number of an interval: the sum over a block, or the split of one of its parts."""
     if level == 0:
         return row * HALVES
     parts = 1 << (level - 1)

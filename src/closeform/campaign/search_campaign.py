@@ -1,4 +1,4 @@
-"""SearchCampaign: what the cases of a search came to, counted chunk after chunk or as arrays."""
+"""Statistics of the cases of a search, counted chunk after chunk or as arrays."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from closeform.campaign.tally import Settled, Tally
 from closeform.search.phases import labels
 from closeform.search.schedule import Search
 
-Measured = Callable[[Settled], tuple[Floats, Any]]  # what each case has (C,), and in which it counts
+Measured = Callable[[Settled], tuple[Floats, Any]]  # a value for each case (C,), and the cases that count
 LATER = "time, not at once [s]"
 WORDS = {
     "clear": "clear",
@@ -33,7 +33,7 @@ WORDS = {
 
 
 class CampaignStatus(StrEnum):
-    """How a campaign ended: all that was asked for is met, or not in some cases, or some were never done."""
+    """Status of a campaign: all requirements met, some not met in some cases, or some cases never done."""
 
     COMPLETE = "complete"
     UNMET = "a clearance or a limit not met"
@@ -42,39 +42,39 @@ class CampaignStatus(StrEnum):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Campaign(FlownCases):
-    """What became of C cases of one `kind`, drawn with its seed, as `chunks` hold it.
+    """Statistics of C cases of one `kind`, drawn with its seed, held by `chunks`.
 
-    `tally` has what is counted in them, chunk after chunk.  As arrays (C,), read when they are asked for:
-    `time` [s] at which the case was done, nan where it never was, and the `leg` of `search`, then -1;
-    `kept` of each clearance and limit that the file asks for: "clear" of keep-out zones, within the
-    "delta-v" budget, within the "propellant" on board of every craft, with the "thrust" that everyone needs.
+    `tally` counts them chunk after chunk. Arrays (C,) are read on request: `time` [s] at which the case was
+    done, nan if it never was, and the `leg` of `search`, then -1; `kept` of each clearance and limit that the
+    file requires: "clear" of keep-out zones, within the "delta-v" budget, within the "propellant" on board of
+    every craft, with the "thrust" that every craft needs.
     """
 
-    done: ClassVar[str] = "done"  # what a case is at that time, in words
+    done: ClassVar[str] = "done"  # the label of a case that is done
     _told: ClassVar = ("title", "seed", "time", "status", "reason")
 
     @property
     def search(self) -> Search:
-        """In which they were done, over all rounds."""
+        """Search in which the cases were done, over all rounds."""
         found: Search = self.kind.search
         return found
 
     @property
     @abstractmethod
     def wanted(self) -> tuple[str, ...]:
-        """The columns that say what became of a case."""
+        """Columns with the outcome of a case."""
 
     @abstractmethod
     def settled(self, columns: Columns) -> Settled:
-        """What became of the cases of a chunk."""
+        """Return the outcomes of the cases of a chunk."""
 
     @cached_property
     def tally(self) -> Tally:
-        """What is counted in all cases; memory does not grow with them."""
+        """Counts over all cases, in memory that does not grow with them."""
         return Tally.of(self.search, (self.settled(part) for _, part in self.chunks.read(*self.wanted)))
 
     def spread(self, of: Measured) -> Spread | None:
-        """The spread of what each case has `of` it, in which cases (C,) it counts."""
+        """Return the spread of a quantity over the cases (C,) that count."""
 
         def values() -> Iterator[tuple[Floats, Any]]:
             for first, part in self.chunks.read(*self.wanted):
@@ -85,7 +85,7 @@ class Campaign(FlownCases):
         return Spread.of(values)
 
     def most(self, of: Callable[[Settled], Floats]) -> tuple[float, int]:
-        """The greatest of what all cases have, and in which case."""
+        """Return the greatest value of a quantity over all cases, and its case."""
         best, case = -inf, 0
         for first, part in self.chunks.read(*self.wanted):
             value = of(self.settled(part))
@@ -95,22 +95,22 @@ class Campaign(FlownCases):
 
     @cached_property
     def spreads(self) -> dict[str, Spread]:
-        """Of the times [s], of the cases that were done and of those not at once, and what else there is."""
+        """Spreads of the times [s] of the cases done, of those not done at once, and of other quantities."""
         return self.each_spread(self.measured)
 
     @cached_property
     def costs(self) -> dict[str, Spread]:
-        """Of what craft spend [m/s], by cause and phase."""
+        """Spreads of the delta-v [m/s], by cause and phase."""
         return self.each_spread(self.spent)
 
     def each_spread(self, measured: dict[str, Measured]) -> dict[str, Spread]:
-        """The spreads of several by name, of those that some case has."""
+        """Return the spreads of several quantities by name, of those that some case has."""
         found = {name: self.spread(of) for name, of in measured.items()}
         return {name: spread for name, spread in found.items() if spread is not None}
 
     @property
     def measured(self) -> dict[str, Measured]:
-        """What `spreads` are about."""
+        """Quantities of `spreads`."""
         return {
             "time [s]": lambda one: (one.time, one.leg >= 0),
             LATER: lambda one: (one.time, one.time > 0.0),
@@ -118,68 +118,68 @@ class Campaign(FlownCases):
 
     @property
     def spent(self) -> dict[str, Measured]:
-        """What `costs` are about; nothing where nobody burns."""
+        """Quantities of `costs`; empty if no craft burns."""
         return {}
 
     @cached_property
     def _settled(self) -> Settled:
-        """What became of all cases."""
+        """Outcomes of all cases."""
         return Settled.joined([self.settled(part) for _, part in self.chunks.read(*self.wanted)])
 
     @property
     def time(self) -> Floats:
-        """When each case was done [s]."""
+        """Time at which each case was done [s]."""
         return self._settled.time
 
     @property
     def leg(self) -> Any:
-        """In which leg."""
+        """Leg in which each case was done."""
         return self._settled.leg
 
     @property
     def kept(self) -> dict[str, Any]:
-        """In which cases each clearance and limit is kept."""
+        """Cases in which each clearance and limit is kept."""
         return self._settled.kept
 
     @property
     def failed(self) -> Any:
-        """The numbers (F,) of the cases that were never done."""
+        """Numbers (F,) of the cases that were never done."""
         return np.flatnonzero(self.leg < 0)
 
     @property
     def met(self) -> dict[str, Any]:
-        """Of all that was asked for, in which cases (C,) it is met: to be done, and what is to be kept."""
+        """Cases (C,) in which each requirement is met: to be done, and each clearance and limit."""
         return {self.told(what): met for what, met in self._settled.met.items()}
 
     @cached_property
     def good(self) -> Any:
-        """In which cases (C,) all of it is met, as in a run that ends with status 0."""
+        """Cases (C,) in which all requirements are met, as in a run with exit status 0."""
         return self._settled.good
 
     def told(self, what: str) -> str:
-        """What was asked for, in words."""
+        """Return a requirement in words."""
         return WORDS.get(what, self.done)
 
     @property
     def met_cases(self) -> int:
-        """In how many cases all of it is met."""
+        """Number of cases in which all requirements are met."""
         return self.tally.good.count
 
     @property
     def ok(self) -> bool:
-        """Whether all that was asked for is met in every case."""
+        """True if all requirements are met in every case."""
         return self.met_cases == len(self)
 
     @property
     def status(self) -> CampaignStatus:
-        """How it ended."""
+        """Status of the campaign."""
         if self.tally.never:
             return CampaignStatus.INCOMPLETE
         return CampaignStatus.COMPLETE if self.ok else CampaignStatus.UNMET
 
     @property
     def reason(self) -> str | None:
-        """In how many cases what is not met, and which come first; None where all is met."""
+        """Number of cases in which each requirement is not met, and the first of them; None if all are."""
         parts = []
         for what, met in self.tally.met.items():
             if unmet := len(self) - met.count:
@@ -189,5 +189,5 @@ class Campaign(FlownCases):
 
     @cached_property
     def shares(self) -> tuple[Share, ...]:
-        """How many cases were done at once, in each phase, and never, with confidence intervals."""
+        """Shares of cases done at once, in each phase, and never, with confidence intervals."""
         return shares(labels(self.search), self.tally.phases.tolist())

@@ -1,4 +1,4 @@
-"""Shares of a study's cases, each with its confidence interval."""
+"""Shares of a study's cases by phase, each with its confidence interval."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from closeform.search.phases import NEVER
 
 @dataclass(frozen=True)
 class Share:
-    """How many `cases` ended in one phase, `inside` it as a share and by `by_end` of it, all before included.
+    """Number of `cases` that ended in one phase, as a share `inside` it and, cumulatively, `by_end` of it.
 
     `label` is "at once" (at time 0), a phase and its round like "IPS 1", or "never".
     """
@@ -21,7 +21,7 @@ class Share:
 
 
 def shares(names: Sequence[str], counts: Sequence[int]) -> tuple[Share, ...]:
-    """The table of shares; the last row is those who never did."""
+    """Return the table of shares; its last row counts the cases that were never done."""
     total, ended, rows = sum(counts), 0, []
     for name, count in zip(names, counts, strict=True):
         ended += count

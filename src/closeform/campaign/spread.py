@@ -1,7 +1,8 @@
-"""Spread: mean, quantiles and the greatest of a number that each case has, from chunks, exactly.
+"""Spread of a quantity over the cases of a study: mean, exact quantiles and greatest values, from chunks.
 
-A quantile is an order statistic, found without holding all values: their bits, which grow as they do, are
-counted 16 at a time, and only those that begin as one that is wanted are looked at again.
+A quantile is an order statistic. It is found without all values in memory: the bit patterns of non-negative
+floats sort like the values. They are counted 16 bits at a time, and only values with a wanted prefix are
+inspected further.
 """
 
 from __future__ import annotations
@@ -17,16 +18,15 @@ from closeform.arrays import Floats
 from closeform.confidence import CONFIDENCE
 
 QUANTILES = (0.5, 0.95, 0.999)
-WORST = 10  # cases with the greatest values
-HELD = 1 << 20  # values that are sorted at once
-DIGIT = 16  # bits that are counted at once
-Values = Callable[
-    [], Iterable[tuple[Floats, Any]]
-]  # chunk after chunk, values (K,) and numbers of their cases
+WORST = 10  # number of greatest values that are kept
+HELD = 1 << 20  # greatest number of values that are sorted in memory
+DIGIT = 16  # number of bits counted in one pass
+# chunk after chunk, values (K,) and the numbers of their cases
+Values = Callable[[], Iterable[tuple[Floats, Any]]]
 
 
 class Quantile(NamedTuple):
-    """A quantile, and the values that would hold the true one between them 19 times in 20; None: too few."""
+    """Quantile of a sample, and its 95 % confidence interval, None with too few values."""
 
     value: float
     low: float | None
@@ -35,7 +35,7 @@ class Quantile(NamedTuple):
 
 @dataclass(frozen=True)
 class Spread:
-    """Of `count` values their mean, `quantiles` by share, and the greatest with their cases, in order."""
+    """Mean of `count` values, `quantiles` by share, and the greatest values with their cases, in order."""
 
     count: int
     mean: float
@@ -44,7 +44,7 @@ class Spread:
 
     @classmethod
     def of(cls, values: Values, shares: Sequence[float] = QUANTILES) -> Self | None:
-        """The spread of values, which are not negative, with quantiles by `shares`; None without any."""
+        """Return the spread of non-negative values, with quantiles by `shares`; None without values."""
         count, total, worst = 0, 0.0, list[tuple[float, int]]()
         for some, cases in values():
             count += len(some)
@@ -66,7 +66,7 @@ class Spread:
 
 
 def greatest(values: Floats) -> Any:
-    """Where the WORST greatest of some values stand, of equals the first."""
+    """Return the indices of the WORST greatest values; of equal values, the first."""
     if len(values) <= WORST:
         return np.arange(len(values))
     least = np.partition(values, -WORST)[-WORST]
@@ -75,17 +75,18 @@ def greatest(values: Floats) -> Any:
 
 
 def ranks_of(share: float, count: int) -> tuple[int, int, int | None, int | None]:
-    """The ranks between which a quantile of `count` values lies, and those that hold the true one."""
-    from scipy.special import bdtr  # not before cases fly
+    """Return the ranks around a quantile of `count` values, and those of its confidence interval."""
+    from scipy.special import bdtr  # imported late: slow to import
 
     place, tail = share * (count - 1), (1.0 - CONFIDENCE) / 2.0
-    low = first_rank(lambda k: bdtr(k, count, share) > tail, count)  # as many at most are below it, 19 in 20
+    # binomial confidence interval of the rank
+    low = first_rank(lambda k: bdtr(k, count, share) > tail, count)
     high = first_rank(lambda k: bdtr(k, count, share) >= 1.0 - tail, count)
     return floor(place), ceil(place), low - 1 if low > 0 else None, high if high < count else None
 
 
 def first_rank(holds: Callable[[int], bool], count: int) -> int:
-    """The least rank from 0 for which something holds that holds for all above; `count` if for none below."""
+    """Return the least rank from 0 at which a monotonic condition holds; `count` if it never does."""
     low, high = 0, count
     while low < high:
         middle = (low + high) // 2
@@ -99,7 +100,7 @@ def first_rank(holds: Callable[[int], bool], count: int) -> int:
 def between(
     share: float, count: int, found: dict[int, float], below: int, above: int, *ends: int | None
 ) -> Quantile:
-    """A quantile, linear between the two values around it, and its interval."""
+    """Return a quantile, interpolated linearly between two values, and its interval."""
     part = share * (count - 1) - below
     value = found[below] + part * (found[above] - found[below])
     return Quantile(value, *(None if rank is None else found[rank] for rank in ends))
@@ -107,7 +108,7 @@ def between(
 
 @dataclass
 class Window:
-    """All values whose bits begin with `prefix`: how many are less than they, and the ranks wanted."""
+    """Values whose bits begin with `prefix`: the number of smaller values, and the wanted ranks."""
 
     prefix: int
     below: int
@@ -116,7 +117,7 @@ class Window:
 
 
 def order_statistics(values: Values, count: int, ranks: set[int]) -> dict[int, float]:
-    """Of `count` values those of some ranks, counted from 0, when all are in order."""
+    """Return the values at some ranks, counted from 0, among `count` values in ascending order."""
     windows, shift, found = [Window(0, 0, count, sorted(ranks))], 64, dict[int, float]()
     while windows:
         many = [one for one in windows if one.size > HELD]
@@ -146,7 +147,7 @@ def order_statistics(values: Values, count: int, ranks: set[int]) -> dict[int, f
 
 
 def parted(window: Window, counts: Any) -> Iterator[Window]:
-    """The parts of a window by the next digit in which a rank lies that is wanted."""
+    """Yield the parts of a window, by the next digit, that contain a wanted rank."""
     ends = window.below + np.cumsum(counts)
     digits = np.searchsorted(ends, window.ranks, side="right")
     for digit in np.unique(digits).tolist():

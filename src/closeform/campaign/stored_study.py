@@ -1,4 +1,4 @@
-"""A study in files: chunks flown by a runner and taken by a store, from where the last one stopped."""
+"""Study in files: a runner evaluates chunks and a store writes them, continuing after an interruption."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ Progress = Callable[[int, int], None]
 
 
 class Runner(Protocol):
-    """What flies chunks, on this machine or on many."""
+    """Function that evaluates chunks, on this machine or on a cluster."""
 
     def __call__(self, cases: Cases, ranges: Iterable[Range]) -> Iterator[Chunk]:
-        """The chunks of some ranges of cases, as they are done."""
+        """Yield the chunks of some ranges of cases as they finish."""
         ...
 
 
 def local(cases: Cases, ranges: Iterable[Range]) -> Iterator[Chunk]:
-    """Chunks flown on all cores of this machine."""
+    """Yield chunks evaluated on all cores of this machine."""
     for _, done in in_threads(partial(chunk.flown, cases.prepared()), ranges):
         yield done
 
 
 def fly(chunks: Stored, runner: Runner, progress: Progress) -> Any:
-    """Fly what is missing of a study; `progress` is told how many cases are flown, and how many met all."""
+    """Evaluate the missing cases of a study; `progress` receives the numbers of finished and of met cases."""
     flown = chunks.flown
     met = sum(entry["met"] for entry in chunks.whole.values())
     progress(flown, met)

@@ -1,4 +1,4 @@
-"""Cases of a sweep: the same ones at each of its points, one point after another, and what they came to."""
+"""Cases of a parameter sweep: the same cases at each point, one point after another, and their statistics."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from closeform.campaign.spread import Spread
 from closeform.confidence import Estimate, estimate
 from closeform.scenario.sweep import text, words
 
-NAMED = 3  # points that are named where more are not met
+NAMED = 3  # number of points that a message lists
 
 
 @dataclass(frozen=True, eq=False)
 class SweepCases(Cases):
-    """`each` cases at each point of a sweep: of one kind per point, drawn with the same numbers.
+    """`each` cases at each point of a sweep, of one kind per point, drawn with the same random numbers.
 
     Files have a column `point`, and number the `case` within it.
     """
@@ -33,30 +33,30 @@ class SweepCases(Cases):
 
     @property
     def at_once(self) -> int:
-        """Cases in a chunk."""
+        """Greatest number of cases in a chunk."""
         return int(self.kinds[0].at_once)
 
     def in_chunk(self, count: int) -> int:
-        """Cases in a chunk of a study of so many."""
+        """Return the number of cases in a chunk of a study of `count` cases."""
         return min(self.at_once, int(self.kinds[0].in_chunk(count)))
 
     def parts(self, first: int, last: int) -> Iterator[tuple[int, int, int]]:
-        """The points in a range of all cases, with the range of each within it."""
+        """Yield the points in a range of all cases, with the range of cases at each."""
         for point in range(first // self.each, (last - 1) // self.each + 1):
             begin = point * self.each
             yield point, max(first - begin, 0), min(last - begin, self.each)
 
     def fly(self, first: int, last: int) -> Columns:
-        """What becomes of them, point after point."""
+        """Return the results of some cases, point after point."""
         found = [self.kinds[point].flown(*some) for point, *some in self.parts(first, last)]
         return {name: np.concatenate([part[name] for part in found]) for name in found[0]}
 
     def good(self, columns: Columns) -> Any:
-        """In which cases all is met."""
+        """Return the cases in which all requirements are met."""
         return self.kinds[0].good(columns)
 
     def stored(self, first: int, last: int, columns: Columns) -> Columns:
-        """The tables of the points, with their numbers."""
+        """Return the tables of the points, with their numbers."""
         import pyarrow
 
         rows = len(next(iter(columns.values()))) // (last - first)
@@ -74,13 +74,13 @@ class SweepCases(Cases):
         return {name: whole[name].chunk(0) for name in whole.column_names}
 
     def campaign(self, chunks: CaseChunks) -> SweepCampaign:
-        """What became of them."""
+        """Return the statistics of the cases."""
         return SweepCampaign(self, chunks)
 
 
 @dataclass(frozen=True, eq=False)
 class PointChunks:
-    """The chunks of one `point` of a sweep, of `count` cases."""
+    """Chunks of one `point` of a sweep, of `count` cases."""
 
     cases: SweepCases
     chunks: CaseChunks
@@ -88,11 +88,11 @@ class PointChunks:
 
     @property
     def count(self) -> int:
-        """How many cases."""
+        """Number of cases."""
         return self.cases.each
 
     def read(self, *names: str, within: Range | None = None) -> Iterator[tuple[int, Columns]]:
-        """Some columns of its part of each chunk."""
+        """Iterate over the named columns of this point's part of each chunk."""
         begin = self.point * self.count
         for first, columns in self.chunks.read(*names, within=(begin, begin + self.count)):
             last = min(first + self.cases.in_chunk(self.chunks.count), self.chunks.count)
@@ -105,9 +105,9 @@ class PointChunks:
 
 
 class Point(NamedTuple):
-    """What became of the cases at one point: its `values` by key, its `campaign`, in how many all is met.
+    """Statistics at one point: its `values` by key, its `campaign`, the share of cases that meet all.
 
-    `name` and `spread`: of the times or the delta-v of its cases; None where none was done.
+    `name` and `spread`: of the times or the delta-v of its cases; None if none was done.
     """
 
     values: dict[str, str]
@@ -120,9 +120,9 @@ class Point(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SweepCampaign(FlownCases):
-    """What became of the cases of a sweep, drawn with a seed, at its `points`, by key, the last fastest.
+    """Statistics of a sweep, drawn with a seed, at its `points`; the last key varies fastest.
 
-    Its `scenario` is what was flown, but for what is swept.
+    Its `scenario` holds all values except the swept ones.
     """
 
     kind: SweepCases
@@ -133,7 +133,7 @@ class SweepCampaign(FlownCases):
 
     @cached_property
     def points(self) -> tuple[Point, ...]:
-        """What became of the cases at each."""
+        """Statistics at each point."""
         found = []
         for number, kind in enumerate(self.kind.kinds):
             campaign = kind.campaign(PointChunks(self.kind, self.chunks, number))
@@ -145,12 +145,12 @@ class SweepCampaign(FlownCases):
 
     @property
     def ok(self) -> bool:
-        """Whether all is met in every case at every point."""
+        """True if all requirements are met in every case at every point."""
         return all(point.met_cases == len(self) for point in self.points)
 
     @property
     def status(self) -> CampaignStatus:
-        """How it ended."""
+        """Status of the campaign."""
         found = {point.campaign.status for point in self.points}
         for status in (CampaignStatus.INCOMPLETE, CampaignStatus.UNMET):
             if status in found:
@@ -159,7 +159,7 @@ class SweepCampaign(FlownCases):
 
     @property
     def reason(self) -> str | None:
-        """At how many points something is not met, and which come first; None where all is met."""
+        """Number of points at which a requirement is not met, and the first of them; None if all are met."""
         wrong = [point for point in self.points if point.met_cases < len(self)]
         if not wrong:
             return None

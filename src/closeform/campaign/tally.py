@@ -1,4 +1,4 @@
-"""Tally: what is counted in the cases of a study, chunk after chunk, in memory that does not grow."""
+"""Counts over the cases of a study, chunk after chunk, in memory that does not grow."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from closeform.arrays import Floats
 from closeform.search.phases import labels, tally
 from closeform.search.schedule import Search
 
-NAMED = 10  # cases that are named where more have failed
+NAMED = 10  # number of failed cases that a message lists
 DONE = "done"
 
 
 @dataclass(frozen=True, eq=False)
 class Settled:
-    """What became of some cases (C,).
+    """Outcomes of some cases (C,).
 
-    `time` [s] when each was done, nan where it never was, the `leg` then, -1; what is `kept` in which; the
-    same time and leg by the step [s] of detection at samples; all `times` that a picture shows; and `also`
-    other columns.
+    `time` [s] at which each was done, nan if it never was, and its `leg`, then -1; the cases in which each
+    requirement is `kept`; the same time and leg by the step [s] of sampled detection; all `times` for a
+    histogram; and `also` other columns.
     """
 
     time: Floats
@@ -35,17 +35,17 @@ class Settled:
 
     @cached_property
     def met(self) -> dict[str, Any]:
-        """Of all that was asked for, in which cases (C,) it is met."""
+        """Cases (C,) in which each requirement is met."""
         return {DONE: self.leg >= 0, **self.kept}
 
     @cached_property
     def good(self) -> Any:
-        """In which cases (C,) all of it is met."""
+        """Cases (C,) in which all requirements are met."""
         return np.all(list(self.met.values()), axis=0)
 
     @classmethod
     def joined(cls, parts: Sequence[Settled]) -> Self:
-        """What became of the cases of several chunks."""
+        """Concatenate the outcomes of several chunks."""
         one = parts[0]
         return cls(
             np.concatenate([part.time for part in parts]),
@@ -65,13 +65,13 @@ class Settled:
 
 @dataclass
 class Met:
-    """In how many cases something is met, and the numbers of some in which it is not, the first."""
+    """Number of cases in which a requirement is met, and the first cases in which it is not."""
 
     count: int = 0
     unmet: list[int] = field(default_factory=list)
 
     def add(self, first: int, met: Any) -> None:
-        """Count further cases (C,) from the number `first` on."""
+        """Count further cases (C,), numbered from `first`."""
         self.count += int(np.count_nonzero(met))
         if len(self.unmet) < NAMED:
             self.unmet += (first + np.flatnonzero(~met)[: NAMED - len(self.unmet)]).tolist()
@@ -79,7 +79,7 @@ class Met:
 
 @dataclass
 class Sampled:
-    """Cases by phase for detection at samples, and those whose first lock was `over`, stepped over."""
+    """Cases by phase for sampled detection, and the number whose first lock was stepped `over`."""
 
     phases: Any
     over: int = 0
@@ -87,7 +87,7 @@ class Sampled:
 
 @dataclass
 class Tally:
-    """What is counted: cases by phase in the order of `labels`, what is `met`, all of it, at samples."""
+    """Counts: cases by phase in the order of `labels`, by requirement `met`, with all met, and at samples."""
 
     phases: Any
     met: dict[str, Met] = field(default_factory=dict)
@@ -98,7 +98,7 @@ class Tally:
 
     @property
     def never(self) -> int:
-        """How many were never done."""
+        """Number of cases that were never done."""
         return self.cases - self.met[DONE].count
 
     @classmethod

@@ -1,4 +1,4 @@
-"""Task: what a worker elsewhere is told, text and numbers alone, and what it answers."""
+"""Task for a remote worker, made of text and numbers alone, and its reply."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ _building = Lock()
 
 
 class Task(NamedTuple):
-    """A study: the `text` of a scenario, how its `file` is called, the files that it names, and the seed.
+    """Study as sent to a worker: scenario `text`, its `file` name, the files that it names, and the seed.
 
-    `each`: how many cases there are at each point of a sweep; `made_with`: the versions of who asks.
+    `each`: the number of cases at each point of a sweep; `made_with`: the versions of the sender.
     """
 
     text: str
@@ -35,7 +35,7 @@ class Task(NamedTuple):
 
     @classmethod
     def of(cls, cases: Cases) -> Task:
-        """The task of flying some cases of a kind."""
+        """Return the task of evaluating some cases of a kind."""
         one = cases.scenario
         inputs = tuple(one.inputs.copies.items()) if one.inputs is not None else ()
         return cls(
@@ -49,7 +49,7 @@ class Task(NamedTuple):
 
 
 class Reply(NamedTuple):
-    """Chunks and the `seconds` that they took, or why there are none, line by line."""
+    """Chunks and the `seconds` that they took, or the reasons why there are none, line by line."""
 
     chunks: tuple[Chunk, ...]
     refused: tuple[str, ...] = ()
@@ -57,9 +57,9 @@ class Reply(NamedTuple):
 
 
 def fly(task: Task, ranges: tuple[tuple[int, int], ...]) -> Reply:
-    """The chunks of some ranges of cases, flown on this machine."""
+    """Evaluate some ranges of cases on this machine and return their chunks."""
     if lines := unlike(dict(task.made_with), versions()):
-        return Reply((), (f"a worker has {lines}; give all the same versions",))
+        return Reply((), (f"a worker has {lines}; install the same versions on all machines",))
     try:
         with _building:
             cases = cases_of(task).prepared()
@@ -72,7 +72,7 @@ def fly(task: Task, ranges: tuple[tuple[int, int], ...]) -> Reply:
 
 
 def unlike(here: dict[str, str], there: dict[str, str]) -> str:
-    """What differs between two sets of versions, in words."""
+    """Return the differences between two sets of versions in words."""
     return ", ".join(
         f"{name} {there.get(name, 'missing')}, not {known}"
         for name, known in here.items()
@@ -82,7 +82,7 @@ def unlike(here: dict[str, str], there: dict[str, str]) -> str:
 
 @lru_cache(maxsize=4)
 def cases_of(task: Task) -> Cases:
-    """The cases of a task, built once for all of its chunks."""
+    """Return the cases of a task, built once for all of its chunks."""
     with TemporaryDirectory(prefix="closeform-") as folder:
         for name, held in task.inputs:
             (Path(folder) / name).parent.mkdir(exist_ok=True)

@@ -1,4 +1,4 @@
-"""Threads: chunks flown on all cores of this machine; kernels and what writes Parquet run side by side."""
+"""Parallel evaluation of chunks on all cores of this machine, in threads."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Found = TypeVar("Found")
 
 
 def in_threads(task: Callable[[int, int], Found], ranges: Iterable[Range]) -> Iterator[tuple[Range, Found]]:
-    """What a task makes of each range of cases, as they are done; few are under way at once."""
+    """Yield each range of cases with the result of `task`, as they finish; few run at once."""
     workers = os.cpu_count() or 1
     waiting = iter(ranges)
     with ThreadPoolExecutor(workers) as pool:

@@ -1,1 +1,1 @@
-"""The real field: what Hill's equations leave out along a path, and the thrust that flies it all the same."""
+"""High-fidelity dynamics: force model, simulation under feedback, model error and tracking margins."""

@@ -1,8 +1,8 @@
-"""Flights: craft that are integrated in a field, with thrust as commanded and as corrected.
+"""Batch integration of craft in a force model, with thrust as commanded and as corrected.
 
-What is integrated is the difference from the chief, whose own motion is known: steps of fourth order are
-then off in proportion to that.  Flights go side by side in lanes: what they share is read once for all of
-them, and loops over lanes become vector instructions.
+The integrated state is the difference from the chief, whose own motion is known. The error of a fourth-order
+step is then proportional to that difference. Simulations run in parallel lanes: shared data is read once for
+all of them, and loops over lanes become vector instructions.
 """
 
 from math import sqrt
@@ -37,39 +37,40 @@ from closeform.kernel_loans import borrowed, lent, stack_matrix, stack_vector
 
 
 class Course(NamedTuple):
-    """What all flights of N craft share, in K steps: the chief's motion, and what is commanded."""
+    """Data shared by all simulations of N craft over K steps: the chief's motion and the commands."""
 
     steps: Floats  # (K,) [s]
     places: Floats  # (2 K + 1, 3) [m] of the chief at half steps, inertial
     speeds: Floats  # (2 K + 1, 3) [m/s]
-    felt: Floats  # (2 K + 1, 3) [m/s^2], by the chief
+    felt: Floats  # (2 K + 1, 3) [m/s^2], acceleration of the chief
     axes: Floats  # (2 K + 1, 3, 3)
     turn: Floats  # (2 K + 1, 3) [rad/s]
-    commanded: Floats  # (N, K, 3, 3) [m/s^2] at begin, middle and end of each step, in the chief's axes
-    beyond: Floats  # (N, K or 0, 3, 3) [m/s^2] at the same times, inertial: what kernels do not know
+    commanded: Floats  # (N, K, 3, 3) [m/s^2] at start, middle and end of each step, in the chief's axes
+    # (N, K or 0, 3, 3) [m/s^2] at the same times, inertial: forces that kernels cannot compute
+    beyond: Floats
     jumps: Floats  # (N, K + 1, 3) [m/s], in the chief's axes
     planned: Floats  # (N, K + 1, 6) [m, m/s], after jumps
-    looks: Any  # (K + 1,) which measurement is made, or -1
-    answers: Any  # (K + 1,) which measurement begins to count, or -1
-    late: Floats  # (2, 6, 6): what is made then of what was measured, and of what counted before
-    rows: Any  # (K,) of the law, at the begin of each step
-    law: Floats  # (L, 3, 6): thrust at begin, middle and end of a step, of what was measured
-    kicks: Any  # (K + 1,) which gain makes an impulse, or -1
-    gains: Floats  # (G, 3, 6): impulses of what was measured
-    shown: Any  # (K + 1,) which row of states is filled, or -1
-    fires: Any  # (K + 1,) which row of impulses is filled, or -1
+    looks: Any  # (K + 1,) index of the measurement made, or -1
+    answers: Any  # (K + 1,) index of the measurement that takes effect, or -1
+    late: Floats  # (2, 6, 6): transitions then of the measured deviation and of the one in effect before
+    rows: Any  # (K,) row of the law at the start of each step
+    law: Floats  # (L, 3, 6): gains at start, middle and end of a step, from deviation to thrust
+    kicks: Any  # (K + 1,) index of the gain of an impulse, or -1
+    gains: Floats  # (G, 3, 6): gains from deviation to impulse
+    shown: Any  # (K + 1,) row of the states that is filled, or -1
+    fires: Any  # (K + 1,) row of the impulses that is filled, or -1
     ballistics: Floats  # (N,) [m^2/kg]
     limits: Floats  # (N,) [m/s^2]
-    bits: Floats  # (N,) [m/s], the least impulse that is fired
-    thrusters: Floats  # (N, J, 5), see above; J = 0 where impulses go anywhere
+    bits: Floats  # (N,) [m/s], minimum impulse bit
+    thrusters: Floats  # (N, J, 5), see `thruster_commands`; J = 0 for impulses in any direction
     facets: Floats  # (N, F, 12)
     angles: Floats  # (N, K + 2) [rad] from the frame of the thrusters to the chief's axes
-    free: Floats  # (N, J, K + 2) [s], for how long a thruster was not on by plan until then
-    slots: Any  # (K + 1,) the node at which an order to thrusters ends; K + 1 is that of the last one
-    burns: Any  # (N, K) which event what is planned in each step is, of those whose errors are drawn
-    led: Any  # (K,) which event what leads back in each step is, or -1
-    struck: Any  # (K + 1,) which event an impulse is, or -1
-    gates: Floats  # (N, 4) of its error: theory (50)
+    free: Floats  # (N, J, K + 2) [s], accumulated time without planned firing
+    slots: Any  # (K + 1,) node at which a thruster order ends; K + 1 for the last one
+    burns: Any  # (N, K) error event of the planned thrust in each step
+    led: Any  # (K,) error event of the feedback thrust in each step, or -1
+    struck: Any  # (K + 1,) error event of an impulse, or -1
+    gates: Floats  # (N, 4) Gates parameters of its error: theory (50)
 
 
 NUMBERS, ROWS, BLOCKS, WHICH = float64[::1], float64[:, ::1], float64[:, :, ::1], int64[::1]
@@ -88,7 +89,7 @@ COURSE = types.NamedTuple(
 
 @kernel()
 def relative(axes, turn, s, out):
-    """Fill `out` (6, LANES) with states in the chief's axes, of inertial differences `s` from it."""
+    """Fill `out` (6, LANES) with states in the chief's axes from inertial differences `s` from it."""
     for m in range(LANES):
         for k in range(3):
             out[k, m] = axes[k, 0] * s[0, m] + axes[k, 1] * s[1, m] + axes[k, 2] * s[2, m]
@@ -100,7 +101,7 @@ def relative(axes, turn, s, out):
 
 @kernel()
 def inertial(axes, turn, r, out):
-    """Fill `out` (6,) with the inertial difference from the chief, of a state in its axes."""
+    """Fill `out` (6,) with the inertial difference from the chief of a state in its axes."""
     vx = r[3] + turn[1] * r[2] - turn[2] * r[1]
     vy = r[4] + turn[2] * r[0] - turn[0] * r[2]
     vz = r[5] + turn[0] * r[1] - turn[1] * r[0]
@@ -111,7 +112,7 @@ def inertial(axes, turn, r, out):
 
 @kernel(inline=True)
 def draw(course, lanes, step, events):
-    """Take the errors with which what is planned, and what leads back, comes out in a step."""
+    """Load the errors of the planned thrust and of the feedback thrust in a step."""
     for m in range(len(events)):
         own, back = course.burns[int(lanes[CRAFT, m]), step], course.led[step]
         for k in range(4):
@@ -121,7 +122,7 @@ def draw(course, lanes, step, events):
 
 @kernel()
 def shake(course, lanes, step, pushes):
-    """Change lanes by what noise has added to states in the chief's axes by the end of a step."""
+    """Add the process noise of a step, given as state increments in the chief's axes."""
     axes, turn, added = course.axes[2 * step + 2], course.turn[2 * step + 2], stack_vector(6)
     for m in range(len(pushes)):
         inertial(axes, turn, pushes[m, step], added)
@@ -131,7 +132,7 @@ def shake(course, lanes, step, pushes):
 
 @kernel(inline=True)
 def push(course, lanes, step, half, weight, u, back, out):
-    """Fill `out` (3, LANES) with thrust in a step, inertial; what is spent adds it up, by a weight."""
+    """Fill `out` (3, LANES) with the inertial thrust in a step; add its weighted size to the delta-v."""
     law, axes = course.law[course.rows[step] + half], course.axes[2 * step + half]
     for m in range(LANES):
         for axis in range(3):
@@ -159,7 +160,10 @@ def push(course, lanes, step, half, weight, u, back, out):
 
 @kernel()
 def miss(gates, drawn, fired):
-    """Add its error to an impulse, by three normal numbers.                         # theory (50)"""
+    """Add the execution error to an impulse, from three normal numbers.
+
+    theory (50)
+    """
     square = fired[0] * fired[0] + fired[1] * fired[1] + fired[2] * fired[2]
     if square == 0.0:
         return
@@ -172,9 +176,10 @@ def miss(gates, drawn, fired):
 
 @kernel()
 def kick_all(course, lanes, node, events, impulses, here):
-    """Change lanes, and states `here` (6, LANES) in the chief's axes, by `impulses` (W, Q, 3) at a node.
+    """Apply the impulses at a node to lanes and to states `here` (6, LANES) in the chief's axes.
 
-    Planned and corrected; thrusters have orders in their place.
+    Planned impulses and corrections are fired and recorded in `impulses` (W, Q, 3). With thrusters, orders
+    replace them.
     """
     fired, axes = stack_vector(3), course.axes[2 * node]
     for m in range(len(impulses)):
@@ -203,7 +208,7 @@ def kick_all(course, lanes, node, events, impulses, here):
 
 @kernel()
 def measure(course, lanes, node, wrong, here):
-    """See how far states `here` (6, LANES) are off the plan, with errors `wrong` (W, M, 6)."""
+    """Measure the deviations of states `here` (6, LANES) from the plan, with errors `wrong` (W, M, 6)."""
     for m in range(len(wrong)):
         i = int(lanes[CRAFT, m])
         for k in range(6):
@@ -214,7 +219,7 @@ def measure(course, lanes, node, wrong, here):
 
 @kernel()
 def answer(late, lanes):
-    """Make what was seen what counts, as far on as it is by now: with what that has thrust."""
+    """Put the last measurement into effect, propagated to now with the thrust applied since then."""
     found = stack_matrix(6, LANES)
     for m in range(LANES):
         for axis in range(6):
@@ -229,7 +234,7 @@ def answer(late, lanes):
 
 @kernel()
 def advance(constants, course, step, lanes):
-    """Fly a step, by Runge and Kutta's method of fourth order."""
+    """Integrate one step with the classical fourth-order Runge-Kutta method."""
     u, thrust, force = stack_matrix(3, LANES), stack_matrix(3, LANES), stack_matrix(3, LANES)
     back = stack_matrix(3, LANES)
     middle, rate, after = stack_matrix(6, LANES), stack_matrix(6, LANES), stack_matrix(6, LANES)
@@ -240,7 +245,7 @@ def advance(constants, course, step, lanes):
     for stage in range(4):
         half = (stage + 1) // 2
         share, weight = 0.5 * h * half, h / 6.0 if stage in (0, 3) else h / 3.0
-        if stage != 2:  # in the middle twice the same
+        if stage != 2:  # both middle stages have the same thrust
             push(course, lanes, step, half, h / 6.0 if stage != 1 else h / 1.5, u, back, thrust)
         node = 2 * step + half
         place, speed, felt = course.places[node], course.speeds[node], course.felt[node]
@@ -266,7 +271,7 @@ def advance(constants, course, step, lanes):
 
 @kernel()
 def begin(course, first, errors, now, spent, lanes):
-    """Fill lanes with rows from the `first` on, and with the last one again where there are no more."""
+    """Fill lanes with rows from `first` on; repeat the last row if there are fewer."""
     there = stack_vector(6)
     for m in range(LANES):
         row = min(first + m, len(now) - 1)
@@ -289,16 +294,14 @@ def begin(course, first, errors, now, spent, lanes):
 
 @kernel(void(float64[::1], COURSE, BLOCKS, ROWS, BLOCKS, BLOCKS, ROWS, BLOCKS, BLOCKS, ROWS))
 def fly_all(constants, course, wrong, errors, events, pushes, now, states, impulses, spent):
-    """Fly R = S N times, of N craft one after another, on from `now` (R, 18), which becomes what is last.
+    """Simulate R = S N times, N craft per simulation, from `now` (R, 18), which receives the last values.
 
-    That is states before jumps in the chief's axes, which deviations count for feedback, and which were seen.
-
-    Fills `states` (R, T, 6) at nodes that are shown, after `impulses` (R, Q, 3) [m/s], or as large as
-    thrusters are told to burn from then on, and adds to `spent`
-    (R, 2) the delta-v [m/s] and how long thrust was at its limit [s].  Measurements are off by `wrong`
-    (R, M, 6); `errors` (R, 4) are those of thrust: of its size, and a small turn.  So are `events` (R, E, 4)
-    where they are of thrust that lasts for a while; those of impulses are normal numbers.  Noise adds
-    `pushes` (R, K or 0, 6) to states by the end of each step.
+    `now` holds the states before impulses in the chief's axes, the deviations in effect for feedback, and
+    those measured. Fills `states` (R, T, 6) at shown nodes, after `impulses` (R, Q, 3) [m/s], or the delta-v
+    that thrusters are ordered to give from then on. Adds the delta-v [m/s] and the time at the thrust limit
+    [s] to `spent` (R, 2). Measurements have errors `wrong` (R, M, 6); thrust has `errors` (R, 4), of its size
+    and a small rotation. `events` (R, E, 4) are the same for continuous burns, and normal numbers for
+    impulses. Process noise adds `pushes` (R, K or 0, 6) to the states at the end of each step.
     """
     course = lent(course)
     wrong, errors, events, now = borrowed(wrong), borrowed(errors), borrowed(events), borrowed(now)

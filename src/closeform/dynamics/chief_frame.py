@@ -1,4 +1,4 @@
-"""The Hill frame of a chief that flies in a field: its axes, and how fast they turn."""
+"""Hill frame of a chief in a force model: its axes and their rotation."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from closeform.arrays import Floats
 from closeform.dynamics.field import Field
 from closeform.motion.frames import turning_axes
 
-BESIDE = 1.0  # s, before and after a time: the force across the orbit is followed so far to see its rate
+BESIDE = 1.0  # s, half-interval of the central difference of the cross-track force
 
 
 class ChiefFrame(NamedTuple):
     """T instants of a chief and its axes: radial outward, along the motion, orbit normal (rows).
 
-    The frame turns at h/r^2 about its z axis, and about its x axis where a force f_z pulls across the orbit,
-    at r f_z / h.
+    The frame rotates at h/r^2 about its z axis and, if a force f_z acts across the orbit, at r f_z / h about
+    its x axis.
     """
 
     times: Floats  # (T,) [s]
@@ -29,7 +29,7 @@ class ChiefFrame(NamedTuple):
 
     @classmethod
     def of(cls, field: Field, times: Floats) -> ChiefFrame:
-        """That of the chief in a field, at some times (T,) [s]."""
+        """Return the frame of the chief in a field at some times (T,) [s]."""
         ballistic, states = field._chief_ballistic, field.chief_states(times)
         place, speed = states[:, :3], states[:, 3:]
         felt = field.accelerations(times, states, ballistic)
@@ -49,5 +49,5 @@ class ChiefFrame(NamedTuple):
         return cls(times, states, felt, axes, turn, rate)
 
     def during(self, some: slice) -> ChiefFrame:
-        """That of some of the instants."""
+        """Return the frame at some of the instants."""
         return ChiefFrame(*(part[some] for part in self))

@@ -1,4 +1,4 @@
-"""The closed loop: what becomes of deviations, pushes and wrong measurements of a craft under feedback."""
+"""Closed loop of a craft: propagation of deviations, disturbance accelerations and navigation errors."""
 
 from __future__ import annotations
 
@@ -18,25 +18,25 @@ from closeform.motion.orbit import Orbit
 if TYPE_CHECKING:
     from closeform.uncertainty.errors import Uncertainty
 
-PARTS = 24  # of an interval, in which a push counts as one
-COARSE = 1.01  # of the sum over parts, in place of an integral, and of what has faded
-FADED = 3e-4  # of all pushes: those before add less than a hundredth
-SETTLED = 1e-9  # of a state that is left by something constant
-LONGEST = 10_000  # intervals, after which a constant error has settled
-# Of thrust that is larger by the whole of itself, or turned by 1 about each axis: what is added to it.
+PARTS = 24  # parts of an interval in which an acceleration is constant
+COARSE = 1.01  # factor on the sum over parts, for the integral and the truncated tail
+FADED = 3e-4  # relative size at which the series is truncated
+SETTLED = 1e-9  # relative change at which a constant error has settled
+LONGEST = 10_000  # number of intervals after which a constant error has settled
+# Relative errors of thrust: larger by 100 %, and rotated by 1 rad about each axis.
 KINDS = np.concatenate([np.eye(3)[None], np.cross(np.eye(3)[:, None], np.eye(3)).swapaxes(1, 2)])
-CORNERS = np.array([[s, *turn] for s in (-1.0, 1.0) for turn in np.eye(3)])  # of errors of thrust
+# corners of the thrust error domain
+CORNERS = np.array([[s, *turn] for s in (-1.0, 1.0) for turn in np.eye(3)])
 
 
 @dataclass(frozen=True, eq=False)
 class ClosedLoop:
-    """A craft that is measured every so often, and brought back; known at S + 1 instants `since` (S + 1,).
+    """Feedback loop of a craft, known at S + 1 instants `since` (S + 1,) of an interval.
 
-    These are of an interval in which one measurement counts.  It begins `delay` after that, for which the
-    state is predicted.  Of a state at its begin `left` (S + 1, 6, 6) is left, and `moved` of a coast; `law`
-    (S + 1, 3, 6) is the thrust, or (J, 3, 6) the impulses that are `fired` (J,) [s] after a measurement.
-
-    # theory (85), (86) and (88)
+    In this interval one measurement is in effect. It begins `delay` after the measurement, for which the
+    state is predicted. A state at its start is propagated to `left` (S + 1, 6, 6) with feedback and to
+    `moved` by a coast. `law` (S + 1, 3, 6) gives the thrust, or (J, 3, 6) the impulses `fired` (J,) [s] after
+    a measurement.  # theory (85), (86) and (88)
     """
 
     orbit: Orbit
@@ -48,59 +48,62 @@ class ClosedLoop:
     fired: Floats
 
     @classmethod
-    @lru_cache(maxsize=8)  # rounds of plans ask for the same, with all that follows from it
+    @lru_cache(maxsize=8)  # repeated planning uses the same loop and its cached properties
     def of(cls, orbit: Orbit, feedback: Feedback, every: float, steps: int, lasting: bool = False) -> Self:
-        """Of a feedback, of intervals of another length, at so many steps; by burns that are `lasting`."""
+        """Return the loop of a feedback, for intervals of length `every` [s] with some steps.
+
+        `lasting`: finite burns in place of impulses.
+        """
         since, delay = np.linspace(0.0, every, steps + 1), min(feedback.delay, every)
         if not feedback.impulses:
             return cls(orbit, delay, since, *way_back(orbit, feedback.horizon, since), np.zeros(0))
         begin, over = slots_of(feedback)
-        now = begin < every * (1.0 - BESIDE)  # the others are left to the next measurement, as in flight
+        now = begin < every * (1.0 - BESIDE)  # the next measurement replaces the others, as in a simulation
         fired = (0.5 * (begin + np.minimum(over, every)) if lasting else begin)[now]
         gains = kicks_back(orbit, feedback, lasting)[1][now]
         return cls(orbit, delay, since, *left_of(orbit, fired, gains, since), gains, fired)
 
     @property
     def every(self) -> float:
-        """From one measurement to the next [s]."""
+        """Time between measurements [s]."""
         return float(self.since[-1])
 
     @property
     def wait(self) -> int:
-        """The delay in steps."""
+        """Delay in steps."""
         return round(self.delay / self.every * (len(self.since) - 1))
 
     @cached_property
     def late(self) -> Floats:
-        """What a wrong measurement has become (6, 6) when it counts."""
+        """Transition (6, 6) of a measurement error over the delay."""
         return np.asarray(self.orbit.transition(self.delay))
 
     @cached_property
     def answered(self) -> Floats:
-        """What answers make of a state that is believed (S + 1, 6, 6)."""
+        """Effect of the feedback on the state (S + 1, 6, 6), per believed deviation."""
         return self.left - self.moved
 
     @cached_property
     def taken(self) -> Floats:
-        """What a wrong measurement adds (S + 1, 6, 6)."""
+        """Effect of a measurement error on the state (S + 1, 6, 6)."""
         return np.asarray(self.answered @ self.late)
 
     @cached_property
     def kicked(self) -> Floats:
-        """What an impulse of 1 m/s along each axis has become (S + 1, J, 6, 3)."""
+        """Effect of an impulse of 1 m/s along each axis (S + 1, J, 6, 3)."""
         return kicked(self.orbit, self.fired, self.since)
 
     def intervals(self, count: int) -> Iterator[tuple[int, slice]]:
-        """Of so many steps which one a measurement is made at, and in which it counts, both ends included."""
+        """Yield the step of each measurement, and the steps in which it is in effect, both ends included."""
         steps = len(self.since) - 1
         for seen in range(0, count - 1 - self.wait, steps):
             yield seen, slice(seen + self.wait, min(seen + self.wait + steps + 1, count))
 
     def follow(self, pushed: Floats) -> tuple[Floats, Floats]:
-        """Where pushes bring a craft that are not measured but by what they do (R, T, 3).
+        """Return deviations (R, T, 3) due to disturbances, and the believed ones (R, I, 6) per interval.
 
-        And what it believes to be off by when it answers (R, I, 6), in each interval.  `pushed` (R, T, 6) is
-        what they make of a coast, at the steps of all intervals.                              # theory (86)
+        `pushed` (R, T, 6) is the effect of each disturbance on a coast, at the steps of all intervals.
+        Feedback measures a disturbance only by its effect on the state.  # theory (86)
         """
         off, answered = pushed.copy(), [np.empty((len(pushed), 0, 6))]
         for seen, some in self.intervals(pushed.shape[1]):
@@ -113,7 +116,7 @@ class ClosedLoop:
         return off[..., :3], np.concatenate(answered, axis=1)
 
     def answers(self, believed: Floats, count: int) -> Floats:
-        """Thrust (R, T, 3) [m/s^2] at so many steps, or impulses (R, Q, 3) [m/s], of what is believed."""
+        """Return feedback thrust (R, T, 3) [m/s^2], or impulses (R, Q, 3) [m/s], for believed deviations."""
         each = np.einsum("sij,rkj->rksi", self.law, believed)
         if len(self.fired):
             rows, intervals, fired, axes = each.shape
@@ -124,10 +127,10 @@ class ClosedLoop:
         return brought
 
     def shaken(self, sight: Navigation, errors: Uncertainty, believed: Floats, count: int) -> Floats:
-        """Covariances (T, 3, 3) [m^2] at so many steps of what answers add, each with errors of its own.
+        """Return covariances (T, 3, 3) [m^2] due to the execution errors of feedback burns.
 
-        They answer to what is believed (I, 6, 6), as second moments, to noise, and to what answers before
-        them added.                                                                            # theory (96)
+        Feedback responds to believed deviations, given as second moments (I, 6, 6), to navigation noise, and
+        to the errors of earlier feedback burns.  # theory (96)
         """
         seen = np.hstack([np.eye(6), self.late])
         noise = seen @ self._held(sight, self.left, self.taken) @ seen.T
@@ -142,14 +145,14 @@ class ClosedLoop:
 
     @cached_property
     def erring(self) -> Floats:
-        """What a burn that is larger by itself, or turned by 1 about an axis, adds (4, S + 1, 6, 6)."""
+        """Effect (4, S + 1, 6, 6) of a feedback burn larger by 100 %, and rotated by 1 rad on each axis."""
         return np.array([self._answers(wrong) - self.answered for wrong in np.eye(4)])
 
     def _pushed(self, errors: Uncertainty, asked: Floats) -> tuple[Floats, Floats, Floats]:
-        """Covariances (S + 1, 6, 6) that errors of a burn make in its interval and in the next.
+        """Return covariances (S + 1, 6, 6) of burn errors in their interval and the next, and believed.
 
-        It answers to what is `asked` (6, 6).  With what of them is believed (6, 6) when the next is begun,
-        before which those of the delay are not seen.
+        The burn responds to a deviation with second moments `asked` (6, 6). The third result (6, 6) is the
+        part that is believed at the start of the next interval; errors during the delay are not yet measured.
         """
         sizes = np.array([errors.magnitude, *[errors.pointing] * 3])
         now = sizes[:, None, None, None] * self.erring
@@ -159,7 +162,7 @@ class ClosedLoop:
         return _moved(now, asked).sum(axis=0), _moved(later, asked).sum(axis=0), told.sum(axis=0)[0]
 
     def _struck(self, errors: Uncertainty, asked: Floats) -> tuple[Floats, Floats, Floats]:
-        """The same of Gates' errors of impulses; those of a fixed size count to all sides."""
+        """Return the same for Gates' errors of impulses; fixed errors act in all directions."""
         fixed, share, aside, turned = errors.impulse
         sizes = _moved(self.law, asked)
         total = np.trace(sizes, axis1=-2, axis2=-1)[:, None, None] * np.eye(3)
@@ -168,9 +171,9 @@ class ClosedLoop:
         return now, _moved(self.left, now[-1]), now[-1]
 
     def covariances(self, sight: Navigation, wrong: Floats | None = None) -> tuple[Floats, Floats]:
-        """Of deviations (S + 1, 6, 6) and of thrust (S + 1, 3, 3) by random errors of measurements; steady.
+        """Return steady covariances of deviations (S + 1, 6, 6) and thrust (S + 1, 3, 3).
 
-        `wrong` (4,): thrust is larger by a share, and turned; as of a craft that flies.
+        They are due to navigation noise. `wrong` (4,): relative error of the thrust, and its rotation.
         """
         taken, left = self.taken, self.left
         if wrong is not None:
@@ -182,7 +185,7 @@ class ClosedLoop:
         return seen @ held @ np.swapaxes(seen, 1, 2), thrust @ held @ np.swapaxes(thrust, 1, 2)
 
     def _held(self, sight: Navigation, left: Floats, taken: Floats) -> Floats:
-        """Covariance (12, 12) of a deviation, and of the error that is new with it; steady."""
+        """Return the steady joint covariance (12, 12) of a deviation and of the new measurement error."""
         kept = sight._kept(self.every)  # theory (91)
         white = np.diag(np.repeat([sight.position, sight.velocity], 3) ** 2)
         step, new = np.zeros((12, 12)), np.zeros((12, 12))
@@ -192,12 +195,12 @@ class ClosedLoop:
         return np.asarray(steady.reshape(12, 12))
 
     def noise(self, sight: Navigation, wrong: Floats | None = None) -> tuple[float, float]:
-        """Standard deviations in the worst direction, of position [m] and of thrust [m/s^2]; as above."""
+        """Return standard deviations in the worst direction, of position [m] and of thrust [m/s^2]."""
         off, thrust = self.covariances(sight, wrong)
         return greatest_sigma(off[:, :3, :3]), greatest_sigma(thrust)
 
     def spread(self, sight: Navigation, errors: Floats) -> tuple[float, float]:
-        """As `noise`, at the worst of errors of thrust (N, 2)."""
+        """Return the result of `noise` for the worst of the thrust errors (N, 2)."""
         most = errors.max(axis=0)
         if not most.any():
             return self.noise(sight)
@@ -205,7 +208,7 @@ class ClosedLoop:
         return max(one[0] for one in found), max(one[1] for one in found)
 
     def _answers(self, wrong: Floats) -> Floats:
-        """What feedback makes of a state (S + 1, 6, 6), by thrust that is off; by the trapezoidal rule."""
+        """Return the effect (S + 1, 6, 6) of feedback with thrust errors, by the trapezoidal rule."""
         off = wrong[0] * KINDS[0] + (1.0 + wrong[0]) * np.tensordot(wrong[1:], KINDS[1:], 1)
         if len(self.fired):
             return np.asarray(self.answered + (self.kicked @ off @ self.law).sum(axis=1))
@@ -215,14 +218,14 @@ class ClosedLoop:
         return np.asarray(self.answered + self.moved @ summed)
 
     def misled(self) -> Iterator[Floats]:
-        """Where constant errors of 1 of measurements have led to (6, 6) when one after another counts."""
+        """Yield the states (6, 6) due to constant unit measurement errors, at successive measurements."""
         state = np.zeros((6, 6))
         while True:
             yield state
             state = self.left[-1] @ state + self.taken[-1]
 
     def biased(self, sight: Navigation) -> tuple[float, float]:
-        """How far constant errors of measurements bring a craft [m], and its thrust [m/s^2], at most."""
+        """Return the greatest deviation [m] and thrust [m/s^2] due to constant measurement errors."""
         sizes = sight.position_bias, sight.velocity_bias
         if not any(sizes):
             return 0.0, 0.0
@@ -238,9 +241,9 @@ class ClosedLoop:
 
     @cached_property
     def gains(self) -> tuple[float, float]:
-        """How far off [s^2] an acceleration of size 1 brings a craft, whatever its course; its thrust by it.
+        """Greatest deviation [s^2] and feedback thrust per unit of any bounded acceleration.
 
-        # theory (87)
+        theory (87)
         """
         part = self.every / PARTS
         ages = (np.arange(PARTS) + 0.5) * part
@@ -262,9 +265,9 @@ class ClosedLoop:
 
     @cached_property
     def missed(self) -> float:
-        """How far off [s] impulses that are not fired bring a craft.
+        """Greatest deviation [s] per unit of impulses that are not fired.
 
-        In the worst directions, all of them: the sum over all that were before.           # theory (94)
+        In the worst directions, all of them: the sum over all previous ones.  # theory (94)
         """
         own = np.linalg.norm(self.kicked[:, :, :3], 2, axis=(2, 3)).sum(axis=1)
         pushed, total = self.orbit.transition(self.every - self.fired)[..., 3:], own
@@ -277,11 +280,10 @@ class ClosedLoop:
     def beyond(
         self, errors: Floats, unknown: Floats, sight: Navigation, brought: tuple[Floats, Floats]
     ) -> tuple[Floats, Floats]:
-        """How far off craft are at most (N,) [m], beside what is followed along their plans and noise.
+        """Return bounds (N,) [m] of deviations not covered by `follow` and noise, and the feedback thrust.
 
-        And how large the thrust is that answers (N,) [m/s^2], but to noise and to errors of what is planned.
-        By accelerations that nobody knows, biases, and `errors` (N, 2) of the thrust that answers to these
-        and to the errors of what is planned, `brought` (N, T, 3) and (N, T, 3, 3).
+        They are due to unknown accelerations, biases, and the `errors` (N, 2) of the thrust (N,) [m/s^2] that
+        responds to these and to the errors of the planned thrust, `brought` (N, T, 3) and (N, T, 3, 3).
         """
         share, angle = errors.T
         wrong = np.hypot(share, (1.0 + share) * angle)
@@ -290,7 +292,7 @@ class ClosedLoop:
         stretched = np.linalg.norm(brought[0], axis=-1)
         turned = np.linalg.norm(brought[1], 2, axis=(-2, -1))
         first = (share * stretched.T + (1.0 + share) * angle * turned.T).max(axis=0)
-        if len(self.fired):  # [m/s]; what their errors' own answers are off by is of third order
+        if len(self.fired):  # [m/s]; errors of the response to errors are of third order
             thrust = first + echo * unknown + answer
             return gain * unknown + self.missed * wrong * thrust + bias, np.zeros_like(thrust)
         thrust = (first + echo * unknown + answer) / np.maximum(1.0 - wrong * echo, np.finfo(float).tiny)
@@ -298,16 +300,16 @@ class ClosedLoop:
 
 
 def _moved(motion: Floats, covariance: Floats) -> Floats:
-    """Covariances of what motions (..., D, E) make of one."""
+    """Return covariances after transitions (..., D, E)."""
     return np.asarray(motion @ covariance @ np.swapaxes(motion, -1, -2))
 
 
 def greatest_sigma(covariances: Floats) -> float:
-    """The greatest standard deviation in any direction, of covariances (..., 3, 3)."""
+    """Return the greatest standard deviation in any direction of covariances (..., 3, 3)."""
     return float(np.sqrt(max(np.linalg.eigvalsh(covariances)[..., -1].max(), 0.0)))
 
 
 def _by_size(rows: Floats, sizes: tuple[float, float]) -> float:
-    """The greatest length of (S, 3, 6) of two vectors of some length each, however they point."""
+    """Return the greatest length of rows (S, 3, 6) applied to two vectors of given lengths."""
     each: Any = [np.linalg.norm(rows[..., part], 2, axis=(1, 2)) for part in (slice(0, 3), slice(3, 6))]
     return float((sizes[0] * each[0] + sizes[1] * each[1]).max())

@@ -1,4 +1,4 @@
-"""The thrust that flies a planned path in a real field: the plan's, less what Hill's equations leave out."""
+"""Thrust that follows a planned path in the high-fidelity model: the plan's thrust minus the residual."""
 
 from __future__ import annotations
 
@@ -29,38 +29,38 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class CompensatedThrust(Rows):
-    """What N craft thrust at T times to fly their paths in a field; made by `thrust`.
+    """Thrust of N craft at T times that follows their paths in a field; returned by `compensated_thrust`.
 
     Attributes
     ----------
     field : str
-        In which the paths, and all that is certified of them, are flown: its words.
+        Description of the force model in which the paths are followed.
     times : array of shape (T,) [s]
-        Since the chief's epoch.
+        Times since the chief's epoch.
     commanded : array of shape (N, T, 3) [m/s^2]
-        Radial, along-track and cross-track, in the chief's axes: planned less residual; as planned of craft
-        that have impulses.
+        Radial, along-track and cross-track thrust, in the chief's axes: planned minus residual; as planned
+        for craft with impulses.
     planned : array of shape (N, T, 3) [m/s^2]
         The thrust of the plan, in the same axes.
     residual : array of shape (N, T, 3) [m/s^2]
-        What Hill's equations leave out along its paths, in the same axes.
+        Model error of Hill's equations along the paths, in the same axes.
     delta_v : array of shape (N,) [m/s]
-        Of what is commanded, impulses included.
+        Delta-v of the commanded thrust, impulses included.
     planned_delta_v : array of shape (N,) [m/s]
-        Of the plan.
+        Delta-v of the plan.
     exceeded : array of bool of shape (N,)
-        Who is commanded more than it can give; False where no limit was given.
+        True for craft whose command exceeds the thrust limit; False without a limit.
     impulses : Retargeted
-        Those of craft that have some.
+        Impulses of craft that have any, changed for the field.
     path : Path
-        What is flown (N,): the plan, and of craft with impulses, or without engines, what these fly in the
-        field, through samples; `screen` certifies it.
+        Followed paths (N,): the plan, and for craft with impulses or without engines the path in the field,
+        interpolated between samples; `screen` certifies it.
     deviation : array of shape (N,) [m]
-        How far that is from the plan at most, at these samples.
+        Greatest distance from the plan, at these samples.
     firing : ThrusterFiring or None
-        The pulses of thrusters; then `path` is what these fly, and its `deviation_bound` holds in Hill's
-        equations: in a field it grows by as small a share as the path's other acceleration is of thrust,
-        and of impulses by what the field does between them.
+        Pulses of thrusters; then `path` is the path that they produce, and `deviation_bound` holds in Hill's
+        equations. In a field it grows by the ratio of the residual to the thrust, and for impulses by the
+        effect of the residual between them.
     """
 
     _columns: ClassVar = {
@@ -86,17 +86,17 @@ class CompensatedThrust(Rows):
 
     @property
     def craft(self) -> Any:
-        """Which craft each row of `columns` is of (N, T), by index, no unit."""
+        """Index of the craft of each row of `columns` (N, T), no unit."""
         return np.broadcast_to(np.arange(len(self.commanded))[:, None], self.commanded.shape[:2])
 
     @property
     def time(self) -> Any:
-        """When each row of `columns` is (N, T) [s]."""
+        """Time of each row of `columns` (N, T) [s]."""
         return np.broadcast_to(self.times, self.commanded.shape[:2])
 
     @property
     def peak_thrust(self) -> Floats:
-        """The most that each craft (N,) is commanded at these times [m/s^2]."""
+        """Greatest command of each craft (N,) at these times [m/s^2]."""
         return np.asarray(np.linalg.norm(self.commanded, axis=2).max(axis=1))
 
 
@@ -110,46 +110,46 @@ def compensated_thrust(
     specific_impulse: ArrayLike | None = None,
     engine: ArrayLike = True,
 ) -> CompensatedThrust:
-    """The thrust that flies planned paths in a field as they are, and with them all that is certified.
+    """Compute the thrust that follows planned paths in a field, so that their certification holds there.
 
-    Impulses are changed, for between them nothing is fired: they meet the plan's end, where small changes
-    lead there, and keep its path as nearly as they can.
+    Impulses are changed instead, because no thrust acts between them. They meet the plan's end, if small
+    changes can, and keep its path as closely as possible.
 
     Parameters
     ----------
     plan : Plan, Avoidance or Path
-        Of one craft or of N, in the chief's Hill frame with straight axes, times since its epoch.
+        Plan of one craft or of N, in the chief's Hill frame with straight axes, times since its epoch.
     field : Field
-        In which they fly.
+        Force model in which they move.
     every : float [s], default 10
-        Between rows of the table, at most; each arc of thrust begins one.
+        Greatest time between rows of the table.
     max_acceleration : float [m/s^2], optional
-        What each craft can give.
+        Thrust limit of each craft.
     thrusters : Thrusters or sequence of Thrusters, optional
-        Of all craft, or of each, which fire it as pulses: `fire` says how.
+        Thrusters of all craft, or of each, which fire it as pulses; see `fire_thrusters`.
     mass : array_like of shape () or (N,) [kg], optional
-        Of the craft at the start, as for `fire`.
+        Mass of the craft at the start, as for `fire_thrusters`.
     specific_impulse : array_like of shape () or (N,) [s], optional
-        With `mass`.
+        Specific impulse, required with `mass`.
     engine : array_like of bool of shape (N,) or (), default True
-        Whether each craft has one; without it nothing is commanded, and it drifts.  Not with thrusters.
+        Whether each craft has an engine; without it the craft drifts. Cannot be combined with thrusters.
 
     Returns
     -------
     CompensatedThrust
-        A table of what to command, and what it costs.
+        Table of commands and their cost.
 
     Raises
     ------
     ValueError
-        If the plan has no paths, is of deep space, its mean motion is not the chief's, or an argument is of
-        another kind.
+        If the plan has no paths, is in deep space, has another mean motion than the chief, or an argument
+        has the wrong type.
 
     Notes
     -----
-    Flown exactly, and in exactly this field, the planned paths are met to rounding: d is what is left of the
-    exact equations of relative motion, not an approximation of it.  Held over some seconds instead, or in
-    a field that is known less well, a deviation remains (`validity` says how large without any of this).
+    Executed exactly, in exactly this field, the command follows the planned paths up to rounding, because the
+    residual comes from the exact equations of relative motion. A command held for some seconds, or an
+    inexact field, leaves a deviation (`validity` predicts it for the plan's thrust alone).
 
     References
     ----------
@@ -190,16 +190,16 @@ def compensated_thrust(
     kicks = np.linalg.norm(impulses.impulse, axis=1) - np.linalg.norm(impulses.planned, axis=1)
     before = np.array(paths.delta_v)
     spent = before + more + np.bincount(impulses.craft, kicks, len(paths))
-    told = described(field), times, commanded, planned, left_out, spent, before, size.max(axis=1) > limit
+    table = described(field), times, commanded, planned, left_out, spent, before, size.max(axis=1) > limit
     if thrusters is None:
         if mass is not None or specific_impulse is not None:
-            raise ValueError("mass: is of thrusters that burn; give them, too")
-        return CompensatedThrust(*told, impulses, path, deviation, None)
-    from closeform.dynamics.pulsed_flight import fired_in, flown_exactly  # whose kernels only thrusters need
+            raise ValueError("mass: requires thrusters; give them, or omit mass")
+        return CompensatedThrust(*table, impulses, path, deviation, None)
+    from closeform.dynamics.pulsed_flight import fired_in, flown_exactly  # imported late: compiles kernels
 
     firing = fired_in(paths, impulses, field, own, mass, specific_impulse)
     when, states = flown_exactly(paths, firing, own, field)
     path = paths.orbit._through(when, states)
     off = states[..., :3] - spanning(paths, when).position(when)
-    told = *told[:-3], np.asarray(firing.delta_v), *told[-2:]
-    return CompensatedThrust(*told, impulses, path, np.linalg.norm(off, axis=2).max(axis=1), firing)
+    table = *table[:-3], np.asarray(firing.delta_v), *table[-2:]
+    return CompensatedThrust(*table, impulses, path, np.linalg.norm(off, axis=2).max(axis=1), firing)

@@ -1,11 +1,12 @@
-"""The tableau of Dormand and Prince's method of order 8: Hairer, Norsett and Wanner 1993, II.10."""
+"""Butcher tableau of the eighth-order method of Dormand and Prince (Hairer, Norsett, Wanner 1993, II.10)."""
 
 import numpy as np
 
 from closeform.arrays import Floats
 
 STAGES = 12
-WEIGHTS: tuple[dict[int, float], ...] = (  # of stages by their number, in each stage, and of the step at last
+# weights of earlier stages in each stage, and of all stages in the step
+WEIGHTS: tuple[dict[int, float], ...] = (
     {},
     {0: 0.05260015195876773},
     {0: 0.0197250569845379, 1: 0.0591751709536137},
@@ -72,7 +73,7 @@ WEIGHTS: tuple[dict[int, float], ...] = (  # of stages by their number, in each 
 
 
 def tableau() -> Floats:
-    """A above b, (13, 12)."""
+    """Return the coefficients, the matrix A above the weights b, (13, 12)."""
     table = np.zeros((STAGES + 1, STAGES))
     for row, weights in zip(table, WEIGHTS, strict=True):
         row[list(weights)] = list(weights.values())

@@ -1,4 +1,4 @@
-"""Drag: air whose density falls by e each scale height, and what each craft gives it to push on."""
+"""Atmospheric drag: an exponential atmosphere, and the ballistic coefficients of craft."""
 
 from __future__ import annotations
 
@@ -14,28 +14,28 @@ EARTH_SPIN = 7.292115e-5  # rad/s: GRS 80
 
 @dataclass(frozen=True, eq=False)
 class Drag:
-    """Air about the Earth, and the ballistic coefficients of a formation.
+    """Exponential atmosphere, and the ballistic coefficients of a formation.
 
     Parameters
     ----------
     density : float [kg/m^3]
-        At `altitude`.
+        Density at `altitude`.
     altitude : float [m]
-        Above the Earth's equatorial radius, at which it is that.
+        Reference altitude above the Earth's equatorial radius.
     scale_height : float [m]
-        Over which the density falls by a factor e.
+        Height over which the density falls by a factor of e.
     ballistic : array of shape (N,) [m^2/kg]
-        Drag coefficient times area over mass of each craft of a formation, in the order of its paths; one
-        number for all.  Anything array_like will do.
+        Drag coefficient times area over mass of each craft, in the order of the paths; one number for all.
+        Any array_like is accepted.
     chief : float [m^2/kg]
-        That of the chief; 0 if it is no craft but an orbit without drag.
+        Coefficient of the chief; 0 for a reference orbit without drag.
     spin : float [rad/s], default that of the Earth
-        At which the air turns with the body; 0 is air at rest.
+        Rotation rate of the atmosphere; 0 for an atmosphere at rest.
 
     Raises
     ------
     ValueError
-        If a number is not finite, negative, or a density or scale height is not positive.
+        If a number is negative or not finite, or a density or scale height is not positive.
 
     References
     ----------
@@ -71,12 +71,12 @@ class Drag:
 
 
 def ballistics_of(drag: Drag | None, count: int) -> Floats:
-    """The coefficients (N,) [m^2/kg] of `count` craft; 0 without drag."""
+    """Return the coefficients (N,) [m^2/kg] of `count` craft; 0 without drag."""
     return of_each("ballistic", 0.0 if drag is None else drag.ballistic, count)
 
 
 def air_of(drag: Drag | None) -> list[float]:
-    """Density [kg/m^3], its radius [m], scale height [m] and spin [rad/s], as kernels know air."""
+    """Return density [kg/m^3], its radius [m], scale height [m] and spin [rad/s], for kernels."""
     if drag is None:
         return [0.0, 0.0, 1.0, 0.0]
     return [drag.density, EARTH_RADIUS + drag.altitude, drag.scale_height, drag.spin]

@@ -1,4 +1,4 @@
-"""Engines: with what craft thrust in flight; who has none coasts in the field."""
+"""Engines: the thrust limits of craft in simulations; a craft without an engine coasts."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from closeform.dynamics.natural import drifting
 from closeform.motion.arc import START
 from closeform.motion.path import Path
 
-SAMPLED = 1.0  # m: a path through samples of natural motion is nearer to it, one that leads elsewhere is not
+SAMPLED = 1.0  # m: tolerance between a sampled natural path and natural motion
 
 
 class Engines(NamedTuple):
-    """The most thrust of N craft, `limits` (N,) [m/s^2], and the least impulse, `bits` (N,) [m/s].
+    """Greatest thrust of N craft, `limits` (N,) [m/s^2], and minimum impulse, `bits` (N,) [m/s].
 
-    Of a craft without an engine 0 and inf: whatever it is told, it fires nothing.
+    A craft without an engine has limit 0 and bit inf, so that it ignores all commands.
     """
 
     limits: Floats
@@ -28,23 +28,23 @@ class Engines(NamedTuple):
 
     @classmethod
     def of(cls, running: Any, limit: ArrayLike = np.inf, bit: ArrayLike = 0.0) -> Engines:
-        """Of craft of which some are `running` (N,), within a limit and from a bit on."""
+        """Return the engines of craft, some of which are `running` (N,), with a limit and a minimum bit."""
         return cls(np.where(running, limit, 0.0), np.where(running, bit, np.inf))
 
     @property
     def running(self) -> Any:
-        """Who has an engine (N,)."""
+        """Craft that have an engine (N,)."""
         return self.limits > 0.0
 
     def among(self, which: Any) -> Engines:
-        """Those of some of the craft."""
+        """Return the engines of some of the craft."""
         return Engines(self.limits[which], self.bits[which])
 
 
 def running_engines(engine: Any, paths: Path, field: Field, thrusters: Sequence[Any] = ()) -> Any:
-    """The argument `engine` as who has one (N,) of planned paths, which thrust for nobody who has none.
+    """Return the argument `engine` for each craft (N,); a planned path must not thrust without an engine.
 
-    But where they are sampled, as natural motion in the field that is known.
+    Except for a path sampled from natural motion in the known field.
     """
     count, given = len(paths), np.asarray(engine)
     if given.dtype != bool or given.shape not in ((), (count,)):
@@ -52,14 +52,14 @@ def running_engines(engine: Any, paths: Path, field: Field, thrusters: Sequence[
     running = np.broadcast_to(given, count).copy()
     for k in np.flatnonzero(~running).tolist():
         if paths[k].delta_v > 0.0 and not _natural(paths[k : k + 1], field._of([k])):
-            raise ValueError(f"engine: craft {k} has none, and its path thrusts; give that of its coast")
+            raise ValueError(f"engine: craft {k} has none, but its path thrusts; give its coast instead")
         if thrusters and thrusters[k] is not None:
-            raise ValueError(f"thrusters: craft {k} has no engine; give None in its place")
+            raise ValueError(f"thrusters: craft {k} has no engine; give None for it")
     return running
 
 
 def _natural(path: Path, field: Field) -> bool:
-    """Whether a path (1,) is natural motion in a field."""
+    """Return True if a path (1,) is natural motion in a field."""
     drift = drifting(path, field)
     times = drift.arcs[:, START]
     return bool(np.abs(path.position(times) - drift.position(times)).max() < SAMPLED)

@@ -1,4 +1,4 @@
-"""Error motions: what one standard deviation of each error of a craft makes of its path, unanswered."""
+"""Open-loop motion due to one standard deviation of each error of a craft."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from closeform.motion.path import Path
 from closeform.uncertainty.columns import burning, columns_of, gates_of
 from closeform.uncertainty.errors import Uncertainty
 
-EACH = Uncertainty(magnitude=1.0, pointing=1.0)  # of which a burn has four columns
+EACH = Uncertainty(magnitude=1.0, pointing=1.0)  # unit errors, four columns for each burn
 
 
 def error_motions(
     path: Path, errors: Uncertainty, times: Floats, jumps: tuple[Floats, Floats], against: Floats
 ) -> Floats:
-    """Those (R, T, 6) [m, m/s] of one craft at some times: of its start, its impulses and its burns.
+    """Return the deviations (R, T, 6) [m, m/s] of one craft due to its start, its impulses and its burns.
 
-    `jumps` are when it fires impulses and by how much, (Q,) and (Q, 3); `against` (T, 3) is thrust that the
-    plan does not know.                                                            # theory (50)
+    `jumps` are the times (Q,) and sizes (Q, 3) of its impulses; `against` (T, 3) is compensation thrust,
+    which the plan does not contain.  # theory (50)
     """
     orbit, found = path.orbit, [np.empty((0, len(times), 6))]
     if errors.state.any():
@@ -40,7 +40,7 @@ def error_motions(
 
 
 def _burns(path: Path, times: Floats, against: Floats) -> Iterator[Floats]:
-    """What each burn (4, T, 6) does that is larger by itself, or turned by 1 about an axis."""
+    """Yield deviations (4, T, 6) due to each burn larger by 100 %, and rotated by 1 rad about each axis."""
     edges = burn_edges(path)
     columns = columns_of(path, EACH).state(times).reshape(-1, len(KINDS), len(times), 6)
     own = np.searchsorted(edges, [path.arcs[first, START] for first, _ in burning(path)], side="right")

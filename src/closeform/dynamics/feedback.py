@@ -1,4 +1,4 @@
-"""Feedback: how a craft is brought back to its planned path, and how well it is measured."""
+"""Feedback law that corrects deviations from a planned path, and navigation accuracy."""
 
 from __future__ import annotations
 
@@ -13,31 +13,31 @@ from closeform.motion.arc import THRUST
 from closeform.motion.mean_motion import checked
 from closeform.motion.orbit import Orbit
 
-BLIND = 1e12  # of a Gramian's condition, in a length for velocities: half orbits apart none is met across
+BLIND = 1e12  # condition number of a Gramian: half an orbit apart, impulses do not control cross-track motion
 
 
 @dataclass(frozen=True)
 class Feedback:
-    """The optimal way back to the planned path within a constant horizon, begun anew at each measurement.
+    """Optimal return to the planned path within a constant horizon, recomputed at each measurement.
 
     Parameters
     ----------
     every : float [s], default 60
-        From one measurement to the next.
+        Time between measurements.
     horizon : float [s], default 600
-        In which a deviation would be brought to zero, also at the plan's end.
+        Time in which a deviation is brought to zero, also at the plan's end.
     impulses : int, default 0
-        By how many: the first at once, the others evenly over the horizon, and of them those before the next
-        measurement are fired.  0 is thrust that lasts.
+        Number of impulses: the first at once, the others evenly over the horizon. Those before the next
+        measurement are fired. 0 for continuous thrust.
     delay : float [s], default 0
-        From a measurement until thrust answers to it, at most one interval; for so long the state is
-        predicted, with the thrust that is known.
+        Time from a measurement to the thrust that responds to it, at most one interval. The state is
+        predicted over the delay with the known thrust.
 
     Raises
     ------
     ValueError
-        If a time is not positive, the horizon shorter or the delay longer than the interval, the delay
-        negative, or there is one impulse.
+        If a time is not positive, the horizon is shorter or the delay longer than the interval, the delay is
+        negative, or `impulses` is 1.
 
     References
     ----------
@@ -55,22 +55,22 @@ class Feedback:
         if self.horizon < self.every:
             raise ValueError(
                 f"horizon: {self.horizon:g} s is shorter than the {self.every:g} s between measurements; "
-                "give a longer one"
+                "increase the horizon"
             )
         if whole("impulses", self.impulses) == 1:
-            raise ValueError("impulses: one brings no state to zero; give two or more, or 0")
+            raise ValueError("impulses: one impulse cannot bring a state to zero; give two or more, or 0")
         object.__setattr__(self, "delay", checked("delay", number("delay", self.delay)))
         if not 0.0 <= self.delay <= self.every:
             raise ValueError(f"delay: 0 s to the {self.every:g} s between measurements, got {self.delay:g} s")
         if self.delay > 0.0 and self.impulses:
-            raise ValueError("delay: goes with thrust that lasts; leave it out, or give 0 impulses")
+            raise ValueError("delay: requires continuous thrust; remove it, or give 0 impulses")
 
 
 BY_IMPULSES, BY_PLANS = Feedback(300.0, 1800.0, 6), Feedback(300.0, 900.0)
 
 
 def usual_feedback(control: str, by_impulses: bool) -> Feedback:
-    """What leads craft back unless given, of plans that are made anew, fly impulses or thrust that lasts."""
+    """Return the default feedback for replanning, for impulses, or for continuous thrust."""
     if control == "replan":
         return BY_PLANS
     return BY_IMPULSES if by_impulses else Feedback()
@@ -78,20 +78,20 @@ def usual_feedback(control: str, by_impulses: bool) -> Feedback:
 
 @dataclass(frozen=True)
 class Navigation:
-    """How well states are measured: random errors of each axis, and constant ones.
+    """Navigation accuracy: random errors of each axis, and constant ones.
 
     Parameters
     ----------
     position : float [m], default 0
-        Standard deviation of each axis.
+        Standard deviation of the position on each axis.
     velocity : float [m/s], default 0
-        Standard deviation of each axis.
+        Standard deviation of the velocity on each axis.
     position_bias : float [m], default 0
-        Length of an error that stays through a flight, in any direction.
+        Size of a constant position error, in any direction.
     velocity_bias : float [m/s], default 0
-        The same of velocity.
+        Size of a constant velocity error, in any direction.
     correlation : float [s], default 0
-        In which random errors fade to 1/e, as a filter's do; 0: new at each measurement.
+        Correlation time of random errors (decay to 1/e), as of a filter; 0: independent measurements.
 
     Raises
     ------
@@ -114,12 +114,12 @@ class Navigation:
             object.__setattr__(self, name, float(nonnegative(name, number(name, getattr(self, name)))))
 
     def _kept(self, seconds: float) -> float:
-        """Which share of a random error is left after some time."""
+        """Return the share of a random error that remains after some time."""
         return float(np.exp(-seconds / self.correlation)) if self.correlation > 0.0 else 0.0
 
 
 def nonnegative(name: str, value: ArrayLike) -> Floats:
-    """An argument as finite numbers, none below 0."""
+    """Return an argument as finite non-negative numbers."""
     sizes = np.asarray(checked(name, value))
     if not (sizes >= 0.0).all():
         raise ValueError(f"{name}: must be 0 or more, got {sizes.min():g}")
@@ -127,17 +127,17 @@ def nonnegative(name: str, value: ArrayLike) -> Floats:
 
 
 def thrust_errors(value: ArrayLike, count: int) -> Floats:
-    """The argument `thrust_error` of each craft (N, 2): a share of thrust, and an angle [rad]."""
+    """Return the argument `thrust_error` of each craft (N, 2): relative size, and angle [rad]."""
     sizes = np.asarray(checked("thrust_error", value))
     if sizes.shape not in ((2,), (count, 2)) or not (sizes >= 0.0).all():
-        raise ValueError(f"thrust_error: two numbers, 0 or more, got {shown(value)}")
+        raise ValueError(f"thrust_error: expected two numbers of at least 0, got {shown(value)}")
     return np.broadcast_to(sizes, (count, 2))
 
 
 def way_back(orbit: Orbit, horizon: float, times: Floats) -> tuple[Floats, Floats, Floats]:
-    """M, Phi (T, 6, 6) and the thrust law (T, 3, 6) of the optimum that brings a state to zero in a horizon.
+    """Return M, Phi (T, 6, 6) and the gains (T, 3, 6) of the optimal return to zero within a horizon.
 
-    At times (T,) of it: the state that is left of one, that of a coast, and the thrust.     # theory (85)
+    At times (T,) of it: the transition with feedback, that of a coast, and the thrust law.  # theory (85)
     """
     paths = orbit.transfer(np.eye(6), np.zeros(6), horizon)
     left = np.moveaxis(paths.state(times), 0, -1)
@@ -147,17 +147,17 @@ def way_back(orbit: Orbit, horizon: float, times: Floats) -> tuple[Floats, Float
 
 
 def slots_of(law: Feedback) -> tuple[Floats, Floats]:
-    """From when and until when after a measurement each impulse has time to be fired (J,) and (J,) [s]."""
+    """Return the start and end times after a measurement of the slot of each impulse (J,) and (J,) [s]."""
     begin = np.asarray(np.arange(law.impulses) * (law.horizon / law.impulses), dtype=float)
     over = begin + law.horizon / law.impulses
     return begin, np.where(begin < law.every, np.minimum(over, law.every), over)
 
 
 def kicks_back(orbit: Orbit, law: Feedback, lasting: bool = False) -> tuple[Floats, Floats]:
-    """When after a measurement impulses are (J,) [s], and the gains (J, 3, 6) that make them of a deviation.
+    """Return the times of impulses after a measurement (J,) [s], and their gains (J, 3, 6).
 
-    The least sum of squares that brings it to zero in the horizon; at the begin of their slots, or of burns
-    that are `lasting` about the middle.                                                      # theory (88)
+    The minimum sum of squares that brings a deviation to zero in the horizon. Impulses act at the start of
+    their slots, finite burns (`lasting`) about the middle.  # theory (88)
     """
     begin, over = slots_of(law)
     times = 0.5 * (begin + over) if lasting else begin
@@ -166,17 +166,17 @@ def kicks_back(orbit: Orbit, law: Feedback, lasting: bool = False) -> tuple[Floa
     gramian = np.einsum("jik,jlk->il", pushed, pushed)
     if np.linalg.cond(gramian) > BLIND:
         raise Grounded(
-            f"feedback: {law.impulses} impulses, {law.horizon / law.impulses:g} s apart, cannot steer to all "
-            "sides; give more of them, or another horizon"
+            f"feedback: {law.impulses} impulses, {law.horizon / law.impulses:g} s apart, do not control "
+            "all axes; give more impulses, or another horizon"
         )
     wanted = np.linalg.solve(gramian, scale[:, None] * orbit.transition(law.horizon))
     return times, -np.asarray(np.einsum("jik,il->jkl", pushed, wanted))
 
 
 def delayed(orbit: Orbit, law: Feedback, every: float) -> tuple[Floats, Floats]:
-    """What is made of a measurement (6, 6) when it counts, and of that which counted until then (6, 6).
+    """Return the transitions over the delay (6, 6) of the new measurement, and of the previous one.
 
-    The state as predicted: after a coast, and with what the last answer has thrust meanwhile.  # theory (92)
+    The state is predicted by a coast, with the thrust of the last feedback meanwhile.  # theory (92)
     """
     wait = min(law.delay, every)
     left, moved, _ = way_back(orbit, law.horizon, np.array([every - wait, every]))
@@ -185,13 +185,13 @@ def delayed(orbit: Orbit, law: Feedback, every: float) -> tuple[Floats, Floats]:
 
 
 def left_of(orbit: Orbit, fired: Floats, gains: Floats, times: Floats) -> tuple[Floats, Floats]:
-    """M and Phi (T, 6, 6) as of `way_back`, at times (T,) after one measurement, by impulses."""
+    """Return M and Phi (T, 6, 6) of `way_back` for impulses, at times (T,) after one measurement."""
     moved = orbit.transition(times)
     return moved + (kicked(orbit, fired, times) @ gains).sum(axis=1), moved
 
 
 def kicked(orbit: Orbit, fired: Floats, times: Floats) -> Floats:
-    """What impulses of 1 m/s along each axis have become (T, J, 6, 3); 0 until they are fired."""
+    """Return the effect (T, J, 6, 3) of impulses of 1 m/s along each axis; 0 before they are fired."""
     since = times[:, None] - fired
     moved = orbit.transition(np.maximum(since, 0.0))[..., 3:]
     return np.asarray(moved * (since >= 0.0)[..., None, None])

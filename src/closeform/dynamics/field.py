@@ -1,4 +1,4 @@
-"""Field: what pulls on a formation and its chief, beyond Hill's equations."""
+"""Force model of a formation and its chief: gravity with zonals, drag, or a user function."""
 
 from __future__ import annotations
 
@@ -20,45 +20,45 @@ from closeform.motion.orbit import Orbit
 # J2 to J6 of JGM-3 (Tapley et al. 1996), about a radius of 6378136.3 m.
 EARTH_ZONALS = (EARTH_J2, -2.532435346e-6, -1.619331205e-6, -2.277161016e-7, 5.396484906e-7)
 GRAVITY_RADIUS = 6378136.3
-LONGEST = 30.0  # s: a step of the chief's motion, off by 1e-9 m in low orbit
+LONGEST = 30.0  # s: step of the chief's motion, with an error of 1e-9 m in low orbit
 DAY = 86400.0  # s
-TIGHT = 1e-12  # of what an integrator of foreign fields may be off
+TIGHT = 1e-12  # relative tolerance of the integrator for user functions
 
 Acceleration = Callable[[Floats, Floats], ArrayLike]
 
 
 @dataclass(frozen=True, eq=False)
 class Field:
-    """What pulls on a formation: a flattened body and its air, or any function; the chief flies in it, too.
+    """Force model of a formation and its chief: an oblate body with an atmosphere, or any function.
 
     Parameters
     ----------
     chief : Chief
-        From whose state, at its epoch, the formation's origin flies in this field; along an ephemeris it
-        flies that.
+        State of the formation's origin at its epoch, propagated in this field. A chief with an ephemeris
+        follows that instead.
     zonals : int or sequence of float, no unit, default 2
-        Up to which degree the Earth is flattened: 0 is a point mass, 2 to 6 are J2 to J6.  Or these
-        themselves, of another body, from J2 on.
+        Greatest degree of the Earth's zonals: 0 for a point mass, 2 to 6 for J2 to J6. Or the zonals of
+        another body, from J2 on.
     drag : Drag, optional
-        Air and ballistic coefficients; without it there is none.
+        Atmosphere and ballistic coefficients. Default: no drag.
     radius : float [m], default 6378136.3
-        Of the body, that `zonals` are about.
+        Reference radius of the body for `zonals`.
     acceleration : callable, optional
-        In place of all that: of times (M,) [s] since the chief's epoch and inertial states (M, 6)
-        [m, m/s] the accelerations (M, 3) [m/s^2], the same function for the chief and all craft.  Flights
-        take `zonals` as a first guess of it.
+        Replacement for zonals and drag: a function of times (M,) [s] since the chief's epoch and inertial
+        states (M, 6) [m, m/s] that returns accelerations (M, 3) [m/s^2], the same for the chief and all
+        craft. Simulations use `zonals` as a first approximation of it.
 
     Raises
     ------
     ValueError
-        If a degree is not one of these, a number is not finite, the chief is below the ground, or
-        `acceleration` comes with `drag`.
+        If a degree is not one of these, a number is not finite, the chief is below the surface, or
+        `acceleration` is combined with `drag`.
 
     Notes
     -----
-    The body's pole is the z axis of the chief's frame: exactly so of TOD, to some 0.1 degrees of EME2000 in
-    this century.  The Moon, the Sun, radiation and all that depends on longitude are left out: give an
-    `acceleration` that has them.
+    The body's pole is the z axis of the chief's frame. This holds exactly for TOD, and to about 0.1 degrees
+    for EME2000 in this century. The Moon, the Sun, radiation pressure and terms that depend on longitude are
+    not modelled; an `acceleration` can include them.
 
     References
     ----------
@@ -82,34 +82,36 @@ class Field:
         instance("drag", self.drag, Drag, type(None))
         object.__setattr__(self, "radius", checked("radius", number("radius", self.radius), positive=True))
         if self.acceleration is not None and (self.drag is not None or not callable(self.acceleration)):
-            raise ValueError("acceleration: a function of times and states, in place of zonals and drag")
+            raise ValueError(
+                "acceleration: expected a function of times and states, which replaces zonals and drag"
+            )
         object.__setattr__(self, "zonals", zonals_of(self.zonals))
         low = self.chief.semi_major_axis * (1.0 - self.chief.eccentricity)
         if low < self.radius:
             raise ValueError(
-                f"chief: comes to {low - self.radius:.0f} m above a body of {self.radius:.0f} m; "
+                f"chief: perigee is {low - self.radius:.0f} m above a body of {self.radius:.0f} m; "
                 "give another orbit"
             )
 
     def _of(self, which: Any) -> Field:
-        """As some of its craft feel it."""
+        """Return the field with the ballistic coefficients of some of its craft."""
         if self.drag is None or not np.ndim(self.drag.ballistic):
             return self
         return replace(self, drag=replace(self.drag, ballistic=np.asarray(self.drag.ballistic)[which]))
 
     @cached_property
     def _constants(self) -> Floats:
-        """What kernels know it by."""
+        """Constants of the field for kernels."""
         row = np.array([self.chief.mu, self.radius, *self.zonals, *air_of(self.drag)])
         assert len(row) == WIDTH
         return row
 
     @cached_property
     def orbit(self) -> Orbit:
-        """The circular orbit whose frame turns as the chief's does in this field, on average over a day.
+        """Circular orbit whose frame rotates at the mean rate of the chief's in this field, over a day.
 
-        Where formations are held for long, relative orbits in it keep step with the chief: those in
-        `Chief.orbit`, which is Kepler's, get ahead or fall behind by a part in a thousand.
+        Relative orbits planned in it stay in phase with the chief for long. Those in `Chief.orbit`, which is
+        Keplerian, drift by a part in a thousand.
         """
         end = DAY
         if self.chief.ephemeris is not None:
@@ -127,27 +129,27 @@ class Field:
         return 0.0 if self.drag is None else self.drag.chief
 
     def accelerations(self, times: ArrayLike, states: ArrayLike, ballistics: ArrayLike = 0.0) -> Floats:
-        """What craft feel.
+        """Return the accelerations of craft.
 
         Parameters
         ----------
         times : array_like of shape (...) [s]
-            Since the chief's epoch; broadcasts with the states.
+            Times since the chief's epoch; broadcast with the states.
         states : array_like of shape (..., 6) [m, m/s]
-            Inertial, in the chief's frame.
+            Inertial states, in the chief's frame.
         ballistics : array_like of shape (...) [m^2/kg], default 0
-            Their ballistic coefficients.
+            Ballistic coefficients.
 
         Returns
         -------
         array of shape (..., 3) [m/s^2]
-            In the chief's inertial frame.
+            Accelerations in the chief's inertial frame.
 
         Raises
         ------
         ValueError
-            If shapes do not fit, a number is not finite, or `acceleration` raises, or gives another shape, or
-            numbers that are not finite.
+            If shapes do not match, a number is not finite, or `acceleration` raises an error, returns another
+            shape, or returns numbers that are not finite.
 
         References
         ----------
@@ -164,9 +166,9 @@ class Field:
         when = np.broadcast_to(when, shape).ravel()
         try:
             felt = np.asarray(self.acceleration(when, rows), dtype=float)
-        except Exception as error:  # the user's, of any kind
+        except Exception as error:  # any error of the user's function
             raise ValueError(
-                f"acceleration: the function raises {type(error).__name__}: {error}; it is given times (M,) "
+                f"acceleration: the function raises {type(error).__name__}: {error}; it receives times (M,) "
                 "and states (M, 6)"
             ) from error
         if felt.shape != (len(rows), 3) or not np.isfinite(felt).all():
@@ -176,22 +178,22 @@ class Field:
         return felt.reshape((*shape, 3))
 
     def chief_states(self, times: ArrayLike) -> Floats:
-        """The chief's inertial states as it flies in this field, or along its ephemeris.
+        """Return the chief's inertial states in this field, or from its ephemeris.
 
         Parameters
         ----------
         times : array_like of shape (T,) [s]
-            Since the chief's epoch, of any sign.
+            Times since the chief's epoch, of any sign.
 
         Returns
         -------
         array of shape (T, 6) [m, m/s]
-            In the chief's frame.
+            States in the chief's frame.
 
         Raises
         ------
         ValueError
-            If a time is not finite, or outside of the ephemeris.
+            If a time is not finite, or outside the ephemeris.
 
         References
         ----------
@@ -203,7 +205,7 @@ class Field:
         return self._craft_states(self.chief.state, self._chief_ballistic, 0.0, given)
 
     def _craft_states(self, start: Floats, ballistic: float, begin: float, times: Floats) -> Floats:
-        """Inertial states (T, 6) of a craft that is in `start` (6,) at `begin` [s], at times (T,) [s]."""
+        """Return inertial states (T, 6) at times (T,) [s] of a craft with state `start` (6,) at `begin`."""
         since = times - begin
         out = np.empty((len(times), 6))
         for some in (np.flatnonzero(since >= 0.0), np.flatnonzero(since < 0.0)):
@@ -212,7 +214,7 @@ class Field:
         return out
 
     def _flown(self, start: Floats, ballistic: float, begin: float, since: Floats) -> Floats:
-        """States so long after `begin` (T,) [s], at times that go away from it."""
+        """Return states at intervals `since` (T,) [s] after `begin`, sorted by distance from it."""
         out = np.empty((len(since), 6))
         if not len(since):
             return out
@@ -220,7 +222,7 @@ class Field:
             fly(self._constants, ballistic, start, since, LONGEST, TABLEAU, out)
             return out
 
-        from scipy.integrate import solve_ivp  # which loads half of scipy
+        from scipy.integrate import solve_ivp  # imported late: slow to import
 
         def rates(t: float, s: Floats) -> Floats:
             return np.concatenate([s[3:], self.accelerations(np.array(begin + t), s)])
@@ -233,7 +235,7 @@ class Field:
 
 
 def described(field: Field) -> str:
-    """What a field is, for people."""
+    """Return a short description of a field."""
     if field.acceleration is not None:
         return "a function"
     degree = max((k + 2 for k, one in enumerate(field.zonals) if one != 0.0), default=0)
@@ -242,15 +244,17 @@ def described(field: Field) -> str:
 
 
 def zonals_of(given: Any) -> tuple[float, ...]:
-    """J2 to J6 of a degree, or as given."""
+    """Return J2 to J6 of a degree, or as given."""
     none = (0.0,) * DEGREES
     if isinstance(given, int) and not isinstance(given, bool):
         if given not in (0, *range(2, DEGREES + 2)):
-            raise ValueError(f"zonals: 0, or a degree from 2 to {DEGREES + 1}, got {given}")
+            raise ValueError(f"zonals: expected 0, or a degree from 2 to {DEGREES + 1}, got {given}")
         return (EARTH_ZONALS[: max(given - 1, 0)] + none)[:DEGREES]
     if isinstance(given, (str, bytes)) or not np.iterable(given):
-        raise ValueError(f"zonals: a degree, or J2 and what follows, got {shown(given)}")
+        raise ValueError(f"zonals: expected a degree, or a sequence from J2 on, got {shown(given)}")
     own = tuple(number("zonals", one) for one in given)
     if len(own) > DEGREES or not np.isfinite(own).all():
-        raise ValueError(f"zonals: up to {DEGREES} finite numbers, J2 to J{DEGREES + 1}, got {shown(given)}")
+        raise ValueError(
+            f"zonals: expected up to {DEGREES} finite numbers, J2 to J{DEGREES + 1}, got {shown(given)}"
+        )
     return (own + none)[:DEGREES]

@@ -1,4 +1,4 @@
-"""The margin that fits: plans that are made anew until what their own flight needs is kept clear."""
+"""Iteration of plans and tracking margins until the keep-out margin covers the plan's tracking error."""
 
 from __future__ import annotations
 
@@ -27,28 +27,28 @@ from closeform.result import Result
 from closeform.zones.combined_zones import OwnZone
 from closeform.zones.pair_zones import PairZones, pair_zones
 
-ROUNDS = 12  # of plans; three as a rule
-SPARE = 1e-3  # of a margin that grows, so that the next round does not miss by rounding
+ROUNDS = 12  # greatest number of plans; usually three
+SPARE = 1e-3  # relative excess of a margin that grows, so that rounding does not prevent the end
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FittedMargin(Result):
-    """A plan whose margin is what its own flight needs, or why there is none; made by `fit_margin`.
+    """Plan whose margin covers its tracking error, or the reason of failure; returned by `fit_margin`.
 
     Attributes
     ----------
     plan : Plan or Avoidance
-        The last that was made; flown in the field, its pairs stay clear of their zones.
+        The last plan. In the high-fidelity model its pairs keep clear of their zones.
     room : TrackingMargins or None
-        How far its craft are off it; None where it has no paths, or cannot be flown.
+        Tracking margins of its craft; None if the plan has no paths, or is not feasible in the field.
     margin : array of shape (B, B) [m]
-        Of each pair of bodies that it was made with.
+        Keep-out margin of each pair of bodies in the plan.
     fits : bool
-        Whether all pairs have the room that they need.
+        True if the margins of all pairs suffice.
     rounds : int
-        How many plans were made.
+        Number of plans.
     reason : str
-        The same in words.
+        Description of the outcome.
     """
 
     _told: ClassVar = ("fits", "rounds", "greatest", "reason")
@@ -62,7 +62,7 @@ class FittedMargin(Result):
 
     @property
     def greatest(self) -> float:
-        """The greatest margin of any pair [m]."""
+        """Greatest margin of any pair [m]."""
         return float(self.margin.max())
 
 
@@ -86,64 +86,65 @@ def fit_margin(
     max_acceleration: ArrayLike | None = None,
     engine: ArrayLike = True,
 ) -> FittedMargin:
-    """A plan with the margin that its own flight needs: made, looked at, and made anew until it fits.
+    """Plan with the keep-out margin that the plan's own tracking error requires, by iteration.
 
     Parameters
     ----------
     planned : callable
-        Of a margin (B, B) [m] of all pairs of craft and, after them, obstacles: the plan that keeps it, as
-        `reconfigure` and `avoid` with `margin`.
+        Function of a margin (B, B) [m] of all pairs of craft and, after them, obstacles. It returns the plan
+        that keeps the margin, as `reconfigure` and `avoid` do with `margin`.
     field : Field
-        What is known of the field; as of `room`.
+        Known force model, as in `tracking_margins`.
     zones : Zone, CovarianceZone, Body or PairZones
-        That the plan keeps; one for all, or of each pair.
+        Zones that the plan keeps; one for all, or one of each pair.
     feedback : Feedback, optional
-        As of `room`.
+        As in `tracking_margins`.
     navigation : Navigation, optional
-        As of `room`.
+        As in `tracking_margins`.
     obstacles : Path or sequence of Path, default none
-        Of the plan: they are where their paths say, all along it.
+        Obstacles of the plan, which follow their paths exactly.
     held : bool, default False
-        Whether they are craft that are measured and led back to their paths like the others, instead; what is
-        told of each craft is of them, too, after the others.
+        True if they are craft under feedback like the others instead; arguments of each craft then include
+        them, after the others.
     before : Path, optional
-        What craft, and after them those that are `held`, fly until then (B,), under the same feedback: a plan
-        begins with what that leaves.  Unless given it begins as `fly` does.
+        Preceding paths (B,) of the craft and of those that are `held`, under the same feedback. The plan
+        begins with the resulting deviations. Default: it begins as `simulate` does.
     cancel : bool, default True
-        As of `room`.
+        As in `tracking_margins`.
     residual : array_like of shape (N,) or () [m/s^2], default 0
-        As of `room`.
+        As in `tracking_margins`.
     thrust_error : array_like of shape (2,) or (N, 2), no unit and [rad], default (0, 0)
-        As of `room`.
-    errors : Uncertainty or sequence of Errors or None, optional
-        As of `room`.
+        As in `tracking_margins`.
+    errors : Uncertainty or sequence of Uncertainty or None, optional
+        As in `tracking_margins`.
     minimum_bit : float [m/s], default 0
-        As of `room`.
+        As in `tracking_margins`.
     thrusters : Thrusters or sequence of Thrusters or None, optional
-        As of `room`.
+        As in `tracking_margins`.
     sigmas : float, no unit, default 4
-        As of `room`.
+        As in `tracking_margins`.
     max_acceleration : array_like of shape (N,) or () [m/s^2], optional
-        What each craft can give, for its plan, the field and feedback together.
+        Thrust limit of each craft, for plan, compensation and feedback together.
     engine : array_like of bool of shape (N,) or (), default True
-        As of `room`; an obstacle without one is `held`, and coasts in the field.
+        As in `tracking_margins`; an obstacle without one is `held`, and coasts in the field.
 
     Returns
     -------
     FittedMargin
-        Not `fits` where no plan was found with the margin that was needed, one asks for more thrust than a
-        craft has, or none can fly what the field adds to it.
+        Plan and margin. `fits` is False if no plan was found with the required margin, a plan exceeds a
+        thrust limit, or it is not feasible in the field.
 
     Raises
     ------
     ValueError
-        If `planned` gives no plan, navigation is worse than a zone is large, or as `room`.
+        If `planned` returns no plan, the navigation error exceeds a zone, or as `tracking_margins`.
 
     Notes
     -----
-    The first plan has the margin of noise and of `residual`, by `feedback` or, unless given, by thrust that
-    lasts.  Where a pair comes nearer to its zone than it may be off along the zone's normal there, its margin
-    grows to that; margins never shrink, so that rounds end.  Pairs that come near nobody keep the first.
+    The first plan has the margin for noise and `residual`, with `feedback` or, by default, continuous thrust.
+    If the tracking error along the normal of a pair's zone exceeds the distance to it, the margin grows to
+    that error. Margins never shrink, so that the iteration ends. Pairs far from each other keep the first
+    margin.
 
     References
     ----------
@@ -163,25 +164,27 @@ def fit_margin(
     (True, True)
     """
     if not callable(planned):
-        raise ValueError(f"planned: a function of a margin that makes a plan, got {shown(planned)}")
+        raise ValueError(
+            f"planned: expected a function of a margin that returns a plan, got {shown(planned)}"
+        )
     orbit = instance("field", field, Field).chief.orbit
     instance("held", held, bool)
     instance("before", before, Path, type(None))
     others = obstacle_batch(orbit, obstacles)
     fixed = len(others) if others is not None else 0
     sight = Navigation() if navigation is None else navigation
-    first = Feedback() if feedback is None else feedback  # which room knows of a plan
+    first = Feedback() if feedback is None else feedback  # the default without a plan
     least = tube(orbit, first, sight, np.max(nonnegative("residual", residual)), 0.0, sigmas)
     limit = np.inf if max_acceleration is None else nonnegative("max_acceleration", max_acceleration)
     margin: Any = np.asarray(least.radius if fixed and not held else least.of_a_pair)
     widest = _least_radius(zones)
     if margin > widest:
-        cause, remedy = ("residual", "know more of the field")
+        cause, remedy = ("residual", "use a more complete force model")
         if least.model < 0.5 * least.radius:
-            cause, remedy = ("navigation", "measure better")
+            cause, remedy = ("navigation", "improve the navigation")
         raise ValueError(
-            f"{cause}: {margin:.3g} m of room are needed for what it leaves, more than a zone of "
-            f"{widest:.3g} m; {remedy}, or keep larger zones"
+            f"{cause}: requires a margin of {margin:.3g} m, more than a zone of {widest:.3g} m; "
+            f"{remedy}, or enlarge the zones"
         )
     for made in range(1, ROUNDS + 1):
         plan = instance("planned", planned(margin), Plan, Avoidance)
@@ -205,7 +208,7 @@ def fit_margin(
                 engine=engine,
             )
         except Grounded as error:
-            return FittedMargin(plan, None, margin, False, made, f"the plan cannot be flown: {error}")
+            return FittedMargin(plan, None, margin, False, made, f"the plan is not feasible: {error}")
         if before is not None:
             found = found._since(float(paths.start[0]))
         limits = of_each("max_acceleration", limit, len(paths))
@@ -223,26 +226,24 @@ def fit_margin(
             return FittedMargin(plan, found, margin, True, made, _told(margin, made))
         one, other = pairs[rises].T
         margin[one, other] = margin[other, one] = (1.0 + SPARE) * short[rises]
-    why = f"still short of room after {made} plans, with a margin of {margin.max():.3g} m"
+    why = f"no margin fits after {made} plans, the last of {margin.max():.3g} m"
     return FittedMargin(plan, found, margin, False, made, why)
 
 
 def _after(before: Path | None, paths: Path) -> Path:
-    """Paths (N,), after what is flown before them, if anything is."""
+    """Return paths (N,) appended to those before them, if there are any."""
     if before is None:
         return paths
     begin, over = float(paths.start.min()), float(np.max(before.end))
     if len(before) != len(paths):
-        raise ValueError(f"before: {len(before)} paths of {len(paths)} craft; give one of each")
+        raise ValueError(f"before: {len(before)} paths for {len(paths)} craft; give one for each")
     if over > begin + SAME:
-        raise ValueError(
-            f"before: ends at {over:.6g} s, and the plan begins at {begin:.6g} s; leave off the rest"
-        )
+        raise ValueError(f"before: ends at {over:.6g} s, but the plan begins at {begin:.6g} s; cut it there")
     return following(before, paths)
 
 
 def during(path: Path, planned: Path) -> Path:
-    """One craft's path for as long as planned paths (N,) last."""
+    """Return one craft's path for the time span of planned paths (N,)."""
     start, end = float(planned.start.min()), float(planned.end.max())
     arcs = path.arcs[path.arcs[:, START] < end].copy()
     arcs[-1, END] = min(arcs[-1, END], end)
@@ -250,18 +251,19 @@ def during(path: Path, planned: Path) -> Path:
 
 
 def _least_radius(zones: OwnZone | PairZones) -> float:
-    """The radius [m] of the least zone, as a ball about the craft that it holds."""
+    """Return the inradius [m] of the smallest zone."""
     given = zones if isinstance(zones, PairZones) else pair_zones("zones", zones, 2)
     return min((zone.inner_radius for zone in given.zones), default=np.inf)
 
 
 def _too_weak(found: TrackingMargins, peaks: Floats, craft: int, limits: Floats) -> str:
-    """Which craft is asked for more than it has, and within what to plan."""
+    """Return a message on the craft whose thrust limit is exceeded, with a limit for planning."""
     has, asked = float(limits[craft]), float(found.thrust[craft])
     within = has - asked + float(peaks[craft])
-    remedy = f"plan within {within:.3g} m/s²" if within > 0.0 else "feedback alone needs more"
-    return f"craft {craft} is asked for {asked:.3g} m/s² with feedback, its limit is {has:.3g} m/s²; {remedy}"
+    remedy = f"plan with at most {within:.3g} m/s²" if within > 0.0 else "feedback alone requires more"
+    return f"craft {craft} requires {asked:.3g} m/s² with feedback, its limit is {has:.3g} m/s²; {remedy}"
 
 
 def _told(margin: Floats, made: int) -> str:
+    """Return a message on the margin that fits."""
     return f"a margin of {margin.max():.3g} m fits, in {made} plan{'s' * (made > 1)}"

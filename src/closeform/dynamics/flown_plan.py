@@ -1,4 +1,4 @@
-"""The paths of a plan as they are to be flown in a field: which craft, when, in which frame."""
+"""Paths of a plan for use in a force model: checks of frame and times, and extension by coasts."""
 
 from typing import Any
 
@@ -10,18 +10,21 @@ from closeform.motion.joining import stack
 from closeform.motion.path import Path, ends_of, path_of
 from closeform.planning.plan import Avoidance, Plan
 
-FITS = 5e-3  # of the mean motion, by which flattening makes an orbit's rate another than that of a circle
+FITS = 5e-3  # relative difference of mean motion allowed, due to oblateness
 
 
 def paths_of(plan: Any) -> Path | None:
-    """What a plan or an avoidance flies, None where it found nothing; paths as they are."""
+    """Return the paths of a plan or an avoidance, None if it found none; paths are returned unchanged."""
     if isinstance(plan, Plan):
         return plan.paths
     return plan.path if isinstance(plan, Avoidance) else plan
 
 
 def paths_to_fly(plan: Any, field: Field) -> Path:
-    """The paths (N,) of a plan, an avoidance or themselves; ValueError where the field cannot have them."""
+    """Return the paths (N,) of a plan, an avoidance or themselves, after a check against the field.
+
+    Raises ValueError for paths in deep space, in another orbit, or with different time spans.
+    """
     instance("plan", plan, Plan, Avoidance, Path)
     instance("field", field, Field)
     path = paths_of(plan)
@@ -30,22 +33,24 @@ def paths_to_fly(plan: Any, field: Field) -> Path:
     n, own = path.orbit.mean_motion, field.chief.orbit.mean_motion
     if n == 0.0:
         raise ValueError(
-            "plan: of deep space, where no chief has an orbit; plan in an orbit, such as chief.orbit"
+            "plan: in deep space there is no chief with an orbit; plan in an orbit, such as chief.orbit"
         )
     if abs(n / own - 1.0) > FITS:
         raise ValueError(
-            f"field: its chief turns once in {2.0 * np.pi / own:.1f} s, the plan's orbit in "
+            f"field: its chief has a period of {2.0 * np.pi / own:.1f} s, the plan's orbit "
             f"{2.0 * np.pi / n:.1f} s; plan in chief.orbit, or give the chief of this orbit"
         )
     starts, ends = np.ravel(path.start), np.ravel(path.end)
     if np.ptp(starts) > 0.0 or np.ptp(ends) > 0.0:
-        raise ValueError("plan: paths begin or end apart; carry them on by coasts to common times")
+        raise ValueError(
+            "plan: paths have different start or end times; extend them by coasts to common times"
+        )
     return path_of(path.orbit, path.arcs, path.offsets, (len(starts),))
 
 
 def following(before: Path, paths: Path) -> Path:
-    """Thrust of paths (N,) after that of others `before`, from where that leads, with a coast between."""
-    from closeform.fuel.pulses import linked  # whose kernels only burns need
+    """Return paths (N,) that apply the thrust of `paths` after that of `before`, with a coast between."""
+    from closeform.fuel.pulses import linked  # imported late: compiles kernels
 
     waits = spanning(before, np.array([np.min(before.start), np.min(paths.start)]))
     each = [np.concatenate([waits[k].arcs, paths[k].arcs]) for k in range(len(paths))]
@@ -53,7 +58,7 @@ def following(before: Path, paths: Path) -> Path:
 
 
 def spanning(paths: Path, times: Floats) -> Path:
-    """Paths (N,), with coasts where times (T,) are before or after them."""
-    from closeform.fuel.pulses import extended  # which only burns at the ends of plans need
+    """Return paths (N,), extended by coasts to cover the times (T,)."""
+    from closeform.fuel.pulses import extended  # imported late: compiles kernels
 
     return stack([extended(paths[k], float(times[0]), float(times[-1])) for k in range(len(paths))])

@@ -1,4 +1,4 @@
-"""A plan that is followed under feedback: what moves its craft off it, and what becomes of that."""
+"""Plan under feedback: sources of deviations along it, and the resulting deviations and responses."""
 
 from __future__ import annotations
 
@@ -27,22 +27,22 @@ from closeform.motion.path import Path
 if TYPE_CHECKING:
     from closeform.uncertainty.errors import Uncertainty
 
-STEPS, MOST = 6, 60  # from one measurement to the next: even, and a delay ends with one
-OFTEN = 15.0  # s from one step to the next, unless that is more than the most
-NEAR = 0.02  # of a step
-FINER = 6  # instants of a step, between which pulses lead no further
+STEPS, MOST = 6, 60  # steps between measurements: even, and a delay is a whole number
+OFTEN = 15.0  # s, step, unless there are more than the greatest number
+NEAR = 0.02  # of a step, tolerance on the delay
+FINER = 6  # instants of a step at which the ripple of pulses is sampled
 Missed = tuple[tuple[int, float, Floats], ...]
 
 
 @dataclass(frozen=True, eq=False)
 class Followed:
-    """Paths (N,) at T `times`, led back by a `loop`.
+    """Paths (N,) at T `times`, under feedback by a `loop`.
 
-    `jumps` are impulses as they are fired, which lead `aside` of the plan (N, T, 3) [m], to where feedback
-    leads; so do pulses of `thrusters`, on paths that are `pulsed`, by a `ripple` (N,) [m] more between times.
-    Impulses `missed` some ends, whose, when and by which state, and what follows is flown from there.
-    Thrust that lasts is that of the plan and `against` (N, T, 3) [m/s^2] what Hill's equations leave out;
-    nobody thrusts against what is `felt` (N, T, 3).
+    `jumps` are the impulses as fired, which lead `aside` of the plan (N, T, 3) [m], to the reference of the
+    feedback. So do the pulses of `thrusters`, on paths that are `pulsed`, with a `ripple` (N,) [m] between
+    times. Impulses `missed` some ends, given as craft, time and state error, and the following motion starts
+    from there. Continuous thrust is that of the plan plus compensation `against` (N, T, 3) [m/s^2] of the
+    model error; the part `felt` (N, T, 3) is not compensated.
     """
 
     paths: Path
@@ -66,7 +66,10 @@ class Followed:
         cancel: bool,
         thrusters: Sequence[Thrusters] | None = None,
     ) -> Self:
-        """As `fly` flies it in a field that is known; with `cancel` thrust is corrected for that."""
+        """Return the paths as `simulate` follows them in a known field.
+
+        `cancel`: compensate the model error.
+        """
         times, every, steps = instants(paths, law)
         start, end = times[0], times[-1]
         loop = ClosedLoop.of(paths.orbit, law, every, steps, thrusters is not None)
@@ -96,26 +99,26 @@ class Followed:
 
     @property
     def bits(self) -> Floats:
-        """How large an impulse may be (N,) [m/s] that thrusters do not fire: a bit of each of three."""
+        """Greatest impulse (N,) [m/s] that thrusters do not fire: one bit of each of three."""
         return np.array([_least_push(one) for one in self.thrusters or ()] or np.zeros(len(self.paths)))
 
     @cached_property
     def flown(self) -> Floats:
-        """Thrust that lasts (N, T, 3) [m/s^2], as it is commanded without errors."""
+        """Continuous thrust (N, T, 3) [m/s^2], as commanded without errors."""
         return np.asarray(self.paths.thrust(self.times) + self.against)
 
     @cached_property
     def caused(self) -> tuple[Floats, Floats]:
-        """How far off (5, N, T, 3) [m] craft are, and believe to be (5, N, I, 6): for each of five causes.
+        """True deviations (5, N, T, 3) [m] and believed ones (5, N, I, 6) for each of five causes.
 
-        By what is felt, and by thrust that is larger by the whole of itself, and turned by 1 about each axis.
+        The uncompensated acceleration, thrust larger by 100 %, and thrust rotated by 1 rad about each axis.
         """
         orbit, times, flown = self.paths.orbit, self.times, self.flown
         pushes = [self.felt, *np.einsum("kij,ntj->knti", KINDS, flown)]
         pushed = deviations_of(orbit, times, np.concatenate(pushes)).reshape(5, *flown.shape[:2], 6)
         kicked = np.einsum("kij,mj->mki", KINDS, self.jumps.impulse)
         for k, when, sizes in zip(self.jumps.craft, self.jumps.time, kicked, strict=True):
-            after = times > when + SAME  # who is measured just then is so before it
+            after = times > when + SAME  # a measurement at that instant precedes the impulse
             moved = orbit.transition(times[after] - when)[:, :, 3:]
             pushed[1:, k, after] += np.einsum("tij,rj->rti", moved, sizes)
         for k, when, state in self.missed:
@@ -126,7 +129,7 @@ class Followed:
 
     @cached_property
     def brought(self) -> Floats:
-        """With what thrust (5, N, T, 3) [m/s^2], or impulses (5, N, Q, 3) [m/s], craft answer each cause."""
+        """Feedback thrust (5, N, T, 3) [m/s^2], or impulses (5, N, Q, 3) [m/s], for each cause."""
         believed = self.caused[1]
         found = self.loop.answers(np.concatenate(believed), len(self.times))
         return found.reshape(*believed.shape[:2], -1, 3)
@@ -134,15 +137,15 @@ class Followed:
     def scattered(
         self, craft: int, sight: Navigation, size: Floats, errors: Uncertainty
     ) -> tuple[Floats, Floats]:
-        """What a craft's own `errors` make of it: covariances (T, 3, 3) [m^2], and of its answers.
+        """Return the covariances (T, 3, 3) [m^2] due to a craft's `errors`, and those of its responses.
 
-        These are (T, 3, 3) [m^2/s^4], or of impulses (Q, 3, 3) [m^2/s^2].  All its thrust is off by up to a
-        `size` (2,), too.
+        The latter are (T, 3, 3) [m^2/s^4], or for impulses (Q, 3, 3) [m^2/s^2]. `size` (2,) bounds the
+        constant thrust errors.
         """
         from closeform.dynamics.error_motions import error_motions  # whose kernels only errors need
 
         own, path, against = self.jumps.craft == craft, self.paths[craft], self.against[craft]
-        if self.pulsed is not None:  # pulses are burns, and there is nothing else
+        if self.pulsed is not None:  # pulses are the only burns
             own, path, against = np.zeros_like(own), self.pulsed[craft], np.zeros_like(against)
         jumps = self.jumps.time[own], self.jumps.impulse[own]
         motions = error_motions(path, errors, self.times, jumps, against)
@@ -153,7 +156,7 @@ class Followed:
         seen = np.reshape([state + self.loop.late for state in led], (-1, 6, 6)).transpose(2, 0, 1)
         causes = [known[:1], share * known[1:2], (1.0 + share) * angle * known[2:]]
         causes += [sight.position_bias * seen[:3], sight.velocity_bias * seen[3:]]
-        causes = [one for one in causes if one.any()]  # whose sum is squared
+        causes = [one for one in causes if one.any()]  # correlated causes: bound of the square of their sum
         moments = _squares(believed) + len(causes) * sum(map(_squares, causes), np.zeros((6, 6)))
         errors = errors if self.pulsed is None else errors._of_orders
         shaken = self.loop.shaken(sight, errors, moments, len(self.times))
@@ -161,7 +164,7 @@ class Followed:
 
 
 def instants(paths: Path, law: Feedback) -> tuple[Floats, float, int]:
-    """Times (T,) at which paths (N,) are known, from one measurement to the next [s], and steps in it."""
+    """Return times (T,) along paths (N,), the time between measurements [s], and the steps in it."""
     start, end = float(paths.start[0]), float(paths.end[0])
     intervals = intervals_in(end - start, law.every)
     every = (end - start) / intervals
@@ -172,7 +175,7 @@ def instants(paths: Path, law: Feedback) -> tuple[Floats, float, int]:
 def _pulses(
     paths: Path, jumps: Retargeted, field: Field, thrusters: Sequence[Thrusters], law: Feedback
 ) -> tuple[Path, Any, Path, Missed]:
-    """Paths in Hill's equations of what thrusters fire, who fires, to where feedback leads, and misses."""
+    """Return paths of thruster pulses in Hill's equations, the firing craft, their reference, and misses."""
     from closeform.dynamics.pulsed_flight import fired_in, pulsed_ways  # whose kernels only thrusters need
 
     firing = fired_in(paths, jumps, field, thrusters, law=law)
@@ -183,14 +186,14 @@ def _pulses(
 
 
 def _missed(holding: Holding, paths: Path, flown: Path) -> Iterator[tuple[int, float, Floats]]:
-    """Ends that impulses do not lead paths to, before those of the paths."""
+    """Yield the state errors at ends of impulsive spans, before the ends of the paths."""
     for k, moves in enumerate(holding.moves):
         for end in moves[moves[:, 1] < paths.end[k] - SAME, 1]:
             yield k, float(end), flown[k].state(end) - paths[k].state(end)
 
 
 def _least_push(thrusters: Thrusters) -> float:
-    """The longest sum [m/s] of parts of the bits of the thrusters of any facet."""
+    """Return the greatest sum [m/s] of partial bits of the thrusters of any facet."""
     allocation = Allocation.of(thrusters.directions)
     bits = np.vstack([thrusters.directions * np.reshape(thrusters.minimum_bit, (-1, 1)), np.zeros((6, 3))])
     some = np.array(list(product((0.0, 1.0), repeat=3)))
@@ -198,12 +201,12 @@ def _least_push(thrusters: Thrusters) -> float:
 
 
 def _squares(rows: Floats) -> Floats:
-    """Second moments (K, D, D) of rows (R, K, D) that are independent."""
+    """Return second moments (K, D, D) of independent rows (R, K, D)."""
     return np.asarray(np.einsum("rki,rkj->kij", rows, rows))
 
 
 def _steps(delay: float, every: float) -> int:
-    """How many of an interval [s] a `delay` fits, a share of it."""
+    """Return the number of steps in an interval [s] for which a relative `delay` is a whole number."""
     least = min(max(STEPS, 2 * intervals_in(0.5 * every, OFTEN)), MOST)
     some = range(least, MOST, 2)
     return next((n for n in some if abs(n * delay - round(n * delay)) < NEAR), MOST)

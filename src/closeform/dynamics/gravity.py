@@ -1,10 +1,10 @@
-"""Accelerations about a flattened body with an atmosphere, and the motion of one craft in them.
+"""Accelerations near an oblate body with an atmosphere, and the motion of one craft.
 
-The potential mu/r (1 - sum J_k (R/r)^k P_k(s)), s = z/r, k = 2 to 6, of a body whose pole is z, pulls with
+The potential mu/r (1 - sum J_k (R/r)^k P_k(s)), s = z/r, k = 2 to 6, of a body with pole z gives
 
     -mu/r^2 e_r + mu/r^2 sum J_k (R/r)^k (P'_{k+1}(s) e_r - P'_k(s) e_z)                    # theory (80)
 
-and air that turns with the body, of a density that falls by e each scale height, with
+and an exponential atmosphere that rotates with the body gives
 
     -B/2 rho |w| w,  w = v - spin e_z x r,  B = Cd A/m                                       # theory (81)
 """
@@ -19,14 +19,15 @@ from closeform.arrays import Floats
 from closeform.dynamics.dormand_prince import tableau
 from closeform.kernel_loans import borrowed, stack_vector
 
-MU, RADIUS, ZONALS, DENSITY, REFERENCE, SCALE_HEIGHT, SPIN, WIDTH = 0, 1, 2, 7, 8, 9, 10, 11  # of constants
-DEGREES = 5  # of zonals, from the second on
+# indices of the constants
+MU, RADIUS, ZONALS, DENSITY, REFERENCE, SCALE_HEIGHT, SPIN, WIDTH = 0, 1, 2, 7, 8, 9, 10, 11
+DEGREES = 5  # number of zonals, from the second degree on
 TABLEAU: Floats = tableau()
 
 
 @kernel(inline=True)
 def gravity(constants, x, y, z):
-    """What a body with zonals pulls at a place; without branches, so that many can be taken side by side."""
+    """Return the acceleration by a body with zonals; without branches, for vectorized loops."""
     inverse = 1.0 / sqrt(x * x + y * y + z * z)
     sine, share = z * inverse, constants[RADIUS] * inverse
     p0, p1, slope, power, outward, polar = 1.0, sine, 1.0, share, -1.0, 0.0
@@ -46,7 +47,7 @@ def gravity(constants, x, y, z):
 
 @kernel(inline=True)
 def drag(constants, ballistic, x, y, z, vx, vy, vz):
-    """What air does to a craft of a ballistic coefficient."""
+    """Return the acceleration by drag of a craft with a ballistic coefficient."""
     r = sqrt(x * x + y * y + z * z)
     density = constants[DENSITY] * exp((constants[REFERENCE] - r) / constants[SCALE_HEIGHT])
     wx, wy = vx + constants[SPIN] * y, vy - constants[SPIN] * x
@@ -56,7 +57,7 @@ def drag(constants, ballistic, x, y, z, vx, vy, vz):
 
 @kernel(inline=True)
 def pull_all(constants, ballistics, s, out):
-    """Fill `out` (3, M) with accelerations, of ballistic coefficients (M,) and states `s` (6, M)."""
+    """Fill `out` (3, M) with accelerations, for ballistic coefficients (M,) and states `s` (6, M)."""
     for m in range(len(ballistics)):
         out[0, m], out[1, m], out[2, m] = gravity(constants, s[0, m], s[1, m], s[2, m])
     if constants[DENSITY] > 0.0:
@@ -67,7 +68,7 @@ def pull_all(constants, ballistics, s, out):
 
 @kernel()
 def pull(constants, ballistic, s, out):
-    """Fill `out` (3,) with the acceleration of a craft of a ballistic coefficient in the state `s` (6,)."""
+    """Fill `out` (3,) with the acceleration of a craft with a ballistic coefficient in the state `s` (6,)."""
     out[0], out[1], out[2] = gravity(constants, s[0], s[1], s[2])
     if ballistic * constants[DENSITY] > 0.0:
         x, y, z = drag(constants, ballistic, s[0], s[1], s[2], s[3], s[4], s[5])
@@ -76,7 +77,7 @@ def pull(constants, ballistic, s, out):
 
 @kernel(void(float64[::1], float64[::1], float64[:, ::1], float64[:, ::1]))
 def accelerate(constants, ballistics, states, out):
-    """Fill `out` (M, 3) with the accelerations of craft of ballistic coefficients (M,) in states (M, 6)."""
+    """Fill `out` (M, 3) with the accelerations of craft with ballistic coefficients (M,) in states (M, 6)."""
     states, out = borrowed(states), borrowed(out)
     for m in range(len(states)):
         pull(constants, ballistics[m], states[m], out[m])
@@ -84,9 +85,10 @@ def accelerate(constants, ballistics, states, out):
 
 @kernel(void(float64[::1], float64, float64[::1], float64[::1], float64, float64[:, ::1], float64[:, ::1]))
 def fly(constants, ballistic, start, times, longest, tableau, out):
-    """Fill `out` (T, 6) with the states of a craft that is at `start` at 0, at times that go away from it.
+    """Fill `out` (T, 6) with the states of a craft that is at `start` at time 0.
 
-    By steps of at most `longest` [s] of an explicit method, `tableau` (S + 1, S) its nodes and its weights.
+    `times` (T,) are sorted by distance from 0. An explicit Runge-Kutta method with `tableau` (S + 1, S) takes
+    steps of at most `longest` [s].
     """
     out, tableau = borrowed(out), borrowed(tableau)
     stages = tableau.shape[1]

@@ -1,4 +1,4 @@
-"""Holding: when craft are kept on what they coast along, and when their own impulses move them."""
+"""Station keeping of craft along coasts, and the spans in which impulses or thrust move them."""
 
 from __future__ import annotations
 
@@ -14,9 +14,10 @@ from closeform.motion.path import Path, runs_of
 
 
 class Holding(NamedTuple):
-    """Of each craft (N): spans (M, 2) [s] in which impulses move it, and those (D, 2) of thrust that lasts.
+    """Spans (M, 2) [s] of each craft (N) in which impulses move it, and (D, 2) of continuous thrust.
 
-    In the rest it coasts, and is kept there.  If thrust is `lasting`, it is against the field all the while.
+    In the remaining time it coasts and is held on its path. With `lasting` (continuous) feedback, the hold
+    compensates the model error.
     """
 
     moves: tuple[Floats, ...]
@@ -25,10 +26,10 @@ class Holding(NamedTuple):
 
     @classmethod
     def of(cls, paths: Path, law: Feedback | None) -> Self:
-        """Of paths (N,) under feedback; without it impulses move a craft from its start to its end.
+        """Return the spans of paths (N,) under feedback; without it impulses move a craft throughout.
 
-        A coast that begins without an impulse is one to be kept, if it is as long as a horizon, or an orbit:
-        what begins with one is a way that this leads.
+        A coast is held if it begins without an impulse and is as long as the horizon or an orbit. A coast
+        after an impulse belongs to the transfer.
         """
         each = [paths.arcs[a:b] for a, b in zip(paths.offsets, paths.offsets[1:], strict=False)]
         if law is None:
@@ -39,7 +40,7 @@ class Holding(NamedTuple):
         return cls(tuple(moves for moves, _ in found), tuple(burns for _, burns in found), not law.impulses)
 
     def among(self, which: Any) -> Self:
-        """The same of some of the craft."""
+        """Return the spans of some of the craft."""
         some = np.arange(len(self.moves))[which]
         return self._replace(
             moves=tuple(self.moves[k] for k in some), burns=tuple(self.burns[k] for k in some)
@@ -47,28 +48,28 @@ class Holding(NamedTuple):
 
     @property
     def bounds(self) -> Floats:
-        """Where such spans begin or end, of any craft [s]."""
+        """Start and end times of the spans of all craft [s]."""
         return np.unique(
             np.concatenate([np.zeros(0), *map(np.ravel, self.moves), *map(np.ravel, self.burns)])
         )
 
     def moved(self, times: Floats) -> Any:
-        """Who is moved by impulses (N, T) at some times."""
+        """Return which craft are moved by impulses (N, T) at some times."""
         return np.array([_inside(spans, times) for spans in self.moves])
 
     def opposed(self, times: Floats) -> Any:
-        """Who thrusts against what Hill's equations leave out (N, T) at some times."""
+        """Return which craft compensate the model error (N, T) at some times."""
         burning = self.lasting | np.array([_inside(spans, times) for spans in self.burns])
         return np.asarray(burning & ~self.moved(times))
 
 
 def fires(arcs: Floats) -> Any:
-    """Which arcs (M,) begin with an impulse."""
+    """Return which arcs (M,) begin with an impulse."""
     return np.asarray(arcs[:, IMPULSE : IMPULSE + 3].any(axis=1))
 
 
 def _spans(arcs: Floats, long: float) -> tuple[Floats, Floats]:
-    """Where impulses move one craft, and where it thrusts; coasts of `long` [s] or more are neither."""
+    """Return the impulsive and the thrust spans of one craft; coasts of `long` [s] or more are neither."""
     fired, thrusts = fires(arcs), np.asarray(arcs[:, THRUST:].any(axis=1))
     held = ~fired & ~thrusts & (arcs[:, END] - arcs[:, START] >= long)
     burns = []
@@ -76,7 +77,7 @@ def _spans(arcs: Floats, long: float) -> tuple[Floats, Floats]:
         burning = np.flatnonzero(thrusts[a:b])
         if not len(burning):
             continue
-        if b < len(arcs) and fired[b]:  # until which it waits, as part of what moves it
+        if b < len(arcs) and fired[b]:  # the wait before the impulse belongs to its span
             b = a + int(burning[-1]) + 1
         burns.append((a, b))
         held[a:b] = True
@@ -85,10 +86,10 @@ def _spans(arcs: Floats, long: float) -> tuple[Floats, Floats]:
 
 
 def _times(arcs: Floats, runs: list[tuple[int, int]]) -> Floats:
-    """When runs of arcs begin and end (R, 2) [s]."""
+    """Return the start and end times of runs of arcs (R, 2) [s]."""
     return np.array([(arcs[a, START], arcs[b - 1, END]) for a, b in runs]).reshape(-1, 2)
 
 
 def _inside(spans: Floats, times: Floats) -> Any:
-    """Which times (T,) are in some of the spans (M, 2), both ends included."""
+    """Return which times (T,) lie in any of the spans (M, 2), both ends included."""
     return ((spans[:, :1] - SAME <= times) & (times <= spans[:, 1:] + SAME)).any(axis=0)

@@ -1,5 +1,5 @@
-"""That a plan cannot be flown in a field."""
+"""Exception for a plan that is not feasible in a force model."""
 
 
 class Grounded(ValueError):
-    """What a flight would take nobody has, or nobody finds: thrust, changed impulses, a way back."""
+    """Infeasible plan: insufficient thrust, no converged impulses, or no feedback law."""

@@ -1,4 +1,4 @@
-"""The least ratio of each pair of craft that are known at some times."""
+"""Minimum clearance ratio of each pair of craft whose states are known at some times."""
 
 from collections.abc import Sequence
 from math import inf, nan
@@ -17,17 +17,17 @@ from closeform.zones.pair_zones import PairZones, by_zone, pair_zones
 from closeform.zones.shapes import FORM, norm
 from closeform.zones.zone import Zone
 
-FINER = 8  # instants of each step, where a picture shows the cubics between states
+FINER = 8  # samples of each cubic between two states
 BODIES = float64[:, :, ::1]
 
 
 def least_ratios(
     states: Floats, arrivals: Floats, times: Floats, zones: Zone | PairZones | None
 ) -> tuple[Any, Floats]:
-    """Pairs i < j (P, 2) with a zone, and their least norms (P,), of `states` (N, T, 6) at `times` (T,).
+    """Return pairs i < j (P, 2) with a zone, and their minimum clearance ratios (P,).
 
-    At all instants: between states on the cubics through them, as certain as a closest approach is.
-    `arrivals` are the states before impulses at these times.
+    `states` (N, T, 6) at `times` (T,) are joined by cubics, on which the minimum is certified like a closest
+    approach. `arrivals` are the states before impulses at these times.
     """
     if zones is None:
         return np.empty((0, 2), dtype=np.int64), np.empty(0)
@@ -44,7 +44,7 @@ def least_ratios(
 
 
 def zones_of(first: Any, second: Any, count: int, zones: Zone | PairZones) -> tuple[Any, Sequence[Zone]]:
-    """Which zone each pair (P,) of so many craft keeps, and the zones."""
+    """Return the zone index of each pair (P,), and the zones."""
     if isinstance(zones, Zone):
         return np.zeros(len(first), dtype=np.int64), (zones,)
     which = pair_zones("zones", zones, count).which(first, second)
@@ -55,7 +55,7 @@ def zones_of(first: Any, second: Any, count: int, zones: Zone | PairZones) -> tu
 def least_of_pairs(
     states: Floats, arrivals: Floats, times: Floats, first: Any, second: Any, form: Any, out: Floats
 ) -> None:
-    """Least norm of every pair, on the cubics from each of some states to the next arrival."""
+    """Write the minimum norm of every pair, on the cubics from each state to the next arrival."""
     states, arrivals = borrowed(states), borrowed(arrivals)
     shape, matrix, faces = form[0], borrowed(form[1]), borrowed(form[2])
     q, end = stack_matrix(8, 3), stack_matrix(2, 3)
@@ -77,7 +77,7 @@ def least_of_pairs(
 
 @kernel()
 def between(one: Floats, two: Floats, matrix: Floats, q: Floats) -> None:
-    """Fill two rows of `q` with where one craft is from another, and how fast, in zone coordinates."""
+    """Fill two rows of `q` with the relative position and velocity of two craft, in zone coordinates."""
     for row in range(2):
         k = 3 * row
         store(q, row, matrix, one[k] - two[k], one[k + 1] - two[k + 1], one[k + 2] - two[k + 2])
@@ -85,7 +85,7 @@ def between(one: Floats, two: Floats, matrix: Floats, q: Floats) -> None:
 
 @kernel()
 def least_possible(shape: int, faces: Floats, q: Floats, end: Floats, h: float) -> float:
-    """A norm below which a cubic never falls: that at its begin less the way to its control points."""
+    """Return a lower bound of the norm on a cubic: at its start, minus the distance of control points."""
     far = 0.0
     for a, b, c in ((h / 3.0, 0.0, 0.0), (0.0, 1.0, -h / 3.0), (0.0, 1.0, 0.0)):
         x, y, z = (
@@ -100,7 +100,7 @@ def least_possible(shape: int, faces: Floats, q: Floats, end: Floats, h: float) 
 
 @kernel()
 def bend(q: Floats, end: Floats, h: float) -> None:
-    """Fill the second and third derivative of the cubic that gets to its `end` in h."""
+    """Fill the second and third derivative of the cubic that reaches `end` after h."""
     for axis in range(3):
         way, v, w = end[0, axis] - q[0, axis], q[1, axis], end[1, axis]
         q[2, axis] = (6.0 * way / h - 4.0 * v - 2.0 * w) / h
@@ -109,7 +109,7 @@ def bend(q: Floats, end: Floats, h: float) -> None:
 
 @kernel()
 def least_of_cubic(shape: int, faces: Floats, q: Floats, stop: float, best: float) -> float:
-    """The least norm of a cubic until it stops, if below `best`; spoils `q`."""
+    """Return the minimum norm of a cubic until `stop`, if below `best`; overwrites `q`."""
     patience = PATIENCE
     while True:
         best, _, reached = minimum_norm(shape, faces, q, 4, 0.0, 0.0, stop, patience, best, nan)
@@ -120,7 +120,7 @@ def least_of_cubic(shape: int, faces: Floats, q: Floats, stop: float, best: floa
 
 
 def cubic(one: Floats, two: Floats, step: Floats) -> Floats:
-    """Positions (P, M + 1, 3) on the cubics between states (P, 6), both included, that are `step` apart."""
+    """Return positions (P, M + 1, 3) on the cubics between states (P, 6) that are `step` apart."""
     s = np.linspace(0.0, 1.0, FINER + 1)[:, None]
     a, b, va, vb = one[:, None, :3], two[:, None, :3], step * one[:, None, 3:], step * two[:, None, 3:]
     ends = (1.0 + 2.0 * s) * (1.0 - s) ** 2 * a + s * s * (3.0 - 2.0 * s) * b
@@ -128,7 +128,10 @@ def cubic(one: Floats, two: Floats, step: Floats) -> Floats:
 
 
 def nearest_pairs(states: Floats, zones: Zone | PairZones) -> Floats:
-    """The least norm of all pairs of `states` (N, T, 6) at each time (T,); inf without any zone."""
+    """Return the minimum clearance ratio of all pairs of `states` (N, T, 6) at each time (T,).
+
+    inf without zones.
+    """
     first, second = np.triu_indices(len(states), 1)
     which, shapes = zones_of(first, second, len(states), zones)
     least = np.full(states.shape[1], np.inf)
@@ -139,7 +142,7 @@ def nearest_pairs(states: Floats, zones: Zone | PairZones) -> Floats:
 
 
 def nearest_pair(states: Floats, zones: Zone | PairZones) -> tuple[int, int]:
-    """The two craft whose norm is the least, of `states` (N, 6) at an instant."""
+    """Return the two craft with the minimum clearance ratio, from `states` (N, 6) at an instant."""
     first, second = np.triu_indices(len(states), 1)
     which, shapes = zones_of(first, second, len(states), zones)
     norms = np.full(len(first), np.inf)

@@ -1,4 +1,4 @@
-"""Loss of thrust: flights of craft some of which drift from then on, and the drifts after sampled losses."""
+"""Loss of thrust: simulations of craft that drift afterwards, and the drift after sampled losses."""
 
 from __future__ import annotations
 
@@ -23,23 +23,25 @@ from closeform.motion.joining import drift, drifting, stack
 from closeform.motion.path import Path
 from closeform.zones.zone import Zone
 
-INSTANTS = 25  # of a loss of thrust, evenly over a path; half as many miss minima between impulses
-STEP = 60.0  # s: cubics between states so far apart are within a millimetre of a drift of a kilometre
-SAME = 1e-3  # s: instants nearer to an impulse are that of the impulse
+INSTANTS = 25  # sampled times of a loss, evenly over a path; half as many miss minima between impulses
+STEP = 60.0  # s: cubics over such steps are within a millimetre of a drift over a kilometre
+SAME = 1e-3  # s: an instant within this of an impulse is replaced by that of the impulse
 
 
 def losses(lost: ArrayLike | None, count: int) -> Floats:
-    """The argument `lost` of each craft (N,) [s]: inf of those that keep their thrust."""
+    """Return the argument `lost` of each craft (N,) [s]: inf for those that keep their thrust."""
     if lost is None:
         return np.full(count, np.inf)
     times = of_each("lost", lost, count)
     if np.isnan(times).any():
-        raise ValueError(f"lost: a time, or inf of who loses nothing, got {shown(lost)}")
+        raise ValueError(
+            f"lost: expected a time, or inf for a craft that keeps its thrust, got {shown(lost)}"
+        )
     return times
 
 
 def until_lost(paths: Path, lost: Floats) -> Path:
-    """Paths (N,) with natural motion from when thrust is lost (N,) [s]."""
+    """Return paths (N,) with natural motion from the loss of thrust (N,) [s] on."""
     ends = np.ravel(paths.end)
     if not (lost < ends).any():
         return paths
@@ -55,7 +57,7 @@ def flown_by_each(
     lost: Floats,
     measured: tuple[Floats, Floats] | None = None,
 ) -> Flights:
-    """Flights of the craft `who` (N,) as commanded: those that lose their thrust, at times of all, alone."""
+    """Return simulations of the craft `who` (N,), one by one for those that lose their thrust."""
     measured = measured or draws.measured(commands.table)
     times = lost[list(who)]
     if not np.isfinite(times).any():
@@ -64,8 +66,8 @@ def flown_by_each(
     parts, order = [], []
     for some in groups:
         if len(some):
-            told = replace(commands.of(some), lost=float(times[some[0]]))
-            parts.append(flown(told, field, frame, draws.of(told, [who[k] for k in some], measured)))
+            own = replace(commands.of(some), lost=float(times[some[0]]))
+            parts.append(flown(own, field, frame, draws.of(own, [who[k] for k in some], measured)))
             order += some.tolist()
     return in_order(parts, order)
 
@@ -99,10 +101,11 @@ class Loss:
 def sampled_losses(
     paths: Path, held: Any, until: float, field: Field | None, also: Sequence[float] = ()
 ) -> Iterator[Loss]:
-    """Yield the motion after losses of thrust at instants all over paths (N,), for one craft at a time.
+    """Yield the motion after losses of thrust at times along paths (N,), for one craft at a time.
 
-    Craft that are `held` (N,) follow their paths up to the end; then they drift, as all others do from the
-    start: in a field, or in Hill's equations without one.  `also`: further instants [s].
+    Craft that are `held` (N,) follow their paths up to the end and then drift. The others drift from the
+    start. The drift is propagated in the field, or with Hill's equations without one. `also`: further times
+    [s].
     """
     start, end = float(np.max(paths.start)), float(np.max(paths.end))
     who, fired, sizes = impulses_of(paths)
@@ -133,7 +136,7 @@ def sampled_losses(
 
 
 def _drifts(paths: Path, field: Field | None, times: Floats) -> Callable[[int, int, Floats], Floats]:
-    """Return a function that gives the drift (T, 6) of a craft from a state at one of some times (T,) on."""
+    """Return a function for the drift (T, 6) of a craft from a state at one of some times (T,) on."""
     if field is None:
         orbit, until = paths.orbit, float(times[-1])
 

@@ -1,4 +1,4 @@
-"""Natural motion in a field: coasts, and the transition matrices of small ones."""
+"""Natural motion in a force model: coasts, and state transition matrices."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from closeform.motion.mean_motion import checked
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
 
-# Of central differences, from the chief: what is of second order in the distance cancels, that of third is
-# 1e-11 of the first in an orbit, and rounding 1e-9.
+# Central differences about the chief: second-order terms cancel, those of third order are 1e-11 of the first
+# in an orbit, and rounding is 1e-9.
 BESIDE = np.repeat([10.0, 0.01], 3)  # m, m/s
 
 
@@ -27,40 +27,39 @@ def coast(
     within: float = 1e-3,
     orbit: Orbit | None = None,
 ) -> Path:
-    """Natural motion of craft in a field: what becomes of them if nobody thrusts.
+    """Propagate the natural motion of craft in a field, without thrust.
 
     Parameters
     ----------
     states : array_like of shape (..., 6) [m, m/s]
-        At the start, in the chief's Hill frame with straight axes; as many as the field's drag has ballistic
+        Initial states in the chief's Hill frame with straight axes; as many as the field's drag has ballistic
         coefficients.
     field : Field
-        In which they, and the chief, fly.
+        Force model of the craft and the chief.
     duration : float [s]
-        Above 0.
+        Duration, above 0.
     start : float [s], default 0
         Time of the states, since the chief's epoch.
     within : float [m], default 1e-3
-        How far the path may be off this motion between samples, at most; they are as dense as it takes.
-
+        Greatest error of the path between samples, whose density is chosen accordingly.
     orbit : Orbit, optional
-        In which paths are planned that are to be screened with these; `field.chief.orbit` unless given. The
-        motion is the same.
+        Orbit of the paths with which the result is to be screened. Default: `field.chief.orbit`. The motion
+        does not depend on it.
 
     Returns
     -------
     Path
-        Of the states' leading shape, in that orbit: `screen`, `find_conflicts` and `avoid` take it.
+        Path with the leading shape of the states, in that orbit, for `screen`, `find_conflicts` and `avoid`.
 
     Raises
     ------
     ValueError
         If the duration is not positive or too long, `within` is below 1e-6 m or not reached, shapes do not
-        fit, a number is not finite, or a time is off the chief's ephemeris.
+        match, a number is not finite, or a time is outside the chief's ephemeris.
 
     Notes
     -----
-    Nothing is linearised: an eccentric chief, curvature and all of the field are in it.
+    Nothing is linearised: the motion includes the chief's eccentricity, curvature and the whole force model.
 
     References
     ----------
@@ -96,7 +95,10 @@ def coast(
 
 
 def drift_from(state: Floats, field: Field, times: Floats, chief: Floats, felt: Floats) -> Floats:
-    """Return the states (T, 6) of one craft from a state (6,) on, beside a chief (T, 6) and what it feels."""
+    """Return the states (T, 6) of one craft from a state (6,) on.
+
+    `chief` (T, 6) and `felt` (T, 3): inertial states and accelerations of the chief.
+    """
     (ballistic,) = ballistics_of(field.drag, 1)
     craft = inertial_from_relative(chief[0], state, acceleration=felt[0])
     flown = field._craft_states(craft, ballistic, float(times[0]), times)
@@ -104,42 +106,42 @@ def drift_from(state: Floats, field: Field, times: Floats, chief: Floats, felt: 
 
 
 def drifting(paths: Path, field: Field) -> Path:
-    """Natural motion in a field from where paths (N,) begin, as long as they last."""
+    """Return the natural motion in a field from the start of paths (N,), for their duration."""
     begin, over = float(paths.start[0]), float(paths.end[0])
     return coast(paths.state(begin), field, over - begin, begin, orbit=paths.orbit)
 
 
 def transition(field: Field, duration: ArrayLike, start: float = 0.0) -> Floats:
-    """State transition matrices of natural motion near the chief of a field.
+    """Return state transition matrices of natural motion near the chief of a field.
 
     Parameters
     ----------
     field : Field
-        In which the chief flies, and craft of its ballistic coefficient beside it.
+        Force model of the chief, and of craft with its ballistic coefficient.
     duration : array_like of shape (...) [s]
-        Of any sign.
+        Durations of any sign.
     start : float [s], default 0
-        From when, since the chief's epoch.
+        Start time since the chief's epoch.
 
     Returns
     -------
     array of shape (..., 6, 6) [no unit, s, 1/s]
-        They take small states in the chief's frame to those so much later; to 1e-7 within ten orbits.
+        Matrices that propagate small states in the chief's frame, accurate to 1e-7 within ten orbits.
 
     Raises
     ------
     ValueError
-        If a number is not finite, or a time is off the chief's ephemeris.
+        If a number is not finite, or a time is outside the chief's ephemeris.
 
     Notes
     -----
-    Of a point mass these are Yamanaka and Ankersen's (`EccentricOrbit`), of J2 what Gim and Alfriend give in
-    mean elements to first order in J2; here to all orders, of any field.
+    For a point mass these are the matrices of Yamanaka and Ankersen (`EccentricOrbit`). For J2 those of Gim
+    and Alfriend are first order in J2, in mean elements; here all orders are included, for any field.
 
     References
     ----------
     Gim and Alfriend, Journal of Guidance, Control, and Dynamics 26(6), 956-971, 2003, for the problem;
-    by differences of motion in the field: docs/field.md.
+    docs/field.md for the method of finite differences.
     """
     instance("field", field, Field)
     lengths = np.asarray(checked("duration", duration))
@@ -156,6 +158,6 @@ def transition(field: Field, duration: ArrayLike, start: float = 0.0) -> Floats:
 
 
 def _chief_at(field: Field, times: Floats) -> tuple[Floats, Floats]:
-    """The chief's inertial states (T, 6) at times, and what it feels (T, 3) [m/s^2]."""
+    """Return the chief's inertial states (T, 6) at times, and its acceleration (T, 3) [m/s^2]."""
     states = field.chief_states(times)
     return states, field.accelerations(times, states, field._chief_ballistic)

@@ -1,4 +1,4 @@
-"""Outcrossings: how likely a deviation that is drawn at random leaves a sphere within a time."""
+"""Outcrossings: a bound of the probability that a random deviation leaves a sphere within a time."""
 
 from __future__ import annotations
 
@@ -9,21 +9,23 @@ from scipy.special import erfc, ndtr
 
 from closeform.arrays import Floats
 
-NODES = 12, 16  # of polar cosine and azimuth, over a half sphere; four times as many agree to 1e-8
-WIDEST = 40.0  # of the greatest standard deviation: no chance is left of
+# quadrature nodes of polar cosine and azimuth over a half sphere; four times as many agree to 1e-8
+NODES = 12, 16
+WIDEST = 40.0  # of the greatest standard deviation: the probability beyond is negligible
 HALVINGS = 60
 
 
 class Outcrossings:
-    """A deviation of covariances (S, 6, 6) of position and velocity, at S instants of an interval, in turn.
+    """Random deviation with covariances (S, 6, 6) of position and velocity at S instants of an interval.
 
-    Positions are A y, with y standard normal and A A^T their covariance: directions of y are even, and its
-    length is that of three numbers; in the direction of A y the velocity is normal again.
+    Positions are A y, with y standard normal and A A^T their covariance. Directions of y are uniform, and its
+    length has a chi distribution with three degrees of freedom. In the direction of A y the velocity is
+    normal.
     """
 
     def __init__(self, covariances: Floats) -> None:
         places, across = covariances[:, :3, :3], covariances[:, 3:, :3]
-        values, axes = np.linalg.eigh(places)  # the longest axis last: nodes are closest about it
+        values, axes = np.linalg.eigh(places)  # the longest axis last: nodes are densest around it
         cosine, weights = np.polynomial.legendre.leggauss(NODES[0])
         cosine, azimuth = 0.5 + 0.5 * cosine[:, None], 2.0 * pi * np.arange(NODES[1]) / NODES[1]
         sine = np.sqrt(1.0 - cosine**2)
@@ -39,9 +41,9 @@ class Outcrossings:
         self.spread = np.sqrt(spread)  # [m/s] about that
 
     def chance(self, radius: float, duration: float) -> float:
-        """To be outside at first, or to get there within a time: at most.
+        """Return an upper bound of the probability to begin outside, or to leave within a time.
 
-        By Rice's formula, of vectors.                                                        # theory (95)
+        Rice's formula for vectors.  # theory (95)
         """
         q, mean = radius / self.lengths, radius * self.growth
         density, u = np.exp(-0.5 * q * q), mean / self.spread
@@ -51,7 +53,7 @@ class Outcrossings:
         return float((self.weights * (outside + duration * rate)).sum(axis=(1, 2)).mean())
 
     def radius(self, duration: float, chance: float) -> float:
-        """The sphere that is left within a time by that chance at most."""
+        """Return the radius of the sphere that is left within a time with at most that probability."""
         inside, outside = sqrt(2.0) * self.lengths.max(), WIDEST * self.lengths.max()
         for _ in range(HALVINGS):
             middle = 0.5 * (inside + outside)

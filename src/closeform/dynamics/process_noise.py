@@ -1,7 +1,7 @@
-"""Shaken: what white noise adds to the states of craft in flight, in the steps in which they are integrated.
+"""Process noise in simulations: increments of states in the integration steps.
 
-A flight's noise is one motion from its start on, of changes of velocity each 8 s: whichever steps, legs or
-measurements there are, all see the same one.
+The noise of a simulation is one random motion from its start on, made of velocity changes every 8 s. It does
+not depend on steps, legs or measurements.
 """
 
 from __future__ import annotations
@@ -14,17 +14,17 @@ from closeform.arrays import Floats
 from closeform.motion.steering import transition_matrices
 from closeform.uncertainty.white_noise import BLOCK, by_then, increments, kicks_of
 
-HALVED = 9  # times that a block is: into steps of 8 s
+HALVED = 9  # halvings of a block down to steps of 8 s
 STEP = BLOCK / 2.0**HALVED
 
 
 def shaken(
     n: float, density: float, times: Floats, normal: Callable[[int, int], Floats]
 ) -> tuple[Floats, Floats]:
-    """What noise does to a velocity at its start (3,), and adds to states in steps (K, 6).
+    """Return the noise on the initial velocity (3,), and the increments of states in steps (K, 6).
 
-    In the rotating frame; of a `density` [m^2/s^3] at a mean motion [rad/s], between times (K + 1,) [s] since
-    that start; `normal` draws so many rows of six numbers of a level.
+    In the rotating frame, for a `density` [m^2/s^3] and a mean motion [rad/s], between times (K + 1,) [s]
+    since the start; `normal` draws rows of six numbers for a level.
     """
     so_far = by_then(times, STEP)
     pushes = increments(n, HALVED, int(so_far[-1]), lambda level, rows: normal(level, rows)[None])

@@ -1,4 +1,4 @@
-"""Pulsed flights: what thrusters fire to fly a plan in a field, and where that leads."""
+"""Simulations with thruster pulses: the firing for a plan in a force model, and the resulting paths."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ from closeform.motion.joining import stack
 from closeform.motion.path import Path, ends_of
 from closeform.named_craft import named
 
-PIECE = 30.0  # s: in so long what is commanded is one arc's thrust, met at four instants
+PIECE = 30.0  # s: length of an arc that interpolates the command at four instants
 INSIDE = np.array([BESIDE, 1.0 / 3.0, 2.0 / 3.0, 1.0 - BESIDE])
 
 
@@ -48,11 +48,10 @@ def fired_in(
     specific_impulse: ArrayLike | None = None,
     law: Feedback | None = None,
 ) -> ThrusterFiring:
-    """What thrusters fire for planned paths (N,) in a field: their thrust less the residual, or `jumps`.
+    """Return the thruster firing for planned paths (N,) in a field: plan minus residual, and `jumps`.
 
-    These are impulses as changed for the field.  Of craft that have thrusters; nothing for those that coast,
-    nor on coasts that are held under feedback by a `law`.  To where none of its thrusters pushes a craft is
-    left to the field.
+    `jumps` are impulses changed for the field. Craft that coast, or are held on coasts under feedback by a
+    `law`, fire nothing. Along axes without a thruster the residual is not compensated.
     """
     holding, asked = Holding.of(paths, law), []
     steady, n = _commanded(paths, field, holding.bounds, thrusters), paths.orbit.mean_motion
@@ -75,12 +74,12 @@ def fired_in(
     except Grounded as error:
         if PUSHES not in str(error) or not _can_fire(paths[shooters], thrusters):
             raise
-        told = str(error).replace(PUSHES, "what corrects the plan for this field pushes")
-        raise Grounded(f"{told.partition(';')[0]}; add one there, or fly without thrusters") from None
+        reason = str(error).replace(PUSHES, "the correction of the plan for this field pushes")
+        raise Grounded(f"{reason.partition(';')[0]}; add one there, or omit thrusters") from None
 
 
 def _can_fire(paths: Path, thrusters: Sequence[Thrusters | None]) -> bool:
-    """Whether thrusters fire planned paths as these are in Hill's equations."""
+    """Return True if the thrusters can fire the planned paths in Hill's equations."""
     try:
         fire_thrusters(paths, [one for one in thrusters if one is not None])
     except ValueError:
@@ -95,7 +94,7 @@ def _fired(
     mass: ArrayLike | None = None,
     specific_impulse: ArrayLike | None = None,
 ) -> ThrusterFiring:
-    """What the craft that are `shooters` fire for their paths.  Raises Grounded, which counts all craft."""
+    """Return the firing of the craft `shooters`. Raises Grounded with the index among all craft."""
     try:
         return fire_thrusters(paths, [one for one in thrusters if one is not None], mass, specific_impulse)
     except ValueError as error:
@@ -103,9 +102,9 @@ def _fired(
 
 
 def _commanded(paths: Path, field: Field, bounds: Floats, thrusters: Sequence[Thrusters | None]) -> Floats:
-    """Arcs (N, M, 30) of the thrust less the residual, without states; some end at `bounds` (B,) [s].
+    """Return arcs (N, M, 30) of the thrust minus the residual; some end at `bounds` (B,) [s].
 
-    Less what `thrusters` push of it.
+    The arcs have no states. The residual counts only along axes that `thrusters` control.
     """
     n, start, end = paths.orbit.mean_motion, float(paths.start[0]), float(paths.end[0])
     even = np.linspace(start, end, int(np.ceil((end - start) / PIECE)) + 1)
@@ -129,18 +128,18 @@ def _commanded(paths: Path, field: Field, bounds: Floats, thrusters: Sequence[Th
 
 
 def led_by_pulses(law: Feedback, thrusters: Sequence[Thrusters | None]) -> Feedback:
-    """The same by pulses: thrust that lasts is fired once in each period of the craft whose is the longest.
+    """Return the feedback law for pulses: one pulse in each period of the craft with the longest one.
 
-    Raises Grounded where thrusters are to fire more often.
+    Raises Grounded if thrusters would have to fire more often.
     """
     longest = max((one.period or 0.0 for one in thrusters if one is not None), default=0.0)
     if law.delay:
-        raise Grounded("delay: goes with thrust that lasts, and thrusters fire pulses; leave it out")
+        raise Grounded("delay: requires continuous thrust, but thrusters fire pulses; remove it")
     if not law.impulses:
         return replace(law, impulses=max(int(law.horizon / longest), 2) if longest else BY_IMPULSES.impulses)
     if law.horizon / law.impulses < longest * (1.0 - BESIDE):
         raise Grounded(
-            f"feedback: pulses {law.horizon / law.impulses:g} s apart, of thrusters that fire once in "
+            f"feedback: pulses {law.horizon / law.impulses:g} s apart, but thrusters fire once in "
             f"{longest:g} s; give fewer impulses, or a longer horizon"
         )
     return law
@@ -155,20 +154,19 @@ def fly_pulses(
     lost: Floats,
     engines: Engines,
 ) -> tuple[ThrusterFiring, Floats, Floats, Floats, Flights]:
-    """What thrusters fire for planned paths (N,), what these cost (N,) [m/s], and what `flown_pulses` gives.
+    """Return the firing for planned paths (N,), its planned cost (N,) [m/s], and `flown_pulses`.
 
-    They cost what thrusters fire for it in Hill's equations, each counted, until they are `lost` (N,) [s].
+    The cost is that of the firing in Hill's equations, counted per thruster, until thrust is `lost` (N,) [s].
     """
     law = law and led_by_pulses(law, thrusters)
     jumps, _, _ = changed_impulses(paths, fields[1], law)
     firing = fired_in(paths, jumps, fields[1], thrusters, law=law)
     planned = planned_by_pulses(paths, thrusters, lost)
-    told = law, draws, lost, engines
-    return firing, planned, *flown_pulses(paths, firing, thrusters, fields, *told)
+    return firing, planned, *flown_pulses(paths, firing, thrusters, fields, law, draws, lost, engines)
 
 
 def planned_by_pulses(paths: Path, thrusters: Sequence[Thrusters | None], lost: Floats) -> Floats:
-    """What planned paths (N,) cost in Hill's equations [m/s], each thruster counted, until thrust is lost."""
+    """Return the cost of planned paths (N,) in Hill's equations [m/s], per thruster, until thrust is lost."""
     shooters = [k for k, own in enumerate(thrusters) if own is not None]
     planned = np.array(until_lost(paths, lost).delta_v)
     by_plan = _fired(paths[shooters], shooters, thrusters).pulses
@@ -178,12 +176,12 @@ def planned_by_pulses(paths: Path, thrusters: Sequence[Thrusters | None], lost: 
 
 
 def given_until(pulses: Pulses, time: float) -> float:
-    """What some pulses give up to a time [m/s]."""
+    """Return the total impulse of some pulses up to a time [m/s]."""
     return float(pulses.impulse @ np.clip((time - pulses.start) / pulses.duration, 0.0, 1.0))
 
 
 def each_counts(done: Flights, given: float) -> Flights:
-    """One craft's flights, whose pulses by plan are counted as each thruster gives them, not as their sum."""
+    """Return one craft's simulations with the planned pulses counted per thruster, not as their sum."""
     asked = np.array([given])
     return replace(done, spent=done.spent - done.asked + asked, asked=asked)
 
@@ -191,7 +189,7 @@ def each_counts(done: Flights, given: float) -> Flights:
 def flown_exactly(
     paths: Path, firing: ThrusterFiring, thrusters: Sequence[Thrusters | None], field: Field
 ) -> tuple[Floats, Floats]:
-    """Times (T,), and states (N, T, 6) to which what is fired leads planned paths, without errors."""
+    """Return times (T,), and states (N, T, 6) that result from the firing, without errors."""
     nothing = nothing_drawn(len(paths))
     times, _, done = flown_pulses(
         paths, firing, thrusters, (field, field), None, nothing, losses(None, len(paths))
@@ -202,7 +200,7 @@ def flown_exactly(
 def pulsed_ways(
     paths: Path, firing: ThrusterFiring, thrusters: Sequence[Thrusters], field: Field, law: Feedback
 ) -> tuple[Floats, list[PulsedWay]]:
-    """Times (T,), and ways (N,) by what is fired that feedback leads back to, of craft with thrusters."""
+    """Return times (T,), and the reference paths (N,) of feedback for craft with thrusters."""
     plan = spanning(paths, np.array([firing.path.start.min(), firing.path.end.max()]))
     drag, found = ballistics_of(field.drag, len(paths)), []
     for k, own in enumerate(thrusters):
@@ -224,12 +222,11 @@ def flown_pulses(
     lost: Floats,
     engines: Engines | None = None,
 ) -> tuple[Floats, Floats, Flights]:
-    """Times (T,), when thrusters get orders (Q,), and flights of planned paths (N,) by what is fired.
+    """Return times (T,), times of thruster orders (Q,), and simulations of planned paths (N,) by pulses.
 
-    In the first of two `fields`, the second of which is believed.  Craft with thrusters have steps of their
-    own, and are led back to where their pulses lead, on coasts that are held to the plan; the others
-    as without thrusters.  `draws` are their errors, thrust is `lost` (N,) [s], all have `engines` or
-    those given.
+    The simulation is in the first of two `fields`; guidance uses the second. Craft with thrusters have their
+    own steps, and feedback returns them to the path of their pulses, or to the plan on held coasts. The
+    others are simulated as without thrusters. `draws` are the errors, thrust is `lost` (N,) [s].
     """
     field, believed = fields
     span = np.array([firing.path.start.min(), firing.path.end.max()])
@@ -247,13 +244,13 @@ def flown_pulses(
         own, some = firing.path[j : j + 1], [k]
         led = plain = commands_of(own, law, None, expected[some], nozzles=nozzles, beside=beside)
         frame = plain.frame_in(field)
-        measured = measured or draws.measured(plain.table)  # of all, who are seen together
+        measured = measured or draws.measured(plain.table)  # of all craft, measured together
         if law is not None and len(pulses):
             known = frame if believed is field else ChiefFrame.of(believed, plain.table.times)
             way = PulsedWay.of(plain, planned[k], Holding.of(paths[k : k + 1], law), pulses, believed, known)
             led = replace(plain, reference=way.states[None])
-        told = replace(led, ballistics=felt[some], lost=lost[k])
-        done = flown(told, field, frame, draws.of(led, some, measured))
+        own_commands = replace(led, ballistics=felt[some], lost=lost[k])
+        done = flown(own_commands, field, frame, draws.of(led, some, measured))
         each.append(each_counts(done, given_until(pulses, lost[k])))
     if rest:
         own = planned[rest]
@@ -262,8 +259,8 @@ def flown_pulses(
         frame = commands.frame_in(field)
         if len(beside):
             commands = retargeted(commands, believed)
-        told = replace(commands, ballistics=felt[rest])
-        done = flown_by_each(told, field, frame, draws, rest, lost, measured)
+        own_commands = replace(commands, ballistics=felt[rest])
+        done = flown_by_each(own_commands, field, frame, draws, rest, lost, measured)
         orders = np.zeros((len(done.spent), len(rest), *each[0].fired.shape[2:]))
         each.append(replace(done, fired=orders))
     return plain.table.shown_times, plain.table.fired_times, in_order(each, shooters + rest)

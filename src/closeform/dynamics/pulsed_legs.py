@@ -1,4 +1,4 @@
-"""Plans by pulses that are made anew in flight: what thrusters fire from one measurement to the next."""
+"""Replanning with thruster pulses: the firing from one measurement to the next."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ NOTHING = Retargeted(*(np.zeros(shape) for shape in (0, 0, (0, 3), (0, 3))))
 
 
 def in_step(thrusters: Sequence[Thrusters | None], every: float) -> list[Thrusters | None]:
-    """The same with periods, no shorter, of which a whole number fits from one plan to the next [s].
+    """Return thrusters with periods, no shorter, of which a whole number fits between two plans [s].
 
-    What is pulsed until then is what the plan thrusts until then.  Raises Grounded where none does.
+    The pulses up to a new plan then equal the thrust of the old one. Raises Grounded if no period fits.
     """
     found: list[Thrusters | None] = []
     for own in thrusters:
@@ -39,15 +39,15 @@ def in_step(thrusters: Sequence[Thrusters | None], every: float) -> list[Thruste
             continue
         if own.period > every * (1.0 + ROUNDING):
             raise Grounded(
-                f"feedback: new plans {every:g} s apart, of thrusters that fire once in {own.period:g} s; "
-                "make them less often"
+                f"feedback: new plans {every:g} s apart, but thrusters fire once in {own.period:g} s; "
+                "increase `every`"
             )
         found.append(replace(own, period=every / int(every / own.period + ROUNDING)))
     return found
 
 
 class PulsedPlan(NamedTuple):
-    """A plan (N,), what thrusters fire for it, and where that leads in the field that is believed (N,)."""
+    """Plan (N,), its thruster firing, and the resulting paths (N,) in the believed field."""
 
     paths: Path
     thrusters: Sequence[Thrusters | None]
@@ -59,17 +59,17 @@ class PulsedPlan(NamedTuple):
     def of(
         cls, paths: Path, thrusters: Sequence[Thrusters | None], believed: Field, engines: Engines
     ) -> Self:
-        """Of planned paths by thrust that lasts.  Raises Grounded where thrusters cannot fire it."""
+        """Return the pulses of planned continuous thrust. Raises Grounded if the thrusters cannot fire it."""
         firing = fired_in(paths, NOTHING, believed, thrusters)
         led = paths.orbit._through(*flown_exactly(paths, firing, thrusters, believed))
         return cls(paths, thrusters, firing, led, engines)
 
     def again(self, paths: Path, believed: Field) -> Self:
-        """The same of a new plan, of which nothing is missed before its end."""
+        """Return the pulses of a new plan, whose end is met."""
         return self.of(paths, self.thrusters, believed, self.engines)
 
     def fired(self, asked: Floats) -> Floats:
-        """What is asked of craft (N,) [m/s], of those with thrusters as these fire it."""
+        """Return the delta-v of craft (N,) [m/s], with that of the firing for craft with thrusters."""
         sums = np.bincount(self.firing.pulses.craft, self.firing.pulses.impulse, len(self.firing.thrusters))
         found = asked.copy()
         found[[k for k, one in enumerate(self.thrusters) if one is not None]] = sums
@@ -77,7 +77,7 @@ class PulsedPlan(NamedTuple):
 
     @property
     def aside(self) -> Floats:
-        """How far pulses lead off the plan (N,) [m]."""
+        """Greatest distance between the pulsed path and the plan (N,) [m]."""
         times = np.linspace(self.paths.start.min(), self.paths.end.max(), 1001)
         off = self.led.position(times) - self.paths.position(times)
         return np.asarray(np.linalg.norm(off, axis=-1).max(axis=1))
@@ -92,10 +92,10 @@ class PulsedPlan(NamedTuple):
         measured: tuple[Floats, Floats],
         number: int,
     ) -> tuple[Floats, Floats, Flights]:
-        """Times (T,), when thrusters get orders (Q,), and one flight from states `now` (N, 6) in a `span`.
+        """Return times (T,), times of thruster orders (Q,), and one simulation from states `now` (N, 6).
 
-        In the first of two `fields`, the second of which is believed; led back to where pulses lead, as far
-        as craft are measured off that at its begin.
+        The simulation covers a `span`, in the first of two `fields`; guidance uses the second. Feedback
+        returns the craft to the pulsed path, from the deviation measured at the start.
         """
         field, believed = fields
         felt, expected = (ballistics_of(one.drag, len(self.paths)) for one in fields)

@@ -1,4 +1,4 @@
-"""Pulsed ways: where the pulses of thrusters lead without errors, which is what feedback leads back to."""
+"""Reference path of feedback for pulsed thrust: the motion that the pulses produce without errors."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from closeform.motion.path import Path
 
 
 class PulsedWay(NamedTuple):
-    """One craft's states (T, 6) when some are shown: by its pulses, and of the plan on coasts that are held.
+    """One craft's states (T, 6) at shown times: by its pulses, and of the plan on held coasts.
 
-    What is flown is `missed` by the plan where such a coast begins: when, and by which state.
+    `missed`: the time and the state error at the start of each held coast.
     """
 
     states: Floats
@@ -37,12 +37,12 @@ class PulsedWay(NamedTuple):
         field: Field,
         frame: ChiefFrame,
     ) -> Self:
-        """Of a plan, as commanded in a field: each span of pulses from the planned state before it."""
+        """Return the reference of a plan in a field; each span of pulses starts from the planned state."""
         table = commands.table
         states, missed = plan.state(table.shown_times), []
         for first, last in _spans(table, holding, pulses):
             part, _, shown = commands.alone(first, last)
-            # what begins with an impulse begins before it
+            # a span that begins with an impulse starts before it
             begin = plan.state(table.nodes[first])[None] if first else None
             during = frame.during(slice(2 * first, 2 * last + 1))
             led = flown(part, field, during, exactly(1, 1), begin).states[0, 0]
@@ -52,9 +52,9 @@ class PulsedWay(NamedTuple):
 
 
 def _spans(table: Timetable, holding: Holding, pulses: Pulses) -> Iterator[tuple[int, int]]:
-    """The first and the last node of each span in which one craft thrusts by plan, the latest pulse included.
+    """Return the first and the last node of each span with planned thrust, up to its last pulse.
 
-    Both are shown, and the first is before all that is fired; spans that meet are one.
+    Both nodes are shown, and the first precedes all firing; spans that touch are merged.
     """
     shown = np.flatnonzero(table.shown >= 0)
     times, ends = table.nodes[shown], pulses.start + pulses.duration

@@ -1,4 +1,4 @@
-"""Reachable: what thrusters push of what a field asks of them, and what they leave alone."""
+"""Controllable axes of thrusters: the part of a required thrust that they can produce."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.fuel.thrusters import Thrusters, turn
 
-FLAT = 1e-9  # of the greatest: directions whose span is thinner lie in a plane, or along a line
+FLAT = 1e-9  # relative singular value below which directions span only a plane or a line
 
 
 def reachable(thrusters: Thrusters, angles: Floats) -> Floats:
-    """What their directions span (T, 3, 3) where the orbit has turned by `angles` (T,) [rad].
+    """Return projections (T, 3, 3) onto the span of the thrusters, after rotations by `angles` (T,) [rad].
 
-    Projections of vectors in the orbit's axes: of thrusters that push to all sides the unit matrix.
+    In the orbit's axes. For thrusters that control all axes the projection is the unit matrix.
     """
     sides, sizes, _ = np.linalg.svd(thrusters.directions.T, full_matrices=False)
     span = sides[:, sizes > FLAT * sizes[0]]
@@ -22,5 +22,5 @@ def reachable(thrusters: Thrusters, angles: Floats) -> Floats:
 
 
 def lacks(thrusters: Thrusters) -> bool:
-    """Whether there is a direction along which none of them pushes, one way or the other."""
+    """Return True if there is an axis along which no thruster acts in either direction."""
     return bool(np.linalg.matrix_rank(thrusters.directions, tol=FLAT) < 3)

@@ -1,4 +1,4 @@
-"""Courses: what flights of N craft share, made for kernels stretch by stretch."""
+"""Commands of simulations of N craft, and their division into stretches for the kernels."""
 
 from __future__ import annotations
 
@@ -38,14 +38,14 @@ from closeform.motion.path import Path
 if TYPE_CHECKING:
     from closeform.dynamics.thruster_model import Nozzles
 
-ROUNDS = 2  # of flights in a function's field: the first is off by a share of the field's gradient
-FEW = 8  # flights that are not worth a thread of their own
-STRETCH = 20_000  # steps that are in memory together, about
+ROUNDS = 2  # rounds of a simulation with a user function; the first has an error from the force gradient
+FEW = 8  # fewer simulations do not justify a thread of their own
+STRETCH = 20_000  # steps in memory at the same time, about
 NEVER = np.array([np.inf])  # s
 
 
 class Known(NamedTuple):
-    """A field that craft know, with its chief's frame at half steps of a table."""
+    """Force model known to guidance, with its chief's frame at half steps of a table."""
 
     field: Field
     frame: ChiefFrame
@@ -53,13 +53,12 @@ class Known(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Commands:
-    """What craft are told to do along `path` (N,) at the times of a `table`.
+    """Commands of craft along `path` (N,) at the times of a `table`.
 
-    `known` is the field against which they thrust, or None, and `holding` says who does when; `jumps`
-    (N, Q, 3) are planned impulses, one for each of the table's.  `reference` (N, T, 6) are the states that
-    feedback leads back to, at those that are shown, if these are not the path's; `limits` and `bits` (N,)
-    bound thrust and impulses.  `nozzles` fire what leads back, of one craft.  From `lost` [s] on nobody
-    thrusts.
+    `known` is the field whose model error is compensated, or None, and `holding` says when. `jumps` (N, Q, 3)
+    are planned impulses, one for each of the table's. `reference` (N, T, 6) are the states to which feedback
+    returns, at shown times, if they differ from the path's; `limits` and `bits` (N,) bound thrust and
+    impulses. `nozzles` fire the feedback of one craft. From `lost` [s] on there is no thrust.
     """
 
     path: Path
@@ -76,7 +75,7 @@ class Commands:
     lost: float = np.inf
 
     def of(self, which: Any) -> Commands:
-        """What some of the craft (M,) are told."""
+        """Return the commands of some of the craft (M,)."""
         each = {
             name: getattr(self, name)[which] for name in ("path", "jumps", "limits", "bits", "ballistics")
         }
@@ -88,23 +87,23 @@ class Commands:
         return replace(self, **each)
 
     def alone(self, first: int, last: int) -> tuple[Commands, Any, Any]:
-        """The plan alone from one node to another, both included: without feedback, or a field that is known.
+        """Return the plan alone between two nodes, without feedback and compensation.
 
-        With the rows that its impulses and its states have among all.
+        With the rows of its impulses and of its states among all.
         """
         nodes = slice(first, last + 1)
         fired, shown = (rows[nodes][rows[nodes] >= 0] for rows in (self.table.fires, self.table.shown))
-        told = replace(self, table=self.table.during(first, last), jumps=self.jumps[:, fired])
-        return replace(told, known=None, law=None, reference=None), fired, shown
+        part = replace(self, table=self.table.during(first, last), jumps=self.jumps[:, fired])
+        return replace(part, known=None, law=None, reference=None), fired, shown
 
     @property
     def events(self) -> Events:
-        """Which burns and impulses have errors of their own."""
+        """Burns and impulses that have errors of their own."""
         lasting = self.law is not None and not self.law.impulses
         return Events.of(self.path, self.table, lasting, self.nozzles is not None)
 
     def frame_in(self, field: Field) -> ChiefFrame:
-        """The chief's frame in a field at half steps."""
+        """Return the chief's frame in a field at half steps."""
         if self.known is not None and self.known.field is field:
             return self.known.frame
         return ChiefFrame.of(field, self.table.times)
@@ -112,10 +111,11 @@ class Commands:
 
 @dataclass(frozen=True, eq=False)
 class Flights:
-    """S flights: `states` (S, N, T, 6) as shown, and `arrivals`, the same before impulses.
+    """S simulations: `states` (S, N, T, 6) at shown times, and `arrivals`, the same before impulses.
 
-    `fired` (S, N, Q, 3) [m/s] are impulses at the times of the table, or what thrusters are told then.
-    What was `spent` (S, N) [m/s], what is `asked` (N,) without errors, and `limited` (S, N) [s] at the limit.
+    `fired` (S, N, Q, 3) [m/s] are impulses at the times of the table, or thruster orders then. The delta-v
+    `spent` (S, N) [m/s], the delta-v `asked` (N,) without errors, and the time at the limit `limited` (S, N)
+    [s].
     """
 
     states: Floats
@@ -137,10 +137,11 @@ def flown(
     begin: Floats | None = None,
     around: Path | None = None,
 ) -> Flights:
-    """Flights with errors as drawn, in a field.
+    """Simulate commands with given errors in a field.
 
-    From states `begin` (N, 6) before impulses, unless from about those of the path.  What a function pulls
-    more than zonals is taken `around` paths: those of a flight without errors, found in two rounds.
+    The simulation starts from states `begin` (N, 6) before impulses; by default from those of the path plus
+    errors. A user function minus its zonals is evaluated `around` paths: those of a simulation without
+    errors, found in two rounds.
     """
     if field.acceleration is not None and around is None:
         around, still = commands.path, exactly(len(commands.path), commands.table.measurements)
@@ -161,13 +162,13 @@ def flown(
     fired = np.zeros((flights, count, int(table.fires.max()) + 1, 3))
     spent, asked = np.zeros((flights, count, 2)), np.zeros(count)
     each, step = (now, states, fired, spent), 0
-    for begin_s, told in courses(commands, field, frame, around, drawn):
-        course = told if begin_s < commands.lost - SAME else _silent(told)
+    for begin_s, planned in courses(commands, field, frame, around, drawn):
+        course = planned if begin_s < commands.lost - SAME else _silent(planned)
         pushes = np.ascontiguousarray(drawn.pushes[:, :, step : step + len(course.steps)])
         _side_by_side(field, course, (drawn.seen, drawn.thrust, drawn.events, pushes, *each))
         step += len(course.steps)
         size = np.minimum(np.linalg.norm(course.commanded, axis=3), commands.limits[:, None, None])
-        asked += size @ [1.0, 4.0, 1.0] @ course.steps / 6.0  # as flights do
+        asked += size @ [1.0, 4.0, 1.0] @ course.steps / 6.0  # the quadrature of the kernel
         asked += np.linalg.norm(course.jumps, axis=2).sum(axis=1)
     arrivals = states
     if fired.size and commands.nozzles is None:
@@ -177,15 +178,14 @@ def flown(
 
 
 def _silent(course: Course) -> Course:
-    """A course on which nobody thrusts, whatever is seen."""
+    """Return a course without any thrust or feedback."""
     never = np.full(len(course.fires), -1)
     nothing = {name: np.zeros_like(getattr(course, name)) for name in ("commanded", "jumps", "law")}
     return course._replace(looks=never, answers=never, kicks=never, **nothing)
 
 
 def _side_by_side(field: Field, course: Course, each: tuple[Floats, ...]) -> None:
-    """Fly a stretch of all flights on all cores; arrays of `each` are (S, N, ...) of S flights."""
-
+    """Simulate a stretch of all simulations on all cores; arrays of `each` are (S, N, ...)."""
     flights, count = each[0].shape[:2]
     flat = [rows.reshape(flights * count, *rows.shape[2:]) for rows in each]
 
@@ -213,9 +213,10 @@ def commands_of(
     beside: Floats | None = None,
     lost: Floats = NEVER,
 ) -> Commands:
-    """What planned paths (N,) ask for, their impulses as planned; or in a span that has none.
+    """Return the commands of planned paths (N,), with impulses as planned; or in a span without impulses.
 
-    `beside` others that fire pulses states are shown at these times, too.  Steps end where thrust is `lost`.
+    States are also shown at the times `beside` of other craft with pulses. Steps end at the times of `lost`
+    thrust.
     """
     craft, when, sizes = impulses_of(path)
     offsets = np.zeros(0) if law is None or not law.impulses else slots_of(law)[0]
@@ -224,7 +225,7 @@ def commands_of(
     if not pulses and not path.peak_thrust.any() and (law is None or law.impulses):
         longest = COAST
     edges, holding = edges_of(path), Holding.of(path, law)
-    # where others fly beside, or on after it, all are shown at the same times
+    # with other craft beside, or a continuation, all are shown at the same times
     bends = np.union1d(bends_of(path), holding.bounds) if span is None and not pulses else edges[:0]
     bends = bends if beside is None else beside
     span = span or (float(path.start[0]), float(path.end[0]))
@@ -233,20 +234,20 @@ def commands_of(
     table = Timetable.of(span, law, offsets, edges, when, longest, bends)
     count = len(path)
     jumps = np.zeros((count, int(table.fires.max()) + 1, 3))
-    np.add.at(jumps, (craft, np.searchsorted(table.fired_times, when)), sizes)  # some at one instant
+    np.add.at(jumps, (craft, np.searchsorted(table.fired_times, when)), sizes)  # several at one instant
     limits, bits = engines or Engines.of(np.ones(count, dtype=bool))
     against = None if known is None else Known(known, ChiefFrame.of(known, table.times))
     return Commands(path, table, against, holding, jumps, None, law, limits, bits, ballistics, nozzles)
 
 
 def together(parts: Sequence[Flights], axis: int) -> Flights:
-    """Flights of the same times, one after another: of other seeds (0) or other craft (1)."""
+    """Return simulations with the same times, concatenated: other seeds (axis 0) or other craft (axis 1)."""
     joined = {name: np.concatenate([getattr(one, name) for one in parts], axis) for name in OF_FLIGHTS}
     return replace(parts[0], **joined)
 
 
 def in_order(parts: Sequence[Flights], craft: Any) -> Flights:
-    """Flights of the same times of other craft (N,), by their numbers, in order of these."""
+    """Return simulations of other craft (N,) with the same times, sorted by the craft's index."""
     found, back = together(parts, 1), np.argsort(craft)
     asked = np.concatenate([one.asked for one in parts])[back]
     return replace(found, asked=asked, **{name: getattr(found, name)[:, back] for name in OF_FLIGHTS})
@@ -255,7 +256,7 @@ def in_order(parts: Sequence[Flights], craft: Any) -> Flights:
 def courses(
     commands: Commands, field: Field, frame: ChiefFrame, around: Path | None, drawn: Drawn
 ) -> Iterator[tuple[float, Course]]:
-    """When each stretch begins [s], and its course; it ends at a measurement, or where thrust is lost."""
+    """Yield the start time [s] and the course of each stretch, up to a measurement or a loss of thrust."""
     table, law, orbit = commands.table, commands.law, commands.path.orbit
     rules, gains = np.zeros((len(table.since), 3, 6)), np.zeros((0, 3, 6))
     late = np.stack([np.eye(6), np.zeros((6, 6))])
@@ -290,9 +291,9 @@ def _course(
     steps: slice,
     drawn: tuple[Any, Any, Any, Floats],
 ) -> Course:
-    """That of some steps; what is measured is answered by rules, gains and what is late.
+    """Return the course of some steps, with feedback rules, gains and delay matrices.
 
-    What is `drawn` counts for which burns and impulses, and how far these are off.
+    `drawn`: the error events of burns and impulses, and their Gates parameters.
     """
     table, path, count = commands.table, commands.path, len(commands.path)
     halves, nodes = slice(2 * steps.start, 2 * steps.stop + 1), slice(steps.start, steps.stop + 1)
@@ -311,7 +312,7 @@ def _course(
     which = [
         part[nodes].copy() for part in (table.looks, table.answers, table.kicks, table.fires, table.shown)
     ]
-    if steps.stop < len(table.rows):  # the next stretch begins with what is done here
+    if steps.stop < len(table.rows):  # these belong to the next stretch
         for part in which:
             part[-1] = -1
     looks, answers, kicks, fires, shown = which
@@ -331,7 +332,7 @@ def _course(
     fire = commands.nozzles
     begun, coming = np.flatnonzero(kicks >= 0), np.flatnonzero(table.kicks[steps.stop :] >= 0)
     over = steps.stop + coming[0] if len(coming) else len(table.nodes) - 1
-    now = np.append(table.nodes[nodes], table.nodes[over])  # to where the last order goes, too
+    now = np.append(table.nodes[nodes], table.nodes[over])  # also the end of the last order
     sides = np.zeros((0, THRUSTER)), np.zeros((0, FACET)), np.zeros(len(now)), np.zeros((0, len(now)))
     if fire is not None:
         sides = fire.thrusters, fire.facets, path.orbit.mean_motion * now * fire.turns, fire.free(now)
@@ -344,5 +345,5 @@ def _course(
 
 
 def _stepwise(values: Floats) -> Floats:
-    """Values (N, 2 K + 1, 3) at half steps, at the begin, middle and end of each step (N, K, 3, 3)."""
+    """Return values (N, 2 K + 1, 3) at half steps as start, middle and end of each step (N, K, 3, 3)."""
     return np.stack([values[:, :-2:2], values[:, 1::2], values[:, 2::2]], axis=2)

@@ -1,4 +1,4 @@
-"""Replanning in flight: new plans around the zones, from where craft are measured to be."""
+"""Replanning during a simulation: new plans around the zones, from the measured states of the craft."""
 
 from __future__ import annotations
 
@@ -29,16 +29,18 @@ if TYPE_CHECKING:
     from closeform.dynamics.pulsed_legs import PulsedPlan
 
 SIGMAS = 4.0
-SEEN = 201  # instants of a plan at which it is asked what holds craft on it
-PADDED = (2.0, 1.0, 0.5)  # times the room, in this order: where craft are measured inside there is no plan
+SEEN = 201  # instants at which the model error along a plan is sampled
+# factors on the margin, tried in this order: a craft measured inside a margin has no plan
+PADDED = (2.0, 1.0, 0.5)
 
 
 @dataclass(frozen=True, eq=False)
 class Replanning:
-    """What S flights that plan anew share: planned `paths` (N,), `zones`, and the `room` [m] around these.
+    """Data shared by S simulations with replanning.
 
-    Thrust is less the residual of the field that is `believed`, and within what `engines` give; `law` holds
-    craft on the last plan that there was.  The `first` is what pulses fly, if thrusters fire plans.
+    Planned `paths` (N,), `zones`, and the margin `room` [m] around these. Thrust compensates the model error
+    of the `believed` field, within the limits of `engines`. `law` keeps craft on the last plan. `first` holds
+    the pulses of the plan, if thrusters fire it.
     """
 
     paths: Path
@@ -61,7 +63,7 @@ class Replanning:
         draws: Draws,
         first: PulsedPlan | None,
     ) -> Self:
-        """With the room that errors need, in the first of two `fields`, the second of which is believed."""
+        """Return the data with the margin for the errors; guidance uses the second of two `fields`."""
         off = np.hypot(*draws.sizes.T)
         if draws.errors is not None:
             off += SIGMAS * np.array([np.hypot(one.magnitude, one.pointing) for one in draws.errors])
@@ -73,14 +75,14 @@ class Replanning:
 
     @property
     def instants(self) -> Floats:
-        """When plans are made, and the end (M + 1,) [s]."""
+        """Times of replanning, and the end (M + 1,) [s]."""
         start, end = float(self.paths.start[0]), float(self.paths.end[0])
         return np.linspace(start, end, intervals_in(end - start, self.law.every) + 1)
 
     def flights(
         self, draws: Draws
     ) -> tuple[tuple[Floats, Floats], Flights, list[int], list[list[tuple[float, str]]]]:
-        """All, with times that are shown and of orders, how many plans each flew, why others were refused."""
+        """Return times shown and of orders, all simulations, numbers of plans, and refused plans."""
         own = ballistics_of(self.field.drag, len(self.paths))
         asked = commands_of(self.paths, self.law, self.believed, own, self.engines)
         measured = draws.measured(asked.table)
@@ -97,10 +99,10 @@ class Replanning:
     def flight(
         self, draws: Draws, measured: tuple[Floats, Floats]
     ) -> tuple[tuple[Floats, Floats], Flights, int, list[tuple[float, str]]]:
-        """One, with errors of measurements (1, N, M, 6) and of thrust (1, N, 4); each leg with its own burns.
+        """Return one simulation, with errors of measurements (1, N, M, 6) and of thrust (1, N, 4).
 
-        With the times that are shown, those at which thrusters get orders, how many plans it flew, and when
-        and why others were refused.
+        Each leg has its own burns. Also returned are the shown times, the times of thruster orders, the
+        number of plans, and the times and reasons of refused plans.
         """
         instants, last, pulsed = self.instants, self.paths, self.first
         now, parts, times, made = last.state(instants[0]), [], [], 0
@@ -139,7 +141,7 @@ class Replanning:
         return (np.concatenate(times), np.concatenate(ordered)), done, made, refused
 
     def plan(self, states: Floats, begin: float) -> tuple[Path | None, PulsedPlan | None, list[str]]:
-        """Paths (N,) from measured states (N, 6), their pulses if there are any, why others were refused."""
+        """Return paths (N,) from measured states (N, 6), their pulses if any, and why plans were refused."""
         end, orbit, why = float(self.paths.end[0]), self.paths.orbit, list[str]()
         who, rest = (np.flatnonzero(some) for some in (self.engines.running, ~self.engines.running))
         limits = self.engines.limits[who]
@@ -166,21 +168,21 @@ class Replanning:
                     each = [part[k] for part in (plan.paths, coasting) for k in range(len(part))]
                     paths = stack([each[k] for k in np.argsort(order)])
                     return paths, self.first and self.first.again(paths, self.believed), why
-                why.append(f"{share:g} of the room: {plan.reason}")
+                why.append(f"{share:g} of the margin: {plan.reason}")
             except Grounded as error:
-                why.append(f"{share:g} of the room: {error}")
+                why.append(f"{share:g} of the margin: {error}")
         return None, None, why
 
 
 def unopposed(paths: Path, field: Field) -> Floats:
-    """What Hill's equations leave out at most along paths (N,) [m/s^2], on which nobody holds craft."""
+    """Return the greatest model error along paths (N,) [m/s^2], for craft that do not compensate it."""
     times = np.linspace(float(paths.start[0]), float(paths.end[0]), SEEN)
     left_out = residuals(field, ChiefFrame.of(field, times), paths.state(times), paths.orbit.mean_motion)
     return np.asarray(np.linalg.norm(left_out, axis=-1).max(axis=1))
 
 
 def reordered(zones: PairZones, order: Any, moving: int) -> PairZones:
-    """The zones of the same bodies in another order, of which so many move."""
+    """Return the zones of the same bodies in another order, the first `moving` of which move."""
     count, found = len(zones), list[Zone]()
     table = np.full((count + 1, count + 1), NONE)
     for one, other in zip(*(k.tolist() for k in next(pairs_of(count))), strict=True):
@@ -191,9 +193,9 @@ def reordered(zones: PairZones, order: Any, moving: int) -> PairZones:
 
 
 def room_of(sight: Navigation, every: float, pushes: Floats) -> float:
-    """By how much two craft that fly blind so long [s] can be off their distance [m].
+    """Return the margin [m] for two craft between measurements `every` [s] apart.
 
-    By 4 sigmas of noise, all of what is constant, and accelerations of (N,) [m/s^2] that nobody asked for.
+    It covers 4 sigmas of noise, all constant errors, and unplanned accelerations `pushes` (N,) [m/s^2].
     """
     noise = SIGMAS * np.sqrt(2.0) * np.hypot(sight.position, every * sight.velocity)
     constant = 2.0 * (sight.position_bias + every * sight.velocity_bias)

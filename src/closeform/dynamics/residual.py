@@ -1,4 +1,4 @@
-"""The residual: the acceleration along a path that Hill's equations leave out."""
+"""Residual: the acceleration along a path that Hill's equations do not contain."""
 
 from dataclasses import replace
 
@@ -11,9 +11,10 @@ from closeform.dynamics.field import Field
 
 
 def residuals(field: Field, frame: ChiefFrame, states: Floats, n: float) -> Floats:
-    """What Hill's equations of mean motion `n` leave out (N, T, 3) [m/s^2] at states (N, T, 6) [m, m/s].
+    """Return the residual of Hill's equations with mean motion `n` (N, T, 3) [m/s^2].
 
-    In the chief's axes; craft in the order of the field's ballistic coefficients.            # theory (82)
+    At states (N, T, 6) [m, m/s], in the chief's axes; craft in the order of the field's ballistic
+    coefficients.  # theory (82)
     """
     place, speed = states[..., :3], states[..., 3:]
     turn, swing = frame.turn, np.cross(frame.turn, place)
@@ -29,12 +30,12 @@ def residuals(field: Field, frame: ChiefFrame, states: Floats, n: float) -> Floa
 
 
 def applied(matrices: Floats, vectors: Floats) -> Floats:
-    """Matrices (T, I, J), one for each instant, times vectors (N, T, J): (N, T, I)."""
+    """Return matrices (T, I, J), one for each instant, times vectors (N, T, J): (N, T, I)."""
     return np.ascontiguousarray((matrices @ vectors.transpose(1, 2, 0)).transpose(2, 0, 1))
 
 
 def inertial(frame: ChiefFrame, states: Floats) -> Floats:
-    """Inertial states (N, T, 6) of relative ones."""
+    """Return inertial states (N, T, 6) from relative ones."""
     place, speed = states[..., :3], states[..., 3:] + np.cross(frame.turn, states[..., :3])
     there = np.empty_like(states)
     outward = frame.axes.transpose(0, 2, 1)
@@ -44,7 +45,7 @@ def inertial(frame: ChiefFrame, states: Floats) -> Floats:
 
 
 def beyond(field: Field, frame: ChiefFrame, states: Floats) -> Floats:
-    """What a function's field pulls more than its zonals (N, T, 3) [m/s^2], inertial, at states (N, T, 6)."""
+    """Return the acceleration of a user function minus its zonals (N, T, 3) [m/s^2], inertial."""
     there = inertial(frame, states)
     zonal = replace(field, acceleration=None)
     return field.accelerations(frame.times, there) - zonal.accelerations(frame.times, there)

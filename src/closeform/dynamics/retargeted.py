@@ -1,4 +1,4 @@
-"""Retargeting: impulses that lead in a field where the planned ones lead in Hill's equations."""
+"""Retargeting: impulses changed so that they reach in a field the states planned with Hill's equations."""
 
 from __future__ import annotations
 
@@ -20,28 +20,28 @@ from closeform.motion.joining import stack
 from closeform.motion.path import Path
 from closeform.result import Rows
 
-ROUNDS = 12
-MET = 1e-6  # m, by which a round still changes what is met
-NUDGE = 1e-4  # m/s, by which impulses differ to see what they do
-ALONG = 64  # places along the path that are kept
-LEVER = 0.02  # of the length that a change leads to in a radian of the orbit: an end is not met by less
-FREE = 1e-2  # how much that length counts, beside places along the path
+ROUNDS = 12  # of Newton's method
+MET = 1e-6  # m, change of a round at convergence
+NUDGE = 1e-4  # m/s, step of the finite differences
+ALONG = 64  # points along the path that are fitted
+LEVER = 0.02  # least relative effect of an impulse on the end, per radian of the orbit
+FREE = 1e-2  # weight of the change of impulses relative to points along the path
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Retargeted(Rows):
-    """Impulses of craft, changed for a field, in order of craft and time: M rows; made by `thrust`.
+    """Impulses of craft, changed for a field, in order of craft and time: M rows.
 
     Attributes
     ----------
     craft : array of int of shape (M,)
-        Whose each is, by index.
+        Index of the craft of each.
     time : array of shape (M,) [s]
-        Since the chief's epoch.
+        Time since the chief's epoch.
     impulse : array of shape (M, 3) [m/s]
-        Radial, along-track and cross-track, in the chief's axes.
+        Radial, along-track and cross-track impulse, in the chief's axes.
     planned : array of shape (M, 3) [m/s]
-        Those of the plan, in the same axes.
+        Impulse of the plan, in the same axes.
     """
 
     _columns: ClassVar = {
@@ -63,10 +63,10 @@ class Retargeted(Rows):
 def changed_impulses(
     paths: Path, field: Field, law: Feedback | None = None
 ) -> tuple[Retargeted, Path, Floats]:
-    """Impulses in the field, what is flown, and how far that is from the plan (N,) [m].
+    """Return impulses changed for the field, the resulting paths, and their deviation (N,) [m].
 
-    Those of one craft at one instant, as two plans have where they meet, are changed by equal parts.  Under
-    feedback what is flown is what that leads back to.
+    Simultaneous impulses of one craft, at the junction of two plans, are changed by equal parts. Under
+    feedback the paths are its reference.
     """
     craft, times, planned = impulses_of(paths)
     deviation = np.zeros(len(paths))
@@ -90,10 +90,10 @@ def changed_impulses(
 
 
 def retargeted(commands: Commands, field: Field) -> Commands:
-    """The same with impulses changed for a field, and as reference what they fly in it.
+    """Return commands with impulses changed for a field, and their path in it as reference.
 
-    Each span in which impulses move a craft by itself, from the planned state at its begin; in the others the
-    reference is the plan.
+    Each span in which impulses move a craft starts from the planned state; elsewhere the reference is the
+    plan.
     """
     frame = commands.frame_in(field)
     jumps, reference = commands.jumps.copy(), commands.path.state(commands.table.shown_times)
@@ -105,7 +105,7 @@ def retargeted(commands: Commands, field: Field) -> Commands:
 
 
 def _spans(commands: Commands) -> dict[tuple[int, int], list[int]]:
-    """The first and the last node of each span in which impulses move craft, and which craft these are."""
+    """Return the first and the last node of each impulsive span, and its craft."""
     nodes, found = commands.table.nodes, dict[tuple[int, int], list[int]]()
     for k, moves in enumerate(commands.holding.moves):
         for begin, end in moves:
@@ -116,10 +116,10 @@ def _spans(commands: Commands) -> dict[tuple[int, int], list[int]]:
 
 
 def _retargeted(commands: Commands, field: Field, frame: ChiefFrame) -> tuple[Floats, Floats]:
-    """Impulses of a span (N, Q, 3) as changed for a field, and states (N, T, 6) that they lead to.
+    """Return the impulses of a span (N, Q, 3) changed for a field, and the resulting states (N, T, 6).
 
-    The state at the end is met as far as impulses lead there, and places along the path as nearly as that
-    leaves free.  By Newton's method, theory (89): what impulses do is flown, by craft whose impulses differ.
+    The end state is met as far as impulses can, and points along the path as closely as the remaining freedom
+    allows. Newton's method, theory (89), with finite differences from simulations.
     """
     times, n = commands.table.shown_times, commands.path.orbit.mean_motion
     wanted = commands.path.state(times)
@@ -130,12 +130,12 @@ def _retargeted(commands: Commands, field: Field, frame: ChiefFrame) -> tuple[Fl
     crafts = [np.flatnonzero(own.any(axis=1)) for own in commands.jumps]
 
     def off(states: Floats) -> Floats:
-        """The end, its speed as a length, and places along the path, of states (..., T, 6)."""
+        """Return the end position, scaled end velocity, and points along the path of states (..., T, 6)."""
         end = states[..., -1, :] / np.repeat([1.0, n], 3)
         return np.concatenate([end, states[..., along, :3].reshape(*states.shape[:-2], -1)], axis=-1)
 
     def led(some: Commands, begin: Floats) -> Floats:
-        """States (N, T, 6) to which impulses lead."""
+        """Return the states (N, T, 6) that result from the impulses."""
         return np.asarray(flown(some, field, frame, exactly(len(begin), 1), begin).states[0])
 
     states = led(commands, begin)
@@ -155,15 +155,16 @@ def _retargeted(commands: Commands, field: Field, frame: ChiefFrame) -> tuple[Fl
         if moved < MET:
             return jumps, states
     raise Grounded(
-        f"plan: changes of its impulses for this field do not settle in {ROUNDS} rounds; plan in shorter "
-        "stages, or thrust that lasts: cost 'energy'"
+        f"plan: changes of its impulses for this field do not converge in {ROUNDS} rounds; plan shorter "
+        "stages, or continuous thrust (cost 'energy')"
     )
 
 
 def _step(did: Floats, missed: Floats, changed: Floats) -> Floats:
-    """How impulses are to change further (3 M,), as lengths: places (6 + P,), first the end, are `missed`.
+    """Return the further change of impulses (3 M,), as lengths, for the errors `missed` (6 + P,).
 
-    What they hardly do to the end is not asked of them: such changes are left to places along the path.
+    The first six errors are those at the end. Changes with little effect on the end are determined by points
+    along the path.
     """
     push, singular, ways = np.linalg.svd(did[:6])
     strong = int((singular > LEVER).sum())
@@ -175,7 +176,7 @@ def _step(did: Floats, missed: Floats, changed: Floats) -> Floats:
 
 
 def _nudged(commands: Commands, craft: int, own: Any) -> Commands:
-    """A craft 3 M times, with each of its `own` impulses (M,) larger along each axis."""
+    """Return a craft 3 M times, with each of its `own` impulses (M,) larger along each axis."""
     which = np.full(3 * len(own), craft)
     some = commands.of(which)
     some.jumps[np.arange(len(which)), np.repeat(own, 3), np.tile(np.arange(3), len(own))] += NUDGE

@@ -1,4 +1,4 @@
-"""Flight: a plan flown in a field many times, with measurements and thrust as they are."""
+"""Simulation of a plan in the high-fidelity model, with navigation and execution errors."""
 
 from __future__ import annotations
 
@@ -48,72 +48,72 @@ def simulate(
     lost: ArrayLike | None = None,
     engine: ArrayLike = True,
 ) -> Simulation:
-    """Fly planned paths in a field, as often as asked, with errors drawn anew each time.
+    """Simulate planned paths in a field, a number of times, each with its own random errors.
 
     Parameters
     ----------
     plan : Plan, Avoidance or Path
-        Of one craft or of N, in the chief's Hill frame with straight axes, times since its epoch.
+        Plan of one craft or of N, in the chief's Hill frame with straight axes, times since its epoch.
     field : Field
-        In which they fly.
+        Force model in which they move.
     control : {"track", "replan", "open"}, default "track"
-        Measure and come back to the planned path; or make a new plan around the `zones` from where craft are
-        measured to be, by `reconfigure`, in pulses with `thrusters`; or play the thrust as commanded.
+        "track": feedback to the planned path; "replan": new plans around the `zones` from the measured
+        states, by `reconfigure`, in pulses with `thrusters`; "open": the commanded thrust without feedback.
     feedback : Feedback, optional
-        How often, within which horizon, and by what; each minute and within ten of them by thrust that lasts
-        unless given, for impulses or thrusters by one each five minutes, of six in half an hour.
+        Interval, horizon and kind of feedback. Default: every 60 s with a horizon of 600 s and continuous
+        thrust; for impulses or thrusters every 300 s with six impulses in 1800 s.
     navigation : Navigation, optional
-        How well they are measured; exactly unless given.
+        Navigation accuracy. Default: exact.
     zones : Zone or PairZones, optional
-        Of all pairs, or of each; without it no ratios are told.
+        Zones of all pairs, or of each; without them no clearance ratios are computed.
     cancel : bool, default True
-        Whether the plan's thrust is corrected by what Hill's equations leave out, and its impulses are
-        changed for that, as `thrust` does.  Coasts on which feedback holds craft by impulses are not.
+        Compensate the model error of Hill's equations and change impulses for it, as `compensated_thrust`
+        does. Coasts on which feedback holds craft by impulses are not compensated.
     known : Field, optional
-        The field that this is taken from; the one that is flown in unless given.
+        Force model used for the compensation. Default: `field`.
     thrust_error : array_like of shape (2,) or (N, 2), no unit and [rad], default (0, 0)
-        By how much each craft's thrust is off at most, as a share of its size, and in direction; drawn evenly
-        for each flight, through which it stays.
+        Bounds of each craft's relative thrust error and of its direction error. They are uniformly
+        distributed and constant through a simulation.
     max_acceleration : array_like of shape (N,) or () [m/s^2], optional
-        That thrust never exceeds; `limited` tells how long it would have had to.  Not for impulses, nor with
+        Thrust limit; `limited` reports the share of time at the limit. Cannot be combined with impulses or
         thrusters.
     minimum_bit : float [m/s], default 0
-        The least impulse that is fired.
+        Minimum impulse bit.
     thrusters : Thrusters or sequence of Thrusters or None, optional
-        Of all craft, or of each that has some, which fire what `thrust` says, and lead back by burns: in
-        their directions, a bit or more, when they are not on by plan.
+        Thrusters of all craft, or of each that has some. They fire the compensated plan, and feedback burns
+        of at least one bit while they are not firing by plan.
     seeds : int or sequence of int, default 1
-        How many flights, or the seed of each: its errors are the same however many others there are.
-    errors : Uncertainty or sequence of Errors or None, optional
-        Of each craft, beside `thrust_error`, drawn anew for its state at the start, for each burn and each
-        impulse, whether planned or to lead back.  What leads back by thrust that lasts is a burn from one
-        measurement to the next, and so is what thrusters fire from one order to the next.  `noise` shakes
-        a craft all the time, by changes of velocity each 8 s; its states are exact at these times.
+        Number of simulations, or the seed of each, which determines its errors.
+    errors : Uncertainty or sequence of Uncertainty or None, optional
+        Uncertainty of each craft, in addition to `thrust_error`: errors of the initial state and of each
+        planned or feedback burn and impulse. Continuous feedback is one burn per measurement, and thruster
+        feedback one per order. Process noise (`noise`) acts by velocity changes every 8 s; states are exact
+        at these times.
     lost : array_like of shape (N,) or () [s], optional
-        When each craft loses its thrust, as nobody knows, inf of one that does not: it drifts from then on.
-        Of thrusters what they are told last to lead back counts as spent.
+        Time at which each craft loses its thrust, unknown to guidance, and drifts; inf for one that does not.
+        The last feedback order of thrusters counts as spent.
     engine : array_like of bool of shape (N,) or (), default True
-        Whether each craft has one.  Without it a craft coasts in the field: nobody leads it back, and new
-        plans go around where it is measured to be.
+        Whether each craft has an engine. Without it a craft coasts in the field without feedback, and new
+        plans avoid its measured path.
 
     Returns
     -------
     Simulation
-        States, what they cost, and how near pairs came.
+        States, cost, and clearance ratios of pairs.
 
     Raises
     ------
     ValueError
-        If the plan has no paths, is of deep space, its mean motion is not the chief's, or an
-        argument is of another kind.
+        If the plan has no paths, is in deep space, has another mean motion than the chief, or an argument
+        has the wrong type.
 
     Notes
     -----
-    Steps are of 10 s, of 20 s where only impulses thrust and of 5 s where pulses do; one ends wherever thrust
-    jumps.  Feedback leads craft back to the plan, those with thrusters, and others where impulses move them,
-    to what these fly without errors in the field that is known.  Coasts that begin without an impulse, and
-    last for a horizon or an orbit, are held, in a path of several stages, too.  A field that is a function is
-    taken along a flight without errors, and beside it by its zonals' gradient.
+    Steps are 10 s, 20 s for impulses alone and 5 s for pulses; a step ends at each discontinuity of thrust.
+    Feedback returns craft to the plan. For thrusters, and for impulsive spans, the reference is the motion
+    without errors in the known field. Coasts that begin without an impulse and last for a horizon or an orbit
+    are held, also in a path of several stages. A field that is a function is evaluated along a simulation
+    without errors; nearby, the gradient of its zonals is used.
 
     References
     ----------
@@ -130,7 +130,7 @@ def simulate(
     """
     paths = paths_to_fly(plan, field)
     if not isinstance(control, str) or control not in ("track", "replan", "open"):
-        raise ValueError(f'control: "track", "replan" or "open", got {shown(control)}')
+        raise ValueError(f'control: must be "track", "replan" or "open", got {shown(control)}')
     instance("cancel", cancel, bool)
     instance("known", known, Field, type(None))
     instance("zones", zones, Zone, PairZones, type(None))
@@ -149,14 +149,14 @@ def simulate(
     asked = _Asked(paths, field, believed, law, zones, cancel, engines, draws, drifts)
     if control == "replan":
         if np.isfinite(drifts).any():
-            raise ValueError('lost: new plans would need the thrust that is lost; give control="track"')
+            raise ValueError('lost: cannot be combined with replanning; give control="track"')
         if zones is None or not cancel or law.impulses or law.delay or fires:
             raise ValueError(
-                "control: new plans are around zones, of thrust that lasts, less the residual, at once; give "
-                "zones, and leave out impulses, cancel and delay"
+                'control: "replan" requires zones, and continuous thrust with cancel and without delay; '
+                "give zones, and remove impulses, cancel=False and delay"
             )
         if pulsed and limit.min() < np.inf:
-            raise ValueError("thrusters: have limits of their own; leave out max_acceleration")
+            raise ValueError("thrusters: cannot be combined with max_acceleration; remove it")
         return asked.flight(asked.replanned(zones, own_sets))
     if control == "open":
         asked = asked._replace(law=None)
@@ -164,14 +164,13 @@ def simulate(
         return asked.flight(asked.followed())
     if not cancel or limit.min() < np.inf or least > 0.0:
         raise ValueError(
-            "thrusters: have limits and bits of their own, and fly in the field; leave out "
-            "max_acceleration, minimum_bit and cancel"
+            "thrusters: cannot be combined with max_acceleration, minimum_bit or cancel=False; remove these"
         )
     return asked.flight(asked.pulsed(own_sets))
 
 
 class _Flown(NamedTuple):
-    """Flights at some times, of paths (N,) that cost so much (N,); with what plans anew or pulses add."""
+    """Simulations at some times, of paths (N,) with planned costs (N,), and the data of replans or pulses."""
 
     times: Floats
     done: Flights
@@ -184,7 +183,7 @@ class _Flown(NamedTuple):
 
 
 class _Asked(NamedTuple):
-    """What is to be flown: arguments of `fly`, checked; of thrust as commanded without a law."""
+    """Checked arguments of `simulate`; `law` is None for open-loop control."""
 
     paths: Path
     field: Field
@@ -197,14 +196,14 @@ class _Asked(NamedTuple):
     lost: Floats
 
     def replanned(self, zones: Zone | PairZones, thrusters: Sequence[Thrusters | None]) -> _Flown:
-        """By plans that are made anew, and by pulses of those that have thrusters."""
-        from closeform.dynamics.replanned import Replanning  # which loads all of planning
+        """Return simulations with replanning, and with pulses for craft that have thrusters."""
+        from closeform.dynamics.replanned import Replanning  # imported late: loads the planner
 
         assert self.law is not None
         fields, law, first, planned = (self.field, self.believed), self.law, None, self.paths.delta_v
         if any(own is not None for own in thrusters):
             from closeform.dynamics.pulsed_flight import led_by_pulses, planned_by_pulses
-            from closeform.dynamics.pulsed_legs import (  # whose kernels only thrusters need
+            from closeform.dynamics.pulsed_legs import (  # imported late: compiles kernels
                 PulsedPlan,
                 in_step,
             )
@@ -223,8 +222,8 @@ class _Asked(NamedTuple):
         return _Flown(times, done, self.paths, planned, made, refused, firing, orders)
 
     def pulsed(self, thrusters: Sequence[Thrusters | None]) -> _Flown:
-        """By pulses."""
-        from closeform.dynamics.pulsed_flight import fly_pulses  # whose kernels only thrusters need
+        """Return simulations with thruster pulses."""
+        from closeform.dynamics.pulsed_flight import fly_pulses  # imported late: compiles kernels
 
         fields = self.field, self.believed
         found = fly_pulses(self.paths, thrusters, fields, self.law, self.draws, self.lost, self.engines)
@@ -233,7 +232,7 @@ class _Asked(NamedTuple):
         return _Flown(times, done, paths, planned, firing=firing, ordered=ordered)
 
     def followed(self) -> _Flown:
-        """By thrust that lasts, and by impulses."""
+        """Return simulations with continuous thrust and impulses."""
         own, paths = ballistics_of(self.field.drag, len(self.paths)), self.paths
         against = self.believed if self.cancel else None
         commands = commands_of(paths, self.law, against, own, self.engines, lost=self.lost)
@@ -244,9 +243,9 @@ class _Asked(NamedTuple):
         led = until_lost(paths, self.lost)
         return _Flown(commands.table.shown_times, done, led, led.delta_v)
 
-    def flight(self, told: _Flown) -> Simulation:
-        """What is answered of it."""
-        times, done, planned = told.times, told.done, np.array(told.planned)
+    def flight(self, flown: _Flown) -> Simulation:
+        """Return the result of the simulations."""
+        times, done, planned = flown.times, flown.done, np.array(flown.planned)
         each = zip(done.states, done.arrivals, strict=True)
         found = [least_ratios(one, before, times, self.zones) for one, before in each]
         nothing = np.zeros((len(done.states), len(planned), 0, 3))
@@ -260,17 +259,17 @@ class _Asked(NamedTuple):
             done.limited * self.engines.running / (times[-1] - times[0]),
             found[0][0],
             np.array([ratio for _, ratio in found]),
-            told.paths,
-            np.array(told.replans or [0] * len(done.states)),
-            told.refused,
-            told.firing,
-            np.zeros(0) if told.ordered is None else told.ordered,
-            nothing if told.ordered is None else done.fired,
+            flown.paths,
+            np.array(flown.replans or [0] * len(done.states)),
+            flown.refused,
+            flown.firing,
+            np.zeros(0) if flown.ordered is None else flown.ordered,
+            nothing if flown.ordered is None else done.fired,
         )
 
 
 def _limit(max_acceleration: ArrayLike | None, fires: bool, count: int) -> Floats:
-    """What thrust never exceeds (N,) [m/s^2], of plans that have impulses or none."""
+    """Return the thrust limit (N,) [m/s^2] after a check."""
     if max_acceleration is None:
         return np.full(count, np.inf)
     limit = of_each("max_acceleration", max_acceleration, count)
@@ -278,6 +277,6 @@ def _limit(max_acceleration: ArrayLike | None, fires: bool, count: int) -> Float
         raise ValueError(f"max_acceleration: must be positive, got {shown(max_acceleration)}")
     if fires:
         raise ValueError(
-            "max_acceleration: the plan has impulses, which are beyond any limit; leave it out, or plan burns"
+            "max_acceleration: cannot be combined with impulses; remove it, or plan continuous thrust"
         )
     return limit

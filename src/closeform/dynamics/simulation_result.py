@@ -1,4 +1,4 @@
-"""What flights of a plan in a field answer: where craft went, what it cost, how near pairs came."""
+"""Result of simulations of a plan: states, delta-v and clearance ratios."""
 
 from __future__ import annotations
 
@@ -17,48 +17,47 @@ if TYPE_CHECKING:
     from closeform.fuel.firing import ThrusterFiring
 
 DAY = 86400.0  # s
-ROUNDING = 1e-12  # of what is spent: what is left of it below that is nothing
+ROUNDING = 1e-12  # relative rounding error of the delta-v
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Simulation(Rows):
-    """S flights of N craft in a field; made by `fly`.
+    """S simulations of N craft in a field; returned by `simulate`.
 
     Attributes
     ----------
     times : array of shape (T,) [s]
-        Since the chief's epoch.
+        Times since the chief's epoch.
     states : array of shape (S, N, T, 6) [m, m/s]
-        Flown, in the chief's axes.
+        Simulated states, in the chief's axes.
     arrivals : array of shape (S, N, T, 6) [m, m/s]
-        The same before impulses that are fired then, in the chief's axes: velocities differ.
+        The same before impulses at these times, in the chief's axes; velocities differ.
     delta_v : array of shape (S, N) [m/s]
-        Spent: the sum of the three that follow.
+        Delta-v spent: the sum of the next three.
     planned_delta_v : array of shape (N,) [m/s]
-        Of the plan; of a craft with thrusters what these fire for it in Hill's equations, each counted.
+        Delta-v of the plan; for craft with thrusters that of the firing in Hill's equations, per thruster.
     field_delta_v : array of shape (N,) [m/s]
-        What it takes beyond that to command against what Hill's equations leave out; negative where that
-        helps, 0 without `cancel`.
+        Additional delta-v to compensate the model error; negative where it helps, 0 without `cancel`.
     limited : array of shape (S, N), no unit
-        The share of time in which each craft is asked for more thrust than `max_acceleration`, or to come
-        back by more than its thrusters give, or where none of them pushes.
+        Share of time in which the command of each craft exceeds `max_acceleration`, or its feedback exceeds
+        the capability of its thrusters.
     pairs : array of int of shape (P, 2)
         Pairs i < j that have a zone.
     ratios : array of shape (S, P), no unit
-        The least of each pair and flight, at these times and between them.
+        Minimum clearance ratio of each pair and simulation, at these times and between them.
     planned : Path
-        What was to be flown.
+        Planned paths.
     replans : array of int of shape (S,)
-        How many new plans were flown.
+        Number of new plans executed.
     refused : tuple of (int, float [s], str)
-        New plans that there were not: the seed, the time, and with how much of the room and why.
+        Failed replans: seed, time, and reason with the share of the margin.
     firing : ThrusterFiring or None
-        What thrusters fire by plan, of craft that have some; None without.
+        Planned firing of craft with thrusters; None without.
     ordered : array of shape (Q,) [s]
-        When thrusters are told how to lead back; none without thrusters.
+        Times of feedback orders to thrusters; empty without thrusters.
     orders : array of shape (S, N, Q, 3) [m/s]
-        How: the delta-v of their burns until the next time, each about the middle of what their plan leaves
-        them of it; radial, along-track and cross-track, in the chief's axes.
+        Delta-v of the feedback burns until the next order, each centred in the time without planned firing;
+        radial, along-track and cross-track, in the chief's axes.
     """
 
     _columns: ClassVar = {
@@ -88,98 +87,98 @@ class Simulation(Rows):
 
     @property
     def orbit(self) -> Orbit:
-        """In which the plan was made."""
+        """Orbit of the plan."""
         return self.planned.orbit
 
     @property
     def seed(self) -> Any:
-        """Which flight each row of `columns` is of (S, N), no unit."""
+        """Index of the simulation of each row of `columns` (S, N), no unit."""
         return np.broadcast_to(np.arange(len(self.delta_v))[:, None], self.delta_v.shape)
 
     @property
     def craft(self) -> Any:
-        """Which craft each row of `columns` is of (S, N), no unit."""
+        """Index of the craft of each row of `columns` (S, N), no unit."""
         return np.broadcast_to(np.arange(self.delta_v.shape[1]), self.delta_v.shape)
 
     @property
     def feedback_delta_v(self) -> Any:
-        """What each craft spends on errors of all kinds (S, N) [m/s], less what limits keep back.
+        """Delta-v of each craft for feedback (S, N) [m/s], reduced by thrust limits.
 
-        Where impulses or pulses lead back it holds coasts against the field, too.
+        Impulsive and pulsed feedback also compensates the model error on held coasts.
         """
         spent = self.delta_v - self.planned_delta_v - self.field_delta_v
         return np.where(np.abs(spent) > ROUNDING * self.delta_v, spent, 0.0)
 
     @cached_property
     def deviations(self) -> Floats:
-        """How far each craft is off the plan at the times (S, N, T) [m]."""
+        """Distance of each craft from the plan at the times (S, N, T) [m]."""
         apart = self.states[..., :3] - self.planned.position(self.times)
         return np.asarray(np.linalg.norm(apart, axis=-1))
 
     @property
     def ends(self) -> Floats:
-        """How far off the plan each craft ends (S, N) [m]."""
+        """Distance of each craft from the plan at the end (S, N) [m]."""
         return self.deviations[..., -1]
 
     @property
     def delta_v_per_day(self) -> Floats:
-        """What each craft spends in a day (S, N) [m/s]."""
+        """Delta-v of each craft per day (S, N) [m/s]."""
         return np.asarray(self.delta_v * (DAY / (self.times[-1] - self.times[0])))
 
     @property
     def greatest_deviation(self) -> float:
-        """How far off the plan a craft is at most [m]."""
+        """Greatest distance of any craft from the plan [m]."""
         return float(self.deviations.max())
 
     @property
     def greatest_end(self) -> float:
-        """How far off the plan a craft ends at most [m]."""
+        """Greatest distance of any craft from the plan at the end [m]."""
         return float(self.ends.max())
 
     @property
     def greatest_delta_v(self) -> float:
-        """What a craft spends at most [m/s]."""
+        """Greatest delta-v of any craft [m/s]."""
         return float(self.delta_v.max())
 
     @property
     def least_ratio(self) -> float:
-        """The least of all pairs and flights, no unit; inf without zones."""
+        """Minimum clearance ratio of all pairs and simulations, no unit; inf without zones."""
         return float(self.ratios.min(initial=np.inf))
 
     @property
     def violated(self) -> float:
-        """The share of flights in which a zone is entered, no unit."""
+        """Share of simulations in which a zone is entered, no unit."""
         return float((self.ratios < 1.0).any(axis=1).mean())
 
     @property
     def worst(self) -> int:
-        """The flight in which a pair comes nearest, or without zones a craft ends farthest off."""
+        """Index of the simulation with the minimum clearance ratio, or without zones greatest end error."""
         by_end = int(np.argmax(self.ends.max(axis=1)))
         return int(np.argmin(self.ratios.min(axis=1))) if self.ratios.size else by_end
 
     def path(self, seed: int) -> Path:
-        """What was flown, as paths: `screen` certifies what they say.
+        """Return the simulated paths of one simulation, for example for `screen`.
 
         Parameters
         ----------
         seed : int
-            Which flight.
+            Index of the simulation.
 
         Returns
         -------
         Path
-            Of shape (N,), through its states, with the impulses that were fired.
+            Paths of shape (N,) through its states, with the impulses as fired.
 
         Raises
         ------
         ValueError
-            If there is no such flight.
+            If there is no such simulation.
 
         References
         ----------
         docs/field.md.
         """
         if whole("seed", seed) >= len(self.states):
-            raise ValueError(f"seed: there are {len(self.states)} flights, got {seed}")
+            raise ValueError(f"seed: must be below {len(self.states)}, the number of simulations, got {seed}")
         states, arrivals = self.states[seed], self.arrivals[seed]
         return self.planned.orbit._through(self.times, states, arrivals)

@@ -1,4 +1,4 @@
-"""Orders: what thrusters under feedback fire beside their plan, when, and the thrust of that."""
+"""Feedback orders to thrusters in simulations: the burns beside the plan, and their thrust."""
 
 from math import cos, sin
 
@@ -6,23 +6,23 @@ from closeform._jit import kernel
 from closeform.dynamics.batch_layout import BACK, BURN, CRAFT, LANES, ORDER, SPENT, correct, erred
 from closeform.kernel_loans import stack_vector
 
-SIDE, BIT, STRENGTH, THRUSTER = 0, 3, 4, 5  # of a thruster: where it pushes, the least at a time, how hard
-CORNER, INVERSE, FACET = 0, 3, 12  # of a facet: its thrusters, and what tells how much of each
+SIDE, BIT, STRENGTH, THRUSTER = 0, 3, 4, 5  # of a thruster: direction, minimum bit, acceleration
+CORNER, INVERSE, FACET = 0, 3, 12  # of a facet: its thrusters, and the inverse of their directions
 
 
 @kernel(inline=True)
 def asked(facet, k, x, y, z):
-    """How much of its thruster `k` a facet takes for a push."""
+    """Return the share of thruster `k` of a facet in a push."""
     return x * facet[INVERSE + k] + y * facet[INVERSE + 3 + k] + z * facet[INVERSE + 6 + k]
 
 
 @kernel()
 def order(course, lanes, m, node, given):
-    """Tell the thrusters of a lane what to do in the slot that begins at a node.
+    """Order the thrusters of a lane for the slot that begins at a node.
 
-    Of three each: its index, and from when to when it is on of the time that the plan leaves it, about the
-    middle of that.  `given` (3,) is their delta-v in the chief's axes, which is spent; a slot counts in which
-    they cannot give all.
+    The order holds for three thrusters: index, and on and off times, counted in time without planned firing
+    and centred in the slot. `given` (3,) is the delta-v in the chief's axes, which is added to the spent one.
+    A slot counts as limited if the thrusters cannot give the whole feedback.
     """
     i, until, v = int(lanes[CRAFT, m]), course.slots[node], stack_vector(3)
     correct(course, lanes, m, node, v)
@@ -64,7 +64,7 @@ def order(course, lanes, m, node, given):
 
 @kernel()
 def burn_all(course, lanes, step):
-    """Fill the thrust of burns that are ordered within a step, on average, as it comes out."""
+    """Fill the mean thrust of ordered burns within a step, with errors."""
     for m in range(LANES):
         i = int(lanes[CRAFT, m])
         fx, fy, fz = 0.0, 0.0, 0.0

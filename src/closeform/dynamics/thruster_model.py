@@ -1,4 +1,4 @@
-"""One craft's thrusters as flights know them, and when they are on by plan."""
+"""Thrusters of one craft as the simulation kernels use them, with their planned firing."""
 
 from __future__ import annotations
 
@@ -12,13 +12,14 @@ from closeform.fuel.allocation import Allocation
 from closeform.fuel.pulses import Pulses
 from closeform.fuel.thrusters import Thrusters
 
-NEGLIGIBLE = 1e-9  # m/s: not missed where no thruster pushes
+NEGLIGIBLE = 1e-9  # m/s: tolerance along an axis without a thruster
 
 
 class Nozzles(NamedTuple):
-    """One craft's thrusters as kernels know them, see `field/orders.py`, and when they are on by plan.
+    """Thrusters of one craft for kernels, see `thruster_commands`, and their planned pulses.
 
-    `turns` where they are fixed inertially; from `begins` to `ends` (P,) [s] a pulse of each `whose` (P,) is.
+    `turns`: their frame is inertial; pulses last from `begins` to `ends` (P,) [s], each of the thruster
+    `whose` (P,).
     """
 
     thrusters: Floats  # (J, 5)
@@ -29,7 +30,7 @@ class Nozzles(NamedTuple):
     ends: Floats
 
     def free(self, times: Floats) -> Floats:
-        """For how long (J, T) [s] each was not on between the first of some times and each of them."""
+        """Return the time (J, T) [s] without planned firing of each thruster since the first time."""
         found = np.tile(times - times[0], (len(self.thrusters), 1))
         for j in np.unique(self.whose):
             edges = np.stack([self.begins[self.whose == j], self.ends[self.whose == j]], axis=1)
@@ -40,7 +41,7 @@ class Nozzles(NamedTuple):
 
 
 def nozzles_of(thrusters: Thrusters, pulses: Pulses) -> Nozzles:
-    """One craft's thrusters, beside the pulses that it fires by plan; after them pushes that none makes."""
+    """Return one craft's thrusters with its planned pulses; six absent thrusters complete the axes."""
     allocation = Allocation.of(thrusters.directions)
     rows = np.zeros((allocation.count + 6, THRUSTER))
     rows[: allocation.count, :BIT] = thrusters.directions

@@ -1,4 +1,4 @@
-"""The timetable of flights: their steps, measurements and impulses."""
+"""Timetable of a simulation: its steps, measurements and impulses."""
 
 from __future__ import annotations
 
@@ -11,52 +11,53 @@ from closeform.dynamics.feedback import Feedback
 from closeform.motion.arc import END, IMPULSE, START
 from closeform.motion.path import Path
 
-PULSED, STEP, COAST = 5.0, 10.0, 20.0  # s: steps at most, of pulses, of thrust that lasts, of impulses alone
-SHOWN = 20_000  # instants of which states are kept, about
-BESIDE = 1e-6  # of a step: on this side of where thrust jumps
-SAME = 1e-6  # s after a measurement, by which steps may differ that share a row of the law
-JUMP, BEND = 1e-6, 0.05  # of the peak thrust: at once, or on both sides within a step
+# s: greatest step for pulses, for continuous thrust, for impulses alone
+PULSED, STEP, COAST = 5.0, 10.0, 20.0
+SHOWN = 20_000  # number of instants with stored states, about
+BESIDE = 1e-6  # of a step: distance from a discontinuity of thrust
+SAME = 1e-6  # s: tolerance of equal times
+JUMP, BEND = 1e-6, 0.05  # of the peak thrust: a discontinuity, and a bend within a step
 
 
 class Timetable(NamedTuple):
-    """K steps: which measurement is made, what is fired and what is shown at the K + 1 nodes between them."""
+    """K steps, with the measurements, impulses and shown states at the K + 1 nodes between them."""
 
     times: Floats  # (2 K + 1,) [s], half steps
-    looks: Any  # (K + 1,) which measurement, or -1
-    answers: Any  # (K + 1,) which measurement begins to count, or -1
-    kicks: Any  # (K + 1,) which impulse after a measurement, or -1
-    fires: Any  # (K + 1,) which row of impulses, or -1
-    shown: Any  # (K + 1,) which row of states, or -1
-    rows: Any  # (K,) of `since`, at the begin of each step
-    since: Floats  # (L,) [s] after a measurement: begin, middle and end of each kind of step
+    looks: Any  # (K + 1,) index of a measurement, or -1
+    answers: Any  # (K + 1,) index of a measurement that takes effect, or -1
+    kicks: Any  # (K + 1,) index of an impulse after a measurement, or -1
+    fires: Any  # (K + 1,) row of impulses, or -1
+    shown: Any  # (K + 1,) row of states, or -1
+    rows: Any  # (K,) row of `since` at the start of each step
+    since: Floats  # (L,) [s] after a measurement: start, middle and end of each kind of step
 
     @property
     def nodes(self) -> Floats:
-        """Where steps begin and end (K + 1,) [s]."""
+        """Start and end times of the steps (K + 1,) [s]."""
         return self.times[::2]
 
     @property
     def shown_times(self) -> Floats:
-        """Where states are shown (T,) [s]."""
+        """Times of shown states (T,) [s]."""
         return np.asarray(self.nodes[self.shown >= 0])
 
     @property
     def fired_times(self) -> Floats:
-        """Where impulses are fired (Q,) [s]."""
+        """Times of impulses (Q,) [s]."""
         return np.asarray(self.nodes[self.fires >= 0])
 
     @property
     def measurements(self) -> int:
-        """How many."""
+        """Number of measurements."""
         return int(self.looks.max()) + 1
 
     @property
     def interval(self) -> float:
-        """From one measurement to the next [s]."""
+        """Time between measurements [s]."""
         return float(self.times[-1] - self.times[0]) / max(self.measurements, 1)
 
     def during(self, first: int, last: int) -> Timetable:
-        """From one node to another, both included."""
+        """Return the timetable between two nodes, both included."""
         nodes, steps = slice(first, last + 1), slice(first, last)
         each = ("looks", "answers", "kicks", "fires", "shown")
         numbers = {name: _from_first(getattr(self, name)[nodes]) for name in each}
@@ -73,10 +74,11 @@ class Timetable(NamedTuple):
         longest: float,
         looked_at: Floats,
     ) -> Timetable:
-        """From start to end [s], in steps of at most `longest` [s], of which some end at `edges` and `fired`.
+        """Return a timetable with steps of at most `longest` [s], some ending at `edges` and `fired`.
 
-        Measured from the start on, at equal intervals of at most the law's; `offsets` (J,) [s] after each
-        measurement impulses are fired.  States are shown where one is `looked_at`, too: some of these ends.
+        Measurements are at equal intervals of at most the law's, from the start on. Impulses are fired
+        `offsets` (J,) [s] after each measurement. States are also shown at the times `looked_at`, which are
+        step ends.
         """
         start, end = span
         fired = merged(fired)
@@ -110,7 +112,7 @@ class Timetable(NamedTuple):
         return table if law is None or law.impulses or not len(answered) else table._measured(nodes, answered)
 
     def _measured(self, nodes: Floats, answered: Floats) -> Timetable:
-        """With the rows of a law, one for each kind of step; before the first measurement counts any does."""
+        """Return the timetable with the rows of a law, one for each kind of step."""
         last = np.maximum(np.searchsorted(answered, nodes[:-1], side="right") - 1, 0)
         begin = np.maximum(nodes[:-1] - answered[last], 0.0)
         kinds = np.round(np.stack([begin, np.diff(nodes)], axis=1) / SAME).astype(np.int64)
@@ -120,17 +122,17 @@ class Timetable(NamedTuple):
 
 
 def _from_first(rows: Any) -> Any:
-    """Numbers at nodes, counted from the first of them; -1 at the others."""
+    """Return indices at nodes, counted from the first of them; -1 at the others."""
     return np.where(rows >= 0, rows - rows[rows >= 0].min(initial=rows.max()), -1)
 
 
 def intervals_in(duration: float, every: float) -> int:
-    """How many equal intervals between measurements, none longer than `every` [s] but by rounding."""
+    """Return the number of equal intervals between measurements, none longer than `every` [s]."""
     return int(np.ceil(duration / every - SAME))
 
 
 def snapped(times: Floats, base: Floats) -> Floats:
-    """Times, and in place of those that differ from one of a base by rounding that one."""
+    """Return times, replaced by a time of a base where they differ from it by rounding."""
     if not len(base):
         return times
     near = base[np.minimum(np.searchsorted(base, times - SAME), len(base) - 1)]
@@ -138,20 +140,20 @@ def snapped(times: Floats, base: Floats) -> Floats:
 
 
 def merged(times: Floats) -> Floats:
-    """Times in order, of those that differ by rounding the last: until then all of them have come."""
+    """Return times in order; of times that differ by rounding, the last."""
     times = np.unique(times)
     return np.asarray(times[np.diff(times, append=np.inf) > SAME])
 
 
 def joined(times: Floats, base: Floats) -> Floats:
-    """Times before the end of a base, each once, as in the base where they differ from it by rounding."""
+    """Return times before the end of a base, each once, equal to the base where they differ by rounding."""
     times = np.unique(snapped(times, base))
     apart = np.diff(times, prepend=-np.inf) > SAME
     return np.asarray(times[apart & (times < base[-1] - SAME)])
 
 
 def _numbered(nodes: Floats, times: Floats, numbers: Any) -> Any:
-    """Numbers at the nodes (K + 1,) that are at some times; -1 at the others."""
+    """Return the given numbers at the nodes (K + 1,) of some times; -1 at the others."""
     out = np.full(len(nodes), -1)
     if times.size:
         out[np.searchsorted(nodes, times)] = numbers
@@ -159,12 +161,12 @@ def _numbered(nodes: Floats, times: Floats, numbers: Any) -> Any:
 
 
 def edges_of(path: Path) -> Floats:
-    """Where the thrust of any craft jumps [s]."""
+    """Return the times of thrust discontinuities of any craft [s]."""
     found = [np.zeros(0)]
     for k in np.flatnonzero(path.peak_thrust):
         one = path[int(k)]
         lengths = one.arcs[:, END] - one.arcs[:, START]
-        # on either side of a brief pulse, too, in a flight of days
+        # short enough to resolve a brief pulse in a simulation of days
         shortest = lengths[lengths > SAME].min()
         near = min(BESIDE * (one.end - one.start), 0.25 * shortest)
         times = one.arcs[:, START]
@@ -175,7 +177,7 @@ def edges_of(path: Path) -> Floats:
 
 
 def bends_of(path: Path) -> Floats:
-    """Where the thrust of any craft bends so that a step across would be wrong [s]."""
+    """Return the times at which the thrust of any craft bends too sharply for one step [s]."""
     found = [np.zeros(0)]
     for k in np.flatnonzero(path.peak_thrust):
         one = path[int(k)]
@@ -187,7 +189,7 @@ def bends_of(path: Path) -> Floats:
 
 
 def impulses_of(path: Path) -> tuple[Any, Floats, Floats]:
-    """The craft (M,), times (M,) [s] and sizes (M, 3) [m/s] of all impulses of paths (N,)."""
+    """Return the craft (M,), times (M,) [s] and sizes (M, 3) [m/s] of all impulses of paths (N,)."""
     jumps = path.arcs[:, IMPULSE : IMPULSE + 3]
     rows = np.flatnonzero(jumps.any(axis=1))
     craft = np.searchsorted(path.offsets, rows, side="right") - 1

@@ -1,4 +1,4 @@
-"""Room: how far craft under feedback are off one plan at each of its times, and what pairs need of it."""
+"""Tracking-error tube of craft under feedback along one plan, and the margins that pairs require."""
 
 from __future__ import annotations
 
@@ -27,39 +27,36 @@ from closeform.zones.padding import gap
 from closeform.zones.pair_zones import PairZones
 from closeform.zones.zone import Zone
 
-CLOSER, FINER = 4, 16  # times that the two steps about a least are looked at anew, in so many parts
+CLOSER, FINER = 4, 16  # refinements around a minimum, and parts in each
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class TrackingMargins(Result):
-    """How far N craft are off their planned paths at T times, under feedback; made by `room`.
+    """Tracking errors of N craft at T times under feedback; returned by `tracking_margins`.
 
     Attributes
     ----------
     times : array of shape (T,) [s]
-        Since the chief's epoch.
+        Times since the chief's epoch.
     shift : array of shape (N, T, 3) [m]
-        Where they are expected to be off: by what is known of the field and not commanded against, and
-        where impulses lead that are changed for it, or craft drift that have no engine; in the chief's axes.
+        Expected deviation, in the chief's axes: by known model errors without compensation, by impulses
+        changed for the field, or by the drift of craft without an engine.
     stretch : array of shape (N, T, 3) [m]
-        How much further for thrust that is larger by the whole of itself, in the chief's axes.
+        Further deviation for thrust larger by 100 %, in the chief's axes.
     turn : array of shape (N, T, 3, 3) [m/rad]
-        The same of thrust that is turned about each of the chief's axes, in columns.
+        The same for thrust rotated about each of the chief's axes, in columns.
     thrust_error : array of shape (N, 2), no unit and [rad]
-        By how much thrust is off at most: a share of its size, and in direction.
+        Bounds of the relative thrust error and of the direction error.
     rest : array of shape (N,) [m]
-        What else they are off at most: by accelerations that nobody knows, and measurements that are off by
-        something constant.
+        Bound of the remaining deviation, by unknown accelerations and constant measurement errors.
     spread : array of shape (N, T, 3, 3) [m^2]
-        Covariances of what errors of each burn and impulse, and of states at the start, leave; in the chief's
-        axes.
+        Covariances due to the errors of burns, impulses and initial states, in the chief's axes.
     noise : array of shape (N,) [m]
-        The standard deviation, in the worst direction, from measurements that are off at random.
+        Standard deviation in the worst direction due to random measurement errors.
     sigmas : float, no unit
-        As many of which count.
+        Number of standard deviations that count.
     thrust : array of shape (N,) [m/s^2]
-        The most that each is asked for, with what feedback adds, but for impulses; with a lower limit no room
-        is known.
+        Greatest thrust required with feedback, without impulses. With a lower limit the margins do not hold.
     """
 
     _told: ClassVar = ("greatest", "thrust_error", "rest", "noise", "sigmas", "thrust")
@@ -77,7 +74,7 @@ class TrackingMargins(Result):
 
     @property
     def radius(self) -> Floats:
-        """How far off each craft is at each time, in any direction (N, T) [m]."""
+        """Radius of the tracking-error tube of each craft at each time (N, T) [m]."""
         share, angle = self.thrust_error.T[..., None, None]
         larger, turned = share * self.stretch, ((1.0 + share) * angle)[..., None] * self.turn
         aligned = np.linalg.norm(np.einsum("ntij,nti->ntj", turned, larger), axis=-1)
@@ -88,11 +85,11 @@ class TrackingMargins(Result):
 
     @property
     def greatest(self) -> Floats:
-        """The same at any time (N,) [m]."""
+        """Greatest radius at any time (N,) [m]."""
         return np.asarray(self.radius.max(axis=1))
 
     def _since(self, begin: float) -> TrackingMargins:
-        """From some time on [s]."""
+        """Return the margins from some time on [s]."""
         times = np.concatenate([[begin], self.times[self.times > begin]])
         later: Any = {
             name: np.array([_between(self.times, one, times) for one in getattr(self, name)])
@@ -116,54 +113,53 @@ def tracking_margins(
     sigmas: float = 4.0,
     engine: ArrayLike = True,
 ) -> TrackingMargins:
-    """How far craft are off a plan at each of its times, under feedback with errors as `fly` draws them.
+    """Compute the tracking errors of craft along a plan, under feedback with the errors of `simulate`.
 
     Parameters
     ----------
     plan : Plan, Avoidance or Path
-        Of one craft or of N, as of `fly`.
+        Plan of one craft or of N, as in `simulate`.
     field : Field
-        What is known of the field.
+        Known force model.
     feedback : Feedback, optional
-        How often they are measured, and within which horizon brought back; as of `fly`, for impulses by one
-        each five minutes, of six in half an hour, unless given.
+        Feedback law. Default: as in `simulate`.
     navigation : Navigation, optional
-        How well; exactly unless given.
+        Navigation accuracy. Default: exact.
     cancel : bool, default True
-        Whether what Hill's equations leave out is commanded against, as by `thrust`.
+        Compensate the model error, as `compensated_thrust` does.
     residual : array_like of shape (N,) or () [m/s^2], default 0
-        Accelerations beyond this field, at most.
+        Bound of accelerations not in this field.
     thrust_error : array_like of shape (2,) or (N, 2), no unit and [rad], default (0, 0)
-        By how much each craft's thrust is off at most, as a share of its size, and in direction; constant
-        through a flight.
-    errors : Uncertainty or sequence of Errors or None, optional
-        Of each craft, which `fly` draws; without white noise.
+        Bounds of each craft's relative thrust error and of its direction error, constant through a
+        simulation.
+    errors : Uncertainty or sequence of Uncertainty or None, optional
+        Uncertainty of each craft, as in `simulate`, without process noise.
     minimum_bit : float [m/s], default 0
-        The least impulse of feedback that is fired.
+        Minimum impulse bit of feedback.
     thrusters : Thrusters or sequence of Thrusters or None, optional
-        Of all craft, or of each that has some, as of `fly`: pulses lead off the plan, which is known, and
-        what a bit leaves undone is bounded.
+        Thrusters of all craft, or of each that has some, as in `simulate`. The deviation of pulses from the
+        plan is known, and the effect of the minimum bit is bounded.
     sigmas : float, no unit, default 4
-        Of the noise and of `errors`, which count.
+        Number of standard deviations of noise and `errors` that count.
     engine : array_like of bool of shape (N,) or (), default True
-        Whether each craft has one; without it drifts in the field, as of `fly`.
+        Whether each craft has an engine; without it the craft drifts in the field, as in `simulate`.
 
     Returns
     -------
     TrackingMargins
-        By cause, craft and time.
+        Tracking errors by cause, craft and time.
 
     Raises
     ------
     ValueError
-        If the plan has no paths, is of deep space, its mean motion is not the chief's, a number is negative
-        or not finite, or an argument is of another kind.
+        If the plan has no paths, is in deep space, has another mean motion than the chief, a number is
+        negative or not finite, or an argument has the wrong type.
 
     Notes
     -----
-    Errors of thrust that is planned are followed along it, as the plan knows how large it is when; those
-    of thrust that feedback adds are bounded, and change what noise makes.  Thrust keeps no limit here:
-    `TrackingMargins.thrust` says which it keeps.
+    Errors of the planned thrust are propagated along the plan. Errors of the feedback thrust are bounded, and
+    increase the effect of noise. No thrust limit is applied; `TrackingMargins.thrust` reports the greatest
+    thrust.
 
     References
     ----------
@@ -195,26 +191,24 @@ def tracking_margins(
         for k in np.flatnonzero(shooters).tolist():
             if lacks(own[k]):
                 raise Grounded(
-                    f"thrusters: craft {k}: to some side none pushes, and how far it drifts there is not "
-                    "bounded; add one, or give a margin in metres"
+                    f"thrusters: craft {k}: an axis without a thruster is not controlled, so that its drift "
+                    "is not bounded; add a thruster, or give a margin in metres"
                 )
-        from closeform.dynamics.pulsed_flight import led_by_pulses  # whose kernels only thrusters need
+        from closeform.dynamics.pulsed_flight import led_by_pulses  # imported late: compiles kernels
 
         if not cancel or least > 0.0:
-            raise ValueError(
-                "thrusters: have bits of their own, and fly in the field; leave out minimum_bit and cancel"
-            )
+            raise ValueError("thrusters: cannot be combined with minimum_bit or cancel=False; remove these")
         law = led_by_pulses(law, own)
     elif least > 0.0 and not law.impulses:
-        raise ValueError("minimum_bit: of impulses; give a Feedback by some, or leave it out")
+        raise ValueError("minimum_bit: requires feedback by impulses; give such a Feedback, or remove it")
     own_errors = drawable(errors, count)
     if any(one.noise for one in own_errors or ()):
-        raise ValueError("errors: a room counts no white noise, which flights draw; leave out `noise`")
-    told: Any = sizes, unknown, own_errors
+        raise ValueError("errors: tracking margins do not cover process noise; remove `noise`")
+    of_craft: Any = sizes, unknown, own_errors
     groups = [np.flatnonzero(who) for who in (running & ~shooters, shooters, ~running) if who.any()]
     found = []
     for some in groups:
-        own_told = [None if one is None else [one[k] for k in some] for one in told]
+        own_told = [None if one is None else [one[k] for k in some] for one in of_craft]
         if not running[some[0]]:
             times = instants(paths, law)[0]
             found.append(_of_drifting(paths[some], field._of(some), times, own_told, many))
@@ -228,7 +222,10 @@ def tracking_margins(
 def _of_alike(
     flight: Followed, sight: Navigation, told: Sequence[Any], bit: Any, many: float
 ) -> TrackingMargins:
-    """Of craft that all have thrusters or none; with bounds, unknown accelerations, errors as told."""
+    """Return the margins of craft that all have thrusters, or all have none.
+
+    `told`: bounds of thrust errors, unknown accelerations, and uncertainties of the craft.
+    """
     sizes, unknown, errors = np.array(told[0]), np.array(told[1]), told[2]
     loop, (shift, stretch, *turned) = flight.loop, flight.caused[0]
     steady, more, *turning = flight.brought
@@ -250,7 +247,10 @@ def _of_alike(
 def _of_drifting(
     paths: Path, field: Field, times: Floats, told: Sequence[Any], many: float
 ) -> TrackingMargins:
-    """Of craft without engines: where they drift, with bounds, unknown accelerations, errors as told."""
+    """Return the margins of craft without engines, about their drift.
+
+    `told`: bounds of thrust errors, unknown accelerations, and uncertainties of the craft.
+    """
     sizes, unknown, errors = np.array(told[0]), np.array(told[1]), told[2]
     moved = paths.orbit.transition(times - times[0])
     pushed = np.linalg.norm(moved[:, :3, 3:], 2, axis=(1, 2))
@@ -265,7 +265,7 @@ def _of_drifting(
 
 
 def _together(parts: Sequence[TrackingMargins], order: Any) -> TrackingMargins:
-    """Of craft one part after another, in this order."""
+    """Return the margins of all craft from those of parts, in this order."""
     joined: Any = {
         name: np.concatenate([getattr(one, name) for one in parts])[order]
         for name in ("shift", "stretch", "turn", "thrust_error", "rest", "spread", "noise", "thrust")
@@ -274,11 +274,11 @@ def _together(parts: Sequence[TrackingMargins], order: Any) -> TrackingMargins:
 
 
 def needed_room(found: TrackingMargins, paths: Path, zones: PairZones, planned: int) -> tuple[Any, Floats]:
-    """Pairs (P, 2) with a zone, and the most (P,) [m] that each needs where it is nearer than that, or 0.
+    """Return pairs (P, 2) with a zone, and the margin (P,) [m] that each requires where violated, or 0.
 
-    `paths` and `zones` are of the N craft and, after them, bodies that are where they are said to be; pairs
-    have one of the first that are `planned`.  What is needed counts along the zone's normal where the pair
-    is; where it comes nearest between two times of the room, too.                             # theory (93)
+    `paths` and `zones` are of the N craft and, after them, bodies with exact paths; each pair includes one of
+    the first `planned` bodies. The margin counts along the zone's normal at the pair's relative position,
+    also at minima between two times.  # theory (93)
     """
     places, pairs, most = paths.position(found.times), [], []
     for zone, some in zones.groups():
@@ -299,7 +299,7 @@ def needed_room(found: TrackingMargins, paths: Path, zones: PairZones, planned: 
 
 
 def _dips(times: Floats, left: Floats) -> tuple[Floats, Floats]:
-    """Times (C, 3) with the next ones about each (C,) at which less is left than at these, and what is."""
+    """Return times (C, 3) of local minima of the remaining distance with their neighbours, and its values."""
     beside = np.pad(times, 1, mode="edge"), np.pad(left, 1, constant_values=np.inf)
     times, left = (sliding_window_view(one, 3) for one in beside)
     least = left.argmin(axis=1) == 1
@@ -307,7 +307,7 @@ def _dips(times: Floats, left: Floats) -> tuple[Floats, Floats]:
 
 
 def _about_least(times: Floats, left: Floats) -> Floats:
-    """Times (C, FINER + 1) from the one before that at which the least is left to the one after it."""
+    """Return times (C, FINER + 1) between the neighbours of the minimum."""
     rows, k = np.arange(len(times)), left.argmin(axis=1)
     begin = times[rows, np.maximum(k - 1, 0)]
     end = times[rows, np.minimum(k + 1, times.shape[1] - 1)]
@@ -317,7 +317,7 @@ def _about_least(times: Floats, left: Floats) -> Floats:
 def _room_left(
     found: TrackingMargins, zone: Zone, pair: Sequence[int], times: Floats, apart: Floats
 ) -> tuple[Floats, Floats]:
-    """How far a pair is off its zone (T,) [m] where it is `apart` (T, 3), and how far it needs to be."""
+    """Return the distance of a pair from its zone (T,) [m] at `apart` (T, 3), and the required margin."""
     off, normals = gap(zone, apart)
     shift, most, square = _along(found, pair[0], times, normals)
     if pair[1] < len(found.shift):
@@ -329,7 +329,7 @@ def _room_left(
 def _along(
     found: TrackingMargins, craft: int, times: Floats, normals: Floats
 ) -> tuple[Floats, Floats, Floats]:
-    """Where one craft is expected along normals (T, 3) [m], how much further at most, and its variance."""
+    """Return a craft's expected deviation along normals (T, 3) [m], the bound of the rest, and variance."""
     shift, stretch, turn, spread = (
         _between(found.times, one[craft], times)
         for one in (found.shift, found.stretch, found.turn, found.spread)
@@ -343,7 +343,7 @@ def _along(
 
 
 def _between(known: Floats, values: Floats, times: Floats) -> Floats:
-    """Values (T, ...) at known times, linear between them, at others (K, ...)."""
+    """Return values at times (K, ...), interpolated linearly between those (T, ...) at known times."""
     k = np.clip(np.searchsorted(known, times, "right") - 1, 0, len(known) - 2)
     share = (times - known[k]) / (known[k + 1] - known[k])
     return np.asarray(((1.0 - share) * values[k].T + share * values[k + 1].T).T)

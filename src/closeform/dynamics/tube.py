@@ -1,4 +1,4 @@
-"""Tube: how far a craft under feedback is off its planned path."""
+"""Tracking-error tube: bound of the deviation of a craft under feedback from its planned path."""
 
 from __future__ import annotations
 
@@ -16,29 +16,29 @@ from closeform.motion.mean_motion import checked
 from closeform.motion.orbit import Orbit
 from closeform.result import Result
 
-BETWEEN = 8  # instants between two measurements at which a tube is looked at
+BETWEEN = 8  # number of instants between two measurements at which a tube is evaluated
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Tube(Result):
-    """How far craft under feedback are off their paths, and from what; made by `tube`.
+    """Tracking-error tube of craft under feedback, by cause; returned by `tube`.
 
-    Its `radius` counts so many standard deviations along the one direction in which a zone is approached, at
-    an instant; `containment` is how far off in any direction a craft is at any time of a whole flight.
+    `radius` counts `sigmas` standard deviations along the one direction in which a zone is approached, at an
+    instant; `containment` bounds the deviation in any direction over a whole flight.
 
     Attributes
     ----------
     model : float or array of shape (N,) [m]
-        From accelerations that nobody knows, at most.
+        Bound of the deviation due to unknown accelerations.
     thrust : float or array of shape (N,) [m]
-        From thrust that is not as commanded, at most.
+        Bound of the deviation due to thrust errors.
     bias : float [m]
-        From measurements that are off by something constant, at most.
+        Bound of the deviation due to constant measurement errors.
     covariances : array of shape (S, 6, 6) [m, m/s]
-        In the chief's axes, of deviations from measurements that are off at random; at instants evenly from
-        one measurement to the next.
+        Covariances, in the chief's axes, of deviations due to random measurement errors, at equally spaced
+        instants between measurements.
     sigmas : float, no unit
-        As many standard deviations of these count.
+        Number of standard deviations that count.
     """
 
     _told: ClassVar = ("radius", "model", "thrust", "bias", "noise", "sigmas")
@@ -51,17 +51,17 @@ class Tube(Result):
 
     @property
     def noise(self) -> float:
-        """The standard deviation from errors at random, in the worst direction [m]."""
+        """Standard deviation due to random errors, in the worst direction [m]."""
         return greatest_sigma(self.covariances[:, :3, :3])
 
     @property
     def radius(self) -> Any:
-        """How far off a craft is along any one direction (N,) or () [m]."""
+        """Deviation of a craft along any one direction (N,) or () [m]."""
         return self.model + self.thrust + self.bias + self.sigmas * self.noise
 
     @property
     def probability(self) -> float:
-        """With which what is random stays within `sigmas` along one direction, no unit: 0.99997 of four."""
+        """Probability that random errors stay within `sigmas` in one direction, no unit: 0.99997 for 4."""
         return 1.0 - self._chance
 
     @property
@@ -69,32 +69,32 @@ class Tube(Result):
         return 0.5 * erfc(self.sigmas / sqrt(2.0))
 
     def containment(self, duration: float, probability: float | None = None, craft: int = 1) -> Any:
-        """How far off craft are at most in any direction, at any time of a flight, with a probability.
+        """Return a bound of the deviation in any direction, at any time of a flight, with a probability.
 
         Parameters
         ----------
         duration : float [s]
-            Of the flight.
+            Duration of the flight.
         probability : float, no unit, optional
-            With which all of `craft` stay so near their paths all the time, at least; as sure as the tube is
-            along one direction (`Tube.probability`) unless given.
+            Probability that all of `craft` always stay within the bound. Default: that of the tube along one
+            direction (`Tube.probability`).
         craft : int, default 1
-            How many.
+            Number of craft.
 
         Returns
         -------
         float or array of shape (N,) [m]
-            What is bounded at most, and so much of what is random.
+            Bound of the deviation: all bounded errors, plus the random part for that probability.
 
         Raises
         ------
         ValueError
-            If the duration is not positive, the probability not between 0 and 1, or there is no craft.
+            If the duration is not positive, the probability is not between 0 and 1, or there is no craft.
 
         Notes
         -----
         A flight is outside if it begins there or crosses outward; the mean number of crossings bounds the
-        chance of any.  What is random is in steady state, and errors of measurements are normal.
+        probability of any. Random deviations are in steady state, and measurement errors are normal.
 
         References
         ----------
@@ -106,41 +106,41 @@ class Tube(Result):
         )
         chance = self._chance if probability is None else 1.0 - number("probability", probability)
         if not 0.0 < chance < 1.0:
-            raise ValueError(f"probability: between 0 and 1, got {1.0 - chance:g}; nothing random is bounded")
+            raise ValueError(f"probability: must be between 0 and 1, got {1.0 - chance:g}")
         most = self.model + self.thrust + self.bias
         if not self.noise > 0.0:
             return most
-        from closeform.dynamics.outcrossings import Outcrossings  # which loads scipy.special
+        from closeform.dynamics.outcrossings import Outcrossings  # imported late: slow to import
 
-        # of an interval: its last instant is the first of the next
+        # without the last instant, which is the first of the next interval
         return most + Outcrossings(self.covariances[:-1]).radius(float(time), chance / count)
 
     @property
     def of_a_pair(self) -> float:
-        """How far off the distance of any two of them is [m]: by this much zones have to grow."""
+        """Deviation of the distance of any two craft [m]: the margin to add to their zone."""
         count = np.size(self.radius) if np.ndim(self.radius) else 2
         return float(self.of_pairs(count)[np.triu_indices(count, 1)].max(initial=0.0))
 
     def of_pairs(self, craft: int, fixed: int = 0) -> Floats:
-        """How far off the distance of each pair is: the `margin` of a plan.
+        """Return the deviation of the distance of each pair: the `margin` of a plan.
 
         Parameters
         ----------
         craft : int
-            How many there are.
+            Number of craft.
         fixed : int, default 0
-            How many bodies after them, such as obstacles.  A tube of one is everybody's; one of N craft
-            leaves them where they are.
+            Number of bodies after them, such as obstacles. A tube of one number applies to all bodies; in a
+            tube of N craft these bodies have no deviation.
 
         Returns
         -------
         array of shape (B, B) [m]
-            What both are off at most, and as many sigmas of both.
+            Bounded errors of both, and `sigmas` standard deviations of both.
 
         Raises
         ------
         ValueError
-            If the tube is of another number of craft, or these are no whole numbers.
+            If the tube has another number of craft, or an argument is not a whole number.
 
         References
         ----------
@@ -149,7 +149,7 @@ class Tube(Result):
         craft, fixed = whole("craft", craft, 1), whole("fixed", fixed)
         most = np.asarray(self.model + self.thrust) + self.bias
         if most.shape not in ((), (craft,), (craft + fixed,)):
-            raise ValueError(f"margin: a tube of {most.size} craft for {craft}; make it of as many")
+            raise ValueError(f"margin: a tube of {most.size} craft for {craft}; the numbers must agree")
         bodies = craft + fixed if most.shape == () else most.size
         off, variance = np.zeros(craft + fixed), np.zeros(craft + fixed)
         off[:bodies], variance[:bodies] = most, np.square(self.noise)
@@ -165,43 +165,42 @@ def tube(
     sigmas: float = 4.0,
     minimum_bit: float = 0.0,
 ) -> Tube:
-    """How far craft are off their planned paths under feedback, along any one direction.
+    """Compute the tracking-error tube of craft under feedback, along any one direction.
 
     Parameters
     ----------
     orbit : Orbit
-        In which they fly.
+        Orbit of the craft.
     feedback : Feedback
-        How often they are measured, and within which horizon brought back.
+        Feedback law.
     navigation : Navigation
-        How well.
+        Navigation accuracy.
     residual : array_like of shape (N,) or () [m/s^2], default 0
-        Accelerations that are not commanded against, at most: `Validity.residual`, or where `thrust` flies
-        the plan what is not known of the field.
+        Bound of the uncompensated acceleration: `Validity.residual`, or with `compensated_thrust` the unknown
+        part of the field.
     thrust_error : array_like of shape (N,) or () [m/s^2], default 0
-        By how much thrust is off what is commanded, at most: the greatest thrust times the error of its size
-        and direction, 0.0175 for each degree.
+        Bound of the thrust error: the greatest thrust times the error of its size and direction, 0.0175 for
+        each degree.
     sigmas : float, no unit, default 4
-        Of the noise, which count.
-
+        Number of standard deviations of the noise that count.
     minimum_bit : float [m/s], default 0
-        The least impulse that is fired, of feedback by impulses: those below are missed.
+        Minimum impulse bit, for feedback by impulses; smaller impulses are not fired.
 
     Returns
     -------
     Tube
-        By cause; missed impulses count as thrust.
+        Tube by cause; impulses that are not fired count as thrust errors.
 
     Raises
     ------
     ValueError
-        If a number is negative or not finite, or an argument is of another kind.
+        If a number is negative or not finite, or an argument has the wrong type.
 
     Notes
     -----
-    Exact for the linear equations, in steady state: noise by Lyapunov's equation, what is bounded by the sum
-    of all that it can do.  Times are those of measurements and seven between; at `sigmas` = 4 one touch of a
-    zone in thirty thousand ends inside, of errors that are white.
+    Exact for the linear equations in steady state: noise by the Lyapunov equation, bounded errors by the sum
+    of their worst effects. Evaluated at measurements and seven instants between; with `sigmas` = 4 and white
+    errors, one approach to a zone in thirty thousand enters it.
 
     References
     ----------
@@ -223,7 +222,7 @@ def tube(
     gain, missed = loop.gains[0], float(nonnegative("minimum_bit", number("minimum_bit", minimum_bit)))
     if missed > 0.0:
         if not feedback.impulses:
-            raise ValueError("minimum_bit: of impulses; give a Feedback by some, or leave it out")
+            raise ValueError("minimum_bit: requires feedback by impulses; give such a Feedback, or remove it")
         missed *= loop.missed
     random, bias = loop.covariances(navigation)[0], loop.biased(navigation)[0]
     return Tube(gain * unknown[()], gain * off[()] + missed, bias, random, k)

@@ -1,4 +1,4 @@
-"""Validity: how far a plan is flown off, in a field, where only its own thrust is played."""
+"""Model error of a plan: predicted deviations in the high-fidelity model with the plan's thrust alone."""
 
 from __future__ import annotations
 
@@ -22,31 +22,31 @@ from closeform.result import Result
 from closeform.zones.pair_zones import PairZones
 from closeform.zones.zone import Zone
 
-STEPS = 300  # for each orbit, of the quadrature: Simpson's rule over two of them
-FEWEST = 60
-PASSES, WITHIN = 8, 0.005  # along a path that deviates, until the next would change so much [m]
+STEPS = 300  # quadrature steps in each orbit, in pairs for Simpson's rule
+FEWEST = 60  # quadrature steps at least
+PASSES, WITHIN = 8, 0.005  # passes along the deviating path, and the change [m] at which they end
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Validity(Result):
-    """What becomes of N paths in a field, if thrust is played as planned; made by `validity`.
+    """Predicted deviations of N paths in a field with the planned thrust; returned by `validity`.
 
     Attributes
     ----------
     field : str
-        In which, in words.
+        Description of the force model.
     residual : array of shape (N,) [m/s^2]
-        The greatest acceleration along each path that Hill's equations leave out.
+        Greatest model error of Hill's equations along each path.
     times : array of shape (T,) [s]
-        Since the chief's epoch.
+        Times since the chief's epoch.
     deviations : array of shape (N, T, 6) [m, m/s]
-        How far off each craft is predicted to be, in the chief's axes.
+        Predicted deviation of each craft, in the chief's axes.
     pairs : array of int of shape (P, 2)
         Pairs i < j that have a zone.
     planned : array of shape (P,), no unit
-        The least ratio of each pair as planned, at these times and between them.
+        Minimum clearance ratio of each pair as planned, at these times and between them.
     flown : array of shape (P,), no unit
-        The same as predicted: below 1 the zone is entered.
+        The same as predicted; below 1 the zone is entered.
     """
 
     _told: ClassVar = ("field", "ends", "residual", "planned", "flown")
@@ -61,43 +61,42 @@ class Validity(Result):
 
     @property
     def ends(self) -> Floats:
-        """How far off each craft (N,) ends, as predicted [m]."""
+        """Predicted deviation of each craft at the end (N,) [m]."""
         return np.asarray(np.linalg.norm(self.deviations[:, -1, :3], axis=1))
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """The same in words: one line on deviations, one on the nearest pair and what is left out."""
+        """Description in two lines: deviations, then the closest pair and the model error."""
         return in_words(self)
 
 
 def validity(plan: Any, field: Field, zones: Zone | PairZones | None = None) -> Validity:
-    """How far planned paths are off in a field, if thrust is played as planned, before anybody flies.
+    """Predict the deviations of planned paths in a field with the planned thrust alone.
 
     Parameters
     ----------
     plan : Plan, Avoidance or Path
-        Of one craft or of N, in the chief's Hill frame with straight axes, times since its epoch.
+        Plan of one craft or of N, in the chief's Hill frame with straight axes, times since its epoch.
     field : Field
-        In which they fly.
+        Force model in which they move.
     zones : Zone or PairZones, optional
-        Of all pairs, or of each; without it no ratios are predicted.
+        Zones of all pairs, or of each; without them no clearance ratios are predicted.
 
     Returns
     -------
     Validity
-        Deviations, and least ratios of pairs.
+        Deviations, and minimum clearance ratios of pairs.
 
     Raises
     ------
     ValueError
-        If the plan has no paths, is of deep space, its mean motion is not the chief's, or an argument is of
-        another kind.
+        If the plan has no paths, is in deep space, has another mean motion than the chief, or an argument
+        has the wrong type.
 
     Notes
     -----
-    What is left out is taken along the planned path, and again along the path as it deviates until another
-    time would change less than some millimetres.
-    With the thrust that `thrust` commands there are no deviations.
+    The model error is evaluated along the planned path, and again along the deviating path until a further
+    pass would change a few millimetres at most. With `compensated_thrust` there are no deviations.
 
     References
     ----------
@@ -127,7 +126,7 @@ def validity(plan: Any, field: Field, zones: Zone | PairZones | None = None) -> 
         before, kept = size, off
         off = deviations_of(orbit, times, residuals(field, frame, states + off, orbit.mean_motion))
         size = np.abs(off - kept).max()
-        if size * size <= WITHIN * before:  # what the next would change, as they fall by equal shares
+        if size * size <= WITHIN * before:  # estimate of the next change, for geometric convergence
             break
     deviations = off[:, ::2]
     pairs, planned, flown = _least(paths, times[::2], deviations, zones)
@@ -137,7 +136,7 @@ def validity(plan: Any, field: Field, zones: Zone | PairZones | None = None) -> 
 def _least(
     paths: Path, times: Floats, deviations: Floats, zones: Zone | PairZones | None
 ) -> tuple[Any, Floats, Floats]:
-    """Pairs (P, 2), their least ratios (P,) as planned, and with deviations (N, T, 6) at times (T,)."""
+    """Return pairs (P, 2), their minimum clearance ratios (P,) as planned, and with deviations (N, T, 6)."""
     begins = np.unique(paths.arcs[:, START])
     nodes = np.union1d(begins, snapped(times, begins))  # thrust and velocities jump at no other time
     states, jumps = paths.state(nodes), np.zeros((len(paths), len(nodes), 6))
@@ -149,7 +148,7 @@ def _least(
 
 
 def _carried(times: Floats, deviations: Floats, nodes: Floats) -> Floats:
-    """Deviations (N, K, 6) at nodes (K,), on the cubics through those (N, T, 6) at equal steps."""
+    """Return deviations (N, K, 6) at nodes (K,), on the cubics through those (N, T, 6) at equal steps."""
     h = times[1] - times[0]
     k = np.clip(np.searchsorted(times, nodes, "right") - 1, 0, len(times) - 2)
     s = ((nodes - times[k]) / h)[:, None]
@@ -161,25 +160,25 @@ def _carried(times: Floats, deviations: Floats, nodes: Floats) -> Floats:
 
 
 def in_words(found: Validity, names: Sequence[str] | None = None) -> tuple[str, ...]:
-    """The lines of a Validity, with names of its craft, or their indices."""
+    """Return the lines of a Validity, with the names of its craft, or their indices."""
     worst = int(np.argmax(found.ends))
     who = f"craft {worst}" if names is None else names[worst]
-    ends = f"In {found.field}, flown as planned, {who} ends {found.ends[worst]:.3g} m off"
-    left_out = f"Hill's equations leave out {found.residual.max():.2g} m/s²"
+    ends = f"In {found.field}, without compensation, {who} ends {found.ends[worst]:.3g} m from the plan"
+    left_out = f"The model error of Hill's equations is {found.residual.max():.2g} m/s²"
     if not len(found.pairs):
         return (ends, left_out)
     near = int(np.argmin(found.flown))
     i, j = found.pairs[near]
     pair = f"craft {i} and {j}" if names is None else f"{names[i]} and {names[j]}"
     entered = " (entered)" if found.flown[near] < 1.0 else ""
-    least = f"{found.flown[near]:.4f} x zone{entered}, {pair}; as planned {found.planned[near]:.4f}"
-    return (ends, f"Least predicted there: {least}. {left_out}")
+    least = f"{found.flown[near]:.4f}{entered}, {pair}; as planned {found.planned[near]:.4f}"
+    return (ends, f"Minimum clearance ratio predicted: {least}. {left_out}")
 
 
 def deviations_of(orbit: Orbit, times: Floats, left_out: Floats) -> Floats:
-    """What accelerations (N, T, 3) at equal steps make of paths (N, T, 6).
+    """Return the deviations (N, T, 6) due to accelerations (N, T, 3) at equal steps.
 
-    By Simpson's rule at every other time, and between them by the cubic through them.        # theory (83)
+    Simpson's rule at every other time, and cubic interpolation between.  # theory (83)
     """
     since = times - times[0]
     back = applied(orbit.transition(-since)[:, :, 3:], left_out)

@@ -1,1 +1,1 @@
-"""Finished results: load them again, and export them to the formats of other tools."""
+"""Finished results: load them, and export them to the formats of other tools."""

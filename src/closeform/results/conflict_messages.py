@@ -1,4 +1,4 @@
-"""Conflicts of a run as conjunction messages: states, covariances and probabilities at closest approach."""
+"""Conjunction data messages of a run: states, covariances and probabilities at each closest approach."""
 
 from __future__ import annotations
 
@@ -21,25 +21,25 @@ from closeform.uncertainty.propagated_errors import carried
 from closeform.zones.solids import Sphere
 
 METHOD = "CLOSEFORM-HISTORIES"
-LOOKED_AT, REFINED = (
+SAMPLES, REFINEMENTS = (
     200,
     40,
-)  # instants of a conflict among which the nearest is looked for, and how often again
+)  # instants sampled in a conflict for its closest approach, repeated at most
 ASSUMES = (
-    "A CDM assumes a short encounter: straight relative motion, and covariances that hold for all of it.",
-    "These two are within their zone for {lasts:.1f} s at {speed:.3g} m/s: slow ones break both.",
+    "A CDM assumes a short encounter: straight relative motion and constant covariances.",
+    "This conflict lasts {lasts:.1f} s at {speed:.3g} m/s; a slow encounter violates both assumptions.",
 )
-COUNTS = "COLLISION_PROBABILITY counts who is ever inside {radius:g} m along the whole stage"
+COUNTS = "COLLISION_PROBABILITY is that of ever being within {radius:g} m during the whole stage"
 
 
 def messages(source: Source) -> Iterator[tuple[str, Conjunction, tuple[str, ...]]]:
-    """Of each conflict the name of its file, the conjunction and comments, before avoidance and after it.
+    """Yield the file name, conjunction and comments of each conflict, before and after avoidance.
 
-    Raises ValueError where there are no covariances or no conflicts.
+    Raises ValueError if there are no covariances or no conflicts.
     """
     scenario = source.scenario
     if scenario is None:
-        raise ValueError("cdm: paths have no zones and covariances of their own; export a run")
+        raise ValueError("cdm: paths have no keep-out zones and covariances; export a run")
     known = {craft.name: craft.errors for craft in scenario.craft}
     found = [
         (stage, when, flight, met)
@@ -58,7 +58,7 @@ def messages(source: Source) -> Iterator[tuple[str, Conjunction, tuple[str, ...]
 
 
 def flights(stage: Any) -> Iterator[tuple[str, WatchedFlight]]:
-    """What is flown in a stage, and what would have been."""
+    """Yield the paths of a stage before avoidance, and those after it."""
     if stage.before is not stage.after:
         yield "before", stage.before
     if stage.flown:
@@ -68,9 +68,9 @@ def flights(stage: Any) -> Iterator[tuple[str, WatchedFlight]]:
 def message(
     source: Source, known: Any, stage: Any, when: str, flight: WatchedFlight, met: PairConflict
 ) -> tuple[str, Conjunction, tuple[str, ...]]:
-    """One conflict."""
+    """Return the file name, conjunction and comments of one conflict."""
     chief, scenario = source.chief, source.scenario
-    assert chief is not None  # the frame was made
+    assert chief is not None  # `file_frame` has checked it
     assert scenario is not None
     pair = (met.first, met.second)
     paths = [flight.path(name) for name in pair]
@@ -78,13 +78,13 @@ def message(
     time = nearest(paths[0], paths[1], met)
     bodies = [scenario.craft[scenario.names.index(name)].hard_body for name in pair]
     first, second = (
-        told(chief, name, path, one.covariance(path, time), time, body)
+        conjunction_object(chief, name, path, one.covariance(path, time), time, body)
         for name, path, one, body in zip(pair, paths, errors, bodies, strict=True)
     )
     within = None if None in bodies else float(sum(body or 0.0 for body in bodies))
     chance = None if within is None else probability(paths, within, errors)
     identity = f"stage-{stage.number}-{when}-{met.first}-{met.second}-{met.start:.0f}s"
-    told_of = Conjunction(
+    conjunction = Conjunction(
         tca=chief.instant.utc([time])[0].removesuffix("Z"),
         objects=(first, second),
         hard_body_radius=within,
@@ -92,15 +92,19 @@ def message(
         collision_probability_method=None if chance is None else METHOD,
         message_id=identity,
     )
-    lasts, speed = met.end - met.start, told_of.relative_speed
+    lasts, speed = met.end - met.start, conjunction.relative_speed
     some = (*ASSUMES, COUNTS) if chance is not None else ASSUMES
-    where = "as flown" if when == "after" else "of the plan before avoidance, which is not flown"
-    told_in = tuple(line.format(lasts=lasts, speed=speed, radius=within or 0.0) for line in some)
-    return identity, told_of, (f"Stage {stage.number}, {where}; zone entered to {met.ratio:.4f}", *told_in)
+    where = "as executed" if when == "after" else "plan before avoidance, not executed"
+    comments = tuple(line.format(lasts=lasts, speed=speed, radius=within or 0.0) for line in some)
+    return (
+        identity,
+        conjunction,
+        (f"Stage {stage.number}, {where}; minimum clearance ratio {met.ratio:.4f}", *comments),
+    )
 
 
 def at_start(source: Source, stage: Any, name: str, errors: Uncertainty) -> Uncertainty:
-    """The errors of a craft when a stage begins."""
+    """Return the uncertainty of a craft at the start of a stage."""
     for earlier in source.results:
         if earlier.number < stage.number and earlier.flown:
             errors = carried(errors, earlier.after.path(name))
@@ -108,22 +112,22 @@ def at_start(source: Source, stage: Any, name: str, errors: Uncertainty) -> Unce
 
 
 def nearest(path: Path, other: Path, met: PairConflict) -> float:
-    """When two craft in conflict are nearest to each other [s]."""
+    """Return the time of closest approach of two craft in conflict [s]."""
     first, last = met.start, met.end
-    for _ in range(REFINED):
-        times = np.linspace(first, last, LOOKED_AT)
+    for _ in range(REFINEMENTS):
+        times = np.linspace(first, last, SAMPLES)
         apart = np.linalg.norm(path.position(times) - other.position(times), axis=-1)
         k = int(np.argmin(apart))
-        first, last = times[max(k - 1, 0)], times[min(k + 1, LOOKED_AT - 1)]
+        first, last = times[max(k - 1, 0)], times[min(k + 1, SAMPLES - 1)]
         if last - first < 1e-6:
             break
     return round(float(times[k]), 9)
 
 
-def told(
+def conjunction_object(
     chief: Chief, name: str, path: Path, covariance: Floats, time: float, body: float | None
 ) -> ConjunctionObject:
-    """One of the two at a time, with its covariance along its own axes, of inertial velocities."""
+    """Return one object of a conjunction, with its inertial covariance along its own RTN axes."""
     relative = path.state(time)
     state = chief.inertial_from_relative(time, relative)
     frame = FileFrame(chief.frame, chief.center, chief.instant, chief)
@@ -142,8 +146,11 @@ def told(
 
 
 def probability(paths: list[Path], within: float, errors: list[Uncertainty]) -> float:
-    """That two bodies with `within` [m] between their centres ever touch in a stage."""
-    from closeform.uncertainty.probability import collision_probability  # with kernels of its own
+    """Return the probability that two bodies ever touch in a stage.
+
+    `within` [m] is the sum of their radii.
+    """
+    from closeform.uncertainty.probability import collision_probability  # imported late: compiles kernels
 
     found = collision_probability(paths[0], paths[1], Sphere(within), errors[0], errors[1])
     return float(found.value)

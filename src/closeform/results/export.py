@@ -1,4 +1,4 @@
-"""`export`: what was flown in the files of other tools, in a folder of its own, whole or not at all."""
+"""Export of mission results to the file formats of other tools, in a folder that is complete or absent."""
 
 from __future__ import annotations
 
@@ -29,16 +29,16 @@ from closeform.results.load import LoadedRun
 from closeform.storage.publishing import folder
 from closeform.storage.result_folder import Folder, summary_of
 
-SPOKEN = {"inertial": None, "hill": ROTATING, ROTATING.lower(): ROTATING}  # of a frame
-ORIGIN = "FORMATION"  # the centre of what is told from the formation's origin
+FRAME_NAMES = {"inertial": None, "hill": ROTATING, ROTATING.lower(): ROTATING}  # accepted for `frame`
+ORIGIN = "FORMATION"  # centre of states relative to the formation's origin
 OTHER_AXES = ("LVLH", "LVLH_ROTATING", "VVLH", "RTN", "RSW", "RIC", "QSW")
-FIXED = ("EME2000", "J2000", "ICRF", "GCRF")  # axes that do not follow the Earth's
+FIXED = ("EME2000", "J2000", "ICRF", "GCRF")  # inertial axes
 INERTIAL_ONLY = ("cdm", "stk", "czml", "spk")
 
 
 @dataclass(frozen=True, eq=False)
 class Export:
-    """What is being exported, in which frame, at which `step` [s]."""
+    """Export in progress: what is written, in which frame, with which `step` [s]."""
 
     source: Source
     frame: FileFrame
@@ -46,7 +46,7 @@ class Export:
 
     @cached_property
     def tracks(self) -> tuple[Track, ...]:
-        """All craft."""
+        """Tracks of all craft."""
         return tracks(self.source.craft, self.frame, self.step)
 
 
@@ -64,28 +64,28 @@ def export(
     step: float | None = None,
     overwrite: bool = False,
 ) -> FilePath:
-    """Write what was flown in the format of other tools.
+    """Export executed paths to a file format of another tool.
 
     Parameters
     ----------
     result : Mission, LoadedRun or Path
-        What `run` or `load` answers with; or paths of shape (N,) or of one craft.
+        Result of `run` or `load`; or paths of shape (N,) or of one craft.
     directory : str or path-like
-        A folder that is not there yet, or empty.
+        A folder that does not exist yet, or is empty.
     to : str
-        "oem", "oem-xml", "opm", "ocm", "aem", "cdm", "csv", "stk", "czml" or "spk": docs/export.md says what
-        is in each.
+        "oem", "oem-xml", "opm", "ocm", "aem", "cdm", "csv", "stk", "czml" or "spk"; docs/export.md describes
+        the content of each.
     chief : Chief, optional
-        The orbit of the formation's origin; that of the scenario unless given.
+        The orbit of the formation's origin. Default: the chief of the scenario.
     names : sequence of str, optional
-        Of the craft of paths, in their order; "C1", "C2", ... unless given.
+        Names of the craft of paths, in order. Default: "C1", "C2", ...
     frame : str, optional
-        The chief's inertial frame by its name, which it is unless given; or "RSW_ROTATING", CCSDS's name for
-        the axes of Hill's frame.  In deep space the name of the axes of the scenario.
+        The name of the chief's inertial frame (default), or "RSW_ROTATING", the CCSDS name of Hill's frame.
+        In deep space the name of the scenario's axes.
     step : float [s], optional
-        Between states; the longest that keeps interpolation within a micrometre unless given.
+        Time between states. Default: the longest step with an interpolation error below a micrometre.
     overwrite : bool, default False
-        Whether an earlier export in `directory` is replaced.
+        Replace an earlier export in `directory`.
 
     Returns
     -------
@@ -95,10 +95,11 @@ def export(
     Raises
     ------
     ValueError
-        If there is no chief where one is needed, a word is unknown, a format does not hold what was flown (an
-        AEM needs a search, a CDM conflicts and covariances), the step is too coarse, or the folder is taken.
+        If a required chief is missing, a format or frame is unknown, the format cannot represent the result
+        (an AEM requires a search, a CDM conflicts and covariances), the step is too coarse, or the folder is
+        in use.
     ImportError
-        If an SPK is asked for without the extra `spice`.
+        If an SPK is requested without the extra `spice`.
 
     References
     ----------
@@ -108,7 +109,7 @@ def export(
     instance("directory", directory, str, PathLike)
     instance("chief", chief, Chief, type(None))
     if not isinstance(to, str) or to not in WRITERS:
-        raise ValueError(f"to: {shown(to)} is no format; use one of {', '.join(WRITERS)}")
+        raise ValueError(f"to: {shown(to)} is not a format; use one of {', '.join(WRITERS)}")
     if step is not None and not number("step", step) > 0.0:
         raise ValueError(f"step: must be positive, got {step:g} s")
     called = None if names is None else list(sequence("names", names, str))
@@ -121,7 +122,7 @@ def export(
 
 
 def summary(made: Export, to: str) -> dict[str, Any]:
-    """What `summary.json` of an export says."""
+    """Return the content of `summary.json` of an export."""
     frame = made.frame
     return {
         "kind": "export",
@@ -139,26 +140,25 @@ def summary(made: Export, to: str) -> dict[str, Any]:
 
 
 def told(place: FilePath) -> Iterator[str]:
-    """What an export holds, in words."""
+    """Yield the lines that describe an export to the user."""
     held = summary_of(place)
     craft = held["craft"]
     segments, states = (sum(one[key] for one in craft.values()) for key in ("segments", "states"))
     yield f"{held['to']}: {len(craft)} craft in {held['frame']} about {held['center']}, from {held['epoch']}"
     off = held["interpolation_error_m"]
-    yield f"{states} states in {segments} segments; between them off by up to {off:.1e} m by interpolation"
+    yield f"{states} states in {segments} segments; interpolation error at most {off:.1e} m"
     yield f"{len(held['files']) - 1} files in {place}"
 
 
 def file_frame(source: Source, to: str, asked: str | None) -> FileFrame:
-    """The frame of the files. Raises ValueError where it cannot be had."""
+    """Return the frame of the files. Raises ValueError if the source cannot provide it."""
     instance("frame", asked, str, type(None))
     chief, epoch = source.chief, source.epoch
-    wanted = SPOKEN.get(asked.lower(), asked) if asked is not None else None
+    wanted = FRAME_NAMES.get(asked.lower(), asked) if asked is not None else None
     if wanted is not None and wanted.upper() in OTHER_AXES:
-        what = "is another frame, or each craft's own, to CCSDS"
-        raise ValueError(f"frame: {asked} {what}; Hill's frame of the chief is {ROTATING}")
+        raise ValueError(f"frame: {asked} is not the chief's Hill frame in CCSDS; use {ROTATING}")
     if epoch is None:
-        raise ValueError(f"{to}: needs an epoch; {source.remedy}")
+        raise ValueError(f"{to}: requires an epoch; {source.remedy}")
     if source.mean_motion == 0.0:
         return in_deep_space(to, wanted, epoch)
     if wanted == ROTATING:
@@ -166,45 +166,45 @@ def file_frame(source: Source, to: str, asked: str | None) -> FileFrame:
             raise ValueError(f"frame: {to} holds inertial states; leave the frame out")
         turning = (
             f"{ROTATING}: x radial outward, y along-track, z cross-track about the formation's origin;",
-            "y and z are arcs on its circle, velocities those that are seen in the turning axes;",
+            "y and z are arc lengths, velocities are relative to the rotating axes;",
             f"Hill's equations with a mean motion of {source.mean_motion:.15e} rad/s",
         )
         return FileFrame(ROTATING, ORIGIN, epoch, None, turning)
     if chief is None:
         more = f", and {ROTATING} does not" * (to not in INERTIAL_ONLY)
-        raise ValueError(f"{to}: inertial states need the chief's orbit{more}; {source.remedy}")
+        raise ValueError(f"{to}: inertial states require the chief's orbit{more}; {source.remedy}")
     if wanted is not None and wanted.upper() != chief.frame.upper():
-        raise ValueError(f"frame: {asked} is not that of the chief; use {chief.frame} or {ROTATING}")
+        raise ValueError(f"frame: {asked} is not the chief's frame; use {chief.frame} or {ROTATING}")
     refuse_unknown(to, chief)
     mapped = (
-        "a plan by Hill's equations about the chief's orbit, mapped exactly to inertial states;",
-        "forces that the plan leaves out (flattening, drag) are in the chief's orbit alone, if at all",
+        "a plan from Hill's equations relative to the chief's orbit, mapped exactly to inertial states;",
+        "oblateness and drag act on the chief's orbit alone, if at all",
     )
     return FileFrame(chief.frame, chief.center, epoch, chief, mapped)
 
 
 def refuse_unknown(to: str, chief: Chief) -> None:
-    """Raise ValueError for a frame or body that a format has no word for."""
+    """Raise ValueError for a frame or central body that a format cannot represent."""
     known = {"stk": tuple(SYSTEMS), "spk": FIXED, "czml": FIXED}.get(to)
     if known is not None and chief.frame.upper() not in known:
-        raise ValueError(f"{to}: has no word for the frame {chief.frame}; give a chief in {', '.join(known)}")
+        raise ValueError(f"{to}: cannot represent frame {chief.frame}; give a chief in {', '.join(known)}")
     bodies = {"spk": tuple(spk.CODES), "czml": ("EARTH",)}.get(to)
     if bodies is not None and chief.center.upper() not in bodies:
-        raise ValueError(f"{to}: has no word for {chief.center}; known are {', '.join(bodies)}")
+        raise ValueError(f"{to}: cannot represent center {chief.center}; use one of {', '.join(bodies)}")
 
 
 def in_deep_space(to: str, name: str | None, epoch: Epoch) -> FileFrame:
-    """The scenario's own axes, which do not turn, by the name that they have elsewhere."""
+    """Return the scenario's non-rotating axes under the name of a standard frame."""
     if to in INERTIAL_ONLY:
-        raise ValueError(f"{to}: holds states about a body, and deep space has none; export an oem")
+        raise ValueError(f"{to}: requires a central body, and deep space has none; export an oem")
     if name is None or name == ROTATING:
-        raise ValueError("frame: in deep space the axes are the scenario's own; name them, as ICRF")
-    still = ("states are those of the plan from the formation's origin, along axes that do not turn",)
+        raise ValueError("frame: missing; in deep space name the axes of the scenario, for example ICRF")
+    still = ("states of the plan relative to the formation's origin, along non-rotating axes",)
     return FileFrame(name, ORIGIN, epoch, None, still)
 
 
 def file_names(names: Sequence[str]) -> list[str]:
-    """Names of files for some craft, each another, also where case does not count."""
+    """Return a distinct file name for each craft, also on file systems that ignore case."""
     found: list[str] = []
     taken: set[str] = set()
     for name in names:
@@ -219,7 +219,7 @@ def file_names(names: Sequence[str]) -> list[str]:
 
 
 def of_each(suffix: str, text: Callable[[Track, FileFrame], str]) -> Writer:
-    """A file of each craft with such a text."""
+    """Return a writer of one file per craft with the given text."""
 
     def write(made: Export, place: Folder) -> None:
         for name, track in zip(file_names([one.name for one in made.tracks]), made.tracks, strict=True):
@@ -229,35 +229,35 @@ def of_each(suffix: str, text: Callable[[Track, FileFrame], str]) -> Writer:
 
 
 def write_aem(made: Export, place: Folder) -> None:
-    """An AEM of each craft that searched."""
+    """Write an AEM of each craft that searched."""
     found = made.source.attitudes
     if not found:
-        raise ValueError("aem: nobody searches, and only searches have attitudes; export an oem")
+        raise ValueError("aem: no craft searches, and only searches have attitudes; export an oem")
     for name, (craft, turns) in zip(file_names(list(found)), found.items(), strict=True):
         place.text(f"{name}.aem", aem(craft, made.source.designators[craft], made.frame, turns))
 
 
 def write_cdm(made: Export, place: Folder) -> None:
-    """A CDM of each conflict."""
+    """Write a CDM of each conflict."""
     from closeform.exchange.cdm import write_cdm
-    from closeform.results.conflict_messages import messages  # with kernels, which no other format needs
+    from closeform.results.conflict_messages import messages  # imported late: compiles kernels
 
     for name, conjunction, comments in messages(made.source):
         write_cdm(place.path / f"{name}.cdm", conjunction, comments=comments)
 
 
 def write_csv(made: Export, place: Folder) -> None:
-    """One table of all craft."""
+    """Write one table of all craft."""
     place.text("states.csv", csv_text(made.tracks, made.frame))
 
 
 def write_czml(made: Export, place: Folder) -> None:
-    """One CZML of all craft."""
+    """Write one CZML document of all craft."""
     place.text("formation.czml", czml(made.tracks, made.frame, made.source.title))
 
 
 def write_spk(made: Export, place: Folder) -> None:
-    """One kernel of all craft, and their names."""
+    """Write one SPK kernel of all craft, and a text kernel with their names."""
     spk.write_spk(place.path / "formation.bsp", made.tracks, made.frame)
     place.text("formation.tf", spk.names(made.tracks))
 

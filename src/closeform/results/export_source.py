@@ -1,4 +1,4 @@
-"""What an export takes from a mission, a run that was loaded, or paths: who flew where, what was burnt."""
+"""Source of an export: the craft with their paths and burns, from a mission, a loaded run or paths."""
 
 from __future__ import annotations
 
@@ -29,19 +29,19 @@ from closeform.search.search_errors import of_each
 if TYPE_CHECKING:
     from closeform.uncertainty.errors import Uncertainty
 
-UNKNOWN = "UNKNOWN"  # as CCSDS calls what has no designator
-SAME_ORBIT = 1e-6  # of the mean motion, of the chief's and that of the paths
+UNKNOWN = "UNKNOWN"  # the CCSDS word for a missing designator
+SAME_ORBIT = 1e-6  # relative difference allowed between the mean motions of chief and paths
 FILE_REMEDY = "give [orbit] an epoch and a chief, or chief=cf.Chief(...) from Python"
 PATH_REMEDY = "give chief=cf.Chief(...)"
-TURNS_EACH = np.radians(5.0)  # from one quaternion of a turn to the next, at most
+TURNS_EACH = np.radians(5.0)  # greatest angle between two quaternions of a turn
 PUSH = ("radial_m_s", "along_track_m_s", "cross_track_m_s")
 
 
 @dataclass(frozen=True, eq=False)
 class Source:
-    """Who is exported: `craft` through all stages flown, about the `chief` from the `epoch` on, if known.
+    """Content of an export: `craft` through all executed stages, `chief` and `epoch` if known.
 
-    `results` are the stages of a `scenario`; none of paths.  `remedy`: how a chief is given.
+    `results` are the stages of a `scenario`, empty for paths. `remedy` says how the user gives a chief.
     """
 
     title: str
@@ -55,12 +55,12 @@ class Source:
 
     @property
     def designators(self) -> Mapping[str, str]:
-        """What OBJECT_ID says of each craft."""
+        """OBJECT_ID of each craft."""
         return {one.name: one.object_id for one in self.craft}
 
     @cached_property
     def attitudes(self) -> dict[str, list[tuple[Floats, Floats]]]:
-        """Of each craft that searches its turns: times (T,) [s] and quaternions (T, 4)."""
+        """Turns of each searching craft: times (T,) [s] and quaternions (T, 4)."""
         found: dict[str, list[tuple[Floats, Floats]]] = {}
         for result in self.results:
             if not result.stage.searches or self.scenario is None:
@@ -83,7 +83,7 @@ class Source:
 
 
 def turns(search: Search, group: Group, last: float) -> list[tuple[Floats, Floats]]:
-    """The turns of a group until a `last` time [s], at most 5 degrees from one quaternion to the next."""
+    """Return the turns of a group up to the time `last` [s], with at most 5 degrees between quaternions."""
     found = []
     for leg in search.legs:
         end = min(leg.end, last)
@@ -98,7 +98,7 @@ def turns(search: Search, group: Group, last: float) -> list[tuple[Floats, Float
 
 
 def flown_turns(own: OwnTurns, k: int, last: float) -> list[tuple[Floats, Floats]]:
-    """The turns of craft k by its own clock until a `last` time [s], also while it waits to begin."""
+    """Return the turns of craft k by its own clock up to the time `last` [s], including its waits."""
     found = []
     for start, end in pairwise(np.clip([0.0, *own.begins[k], last], 0.0, last).tolist()):
         if end > start:
@@ -111,14 +111,14 @@ def flown_turns(own: OwnTurns, k: int, last: float) -> list[tuple[Floats, Floats
 
 
 def source_of(result: Mission | LoadedRun | Path, chief: Chief | None, names: Sequence[str] | None) -> Source:
-    """What is to be exported. Raises ValueError for a chief or names that do not fit."""
+    """Return the source of an export. Raises ValueError for a chief or names that do not fit."""
     if isinstance(result, Path):
         return checked(of_paths(result, chief, names))
     if names is not None:
-        raise ValueError("names: those of a run are its scenario's; leave them out")
+        raise ValueError("names: a run takes its names from the scenario; leave them out")
     scenario = result.scenario
     if not result.flown:
-        raise ValueError(f"result: nothing was flown, {result.stopped}; mend the scenario first")
+        raise ValueError(f"result: no stage was executed, {result.stopped}; correct the scenario first")
     paths = [through(result.orbit, result.flown, k) for k in range(len(scenario.names))]
     craft = tuple(
         FlownCraft(
@@ -142,23 +142,23 @@ def source_of(result: Mission | LoadedRun | Path, chief: Chief | None, names: Se
 
 
 def checked(source: Source) -> Source:
-    """The same, if the chief is on the orbit in whose frame the paths are."""
+    """Return the source after a check that the chief's mean motion is that of the paths."""
     if source.chief is not None and source.mean_motion > 0.0:
         theirs = source.chief.orbit.mean_motion
         if abs(theirs / source.mean_motion - 1.0) > SAME_ORBIT:
-            what = f"has a mean motion of {theirs:.9g} rad/s, the paths one of {source.mean_motion:.9g} rad/s"
-            raise ValueError(f"chief: {what}; give the orbit that the paths were planned in")
+            what = f"has a mean motion of {theirs:.9g} rad/s, the paths {source.mean_motion:.9g} rad/s"
+            raise ValueError(f"chief: {what}; give the orbit of the plan")
     return source
 
 
 def of_paths(path: Path, chief: Chief | None, names: Sequence[str] | None) -> Source:
-    """Paths by themselves."""
+    """Return the source of an export of bare paths."""
     each = [path] if not path.shape else [path[k] for k in range(len(path))]
     if len(path.shape) > 1:
         raise ValueError(f"result: paths of shape (N,) can be exported, got {path.shape}; index them first")
     called = [f"C{k}" for k in range(1, len(each) + 1)] if names is None else list(names)
     if len(called) != len(each) or len(set(called)) != len(called):
-        raise ValueError(f"names: expected {len(each)} names, each another, got {', '.join(called)}")
+        raise ValueError(f"names: expected {len(each)} distinct names, got {', '.join(called)}")
     craft = []
     for name, one in zip(called, each, strict=True):
         found = burns_of(one).told
@@ -170,17 +170,17 @@ def of_paths(path: Path, chief: Chief | None, names: Sequence[str] | None) -> So
 
 
 def through(orbit: Any, stages: Sequence[Any], k: int) -> Path:
-    """The path of craft k through stages that follow one another."""
+    """Return the path of craft k through consecutive stages."""
     arcs = np.concatenate([stage.after.paths[k].arcs for stage in stages])
     return Path(orbit, arcs, np.array([0, len(arcs)]), ())
 
 
 def spread(stages: Sequence[Any], craft: Craft) -> tuple[tuple[Path, Uncertainty], ...]:
-    """A craft's path in each stage, with its errors when that begins; none of one that is known exactly."""
+    """Return a craft's path and initial uncertainty in each stage; empty if its state is known exactly."""
     errors, found = craft.errors, []
     if errors is None:
         return ()
-    from closeform.uncertainty.propagated_errors import carried  # with kernels that few exports need
+    from closeform.uncertainty.propagated_errors import carried  # imported late: compiles kernels
 
     for stage in stages:
         path = stage.after.path(craft.name)
@@ -190,7 +190,7 @@ def spread(stages: Sequence[Any], craft: Craft) -> tuple[tuple[Path, Uncertainty
 
 
 def shots(burns: Mapping[str, Any], name: str) -> Shots:
-    """Of the columns of all burns those of one craft."""
+    """Return the burns of one craft from the columns of all burns."""
     own = np.asarray(burns["craft"], dtype=object) == name
     keys = ("start_s", "duration_s", *PUSH, "propellant_kg", "thruster")
     numbers = {key: np.asarray(burns[key], dtype=object)[own].astype(float) for key in keys}

@@ -1,4 +1,4 @@
-"""What a run or a study left, opened again: its paths evaluate bit for bit as they did."""
+"""Load the results of a run or a study; loaded paths evaluate bit for bit as the original ones."""
 
 from __future__ import annotations
 
@@ -37,31 +37,31 @@ from closeform.storage.result_folder import (
 )
 
 Columns = Mapping[str, Any]
-NO_BURNS = {key: np.empty(0) for key in ("stage", *COLUMNS)}  # of a run in which nobody moves
+NO_BURNS = {key: np.empty(0) for key in ("stage", *COLUMNS)}  # of a run without burns
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LoadedStage(Result):
-    """A stage of a run that was loaded, as `results` of a `Mission` holds it.
+    """Stage of a loaded run, the counterpart of an item of `Mission.results`.
 
     Attributes
     ----------
     number : int
-        Of the stage, from 1.
+        Number of the stage, from 1.
     stage : StageTable
-        What the scenario says of it; `stage.verb` is its `do`, `stage.name` its name or None.
+        Its table in the scenario; `stage.verb` is its `do`, `stage.name` its name or None.
     start : float [s]
-        When it begins.
+        Start time.
     before, after, planned : WatchedFlight
-        The paths of all craft before avoidance, as flown and as thrusters were to follow, `paths` (N,) by
-        `names`; with `conflicts` and closest `approaches` by name, but of a plan that thrusters follow.
+        The paths of all craft before avoidance, as executed, and as planned for the thrusters: `paths` (N,)
+        by `names`, with `conflicts` and closest `approaches` (none for a plan that thrusters follow).
     result : Gathering, FirstLocks or None
-        What a search came to: of a lock the `search`, its `pairs` and their `locks`; None of other stages, of
-        whose plans the paths and the `figures` are kept.
+        Result of a search; for a lock stage the `search`, its `pairs` and their `locks`. None for other
+        stages, of which the paths and the `figures` are kept.
     burns : Mapping of str to array of shape (K,) [s, m/s, kg]
         The columns of `burns.parquet`, one row for each burn or pulse.
     figures : Mapping of str
-        What `summary.json` says of it.
+        Its entry in `summary.json`.
     """
 
     number: int
@@ -77,37 +77,37 @@ class LoadedStage(Result):
 
     @property
     def end(self) -> float:
-        """When it ends [s]."""
+        """End time [s]."""
         return self.after.end
 
     @property
     def flown(self) -> bool:
-        """Whether its paths count, which those of a plan that failed do not."""
+        """True if the stage was executed, so that its paths count; False for a failed plan."""
         return bool(self.figures["flown"])
 
     @property
     def failure(self) -> str | None:
-        """Why the mission cannot go on after it; None where it can."""
+        """Reason why the mission cannot continue after the stage; None if it can."""
         found: str | None = self.figures["failure"]
         return found
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LoadedRun(Stages):
-    """What a run left, made by `load`.
+    """Results of a run, returned by `load`.
 
     Attributes
     ----------
     scenario : Scenario
-        What `scenario.toml` says; of one case of a study with the states of that case.
+        The content of `scenario.toml`; for one case of a study with the states of that case.
     orbit : Orbit
-        In whose frame the paths are.
+        The orbit whose Hill frame the paths are in.
     results : tuple of LoadedStage
-        The stages as flown.
+        The stages as executed.
     summary : Mapping of str
         The content of `summary.json`: verdict, limits, every figure that was printed.
     lost : tuple of LostThrust
-        Whose thrust was lost in a case of a study, and when; `planned` of stages is what guidance knew.
+        Craft that lost thrust in a case of a study, and when; `planned` of a stage is the plan before that.
     """
 
     scenario: Scenario
@@ -118,39 +118,39 @@ class LoadedRun(Stages):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The craft's names."""
+        """Names of the craft."""
         return self.scenario.names
 
     @property
     def stopped(self) -> str | None:
-        """Why there are fewer stages than in the file; None if there are not."""
+        """Reason why the run has fewer stages than the file; None if it has all."""
         found: str | None = self.summary["stopped"]
         return found
 
     @property
     def verdict(self) -> str:
-        """What the last line of the run said."""
+        """Last line that the run printed."""
         return str(self.summary["verdict"])
 
     @cached_property
     def burns(self) -> Columns:
-        """Every burn in columns, as in `burns.parquet`, with its stage."""
+        """Every burn with its stage, in the columns of `burns.parquet`."""
         return arc_tables.together([one.burns for one in self.flown])
 
     @property
     def clear(self) -> bool:
-        """Whether every stage was flown and no conflict remains."""
+        """True if every stage was executed and no conflict remains."""
         return bool(self.summary["clear"])
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LoadedStudy(Result):
-    """What a study left, made by `load`.
+    """Results of a study, returned by `load`.
 
     Attributes
     ----------
     scenario : Scenario
-        What `scenario.toml` says.
+        The content of `scenario.toml`.
     cases : Mapping of str to array of shape (K,) [s, m, m/s]
         The columns of `cases/*.parquet`, all cases one after another.
     summary : Mapping of str
@@ -163,9 +163,9 @@ class LoadedStudy(Result):
 
 
 def load(directory: str | PathLike[str]) -> LoadedRun | LoadedStudy:
-    """Open what `closeform run` or `closeform study` left.
+    """Load the results of `closeform run` or `closeform study`.
 
-    Paths evaluate bit for bit as those of the run did; nothing is flown or searched again.
+    Loaded paths evaluate bit for bit as those of the run. No stage is planned, simulated or searched again.
 
     Parameters
     ----------
@@ -175,14 +175,14 @@ def load(directory: str | PathLike[str]) -> LoadedRun | LoadedStudy:
     Returns
     -------
     LoadedRun or LoadedStudy
-        Of a run its scenario, orbit, stages with flown paths, conflicts, burns and locks; of a study its
-        cases; of both what `summary.json` says.
+        For a run its scenario, orbit, and stages with executed paths, conflicts, burns and locks; for a study
+        its cases; for both the content of `summary.json`.
 
     Raises
     ------
     ValueError
-        If there is no such folder, or it is not one that a run or a study left, is damaged, or comes from
-        another version; in one line that names the file and the remedy.
+        If the folder does not exist, is not the result folder of a run or a study, is damaged, or comes from
+        another version. The message names the file and the remedy in one line.
 
     References
     ----------
@@ -193,10 +193,10 @@ def load(directory: str | PathLike[str]) -> LoadedRun | LoadedStudy:
     summary = summary_of(place)
     kind = summary.get("kind")
     if kind in ("screen", "encounter"):
-        what = f"was left by closeform {kind}, which has no burns and no scenario"
-        raise FolderError(f"{place}: {what}; give a folder of run or study, and read this one as Parquet")
+        what = f"was written by closeform {kind}, which has no burns and no scenario"
+        raise FolderError(f"{place}: {what}; give a folder of a run or study, and read this one as Parquet")
     if kind not in ("run", "study"):
-        raise FolderError(f"{place}: was left by an earlier version or another command; {AGAIN}")
+        raise FolderError(f"{place}: was written by an earlier version or another command; {AGAIN}")
     scenario = _scenario(place, summary)
     if kind == "study":
         names = sorted(name for name in summary["files"] if name.startswith("cases/"))
@@ -211,7 +211,7 @@ def load(directory: str | PathLike[str]) -> LoadedRun | LoadedStudy:
 
 
 def _scenario(place: FilePath, summary: Mapping[str, Any]) -> Scenario:
-    """The scenario as it was flown."""
+    """Return the scenario of a result folder, with the values of one case if it holds one."""
     text = content(place, summary, SCENARIO).decode()
     for name in summary["files"]:
         if name.startswith(INPUTS):
@@ -229,7 +229,7 @@ def _scenario(place: FilePath, summary: Mapping[str, Any]) -> Scenario:
 
 @dataclass(frozen=True)
 class RunTables:
-    """The tables of a run."""
+    """Tables of a run."""
 
     place: FilePath
     scenario: Scenario
@@ -238,20 +238,20 @@ class RunTables:
 
     @cached_property
     def tables(self) -> dict[str, dict[str, Any]]:
-        """Those of which stages are made, by name; an absent one has no rows."""
+        """Tables from which stages are built, by name; an absent table has no rows."""
         names = ("arcs", "legs", "conflicts", "approaches", "burns", "events", "locks")
         held = [name for name in names if f"{name}.parquet" in self.summary["files"]]
         return {name: table(self.place, self.summary, f"{name}.parquet") for name in held}
 
     def rows(self, name: str, **wanted: Any) -> dict[str, Any]:
-        """The rows of a table that have what is wanted in its columns; none of an absent table."""
+        """Return the rows of a table whose columns have the wanted values; none of an absent table."""
         columns = self.tables.get(name, {})
         kept = np.logical_and.reduce([columns[key] == value for key, value in wanted.items() if columns])
         return {key: values[kept] for key, values in columns.items()}
 
     @property
     def stages(self) -> Iterator[LoadedStage]:
-        """In order."""
+        """Stages in order."""
         if "arcs.parquet" not in self.summary["files"]:
             raise FolderError(f"{self.place}: arcs.parquet is missing; {AGAIN}")
         for figures in self.summary["stages"]:
@@ -269,12 +269,12 @@ class RunTables:
             )
 
     def flight(self, number: int, when: str) -> WatchedFlight:
-        """The paths of a stage with what was found of them."""
+        """Return the paths of a stage with their conflicts and approaches."""
         names, zones = self.scenario.names, self.scenario.zones
         wanted = {"stage": number, "when": when}
         arcs, met, near = (self.rows(name, **wanted) for name in ("arcs", "conflicts", "approaches"))
         where = {name: k for k, name in enumerate(names)}
-        between: Any = zones.between  # never None of two that came near each other
+        between: Any = zones.between  # never None for a pair with an approach
         approaches = [
             PairApproach(one, other, time, ratio, distance, between(where[one], where[other]), rule)
             for one, other, time, ratio, distance, rule in _tuples(
@@ -291,19 +291,19 @@ class RunTables:
     def found(
         self, verb: str, figures: Mapping[str, Any], after: WatchedFlight
     ) -> Gathering | FirstLocks | None:
-        """What a search came to."""
+        """Return the result of a search stage, None for any other stage."""
         if verb == "gather":
             return self.gathering(figures, after)
         return self.first_locks(figures) if verb == "lock" else None
 
     def search(self, number: int) -> Search:
-        """The search of a stage, over all rounds."""
+        """Return the search of a stage, over all rounds."""
         plan = self.scenario.plan
         legs = arc_tables.legs_in(self.rows("legs", stage=number))
         return Search(plan.sensor, plan.slew_rate, plan.sun_limit, plan.tip_angle, legs)
 
     def first_locks(self, figures: Mapping[str, Any]) -> FirstLocks:
-        """The first locks of all pairs."""
+        """Return the first locks of all pairs."""
         from closeform.search.locks import Locks
 
         search, rows = self.search(figures["number"]), self.rows("locks", stage=figures["number"])
@@ -311,13 +311,13 @@ class RunTables:
         for k, (phase, number, time) in enumerate(_tuples(rows, "phase", "round", "time_s")):
             if phase is not None:
                 there = [j for j, leg in enumerate(search.legs) if (leg.phase, leg.round) == (phase, number)]
-                # a craft that is late is still in it when it should be over
+                # a late craft can lock after the nominal end of the leg
                 legs[k] = next((j for j in there if time <= search.legs[j].end), there[-1])
         return FirstLocks(search, self.scenario.opposite, Locks(rows["time_s"].astype(float), legs))
 
     def gathering(self, figures: Mapping[str, Any], after: WatchedFlight) -> Gathering:
-        """What became of lost craft; its times count from the start of the stage."""
-        told, where = figures["gathering"], {name: k for k, name in enumerate(after.names)}
+        """Return the result of a gathering; its times count from the start of the stage."""
+        entry, where = figures["gathering"], {name: k for k, name in enumerate(after.names)}
         arcs = after.paths.arcs.copy()
         arcs[:, [START, END]] -= figures["start_s"]
         rows = self.rows("events", stage=figures["number"])
@@ -332,22 +332,22 @@ class RunTables:
                 strict=True,
             )
         )
-        sets = tuple(tuple(where[name] for name in some) for some in told["sets"])
-        lost, adrift = (tuple(where[name] for name in told[some]) for some in ("lost", "adrift"))
+        sets = tuple(tuple(where[name] for name in some) for some in entry["sets"])
+        lost, adrift = (tuple(where[name] for name in entry[some]) for some in ("lost", "adrift"))
         return Gathering(
             self.search(figures["number"]),
             self.scenario.groups,
             replace(after.paths, arcs=arcs),
             events,
-            np.array([told["delta_v_m_s"][name] for name in after.names]),
-            dict(told["totals_m_s"]),
-            told["burns"],
+            np.array([entry["delta_v_m_s"][name] for name in after.names]),
+            dict(entry["totals_m_s"]),
+            entry["burns"],
             sets,
             lost,
-            told["duration_s"],
-            told["rounds"],
-            GatherStatus(told["status"]),
-            who_is_left(sets, lost, told["rounds"], adrift=adrift) or None,
+            entry["duration_s"],
+            entry["rounds"],
+            GatherStatus(entry["status"]),
+            who_is_left(sets, lost, entry["rounds"], adrift=adrift) or None,
             self.scenario.zones,
             self.scenario.search_errors,
             adrift,
@@ -355,5 +355,5 @@ class RunTables:
 
 
 def _tuples(columns: Columns, *keys: str) -> Iterator[tuple[Any, ...]]:
-    """The rows of some columns as Python's own numbers."""
+    """Iterate over the rows of some columns as Python numbers."""
     return zip(*(columns[key].tolist() for key in keys), strict=True) if columns else iter(())

@@ -1,1 +1,1 @@
-"""The search of lost craft for each other: sensor, schedule, locks, and the gathering."""
+"""Search for lost spacecraft in deep space: schedules, locks, certified proofs, and gathering."""

@@ -1,7 +1,7 @@
-"""Adversary: who looks among the initial states of a box for the pair that locks last, or never.
+"""Adversarial search among the initial states of a box for the pair that locks last, or never.
 
-It draws pairs, most of which pass close by each other, and climbs from the latest of them by ever smaller
-changes.
+The adversary draws random pairs, most of which pass close by each other, and improves the latest of them by
+ever smaller changes.
 """
 
 from __future__ import annotations
@@ -17,17 +17,18 @@ from closeform.search.locks import lock_times
 from closeform.search.schedule import Search
 from closeform.search.search_errors import SearchErrors
 
-DRAWN = 200_000  # states to begin with
-ROUNDS, PATIENCE = 300, 30  # most in a climb; how many without gain end it
-ISLANDS, MEMBERS, TRIED = 8, 12, 64  # who climb together, how many, what each tries in a round
+DRAWN = 200_000  # number of random initial states
+ROUNDS, PATIENCE = 300, 30  # greatest number of rounds in a climb, and of rounds without gain
+ISLANDS, MEMBERS, TRIED = 8, 12, 64  # islands, members of each, trials of a member in a round
 GAIN = 1e-4  # s
 
 
 @dataclass(frozen=True)
 class Adversary:
-    """A search, the `least` and `greatest` states (6,) of a box, whether its surface stands for it all.
+    """Search schedule and a box of states between `least` and `greatest` (6,).
 
-    `errors`: of the craft in A and in B, alike for all pairs.
+    `scaled`: the surface of the box represents all its states. `errors`: search errors of the craft in A and
+    in B, the same for all pairs.
     """
 
     search: Search
@@ -37,10 +38,10 @@ class Adversary:
     errors: SearchErrors | None = None
 
     def drawn(self, random: Any, count: int = DRAWN) -> Floats:
-        """States (count, 6) of the box: half of them anywhere, half of pairs that pass close by meanwhile."""
+        """Return random states (count, 6) of the box; half of them pass close by during the search."""
         anywhere = random.uniform(self.least, self.greatest, (count - count // 2, 6))
         velocity = random.uniform(self.least, self.greatest, (count // 2, 6))[:, 3:]
-        along = random.random(len(velocity)) < 0.5  # the sun line, where cones are left out
+        along = random.random(len(velocity)) < 0.5  # near the sun line, where no cone reaches
         velocity[along, :2] *= 10.0 ** random.uniform(-4.0, 0.0, (int(along.sum()), 1))
         speed = np.linalg.norm(velocity, axis=1, keepdims=True)
         miss = random.normal(size=(len(velocity), 3)) * 10.0 ** random.uniform(-4.0, 0.0, (len(velocity), 1))
@@ -50,7 +51,7 @@ class Adversary:
         return self.within(np.concatenate([anywhere, passing]))
 
     def within(self, states: Floats) -> Floats:
-        """States (N, 6) brought into the box: to its surface, where lengths scale, else to what is next."""
+        """Return states (N, 6) moved into the box: scaled to its surface if lengths scale, else clipped."""
         if not self.scaled:
             return np.clip(states, self.least, self.greatest)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -60,7 +61,7 @@ class Adversary:
         return np.where(np.isfinite(states), states, 0.0)
 
     def times(self, states: Floats) -> Floats:
-        """First locks of states (N, 6) [s]: inf for never, -inf for two craft at one place."""
+        """Return the first locks of states (N, 6) [s]: inf for never, -inf for craft at the same position."""
         apart = np.abs(states[:, :3]).max(axis=1) > 0.0
         times = np.full(len(states), -inf)
         found = lock_times(self.search, states[apart, :3], states[apart, 3:], self.errors).time
@@ -70,11 +71,11 @@ class Adversary:
     def climbed(
         self, states: Floats, times: Floats, random: Any, rounds: int = ROUNDS
     ) -> tuple[Floats, float]:
-        """The state with the latest lock that is reached from some with their `times`, and its time.
+        """Return the state with the latest lock reached from some states with their `times`, and its time.
 
-        By differential evolution (Storn and Price 1997): ridges of the time to lock are narrow, and lie along
-        what separates those who climb them.  Who begins in one octant of positions climbs apart from all
-        others.
+        Differential evolution (Storn and Price 1997) follows the narrow ridges of the time to lock, because
+        they lie along the differences between members. The members of each octant of positions climb
+        separately.
         """
         width = self.greatest - self.least
         members = []
@@ -102,7 +103,7 @@ class Adversary:
 
 
 def steps(states: Floats, width: Floats, random: Any) -> Floats:
-    """Steps (N, TRIED, 6) of all sizes: of some components, or along what lies between two of an island."""
+    """Return trial steps (N, TRIED, 6) of all sizes: of some components, or along differences of members."""
     shape = len(states), TRIED
     size = 10.0 ** random.uniform(-8.0, -0.5, (*shape, 1))
     moved = random.random((*shape, 6)) < random.choice([0.2, 0.5, 1.0], (*shape, 1))

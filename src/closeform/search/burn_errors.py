@@ -1,4 +1,4 @@
-"""Gatherings whose burns go wrong: thrust is lost in them, or burns are off."""
+"""Gatherings with imperfect burns: lost thrust, or execution errors."""
 
 from __future__ import annotations
 
@@ -27,9 +27,10 @@ def gather_flawed(
     flaws: BurnFlaws,
     **told: Any,
 ) -> Gathering:
-    """What becomes of a gathering as `planned`, `told` the same, with the `flaws` (1, N) of its burns.
+    """Return the outcome of a gathering as `planned`, with the `flaws` (1, N) of its burns.
 
-    Its first pair burns as planned, and `totals` are those of the plan: nobody knows what will go wrong.
+    `told`: the remaining arguments of the plan. The first pair burns as planned, and `totals` are those of
+    the plan, because the flaws are not known in advance.
     """
     where, speeds = states(positions, velocities, 2)
     fleet = lost_fleet(search, shape=where.shape[:2], **told)
@@ -40,9 +41,10 @@ def gather_flawed(
 def gather_failing(
     search: Search, positions: ArrayLike, velocities: ArrayLike, shares: Floats, **told: Any
 ) -> tuple[Gatherings, Floats]:
-    """What `gather_cases` does, of craft that lose their thrust after `shares` (C, N) of it; nan: never.
+    """Return gatherings as `gather_cases` does, with losses of thrust, and the times of these (C, N) [s].
 
-    Shares are of the time that a case takes without: the times [s] are (C, N), nan also where all is over.
+    `shares` (C, N): fractions of the duration without failures, nan for a craft that does not fail. Times are
+    nan for such craft and after the end of the case.
     """
     where, speeds = states(positions, velocities, 3)
     fleet = lost_fleet(search, shape=where.shape[:2], **told)

@@ -1,4 +1,4 @@
-"""BurnFlaws: thrust that craft of a gathering lose, and errors of their burns."""
+"""Lost thrust and execution errors of the burns of a gathering."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ import numpy as np
 
 from closeform.arrays import Floats
 
-FEW = 4  # burns of each craft for which random numbers are drawn at first
+FEW = 4  # number of burns of each craft with random numbers at first
 
 
 @dataclass(frozen=True, eq=False)
 class BurnFlaws:
-    """How the burns of craft (N,) go wrong in some cases (C,).
+    """Flaws of the burns of craft (N,) in some cases (C,).
 
-    `fails` (C, N) [s]: from when on each has no thrust, inf for who does not lose it; `gates` (N, 4): the
-    sigmas of Gates' model of its burns; `normals`: from a number B normal random numbers (C, N, B, 3) for the
-    first B burns, along each and two across, None where burns are exact.
+    `fails` (C, N) [s]: the time from which each has no thrust, inf if it keeps it; `gates` (N, 4): the sigmas
+    of Gates' model of its burns; `normals`: a function of B that returns normal random numbers (C, N, B, 3)
+    for the first B burns, one along the burn and two across, None if burns are exact.
     """
 
     fails: Floats
@@ -29,21 +29,21 @@ class BurnFlaws:
 
     @classmethod
     def of_thrust(cls, fails: Floats) -> Self:
-        """Thrust is lost, and burns are exact."""
+        """Return flaws with lost thrust and exact burns."""
         return cls(fails, np.zeros((fails.shape[1], 4)))
 
     @classmethod
     def none(cls, shape: tuple[int, ...]) -> Self:
-        """All is well with craft (C, N)."""
+        """Return the absence of flaws for craft (C, N)."""
         return cls.of_thrust(np.full(shape, inf))
 
     @property
     def any(self) -> bool:
-        """Whether anything goes wrong."""
+        """True if there is any flaw."""
         return self.normals is not None or bool(np.isfinite(self.fails).any())
 
     def drawn(self, burns: int) -> tuple[Any, ...]:
-        """The arrays that kernels take, with random numbers for so many burns of each craft."""
+        """Return the arrays for kernels, with random numbers for a number of burns of each craft."""
         exact = np.empty((*self.fails.shape, 0, 3))
         numbers = exact if self.normals is None else np.ascontiguousarray(self.normals(burns))
         return np.ascontiguousarray(self.fails), self.gates, numbers

@@ -1,8 +1,8 @@
-"""Clearance of craft that coast: who would enter whose keep-out zone, and the least burn against it.
+"""Keep-out clearance of coasting craft: which pairs would enter a zone, and the least burn to avoid it.
 
-Relative motion is a straight line.  In zone coordinates (R = M r) the velocities that lead into
-a ball are those within a cone about -R of half-angle asin(1 / |R|); the burn that leaves that
-cone at least |delta-v| is sought along its generators.
+Relative motion is a straight line. In zone coordinates (R = M r) the velocities that lead into a ball lie
+within a cone about -R of half-angle asin(1 / |R|). The least burn that leaves this cone is found along its
+generators.
 """
 
 from math import asin, cos, inf, pi, sin, sqrt
@@ -12,22 +12,22 @@ from closeform._jit import kernel
 from closeform.arrays import Floats
 
 VELOCITY, SINCE, SPENT, CORRECTED, PUSHED, CRAFT = 3, 6, 7, 8, 9, 10  # columns of a row, after its position
-SPOKES = 48  # generators of the cone that are tried before the best is refined
-REFINED = 40  # halvings
-ENLARGED = 1.0 + 1e-9  # a zone that is passed, so that the result is clear of the zone itself
-# ways of a burn relative to another craft; for a box AROUND and on are three axes, EDGES and on its edges
+SPOKES = 48  # generators of the cone tried before the best is refined
+REFINED = 40  # halvings of the angle between generators
+ENLARGED = 1.0 + 1e-9  # factor on an avoided zone, so that rounding keeps the path clear of the zone itself
+# kinds of burn relative to another craft; for a box, three axes from AROUND on, its edges from EDGES on
 STOP, NOT_NEARER, AROUND, EDGES, WAYS = 0, 1, 2, 5, 17
 
 
 class GatheringCraft(NamedTuple):
-    """The craft of a gathering in the hands of the kernel.
+    """State of the craft of a gathering, for kernels.
 
-    `rows` (N, 10): where each was, its velocity, when that was, and the delta-v spent so far, of this on
-    corrections and in the near-field search; `labels` (N,): its set; `moved` (N,): whether it has burned
-    since locks were last foreseen; `fresh` (N,): whether it is new to the set of the last lock; `shared`
-    (3,): the velocity of the formation set.
-    `flaws` of its burns in the `case` (1,); `off` (N, 3): how far those of this instant are; `burnt` (N,):
-    how often it burned; `adrift` (N,): whether it had no thrust to join the formation set with.
+    `rows` (N, 10): position, velocity, time of both, and the delta-v spent so far in total, on corrections
+    and in the near-field search; `labels` (N,): the set of each; `moved` (N,): whether it has burned since
+    locks were last predicted; `fresh` (N,): whether it is new to the set of the last lock; `shared` (3,): the
+    velocity of the formation set. `flaws` of the burns in the `case` (1,); `off` (N, 3): the burn errors of
+    this instant; `burnt` (N,): the number of burns; `adrift` (N,): whether it had no thrust to join the
+    formation set.
     """
 
     rows: Floats
@@ -43,7 +43,7 @@ class GatheringCraft(NamedTuple):
 
 
 class KeptZone(NamedTuple):
-    """A zone in the hands of the kernel: a box or not; its matrix; its half-axes as columns, enlarged."""
+    """Zone for kernels: whether it is a box, its matrix, and its enlarged half-axes as columns."""
 
     box: bool
     matrix: Floats
@@ -51,9 +51,9 @@ class KeptZone(NamedTuple):
 
 
 class KeptZones(NamedTuple):
-    """The zones of all pairs in the hands of the kernel: `kinds` (N,) and `table` are those of `PairZones`.
+    """Zones of all pairs for kernels: `kinds` (N,) and `table` are those of `PairZones`.
 
-    `boxes` (K,) tells which zones are boxes, `matrices` (K, 2, 3, 3) have matrix and half-axes of each.
+    `boxes` (K,): whether each zone is a box; `matrices` (K, 2, 3, 3): matrix and half-axes of each.
     """
 
     kinds: Any
@@ -64,17 +64,19 @@ class KeptZones(NamedTuple):
 
 @kernel()
 def between(zones, i, j):
-    """Which zone a pair keeps; -1 for none."""
+    """Return the index of the zone that a pair keeps; -1 for none."""
     return zones.table[zones.kinds[min(i, j)], zones.kinds[max(i, j)]]
 
 
 @kernel()
 def chosen(zones, k):
+    """Return the zone of index k."""
     return KeptZone(zones.boxes[k], zones.matrices[k, 0], zones.matrices[k, 1])
 
 
 @kernel()
 def times(matrix, x, y, z):
+    """Return the product of a matrix and a vector."""
     return (
         matrix[0, 0] * x + matrix[0, 1] * y + matrix[0, 2] * z,
         matrix[1, 0] * x + matrix[1, 1] * y + matrix[1, 2] * z,
@@ -84,7 +86,7 @@ def times(matrix, x, y, z):
 
 @kernel()
 def within(zone, r, v, duration):
-    """Whether r + v t is at a norm of at most 1 at some time in [0, duration]; r, v (3,)."""
+    """Return True if r + v t has a norm of at most 1 at some time in [0, duration]; r, v (3,)."""
     x, y, z = times(zone.matrix, r[0], r[1], r[2])
     ux, uy, uz = times(zone.matrix, v[0], v[1], v[2])
     if not zone.box:
@@ -103,7 +105,7 @@ def within(zone, r, v, duration):
 
 @kernel()
 def enters(zone, r, v, duration):
-    """Whether r + v t comes within and nearer: of what is within already, whether the norm falls."""
+    """Return True if r + v t enters the zone, or approaches its centre if it begins inside."""
     x, y, z = times(zone.matrix, r[0], r[1], r[2])
     ux, uy, uz = times(zone.matrix, v[0], v[1], v[2])
     nears = x * ux + y * uy + z * uz < 0.0
@@ -116,7 +118,7 @@ def enters(zone, r, v, duration):
 
 @kernel()
 def clear_of_all(zones, craft, i, velocity, duration, r, v):
-    """Whether craft i, at this velocity, keeps clear of all of its set."""
+    """Return True if craft i, with this velocity, keeps clear of all craft of its set."""
     rows, labels = craft.rows, craft.labels
     for m in range(len(labels)):
         which = between(zones, i, m) if m != i and labels[m] == labels[i] else -1
@@ -131,7 +133,7 @@ def clear_of_all(zones, craft, i, velocity, duration, r, v):
 
 @kernel()
 def onto(g, v, out):
-    """The point of the half-line along g that is nearest to v, in `out`; how far away, squared."""
+    """Write the point nearest to v on the half-line along g to `out`; return the squared distance."""
     scale = max(0.0, g[0] * v[0] + g[1] * v[1] + g[2] * v[2]) / (g[0] ** 2 + g[1] ** 2 + g[2] ** 2)
     away = 0.0
     for k in range(3):
@@ -142,7 +144,7 @@ def onto(g, v, out):
 
 @kernel()
 def generator(half_axes, frame, tangent, angle, out):
-    """One generator of the cone about frame[0] of half-angle `tangent`, as a direction in space."""
+    """Write the direction of one generator of the cone about frame[0] of half-angle `tangent` to `out`."""
     ca, sa, ct, st = cos(angle), sin(angle), cos(tangent), sin(tangent)
     gx = ct * frame[0, 0] + st * (ca * frame[1, 0] + sa * frame[2, 0])
     gy = ct * frame[0, 1] + st * (ca * frame[1, 1] + sa * frame[2, 1])
@@ -152,7 +154,7 @@ def generator(half_axes, frame, tangent, angle, out):
 
 @kernel()
 def past_ball(zone, r, v, out, scratch):
-    """The nearest velocity to v that passes an ellipsoid tangentially, in `out`; False from inside."""
+    """Write the velocity nearest to v that passes an ellipsoid tangentially to `out`; False from inside."""
     frame, g = scratch[5:8], scratch[3]
     bx, by, bz = times(zone.matrix, -r[0], -r[1], -r[2])
     size = sqrt(bx * bx + by * by + bz * bz)
@@ -188,7 +190,7 @@ def past_ball(zone, r, v, out, scratch):
 
 @kernel()
 def past_edge(half_axes, edge, r, v, out, scratch):
-    """The nearest velocity to v in the plane sector from -r to one of the 12 edges of a box, in `out`."""
+    """Write the velocity nearest to v in the plane sector from -r to one of the 12 box edges to `out`."""
     one, other, g = scratch[5], scratch[6], scratch[7]
     a = edge // 4
     b, c = (a + 1) % 3, (a + 2) % 3
@@ -212,7 +214,7 @@ def past_edge(half_axes, edge, r, v, out, scratch):
 
 @kernel()
 def not_nearer(matrix, r, v, axis, out):
-    """The nearest velocity to v that does not bring r nearer, in the norm or along one axis of it."""
+    """Write the velocity nearest to v that does not reduce the norm of r, or one axis of it, to `out`."""
     x, y, z = times(matrix, r[0], r[1], r[2])
     if axis >= 0:
         x, y, z = x * (axis == 0), y * (axis == 1), z * (axis == 2)
@@ -228,7 +230,7 @@ def not_nearer(matrix, r, v, axis, out):
 
 @kernel()
 def candidate(zone, way, r, v, out, scratch):
-    """A relative velocity that may keep clear, in `out`; False where there is none of this way."""
+    """Write a relative velocity that may keep clear to `out`; False if there is none of this kind."""
     if way == STOP:
         out[0] = out[1] = out[2] = 0.0
     elif way == NOT_NEARER:
@@ -244,10 +246,10 @@ def candidate(zone, way, r, v, out, scratch):
 
 @kernel()
 def correction(zones, craft, i, duration, best, scratch):
-    """The least burn of craft i that keeps it clear of its set for `duration`: its size; velocity in `best`.
+    """Return the size of the least burn that keeps craft i clear of its set for `duration`.
 
-    0 where none is needed, inf where none was found among those that pass one of the others
-    tangentially, do not come nearer to it, or stop relative to it.
+    The velocity goes to `best`. The result is 0 if no burn is needed, and inf if none was found among those
+    that pass one of the others tangentially, do not approach it, or stop relative to it.
     """
     rows, labels = craft.rows, craft.labels
     r, v, out, tried = scratch[0], scratch[1], scratch[2], scratch[4]

@@ -1,4 +1,4 @@
-"""Coverage: the share of the sky that a cone sweeps as it turns."""
+"""Share of the sky that the cone of a sensor sweeps during a search."""
 
 from math import cos, pi, sin
 from typing import Any
@@ -9,10 +9,10 @@ from closeform.arrays import Floats
 
 
 def covered(table: Floats, cosine: float) -> float:
-    """Share of all directions that come within the cone of some leg.
+    """Return the share of all directions that come within the cone in some leg.
 
-    Along each meridian the greatest cosine to the boresight is sampled at equal steps of height,
-    which are equal areas, and its crossings of the cone are interpolated.
+    Along each meridian the greatest cosine to the boresight is sampled at equal steps of height, which are
+    equal areas. Its crossings of the cone are interpolated.
     """
     height = np.linspace(-1.0, 1.0, 1001)
     longitude = (np.arange(360) + 0.5) * pi / 180.0
@@ -35,12 +35,12 @@ def covered(table: Floats, cosine: float) -> float:
 
 
 def greatest(steady: Any, cosine: Any, sine: Any, angle: float) -> Any:
-    """Greatest value of steady + cosine cos(a) + sine sin(a) for a from 0 to `angle`."""
+    """Return the greatest value of steady + cosine cos(a) + sine sin(a) for a from 0 to `angle`."""
     turn = abs(angle)
     sine = sine if angle >= 0.0 else -sine
     if turn >= 2.0 * pi:
         return steady + np.hypot(cosine, sine)
     ends = np.maximum(cosine, cosine * cos(turn) + sine * sin(turn))
     rises, falls = sine >= 0.0, sine * cos(turn) <= cosine * sin(turn)  # at the start, at the end
-    inside = rises & falls if turn <= pi else rises | falls  # the crest, where a is that of (cosine, sine)
+    inside = rises & falls if turn <= pi else rises | falls  # the crest, at the angle of (cosine, sine)
     return steady + np.where(inside, np.hypot(cosine, sine), ends)

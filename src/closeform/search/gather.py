@@ -1,4 +1,4 @@
-"""Gather: lost craft search, lock and join until one formation set holds them all (H03)."""
+"""Gathering of lost craft: they search, lock and join until one formation set holds them all (H03)."""
 
 from __future__ import annotations
 
@@ -40,9 +40,9 @@ from closeform.search.spacecraft_set import LostFleet, lost_fleet
 from closeform.zones.combined_zones import OwnZone
 from closeform.zones.pair_zones import PairZones
 
-KINDS = tuple(EventKind)  # in the order of the kernel's
-WAYS = {"second": SECOND, "first": FIRST, "half": HALF}  # the first of equals is taken
-EACH_CALL = 1024  # gatherings that one call of the kernel flies
+KINDS = tuple(EventKind)  # in the order of the kernel's codes
+WAYS = {"second": SECOND, "first": FIRST, "half": HALF}  # of equal costs the first is chosen
+EACH_CALL = 1024  # gatherings in one call of the kernel
 
 
 def gather(
@@ -57,54 +57,53 @@ def gather(
     max_speed: float | None = None,
     errors: SearchErrors | None = None,
 ) -> Gathering:
-    """Lost craft search, lock and join until one formation set holds them all.
+    """Simulate a gathering: lost craft search, lock and join until one formation set holds them all.
 
-    The first pair to lock begins the formation set.  Craft that join it null their velocity relative to
-    it; knowledge sets coast until they meet it, but for corrections against collisions.
+    The first pair to lock begins the formation set. Craft that join it null their velocity relative to it.
+    Knowledge sets coast until they meet it, except for corrections against collisions.
 
     Parameters
     ----------
     search : Search
-        Which all carry out.
+        The schedule of all craft.
     positions : array_like of shape (N, 3) [m]
-        At the start of the search, in the inertial frame, in deep space.
+        Positions at the start of the search, in the inertial frame, in deep space.
     velocities : array_like of shape (N, 3) [m/s]
-        In the inertial frame.
+        Velocities in the inertial frame.
     groups : "alternating", "balanced" or sequence of "A" or "B", default "alternating"
         A, B, A, ...; the first half A (H03's 3:2); or one for each craft.
     keep_out : Zone, CovarianceZone, Body, sequence of these or None, or PairZones, optional
-        One for all or one for each craft, as in `screen`, but round or a box: where it would be entered
-        before the end of the search, craft of a set correct.
+        One zone for all or one for each craft, as in `screen`, but a Sphere, Ellipsoid or Box. Craft of a
+        set that would enter it before the end of the search make a correction.
     rounds : int, default 2
-        How often the search is carried out at most; a burn voids S04's guarantee for the pairs that it
-        touches.
+        Greatest number of searches. A burn voids S04's guarantee for the pairs of that craft.
     burns : "least", "first", "second" or "half", default "least"
-        Who of the first pair burns: the first, the second (the lower index holds), both half, or the way
-        that leaves the fewest craft and of those spends the least delta-v in total.
+        Craft of the first pair that burns: the first, the second (the lower index keeps its velocity), both
+        by half, or the choice that leaves the fewest craft and among those takes the least total delta-v.
     max_speed : float [m/s], optional
-        A bound of the relative speeds: each round ends with the near-field search.  All wait for
-        near_field / max_speed, the lost burn twice `max_speed` against their boresight, all wait as
+        Bound of the relative speeds. Each round then ends with the near-field search: all wait for
+        near_field / max_speed, lost craft burn twice `max_speed` against their boresight, and all wait as
         long again.
     errors : SearchErrors, optional
-        Of the craft, (N,) or alike for all, for the whole gathering: each turns by its own clock, and in
-        the near-field search burns by it.
+        Search errors of the craft, (N,) or common to all, for the whole gathering. Each craft turns, and
+        burns in the near-field search, by its own clock.
 
     Returns
     -------
     Gathering
-        Also where some are still lost: its `status` says how it ended.
+        The outcome, also if some craft are still lost; see its `status`.
 
     Raises
     ------
     ValueError
-        If there are fewer than two craft, a group is empty, two are at one place, shapes do not fit, a
-        number is not finite, `keep_out` is of another shape or makes no zone for a pair, a word,
-        `rounds` or `max_speed` is out of range, or `errors` do not fit or leave no cone.
+        If there are fewer than two craft, a group is empty, two craft are at the same position, shapes do
+        not match, a number is not finite, `keep_out` has another shape or no zone for a pair, `burns`,
+        `rounds` or `max_speed` is out of range, or `errors` do not match or leave no cone.
 
     Notes
     -----
-    Of locks at one time that of the lowest craft in A counts first, then of the lowest in B.  Of equal
-    ways to burn the lower index holds.
+    Simultaneous locks are processed in the order of the craft in A, then in B. If two choices of burns cost
+    the same, the lower index keeps its velocity.
 
     References
     ----------
@@ -133,16 +132,16 @@ def gather_cases(
     max_speed: float | None = None,
     errors: SearchErrors | None = None,
 ) -> Gatherings:
-    """Many gatherings at once, on all cores: what `gather` does, without paths and events.
+    """Simulate many gatherings on all cores, as `gather` does, without paths and events.
 
     Parameters
     ----------
     search : Search
-        Which all carry out.
+        The schedule of all craft.
     positions : array_like of shape (C, N, 3) [m]
-        Of each case at the start of the search, in the inertial frame, in deep space.
+        Positions of each case at the start of the search, in the inertial frame, in deep space.
     velocities : array_like of shape (C, N, 3) [m/s]
-        In the inertial frame.
+        Velocities in the inertial frame.
     groups : "alternating", "balanced" or sequence of "A" or "B", default "alternating"
         As in `gather`, the same in all cases.
     keep_out : Zone, CovarianceZone, Body, sequence of these or None, or PairZones, optional
@@ -154,17 +153,17 @@ def gather_cases(
     max_speed : float [m/s], optional
         As in `gather`.
     errors : SearchErrors, optional
-        Of the craft of each case, (C, N), or (N,) for all cases alike.
+        Search errors of the craft of each case, (C, N), or (N,) for all cases.
 
     Returns
     -------
     Gatherings
-        Arrays of C cases.
+        The outcomes as arrays of C cases.
 
     Raises
     ------
     ValueError
-        As `gather`, and if there are no cases; naming the case of two craft at one place.
+        As `gather`, and if there are no cases. The message names the case of two craft at the same position.
 
     References
     ----------
@@ -176,7 +175,7 @@ def gather_cases(
 
 
 def flown_least(fleet: LostFleet, positions: Floats, velocities: Floats, burns: Burns) -> tuple[Floats, Any]:
-    """Of gatherings (C,), on all cores, the results of the way flown, and its places (C,) in WAYS."""
+    """Return the results (C, ...) of gatherings with their choice of burns, and its index (C,) in WAYS."""
     places = range(len(WAYS)) if burns == "least" else [[*WAYS].index(burns)]
     ways = [[*WAYS.values()][place] for place in places]
 
@@ -190,7 +189,7 @@ def flown_least(fleet: LostFleet, positions: Floats, velocities: Floats, burns: 
 
 
 def gatherings(fleet: LostFleet, results: Floats) -> Gatherings:
-    """The kernel's numbers of gatherings (C,) as arrays."""
+    """Return the kernel's results of gatherings (C,) as an object."""
     duration, count = results[:, END_TIME], len(fleet.groups)
     return Gatherings(
         fleet.search,
@@ -209,9 +208,9 @@ def gatherings(fleet: LostFleet, results: Floats) -> Gatherings:
 
 
 def least(results: Floats) -> Any:
-    """Of results (C, ways, ...) the way that leaves the fewest craft in each case, of those the cheapest.
+    """Return the choice of burns (C,) from results (C, ways, ...): fewest craft left, then least delta-v.
 
-    Of equals the first.
+    Of equal choices, the first.
     """
     spent, left = results[..., TOTAL], results[..., LEFT]
     tied = np.abs(spent - spent[:, :1]) <= 1e-12 * spent[:, :1]  # the same burns, added up in another order
@@ -229,7 +228,7 @@ def gathering(
     labels: Any,
     results: Floats,
 ) -> Gathering:
-    """The kernel's numbers as objects."""
+    """Return the kernel's results of one gathering as an object."""
     duration = float(results[0, 0, END_TIME])
     sets = [np.flatnonzero(labels == k) for k in np.unique(labels[labels != LOST])]
     members = tuple(tuple(map(int, some)) for some in sets)
@@ -262,7 +261,7 @@ def gathering(
 
 
 def _event(search: Search, row: Floats) -> Event:
-    """An event from its row."""
+    """Return an event from its row."""
     kind, first, second, leg, case, label = map(int, row[1:7])
     there = search.legs[leg]
     return Event(
@@ -271,7 +270,7 @@ def _event(search: Search, row: Floats) -> Event:
 
 
 def _paths(positions: Floats, velocities: Floats, burned: Floats, duration: float) -> Path:
-    """Straight lines between burns, which become impulses; burns at one time become one."""
+    """Return paths of straight lines with burns as impulses; simultaneous burns are combined."""
     rows: list[Floats] = []
     offsets = [0]
     for k, (place, velocity) in enumerate(zip(positions, velocities, strict=True)):

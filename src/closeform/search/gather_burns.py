@@ -1,7 +1,7 @@
-"""Burns of a gathering: what comes of them where thrust is lost or they are off; the log of all events.
+"""Burns of a gathering, with lost thrust and execution errors, and the log of all events.
 
-What craft burn at one instant they decide by the velocities that they were told; by how much burns are off
-shows only then, all at once.
+All burns of an instant are computed from the velocities known to the craft. Their execution errors are
+applied afterwards, all at once.
 """
 
 from math import hypot, sqrt
@@ -13,15 +13,15 @@ from closeform.search.clearance import CORRECTED, PUSHED, SINCE, SPENT, VELOCITY
 from closeform.search.violations import look_around
 
 LOCK, BURN, CORRECTION, NEAR_FIELD = 0, 1, 2, 3  # kinds of events
-ROUNDING = 1e-9  # of directions: burns against the boresight are along an axis but for it
+ROUNDING = 1e-9  # of directions: a burn against the boresight is along an axis up to rounding
 EVENT = 10  # columns: time, kind, first, second, leg, case, label, delta-v (3)
 
 
 class Flaws(NamedTuple):
-    """How burns go wrong, in each case: `fails` (C, N) [s], from when on a craft has no thrust.
+    """Flaws of the burns in each case: `fails` (C, N) [s], the time from which a craft has no thrust.
 
-    `normals` (C, N, B, 3): by how many sigmas the first B burns of each are off, along it and two across;
-    `gates` (N, 4): what the sigmas are made of.  With B = 0 burns are exact.
+    `normals` (C, N, B, 3): the errors of the first B burns in sigmas, one along and two across; `gates` (N,
+    4): the parameters of the sigmas. With B = 0 burns are exact.
     """
 
     fails: Floats
@@ -30,7 +30,7 @@ class Flaws(NamedTuple):
 
 
 class EventLog(NamedTuple):
-    """The `rows` (E, 10) of events, as many as there is room for, and their `count` (1,)."""
+    """Preallocated `rows` (E, 10) of events, and their `count` (1,), which may exceed E."""
 
     rows: Floats
     count: Any
@@ -38,7 +38,7 @@ class EventLog(NamedTuple):
 
 @kernel()
 def record(log, t, kind, i, j, leg, case, label, push):
-    """Write an event if there is room for it."""
+    """Append an event to the log if it has a free row."""
     count = log.count[0]
     if count < len(log.rows):
         row = log.rows[count]
@@ -49,7 +49,7 @@ def record(log, t, kind, i, j, leg, case, label, push):
 
 @kernel()
 def advance(craft, i, t):
-    """Describe craft i by where it is at time t."""
+    """Propagate the row of craft i to time t."""
     row = craft.rows[i]
     for k in range(3):
         row[k] += row[VELOCITY + k] * (t - row[SINCE])
@@ -58,19 +58,19 @@ def advance(craft, i, t):
 
 @kernel()
 def powerless(craft, i, t):
-    """Whether craft i has lost its thrust by time t."""
+    """Return True if craft i has lost its thrust by time t."""
     return t >= craft.flaws.fails[craft.case[0], i]
 
 
 @kernel()
 def error(craft, i, x, y, z):
-    """By how much the next burn (x, y, z) of craft i is off."""
+    """Return the execution error of the next burn (x, y, z) of craft i."""
     flaws, burnt = craft.flaws, craft.burnt[i]
     if burnt >= flaws.normals.shape[2]:
         return 0.0, 0.0, 0.0
     size = sqrt(x * x + y * y + z * z)
     x, y, z = x / size, y / size, z / size
-    # across: by the axis that it is least along, the first of those that differ by rounding
+    # across: from the axis with the least component, the first of those equal up to rounding
     if abs(x) <= min(abs(y), abs(z)) + ROUNDING:
         ax, ay, az = 0.0, z, -y
     elif abs(y) <= abs(z) + ROUNDING:
@@ -92,7 +92,7 @@ def error(craft, i, x, y, z):
 
 @kernel()
 def burn(monitor, craft, log, t, kind, i, leg, velocity):
-    """Give craft i a velocity at time t; a burn of nothing is no event, and without thrust there is none."""
+    """Give craft i a velocity at time t; skip a zero burn, and a burn without thrust."""
     row = craft.rows[i]
     dx, dy, dz = velocity[0] - row[3], velocity[1] - row[4], velocity[2] - row[5]
     if dx == 0.0 and dy == 0.0 and dz == 0.0:
@@ -118,7 +118,7 @@ def burn(monitor, craft, log, t, kind, i, leg, velocity):
 
 @kernel()
 def slip(craft):
-    """The burns of an instant are over: what they are off becomes part of the velocities."""
+    """Apply the execution errors of all burns of an instant to the velocities."""
     for i in range(len(craft.moved)):
         if craft.moved[i]:
             for k in range(3):

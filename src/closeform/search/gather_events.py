@@ -1,4 +1,4 @@
-"""The gathering as a chain of events: the next lock or near-field burn, what it joins, what burns."""
+"""Gathering as a sequence of events: the next lock or near-field burn, the sets it joins, and the burns."""
 
 from math import inf
 from typing import Any
@@ -48,13 +48,14 @@ from closeform.search.sets import FORMATION, LOST, case_number, joined, relabel
 from closeform.search.violations import APART, KeepOutMonitor, count_violations, look_between
 
 WHEN, WHO, LEG, PUSH = 0, 1, 2, 3  # columns of pushes
-ATTEMPTS = 4  # of each craft of a set to keep clear
-FIRST, SECOND, HALF = 0, 1, 2  # who of the first pair burns: the lower index, the higher, half each
+ATTEMPTS = 4  # corrections of each craft of a set, at most
+FIRST, SECOND, HALF = 0, 1, 2  # burns of the first pair: lower index, higher index, half each
 END_TIME, END_LEG, LEFT, TOTAL, EVENTS, UNKNOWN, KNOWN, MOST, CORRECTIONS, PUSHES, RESULT = range(11)
 
 
 @kernel()
 def leg_at(legs, t):
+    """Return the index of the leg at time t."""
     k = 0
     while k + 1 < len(legs) and legs[k + 1, START] <= t:
         k += 1
@@ -63,7 +64,7 @@ def leg_at(legs, t):
 
 @kernel()
 def near_field_burns(turns, monitor, craft, log, k):
-    """Push k and all at the same time, of craft that are lost; which is the next after them."""
+    """Burn the lost craft of push k and of all simultaneous ones; return the index of the next push."""
     pushes = turns.pushes
     t = pushes[k, WHEN]
     while k < len(pushes) and pushes[k, WHEN] == t:
@@ -78,9 +79,9 @@ def near_field_burns(turns, monitor, craft, log, k):
 
 @kernel()
 def into_formation(monitor, craft, log, t, low, high, leg, way, formed):
-    """Who is new to the formation set takes its velocity; the first pair agrees on one.
+    """Match the velocity of each new craft to the formation set; the first pair agrees on one.
 
-    Of the first pair a craft that has lost its thrust holds, and the other burns.
+    If a craft of the first pair has lost its thrust, the other one burns.
     """
     shared = craft.shared
     if not formed:
@@ -98,10 +99,10 @@ def into_formation(monitor, craft, log, t, low, high, leg, way, formed):
 
 @kernel()
 def keep_clear(monitor, craft, log, t, leg, label, end):
-    """Craft of a knowledge set that would come too near to others of it, as all now fly, until `end`, burn.
+    """Burn the craft of a knowledge set that would enter each other's zones before `end`.
 
-    One after another, the cheapest first: of the new ones, then of all.  What no burn is found for
-    remains, and is found again in Gathering.conflicts.
+    The burns are made one after another, the least first, by new craft and then by all. A conflict without a
+    burn remains, and appears in Gathering.conflicts.
     """
     labels, scratch = craft.labels, monitor.scratch
     for i in range(len(labels)):
@@ -127,9 +128,10 @@ def keep_clear(monitor, craft, log, t, leg, label, end):
 
 @kernel()
 def newcomers(craft, low, high, label):
-    """Who is new to the set of that label when these two lock: those whose label changes.
+    """Mark the craft that are new to the set of that label when these two lock.
 
-    Of two that were lost the higher index: the lower holds.
+    These are the craft whose label changes. Of two lost craft it is the higher index; the lower keeps its
+    velocity.
     """
     labels, fresh = craft.labels, craft.fresh
     one, other = labels[low], labels[high]
@@ -141,7 +143,7 @@ def newcomers(craft, low, high, label):
 
 @kernel()
 def place(craft, position, velocity):
-    """All are lost, and where they were at first."""
+    """Set all craft to lost, at their initial positions and velocities."""
     rows = craft.rows
     for i in range(len(rows)):
         for k in range(3):
@@ -152,7 +154,7 @@ def place(craft, position, velocity):
 
 @kernel()
 def begin(monitor, next_locks, foreseen, log):
-    """Nothing has happened, nobody has met, and the next locks are as they were `foreseen` (A, B)."""
+    """Reset the log, the conflicts and the next locks, which are given as `foreseen` (A, B)."""
     log.count[0] = 0
     for i in range(len(monitor.met)):
         for j in range(len(monitor.met)):
@@ -165,7 +167,7 @@ def begin(monitor, next_locks, foreseen, log):
 
 @kernel()
 def fly_one(turns, monitor, craft, next_locks, log, way, result):
-    """Fly one gathering that has begun; what came of it in `result`."""
+    """Simulate one gathering after `begin`; its outcome goes to `result`."""
     legs, labels, pushes = turns.legs, craft.labels, turns.pushes
     end, t, leg = turns.end, 0.0, NEVER
     formed, unused, push = 0, 1, 0
@@ -185,7 +187,7 @@ def fly_one(turns, monitor, craft, next_locks, log, way, result):
         low, high = min(i, j), max(i, j)
         one, other = labels[low], labels[high]
         forget(next_locks, a)
-        if one == other and one != LOST:  # a third craft has introduced them
+        if one == other and one != LOST:  # they know each other through a third craft
             continue
         t, leg = when, leg_at(legs, when)
         label = joined(one, other, formed > 0, unused)
@@ -225,7 +227,7 @@ def fly_one(turns, monitor, craft, next_locks, log, way, result):
 
 @kernel()
 def fly_each(turns, monitor, craft, next_locks, foreseen, log, ways, positions, velocities, labels, results):
-    """Fly gatherings, each in all ways; what all see at first is foreseen once for all of them."""
+    """Simulate gatherings, each with all choices of burns; the initial locks are predicted once for all."""
     turns, monitor, craft = lent(turns), lent(monitor), lent(craft)
     next_locks, log, foreseen = lent(next_locks), lent(log), borrowed(foreseen)
     positions, velocities = borrowed(positions), borrowed(velocities)
@@ -262,9 +264,9 @@ def fly_cases(
     labels,
     results,
 ):
-    """Fly gatherings of one search in some ways; `events` holds those of the last one, all have a row each.
+    """Simulate gatherings of one search with some choices of burns; `events` holds those of the last.
 
-    Here is the room in which they are flown, one after another, so that it need not be counted there.
+    All scratch arrays are allocated here, outside the loops, so that inner functions do not count references.
     """
     count, seen = positions.shape[1], positions.shape[1] if keeps else 0
     rows, shared, scratch = np.empty((count, CRAFT)), np.empty(3), np.empty((10, 3))
@@ -282,7 +284,7 @@ def fly_cases(
     fly_each(turns, monitor, craft, next_locks, foreseen, log, ways, positions, velocities, labels, results)
 
 
-FLOWN = (  # what entry points take of all gatherings
+FLOWN = (  # common argument types of the entry points
     *(int64[::1], bool_, int64[::1], int64[:, ::1], bool_[::1], float64[:, :, :, ::1]),
     *(float64[:, ::1], float64[:, ::1], float64[:, :, :, ::1]),
     *(float64[:, :, ::1], float64[:, :, ::1], float64[:, ::1], int64[:, ::1], float64[:, :, ::1]),
@@ -311,7 +313,7 @@ def fly_all(
     labels: Any,
     results: Floats,
 ) -> None:
-    """Fly gatherings of craft that turn as the search asks, in each of some ways."""
+    """Simulate gatherings of craft without search errors, with each of some choices of burns."""
     see = LockSensor(sensor[0], sensor[1], sensor[2])
     nothing = np.empty((0, 0))
     own = lent(Astray(nothing, nothing, 0.0, nothing))

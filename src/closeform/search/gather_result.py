@@ -1,4 +1,4 @@
-"""Gathering: what became of lost craft that searched, locked and joined."""
+"""Result of a gathering: the events, sets and paths of lost craft that searched, locked and joined."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ from closeform.zones.pair_zones import PairZones
 
 
 class EventKind(StrEnum):
-    """What happened.
+    """Kind of an event.
 
-    - `LOCK`: two craft see each other and know where they are; the sets of both become one.
+    - `LOCK`: two craft see each other and know their relative motion; their sets become one.
     - `BURN`: a craft nulls its velocity relative to the formation set, which it joins.
-    - `CORRECTION`: a craft burns against a collision in its set; what is left: `Gathering.conflicts`.
-    - `NEAR_FIELD`: a lost craft burns against its boresight, out of the region that no cone covers.
+    - `CORRECTION`: a craft avoids a collision in its set; `Gathering.conflicts` holds the remaining ones.
+    - `NEAR_FIELD`: a lost craft burns against its boresight, to leave the region that no cone covers.
     """
 
     LOCK = "lock"
@@ -39,11 +39,11 @@ class EventKind(StrEnum):
 
 
 class GatherStatus(StrEnum):
-    """How a gathering ended.
+    """Status of a gathering.
 
     - `GATHERED`: all craft are in the formation set.
-    - `ADRIFT`: it holds them all, but some lost their thrust before they could fly along: only in studies.
-    - `INCOMPLETE`: some are still lost after all rounds; allow more `rounds`, or look at the sensor's reach.
+    - `ADRIFT`: it holds them all, but some lost their thrust before they could join: only in studies.
+    - `INCOMPLETE`: some are still lost after all rounds; allow more `rounds`, or check the sensor's range.
     """
 
     GATHERED = "gathered"
@@ -53,29 +53,29 @@ class GatherStatus(StrEnum):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Event(Result):
-    """A lock of two craft, or a burn of one.
+    """Lock of two craft, or burn of one.
 
-    A burn joins the formation set, or is a correction against a collision inside a set, or the
-    near-field search's.  A craft that need not change its velocity joins without one.
+    A burn joins the formation set, is a correction against a collision within a set, or belongs to the
+    near-field search. A craft that need not change its velocity joins without a burn.
 
     Attributes
     ----------
     time : float [s]
-        From the start of the search.
+        Time from the start of the search.
     kind : EventKind
-        Which of these.
+        Kind of the event.
     first, second : int
-        The two that lock, by index; of a burn who burns, and -1.
+        Indices of the two that lock; for a burn the craft that burns, and -1.
     phase : str
-        Of the search.
+        Phase of the search.
     round : int
-        Of the search, from 1.
+        Round of the search, from 1.
     case : int
         The lock's number in H03's table of joins, 1 to 9; 0 for burns.
     label : int
-        The set after it: 0 the formation set, k >= 1 knowledge set k, -1 lost.
+        The set after the event: 0 the formation set, k >= 1 knowledge set k, -1 lost.
     delta_v : array of shape (3,) [m/s]
-        Of the burn, in the inertial frame.
+        Delta-v of the burn, in the inertial frame.
     """
 
     time: float
@@ -91,42 +91,42 @@ class Event(Result):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Gathering(Result):
-    """What became of N lost craft.
+    """Result of a gathering of N lost craft.
 
     Attributes
     ----------
     search : Search
-        Over all rounds, with the near-field search; boresights hold to the end.
+        The search over all rounds, with the near-field search.
     groups : tuple of "A" or "B"
-        Of each craft.
+        Group of each craft.
     paths : Path
-        Of shape (N,), with burns as impulses.
+        Paths of shape (N,), with burns as impulses.
     events : tuple of Event
-        In order of time.
+        Events in order of time.
     delta_v : array of shape (N,) [m/s]
-        What each craft spent.
+        Delta-v of each craft.
     totals : dict of str to float [m/s]
-        Total delta-v of the three ways in which the first pair can burn, if all burn exactly.
+        Total delta-v of the three choices of burns of the first pair, without burn errors.
     burns : str
-        Which of the three was flown, or planned where burns go wrong, in a case of a study.
+        The choice that was executed, or planned in a case of a study with burn errors.
     sets : tuple of tuple of int
         Members by index: the formation set first, if there is one, then knowledge sets.
     lost : tuple of int
-        Craft in none.
+        Craft in no set.
     duration : float [s]
-        Until gathered, or of all rounds.
+        Time until gathered, or of all rounds.
     rounds : int
-        Searches begun.
+        Number of searches begun.
     status : GatherStatus
-        How it ended.
+        Status of the gathering.
     reason : str or None
-        Who is left and why; None if gathered.
+        The craft not gathered and why; None if gathered.
     keep_out : PairZones or None
-        The zones of pairs.
+        Keep-out zones of pairs.
     errors : SearchErrors or None
-        Of the craft (N,), as given.
+        Search errors of the craft (N,), as given.
     adrift : tuple of int
-        Craft of the formation set that have lost the thrust to fly along, in a case of a study.
+        Craft of the formation set without the thrust to match its velocity, in a case of a study.
     """
 
     search: Search
@@ -148,24 +148,24 @@ class Gathering(Result):
 
     @property
     def ok(self) -> bool:
-        """Whether one formation set holds all craft, and all of them fly along."""
+        """True if one formation set holds all craft, and all of them have matched its velocity."""
         return self.status is GatherStatus.GATHERED
 
     @cached_property
     def conflicts(self) -> tuple[PairConflict, ...]:
-        """Every conflict of two craft, by index, whether or not they were `known` to each other.
+        """Conflicts of all pairs, by index, whether or not they were `known` to each other.
 
-        Empty without a `keep_out`.  Only craft of one set can avoid each other.
+        Empty without a `keep_out`. Only craft of one set can avoid each other.
         """
         return () if self.keep_out is None else screen(self.paths, self.keep_out).conflicts
 
     def columns(self) -> dict[str, Any]:
-        """The events as columns, which pandas, polars and pyarrow make a data frame of.
+        """Return the events as columns, for a data frame of pandas, polars or pyarrow.
 
         Returns
         -------
         dict of str to array of shape (E,) [s, m/s, or no unit, as the names say]
-            A row for each event, in order of time; craft by index, the second of a burn is -1.
+            One row for each event, in order of time; craft by index, the second of a burn is -1.
 
         References
         ----------
@@ -173,17 +173,17 @@ class Gathering(Result):
         """
         pushes = np.array([event.delta_v for event in self.events]).reshape(-1, 3)
         names = ("kind", "first", "second", "phase", "round", "case", "label")
-        told = {name: np.array([getattr(event, name) for event in self.events]) for name in names}
+        labels = {name: np.array([getattr(event, name) for event in self.events]) for name in names}
         times = np.array([event.time for event in self.events], dtype=float)
         return {
             "time_s": times,
-            **told,
+            **labels,
             **dict(zip(("dvx_m_s", "dvy_m_s", "dvz_m_s"), pushes.T, strict=True)),
         }
 
     @cached_property
     def history(self) -> Any:
-        """The label of each craft before the first event and after each, (E + 1, N), no unit; see `Event`."""
+        """Label of each craft before the first event and after each, (E + 1, N), no unit; see `Event`."""
         rows = np.full((len(self.events) + 1, len(self.groups)), LOST)
         for k, event in enumerate(self.events):
             rows[k + 1] = rows[k]
@@ -192,7 +192,7 @@ class Gathering(Result):
         return rows
 
     def _sets_of(self, event: Event, labels: Any) -> Any:
-        """Which craft (N,) are in the set of one of the two that lock, by the labels before."""
+        """Return which craft (N,) are in the set of either of the two that lock, by the labels before."""
         pair = [event.first, event.second]
         joined = np.isin(labels, labels[pair]) & (labels != LOST)
         joined[pair] = True
@@ -200,7 +200,7 @@ class Gathering(Result):
 
     @cached_property
     def _acquainted(self) -> Floats:
-        """When each two craft came into one set (N, N) [s]; inf if never."""
+        """Time at which each pair of craft came into one set (N, N) [s]; inf if never."""
         times = np.full((len(self.groups),) * 2, inf)
         for event, labels in zip(self.events, self.history, strict=False):
             if event.kind is EventKind.LOCK:
@@ -209,17 +209,17 @@ class Gathering(Result):
         return times
 
     def acquainted(self, first: int, second: int) -> float:
-        """When two craft came into one set.
+        """Return the time at which two craft came into one set.
 
         Parameters
         ----------
         first, second : int
-            By index.
+            Indices of the craft.
 
         Returns
         -------
         float [s]
-            From the start of the search; inf if never.
+            Time from the start of the search; inf if never.
 
         Raises
         ------
@@ -239,19 +239,19 @@ class Gathering(Result):
         return float(self._acquainted[first, second])
 
     def known(self, first: int, second: int, time: float) -> bool:
-        """Whether two craft knew each other before a time.
+        """Return True if two craft knew each other before a time.
 
         Parameters
         ----------
         first, second : int
-            By index.
+            Indices of the craft.
         time : float [s]
-            From the start of the search.
+            Time from the start of the search.
 
         Returns
         -------
         bool
-            Whether they came into one set before it.
+            True if they came into one set before that time.
 
         Raises
         ------
@@ -274,21 +274,21 @@ def who_is_left(
     names: Sequence[str] | None = None,
     adrift: tuple[int, ...] = (),
 ) -> str:
-    """Who is not in the formation set after `rounds`, or not with it, and why; empty where all are."""
+    """Return which craft are not in the formation set after `rounds`, or adrift, and why; empty if none."""
 
-    def told(some: tuple[int, ...]) -> str:
+    def named(some: tuple[int, ...]) -> str:
         return listed([names[k] if names is not None else str(k) for k in some])
 
     lines = []
     if lost:
-        lines.append(f"craft {told(lost)} locked nobody")
-    lines += [f"craft {told(some)} know each other but met nobody of the formation set" for some in sets[1:]]
+        lines.append(f"craft {named(lost)} locked with no craft")
+    lines += [f"craft {named(some)} know each other but did not meet the formation set" for some in sets[1:]]
     left = ["; ".join(lines) + f" in {rounds} round{'s' * (rounds > 1)}"] if lines else []
     if adrift:
-        left.append(f"craft {told(adrift)} lost the thrust to fly along with the formation set")
+        left.append(f"craft {named(adrift)} lost the thrust to join the formation set")
     return "; ".join(left)
 
 
 def listed(names: Sequence[str]) -> str:
-    """Names as one says them: A, B and C."""
+    """Return names as an English list: A, B and C."""
     return names[0] if len(names) == 1 else ", ".join(names[:-1]) + f" and {names[-1]}"

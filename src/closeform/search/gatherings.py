@@ -1,4 +1,4 @@
-"""Gatherings: what became of many, as arrays."""
+"""Results of many gatherings as arrays."""
 
 from __future__ import annotations
 
@@ -12,32 +12,32 @@ from closeform.search.schedule import Search
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Gatherings(Rows):
-    """What became of C gatherings of N craft.
+    """Results of C gatherings of N craft.
 
     Attributes
     ----------
     search : Search
-        Over all rounds, with the near-field search.
+        The search over all rounds, with the near-field search.
     duration : array of shape (C,) [s]
-        Until gathered, or of all rounds.
+        Time until gathered, or of all rounds.
     leg : array of int of shape (C,)
-        Of `search`, in which they ended; -1 if incomplete.
+        Leg of `search` in which they ended; -1 if incomplete.
     rounds : array of int of shape (C,)
-        Searches begun.
+        Number of searches begun.
     left : array of int of shape (C,)
-        How many craft are not in the formation set.
+        Number of craft not in the formation set.
     delta_v : array of shape (C,) [m/s]
-        Of all craft together.
+        Delta-v of all craft together.
     corrections, near_field : array of shape (C,) [m/s]
-        Of this against collisions, and in the near-field search; the rest joins craft.
+        Its parts for corrections against collisions and in the near-field search; the rest joins craft.
     each_delta_v : array of shape (C, N) [m/s]
-        Of each craft.
+        Delta-v of each craft.
     met_unknown : array of int of shape (C,)
-        How many pairs came within the keep-out zone before they knew each other.
+        Number of pairs that entered their keep-out zone before they knew each other.
     met_known : array of int of shape (C,)
-        How many did so only after.
+        Number of pairs that did so only after.
     adrift : array of int of shape (C,)
-        How many craft of the formation set have lost the thrust to fly along, in a study.
+        Number of craft of the formation set without the thrust to match its velocity, in a study.
     """
 
     _columns: ClassVar = {

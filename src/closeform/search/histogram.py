@@ -1,4 +1,4 @@
-"""Binned: how many times of a search lie in bins, counted part after part, for a picture of them."""
+"""Histogram of the lock times of a search, counted part after part."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.search.schedule import Search
 
-FINER = 12  # bins of a curve in one of the bars
+FINER = 12  # fine bins in a bin
 
 
 @dataclass(eq=False)
 class Binned:
-    """How many of `every` times are 0 and how many lie in bins of length `bin` [s] and in finer ones.
+    """Counts of `every` times: those equal to 0, and those in bins of length `bin` [s] and in finer ones.
 
-    `inside`: in each phase of a search; `last`: the greatest [s].
+    `inside`: the counts in each phase of a search; `last`: the greatest time [s].
     """
 
     bin: float
@@ -31,7 +31,7 @@ class Binned:
 
     @classmethod
     def of(cls, parts: Iterable[Floats], longest: float, search: Search | None, bin: float = 60.0) -> Self:
-        """Count times [s] up to the `longest`, nan where there is none, part after part."""
+        """Count times [s] up to `longest` part after part; nan is no time."""
         bins, phases = int(np.ceil(longest / bin)), search.phases if search is not None else ()
         edges, finer = bin * np.arange(bins + 1), bin / FINER * np.arange(FINER * bins + 1)
         ends = np.array([(start, end) for *_, start, end in phases]).reshape(-1, 2)
@@ -50,12 +50,12 @@ class Binned:
 
     @property
     def later(self) -> int:
-        """How many are neither 0 nor absent."""
+        """Number of times that are neither 0 nor absent."""
         return int(self.counts.sum())
 
 
 def counted_in(ordered: Floats, edges: Any) -> Any:
-    """How many of some times in order lie between edges, the last edge included."""
+    """Return the number of sorted times in each bin; the last edge belongs to the last bin."""
     places = np.searchsorted(ordered, edges)
     places[-1] = len(ordered)
     return np.diff(places)

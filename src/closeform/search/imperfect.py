@@ -1,12 +1,12 @@
-"""Locks of craft that search imperfectly: each has its own attitude, schedule, cone and range.
+"""Locks of craft with search errors: each has its own attitude, schedule, cone and range.
 
 With b the boresight of A, d that of B and q the vector between their sensors, both see each other when
 
     |q| cos(h_A) - b.q <= 0,   |q| cos(h_B) + d.q <= 0,   |q| <= range            # theory (13)
 
-Each craft goes through its turns one after the other at its own pace; between two ends of turns, of either
-craft, the boresights swing about fixed axes by angles that are quadratic in time.  There the march of
-`lock_march` steps as far as one of the three certainly stays positive.
+Each craft makes its turns one after another at its own rate. Between the ends of turns, of either craft, the
+boresights rotate about fixed axes by angles that are quadratic in time. There the march of `lock_march` steps
+as far as one of the three expressions certainly stays positive.
 """
 
 from math import inf, nan, sqrt
@@ -32,14 +32,14 @@ from closeform.search.search_errors import (
 )
 from closeform.search.sine_cosine import sine_cosine
 
-LENGTH, ANGLE, MATRICES, TURN = 0, 1, 2, 29  # columns of a turn: [s], [rad], three matrices of its vectors
+LENGTH, ANGLE, MATRICES, TURN = 0, 1, 2, 29  # columns of a turn: [s], [rad], three matrices
 BEGIN, END, PHASE, RATE, BEND = 0, 1, 2, 3, 4  # columns of a swing, by PHASE + RATE s + BEND s^2 / 2
-VECTORS, LEG, PART = 5, 14, 15  # and steady, cosine, sine; of which leg, which part of a turn
+VECTORS, LEG, PART = 5, 14, 15  # steady, cosine and sine vectors; the leg, and the part of its turn
 WAIT, FASTER, STEADY, SLOWER = -1, 0, 1, 2  # parts
 
 
 def turn_rows(search: Search) -> Floats:
-    """The turns of a search as rows (L, 29): how any body vector swings in each."""
+    """Return the turns of a search as rows (L, 29), from which any body vector can be rotated."""
     rows = np.empty((len(search.legs), TURN))
     for row, leg in zip(rows, search.legs, strict=True):
         steady = np.outer(leg.axis, leg.axis @ leg.attitude)
@@ -51,7 +51,7 @@ def turn_rows(search: Search) -> Floats:
 
 @kernel()
 def enter(turns, k, craft, swing):
-    """How a craft's boresight swings in turn k."""
+    """Write the boresight vectors of a craft in turn k to `swing`."""
     for j in range(9):
         m = MATRICES + 3 * j
         swing[VECTORS + j] = (
@@ -61,7 +61,7 @@ def enter(turns, k, craft, swing):
 
 @kernel()
 def begin(turns, craft, swing):
-    """A craft waits until it begins."""
+    """Initialize a craft's swing: it waits until its start."""
     enter(turns, 0, craft, swing)
     swing[BEGIN] = swing[PHASE] = swing[RATE] = swing[BEND] = 0.0
     swing[END], swing[LEG], swing[PART] = craft[LATE], 0.0, WAIT
@@ -69,7 +69,7 @@ def begin(turns, craft, swing):
 
 @kernel()
 def go_on(turns, craft, swing):
-    """What a craft does next; after its last turn it stays as it is, for ever."""
+    """Advance a craft to the next part of its turns; after the last one it keeps its attitude forever."""
     k, part = int(swing[LEG]), int(swing[PART]) + 1
     if part > SLOWER:
         k, part = k + 1, FASTER
@@ -83,7 +83,7 @@ def go_on(turns, craft, swing):
     turn, length = turns[k, ANGLE], turns[k, LENGTH]
     angle, way = abs(turn), -1.0 if turn < 0.0 else 1.0
     swing[BEGIN], swing[LEG], swing[PART] = swing[END], k, part
-    if angle == 0.0:  # all wait by the clock
+    if angle == 0.0:  # a wait lasts as long for all craft
         swing[PHASE] = swing[RATE] = swing[BEND] = 0.0
         swing[END] += length
         swing[PART] = SLOWER
@@ -102,7 +102,7 @@ def go_on(turns, craft, swing):
 
 @kernel(inline=True)
 def swung(row, t, place):
-    """A boresight at time t, how it moves, and the square of the part of a `place` that swings with it."""
+    """Return the boresight at time t, its rate, and the squared part of a `place` that rotates with it."""
     px, py, pz = place
     cx, cy, cz, sx, sy, sz = row[8], row[9], row[10], row[11], row[12], row[13]
     s = t - row[BEGIN]
@@ -116,9 +116,10 @@ def swung(row, t, place):
 
 @kernel(inline=True)
 def bounds(row, t, end, place, velocity):
-    """What bounds a swing from t to end: of b.p and of b how they bend, how fast b is.
+    """Return bounds of the motion of a boresight b from t to `end`.
 
-    The swinging part of the place at the end, of which b.p bends by `curl` times; by what else; |b'|, |b''|.
+    The curvature of the rotating part of b.p, that part at `end`, the other curvature of b.p, and the
+    greatest |b'| and |b''|.
     """
     vx, vy, vz = velocity
     cx, cy, cz, sx, sy, sz = row[8], row[9], row[10], row[11], row[12], row[13]
@@ -133,13 +134,16 @@ def bounds(row, t, end, place, velocity):
 
 @kernel(inline=True)
 def unseen(gap, slope, bend, scale, longer):
-    """How long one craft certainly does not see the other."""
+    """Return a time for which one craft certainly does not see the other."""
     return min(before(max(gap, 0.0), slope, bend), longer) if gap > scale else 0.0
 
 
 @kernel()
 def lock_between(a, b, t, end, position, velocity, offset, cosines, longest):
-    """First lock from t to end, within swings a and b: (time, whether).  The position is that at time 0."""
+    """Return the first lock from t to `end` within swings a and b: (time, found).
+
+    `position` is that at time 0.
+    """
     x, y, z = position
     vx, vy, vz = velocity
     c, e = cosines
@@ -166,8 +170,8 @@ def lock_between(a, b, t, end, position, velocity, offset, cosines, longest):
         slope_a = c * growth - (bx * ux + by * uy + bz * uz + fx * qx + fy * qy + fz * qz)
         slope_b = e * growth + (dx * ux + dy * uy + dz * uz + gx * qx + gy * qy + gz * qz)
         beyond, scale = q - longest, SEEN * (q + 4.0 * offset)
-        # |q| is convex but for the sensors' acceleration; where a cosine is negative it counts the
-        # other way, and bends by (its speed)^2 / |q|, twice that at most before |q| is halved
+        # |q| is convex except for the sensors' acceleration. A negative cosine reverses its sign;
+        # then its curvature is (its speed)^2 / |q|, at most twice that before |q| is halved
         curved = 2.0 * fast * fast / (q + TINY) + turning
         longer = q / (2.0 * fast + TINY) if concave > 0.0 else inf
         bend_a = curl_a * sqrt(max(now_a, last_a)) + else_a + between
@@ -187,7 +191,7 @@ def lock_between(a, b, t, end, position, velocity, offset, cosines, longest):
 
 @kernel()
 def imperfect_lock(turns, t, position, velocity, offset, one, other, swings):
-    """First lock of two craft from time t on: (time, leg of the first), or (inf, NEVER)."""
+    """Return the first lock of two craft from time t on: (time, leg of the first), or (inf, NEVER)."""
     a, b = swings[0], swings[1]
     longest = min(one[LONGEST], other[LONGEST])
     if longest < 0.0:
@@ -229,7 +233,7 @@ def imperfect_locks(
     times: Floats,
     found: Any,
 ) -> None:
-    """The first lock of each pair; what is wrong with a pair instead of its leg."""
+    """Write the first lock of each pair to `times` and `found`; `found` holds a code for an invalid pair."""
     swings = stack_matrix(2, 16)
     for m in range(len(positions)):
         x, y, z = positions[m, 0], positions[m, 1], positions[m, 2]
@@ -251,12 +255,12 @@ def imperfect_locks(
 def fill_imperfect(
     search: Search, positions: Floats, velocities: Floats, errors: SearchErrors, times: Floats, legs: Any
 ) -> None:
-    """The first locks of M pairs whose craft have errors, into `times` and `legs` (M,)."""
+    """Write the first locks of M pairs of craft with errors to `times` and `legs` (M,)."""
     table, count = turn_rows(search), len(positions)
 
     def part(some: slice) -> None:
         some = slice(some.start, min(some.stop, count))
-        asked = f"{count} pairs is (M, 2{{}}), or alike for all pairs"
+        asked = f"{count} pairs is (M, 2{{}}), or common to all pairs"
         craft = craft_rows(errors, search.sensor, (count, 2), [False, True], asked, some)
         where, speeds = positions[some], velocities[some]
         imperfect_locks(table, craft, where, speeds, search.sensor.offset, times[some], legs[some])

@@ -1,4 +1,4 @@
-"""OwnTurns: how craft turn that search imperfectly, each by its own clock and at its own pace."""
+"""Turns of craft with search errors: each turns by its own clock and at its own rate."""
 
 from __future__ import annotations
 
@@ -12,12 +12,13 @@ from closeform.search.leg import Group
 from closeform.search.schedule import Search
 from closeform.search.search_errors import SearchErrors, body_axis
 
-OF_GROUP = {"A": np.array([1.0, 1.0, 1.0]), "B": np.array([1.0, -1.0, -1.0])}  # body axes, by those of A
+# signs of the body axes relative to those of A
+OF_GROUP = {"A": np.array([1.0, 1.0, 1.0]), "B": np.array([1.0, -1.0, -1.0])}
 
 
 @dataclass(frozen=True, eq=False)
 class OwnTurns:
-    """The turns of `search` as craft (..., N) of these `groups` make them, with their `errors` (..., N)."""
+    """Turns of `search` as executed by craft (..., N) of these `groups`, with their `errors` (..., N)."""
 
     search: Search
     groups: tuple[Group, ...]
@@ -25,12 +26,12 @@ class OwnTurns:
 
     @cached_property
     def _angles(self) -> Floats:
-        """Of the turns (L,) [rad], without sign."""
+        """Absolute angles of the turns (L,) [rad]."""
         return np.array([abs(leg.angle) for leg in self.search.legs])
 
     @cached_property
     def _rates(self) -> tuple[Floats, Floats]:
-        """The greatest rate of each turn (..., N, L) [rad/s], and how long it is gained or lost [s]."""
+        """Greatest rate of each turn (..., N, L) [rad/s], and the duration of its ramps [s]."""
         nominal = self._angles / [leg.end - leg.start for leg in self.search.legs]
         pace, gain = 1.0 + self.errors.slew_rate[..., None], self.errors.slew_acceleration[..., None]
         moving = np.where(self._angles > 0.0, self._angles, 1.0)
@@ -39,7 +40,7 @@ class OwnTurns:
 
     @cached_property
     def begins(self) -> Floats:
-        """When each turn begins, and the last ends (..., N, L + 1) [s]; a wait is as long as for all."""
+        """Start of each turn, and end of the last (..., N, L + 1) [s]; a wait lasts as long for all craft."""
         rates, ramps = self._rates
         waits = np.array([leg.end - leg.start for leg in self.search.legs])
         moves = self._angles > 0.0
@@ -48,12 +49,12 @@ class OwnTurns:
         return np.concatenate([late, late + np.cumsum(lasts, axis=-1)], axis=-1)
 
     def boresights(self, leg: int) -> Floats:
-        """Of each craft as it begins a leg (..., N, 3)."""
+        """Return the boresight of each craft at the start of a leg (..., N, 3)."""
         return self._bodies(self.search.legs[leg].attitude)[..., 2]
 
     def _bodies(self, nominal: Floats) -> Floats:
-        """Attitudes (..., N, 3, 3) from what the search asks of A's (3, 3) or (N, 3, 3)."""
-        from scipy.spatial.transform import Rotation  # a quarter of a second, for pictures of any kind else
+        """Return the attitudes (..., N, 3, 3) from the nominal ones of group A, (3, 3) or (N, 3, 3)."""
+        from scipy.spatial.transform import Rotation  # imported late: slow to import
 
         sides = np.stack([OF_GROUP[group] for group in self.groups])[:, None, :]
         turned = self.errors.pointing
@@ -67,11 +68,11 @@ class OwnTurns:
         return np.asarray(np.max([leg._sun_angle_of(shades) for leg in self.search.legs], axis=0))
 
     def attitudes(self, time: float) -> Floats:
-        """Attitudes (N, 3, 3) at a time [s], of craft whose errors are (N,); columns are the body axes."""
+        """Return attitudes (N, 3, 3) at a time [s] for errors of shape (N,); columns are the body axes."""
         return self._bodies(self.search.attitude(self.searched(np.array([time]))[:, 0]))
 
     def searched(self, times: Floats) -> Floats:
-        """When the search is where craft, whose errors are (N,), have come at some times (N, T) [s]."""
+        """Return the search times (N, T) [s] that the craft have reached at `times`; errors are (N,)."""
         legs = self.search.legs
         starts = np.array([leg.start for leg in legs])
         lengths = np.array([leg.end - leg.start for leg in legs])

@@ -1,6 +1,6 @@
-"""Gatherings of craft that search imperfectly: each has its own attitude, clock, cone and range.
+"""Gatherings of craft with search errors: each has its own attitude, clock, cone and range.
 
-All else is as in `gather_events`: only the next lock of a pair is another.
+The sequence of events is that of `gather_events`; only the prediction of locks differs.
 """
 
 from typing import Any
@@ -53,7 +53,7 @@ def fly_astray(
     labels: Any,
     results: Floats,
 ) -> None:
-    """Fly gatherings whose craft (C, N, 8) differ, with `pushes` (C, P, 6), until `ends` (C,)."""
+    """Simulate gatherings whose craft (C, N, 8) differ, with `pushes` (C, P, 6), until `ends` (C,)."""
     swings, see = np.empty((2, 16)), LockSensor(0.0, 0.0, 0.0)
     for c in range(len(positions)):
         turned = lent(Astray(own, craft[c], offset, swings))

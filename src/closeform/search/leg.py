@@ -1,6 +1,6 @@
-"""Leg: one turn of all craft.
+"""Leg of a search: one turn of all craft.
 
-Columns of an attitude are the body axes x, y, z; z is the boresight.
+The columns of an attitude are the body axes x, y, z; z is the boresight.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from closeform.search.coverage import greatest
 
 Group = Literal["A", "B"]
 
-SPELLED = {  # phases: which search each is
+SPELLED = {  # phases in words
     "IPS": "in-plane",
     "OPS": "out-of-plane",
     "mOPS": "modified out-of-plane",
     "NFS": "near-field",
 }
-SUN = np.array([0.0, 0.0, -1.0])  # direction to it
+SUN = np.array([0.0, 0.0, -1.0])  # direction to the sun
 START_ATTITUDE = {  # columns: body x at the sun, body y, boresight
     "A": np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]),
     "B": np.array([[0.0, 0.0, -1.0], [0.0, -1.0, 0.0], [-1.0, 0.0, 0.0]]),
@@ -31,7 +31,7 @@ START_ATTITUDE = {  # columns: body x at the sun, body y, boresight
 
 
 def rotation(axis: Floats, angle: ArrayLike) -> Floats:
-    """Right-handed rotation by `angle` (...) [rad] about a unit axis (3,): matrices (..., 3, 3)."""
+    """Return the right-handed rotation matrices (..., 3, 3) by `angle` (...) [rad] about a unit axis (3,)."""
     x, y, z = axis
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     turn = np.asarray(angle, dtype=float)[..., None, None]
@@ -41,24 +41,24 @@ def rotation(axis: Floats, angle: ArrayLike) -> Floats:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Leg(Result):
-    """One turn of all craft about an inertial axis, or a wait.
+    """Turn of all craft about an inertial axis, or a wait.
 
     Attributes
     ----------
     start, end : float [s]
-        From the start of the search.
+        Times from the start of the search.
     phase : str
         "IPS", "OPS", "mOPS" or "NFS".
     round : int
-        How often the search has come to such phases, from 1.
+        Number of this phase among those of its name, from 1.
     about : str
-        "sun line" or "body y", or "none" where everybody waits.
+        "sun line" or "body y", or "none" for a wait.
     axis : array of shape (3,), no unit
-        What all turn about, of length 1, in the inertial frame.
+        Unit axis of the turn in the inertial frame.
     angle : float [rad]
-        Of the turn, right-handed.
+        Right-handed angle of the turn.
     attitude : array of shape (3, 3), no unit
-        Group A's at the start: columns are body x, y and the boresight in the inertial frame.
+        Attitude of group A at the start: columns are body x, y and the boresight in the inertial frame.
     """
 
     start: float
@@ -72,7 +72,7 @@ class Leg(Result):
 
     @property
     def row(self) -> Floats:
-        """The boresight of A as steady + cosine cos(rate t) + sine sin(rate t), t from the start.
+        """Boresight of A as steady + cosine cos(rate t) + sine sin(rate t), t from the start.
 
         A row (12,): start and end [s], rate [rad/s], and the three vectors.
         """
@@ -83,12 +83,12 @@ class Leg(Result):
         return np.concatenate([[self.start, self.end, rate], steady, boresight - steady, sine])
 
     def attitude_at(self, time: ArrayLike) -> Floats:
-        """Group A's attitude during the leg.
+        """Return the attitude of group A during the leg.
 
         Parameters
         ----------
         time : array_like of shape (...) [s]
-            From the start of the search; outside of the leg the turn goes on.
+            Time from the start of the search; outside the leg the turn is extrapolated.
 
         Returns
         -------
@@ -98,18 +98,18 @@ class Leg(Result):
         Raises
         ------
         ValueError
-            If `time` is not made of numbers.
+            If `time` is not numeric.
         """
         share = (numbers("time", time) - self.start) / (self.end - self.start)
         return rotation(self.axis, self.angle * share) @ self.attitude
 
     @property
     def sun_angle(self) -> float:
-        """Greatest angle [rad] between body x and the sun line; the same for both groups."""
+        """Greatest angle [rad] between body x and the sun line, the same for both groups."""
         return float(self._sun_angle_of(np.array([1.0, 0.0, 0.0])))
 
     def _sun_angle_of(self, body: Floats) -> Floats:
-        """Return greatest angles (...) [rad] of unit vectors (..., 3) in A's body axes from the sun line."""
+        """Return the greatest angles (...) [rad] of unit vectors (..., 3) in axes of A from the sun line."""
         shade = body @ self.attitude.T
         steady = np.multiply.outer(shade @ self.axis, self.axis)
         parts = np.array([steady, shade - steady, np.cross(self.axis, shade)]) @ -SUN

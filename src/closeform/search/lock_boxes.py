@@ -1,9 +1,9 @@
-"""Lock boxes: whether every initial state of a box locks, at an instant that they all share.
+"""Certified test of whether every initial state of a box locks at one common instant.
 
-A box holds the states within its half-widths of a centre.  At one time the vectors q between the two
-sensors fill a box too, q = r + v t - 2 offset b being linear in each component by itself, and the cone in
-which both see each other is convex up to half of the sky: all of them lock where the eight corners do.
-                                                                                        # theory (57)
+A box holds the states within its half-widths of a centre. At one time the vectors q between the two sensors
+also fill a box, because q = r + v t - 2 offset b is linear in each component. The cone in which both see each
+other is convex up to a half-angle of 90 deg. All states therefore lock if the eight corners do.  # theory
+(57)
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from numba import float64, int64, void
 from closeform._jit import kernel
 from closeform.arrays import Floats
 
-TIME, BORESIGHT, COSINE, SHIFT = 0, 1, 4, 5  # columns of a table of looks
-ROUNDING = 1e-12  # of all that q is summed from: a thousand times what rounding can do to g
-ALONG = 0.01  # how much a width along the line of sight counts, beside one across
-PROVEN, OPEN, UNSEEN = 0, 1, 2  # verdicts: all lock; not known; no look sees the centre
+TIME, BORESIGHT, COSINE, SHIFT = 0, 1, 4, 5  # columns of a table of looks (instants of a test)
+ROUNDING = 1e-12  # of the terms of q: a thousand times the rounding error of g
+ALONG = 0.01  # weight of a width along the line of sight, relative to one across
+PROVEN, OPEN, UNSEEN = 0, 1, 2  # verdicts: all lock; undecided; no look sees the centre
 
 
 class LockBox(NamedTuple):
-    """A centre and half-widths, of position and velocity by components."""
+    """Center and half-widths, of position and velocity by components."""
 
     x: float
     y: float
@@ -41,6 +41,7 @@ class LockBox(NamedTuple):
 
 @kernel(inline=True)
 def as_box(centre, half):
+    """Return a box from arrays of its centre and half-widths."""
     return LockBox(
         *(centre[0], centre[1], centre[2], centre[3], centre[4], centre[5]),
         *(half[0], half[1], half[2], half[3], half[4], half[5]),
@@ -49,10 +50,11 @@ def as_box(centre, half):
 
 @kernel()
 def shortfalls(look, box, baseline, longest):
-    """What a look makes of a box: what misses at its centre, at one corner, at the worst with the slack.
+    """Return by how much a look fails to see a box: at its centre, at one corner, at the worst corner.
 
-    That is g or, if more, the length beyond the range: all lock if the last is not positive.  It is that of
-    one corner where that one, or the centre, is not seen.                               # theory (57)
+    A shortfall is g or, if greater, the distance beyond the range. All states lock if the last value, which
+    includes the rounding error, is not positive. It equals an earlier value if that one is already positive.
+    # theory (57)
     """
     t, bx, by, bz, c, shift = look[0], look[1], look[2], look[3], look[4], look[5]
     qx, qy, qz = (
@@ -88,7 +90,7 @@ def shortfalls(look, box, baseline, longest):
 
 @kernel()
 def axis_to_halve(look, box, baseline):
-    """The component along which a box is widest across the line of sight of its centre, seen by a look."""
+    """Return the component along which a box is widest across the line of sight of its centre."""
     t, bx, by, bz = look[0], look[1], look[2], look[3]
     qx, qy, qz = (
         box.x + t * box.vx - baseline * bx,
@@ -109,7 +111,7 @@ def axis_to_halve(look, box, baseline):
 
 @kernel()
 def longest_side(box, duration):
-    """The component along which a box is widest, velocities by what they come to in half of the search."""
+    """Return the component along which a box is widest; velocities count for half the duration."""
     best, axis = box.rx, 0
     half = 0.5 * duration
     for k, side in enumerate((box.ry, box.rz, half * box.sx, half * box.sy, half * box.sz)):
@@ -120,18 +122,18 @@ def longest_side(box, duration):
 
 @kernel()
 def nearest_look(looks, hot, box, baseline, longest):
-    """Whether a look proves that a box locks, and which comes nearest to it: -1 if none sees its centre."""
+    """Return the look that comes nearest to a proof, -1 if none sees the centre, and whether it proves it."""
     nearest, best = -1, 0.0
     count = len(looks)
     for k in range(count):
-        # from the look that came nearest for the box that this is half of, outwards in both directions
+        # outwards in both directions from the best look for the parent box
         index = hot + ((k + 1) // 2 if k & 1 else -(k // 2))
         index = index - count if index >= count else (index + count if index < 0 else index)
         centre, corner, worst = shortfalls(looks[index], box, baseline, longest)
         if worst <= 0.0 and centre < 0.0:
             return index, True
         if centre < 0.0:
-            share = -centre / (max(corner, worst) - centre)  # how much of the box would lock, of its width
+            share = -centre / (max(corner, worst) - centre)  # fraction of the width of the box that locks
             if share > best:
                 nearest, best = index, share
     return nearest, False
@@ -161,7 +163,7 @@ def judge(
     axes: Any,
     verdicts: Any,
 ) -> None:
-    """What is known of each box: its verdict, the look nearest to a proof (into `hot`), where to halve it."""
+    """Write the verdict of each box, the look nearest to a proof (`hot`), and the axis to halve it along."""
     for m in range(len(centres)):
         box = as_box(centres[m], halves[m])
         nearest, proven = nearest_look(looks, hot[m], box, baseline, longest)

@@ -1,13 +1,13 @@
-"""The certified march to the first lock of two craft, in closed form.
+"""Certified march to the first lock of two craft, in closed form.
 
 For i in A and j in B, with q the vector from i's sensor to j's, both see each other when
 
     g(t) = |q| cos(half-angle) - b.(r + v t) + 2 offset <= 0                    # theory (13)
 
 and, with a range, |q| <= range.  Along a leg b = steady + cosine cos(a) + sine sin(a), so that
-all dot products are linear in time.  |q| cos(half-angle) is convex but for the turning offset,
-b.(r + v t) bends by at most w^2 of its swinging part and 2 w of the velocity's, and the march
-steps as far as g certainly stays positive: it never steps over a lock however short.
+all dot products are linear in time. |q| cos(half-angle) is convex except for the turning offset. The
+curvature of b.(r + v t) is at most w^2 times its rotating part plus 2 w times that of the velocity. The
+march steps as far as g certainly stays positive: it never steps over a lock, however short.
 """
 
 from __future__ import annotations
@@ -26,16 +26,16 @@ from closeform.arrays import LARGEST, Floats
 from closeform.search.sine_cosine import sine_cosine
 
 START, END, RATE, STEADY, COSINE, SINE = 0, 1, 2, 3, 6, 9  # columns of a table of legs
-SEEN = 1e-12  # of the distance: a margin that small counts as a lock
-CLOSE = 1e-8  # s
-TINY = 1e-300  # keeps 0 / 0 away
+SEEN = 1e-12  # of the distance: a smaller positive g counts as a lock
+CLOSE = 1e-8  # s, accuracy of a lock time found by Newton's method
+TINY = 1e-300  # prevents 0 / 0
 NOT_FINITE, COINCIDENT, NEVER = -3, -2, -1
 CHUNK = 65_536
-BLOCK, SWEEPS = 128, 8  # pairs that step side by side, and how often
+BLOCK, SWEEPS = 128, 8  # pairs that step in parallel, and the number of steps
 
 
 class LockSensor(NamedTuple):
-    """What locks ask of a sensor: both offsets together [m], the cosine of its half-angle, its range [m]."""
+    """Sensor data for locks: both offsets together [m], cosine of the half-angle, range [m]."""
 
     baseline: float
     cosine: float
@@ -44,7 +44,7 @@ class LockSensor(NamedTuple):
 
 @kernel(inline=True)
 def before(gap, slope, bend):
-    """First h > 0 with gap + slope h - bend h^2 / 2 = 0, without cancellation or branches."""
+    """Return the first h > 0 with gap + slope h - bend h^2 / 2 = 0, without cancellation or branches."""
     root = sqrt(slope * slope + 2.0 * bend * gap)
     over = 2.0 * gap if slope <= 0.0 else slope + root
     under = root - slope if slope <= 0.0 else bend
@@ -53,7 +53,7 @@ def before(gap, slope, bend):
 
 @kernel(inline=True)
 def limits(turn, position, velocity, sensor):
-    """What bounds g'' all through a leg: its swinging part at the end, the velocity's, |q'|."""
+    """Return bounds of g'' during a leg: its rotating part at the end, that of the velocity, and |q'|."""
     x, y, z = position
     vx, vy, vz = velocity
     start, end, w, fx, fy, fz, cx, cy, cz, sx, sy, sz = turn
@@ -66,10 +66,11 @@ def limits(turn, position, velocity, sensor):
 
 @kernel(inline=True)
 def sight(boresight, place, sensor):
-    """The vector between two sensors, its length, g and the length beyond the range, what counts as 0.
+    """Return the vector between two sensors, its length, g, the excess over the range, and a tolerance.
 
-    `boresight` is A's, `place` where B is relative to A.                        # theory (13)
-    By components: a pass within a micrometre keeps its digits.
+    `boresight` is that of A, `place` the position of B relative to A.  # theory (13)
+
+    Computed by components, so that a pass within a micrometre keeps its digits.
     """
     bx, by, bz = boresight
     px, py, pz = place
@@ -82,9 +83,10 @@ def sight(boresight, place, sensor):
 
 @kernel(inline=True)
 def step(turn, t, position, velocity, bounds, sensor):
-    """How long nothing certainly happens from time t on; whether both see each other at t, or just after.
+    """Return a time without a lock from t on, whether they see each other at t, and if a lock is near.
 
-    `turn` is the leg's row; the position is that at time 0, the bounds are the leg's `limits`.
+    `turn` is the leg's row, `position` that at time 0, `bounds` the leg's `limits`. If a lock is near, it
+    follows at the end of the step.
     """
     x, y, z = position
     vx, vy, vz = velocity
@@ -99,11 +101,11 @@ def step(turn, t, position, velocity, bounds, sensor):
     ux, uy, uz = vx - baseline * dx, vy - baseline * dy, vz - baseline * dz
     growth = (qx * ux + qy * uy + qz * uz) / (q + TINY)
     slope = c * growth - (bx * vx + by * vy + bz * vz + dx * px + dy * py + dz * pz)
-    # b.(r + v t) bends by its swinging part, greatest at one end of the leg, and the velocity's
+    # curvature of b.(r + v t): the rotating part, greatest at one end of the leg, and the velocity's
     now = (cx * px + cy * py + cz * pz) ** 2 + (sx * px + sy * py + sz * pz) ** 2
     turning = baseline * w * w  # acceleration of the sensors' offset, at most
-    # c |q| is convex but for that; where c < 0 it is concave, and |q| bends by (its speed)^2 / |q|,
-    # twice that at most before |q| is halved
+    # c |q| is convex except for that; if c < 0 it is concave, and the curvature of |q| is
+    # (its speed)^2 / |q|, at most twice that before |q| is halved
     curved = 2.0 * fast * fast / (q + TINY) + turning
     concave = max(0.0, -c)
     bend = w * w * sqrt(max(now, last)) + sideways + max(c, 0.0) * turning
@@ -112,8 +114,8 @@ def step(turn, t, position, velocity, bounds, sensor):
     unseen = min(before(max(gap, 0.0), slope, bend), longer) if gap > scale else 0.0
     unreached = before(max(beyond, 0.0), growth, turning) if beyond > scale else 0.0
     h = max(unseen, unreached)
-    # Newton's method has come so near that the rest d = 3 most h^2 / -slope is below CLOSE; and it
-    # does cross: g(h + d) <= 1.5 most h^2 + most d^2 + slope d < 0 for d <= 1.2 h, if the bounds
+    # Newton's method is so near that the remainder d = 3 most h^2 / -slope is below CLOSE. A crossing
+    # is certain: g(h + d) <= 1.5 most h^2 + most d^2 + slope d < 0 for d <= 1.2 h, if the bounds
     # hold until 2.2 h
     most, move = bend + abs(c) * curved, 2.2 * fast * h
     near = (most * h < -0.4 * slope) & (3.0 * most * h * h < -CLOSE * slope)
@@ -123,12 +125,16 @@ def step(turn, t, position, velocity, bounds, sensor):
 
 @kernel(inline=True)
 def as_turn(leg):
+    """Return the row of a leg as a tuple."""
     return leg[0], leg[1], leg[2], leg[3], leg[4], leg[5], leg[6], leg[7], leg[8], leg[9], leg[10], leg[11]
 
 
 @kernel()
 def lock_in_leg(leg, t, position, velocity, sensor):
-    """First lock within a leg from time t on: (time, whether).  The position is that at time 0."""
+    """Return the first lock within a leg from time t on: (time, found).
+
+    `position` is that at time 0.
+    """
     turn = as_turn(leg)
     end = leg[END]
     bounds = limits(turn, position, velocity, sensor)
@@ -145,7 +151,7 @@ def lock_in_leg(leg, t, position, velocity, sensor):
 
 @kernel()
 def first_lock(legs, t, position, velocity, sensor):
-    """First lock from time t on: (time, leg), or (inf, NEVER)."""
+    """Return the first lock from time t on: (time, leg), or (inf, NEVER)."""
     for k in range(len(legs)):
         if t <= legs[k, END]:
             when, locked = lock_in_leg(legs[k], max(t, legs[k, START]), position, velocity, sensor)
@@ -154,9 +160,10 @@ def first_lock(legs, t, position, velocity, sensor):
     return inf, NEVER
 
 
-@kernel(inline=True)  # where the arrays are made, so that they are known not to overlap
+# inlined where the arrays are allocated, so that the compiler knows that they do not overlap
+@kernel(inline=True)
 def ahead(leg, positions, velocities, begin, count, sensor, parts, reached, sure):
-    """The first steps of a block of pairs through a leg, side by side: times reached, whether they lock."""
+    """Advance a block of pairs through a leg in parallel: times reached, and if a lock is certain there."""
     x, y, z, vx, vy, vz, last, sideways, fast = parts
     turn = as_turn(leg)
     end = leg[END]
@@ -202,7 +209,7 @@ def first_locks(
     times: Floats,
     found: Any,
 ) -> None:
-    """The first lock of each pair; what is wrong with a pair instead of its leg."""
+    """Write the first lock of each pair to `times` and `found`; `found` holds a code for an invalid pair."""
     sensor = LockSensor(baseline, cosine, longest)
     reached, sure, parts = np.empty(BLOCK), np.empty(BLOCK), np.empty((9, BLOCK))
     for begin in range(0, len(positions), BLOCK):
@@ -228,7 +235,7 @@ def first_locks(
 
 
 def in_parts(part: Callable[[slice], Any], count: int, size: int) -> list[Any]:
-    """The results of `part` for `size` of `count` items at a time, on all cores where there are many."""
+    """Return the results of `part` for slices of `size` among `count` items, on all cores if many."""
     parts = [slice(first, first + size) for first in range(0, count, size)]
     if len(parts) <= 1:
         return [part(some) for some in parts]

@@ -1,8 +1,9 @@
-"""Proof of locks: by branch and bound, that every pair of a box of initial states locks, whatever the errors.
+"""Proof by branch and bound that every pair in a box of initial states locks, with bounded errors.
 
-A box is proven if all of its states lock at one instant, with the sensors narrowed by all that errors can
-turn them; else it is halved, as long as nodes are left.  Without offset and range lengths scale: states
-and their multiples lock alike, and a box around the origin is proven on its faces, in a dimension less.
+A box is proven if all of its states lock at one instant, with the sensors narrowed by the greatest effect of
+the errors. Otherwise it is halved, as long as nodes are left. Without offset and range the problem is
+scale-invariant: states and their multiples lock alike, and a box around the origin is proven on its faces, in
+one dimension less.
 """
 
 from __future__ import annotations
@@ -25,28 +26,28 @@ from closeform.search.schedule import Search
 from closeform.search.search_errors import SearchErrors
 from closeform.search.state_boxes import StateBoxes, joined
 
-STEP = pi / 90.0  # between two looks, of the boresight's turn
-EACH_ROUND = 5000  # boxes that take as long as a round of an adversary's climb
-CHUNK = 4096  # boxes that one core judges in a row
+STEP = pi / 90.0  # rad, turn of the boresight between two looks
+EACH_ROUND = 5000  # number of boxes that take as long as a round of an adversary's climb
+CHUNK = 4096  # number of boxes that one core judges in a row
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LockProof(Result):
-    """For which initial states of a box every pair certainly locks, and some for which it does not.
+    """Result of a lock proof: the proven share of a box of initial states, and counterexamples.
 
     Attributes
     ----------
     open : float, no unit
-        The share of the box, by volume, of which that is not proven.
+        The share of the box, by volume, that is not proven.
     undecided : array of shape (K, 2, 6) [m, m/s]
-        Least and greatest states of the boxes that are left, in the inertial frame.  Where lengths scale and
-        the given box holds the origin they are flat, in its faces, and each stands for all its multiples.
+        Least and greatest states of the undecided boxes, in the inertial frame. In a scale-invariant problem
+        with the origin in the given box they are flat, in its faces, and each represents its multiples.
     counterexamples : array of shape (C, 6) [m, m/s]
         States that certainly do not lock in time with errors within the bounds, in the inertial frame.
     errors : SearchErrors
-        With which they do not (C, 2), of the craft in A and in B: `lock_times` with them says so.
+        Errors (C, 2) of the craft in A and in B with which they do not; `lock_times` confirms it.
     nodes : int
-        How many boxes were judged.
+        Number of boxes judged.
     """
 
     open: float
@@ -57,12 +58,12 @@ class LockProof(Result):
 
     @property
     def proven(self) -> float:
-        """The share of the box, by volume, in which every pair certainly locks [no unit]."""
+        """Share of the box, by volume, in which every pair certainly locks [no unit]."""
         return 1.0 - self.open
 
     @property
     def ok(self) -> bool:
-        """Whether it is proven that every pair of the whole box locks."""
+        """True if every pair of the whole box is proven to lock."""
         return len(self.undecided) == 0
 
 
@@ -78,47 +79,47 @@ def prove_locks(
     latest: float | None = None,
     nodes: int = 1_000_000,
 ) -> LockProof:
-    """Prove that every pair of a box of initial states locks, whatever errors do within their bounds.
+    """Prove that every pair in a box of initial states locks, with errors within given bounds.
 
     Parameters
     ----------
     search : Search
-        Which both carry out.
+        The schedule of both craft.
     low : array_like of shape (6,) [m, m/s]
         Least position and velocity of the box, B minus A at the start of the search, in the inertial frame.
     high : array_like of shape (6,) [m, m/s]
-        The greatest, in the same frame; where it is equal to the least the box is flat.
+        The greatest, in the same frame. Equal components make a flat box.
     pointing_error : float [rad], default 0
-        The most by which each boresight is off, in any direction, changing as it may.
+        Bound of each boresight's error, in any direction, constant or not.
     timing_error : float [s], default 0
-        The most by which each clock is off.
+        Bound of each clock's error.
     rate_error : float, no unit, default 0
-        The most by which each slew rate is off, relative to the search's, from its start on; below 1.
+        Bound of each slew rate's error, relative to the search's rate; below 1.
     slew_acceleration : float [rad/s^2], default inf
-        The least with which each craft's turns gain and lose their rate: it may have any from there on.
+        Least acceleration at the start and end of each craft's turns; any greater value is covered.
     latest : float [s], optional
-        Until when they must have locked: the end of the search unless given.
+        Time by which they must lock. Default: the end of the search.
     nodes : int, default 1_000_000
-        How many boxes are judged at most.
+        Greatest number of boxes to judge.
 
     Returns
     -------
     LockProof
-        The same on any number of cores.
+        The result, which does not depend on the number of cores.
 
     Raises
     ------
     ValueError
-        If the box holds no state but the origin, a least component is above the greatest, shapes do not fit,
-        or a number is negative or not finite.
+        If the box holds only the origin, a least component is above the greatest, shapes do not match, or a
+        number is negative or not finite.
 
     Notes
     -----
-    What is proven allows for rounding: g of theory (13) is below 0 by 1e-12 of all lengths that it is summed
-    from.  A counterexample is a state whose pair the certified march of `lock_times` never sees lock with
-    errors as bad as the bounds allow: boresights that always lean away from the other craft, which is told as
-    sensors narrower by the pointing error, and clocks that are right, or of who is behind or ahead of all
-    others.  Sensors with an offset do not lean.
+    The proof includes rounding: g of theory (13) is below 0 by 1e-12 of all lengths in its sum. A
+    counterexample is a pair that the certified march of `lock_times` never sees lock with errors as bad as
+    the bounds allow. Boresights then always tilt away from the other craft, which is equivalent to sensors
+    narrower by the pointing error, and clocks are exact, or of a craft behind or ahead of all others.
+    Sensors with an offset are not tilted.
 
     References
     ----------
@@ -166,7 +167,7 @@ def prove_locks(
 
 
 def verdicts_of(search: Search, looks: Floats, until: float, boxes: StateBoxes) -> tuple[Any, Any]:
-    """Where each box is to be halved, and its verdict (M,); the look that came nearest into the boxes."""
+    """Return the axis along which to halve each box, and its verdict (M,); update the looks of the boxes."""
     axes, verdicts = np.zeros((2, len(boxes)), dtype=np.int64)
     sensor = search.sensor
 
@@ -188,8 +189,8 @@ def verdicts_of(search: Search, looks: Floats, until: float, boxes: StateBoxes) 
 
 
 def refuted(search: Search, states: Floats, until: float, worst: list[SearchErrors]) -> tuple[Floats, Any]:
-    """Of some states (M, 6) those that do not lock in time with one of the errors, and with which (C,)."""
-    states = states[states[:, :3].any(axis=1)]  # two at one place are nobody's example
+    """Return the states among (M, 6) that do not lock in time with some of the errors, and which (C,)."""
+    states = states[states[:, :3].any(axis=1)]  # two craft at the same position are no example
     lost, which = [states[:0]], [np.empty(0, dtype=np.int64)]
     for kind, errors in enumerate(worst):
         if not len(states):
@@ -203,7 +204,7 @@ def refuted(search: Search, states: Floats, until: float, worst: list[SearchErro
 
 
 def sought(adversaries: list[Adversary], effort: int) -> Floats:
-    """States (M, 6) that may never lock: of those that adversaries draw, else the latest of each climb."""
+    """Return states (M, 6) that may never lock: random ones, else the latest of each adversary's climb."""
     random = np.random.Generator(np.random.Philox(0))
     begun = []
     for one in adversaries:
@@ -218,21 +219,21 @@ def sought(adversaries: list[Adversary], effort: int) -> Floats:
 
 
 def roots(search: Search, low: Floats, high: Floats) -> StateBoxes:
-    """The boxes to begin with: the faces of one that holds the origin, where lengths scale, or itself."""
+    """Return the initial boxes: the box itself, or its faces in a scale-invariant problem with the origin."""
     return StateBoxes.faces(low, high) if scales(search, low, high) else StateBoxes.of(low, high)
 
 
 def scales(search: Search, low: Floats, high: Floats) -> bool:
-    """Whether pairs lock as their multiples do, and the faces of a box hold one of each of its states."""
+    """Return True if the problem is scale-invariant, and the faces of the box represent all its states."""
     of_all_sizes = search.sensor.offset == 0.0 and search.sensor.range == inf
     return of_all_sizes and bool((low <= 0.0).all() and (high >= 0.0).all())
 
 
 def looks_of(search: Search, until: float, bounds: ErrorBounds) -> Floats:
-    """Times at which boxes are looked at, densely, with the cone in which both certainly see each other then.
+    """Return the instants of a dense test of boxes, with the cone in which both certainly see each other.
 
-    Rows (N, 6): time [s], boresight of A midway between the slowest and the fastest, cosine of the narrowed
-    cone, and by how much [m] errors displace the two sensors.                           # theory (57)
+    Rows (N, 6): time [s], boresight of A midway between the slowest and the fastest craft, cosine of the
+    narrowed cone, and the displacement [m] of the two sensors by errors.  # theory (57)
     """
     times = [0.0]
     for leg in search.legs:
@@ -242,7 +243,7 @@ def looks_of(search: Search, until: float, bounds: ErrorBounds) -> Floats:
     behind, ahead = bounds.searched(search, when)
     error = bounds.pointing + search.slew_rate * 0.5 * (ahead - behind)
     half_angle = search.sensor.half_angle - error
-    # the cone is convex up to half of the sky: of a wider one that half is looked at
+    # the cone is convex up to half of the sky; a wider one is replaced by that half
     cosines = np.where(half_angle < pi / 2.0, np.cos(half_angle), 0.0)
     shift = 2.0 * search.sensor.baseline * np.sin(np.minimum(error, pi) / 2.0)
     rows = np.column_stack([when, search.boresight(0.5 * (behind + ahead)), cosines, shift])
@@ -250,7 +251,7 @@ def looks_of(search: Search, until: float, bounds: ErrorBounds) -> Floats:
 
 
 def ends_of_box(low: ArrayLike, high: ArrayLike) -> tuple[Floats, Floats]:
-    """Least and greatest states (6,) of a box; ValueError naming what is wrong with them."""
+    """Return the least and greatest states (6,) of a box; ValueError for invalid ones."""
     least, greatest = finite("low", low), finite("high", high)
     for name, state in (("low", least), ("high", greatest)):
         if state.shape != (6,):
@@ -258,7 +259,7 @@ def ends_of_box(low: ArrayLike, high: ArrayLike) -> tuple[Floats, Floats]:
     if (least > greatest).any():
         which = int(np.argmax(least > greatest))
         pair = f"{least[which]:g} is above {greatest[which]:g}"
-        raise ValueError(f"low: component {which} of {pair} of high; give the lesser one first")
+        raise ValueError(f"low: component {which} of {pair} of high; exchange them")
     if not (least.any() or greatest.any()):
-        raise ValueError("high: the box is the origin alone, two craft at one place; give it a width")
+        raise ValueError("high: the box is the origin alone, two craft at the same position; give it a width")
     return least, greatest

@@ -1,4 +1,4 @@
-"""Locks: when two craft first see each other."""
+"""First locks of pairs of craft: the time at which two craft first see each other."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ class Locks(Rows):
     Attributes
     ----------
     time : array of shape (M,) [s]
-        From the start of the search; nan where there is none.
+        Time from the start of the search; nan without a lock.
     leg : array of int of shape (M,)
-        The index of the leg of the lock; -1 where there is none.
+        Index of the leg of the lock; -1 without a lock.
     """
 
     _columns: ClassVar = {
@@ -45,35 +45,35 @@ def lock_times(
     relative_velocity: ArrayLike,
     errors: SearchErrors | None = None,
 ) -> Locks:
-    """The first lock of each pair of a craft in group A and one in group B, coasting in deep space.
+    """Return the first lock of each pair of a craft in group A and one in B, coasting in deep space.
 
     Parameters
     ----------
     search : Search
-        Which both carry out.
+        The schedule of both craft.
     relative_position : array_like of shape (M, 3) [m]
-        B minus A at the start of the search, in the inertial frame; (3,) for one pair.
+        Relative position, B minus A, at the start of the search, in the inertial frame; (3,) for one pair.
     relative_velocity : array_like of shape (M, 3) [m/s]
-        B minus A, in the inertial frame; both shapes broadcast.
+        Relative velocity, B minus A, in the inertial frame; both shapes broadcast.
     errors : SearchErrors, optional
-        How far the craft of each pair, in A and in B, are off the search: of shape (M, 2), or (2,) for all
-        alike.  They are looked at until both have ended their turns; a leg is then that of the craft in A.
+        Search errors of the craft of each pair, in A and in B: of shape (M, 2), or (2,) for all pairs. Locks
+        are then found until both have completed their turns, and a leg is that of the craft in A.
 
     Returns
     -------
     Locks
-        Of M pairs, in their order.
+        First locks of M pairs, in their order.
 
     Raises
     ------
     ValueError
-        If shapes do not fit, a number is not finite, two craft are at one place, or errors leave no cone.
+        If shapes do not match, a number is not finite, two craft are at the same position, or errors leave
+        no cone.
 
     Notes
     -----
-    Certified: no lock is stepped over, however short; a margin below 1e-12 of the distance counts as
-    one.  Times are good to 1e-6 s wherever the margin changes faster than 1e-6 per second.  All cores
-    are used.
+    Certified: no lock is stepped over, however short; a margin below 1e-12 of the distance counts as a lock.
+    Times are accurate to 1e-6 s if the margin changes faster than 1e-6 per second. All cores are used.
 
     References
     ----------
@@ -91,23 +91,23 @@ def lock_times(
     if errors is None:
         fill_perfect(search, positions, velocities, times, legs)
     else:
-        from closeform.search.imperfect import fill_imperfect  # whose kernel perfect searches can spare
+        from closeform.search.imperfect import fill_imperfect  # imported late: compiles a kernel
 
         instance("errors", errors, SearchErrors)
         fill_imperfect(search, positions, velocities, errors, times, legs)
     if (legs == NOT_FINITE).any():
         which = int(np.argmax(legs == NOT_FINITE))
-        sound = np.abs(positions[which]).sum() < 0.5 * LARGEST  # else it is the velocity: their sum is not
+        sound = np.abs(positions[which]).sum() < 0.5 * LARGEST  # otherwise the velocity is at fault
         name = "relative_velocity" if sound else "relative_position"
         raise ValueError(f"{name}: pair {which} has a number that is not finite, or too large")
     if (legs == COINCIDENT).any():
         which = int(np.argmax(legs == COINCIDENT))
-        raise ValueError(f"relative_position: the two craft of pair {which} are at one place")
+        raise ValueError(f"relative_position: the two craft of pair {which} are at the same position")
     return Locks(times, legs)
 
 
 def fill_perfect(search: Search, positions: Floats, velocities: Floats, times: Floats, legs: Any) -> None:
-    """The first locks of M pairs that do what the search asks of them, into `times` and `legs` (M,)."""
+    """Write the first locks of M pairs without search errors to `times` and `legs` (M,)."""
     sensor = search.sensor
 
     def part(some: slice) -> None:
@@ -126,7 +126,7 @@ def fill_perfect(search: Search, positions: Floats, velocities: Floats, times: F
 
 
 def _vectors(**given: ArrayLike) -> tuple[Floats, ...]:
-    """Arguments broadcast to one shape (M, 3)."""
+    """Return arguments broadcast to one shape (M, 3)."""
     arrays = {name: np.atleast_2d(numbers(name, value)) for name, value in given.items()}
     for name, array in arrays.items():
         if array.ndim != 2 or array.shape[1] != 3:

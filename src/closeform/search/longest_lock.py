@@ -1,7 +1,7 @@
-"""The longest time to lock: an adversary looks for the initial state of a box that locks last.
+"""Longest time to lock: an adversary searches a box of initial states for the pair that locks last.
 
-It climbs from drawn pairs; then `prove_locks` says for how much of the box a later lock is impossible, and
-where it finds one the climb goes on from there.
+It climbs from random pairs. Then `prove_locks` finds for which share of the box a later lock is impossible.
+If it finds a later lock, the climb continues from there.
 """
 
 from __future__ import annotations
@@ -19,25 +19,25 @@ from closeform.search.lock_proof import LockProof, ends_of_box, prove_locks, sca
 from closeform.search.locks import lock_times
 from closeform.search.schedule import Search
 
-CLIMBS = 6  # at most, each from what the proof before it found
+CLIMBS = 6  # greatest number of climbs, each from the counterexamples of the previous proof
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LongestLock(Result):
-    """The latest first lock that was found in a box of initial states, and what is proven of it.
+    """Latest first lock found in a box of initial states, and the proof that goes with it.
 
     Attributes
     ----------
     position : array of shape (3,) [m]
-        Of that pair, B minus A at the start of the search, in the inertial frame.
+        Relative position of that pair, B minus A at the start of the search, in the inertial frame.
     velocity : array of shape (3,) [m/s]
-        B minus A, in the inertial frame.
+        Relative velocity, B minus A, in the inertial frame.
     time : float [s]
-        Of its lock, from the start of the search; inf for a pair that never locks.
+        Time of its lock, from the start of the search; inf for a pair that never locks.
     phase : str
-        In which that is, and its round, like "mOPS 2"; "never" without a lock.
+        Phase of the lock and its round, like "mOPS 2"; "never" without a lock.
     proof : LockProof
-        That all pairs lock by then, but for a share of the box that is told as `open`.
+        Proof that all pairs lock by then, except for its share `open` of the box.
     """
 
     position: Floats
@@ -50,33 +50,33 @@ class LongestLock(Result):
 def longest_lock(
     search: Search, low: ArrayLike, high: ArrayLike, *, seed: int = 0, nodes: int = 200_000
 ) -> LongestLock:
-    """The latest first lock that an adversary finds among all initial states of a box.
+    """Return the latest first lock that an adversary finds among the initial states of a box.
 
     Parameters
     ----------
     search : Search
-        Which both carry out.
+        The schedule of both craft.
     low : array_like of shape (6,) [m, m/s]
         Least position and velocity of the box, B minus A at the start of the search, in the inertial frame.
     high : array_like of shape (6,) [m, m/s]
-        The greatest, in the same frame.  Without offset and range lengths scale, and any box with the origin
-        inside stands for all states.
+        The greatest, in the same frame. Without offset and range the problem is scale-invariant, and any box
+        around the origin represents all states.
     seed : int, default 0
-        Of the states that it begins with.
+        Seed of the random initial states.
     nodes : int, default 200_000
-        How many boxes are judged to prove that no lock is later.
+        Greatest number of boxes to judge in the proof that no lock is later.
 
     Returns
     -------
     LongestLock
-        The same for the same seed.  Its time is found, not proven to be the latest; what is proven is that
-        all but `proof.open` of the box locks by then.
+        The result, reproducible for a seed. The time is not proven to be the latest; the proof says that all
+        but the share `proof.open` of the box locks by then.
 
     Raises
     ------
     ValueError
-        If the box holds no two craft apart, a least component is above the greatest, shapes do not fit, or a
-        number is not finite or not a whole one from 0 on.
+        If the box holds no distinct positions, a least component is above the greatest, shapes do not match,
+        a number is not finite, or `seed` or `nodes` is not a whole number of at least 0.
 
     References
     ----------
@@ -92,7 +92,7 @@ def longest_lock(
     instance("search", search, Search)
     least, greatest = ends_of_box(low, high)
     if not (least[:3].any() or greatest[:3].any()):
-        raise ValueError("high: all pairs of the box start at one place; give its positions a width")
+        raise ValueError("high: all pairs of the box start at the same position; give its positions a width")
     whole("nodes", nodes, 1)
     random = np.random.Generator(np.random.Philox(whole("seed", seed)))
     adversary = Adversary(search, least, greatest, scales(search, least, greatest))

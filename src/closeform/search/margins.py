@@ -1,10 +1,10 @@
-"""Margins: by how much each leg of a search misses a pair, and which other pairs behave alike.
+"""Margins of a lock: the angle by which each leg misses a pair, and the set of pairs that behave alike.
 
-A leg misses by an angle m exactly where sensors wider by m do not lock in it: the certified march
-with a wider cone tells, and bisection finds the greatest m.  Initial states that differ by dr and
-dv move the line between the two sensors by at most |dr| + t |dv|, and so turn it by at most the
-arc sine of that over its length |q(t)|.  What misses by m at a length of at least L goes on missing
-while |dr| + t |dv| <= L sin m, and one instant of depth is enough to go on locking.
+A leg misses by an angle m exactly if sensors wider by m do not lock in it. The certified march with a
+wider cone decides this, and bisection finds the greatest m. Initial states that differ by dr and dv move
+the line between the two sensors by at most |dr| + t |dv|, and so turn it by at most the arc sine of that
+over its length |q(t)|. A miss by m at a length of at least L persists while |dr| + t |dv| <= L sin m, and
+one instant of depth is enough for a lock to persist.
 """
 
 from __future__ import annotations
@@ -25,27 +25,27 @@ from closeform.search.locks import lock_times
 from closeform.search.schedule import Search
 from closeform.search.theorem import one_pair
 
-PIECES = 32  # of a leg, each with a margin and a length of its own
+PIECES = 32  # pieces of a leg, each with its own margin and length
 HALVINGS = 45
-ROUNDING = 16.0 * 2.2e-16  # of the terms that q is summed from
+ROUNDING = 16.0 * 2.2e-16  # of the terms of q
 ANYWHERE = -2.0  # the cosine of a cone that holds every direction, whatever the rounding
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LockMargins(Result):
-    """How surely a pair locks in its leg, and in none before.
+    """Margins of a pair's first lock: by how much earlier legs miss, and the depth of the lock.
 
     Attributes
     ----------
     leg : int
         The index of the leg of the first lock, -1 for none.
     margins : array of shape (L,) [rad]
-        By how much each leg up to that one misses, at least, L = leg + 1; the last is negative, less the
-        depth of the lock.  Without a lock one for each leg of the search.
+        Lower bound of the angle by which each leg up to that one misses, L = leg + 1; the last is negative,
+        minus the depth of the lock. Without a lock one for each leg of the search.
     position, velocity : float [m, m/s]
-        Half-axes of a set of initial states that certainly lock in the same leg (or never, as this
-        pair): all that differ by dr and dv with |dr| / position + |dv| / velocity <= 1.  The set is not
-        the greatest.  `velocity` is inf for a lock at once that does not depend on it.
+        Half-axes of a set of initial states that certainly lock in the same leg (or never, as this pair):
+        all that differ by dr and dv with |dr| / position + |dv| / velocity <= 1. A larger set may exist.
+        `velocity` is inf for an immediate lock that does not depend on it.
     """
 
     leg: int
@@ -55,13 +55,13 @@ class LockMargins(Result):
 
     @property
     def depth(self) -> float:
-        """How deep [rad] inside of the cone the other's sensor comes in the leg of the lock, at least."""
+        """Lower bound of the depth [rad] of the other's sensor inside the cone, in the leg of the lock."""
         return -float(self.margins[-1]) if self.leg >= 0 else nan
 
 
 @kernel()
 def locks(row, start, end, state, sensor):
-    """Whether a leg locks from start to end: (time, whether)."""
+    """Return the first lock of a leg between two times: (time, found)."""
     row[END] = end
     position, velocity = (state[0], state[1], state[2]), (state[3], state[4], state[5])
     return lock_in_leg(row, start, position, velocity, sensor)
@@ -69,7 +69,7 @@ def locks(row, start, end, state, sensor):
 
 @kernel(void(float64[::1], float64[::1], float64, float64, float64[:, ::1]))
 def misses(leg: Floats, state: Floats, baseline: float, half_angle: float, pieces: Floats) -> None:
-    """For each piece of a leg that misses: its end, least margin and least distance of the sensors."""
+    """Write the end, least margin and least sensor distance of each piece of a leg that misses."""
     row = leg.copy()
     step = (leg[END] - leg[START]) / len(pieces)
     for k in range(len(pieces)):
@@ -92,7 +92,7 @@ def misses(leg: Floats, state: Floats, baseline: float, half_angle: float, piece
             wider = LockSensor(baseline, cos(half_angle + middle), inf)
             _, found = locks(row, start, end, state, wider)
             low, high = (low, middle) if found else (middle, high)
-        # what the march itself counts as a lock, and how far rounding may turn q
+        # the tolerance of the march, and the rotation of q by rounding
         counted = 4.0 * SEEN * (1.0 + 2.0 * baseline / near)
         certain = acos(min(1.0, cos(half_angle + low) + counted)) - half_angle - 2.0 * noise / near
         pieces[k] = (end, max(0.0, certain), near - noise)
@@ -100,7 +100,7 @@ def misses(leg: Floats, state: Floats, baseline: float, half_angle: float, piece
 
 @kernel(float64(float64[::1], float64[::1], float64, float64))
 def deepest(leg: Floats, state: Floats, baseline: float, half_angle: float) -> Any:
-    """When, in a leg that locks, the other's sensor is deepest inside of the cone."""
+    """Return the time, in a leg that locks, at which the other's sensor is deepest inside the cone."""
     row = leg.copy()
     time, _ = locks(row, leg[START], leg[END], state, LockSensor(baseline, cos(half_angle), inf))
     low, high = 0.0, half_angle
@@ -116,28 +116,28 @@ def deepest(leg: Floats, state: Floats, baseline: float, half_angle: float) -> A
 
 
 def lock_margins(search: Search, position: ArrayLike, velocity: ArrayLike) -> LockMargins:
-    """By how much each leg of a search misses a pair until one locks, and which states behave alike.
+    """Return the angles by which each leg misses a pair until one locks, and the states that behave alike.
 
     Parameters
     ----------
     search : Search
-        Which both carry out; with a sensor without limit of range.
+        The schedule of both craft, with a sensor of unlimited range.
     position : array_like of shape (3,) [m]
-        B minus A at the start of the search, in the inertial frame.
+        Relative position, B minus A, at the start of the search, in the inertial frame.
     velocity : array_like of shape (3,) [m/s]
-        B minus A, in the inertial frame; both coast in deep space.
+        Relative velocity, B minus A, in the inertial frame; both coast in deep space.
 
     Returns
     -------
     LockMargins
-        Every bound is certified, the rounding of the march included; margins of a leg are sharp to about
+        Certified bounds, which include the rounding of the march. Margins of a leg are accurate to about
         1e-9 rad.
 
     Raises
     ------
     ValueError
-        If the sensor has a range, shapes do not fit, a number is not finite, or the two craft are at
-        one place.
+        If the sensor has a range, shapes do not match, a number is not finite, or the two craft are at the
+        same position.
 
     References
     ----------
@@ -145,7 +145,7 @@ def lock_margins(search: Search, position: ArrayLike, velocity: ArrayLike) -> Lo
     """
     sensor = instance("search", search, Search).sensor
     if sensor.range < inf:
-        raise ValueError(f"search: margins want a sensor without a limit, the range is {sensor.range:g} m")
+        raise ValueError(f"search: margins require a sensor of unlimited range, got {sensor.range:g} m")
     r, v = one_pair(position, velocity)
     leg = int(lock_times(search, r, v).leg[0])
     state, half_angle = np.concatenate([r, v]), acos(sensor.cosine)
@@ -163,12 +163,12 @@ def lock_margins(search: Search, position: ArrayLike, velocity: ArrayLike) -> Lo
         ends, reaches = np.append(ends, time), np.append(reaches, distance * sin(min(depth, pi / 2.0)))
     with np.errstate(divide="ignore", invalid="ignore"):
         speeds = np.where(ends > 0.0, reaches / ends, inf)
-    safety = 1.0 - 1e-9  # for states on the very edge of the set
+    safety = 1.0 - 1e-9  # rounding, for states on the edge of the set
     return LockMargins(leg, margins, safety * float(reaches.min()), safety * float(speeds.min()))
 
 
 def _depth(search: Search, leg: int, time: float, separation: Floats) -> tuple[float, float]:
-    """How deep inside of the cone the other's sensor is at a time, and how far away."""
+    """Return the depth [rad] of the other's sensor inside the cone at a time, and its distance [m]."""
     boresight = search.legs[leg].attitude_at(time)[:, 2]
     q = separation - search.sensor.baseline * boresight
     angle = atan2(float(np.linalg.norm(np.cross(q, boresight))), float(q @ boresight))

@@ -1,6 +1,6 @@
-"""The next lock of each pair of a gathering, foreseen until one of its craft burns.
+"""Prediction of the next lock of each pair in a gathering, repeated after each burn.
 
-A burn changes a straight line, and so all later locks of it.
+A burn changes a craft's straight line and therefore all later locks of that craft.
 """
 
 from math import inf
@@ -15,10 +15,10 @@ from closeform.search.sets import LOST
 
 
 class Turns(NamedTuple):
-    """The search: its `legs`; `first` (A,) and `second` (B,), the craft of its groups; its `end` [s].
+    """Search of a gathering: `legs`; craft of the groups, `first` (A,) and `second` (B,); `end` [s].
 
-    `pushes` (P, 6): which craft burns if it is lost, in order of time: when, craft, at which leg, delta-v.
-    Craft that are `exact` turn as the search asks and `see` alike; others have attitudes of their `own`.
+    `pushes` (P, 6): burns of the near-field search in order of time: time, craft, leg, delta-v. Craft that
+    are `exact` turn as planned and have the same sensor `see`; others have attitudes of their `own`.
     """
 
     legs: Floats
@@ -32,7 +32,7 @@ class Turns(NamedTuple):
 
 
 class Astray(NamedTuple):
-    """Craft with attitude errors: the `turns` (L, 29) asked for, rows `craft` (N, 8), the `offset` [m].
+    """Craft with search errors: the nominal `turns` (L, 29), rows `craft` (N, 8), the `offset` [m].
 
     `swings` (2, 16) is scratch memory for the attitudes of two of them.
     """
@@ -44,9 +44,9 @@ class Astray(NamedTuple):
 
 
 class NextLocks(NamedTuple):
-    """The `times` (A, B) [s] of the next lock of each pair that does not know each other yet, else inf.
+    """Next lock `times` (A, B) [s] of each pair of craft that do not know each other yet, else inf.
 
-    `earliest` and `partner` (A,): the least of each row, and in which column.
+    `earliest` and `partner` (A,): the least of each row, and its column.
     """
 
     times: Floats
@@ -56,7 +56,7 @@ class NextLocks(NamedTuple):
 
 @kernel()
 def next_lock(turns, i, j, t, position, velocity):
-    """Return when craft i of A and j of B lock next; the position is that at time 0."""
+    """Return the time of the next lock of craft i of A and j of B; `position` is that at time 0."""
     if turns.exact:
         when, _ = first_lock(turns.legs, t, position, velocity, turns.see)
     else:
@@ -68,6 +68,7 @@ def next_lock(turns, i, j, t, position, velocity):
 
 @kernel()
 def least_of_row(next_locks, a):
+    """Update the earliest lock of a row."""
     times, earliest, partner = next_locks.times, next_locks.earliest, next_locks.partner
     earliest[a], partner[a] = inf, 0
     for b in range(times.shape[1]):
@@ -77,12 +78,12 @@ def least_of_row(next_locks, a):
 
 @kernel()
 def lock_of_pair(turns, craft, a, b, t):
-    """The next lock of the craft of row a and column b from time t on; inf if they know each other."""
+    """Return the next lock of the craft of row a and column b from time t on; inf if they know each other."""
     i, j = turns.first[a], turns.second[b]
     one, other, labels = craft.rows[i], craft.rows[j], craft.labels
     if labels[i] != LOST and labels[i] == labels[j]:
         return inf
-    # the march counts from time 0, which loses digits only to craft that fly far beyond their distance
+    # the march counts from time 0, which loses digits only for craft that move far beyond their distance
     s, u = one[SINCE], other[SINCE]
     velocity = other[3] - one[3], other[4] - one[4], other[5] - one[5]
     position = (
@@ -95,7 +96,7 @@ def lock_of_pair(turns, craft, a, b, t):
 
 @kernel()
 def foresee(turns, craft, next_locks, a, b, t):
-    """Enter the next lock of the craft of row a and column b from time t on."""
+    """Update the next lock of the craft of row a and column b from time t on."""
     earliest, partner = next_locks.earliest, next_locks.partner
     when = lock_of_pair(turns, craft, a, b, t)
     next_locks.times[a, b] = when
@@ -107,7 +108,7 @@ def foresee(turns, craft, next_locks, a, b, t):
 
 @kernel()
 def foresee_anew(turns, craft, next_locks, t):
-    """The next locks of all craft that have burned."""
+    """Update the next locks of all craft that have burned."""
     moved = craft.moved
     for a in range(len(turns.first)):
         for b in range(len(turns.second)):
@@ -119,6 +120,7 @@ def foresee_anew(turns, craft, next_locks, t):
 
 @kernel()
 def earliest_row(earliest):
+    """Return the row with the earliest lock."""
     a = 0
     for k in range(1, len(earliest)):
         if earliest[k] < earliest[a]:
@@ -128,6 +130,6 @@ def earliest_row(earliest):
 
 @kernel()
 def forget(next_locks, a):
-    """Strike out the earliest lock of a row."""
+    """Delete the earliest lock of a row."""
     next_locks.times[a, next_locks.partner[a]] = inf
     least_of_row(next_locks, a)

@@ -1,4 +1,4 @@
-"""Tips: how far the boresight is tipped out of plane, and what that covers."""
+"""Tip angle of the out-of-plane turns of a search, and the region that it covers."""
 
 from math import acos, atan2, cos, degrees, inf, pi, sin, sqrt, tan
 
@@ -6,28 +6,31 @@ from closeform.search.sensor import Sensor
 
 
 def full_tip(half_angle: float) -> float:
-    """Tip [rad] that searches a whole complementary cone, for a half-angle from 45 deg on.  # S04 eq. 1
+    """Return the tip [rad] that covers a complementary cone, for a half-angle of at least 45 deg.
 
-    Raises ValueError for a smaller half-angle.
+    S04 eq. 1. Raises ValueError for a smaller half-angle.
     """
     c = cos(half_angle)
     if half_angle >= pi / 2.0:
         return 0.0  # no complementary cone
     if 1.0 - 2.0 * c * c < 0.0 and half_angle < pi / 4.0:
         raise ValueError(
-            f"half_angle: {degrees(half_angle):g} deg is below 45 deg, no tip covers the complementary "
+            f"half_angle: {degrees(half_angle):g} deg is below 45 deg; no tip covers the complementary "
             "cones; use a wider sensor, or the basic search"
         )
     return atan2(c, sqrt(max(0.0, 1.0 - 2.0 * c * c)))
 
 
 def least_half_angle(tip: float) -> float:
-    """The half-angle [rad] for which a tip searches a whole complementary cone: S04 eq. 1 inverted."""
+    """Return the half-angle [rad] for which a tip covers a complementary cone: S04 eq. 1 inverted."""
     return acos(tan(tip) / sqrt(1.0 + 2.0 * tan(tip) ** 2))
 
 
 def near_field(sensor: Sensor, tip: float) -> float:
-    """Length [m] along the sun line of the region that one's own cone never covers, with a `tip` [rad]."""
+    """Return the length [m] along the sun line of the region that the own cone never covers.
+
+    `tip`: the tip angle [rad].
+    """
     if sensor.offset == 0.0:
         return 0.0
     # a point h up the sun line, seen from the sensor at its highest tip, lies on the cone:

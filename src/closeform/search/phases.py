@@ -1,4 +1,4 @@
-"""Phases: in which of a search's phases things ended."""
+"""Phases of a search, and the counts of outcomes by phase."""
 
 from typing import Any
 
@@ -10,18 +10,18 @@ AT_ONCE, NEVER = "at once", "never"
 
 
 def labels(search: Search) -> tuple[str, ...]:
-    """What `tally` counts, in order."""
+    """Return the labels that `tally` counts, in order."""
     return (AT_ONCE, *(f"{phase} {number}" for phase, number, *_ in search.phases), NEVER)
 
 
 def tally(search: Search, time: Any, leg: Any) -> tuple[int, ...]:
-    """How many ended at once, in each phase and never, from their times (C,) [s] and legs (C,)."""
+    """Return the number of cases done at once, in each phase and never, from times (C,) [s] and legs (C,)."""
     ended = ended_in(search, time, leg)
     return tuple(np.bincount(ended, minlength=len(labels(search))).tolist())
 
 
 def ended_in(search: Search, time: Any, leg: Any) -> Any:
-    """By the number of its label what each ended in (C,)."""
+    """Return the index of the label (C,) under which each case ended."""
     phases = {f"{phase} {number}": k for k, (phase, number, *_) in enumerate(search.phases, 1)}
     never = len(phases) + 1
     row = np.array([phases[f"{one.phase} {one.round}"] for one in search.legs] + [never])[leg]

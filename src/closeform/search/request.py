@@ -1,4 +1,4 @@
-"""Request: what a gathering is asked for, and what of it is refused."""
+"""Checks of the arguments of a gathering."""
 
 from collections.abc import Iterable, Sequence
 from typing import Any, Literal
@@ -16,16 +16,16 @@ Groups = Literal["alternating", "balanced"] | Sequence[Group]
 
 
 def cleared(zone: Any) -> None:
-    """Refuse a zone that the kernel has no burn for."""
+    """Raise ValueError for a zone that a gathering cannot keep clear."""
     if isinstance(zone, Zone) and zone.shape not in (BALL, CUBE):
         raise ValueError(
-            f"keep_out: a gathering keeps a Sphere, Ellipsoid or Box clear, not a {type(zone).__name__}; "
-            "give one that holds it"
+            f"keep_out: a gathering requires a Sphere, Ellipsoid or Box, got a {type(zone).__name__}; "
+            "give one that encloses it"
         )
 
 
 def sides(groups: Groups, count: int) -> tuple[Group, ...]:
-    """The group of each craft."""
+    """Return the group of each craft."""
     if isinstance(groups, str):
         if groups not in ("alternating", "balanced"):
             raise ValueError(
@@ -48,7 +48,7 @@ def sides(groups: Groups, count: int) -> tuple[Group, ...]:
 
 
 def states(positions: ArrayLike, velocities: ArrayLike, dimensions: int) -> tuple[Floats, Floats]:
-    """Positions and velocities as (C, N, 3)."""
+    """Return positions and velocities as arrays (C, N, 3) after a check."""
     shape = ("N, 3", "C, N, 3")[dimensions - 2]
     arrays = {"positions": finite("positions", positions), "velocities": finite("velocities", velocities)}
     for name, array in arrays.items():
@@ -58,7 +58,7 @@ def states(positions: ArrayLike, velocities: ArrayLike, dimensions: int) -> tupl
     if where.shape != speeds.shape:
         raise ValueError(f"velocities: expected the shape of positions, {where.shape}, got {speeds.shape}")
     if where.shape[-2] < 2:
-        raise ValueError(f"positions: a gathering needs two craft or more, got {where.shape[-2]}")
+        raise ValueError(f"positions: a gathering requires two craft or more, got {where.shape[-2]}")
     if not where.size:
         raise ValueError("positions: no cases")
     cases = where.reshape(-1, *where.shape[-2:])
@@ -69,5 +69,5 @@ def states(positions: ArrayLike, velocities: ArrayLike, dimensions: int) -> tupl
         case, k = np.argwhere(same)[0]
         i, j = sorted(map(int, order[case, k : k + 2]))
         place = f" in case {case}" if dimensions > 2 else ""
-        raise ValueError(f"positions: craft {i} and {j} are at one place{place}")
+        raise ValueError(f"positions: craft {i} and {j} are at the same position{place}")
     return np.ascontiguousarray(cases), np.ascontiguousarray(speeds.reshape(cases.shape))

@@ -1,4 +1,4 @@
-"""The legs of a whole gathering: the search again and again, each time with its near-field search."""
+"""Legs of a whole gathering: the repeated search, each time with its near-field search."""
 
 from dataclasses import replace
 from math import atan2, degrees, isinf, pi
@@ -11,25 +11,25 @@ from closeform.search.schedule import Search
 
 PHASE = "NFS"
 MOST_ROUNDS = 1000  # some months of searching
-SHORTEST = 1e-9  # of the search: a wait that is lost beside it
-ALIGNED = 1e-9  # rad: a boresight that is back at its start up to rounding
+SHORTEST = 1e-9  # of the search: a shorter wait is lost in rounding
+ALIGNED = 1e-9  # rad: a boresight back at its start up to rounding
 
 
 def all_rounds(search: Search, rounds: int, max_speed: float | None) -> tuple[Search, Any]:
-    """The search `rounds` times over, and the indices of the legs that begin with a near-field burn.
+    """Return the search repeated `rounds` times, and the indices of the legs with a near-field burn.
 
-    Each round ends with a turn back to the start attitude, if one is needed.  With a `max_speed`
-    [m/s] and a near field the near-field search follows: everybody waits for near_field /
-    max_speed (H03's t*), the lost burn, and all wait as long again.  Raises ValueError where the
-    near field has no end, or for a speed that makes no sensible wait.
+    Each round ends with a turn back to the start attitude, if needed. With a `max_speed` [m/s] and a near
+    field, the near-field search follows: all wait for near_field / max_speed (H03's t*), lost craft burn, and
+    all wait as long again. Raises ValueError for an unbounded near field, or for a speed whose wait is out of
+    range.
     """
     near_field = max_speed is not None and search.near_field > 0.0
     legs = [*search.legs, *_back(search, near_field)]
     if max_speed is not None and near_field:
         if isinf(search.near_field):
             raise ValueError(
-                f"max_speed: with tips of {degrees(search.tip_angle):g} deg the near field has no end; "
-                "tip by more, or leave max_speed out"
+                f"max_speed: with tips of {degrees(search.tip_angle):g} deg the near field is unbounded; "
+                "increase the tip angle, or omit max_speed"
             )
         wait = search.near_field / max_speed
         if not SHORTEST < wait / search.duration < 1.0 / SHORTEST:
@@ -49,7 +49,7 @@ def all_rounds(search: Search, rounds: int, max_speed: float | None) -> tuple[Se
 
 
 def _back(search: Search, near_field: bool) -> list[Leg]:
-    """The turn about the sun line from the end of the search to the start attitude, the short way."""
+    """Return the turn about the sun line from the end of the search to the start attitude, the short way."""
     last: Leg = search.legs[-1]
     attitude: Any = last.attitude_at(last.end)
     boresight = attitude[:, 2]
@@ -57,7 +57,7 @@ def _back(search: Search, near_field: bool) -> list[Leg]:
     if abs(angle) < ALIGNED:
         return []
     if abs(angle) > pi - ALIGNED:
-        angle = pi  # not by rounding one way or the other
+        angle = pi  # so that rounding does not choose the direction
     phase = PHASE if near_field else last.phase
     end = last.end + abs(angle) / search.slew_rate
     return [Leg(last.end, end, phase, last.round, "sun line", SUN, angle, attitude)]

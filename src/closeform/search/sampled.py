@@ -1,7 +1,7 @@
-"""Sampled detection: what a simulation sees that looks for locks at a fixed step, as they usually do.
+"""Detection of locks at fixed time steps, as in a conventional simulation, for comparison only.
 
-For comparison only: it finds a lock at the first sample within it, so up to a step late, and not
-at all one that begins and ends between two samples.
+It finds a lock at the first sample within it, up to a step late, and misses a lock that begins and ends
+between two samples.
 """
 
 from math import nan
@@ -44,7 +44,7 @@ def scan(
     times: Floats,
     found: Any,
 ) -> None:
-    """The first sample at which each pair locks: theory (13) by the same margin as the march."""
+    """Write the first sample at which each pair locks, by theory (13) with the tolerance of the march."""
     sensor = LockSensor(baseline, cosine, longest)
     for m in range(len(positions)):
         times[m], found[m] = nan, -1
@@ -63,9 +63,9 @@ def scan(
 def sampled_times(
     search: Search, relative_position: Floats, relative_velocity: Floats, step: float
 ) -> tuple[Floats, Any]:
-    """First locks of M pairs at samples every `step` [s] from 0 on: times (M,) [s] and legs (M,).
+    """Return the first locks of M pairs at samples every `step` [s] from 0 on: times (M,) [s], legs (M,).
 
-    Positions [m] and velocities [m/s] are (M, 3), B minus A.  nan and -1 where no sample has a lock.
+    Positions [m] and velocities [m/s] are (M, 3), B minus A. Without a lock at any sample, nan and -1.
     """
     samples = np.arange(int(search.duration / step) + 1) * step
     boresights = np.ascontiguousarray(search.boresight(samples))

@@ -1,8 +1,8 @@
-"""Search: the synchronized turns by which lost craft look for each other.
+"""Search schedule: synchronized turns by which lost craft look for each other.
 
-The sun is along -z.  Group A starts with its boresight along +x, its body x at the sun and its
-body y along +y; group B looks the opposite way.  Both make the same turns in space, so that the
-boresights stay opposite.  Columns of an attitude are the body axes x, y, z; z is the boresight.
+The sun is along -z. Group A starts with its boresight along +x, body x towards the sun and body y along
++y; group B looks in the opposite direction. Both make the same turns in space, so that the boresights stay
+opposite. The columns of an attitude are the body axes x, y, z; z is the boresight.
 """
 
 from __future__ import annotations
@@ -22,27 +22,27 @@ from closeform.search.leg import START_ATTITUDE, SUN, Group, Leg, rotation
 from closeform.search.out_of_plane_tips import full_tip, least_half_angle, near_field
 from closeform.search.sensor import Sensor, one_positive
 
-YEAR = 365.25636 * 86400.0  # sidereal, in seconds: how fast the sun's direction turns at 1 AU
+YEAR = 365.25636 * 86400.0  # s, sidereal: period of the sun's direction at 1 AU
 COLUMNS = 12  # of a row of a table of legs: START, END, RATE, STEADY (3), COSINE (3), SINE (3)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Search(Result):
-    """A synchronized search of the sky, made by `Search.modified` or `Search.basic`.
+    """Synchronized search of the sky, created by `Search.modified` or `Search.basic`.
 
-    The sun is along -z of the inertial frame.  All craft carry the same sensor; group B looks opposite
-    to group A throughout.
+    The sun is along -z of the inertial frame. All craft carry the same sensor. Group B always looks in the
+    direction opposite to group A.
 
     Attributes
     ----------
     sensor : Sensor
-        What each craft sees with.
+        Sensor of each craft.
     slew_rate : float [rad/s]
-        Of all turns.
+        Rate of all turns.
     sun_limit : float [rad]
-        The most that body x, the shade's normal, may be off the sun.
+        Greatest angle allowed between body x, the normal of the sun shade, and the sun.
     tip_angle : float [rad]
-        Of the out-of-plane turns.
+        Angle of the out-of-plane turns.
     legs : tuple of Leg
         All turns in order, without the near-field search.
     """
@@ -55,27 +55,27 @@ class Search(Result):
 
     @classmethod
     def modified(cls, sensor: Sensor, slew_rate: float, sun_limit: float) -> Self:
-        """S04's search: IPS, mOPS, IPS, mOPS with tips for which it proves that every pair locks.
+        """Create S04's search: IPS, mOPS, IPS, mOPS with tips for which S04 proves that every pair locks.
 
         Parameters
         ----------
         sensor : Sensor
-            With a half-angle of at least 45 deg.
+            Sensor with a half-angle of at least 45 deg.
         slew_rate : float [rad/s]
-            Of all turns.
+            Rate of all turns.
         sun_limit : float [rad]
-            The most that body x may be off the sun, below pi/2.
+            Greatest angle allowed between body x and the sun, below pi/2.
 
         Returns
         -------
         Search
-            With the least tip that searches a whole complementary cone.
+            The search with the least tip that covers a complementary cone.
 
         Raises
         ------
         ValueError
-            If the half-angle is below 45 deg, the tip is above the sun limit (the message says which
-            half-angle would do), or a number is not positive and finite.
+            If the half-angle is below 45 deg, the tip exceeds the sun limit (the message names a sufficient
+            half-angle), or a number is not positive and finite.
 
         References
         ----------
@@ -87,9 +87,9 @@ class Search(Result):
         if tip > limit:
             enough = ceil(1e4 * degrees(least_half_angle(limit))) / 1e4
             raise ValueError(
-                f"sun_limit: a half-angle of {degrees(sensor.half_angle):g} deg needs tips of "
+                f"sun_limit: a half-angle of {degrees(sensor.half_angle):g} deg requires tips of "
                 f"{degrees(tip):.3f} deg, the limit is {degrees(limit):g} deg; "
-                f"a half-angle of {enough:.4f} deg would do"
+                f"a half-angle of {enough:.4f} deg is sufficient"
             )
         tips = [1, -2, "sun", 2, "sun", -2, 1]
         return cls(sensor, rate, limit, tip, _legs(rate, 3.0 * pi, tip, "mOPS", tips))
@@ -103,25 +103,25 @@ class Search(Result):
         in_plane_turn: float = 3.0 * pi,
         tip_angle: float | None = None,
     ) -> Self:
-        """H03's search: IPS, OPS, IPS, OPS.
+        """Create H03's search: IPS, OPS, IPS, OPS.
 
         Parameters
         ----------
         sensor : Sensor
-            Of any half-angle.
+            Sensor of any half-angle.
         slew_rate : float [rad/s]
-            Of all turns.
+            Rate of all turns.
         sun_limit : float [rad]
-            The most that body x may be off the sun, below pi/2.
+            Greatest angle allowed between body x and the sun, below pi/2.
         in_plane_turn : float [rad], default 3 pi
-            Of each IPS: one and a half turns; one in H03's simulation.
+            Angle of each IPS: one and a half turns (H03's simulation: one turn).
         tip_angle : float [rad], optional
-            Of the out-of-plane turns; the sun limit unless given.
+            Angle of the out-of-plane turns. Default: the sun limit.
 
         Returns
         -------
         Search
-            Which need not find every pair.
+            The search, which need not find every pair.
 
         Raises
         ------
@@ -139,23 +139,23 @@ class Search(Result):
         if tip > limit:
             raise ValueError(
                 f"tip_angle: {degrees(tip):g} deg is above the sun limit of {degrees(limit):g} deg; "
-                f"tip by at most that"
+                f"reduce the tip angle"
             )
         return cls(sensor, rate, limit, tip, _legs(rate, turn, tip, "OPS", [1, -2, "sun", 2, -1]))
 
     @property
     def duration(self) -> float:
-        """Length of all legs [s]: of a search as made, that is without the near-field search."""
+        """Total duration of all legs [s]; that of a new search excludes the near-field search."""
         return self.legs[-1].end
 
     @cached_property
     def table(self) -> Floats:
-        """The legs as rows (L, 12) for the march: see `Leg.row` for their [s], [rad/s] and vectors."""
+        """Legs as rows (L, 12) for the march: see `Leg.row` for their [s], [rad/s] and vectors."""
         return np.array([leg.row for leg in self.legs])
 
     @property
     def phases(self) -> tuple[tuple[str, int, float, float], ...]:
-        """Each phase: its name, round, start and end [s]."""
+        """Phases: name, round, start and end [s] of each."""
         spans: dict[tuple[str, int], tuple[float, float]] = {}
         for leg in self.legs:
             key = (leg.phase, leg.round)
@@ -163,14 +163,14 @@ class Search(Result):
         return tuple((phase, number, *span) for (phase, number), span in spans.items())
 
     def attitude(self, t: ArrayLike, group: Group = "A") -> Floats:
-        """Attitude of the craft of one group.
+        """Return the attitude of the craft of one group.
 
         Parameters
         ----------
         t : array_like of shape (...) [s]
-            From the start of the search, inside of it.
+            Time from the start of the search, up to its end.
         group : "A" or "B", default "A"
-            Whose.
+            Group of the craft.
 
         Returns
         -------
@@ -180,7 +180,7 @@ class Search(Result):
         Raises
         ------
         ValueError
-            If a time is outside of the search, or `group` is neither "A" nor "B".
+            If a time is outside the search, or `group` is neither "A" nor "B".
 
         References
         ----------
@@ -189,7 +189,7 @@ class Search(Result):
         _known(group)
         times = numbers("t", t)
         if times.size and not (times.min() >= 0.0 and times.max() <= self.duration):
-            raise ValueError(f"t: must lie in the search, from 0 to {self.duration:g} s")
+            raise ValueError(f"t: must be within the search, from 0 to {self.duration:g} s")
         starts = np.array([leg.start for leg in self.legs])
         leg_of = np.searchsorted(starts, times, side="right") - 1
         out = np.empty((*times.shape, 3, 3))
@@ -198,24 +198,24 @@ class Search(Result):
         return out if group == "A" else out * [1.0, -1.0, -1.0]
 
     def boresight(self, t: ArrayLike, group: Group = "A") -> Floats:
-        """Boresight of the craft of one group.
+        """Return the boresight of the craft of one group.
 
         Parameters
         ----------
         t : array_like of shape (...) [s]
-            From the start of the search, inside of it.
+            Time from the start of the search, up to its end.
         group : "A" or "B", default "A"
-            Whose.
+            Group of the craft.
 
         Returns
         -------
         array of shape (..., 3), no unit
-            Of length 1, in the inertial frame.
+            Unit vectors in the inertial frame.
 
         Raises
         ------
         ValueError
-            If a time is outside of the search, or `group` is neither "A" nor "B".
+            If a time is outside the search, or `group` is neither "A" nor "B".
 
         References
         ----------
@@ -230,36 +230,36 @@ class Search(Result):
 
     @property
     def sun_drift(self) -> float:
-        """How far [rad] the sun itself moves during the search at 1 AU, which the search neglects."""
+        """Motion of the sun [rad] during the search at 1 AU, which the search neglects."""
         return 2.0 * pi * self.duration / YEAR
 
     @property
     def near_field(self) -> float:
         """Length [m] along the sun line of the region that one craft's own cone never covers (H03 fig. 6).
 
-        0 for a sensor at the centre of mass; inf where the tip is too small to reach the sun line.
-        Two craft facing each other need twice as much: their sensors are two offsets apart.
+        It is 0 for a sensor at the centre of mass, and inf if the tip is too small to reach the sun line. Two
+        facing craft require twice that length: their sensors are two offsets apart.
         """
         return near_field(self.sensor, self.tip_angle)
 
     def alignment(self, attitude: ArrayLike, group: Group = "A") -> tuple[Floats, float, float]:
-        """The turn from any attitude to the one with which the search begins.
+        """Return the turn from any attitude to the start attitude of the search.
 
         Parameters
         ----------
         attitude : array_like of shape (3, 3), no unit
             Columns are body x, y and the boresight in the inertial frame.
         group : "A" or "B", default "A"
-            Whose start attitude.
+            Group of the start attitude.
 
         Returns
         -------
         axis : array of shape (3,), no unit
-            What to turn about, of length 1, in the inertial frame; the sun line if there is nothing to turn.
+            Unit axis of the turn in the inertial frame; the sun line for a zero angle.
         angle : float [rad]
-            From 0 to pi, right-handed.
+            Right-handed angle from 0 to pi.
         time : float [s]
-            At the slew rate.
+            Duration at the slew rate.
 
         Raises
         ------
@@ -274,9 +274,11 @@ class Search(Result):
 
         given = numbers("attitude", attitude)
         if given.shape != (3, 3) or not np.allclose(given.T @ given, np.eye(3), atol=1e-9):
-            raise ValueError("attitude: expected three orthonormal columns, the body axes in the frame")
+            raise ValueError(
+                "attitude: expected three orthonormal columns, the body axes in the inertial frame"
+            )
         if np.linalg.det(given) < 0.0:
-            raise ValueError("attitude: its columns are left-handed; body y is z cross x")
+            raise ValueError("attitude: left-handed columns; body y must be z cross x")
         _known(group)
         vector = Rotation.from_matrix(START_ATTITUDE[group] @ given.T).as_rotvec()
         angle = float(np.linalg.norm(vector))
@@ -284,17 +286,17 @@ class Search(Result):
         return axis, angle, angle / self.slew_rate
 
     def coverage(self, phase: str | None = None) -> float:
-        """Share of the sky, of far and fixed directions, that one craft's cone sweeps.
+        """Return the share of the sky that one craft's cone sweeps, for distant fixed directions.
 
         Parameters
         ----------
         phase : str, optional
-            In the first phase of that name, such as "IPS"; in the whole search unless given.
+            Name of a phase, such as "IPS", whose first occurrence counts. Default: the whole search.
 
         Returns
         -------
         float, no unit
-            From 0 to 1, to about 1e-5.
+            Share from 0 to 1, accurate to about 1e-5.
 
         Raises
         ------
@@ -310,17 +312,19 @@ class Search(Result):
         first = next((leg.round for leg in self.legs if leg.phase == phase), None)
         if phase is not None and first is None:
             names = ", ".join(dict.fromkeys(leg.phase for leg in self.legs))
-            raise ValueError(f"phase: this search has {names}, got {phase!r}")
+            raise ValueError(f"phase: the phases of this search are {names}, got {phase!r}")
         table = self.table[[phase is None or (leg.phase, leg.round) == (phase, first) for leg in self.legs]]
         return covered(table, self.sensor.cosine)
 
 
 def _known(group: Any) -> None:
+    """Raise ValueError unless `group` is "A" or "B"."""
     if not isinstance(group, str) or group not in START_ATTITUDE:
         raise ValueError(f'group: must be "A" or "B", got {shown(group)}')
 
 
 def _limits(slew_rate: float, sun_limit: float) -> tuple[float, float]:
+    """Return the slew rate and the sun limit after a check."""
     rate, limit = one_positive("slew_rate", slew_rate), one_positive("sun_limit", sun_limit)
     if limit >= pi / 2.0:
         raise ValueError(f"sun_limit: must be below pi/2 (90 deg), got {limit:g} rad")
@@ -328,7 +332,7 @@ def _limits(slew_rate: float, sun_limit: float) -> tuple[float, float]:
 
 
 def _legs(rate: float, in_plane: float, tip: float, name: str, tips: list[Any]) -> tuple[Leg, ...]:
-    """The turns of two rounds: in plane about the sun line, then out of plane by multiples of the tip."""
+    """Return the turns of two rounds: in plane about the sun line, then out of plane by `tips`."""
     turns: list[tuple[str, str, float]] = [("IPS", "sun line", in_plane)]
     turns += [(name, "sun line", pi) if k == "sun" else (name, "body y", k * tip) for k in tips]
     legs: list[Leg] = []
@@ -336,7 +340,7 @@ def _legs(rate: float, in_plane: float, tip: float, name: str, tips: list[Any]) 
     for number in (1, 2):
         for phase, about, angle in turns:
             if angle == 0.0:
-                continue  # a sensor that sees half of the sky needs no tips
+                continue  # a sensor that sees half of the sky requires no tips
             axis = SUN if about == "sun line" else attitude[:, 1].copy()
             end = start + abs(angle) / rate
             legs.append(Leg(start, end, phase, number, about, axis, angle, attitude))

@@ -1,4 +1,4 @@
-"""SearchErrors: how far craft are off what a search asks of them."""
+"""Errors of craft relative to their search schedule and sensor."""
 
 from __future__ import annotations
 
@@ -12,39 +12,40 @@ from numpy.typing import ArrayLike
 from closeform.arrays import Floats, broadcast, numbers, shown
 from closeform.search.sensor import Sensor
 
-MOST_TURN = pi / 2.0  # rad, of the body: more is no error
+MOST_TURN = pi / 2.0  # rad, bound of a pointing error
 FIELDS = ("pointing", "slew_rate", "start", "half_angle", "range", "slew_acceleration", "silent")
-BODY, PACE, LATE, COSINE, LONGEST, ACCELERATION, COLUMNS = 0, 3, 4, 5, 6, 7, 8  # what kernels know of a craft
+# columns of a craft's row in kernels
+BODY, PACE, LATE, COSINE, LONGEST, ACCELERATION, COLUMNS = 0, 3, 4, 5, 6, 7, 8
 
 
 @dataclass(frozen=True, eq=False, init=False)
 class SearchErrors:
-    """How far craft are off what a search asks of them, for as long as it lasts.
+    """Constant errors of craft relative to their search schedule and sensor.
 
-    All fields broadcast to one shape (...): for `lock_times` that is (M, 2), the craft of each pair in A and
-    in B, or (2,) for all pairs alike.
+    All fields broadcast to one shape (...). For `lock_times` it is (M, 2), the craft of each pair in A and in
+    B, or (2,) for all pairs.
 
     Parameters
     ----------
     pointing : array_like of shape (..., 3) [rad], default zeros
-        A constant turn of the body, as a rotation vector in body axes (z is the boresight), below pi/2.
+        Constant rotation of the body, as a rotation vector in body axes (z is the boresight), below pi/2.
     slew_rate : array_like of shape (...), no unit, default 0
-        The share by which all turns are too fast, above -1: each ends at its angle, and the next begins.
+        Relative error of the rate of all turns, above -1. A turn ends at its angle, and the next one begins.
     start : array_like of shape (...) [s], default 0
-        By how much the craft begins late; until then it waits in its start attitude.
+        Delay of the craft's start; until then it waits in its start attitude.
     half_angle : array_like of shape (...) [rad], default 0
-        What its sensor has more than the search's.
+        Difference between its sensor's half-angle and the search's.
     range : array_like of shape (...) [m], optional
-        Of its own sensor; that of the search's unless given.  Of two sensors the shorter counts.
+        Range of its own sensor. Default: the search's. The shorter range of a pair counts.
     slew_acceleration : array_like of shape (...) [rad/s^2], default inf
-        With which a turn gains its rate and loses it: it takes longer by the rate over this.
+        Acceleration at the start and end of a turn, which prolongs it by the rate over this value.
     silent : array_like of bool of shape (...), default False
-        Whether the craft never answers, so that nobody locks with it.
+        True if the craft never responds, so that no other locks with it.
 
     Raises
     ------
     ValueError
-        If a number is outside of these bounds, or shapes do not fit.
+        If a number is outside these bounds, or shapes do not match.
 
     References
     ----------
@@ -88,17 +89,17 @@ class SearchErrors:
 
     @property
     def _shapes(self) -> dict[str, tuple[int, ...]]:
-        """The shape of each field, without the vectors' own axis."""
+        """Shape of each field, without the axis of vector components."""
         shapes = {name: np.shape(getattr(self, name)) for name in FIELDS}
         return shapes | {"pointing": self.pointing.shape[:-1]}
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """To which all fields broadcast."""
+        """Shape to which all fields broadcast."""
         return np.broadcast_shapes(*self._shapes.values())
 
     def _of_each(self, name: str, shape: tuple[int, ...]) -> Any:
-        """A field for each craft of a shape; None where it is not given."""
+        """Return a field for each craft of a shape; None if it is not given."""
         values = getattr(self, name)
         return None if values is None else np.broadcast_to(values, (*shape, *(3,) * (name == "pointing")))
 
@@ -106,9 +107,9 @@ class SearchErrors:
 def craft_rows(
     errors: SearchErrors, sensor: Sensor, shape: tuple[int, ...], second: Any, asked: str, some: Any = ...
 ) -> Floats:
-    """What kernels know of `some` of the craft of a shape (..., 8), those of B (`second`) as if of A.
+    """Return the kernels' rows (..., 8) of `some` craft of a shape, those of B (`second`) in axes of A.
 
-    Raises ValueError where errors are not of that shape, which is `asked` for in words, or leave no cone.
+    Raises ValueError for errors of another shape, which `asked` describes, or that leave no cone.
     """
 
     def of_craft(name: str) -> Any:
@@ -137,13 +138,13 @@ def craft_rows(
 
 
 def between(errors: SearchErrors, pairs: Any) -> SearchErrors:
-    """The errors (M, 2) of pairs (P, 2) by index, from those of all craft (N,), or in some cases (C, N)."""
+    """Return the errors (M, 2) of pairs (P, 2) by index, from those of all craft (N,) or of cases (C, N)."""
     shape = errors.shape
 
     def of_pairs(name: str) -> Any:
         values, vector = getattr(errors, name), name == "pointing"
         if np.ndim(values) == vector:
-            return values  # alike for all
+            return values  # common to all
         craft = errors._of_each(name, shape)
         return np.take(craft, pairs, axis=len(shape) - 1).reshape(-1, 2, *(3,) * vector)
 
@@ -151,12 +152,12 @@ def between(errors: SearchErrors, pairs: Any) -> SearchErrors:
 
 
 def of_each(errors: SearchErrors, shape: tuple[int, ...]) -> SearchErrors:
-    """The errors of all craft of a shape, from those of some that are alike."""
+    """Return the errors broadcast to all craft of a shape."""
     return SearchErrors(**{name: errors._of_each(name, shape) for name in FIELDS})
 
 
 def first_of(errors: SearchErrors) -> SearchErrors:
-    """The errors of the craft (N,) in the first of some cases (C, N)."""
+    """Return the errors of the craft (N,) in the first of some cases (C, N)."""
 
     def of_first(name: str) -> Any:
         every = errors._of_each(name, errors.shape)
@@ -166,7 +167,7 @@ def first_of(errors: SearchErrors) -> SearchErrors:
 
 
 def body_axis(turn: Floats, axis: int) -> Floats:
-    """Return where a turn of the body by rotation vectors (..., 3) leaves a body axis, in axes not turned."""
+    """Return a body axis (..., 3), rotated by rotation vectors (..., 3), in the axes before the rotation."""
     unit = np.eye(3)[axis]
     angle = np.linalg.norm(turn, axis=-1)[..., None]
     first = np.cross(turn, unit)
@@ -175,7 +176,7 @@ def body_axis(turn: Floats, axis: int) -> Floats:
 
 
 def _within(name: str, value: ArrayLike, least: float, most: float) -> Floats:
-    """Numbers between two bounds, without these."""
+    """Return numbers after a check that they lie strictly between two bounds."""
     array = numbers(name, value)
     fits = (array > least) & (array < most)
     if not fits.all():
@@ -184,6 +185,7 @@ def _within(name: str, value: ArrayLike, least: float, most: float) -> Floats:
 
 
 def _positive(name: str, value: ArrayLike) -> Floats:
+    """Return numbers after a check that they are positive."""
     array = numbers(name, value)
     if not (array > 0.0).all():
         raise ValueError(f"{name}: must be positive, got {array[~(array > 0.0)].flat[0]:g}")

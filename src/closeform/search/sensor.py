@@ -1,4 +1,4 @@
-"""Sensor: what a lost craft sees with."""
+"""Sensor of a lost craft: a cone with an offset and a range."""
 
 from __future__ import annotations
 
@@ -9,7 +9,10 @@ from closeform.arrays import numbers, positive, shown, size
 
 
 def one_number(name: str, value: float) -> float:
-    """An argument as one float; ValueError naming it for anything else, or for nan."""
+    """Return an argument as one float.
+
+    Raises ValueError, with its name, for any other value and for nan.
+    """
     number = numbers(name, value)
     if number.shape or number != number:
         raise ValueError(f"{name}: must be one number, got {shown(value)}")
@@ -17,27 +20,27 @@ def one_number(name: str, value: float) -> float:
 
 
 def one_positive(name: str, value: float) -> float:
-    """The same, which is positive and finite."""
+    """Return an argument as one positive finite float."""
     return positive(name, one_number(name, value))
 
 
 @dataclass(frozen=True)
 class Sensor:
-    """A sensor that sees a cone about its boresight, and works only between two that see each other.
+    """Sensor with a conical field of view, which works only between two craft that see each other.
 
     Parameters
     ----------
     half_angle : float [rad]
-        Of the cone, above 0 and below pi.
+        Half-angle of the cone, above 0 and below pi.
     offset : float [m], default 0
-        From the centre of mass along the boresight (H03: 7.5 m; S04: 0).
+        Distance from the centre of mass along the boresight (H03: 7.5 m; S04: 0).
     range : float [m], default inf
-        Between two sensors, above 0.
+        Greatest distance between two sensors, above 0.
 
     Raises
     ------
     ValueError
-        If a number is outside of these bounds, nan, or not one number.
+        If a number is outside these bounds, nan, or not one number.
 
     References
     ----------
@@ -61,11 +64,11 @@ class Sensor:
 
     @property
     def cosine(self) -> float:
-        """Cosine of the half-angle, no unit; 0 where it is below 1e-15, that of a right angle."""
+        """Cosine of the half-angle, no unit; exactly 0 for a right angle."""
         value = cos(self.half_angle)
         return value if abs(value) > 1e-15 else 0.0
 
     @property
     def baseline(self) -> float:
-        """How much farther apart two centres of mass are than their facing sensors [m]."""  # theory (13)
+        """Distance of two facing craft's centres of mass minus that of their sensors [m]."""
         return 2.0 * self.offset

@@ -1,8 +1,8 @@
-"""Sets of craft that know each other, and how a lock joins them (H03 section IV).
+"""Sets of craft that know each other, and the effect of a lock on them (H03 section IV).
 
-A craft's label says to which set it belongs: LOST to none, FORMATION to the formation set, whose
-craft fly at one velocity, k >= 1 to knowledge set k, whose craft know each other's motion and
-coast.  The first pair ever to lock begins the formation set.
+The label of a craft is its set: LOST for none, FORMATION for the formation set, whose craft move with one
+velocity, and k >= 1 for knowledge set k, whose craft know each other's motion and coast. The first pair to
+lock begins the formation set.
 """
 
 from closeform._jit import kernel
@@ -12,7 +12,7 @@ LOST, FORMATION = -1, 0
 
 @kernel()
 def case_number(one, other):
-    """Number in H03's table (figure 8) of a lock between craft of these labels, 1 to 9.
+    """Return the number in H03's table (figure 8) of a lock between craft of these labels, 1 to 9.
 
     Its rows are the set of the one, its columns that of the other: lost, knowledge, formation.
     """
@@ -23,19 +23,20 @@ def case_number(one, other):
 
 @kernel()
 def joined(one, other, formed, unused):
-    """Label of the set that a lock between craft of these labels leads to.
+    """Return the label of the set that results from a lock between craft of these labels.
 
-    `formed` says whether there is a formation set yet, `unused` is the next knowledge set's label.
+    `formed`: whether there is a formation set yet; `unused`: the label of the next knowledge set.
     """
     if one == LOST and other == LOST:
         return unused if formed else FORMATION
     if one == LOST or other == LOST:
         return max(one, other)
-    return min(one, other)  # the formation set takes a knowledge set; the older of two stays
+    return min(one, other)  # a knowledge set joins the formation set, or the older knowledge set
 
 
 @kernel()
 def relabel(labels, old, new):
+    """Replace a label."""
     for k in range(len(labels)):
         if labels[k] == old:
             labels[k] = new

@@ -1,4 +1,4 @@
-"""Sine and cosine without branches, so that many can be taken side by side."""
+"""Sine and cosine without branches, for vectorized loops."""
 
 from math import factorial, floor, pi
 
@@ -6,15 +6,15 @@ from closeform._jit import kernel
 
 S1, S2, S3, S4, S5, S6, S7 = ((-1) ** k / factorial(2 * k + 1) for k in range(1, 8))
 C1, C2, C3, C4, C5, C6, C7, C8 = ((-1) ** k / factorial(2 * k) for k in range(1, 9))
-QUARTER = 1.57079632673412561417  # of a turn, to 33 bits, and the rest of it
+QUARTER = 1.57079632673412561417  # pi / 2 to 33 bits, and its remainder
 REST = 6.07710050650619224932e-11
 
 
 @kernel(inline=True)
 def sine_cosine(angle):
-    """Sine and cosine to 2e-16, for angles of some turns: their series about the next quarter turn.
+    """Return sine and cosine to 2e-16 of an angle up to a few turns, from series about a quarter turn.
 
-    It has no branches, like all that `ahead` does for many pairs side by side.
+    Without branches, as `ahead` requires for many pairs in parallel.
     """
     turns = floor(angle * (2.0 / pi) + 0.5)
     x = (angle - turns * QUARTER) - turns * REST

@@ -1,4 +1,4 @@
-"""LostFleet: the craft that gather, how they turn, when they burn, and the kernel that flies them."""
+"""Craft of gatherings with their turns and burns, and the call of the kernel that simulates them."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from closeform.zones.shapes import CUBE
 
 @dataclass(frozen=True, eq=False)
 class LostFleet:
-    """All that gatherings of the same craft share."""
+    """Data that all gatherings of the same craft share."""
 
     search: Search
     rounds: int
@@ -38,7 +38,7 @@ class LostFleet:
     keep_out: PairZones | None
     push: float
     errors: SearchErrors | None
-    craft: Floats  # (C, N, 8) of those that have errors
+    craft: Floats  # (C, N, 8) rows of craft with errors
 
     def fly(
         self,
@@ -50,14 +50,15 @@ class LostFleet:
         flaws: BurnFlaws | None = None,
         drawn: int = FEW,
     ) -> tuple[Floats, Any, Floats]:
-        """Gatherings in each of some `ways` who of the first pair burns; `some` of all cases are these.
+        """Simulate gatherings for each of some choices of burns; they are the cases `some` of all.
 
-        Events (E, 10) of the last case and way, if there is `room` for any, labels (C, N) of the last way,
-        and results (C, ways, RESULT + 2 N).  `flaws` of their burns are `drawn` for as many of each craft.
+        Returns the events (E, 10) of the last case and choice if there is `room` for any, the labels (C, N)
+        of the last choice, and results (C, ways, RESULT + 2 N). `flaws` of the burns have random numbers for
+        `drawn` burns of each craft; the simulation is repeated if these or the room do not suffice.
         """
         events = np.empty((room, EVENT))
         labels = np.empty(positions.shape[:2], dtype=np.int64)
-        columns = RESULT + 2 * positions.shape[1]  # then what each spent, and whether it is adrift
+        columns = RESULT + 2 * positions.shape[1]  # then the delta-v of each, and whether it is adrift
         results = np.empty((len(positions), len(ways), columns))
         kept = self.keep_out or PairZones.of([None] * len(self.groups))
         both = [(zone.matrix, ENLARGED * np.linalg.inv(zone.matrix)) for zone in kept.zones]
@@ -72,7 +73,7 @@ class LostFleet:
             fly_all(self.search.table, first, second, self.pushes[0], see, *flown)
         else:
             from closeform.search.imperfect import turn_rows
-            from closeform.search.imperfect_gather import fly_astray  # a kernel that perfect ones can spare
+            from closeform.search.imperfect_gather import fly_astray  # imported late: compiles a kernel
 
             own = turn_rows(self.search), self.craft[some], self.ends[some], self.search.sensor.offset
             fly_astray(self.search.table, first, second, self.pushes[some], *own, *flown)
@@ -84,11 +85,11 @@ class LostFleet:
 
     @cached_property
     def turns(self) -> OwnTurns:
-        """How each craft turns."""
+        """Turns of each craft."""
         return OwnTurns(self.search, self.groups, self.errors or SearchErrors())
 
     def pushed(self, leg: int) -> tuple[Floats, Floats]:
-        """When craft begin a leg (C, N) [s], and which way they look then (C, N, 3)."""
+        """Return the times at which craft begin a leg (C, N) [s], and their boresights then (C, N, 3)."""
         if self.errors is not None:
             return self.turns.begins[..., leg], self.turns.boresights(leg)
         row = self.search.table[leg]
@@ -98,13 +99,13 @@ class LostFleet:
 
     @cached_property
     def pushes(self) -> Floats:
-        """Near-field burns (C, P, 6) of all, in order of time, then A before B; C is 1 without errors."""
+        """Near-field burns (C, P, 6) of all craft by time, then A before B; C is 1 without errors."""
         order = sorted(range(len(self.groups)), key=lambda k: self.groups[k])
         rows = [np.empty((1 if self.errors is None else len(self.craft), 0, PUSH + 3))]
         for leg in self.drifts:
             times, looks = self.pushed(leg)
             for k in order:
-                # who began so early that it is over burns at once
+                # a craft that began so early that the leg is over burns at once
                 row = [np.maximum(times[:, k], 0.0), *np.full((2, len(times)), [[k], [leg]])]
                 rows.append(np.column_stack([*row, -self.push * looks[:, k]])[:, None])
         found = np.concatenate(rows, axis=1)
@@ -113,12 +114,12 @@ class LostFleet:
 
     @cached_property
     def ends(self) -> Floats:
-        """When each case is over (C,): when the search is, and all have made their turns."""
+        """End of each case (C,) [s]: the search is over, and all craft have made their turns."""
         own = self.turns.begins[..., -1].max(axis=-1)
         return np.asarray(np.maximum(own, self.search.duration))
 
     def begun(self, time: Any) -> Any:
-        """How many rounds have begun by a time."""
+        """Return the number of rounds that have begun by a time."""
         span = self.search.duration / self.rounds
         return np.minimum(np.floor(time / span).astype(np.int64) + 1, self.rounds)
 
@@ -133,7 +134,10 @@ def lost_fleet(
     max_speed: float | None,
     errors: SearchErrors | None,
 ) -> LostFleet:
-    """Craft of gatherings (C, N), by what `gather` is given; ValueError naming what does not fit."""
+    """Return the craft of gatherings (C, N) from the arguments of `gather`.
+
+    Raises ValueError, with the name of the argument, for invalid ones.
+    """
     count = shape[1]
     if isinstance(rounds, bool) or not isinstance(rounds, int | np.integer) or not 1 <= rounds <= MOST_ROUNDS:
         raise ValueError(f"rounds: must be a whole number from 1 to {MOST_ROUNDS}, got {shown(rounds)}")
@@ -152,7 +156,7 @@ def lost_fleet(
     if errors is not None:
         instance("errors", errors, SearchErrors)
         cases = f" in {shape[0]} cases is (C, N{{}}), (N{{}})" if shape[0] > 1 else " is (N{})"
-        asked = f"{count} craft{cases}, or alike for all"
+        asked = f"{count} craft{cases}, or common to all"
         craft = craft_rows(errors, search.sensor, shape, np.array(told) == "B", asked)
         errors = of_each(errors, shape)
     return LostFleet(flown, int(rounds), drifts, told, kept, push, errors, craft)

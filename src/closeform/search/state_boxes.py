@@ -1,4 +1,4 @@
-"""State boxes: a box of initial states, cut up by halving; or its faces, where lengths scale."""
+"""Boxes of initial states, divided by halving; or the faces of a box, in a scale-invariant problem."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from closeform.arrays import Floats
 
 @dataclass(frozen=True, eq=False)
 class StateBoxes:
-    """Boxes by centres and half-widths (M, 6), their shares (M,) of all, and the looks (M,) to try first."""
+    """Boxes by centres and half-widths (M, 6), their shares (M,) of the whole, and first looks (M,)."""
 
     centres: Floats
     halves: Floats
@@ -27,16 +27,17 @@ class StateBoxes:
 
     @classmethod
     def of(cls, low: Floats, high: Floats) -> StateBoxes:
-        """The one box between two states (6,)."""
+        """Return the box between two states (6,)."""
         middle = 0.5 * (low + high)
         reach = np.maximum(high - middle, middle - low)
         return cls(middle[None], reach[None], np.ones(1), np.zeros(1, dtype=np.int64))
 
     @classmethod
     def faces(cls, low: Floats, high: Floats) -> StateBoxes:
-        """The faces of a box around the origin that do not hold it: their multiples fill the box.
+        """Return the faces of a box around the origin that do not contain it.
 
-        The share of a face is that of the pyramid on it with its tip in the origin.  # theory (58)
+        Their multiples fill the box. The share of a face is that of the pyramid on it with its tip at the
+        origin.  # theory (58)
         """
         widths = np.where(high > low, high - low, 1.0)
         found, volumes = [], []
@@ -51,7 +52,7 @@ class StateBoxes:
         return cls(boxes.centres, boxes.halves, np.array(volumes) / sum(volumes), boxes.looks)
 
     def halved(self, axes: Any) -> StateBoxes:
-        """Two for each, halved along a component of its own."""
+        """Return two boxes for each, halved along the given component."""
         rows = np.arange(len(self))
         halves = self.halves.copy()
         halves[rows, axes] *= 0.5
@@ -67,6 +68,6 @@ class StateBoxes:
 
 
 def joined(boxes: list[StateBoxes]) -> StateBoxes:
-    """All of several in a row."""
+    """Return the concatenation of several sets of boxes."""
     columns = ("centres", "halves", "shares", "looks")
     return StateBoxes(*(np.concatenate([getattr(some, name) for some in boxes]) for name in columns))

@@ -1,9 +1,9 @@
 """S04's proof that its modified search finds every pair: regions, crossings, and the case of a pair.
 
-S04 sees craft j, of group B, from craft i, of group A, in a frame that does not turn: n3 = +z, away
-from the sun, and n1 the boresight of A at the start of an mOPS.  The complementary cones about +z
-and -z, of half-angle 90 deg less the sensor's, are what an in-plane search leaves out; they belong
-to the complementary-cone volume with their surface, and the rest is the in-plane volume.
+S04 describes craft j, of group B, relative to craft i, of group A, in a non-rotating frame: n3 = +z, away
+from the sun, and n1 the boresight of A at the start of an mOPS. An in-plane search does not cover the
+complementary cones about +z and -z, of half-angle 90 deg minus the sensor's. The cones with their surface
+are the complementary-cone volume, and the rest is the in-plane volume.
 """
 
 from __future__ import annotations
@@ -23,31 +23,31 @@ from closeform.search.schedule import Search
 
 Volume = Literal["in-plane", "complementary cone"]
 
-# Where craft i is seen from j, when j is seen from i in region I, II, III, IV.  # S04 table 1
+# Region of craft i seen from j, if j is seen from i in region I, II, III, IV.  # S04 table 1
 CORRESPONDING_REGION = {1: 3, 2: 4, 3: 1, 4: 2}
 LONGEST = 1e300  # s
 
 
 @dataclass(frozen=True, repr=False)
 class TheoremCase(Result):
-    """The case of S04's theorem 2 under which a pair falls, and what the theorem promises for it.
+    """Case of S04's theorem 2 that applies to a pair, and the guarantee of the theorem.
 
     Attributes
     ----------
     label : str
         S04's number of the case, "1" to "3.b.ii.B".
     volume : "in-plane" or "complementary cone"
-        Where the craft of B starts, as that of A sees it.
+        Volume in which the craft of B starts, seen from that of A.
     changes : tuple of float [s]
-        When it goes to the other volume, over the whole future and not only during the search.
+        Times at which it changes the volume, for the whole future and not only during the search.
     time : float [s]
-        Of the first lock.
+        Time of the first lock.
     phase : tuple of str and int
         Name and round of the phase of the first lock.
     latest : float [s]
-        When the theorem guarantees that there has been a lock.
+        Time by which the theorem guarantees a lock.
     latest_phase : tuple of str and int
-        Name and round of the phase that ends then.
+        Name and round of the phase that ends at that time.
     """
 
     label: str
@@ -60,22 +60,22 @@ class TheoremCase(Result):
 
 
 def cone_regions(search: Search, position: ArrayLike, mops: int = 1) -> NDArray[np.bool_]:
-    """In which of the regions I, II, III, IV of the complementary cones a craft of B is, seen from one of A.
+    """Return in which of the regions I to IV of the complementary cones a craft of B is, seen from A.
 
     Parameters
     ----------
     search : Search
-        With the mOPS in question.
+        Search with that mOPS.
     position : array_like of shape (..., 3) [m]
-        B minus A, in the inertial frame.
+        Relative position, B minus A, in the inertial frame.
     mops : int, default 1
-        Which mOPS fixes n1: the first, where n1 = -x, or the second, where n1 = +x.
+        The mOPS that defines n1: the first, with n1 = -x, or the second, with n1 = +x.
 
     Returns
     -------
     array of bool of shape (..., 4)
-        Whether it is in each region: in none in the in-plane volume, and in two on the plane between
-        regions, which are closed.
+        True for each region that contains it: none in the in-plane volume, two on the plane between regions,
+        which are closed.
 
     Raises
     ------
@@ -94,7 +94,7 @@ def cone_regions(search: Search, position: ArrayLike, mops: int = 1) -> NDArray[
     along = where @ search.boresight(_start(search, mops))
     radius = np.hypot(where[..., 0], where[..., 1])
     inside = search.sensor.cosine * np.abs(above) >= sin(search.sensor.half_angle) * radius
-    inside &= search.sensor.cosine > 0.0  # else there are no complementary cones
+    inside &= search.sensor.cosine > 0.0  # otherwise there are no complementary cones
     quadrants = [
         (above <= 0.0) & (along >= 0.0),
         (above >= 0.0) & (along >= 0.0),
@@ -105,21 +105,21 @@ def cone_regions(search: Search, position: ArrayLike, mops: int = 1) -> NDArray[
 
 
 def regions_searched(search: Search, mops: int = 1, group: Group = "A") -> tuple[tuple[float, int], ...]:
-    """When a craft has a whole region of the complementary cones in its own cone, and which.
+    """Return the times at which a craft's cone contains a whole region of the complementary cones.
 
     Parameters
     ----------
     search : Search
-        With the mOPS in question.
+        Search with that mOPS.
     mops : int, default 1
-        Which mOPS.
+        Number of the mOPS.
     group : "A" or "B", default "A"
-        Whose craft.
+        Group of the craft.
 
     Returns
     -------
     tuple of tuple of float [s] and int
-        Instants with the region's number, from 1 for I to 4 for IV.  Both groups count regions in the
+        Times with the number of the region, from 1 for I to 4 for IV. Both groups number the regions in the
         frame of A, see `cone_regions`.
 
     Raises
@@ -129,8 +129,8 @@ def regions_searched(search: Search, mops: int = 1, group: Group = "A") -> tuple
 
     Notes
     -----
-    S04 has I, II, III, IV, I, II for A, and III, IV, I, II, III, IV for B.  Here it is taken from the
-    legs of the search: full tips are where the legs of an mOPS meet.
+    S04 gives I, II, III, IV, I, II for A, and III, IV, I, II, III, IV for B. Here the order follows from the
+    legs of the search: the tips are full between two legs of an mOPS.
 
     References
     ----------
@@ -147,26 +147,26 @@ def regions_searched(search: Search, mops: int = 1, group: Group = "A") -> tuple
 
 
 def cone_crossings(search: Search, position: ArrayLike, velocity: ArrayLike) -> tuple[float, ...] | None:
-    """When a craft of B meets the surface of the complementary cones of one of A, on its whole line.
+    """Return the times at which a craft of B crosses the surface of the complementary cones of one of A.
 
     Parameters
     ----------
     search : Search
-        Whose sensor has the cones.
+        Search whose sensor defines the cones.
     position : array_like of shape (3,) [m]
-        B minus A at time 0, in the inertial frame.
+        Relative position, B minus A, at time 0, in the inertial frame.
     velocity : array_like of shape (3,) [m/s]
-        B minus A, in the inertial frame.
+        Relative velocity, B minus A, in the inertial frame.
 
     Returns
     -------
     tuple of float, or None [s]
-        No, one or two times of either sign, in order; None where the whole line lies in the surface.
+        No, one or two times of either sign, in order; None if the whole line lies in the surface.
 
     Raises
     ------
     ValueError
-        If shapes do not fit, a number is not finite, or the two craft are at one place.
+        If shapes do not match, a number is not finite, or the two craft are at the same position.
 
     References
     ----------
@@ -178,27 +178,27 @@ def cone_crossings(search: Search, position: ArrayLike, velocity: ArrayLike) -> 
 
 
 def theorem_case(search: Search, position: ArrayLike, velocity: ArrayLike) -> TheoremCase:
-    """The case of S04's theorem 2 for a pair, with its lock and the time by which that is guaranteed.
+    """Return the case of S04's theorem 2 for a pair, with its lock and the guaranteed time.
 
     Parameters
     ----------
     search : Search
-        Made by `Search.modified`, with sensors at the centres of mass and without limit of range.
+        Search of `Search.modified`, with sensors at the centres of mass and of unlimited range.
     position : array_like of shape (3,) [m]
-        B minus A at the start of the search, in the inertial frame.
+        Relative position, B minus A, at the start of the search, in the inertial frame.
     velocity : array_like of shape (3,) [m/s]
-        B minus A, in the inertial frame.
+        Relative velocity, B minus A, in the inertial frame.
 
     Returns
     -------
     TheoremCase
-        With the lock that this package finds.
+        The case, with the lock that this package finds.
 
     Raises
     ------
     ValueError
-        If the theorem does not cover the search, the craft start at one place or fly through each other,
-        shapes do not fit, or a number is not finite.
+        If the theorem does not cover the search, the craft start at the same position or collide, shapes do
+        not match, or a number is not finite.
 
     References
     ----------
@@ -212,7 +212,7 @@ def theorem_case(search: Search, position: ArrayLike, velocity: ArrayLike) -> Th
     changes, volume = _changes(search, r, v)
     locks = lock_times(search, r, v)
     if locks.leg[0] < 0:
-        raise RuntimeError("the pair never locks, against the theorem: please report it")
+        raise RuntimeError("the pair never locks, which contradicts the theorem; please report this")
     time, leg = float(locks.time[0]), search.legs[int(locks.leg[0])]
     label, latest_phase = _case(volume, changes, time)
     ends = {(name, number): end for name, number, _, end in search.phases}
@@ -220,7 +220,10 @@ def theorem_case(search: Search, position: ArrayLike, velocity: ArrayLike) -> Th
 
 
 def _case(volume: Volume, changes: tuple[float, ...], time: float) -> tuple[str, tuple[str, int]]:
-    """Label and guarantee from the volumes and the time of the lock.  # S04 section IV, proof of theorem 2"""
+    """Return label and guarantee from the volumes and the time of the lock.
+
+    S04 section IV, proof of theorem 2.
+    """
     in_plane = volume == "in-plane"
     if not changes:
         return "1", ("IPS" if in_plane else "mOPS", 1)
@@ -235,9 +238,9 @@ def _case(volume: Volume, changes: tuple[float, ...], time: float) -> tuple[str,
 
 
 def _changes(search: Search, r: Floats, v: Floats) -> tuple[tuple[float, ...], Volume]:
-    """Times of the changes of volume for t >= 0, and the volume at the start.
+    """Return the times of the changes of volume for t >= 0, and the volume at the start.
 
-    A touch of the surface from outside is a visit to the cone of no duration: two changes at once.
+    A touch of the surface from outside is a visit to the cone of no duration: two changes at the same time.
     """
     if search.sensor.cosine <= 0.0:
         return (), "in-plane"
@@ -259,9 +262,9 @@ def _changes(search: Search, r: Floats, v: Floats) -> tuple[tuple[float, ...], V
 
 
 def _surface(search: Search, r: Floats, v: Floats) -> tuple[float, float, float, float]:
-    """a, b, c of a t^2 + 2 b t + c, negative outside of the cones, and its discriminant b^2 - a c.
+    """Return a, b, c of a t^2 + 2 b t + c, negative outside the cones, and its discriminant b^2 - a c.
 
-    Of z^2 - x^2 - y^2 in lengths scaled so that the cones are right-angled.  # S04 eq. 5
+    The quadratic is z^2 - x^2 - y^2 in lengths scaled so that the cones are right-angled.  # S04 eq. 5
     """
     cosine, sine = search.sensor.cosine, sin(search.sensor.half_angle)
     x, y, z = sine * float(r[0]), sine * float(r[1]), cosine * float(r[2])
@@ -270,14 +273,14 @@ def _surface(search: Search, r: Floats, v: Floats) -> tuple[float, float, float,
     a = (abs(vz) - speed) * (abs(vz) + speed)
     b = z * vz - x * vx - y * vy
     c = (abs(z) - radius) * (abs(z) + radius)
-    # by Lagrange's identity the squares of b^2 - a c go out, and moments of the line remain
+    # Lagrange's identity reduces b^2 - a c to moments of the line, without cancellation
     tilt, swirl = hypot(z * vx - x * vz, z * vy - y * vz), abs(x * vy - y * vx)
     discriminant = (tilt - swirl) * (tilt + swirl)
     return a, b, c, max(discriminant, b * b) if a * c <= 0.0 else discriminant
 
 
 def _meetings(a: float, b: float, c: float, discriminant: float) -> list[tuple[float, int]] | None:
-    """Roots in order, each with 1 where the cones are entered, -1 where they are left, 0 for a touch."""
+    """Return the roots in order, each with 1 for an entry into the cones, -1 for an exit, 0 for a touch."""
     if a == b == c == 0.0:
         return None
     if discriminant < 0.0 or a == b == 0.0:
@@ -292,17 +295,23 @@ def _meetings(a: float, b: float, c: float, discriminant: float) -> list[tuple[f
 
 
 def _assumptions(search: Search) -> None:
-    """ValueError unless the search is what theorem 2 speaks of.  # S04 section II.A, A3 to A6"""
+    """Raise ValueError unless theorem 2 covers the search.
+
+    S04 section II.A, A3 to A6.
+    """
     if [name for name, *_ in instance("search", search, Search).phases][:4] != ["IPS", "mOPS", "IPS", "mOPS"]:
-        raise ValueError("search: the theorem is about Search.modified (IPS, mOPS, IPS, mOPS)")
+        raise ValueError("search: the theorem covers only Search.modified (IPS, mOPS, IPS, mOPS)")
     offset, reach = search.sensor.offset, search.sensor.range
     if offset > 0.0:
-        raise ValueError(f"search: the theorem wants sensors at the centre of mass, not {offset:g} m off it")
+        raise ValueError(
+            f"search: the theorem requires sensors at the centre of mass, got an offset of {offset:g} m"
+        )
     if reach < inf:
-        raise ValueError(f"search: the theorem wants sensors without a limit, the range is {reach:g} m")
+        raise ValueError(f"search: the theorem requires sensors of unlimited range, got {reach:g} m")
 
 
 def _start(search: Search, mops: int) -> float:
+    """Return the start time of an mOPS."""
     whole("mops", mops)
     for name, number, start, _ in search.phases:
         if (name, number) == ("mOPS", mops):
@@ -311,7 +320,7 @@ def _start(search: Search, mops: int) -> float:
 
 
 def one_pair(position: ArrayLike, velocity: ArrayLike) -> tuple[Floats, Floats]:
-    """Position and velocity of one pair of craft; ValueError naming what is wrong with them."""
+    """Return the position and velocity of one pair of craft after a check."""
     r, v = numbers("position", position), numbers("velocity", velocity)
     for name, vector in (("position", r), ("velocity", v)):
         if vector.shape != (3,):
@@ -319,5 +328,5 @@ def one_pair(position: ArrayLike, velocity: ArrayLike) -> tuple[Floats, Floats]:
         if not np.isfinite(vector).all():
             raise ValueError(f"{name}: must be finite, got {vector.tolist()}")
     if not r.any():
-        raise ValueError("position: the two craft are at one place")
+        raise ValueError("position: the two craft are at the same position")
     return r, v

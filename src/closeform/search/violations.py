@@ -1,7 +1,6 @@
-"""Violations: which craft came within their keep-out zone, before they knew each other or only after.
+"""Keep-out violations of pairs in a gathering, before they knew each other or only after.
 
-A pair is looked at before one of the two changes its velocity, when they come to know each other,
-and at the end.
+A pair is checked before either craft changes its velocity, when they come to know each other, and at the end.
 """
 
 from typing import Any, NamedTuple
@@ -15,10 +14,10 @@ APART, KNOWN, UNKNOWN = 0, 1, 2
 
 
 class KeepOutMonitor(NamedTuple):
-    """Who has come within the `zones` of pairs, if it is `on`, that is if there are any.
+    """Violations of the `zones` of pairs; `on` if there are any zones.
 
-    `looked` (N, N): until when [s] each pair i < j was looked at, `met` (N, N): what was seen;
-    `scratch` (10, 3): looking and `clearance` work in its rows 0 to 7, `keep_clear` holds 8 and 9.
+    `looked` (N, N): the time [s] up to which each pair i < j was checked; `met` (N, N): the result; `scratch`
+    (10, 3): rows 0 to 7 are used here and by `clearance`, rows 8 and 9 by `keep_clear`.
     """
 
     on: bool
@@ -30,7 +29,7 @@ class KeepOutMonitor(NamedTuple):
 
 @kernel()
 def look(monitor, craft, i, j, t):
-    """Look at the straight line of a pair i < j until time t."""
+    """Check the straight line of a pair i < j until time t."""
     which = between(monitor.zones, i, j)
     if which < 0:
         return
@@ -47,7 +46,7 @@ def look(monitor, craft, i, j, t):
 
 @kernel()
 def look_around(monitor, craft, i, t):
-    """Look at all pairs of craft i."""
+    """Check all pairs of craft i."""
     if monitor.on:
         for j in range(len(craft.labels)):
             if j != i:
@@ -56,7 +55,7 @@ def look_around(monitor, craft, i, t):
 
 @kernel()
 def look_between(monitor, craft, one, other, t):
-    """Look at all pairs that come to know each other when craft `one` and `other` lock."""
+    """Check all pairs that come to know each other when craft `one` and `other` lock."""
     labels = craft.labels
     if monitor.on:
         for i in range(len(labels)):
@@ -68,7 +67,7 @@ def look_between(monitor, craft, one, other, t):
 
 @kernel()
 def count_violations(monitor, craft, t):
-    """How many pairs have met before they knew each other, and how many only after, by time t."""
+    """Return the numbers of pairs with a violation before they knew each other, and only after, by time t."""
     unknown = known = 0
     if monitor.on:
         for i in range(len(craft.labels)):

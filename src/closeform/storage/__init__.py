@@ -1,1 +1,1 @@
-"""Result folders on disk: ownership, locking, atomic publication, and the tables of arcs."""
+"""Result folders on disk: ownership, locking, atomic publication, and tables of path arcs."""

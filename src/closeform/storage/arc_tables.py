@@ -1,4 +1,4 @@
-"""Arcs and legs as the columns of tables: every path and search of a run, to the last bit, and back."""
+"""Conversion of paths and searches to table columns and back, without loss of precision."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
@@ -10,7 +10,7 @@ from closeform.motion.path import Path
 from closeform.search.leg import Leg
 
 AXES = "xyz"
-# The columns of an arc in their order, see `motion/arc.py`; u is the optimal thrust, p the other one.
+# The columns of an arc in order, see `motion/arc.py`; u is the optimal thrust, p the polynomial thrust.
 ARC = (
     ("start_s", "end_s", "mean_motion_rad_s")
     + tuple(f"jump_{axis}_m_s" for axis in AXES)
@@ -21,13 +21,13 @@ ARC = (
     + tuple(f"p{axis}_{order}_m_s{2 + order}" for order in range(4) for axis in AXES)
 )
 TURN = tuple(f"axis_{axis}" for axis in AXES)
-ATTITUDE = tuple(f"body_{body}_{axis}" for axis in AXES for body in AXES)  # rows of the matrix, as it is kept
+ATTITUDE = tuple(f"body_{body}_{axis}" for axis in AXES for body in AXES)  # the rows of the attitude matrix
 PATHS = ("stage", "when", "craft", *ARC)
 LEGS = ("stage", "start_s", "end_s", "phase", "round", "about", *TURN, "angle_rad", *ATTITUDE)
 
 
 def of_paths(path: Path, names: Sequence[str], stage: int, when: str) -> dict[str, Any]:
-    """The arcs of each craft of a path (N,), one row each, in order of time."""
+    """Return the arcs of each craft of a path (N,) as columns, one row per arc in order of time."""
     counts = np.diff(path.offsets)
     return {
         "stage": np.full(len(path.arcs), stage),
@@ -38,7 +38,7 @@ def of_paths(path: Path, names: Sequence[str], stage: int, when: str) -> dict[st
 
 
 def path_in(columns: Mapping[str, Any], orbit: Orbit, names: Sequence[str]) -> Path:
-    """The path (N,) of all craft `names` whose arcs these rows are."""
+    """Return the path (N,) of the craft `names` from the columns of its arcs."""
     craft = np.asarray(columns["craft"])
     where = {name: k for k, name in enumerate(names)}
     whose = np.array([where[name] for name in craft.tolist()], dtype=np.int64)
@@ -51,15 +51,15 @@ def path_in(columns: Mapping[str, Any], orbit: Orbit, names: Sequence[str]) -> P
 
 
 def of_legs(legs: Iterable[Leg], stage: int) -> dict[str, Any]:
-    """The turns of a search, one row each."""
+    """Return the turns of a search as columns, one row per turn."""
     legs = list(legs)
     axes, attitudes = np.array([leg.axis for leg in legs]), np.array([leg.attitude for leg in legs])
-    told = {key: [getattr(leg, key) for leg in legs] for key in ("phase", "round", "about")}
+    labels = {key: [getattr(leg, key) for leg in legs] for key in ("phase", "round", "about")}
     return {
         "stage": np.full(len(legs), stage),
         "start_s": [leg.start for leg in legs],
         "end_s": [leg.end for leg in legs],
-        **told,
+        **labels,
         **dict(zip(TURN, axes.T, strict=True)),
         "angle_rad": [leg.angle for leg in legs],
         **dict(zip(ATTITUDE, attitudes.reshape(len(legs), 9).T, strict=True)),
@@ -67,7 +67,7 @@ def of_legs(legs: Iterable[Leg], stage: int) -> dict[str, Any]:
 
 
 def legs_in(columns: Mapping[str, Any]) -> tuple[Leg, ...]:
-    """The turns whose rows these are."""
+    """Return the turns of a search from their columns."""
     axes, attitudes = (np.stack([columns[key] for key in keys], axis=1) for keys in (TURN, ATTITUDE))
     rows = zip(
         *(columns[key] for key in ("start_s", "end_s", "phase", "round", "about")),
@@ -83,5 +83,5 @@ def legs_in(columns: Mapping[str, Any]) -> tuple[Leg, ...]:
 
 
 def together(tables: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Tables of the same columns below one another."""
+    """Concatenate tables that have the same columns."""
     return {key: np.concatenate([table[key] for table in tables]) for key in tables[0]} if tables else {}

@@ -1,4 +1,4 @@
-"""Lock files: who works at a place, for as long as that process lives, however it ends."""
+"""Lock files: mark a folder as in use for as long as the process that holds the lock runs."""
 
 import os
 from contextlib import suppress
@@ -7,15 +7,16 @@ from pathlib import Path
 
 try:
     import fcntl
-except ImportError:  # Windows: nobody is kept out
+except ImportError:  # Windows has no flock: other processes are not excluded
     fcntl = None  # type: ignore[assignment]  # a module elsewhere
 
 
 def lock(file: Path, wait: bool = False) -> BufferedWriter | None:
-    """The open lock `file`, which is held until it is closed; None where another holds it and nobody waits.
+    """Return the open lock `file`, held until it is closed, or None if another process holds it.
 
-    The system lets go of what a killed process held.  A file system that knows no locks keeps nobody
-    out.  Raises OSError where the file cannot be opened.
+    With `wait`, block until the lock is free. The operating system releases the lock of a process that was
+    killed. A file system without locks excludes no other process. Raises OSError if the file cannot be
+    opened.
     """
     while True:
         opened = file.open("ab")
@@ -30,11 +31,11 @@ def lock(file: Path, wait: bool = False) -> BufferedWriter | None:
         with suppress(FileNotFoundError):
             if os.path.samestat(os.stat(file), os.fstat(opened.fileno())):
                 return opened
-        opened.close()  # who held it has deleted it meanwhile: it keeps nobody out
+        opened.close()  # the previous holder deleted the file meanwhile, so this lock is void
 
 
 def is_held(file: Path) -> bool:
-    """Whether a living process holds a lock file that may not even be there."""
+    """Return True if a running process holds the lock `file`, which need not exist."""
     if not file.is_file():
         return False
     held = lock(file)

@@ -1,4 +1,4 @@
-"""Manifest: what a study is, and which of its chunks are whole; a file of JSON lines that only grows."""
+"""Manifest of a study: its identity and its complete chunks, as an append-only file of JSON lines."""
 
 import json
 import os
@@ -10,7 +10,10 @@ NAME = "manifest.jsonl"
 
 
 def entries(manifest: Path) -> list[dict[str, Any]]:
-    """The lines of a manifest, up to one that a kill cut off: what the study is, then its chunks."""
+    """Return the entries of a manifest: the identity of the study, then its chunks.
+
+    Reading stops at a line that an interruption cut off.
+    """
     found = []
     try:
         lines = manifest.read_text(encoding="utf-8").splitlines()
@@ -25,14 +28,14 @@ def entries(manifest: Path) -> list[dict[str, Any]]:
 
 
 def rewrite(manifest: Path, entries: Sequence[Mapping[str, Any]]) -> None:
-    """Make a manifest anew, whole or not at all."""
+    """Replace a manifest atomically."""
     fresh = manifest.with_suffix(".partial")
     fresh.write_text("".join(json.dumps(entry) + "\n" for entry in entries), encoding="utf-8")
     fresh.replace(manifest)
 
 
 def append(manifest: Path, entry: Mapping[str, Any]) -> None:
-    """Add a line, on the disk when it returns."""
+    """Append an entry and flush it to the disk."""
     with manifest.open("a", encoding="utf-8") as opened:
         opened.write(json.dumps(entry) + "\n")
         opened.flush()
@@ -40,7 +43,7 @@ def append(manifest: Path, entry: Mapping[str, Any]) -> None:
 
 
 def progress(manifest: Path) -> tuple[int, int]:
-    """How many chunks are whole, of how many."""
+    """Return the number of complete chunks and the number of all chunks."""
     known = entries(manifest)
     if not known:
         return 0, 0

@@ -1,9 +1,9 @@
-"""Publication of results: complete or not at all, and never over the files of others.
+"""Atomic publication of results: all files or none, and never over files of another origin.
 
-A run or a study works in a private folder inside its place, and holds a lock file there.  Its summary is
-written last: from then on the results are complete.  They are moved up, the old ones aside, the new summary
-last of all.  The next command that opens the place after a kill finishes that move (`settle`).  Anything less
-than complete results is deleted, except the chunks of a study, from which the same study continues.
+A run or a study works in a private folder inside its result folder and holds a lock file there. It writes its
+summary last; from then on the results are complete. Publication moves old results aside and new ones up, the
+new summary last. After an interruption the next command that opens the folder finishes the move (`settle`).
+Incomplete results are deleted, except the chunks of a study, from which the same study continues.
 """
 
 import os
@@ -31,16 +31,16 @@ from closeform.storage.result_folder import (
 )
 
 UNDER_WAY = "a run or a study is under way in it; wait for its end or choose another --out"
-NAMED = 3  # files that are named where more are in the way
+NAMED = 3  # number of foreign files that a message lists
 
 
 @contextmanager
 def folder(path: Path, overwrite: bool = False, study: bool = False) -> Iterator[Folder]:
-    """Open a result folder to fill; the results appear at `path` when the block ends well, and not otherwise.
+    """Open a result folder to fill; the results appear at `path` only if the block ends without an error.
 
-    Finished results that they replace stay until then.  With `study` the chunks that a manifest lists stay
-    where the block ends badly, and are there again the next time.  Raises FolderError for finished results
-    without `overwrite`, and for a folder that holds anything else, is in use, or cannot be written.
+    Finished results that they replace stay until then. With `study`, the chunks listed in a manifest stay
+    after an error and are available again the next time. Raises FolderError for finished results without
+    `overwrite`, and for a folder that holds anything else, is in use, or cannot be written.
     """
     check_free(path, overwrite, study=study)
     place = Path(os.path.realpath(path))
@@ -55,7 +55,7 @@ def folder(path: Path, overwrite: bool = False, study: bool = False) -> Iterator
         try:
             with written(path):
                 begin(path, place, private, overwrite, study)
-            with goes_on(path, private):
+            with explain_continuation(path, private):
                 yield Folder(private / RESULTS)
                 with written(path):
                     move_up(path, place, private)
@@ -68,9 +68,9 @@ def folder(path: Path, overwrite: bool = False, study: bool = False) -> Iterator
 def check_free(
     path: Path, overwrite: bool, called: Path | None = None, mine: bool = False, study: bool = False
 ) -> None:
-    """Raise FolderError unless results may be written at `path`, which the user has `called` so.
+    """Raise FolderError unless results may be written at `path`, which messages name as `called`.
 
-    `mine`: this process is the one that works in it; `study`: it may go on with an unfinished study.
+    `mine`: this process already works in the folder; `study`: an unfinished study may be continued.
     """
     if not mine:
         settle(path)
@@ -80,7 +80,7 @@ def check_free(
 
 
 def refusal(path: Path, overwrite: bool, mine: bool, study: bool) -> str | None:
-    """Return why results must not be written at a path, None where they may. Raises OSError."""
+    """Return the reason why results must not be written at a path, or None. Raises OSError."""
     try:
         if not os.listdir(path):
             return None
@@ -96,15 +96,15 @@ def refusal(path: Path, overwrite: bool, mine: bool, study: bool) -> str | None:
     if not done and not (path / PRIVATE).is_dir():
         return "is not a result folder and not empty; choose another --out"
     if not (overwrite or study) and manifest.progress(path / PRIVATE / manifest.NAME)[0]:
-        return "holds an unfinished study; go on with it, add --overwrite or choose another --out"
+        return "holds an unfinished study; continue it, add --overwrite or choose another --out"
     if strange := others(path):
         named = ", ".join(strange[:NAMED]) + f" and {len(strange) - NAMED} more" * (len(strange) > NAMED)
-        return f"holds what is none of its results: {named}; move that away or choose another --out"
+        return f"holds files that are not results: {named}; move them away or choose another --out"
     return None
 
 
 def settle(path: Path) -> None:
-    """Finish a publication that a kill interrupted; leave any other folder as it is."""
+    """Finish a publication that was interrupted; leave any other folder as it is."""
     place = Path(os.path.realpath(path))
     private = place / PRIVATE
     with suppress(OSError):  # a folder that cannot be read or written stays as it is
@@ -116,7 +116,7 @@ def settle(path: Path) -> None:
 
 
 def claim(private: Path) -> BufferedWriter | None:
-    """Make the private folder and lock it; None where another process holds it."""
+    """Create the private folder and lock it; return None if another process holds it."""
     while True:
         private.mkdir(exist_ok=True)
         with suppress(FileNotFoundError):  # another process has just deleted it
@@ -124,7 +124,7 @@ def claim(private: Path) -> BufferedWriter | None:
 
 
 def begin(path: Path, place: Path, private: Path, overwrite: bool, study: bool) -> None:
-    """Clear away what a killed process left in a place that is ours now, except the chunks of a study."""
+    """Delete the remains of an interrupted process in a claimed folder, except the chunks of a study."""
     check_free(place, overwrite, path, mine=True, study=study)
     listing, results = private / manifest.NAME, private / RESULTS
     (results / SUMMARY).unlink(missing_ok=True)
@@ -142,16 +142,16 @@ def begin(path: Path, place: Path, private: Path, overwrite: bool, study: bool) 
 
 
 def move_up(path: Path, place: Path, private: Path) -> None:
-    """Put complete results in the place of those before them: all of them, or none.
+    """Replace the previous results by the complete new ones: all files, or none.
 
-    What an interrupted call has moved already stays where it is.
+    Files that an interrupted call has already moved stay where they are.
     """
     results, replaced, listing = private / RESULTS, private / REPLACED, private / manifest.NAME
     new = listed(results / SUMMARY)
     old = listed(place / SUMMARY) | listed(replaced / SUMMARY)
     waiting = {name for name in new if os.path.lexists(results / name)}
     if taken := sorted(name for name in waiting - old if os.path.lexists(place / name)):
-        raise FolderError(f"{path}: {taken[0]} appeared meanwhile; move it away")
+        raise FolderError(f"{path}: {taken[0]} appeared during the run; move it away")
     aside = sorted(old - new | waiting & old, key=lambda name: name != SUMMARY)
     moves = [(place / name, replaced / name) for name in aside]
     moves += [(results / name, place / name) for name in sorted(waiting - {SUMMARY})]
@@ -161,7 +161,7 @@ def move_up(path: Path, place: Path, private: Path) -> None:
         for source, target in moves:
             begun.append((source, target))
             target.parent.mkdir(parents=True, exist_ok=True)
-            with suppress(FileNotFoundError):  # deleted by somebody, or moved already
+            with suppress(FileNotFoundError):  # deleted by another process, or moved already
                 source.replace(target)
     except BaseException:
         for source, target in reversed(begun):
@@ -174,10 +174,10 @@ def move_up(path: Path, place: Path, private: Path) -> None:
 
 
 def leave(private: Path, held: BufferedWriter) -> None:
-    """Let go of the private folder, which stays with the chunks of a study if there are any to go on from."""
+    """Release the private folder; keep it only if it holds chunks from which a study can continue."""
     with held:
         try:
-            kept = stays(private)
+            kept = can_continue(private)
         except KeyboardInterrupt:
             drop(private)
             raise
@@ -185,32 +185,32 @@ def leave(private: Path, held: BufferedWriter) -> None:
             drop(private)
 
 
-def stays(private: Path) -> bool:
-    """Return whether there are chunks to go on from; a study of a single one is soon repeated."""
+def can_continue(private: Path) -> bool:
+    """Return True if the private folder holds chunks to continue from; a one-chunk study restarts instead."""
     whole, every = manifest.progress(private / manifest.NAME)
     return whole > 0 and every > 1
 
 
 @contextmanager
-def goes_on(path: Path, private: Path) -> Iterator[None]:
-    """Add to the error of a study that ends badly that chunks stay, and how it continues."""
+def explain_continuation(path: Path, private: Path) -> Iterator[None]:
+    """Extend the error of an interrupted study: chunks are kept, and the same command continues."""
     try:
         yield
     except (KeyboardInterrupt, FolderError) as error:
-        if not stays(private):
+        if not can_continue(private):
             raise
         whole, every = manifest.progress(private / manifest.NAME)
         kept = f"{whole} of {every} chunks are kept in {path}"
         if isinstance(error, KeyboardInterrupt):
-            raise KeyboardInterrupt(f"{kept}, the same command goes on") from None
-        what = str(error).removesuffix("; choose another --out")  # which would not go on
-        raise FolderError(f"{what}; {kept}, and the same command goes on") from error
+            raise KeyboardInterrupt(f"{kept}; run the same command to continue") from None
+        what = str(error).removesuffix("; choose another --out")  # which would not continue the study
+        raise FolderError(f"{what}; {kept}; run the same command to continue") from error
 
 
 def drop(private: Path) -> None:
-    """Delete one's own private folder, also where Ctrl-C interrupts that.
+    """Delete this process's private folder, even if Ctrl-C interrupts the deletion.
 
-    The summary goes first: a kill on the way must not leave half of the results as though they were complete.
+    The summary is deleted first, so that an interruption cannot leave partial results that look complete.
     """
     try:
         (private / RESULTS / SUMMARY).unlink(missing_ok=True)
@@ -221,14 +221,14 @@ def drop(private: Path) -> None:
 
 
 def make_folders(path: Path) -> list[Path]:
-    """Make a folder and those around it; which were made, the outermost first."""
+    """Create a folder and its missing parents; return the created ones, outermost first."""
     made = [folder for folder in (path, *path.parents) if not folder.exists()]
     path.mkdir(parents=True, exist_ok=True)
     return made[::-1]
 
 
 def remove_folders(folders: Iterable[Path]) -> None:
-    """Remove folders, the innermost first, as far as they are empty."""
+    """Remove the empty ones among some folders, innermost first."""
     for one in sorted(set(folders), reverse=True):
         with suppress(OSError):
             one.rmdir()

@@ -1,8 +1,8 @@
-"""What a run or a study leaves behind: its files, and whose the files in a folder are.
+"""Result folder of a run or a study: its files, their digests, and which files belong to it.
 
-`summary.json` (hash of the inputs, versions, seed, every figure printed), tables in Parquet,
-pictures and `report.html`. The summary is written last and lists all files: a folder is finished
-when it holds one, and what it does not list belongs to somebody else.
+`summary.json` (hash of the inputs, versions, seed, every printed figure), tables in Parquet, pictures and
+`report.html`. The summary is written last and lists all files. A folder is finished when it holds a summary,
+and a file that the summary does not list belongs to another program.
 """
 
 import csv
@@ -26,35 +26,38 @@ if TYPE_CHECKING:
 SUMMARY, SCENARIO = "summary.json", "scenario.toml"
 REPORT, VIEWER, WORST_FLIGHT = "report.html", "viewer.html", "flown.html"
 FORMAT = 1  # of summary.json
-DIGESTED = (".parquet", ".toml")  # files that `load` reads, whose SHA-256 the summary tells, and
-INPUTS = "inputs/"  # those that a scenario names
+DIGESTED = (".parquet", ".toml")  # files that `load` reads, with their SHA-256 in the summary, and
+INPUTS = "inputs/"  # the files that a scenario names
 CASES = "cases"  # the folder of a study's chunks
 LIBRARIES = ("closeform", "numpy", "numba", "scipy", "pydantic", "matplotlib", "pyarrow")
 
 PRIVATE = ".unfinished"  # the folder in a result folder where a run or a study works
-LOCK = "lock"  # in a private folder: its owner lives
-RESULTS, REPLACED = "results", "replaced"  # in it too: what is being made, and what it will take the place of
+LOCK = "lock"  # in a private folder: held while its owner runs
+RESULTS, REPLACED = "results", "replaced"  # in it too: new results, and the ones they replace
 AGAIN = "run it again, or give another folder"
 
 
 class FolderError(ValueError):
-    """A result folder that cannot be written or opened; one line with the remedy."""
+    """Result folder that cannot be written or opened; the message is one line with the remedy."""
 
 
 @dataclass(frozen=True)
 class Folder:
-    """A result folder under way; `known` has the SHA-256 of files whose writer told it."""
+    """Result folder that is being written; `known` holds the SHA-256 of files whose writer computed it."""
 
     path: Path
     known: dict[str, str] = field(default_factory=dict)
 
     @property
     def manifest(self) -> Path:
-        """Of a study: the manifest of its chunks, which stay where the study is stopped."""
+        """Manifest of the chunks of a study, which are kept if the study is stopped."""
         return self.path.parent / manifest.NAME
 
     def summary(self, figures: Mapping[str, Any]) -> None:
-        """Write `summary.json`, last: `figures`, versions and files; numbers that are not finite as null."""
+        """Write `summary.json`, the last file, from `figures`, versions and files.
+
+        Non-finite numbers become null.
+        """
         files = sorted(file.relative_to(self.path).as_posix() for file in below(self.path))
         content = {"closeform": FORMAT, "versions": versions(), "files": [*files, SUMMARY], **figures}
         content["digests"] = {
@@ -63,7 +66,7 @@ class Folder:
         self.text(SUMMARY, json.dumps(finite(content), indent=1, allow_nan=False, ensure_ascii=False) + "\n")
 
     def table(self, name: str, columns: Mapping[str, Sequence[Any]]) -> None:
-        """Write `name`.parquet; the unit stands in a column's name, as in `start_s`."""
+        """Write `name`.parquet; a column's name includes the unit, as in `start_s`."""
         import pyarrow
         import pyarrow.parquet
 
@@ -72,7 +75,7 @@ class Folder:
         pyarrow.parquet.write_table(pyarrow.table(dict(columns)), file)
 
     def csv(self, name: str, columns: Mapping[str, Sequence[Any]]) -> None:
-        """Write columns as `name`.csv, for who has no Parquet; an absent value is empty."""
+        """Write columns as `name`.csv for programs without Parquet; an absent value is empty."""
         if not columns:
             return
         lines = io.StringIO(newline="")
@@ -89,7 +92,7 @@ class Folder:
 
         file = self.path / f"{name}.png"
         canvas = FigureCanvasAgg(figure)
-        canvas.draw()  # unlike savefig once
+        canvas.draw()  # once; savefig draws twice
         file.write_bytes(png(canvas.buffer_rgba()))
         return file
 
@@ -101,17 +104,17 @@ class Folder:
             (self.path / name).write_bytes(held)
 
     def text(self, name: str, text: str) -> None:
-        """Write a text file as it is; what is no Unicode, as in the name of a file, as JSON writes it."""
+        """Write a text file; characters that UTF-8 cannot encode become backslash escapes."""
         (self.path / name).write_bytes(text.encode("utf-8", "backslashreplace"))
 
 
 def digested(name: str) -> bool:
-    """Whether a file is one that `load` reads."""
+    """Return True if `load` reads the file, so that its digest is stored."""
     return name.endswith(DIGESTED) or name.startswith(INPUTS)
 
 
 def digest(file: Path) -> str:
-    """SHA-256 of a file."""
+    """Return the SHA-256 of a file."""
     import hashlib
 
     with file.open("rb") as content:
@@ -119,14 +122,14 @@ def digest(file: Path) -> str:
 
 
 def versions() -> dict[str, str]:
-    """The versions that the figures depend on."""
+    """Return the versions of Python and the libraries on which the results depend."""
     from importlib.metadata import version
 
     return {"python": platform.python_version(), **{name: version(name) for name in LIBRARIES}}
 
 
 def finite(value: Any) -> Any:
-    """The value for JSON: what is not finite becomes null."""
+    """Return the value with every non-finite number replaced by None, for JSON."""
     if isinstance(value, Mapping):
         return {key: finite(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
@@ -138,23 +141,25 @@ def finite(value: Any) -> Any:
 
 @contextmanager
 def written(path: Path) -> Iterator[None]:
-    """Say in one line why results cannot be written at a `path`."""
+    """Turn an OSError into one line that says why results cannot be written at a `path`."""
     try:
         yield
     except OSError as error:
-        reason = os.strerror(error.errno) if error.errno else str(error)  # pyarrow has its own words for it
+        reason = (
+            os.strerror(error.errno) if error.errno else str(error)
+        )  # pyarrow raises errors without an errno
         raise FolderError(f"{path}: {reason.lower()}; choose another --out") from error
 
 
 def below(path: Path) -> Iterator[Path]:
-    """Every file below a folder, every empty folder and every link, which is not followed."""
+    """Yield every file, empty folder and link below a folder; links are not followed."""
     for file in path.iterdir():
         inner = [*below(file)] if file.is_dir() and not file.is_symlink() else []
         yield from inner or [file]
 
 
 def listed(summary: Path) -> frozenset[str]:
-    """The files that a summary of ours lists; none for any other file."""
+    """Return the files that a summary written by closeform lists; none for any other file."""
     try:
         content = json.loads(summary.read_bytes())
     except (OSError, ValueError, RecursionError):
@@ -170,7 +175,7 @@ def listed(summary: Path) -> frozenset[str]:
 
 
 def inside(name: Any) -> bool:
-    """Whether something is the name of a file in the folder that lists it."""
+    """Return True if the value is a relative file name that stays within its folder."""
     if not isinstance(name, str):
         return False
     path = PurePosixPath(name)
@@ -178,12 +183,12 @@ def inside(name: Any) -> bool:
 
 
 def finished(path: Path) -> bool:
-    """Whether a folder holds the results of a finished run or study."""
+    """Return True if a folder holds the results of a finished run or study."""
     return bool(listed(path / SUMMARY))
 
 
 def others(path: Path) -> list[str]:
-    """Return what is in a folder and neither a listed result nor in its private folder."""
+    """Return the entries of a folder that are neither listed results nor in its private folder."""
     files = listed(path / SUMMARY)
     folders = {parent.as_posix() for name in files for parent in PurePosixPath(name).parents}
     private = tuple(f"{PRIVATE}/{name}" for name in (LOCK, RESULTS, REPLACED, Path(manifest.NAME).stem))
@@ -197,12 +202,12 @@ def others(path: Path) -> list[str]:
 
 
 def page_of(path: Path, report: bool = False) -> Path:
-    """The page that a finished result folder is looked at by: the viewer, or the `report`, as of a study.
+    """Return the page to open for a finished result folder: the viewer, or the report if it has none.
 
-    Raises FolderError where there is none.
+    With `report`, the report. Raises FolderError if there is no such page.
     """
     if not os.path.isdir(path):
-        raise FolderError(f"{path}: no such folder; give the folder that a run left")
+        raise FolderError(f"{path}: no such folder; give the result folder of a run")
     pages = (REPORT,) if report else (VIEWER, REPORT)
     found = next((path / name for name in pages if os.path.isfile(path / name)), None)
     if not finished(path) or found is None:
@@ -211,22 +216,25 @@ def page_of(path: Path, report: bool = False) -> Path:
 
 
 def unfinished(path: Path) -> str:
-    """What a folder is that has no finished results, and what to do."""
+    """Return a description of a folder without finished results, and the remedy."""
     whole, every = manifest.progress(path / PRIVATE / manifest.NAME)
-    chunks = f"{whole} of {every} chunks are whole"
+    chunks = f"{whole} of {every} chunks are complete"
     if is_held(path / PRIVATE / LOCK):
         what = f"a study is under way in it, {chunks}" if every else "a run is under way in it"
         return f"{what}; wait for its end"
     if whole:
-        return f"holds an unfinished study, {chunks}; go on with it by the same closeform study"
+        return f"holds an unfinished study, {chunks}; run the same closeform study command to continue"
     return "holds no finished results; run the scenario first"
 
 
 def summary_of(path: Path) -> dict[str, Any]:
-    """What `summary.json` of a finished result folder says. Raises FolderError where there is none."""
+    """Return the content of `summary.json` of a finished result folder.
+
+    Raises FolderError if there is none.
+    """
     if not os.path.isdir(path):
         what = "is a file" if os.path.exists(path) else "no such folder"
-        raise FolderError(f"{path}: {what}; give the folder that a run left")
+        raise FolderError(f"{path}: {what}; give the result folder of a run")
     try:
         content: dict[str, Any] = json.loads((path / SUMMARY).read_bytes())
     except FileNotFoundError:
@@ -237,13 +245,13 @@ def summary_of(path: Path) -> dict[str, Any]:
     if isinstance(form, int) and form != FORMAT:
         raise FolderError(f"{path}: has format {form}, this version reads {FORMAT}; {AGAIN}")
     if not finished(path):
-        raise FolderError(f"{path}: {SUMMARY} is none of closeform's; give the folder that a run left")
+        raise FolderError(f"{path}: {SUMMARY} was not written by closeform; give the result folder of a run")
     return content
 
 
 @contextmanager
 def intact(path: Path, name: str) -> Iterator[None]:
-    """Say in one line that what stands in a folder is damaged."""
+    """Turn an error while reading a file of a folder into one line: the file is missing or damaged."""
     try:
         yield
     except FolderError:
@@ -254,7 +262,10 @@ def intact(path: Path, name: str) -> Iterator[None]:
 
 
 def content(path: Path, summary: Mapping[str, Any], name: str) -> bytes:
-    """What stands in a file of a folder, to the last bit that was left there. Raises FolderError for else."""
+    """Return the bytes of a file of a folder after a check of its SHA-256.
+
+    Raises FolderError if the file is missing, changed or damaged.
+    """
     import hashlib
 
     with intact(path, name):
@@ -265,13 +276,13 @@ def content(path: Path, summary: Mapping[str, Any], name: str) -> bytes:
 
 
 def table(path: Path, summary: Mapping[str, Any], name: str) -> dict[str, Any]:
-    """The columns of a table of a folder, as arrays."""
+    """Return the columns of a table of a folder as arrays."""
     import pyarrow
     import pyarrow.parquet
 
     data = content(path, summary, name)
     with intact(path, name):
-        found = pyarrow.parquet.read_table(  # without pyarrow's threads, which can abort Python's exit
+        found = pyarrow.parquet.read_table(  # pyarrow's threads can abort Python's exit
             pyarrow.BufferReader(data), use_threads=False, pre_buffer=False
         )
         return {key: found[key].to_numpy() for key in found.column_names}

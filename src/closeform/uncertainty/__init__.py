@@ -1,1 +1,1 @@
-"""What is not known exactly: errors of states and of thrust, and how near craft come with them."""
+"""Navigation uncertainty and execution errors: covariances, sigma clearance and collision probability."""

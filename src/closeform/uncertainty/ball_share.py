@@ -1,12 +1,13 @@
-"""The share of a normal distribution that is within a ball: who is inside at one time.
+"""Share of a normal distribution within a ball: the probability to be inside a zone at one time.
 
-In zone coordinates along the principal axes of the position, q = b + s d, the thinnest first.  Of the ball
-are taken slices across the thinnest, of these strips along the widest, whose share has a closed form:
+In zone coordinates along the principal axes of the position, q = b + s d, the thinnest axis first. The ball
+is cut into slices across the thinnest axis, and these into strips along the widest, whose share has a closed
+form:
 
     P = integral over q0 of phi(d0) / s0 integral over q1 of phi(d1) / s1 (Phi(d2 high) - Phi(d2 low))
 
-q0 = sin(angle), and in a slice of radius w q1 = w sin(angle), so that nothing has a root at an end.  What
-is integrated is log-concave (Prekopa), so that all but `TAIL` of it is in one stretch about its maximum,
+q0 = sin(angle), and in a slice of radius w q1 = w sin(angle), so that the integrand has no root at an end.
+The integrand is log-concave (Prekopa), so that all but `TAIL` of it lies in one stretch about its maximum,
 however thin or far away the distribution is.
 """
 
@@ -22,17 +23,17 @@ from closeform.uncertainty.quadrature import Integral, integral
 from closeform.uncertainty.sampled_trajectories import Histories
 from closeform.uncertainty.whitened import THINNEST
 
-REACH = 39.0  # deviations: as far as densities are numbers
-TAIL = 40.0  # of the logarithm, below its maximum
-NODES = 48  # of a strip: 40 of the logarithm to either side to 1e-9
-PIECES = 24  # of the slices at first
-ROUNDS = 50  # of a search for a maximum, or for an edge
+REACH = 39.0  # standard deviations up to which densities do not underflow
+TAIL = 40.0  # decrease of the logarithm from its maximum at which the integrand is negligible
+NODES = 48  # quadrature nodes of a strip, accurate to 1e-9
+PIECES = 24  # initial number of slices
+ROUNDS = 50  # iterations of the search for a maximum or an edge
 GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 TOLERANCE = 1e-7
 
 
 def inside(histories: Histories, time: float) -> tuple[float, float]:
-    """Probability to be within the zone at a time, and what it may be off by."""
+    """Return the probability to be within the zone at a time, and its error."""
     mean, factor = histories.states(np.array([time]))
     matrix = histories.zone.matrix
     axes, widths, _ = np.linalg.svd(matrix @ factor[0, :3])
@@ -42,7 +43,10 @@ def inside(histories: Histories, time: float) -> tuple[float, float]:
 
 
 def ball_share(b: Floats, s: Floats) -> Integral:
-    """Of a normal distribution about `b` (3,) with deviations `s` (3,), the least first, in the unit ball."""
+    """Return the share of a normal distribution in the unit ball.
+
+    `b` (3,): its mean; `s` (3,): its standard deviations, the least first.
+    """
     low, high = np.arcsin(np.clip([b[0] - REACH * s[0], b[0] + REACH * s[0]], -1.0, 1.0))
 
     def slices(angles: Floats) -> Floats:
@@ -54,9 +58,9 @@ def ball_share(b: Floats, s: Floats) -> Integral:
 
 
 def _strips(radii: Floats, b: Floats, s: Floats) -> Floats:
-    """The same of discs (K,) in a plane."""
+    """Return the shares of discs (K,) in a plane."""
 
-    def height(angles: Floats) -> Floats:  # of the logarithm, but for what changes little
+    def height(angles: Floats) -> Floats:  # of the logarithm, without slowly varying terms
         d = (radii * np.sin(angles) - b[0]) / s[0]
         gap = np.maximum(abs(b[1]) - radii * np.cos(angles), 0.0) / s[1]
         return np.asarray(-0.5 * (d * d + gap * gap))
@@ -70,13 +74,14 @@ def _strips(radii: Floats, b: Floats, s: Floats) -> Floats:
     angles = 0.5 * (low + high) + 0.5 * (high - low) * places[:, None]
     d = (radii * np.sin(angles) - b[0]) / s[0]
     half = radii * np.cos(angles)
-    strip = ndtr((half - abs(b[1])) / s[1]) - ndtr((-half - abs(b[1])) / s[1])  # the smaller tail, all digits
+    # from the smaller tail, to keep its digits
+    strip = ndtr((half - abs(b[1])) / s[1]) - ndtr((-half - abs(b[1])) / s[1])
     sums = weights @ (half * np.exp(-0.5 * d * d) * strip)
     return np.asarray(0.5 * (high - low) * sums / (np.sqrt(2.0 * np.pi) * s[0]))
 
 
 def _highest(height: Callable[[Floats], Floats], low: Floats, high: Floats) -> Floats:
-    """Where a function of one maximum has it, by golden sections."""
+    """Return the maximum of a unimodal function, by golden sections."""
     for _ in range(ROUNDS):
         step = GOLDEN * (high - low)
         right = height(low + step) > height(high - step)
@@ -85,7 +90,7 @@ def _highest(height: Callable[[Floats], Floats], low: Floats, high: Floats) -> F
 
 
 def _edge(height: Callable[[Floats], Floats], least: Floats, inner: Floats, outer: Floats) -> Floats:
-    """How far from its maximum on a function is above `least`, at most to `outer`."""
+    """Return the end of the range in which a function is above `least`, from its maximum towards `outer`."""
     for _ in range(ROUNDS):
         middle = 0.5 * (inner + outer)
         above = height(middle) > least

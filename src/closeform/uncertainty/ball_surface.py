@@ -1,15 +1,15 @@
-"""The mean rate of entries over the surface of a ball.
+"""Mean rate of entries through the surface of a ball.
 
-In zone coordinates, and turned to the principal axes of the position's covariance, least first, a
-position is q = b + s d, with d three independent standard normals.  Given q the velocity is normal,
-about v + G d with a covariance C that does not depend on q, and so is the speed inward, -n . velocity,
-about mu(q) with deviation sigma(n).  The mean rate of entries is
+In zone coordinates along the principal axes of the position's covariance, least first, a position is q = b +
+s d, with d three independent standard normals. Given q, the velocity is normal, with mean v + G d and a
+covariance C that does not depend on q. So is the inward speed, -n . velocity, with mean mu(q) and deviation
+sigma(n). The mean rate of entries is
 
     nu = integral over the surface of (density at q) E[(-n . velocity)+ | q]                     # theory (60)
 
-over what lies within `TAIL` of the greatest density: a band of tilts from the least axis, and there
-arcs of each quadrant, all by Gauss's rule, so that the thinnest covariance takes as many nodes as a
-round one.  Both are cut where mu changes sign, an edge where sigma is small.
+over the part within `TAIL` of the greatest density: a band of tilts from the least axis, and arcs of each
+quadrant in it. Gauss's rule is used for both, so that a thin covariance takes as many nodes as a round one.
+Both are cut where mu changes sign, which is an edge if sigma is small.
 """
 
 from math import acos, asin, cos, erfc, exp, inf, pi, sin, sqrt
@@ -18,18 +18,18 @@ from closeform._jit import kernel
 from closeform.kernel_loans import stack_vector
 from closeform.uncertainty.whitened import GAIN, MEAN, NEAREST, SIGMA, SPREAD, VELOCITY
 
-TAIL = 40.0  # of the squared distance in deviations: densities down to 2e-9 of the greatest
-SHARP = 4.0  # speed inward over its deviation, beyond which it has an edge where it changes sign
-UNDERFLOW = 1400.0  # squared distance in deviations, beyond which densities are below 1e-300
-PARTS = 4  # of an arc, at whose ends signs are compared
-NODE = 4  # columns of a node: q in principal axes, and its share of the rate
+TAIL = 40.0  # squared distance in deviations: densities down to 2e-9 of the greatest
+SHARP = 4.0  # inward speed over its deviation, above which a sign change is an edge
+UNDERFLOW = 1400.0  # squared distance in deviations above which densities are below 1e-300
+PARTS = 4  # parts of an arc at whose ends signs are compared
+NODE = 4  # columns of a node: q in principal axes, and its part of the rate
 
 
 @kernel()
 def nearer(frame, x, y, z, best):
-    """Squared distance, in deviations, from the mean to the sphere's point along (x, y, z), if below `best`.
+    """Return the squared distance, in deviations, from the mean to the sphere's point along (x, y, z).
 
-    Then it is noted in the frame.
+    The result is at most `best`; a new minimum is stored in the frame.
     """
     scale = 1.0 / sqrt(x * x + y * y + z * z)
     dx = (x * scale - frame[MEAN, 0]) / frame[SIGMA, 0]
@@ -43,7 +43,7 @@ def nearer(frame, x, y, z, best):
 
 @kernel()
 def nearest_square(frame):
-    """The least of these over the sphere: by Lagrange's condition, q_i = b_i / (1 + x s_i^2)."""
+    """Return the least squared distance to the sphere, by Lagrange's condition q_i = b_i / (1 + x s_i^2)."""
     b0, b1, b2 = frame[MEAN, 0], frame[MEAN, 1], frame[MEAN, 2]
     s0, s1, s2 = frame[SIGMA, 0] ** 2, frame[SIGMA, 1] ** 2, frame[SIGMA, 2] ** 2
     out = sqrt(b0 * b0 + b1 * b1 + b2 * b2) - 1.0
@@ -68,7 +68,7 @@ def nearest_square(frame):
             high = middle
     if qx * qx + qy * qy + qz * qz > 0.0:
         best = nearer(frame, qx, qy, qz, best)
-    if out < 0.0 and s0 < s2:  # where x ends at -1 / s2, as of a mean off the centre along a thin axis
+    if out < 0.0 and s0 < s2:  # x at its limit -1 / s2, for a mean off the centre along a thin axis
         qx, qy = b0 / (1.0 - s0 / s2), b1 / (1.0 - s1 / s2) if s1 < s2 else 0.0
         left = 1.0 - qx * qx - qy * qy
         if left > 0.0:
@@ -78,7 +78,7 @@ def nearest_square(frame):
 
 @kernel()
 def inward(frame, x, y, z):
-    """Mean speed inward at q = (x, y, z), which points outward there."""
+    """Return the mean inward speed at q = (x, y, z), where q is also the outward normal."""
     dx = (x - frame[MEAN, 0]) / frame[SIGMA, 0]
     dy = (y - frame[MEAN, 1]) / frame[SIGMA, 1]
     dz = (z - frame[MEAN, 2]) / frame[SIGMA, 2]
@@ -90,7 +90,7 @@ def inward(frame, x, y, z):
 
 @kernel()
 def deviation(frame, nx, ny, nz):
-    """Deviation of the speed along n, given the position."""
+    """Return the deviation of the speed along n, given the position."""
     xx, yy, zz = frame[SPREAD, 0], frame[SPREAD + 1, 1], frame[SPREAD + 2, 2]
     xy, xz, yz = frame[SPREAD, 1], frame[SPREAD, 2], frame[SPREAD + 1, 2]
     square = nx * nx * xx + ny * ny * yy + nz * nz * zz + 2.0 * (nx * ny * xy + nx * nz * xz + ny * nz * yz)
@@ -99,7 +99,7 @@ def deviation(frame, nx, ny, nz):
 
 @kernel()
 def inflow(mu, sigma):
-    """Mean of what is positive of a normal number."""
+    """Return the mean of the positive part of a normal number."""
     if abs(mu) > 30.0 * sigma:
         return max(mu, 0.0)
     u = mu / sigma
@@ -108,7 +108,7 @@ def inflow(mu, sigma):
 
 @kernel()
 def inward_on_arc(frame, tilt, e, f, angle):
-    """Mean speed inward at an angle of a quadrant, on the circle at some tilt from the least axis."""
+    """Return the mean inward speed at an angle of a quadrant, on the circle at a tilt from the least axis."""
     height, width = cos(tilt), sin(tilt)
     x, y = e * width * cos(angle), f * width * sin(angle)
     return inward(frame, height, x, y)
@@ -116,7 +116,7 @@ def inward_on_arc(frame, tilt, e, f, angle):
 
 @kernel()
 def sign_change(frame, tilt, e, f, low, high, at_low, at_high):
-    """Where between two angles the mean speed inward changes sign: by secants (Illinois)."""
+    """Return the angle between two at which the mean inward speed changes sign (Illinois method)."""
     for _ in range(14):
         angle = low + (high - low) * at_low / (at_low - at_high)
         mu = inward_on_arc(frame, tilt, e, f, angle)
@@ -131,7 +131,7 @@ def sign_change(frame, tilt, e, f, low, high, at_low, at_high):
 
 @kernel()
 def is_sharp(frame):
-    """Whether the speed's least deviation is small beside its mean, where the density is greatest."""
+    """Return True if the speed's least deviation is small relative to its mean, at the greatest density."""
     square = 0.0
     for i in range(3):
         speed = frame[VELOCITY, i]
@@ -144,7 +144,7 @@ def is_sharp(frame):
 
 @kernel()
 def inward_on_meridian(frame, quadrant, tilt):
-    """Mean speed inward at a tilt, in the middle of a quadrant."""
+    """Return the mean inward speed at a tilt, in the middle of a quadrant."""
     e = 1.0 if quadrant % 2 == 0 else -1.0
     f = 1.0 if quadrant < 2 else -1.0
     return inward_on_arc(frame, tilt, e, f, 0.25 * pi)
@@ -152,7 +152,10 @@ def inward_on_meridian(frame, quadrant, tilt):
 
 @kernel()
 def fill_panels(frame, begin, end, sharp, panels):
-    """Tilts between which the rate is smooth, and how many: signs change there on four meridians."""
+    """Fill `panels` with tilts between which the rate is smooth, and return their number.
+
+    Sign changes are located on four meridians.
+    """
     panels[0] = begin
     count = 1
     for quadrant in range(4 if sharp else 0):
@@ -183,20 +186,20 @@ def fill_panels(frame, begin, end, sharp, panels):
 
 @kernel()
 def gap(mean, reach, sigma):
-    """Squared deviations from the mean to the nearest place within `reach` of the centre."""
+    """Return the squared deviations from the mean to the nearest point within `reach` of the centre."""
     away = max(0.0, abs(mean) - reach) / sigma
     return away * away
 
 
 @kernel()
 def node_count(fineness, base, deviations, most):
-    """How many nodes a stretch of so many deviations takes."""
+    """Return the number of nodes for a stretch of some deviations."""
     return min(most, int(fineness * (base + 0.6 * deviations)) + 1)
 
 
 @kernel()
 def side(mean, reach, sigma, width):
-    """The part of [0, width] within `reach` deviations of the mean, as a share of it."""
+    """Return the part of [0, width] within `reach` deviations of the mean, as fractions of it."""
     low = (mean - reach * sigma) / width
     high = (mean + reach * sigma) / width
     return min(1.0, max(0.0, low)), max(0.0, min(1.0, high))
@@ -204,7 +207,7 @@ def side(mean, reach, sigma, width):
 
 @kernel()
 def arc_rate(frame, tilt, weight, e, f, begin, end, rules, fineness, nodes, count):
-    """The rate along an arc of a quadrant at one tilt, and the new count of nodes."""
+    """Return the rate along an arc of a quadrant at one tilt, and the new count of nodes."""
     rate = 0.0
     height, width = cos(tilt), sin(tilt)
     b1, s1, b2, s2 = frame[MEAN, 1], frame[SIGMA, 1], frame[MEAN, 2], frame[SIGMA, 2]
@@ -226,10 +229,10 @@ def arc_rate(frame, tilt, weight, e, f, begin, end, rules, fineness, nodes, coun
 
 @kernel()
 def circle_rate(frame, tilt, weight, left, sharp, rules, fineness, nodes, count):
-    """The rate around the circle at one tilt, and the new count of nodes.
+    """Return the rate around the circle at one tilt, and the new count of nodes.
 
-    Looked at are arcs of each quadrant, where both coordinates are monotone, on which the squared distance
-    across the least axis is up to `left`; cut where the inflow has an edge.
+    It consists of arcs of each quadrant, where both coordinates are monotonic, on which the squared distance
+    across the least axis is at most `left`; they are cut at edges of the inflow.
     """
     rate = 0.0
     width = sin(tilt)
@@ -271,7 +274,7 @@ def circle_rate(frame, tilt, weight, left, sharp, rules, fineness, nodes, count)
 
 @kernel()
 def band(frame, left):
-    """Tilts from the least axis between which the squared distance is up to `left`."""
+    """Return the tilts from the least axis between which the squared distance is at most `left`."""
     b0, b1, b2 = frame[MEAN, 0], frame[MEAN, 1], frame[MEAN, 2]
     across = gap(b1, 1.0, frame[SIGMA, 1]) + gap(b2, 1.0, frame[SIGMA, 2])
     reach = sqrt(left - across)
@@ -289,10 +292,10 @@ def band(frame, left):
 
 @kernel()
 def ball_rate(frame, rules, fineness, nodes):
-    """(the rate of entries, how many nodes were noted in `nodes`).
+    """Return the rate of entries, and the number of nodes stored in `nodes`.
 
-    `rules` (K, K, 2) are Gauss's places in (-1, 1) and weights by their number; nodes are noted where
-    there is room.
+    `rules` (K, K, 2) are Gauss's nodes in (-1, 1) and weights by their number; nodes are stored while there
+    is room.
     """
     rate, count = 0.0, 0
     least = nearest_square(frame)
@@ -302,7 +305,7 @@ def ball_rate(frame, rules, fineness, nodes):
     left = least + TAIL
     begin, end = band(frame, left)
     sharp = is_sharp(frame)
-    panels = stack_vector(18)  # the ends, and for each meridian what each part may have
+    panels = stack_vector(18)  # the ends, and at most one sign change in each part of a meridian
     count_of_panels = fill_panels(frame, begin, end, sharp, panels)
     scale = 1.0 / ((2.0 * pi) ** 1.5 * s0 * s1 * frame[SIGMA, 2])
     most = 2.0 * sqrt(left)

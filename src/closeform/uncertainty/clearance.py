@@ -1,4 +1,4 @@
-"""How many sigmas are clear: the least there are between a zone and what errors make of two paths."""
+"""Sigma clearance: the least number of standard deviations at which errors bring two paths to a zone."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ from closeform.zones.zone import Zone
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SigmaApproach(Rows):
-    """How many standard deviations keep two craft apart, or the pairs of two batches.
+    """Sigma clearance of two craft, or of the pairs of two batches.
 
     Attributes
     ----------
     sigmas : float or array of shape (...), no unit
-        The greatest k at which no error of up to k sigmas ever brings them together; 0 where the paths
-        themselves do, inf where no error can, or they have no common time.
+        The greatest k such that no error of up to k sigmas results in a conflict; 0 if the paths themselves
+        do, inf if no error can, or if they have no common time.
     time : float or array of shape (...) [s]
-        When that k touches the zone; of the paths' closest approach where it is 0, nan where it is inf.
+        Time at which k sigmas touch the zone; that of the paths' closest approach if k is 0, nan if k is inf.
     """
 
     _columns: ClassVar = {
@@ -49,44 +49,43 @@ def clearance_in_sigmas(
     errors: Uncertainty | Sequence[Uncertainty | None] | None,
     other_errors: Uncertainty | Sequence[Uncertainty | None] | None = None,
 ) -> SigmaApproach:
-    """How many standard deviations of their errors keep two craft clear of a zone, over their common time.
+    """Return the number of standard deviations that keep two craft clear of a zone over their time.
 
     Parameters
     ----------
     path : Path
-        Of one craft, or a batch.
+        Path of one craft, or a batch.
     other : Path
-        Of the craft that the zone is around, or a batch, in the same orbit; batch shapes broadcast.
+        Path of the craft at the zone's centre, or a batch, in the same orbit; batch shapes broadcast.
     zone : Zone
-        Of the pair.
+        Zone of the pair.
     errors : Uncertainty, sequence of these, or None
-        Of `path`: one for all its craft or one for each, in order; None for none.  Or, with
-        `other_errors=None`, of the one relative to the other, from the start of `path` on.
+        Uncertainty of `path`: one for all its craft or one for each, in order; None for exact craft. With
+        `other_errors=None` it may be the relative uncertainty, from the start of `path` on.
     other_errors : Uncertainty, sequence of these, or None, default None
-        Of `other`, independent.
+        Uncertainty of `other`, independent of `errors`.
 
     Returns
     -------
     SigmaApproach
-        Floats for two craft, arrays for batches.  No error within fewer sigmas brings them together,
-        between any two instants; they are the most such to 1e-9 of themselves.
+        Floats for two craft, arrays for batches. No error within fewer sigmas results in a conflict at any
+        instant; the number is the greatest such to a relative 1e-9.
 
     Raises
     ------
     ValueError
-        As by `closest_approach`; if errors are of another kind or of another number of craft, or are of
-        the thrust of a path through samples.
+        As `closest_approach`, and if errors have the wrong type or number, or concern the thrust of a sampled
+        path.
 
     Notes
     -----
-    k sigmas are all errors xi, of whatever kind, with |xi| <= k.  In m dimensions a draw is outside with
-    the probability that chi squared of m is above k^2, which bounds that of ever coming together; it is
-    mostly far smaller.  From 1e4 sigmas on they count as inf.
+    k sigmas are all errors xi, of any kind, with |xi| <= k. In m dimensions a sample lies outside with the
+    probability that chi squared of m exceeds k^2, which bounds the collision probability; that is usually far
+    smaller. More than 1e4 sigmas count as inf.
 
-    Covariances may be singular, errors along a line or in a plane: these come from planes that are compared
-    one by one, each time in about a millisecond.  What 16 digits of a covariance cannot tell from nothing
-    across a line or a plane, 6e-8 of its size, is nothing.  Where k times
-    the errors is a million times the zone, 1e-16 of that is above 1e-10 of the zone, and rounding is seen.
+    Covariances may be singular, for errors along a line or in a plane; these take about a millisecond per
+    instant. A deviation across a line or a plane below 6e-8 of the size of the errors counts as zero. If k
+    times the errors exceeds a million times the zone, rounding reduces the accuracy.
 
     References
     ----------

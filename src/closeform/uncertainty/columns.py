@@ -1,4 +1,4 @@
-"""Columns: the motion that one unit of each independent error adds to a craft's own, as paths."""
+"""Error columns of a craft: the motion that one unit of each independent error adds, as paths."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ AXES = np.eye(3)
 
 
 def columns_of(path: Path, errors: Uncertainty) -> Path:
-    """The columns (m,) of one craft's errors, all over its path: its state's, its impulses', its burns'.
+    """Return the error columns (m,) of one craft along its path: of its state, impulses and burns.
 
-    Errors that are nil have none, nor has white noise.                                       # theory (50)
+    Zero errors and process noise have no columns.  # theory (50)
     """
     of_one_craft(path)
     errors._check_for(path)
@@ -32,16 +32,16 @@ def columns_of(path: Path, errors: Uncertainty) -> Path:
 
 
 def added(path: Path, columns: Path, sizes: Floats) -> Path:
-    """A craft's path with each of its columns (m,) so many times: what is flown.
+    """Return a craft's path plus its columns (m,) multiplied by `sizes`: the executed path.
 
-    The columns may be of a longer path that goes through this one, arc by arc.
+    The columns may belong to a longer path that contains this one, arc by arc.
     """
     arcs, starts = path.arcs.copy(), path.arcs[:, START]
     kicked = path.arcs[:, IMPULSE:STATE].any(axis=1)
     for first, last, size in zip(columns.offsets[:-1], columns.offsets[1:], sizes, strict=True):
         column = columns.arcs[first:last]
         picked = column[np.searchsorted(column[:, START], starts, side="right") - 1]
-        begins = picked[:, START] == starts  # so do all arcs of a column that thrust or begin by an impulse
+        begins = picked[:, START] == starts  # as do all arcs of a column with thrust or an impulse
         arcs[:, STATE : STATE + 6] += size * _states(path, picked, starts)
         arcs[begins, THRUST:] += size * picked[begins, THRUST:]
         arcs[begins & kicked, IMPULSE:STATE] += size * picked[begins & kicked, IMPULSE:STATE]
@@ -49,19 +49,22 @@ def added(path: Path, columns: Path, sizes: Floats) -> Path:
 
 
 def errs(path: Path, errors: Uncertainty) -> bool:
-    """Whether one craft's errors put it off its path at all: those of burns need a burn."""
+    """Return True if one craft's errors move it off its path; burn errors require a burn."""
     if errors.noise or errors._root.any() or (any(errors.impulse) and path.impulses):
         return True
     return bool((errors.magnitude or errors.pointing) and len(burning(path)))
 
 
 def burning(path: Path) -> Any:
-    """First arc and the one after the last (B, 2) of every burn of a craft: thrust without a pause."""
+    """Return the first arc and the one after the last (B, 2) of every burn: thrust without a pause."""
     return runs_of(np.abs(path.arcs[:, THRUST:]).sum(axis=1) > 0.0)
 
 
 def gates_of(jump: Floats, errors: Uncertainty) -> Floats:
-    """Velocities (3, 3) [m/s] of the errors of one impulse: along it, and two across.    # theory (50)"""
+    """Return the velocity errors (3, 3) [m/s] of one impulse: along it, and two across.
+
+    theory (50)
+    """
     size = float(np.linalg.norm(jump))
     ahead = jump / size
     aside = np.cross(ahead, AXES[np.abs(ahead).argmin()])
@@ -72,7 +75,7 @@ def gates_of(jump: Floats, errors: Uncertainty) -> Floats:
 
 
 def _coasts(path: Path, start: float, state: Floats) -> Floats:
-    """Nothing up to a start, then natural motion from a state."""
+    """Return arcs at rest up to a start, then natural motion from a state."""
     arcs = np.zeros((2, WIDTH))
     arcs[:, MEAN_MOTION] = path.orbit.mean_motion
     arcs[:, START], arcs[:, END] = (path.start, start), (start, path.end)
@@ -81,12 +84,14 @@ def _coasts(path: Path, start: float, state: Floats) -> Floats:
 
 
 def _of_state(path: Path, errors: Uncertainty) -> Iterator[Floats]:
+    """Yield the arcs of the columns of the state's error."""
     for column in errors._root.T:
         if column.any():
             yield _coasts(path, path.start, column)
 
 
 def _of_impulses(path: Path, errors: Uncertainty) -> Iterator[Floats]:
+    """Yield the arcs of the columns of impulse errors."""
     for time, jump in path.impulses if any(errors.impulse) else ():
         for velocity in gates_of(jump, errors):
             if velocity.any():
@@ -96,7 +101,7 @@ def _of_impulses(path: Path, errors: Uncertainty) -> Iterator[Floats]:
 
 
 def _of_burns(path: Path, errors: Uncertainty) -> Iterator[Floats]:
-    """Of each burn its magnitude (all of its thrust, grown in proportion) and its pointing about x, y, z."""
+    """Yield the arcs of the columns of burn errors: magnitude, and pointing about x, y, z."""
     burns = burning(path) if errors.magnitude or errors.pointing else []
     for first, last in burns:
         arcs = path.arcs[first:last]
@@ -108,7 +113,7 @@ def _of_burns(path: Path, errors: Uncertainty) -> Iterator[Floats]:
 
 
 def _forced(n: float, arcs: Floats, errors: Uncertainty) -> Iterator[Floats]:
-    """The thrusts of the columns of one burn; their states are still to come."""
+    """Yield the thrust arcs of the columns of one burn; their states are set later."""
     bare = arcs.copy()
     bare[:, IMPULSE:] = 0.0
     if errors.magnitude:
@@ -122,9 +127,10 @@ def _forced(n: float, arcs: Floats, errors: Uncertainty) -> Iterator[Floats]:
 
 
 def _thrust_rates(n: float, arcs: Floats) -> Floats:
-    """Thrust and its first three derivatives (k, 4, 3) at the start of arcs, which span all of it.
+    """Return the thrust and its first three derivatives (k, 4, 3) at the start of arcs.
 
-    An optimal thrust is a natural motion, so that along each axis it is of the span of PUSH.
+    They determine the whole thrust: an optimal thrust is a natural motion, so that along each axis it lies in
+    the span of PUSH.
     """
     rates = arcs[:, PUSH:].reshape(-1, 4, 3).copy()
     u, w = arcs[:, THRUST : THRUST + 3], arcs[:, THRUST + 3 : PUSH]
@@ -136,18 +142,18 @@ def _thrust_rates(n: float, arcs: Floats) -> Floats:
 
 
 def _ends(path: Path, arcs: Floats) -> Any:
-    """States (k, 6) at the ends of arcs."""
+    """Return the states (k, 6) at the ends of arcs."""
     return _states(path, arcs, arcs[:, END])
 
 
 def _states(path: Path, arcs: Floats, times: Floats) -> Any:
-    """States (k, 6) at a time (k,) on each of some arcs."""
+    """Return the states (k, 6) at a time (k,) on each of some arcs."""
     alone = path_of(path.orbit, np.ascontiguousarray(arcs), np.arange(len(arcs) + 1), (len(arcs),))
     return alone._evaluate_rows(np.ascontiguousarray(times[:, None]))[:, 0]
 
 
 def _accumulate(path: Path, arcs: Floats) -> None:
-    """Set the states at which the arcs of a burn begin: from rest, each where the one before ended."""
+    """Set the initial states of the arcs of a burn: from rest, each where the previous one ended."""
     pushed = _ends(path, arcs)
     carried = path.orbit.transition(arcs[:, END] - arcs[:, START])
     for k in range(1, len(arcs)):

@@ -1,4 +1,4 @@
-"""The best plane between a zone and an ellipsoid, of a cylinder too: at its side, an end, or a rim."""
+"""Best separating plane between a zone and an ellipsoid, also of cylinders: at the side, an end or a rim."""
 
 from math import inf, sqrt
 
@@ -7,12 +7,12 @@ from closeform.kernel_loans import stack_matrix
 from closeform.uncertainty.planes import flat_plane, room, round_plane, times
 from closeform.zones.shapes import BALL, FACES
 
-ROUNDING = 1e-15  # of what g is the difference of, with sqrt(a S a) of what S loses
+ROUNDING = 1e-15  # relative rounding of the terms of g
 
 
 @kernel()
-def drum_plane(r, s, k, fine, best):
-    """Best plane of a cylinder: at its side, at an end, or where they meet; `best` (4,) gets it and its g."""
+def cylinder_plane(r, s, k, fine, best):
+    """Write the best plane of a cylinder, at its side, an end or the rim, and its g to `best` (4,)."""
     best[3] = -inf
     side = stack_matrix(3, 3)
     for i in range(3):
@@ -35,7 +35,7 @@ def drum_plane(r, s, k, fine, best):
     if best[2] == 0.0:
         px, py, up = best[0], best[1], 1.0 if height > 0.0 else -1.0
         flat = 1.0
-    for _ in range(2):  # at the rim that seems nearer, or else at the other
+    for _ in range(2):  # at the rim that seems nearer, else at the other
         climb_rim(
             r, s, k, up, rim_start(r, s, k, up, px / flat, py / flat, best[3]), px / flat, py / flat, best
         )
@@ -47,9 +47,9 @@ def drum_plane(r, s, k, fine, best):
 
 @kernel()
 def rim_start(r, s, k, up, x, y, g):
-    """Share of the side's plane (x, y) from which to climb: one with more than g, or the best of some.
+    """Return a share of the side's plane (x, y) from which to climb: one with more than g, or the best.
 
-    Along the way from the side's plane to the end's g is concave.
+    Between the plane of the side and that of the end g is concave.
     """
     most, share, tried = -inf, 0.5, 0.5
     for m in range(50):
@@ -64,9 +64,9 @@ def rim_start(r, s, k, up, x, y, g):
 
 @kernel()
 def climb_rim(r, s, k, up, share, x, y, best):
-    """Newton's method for a = (x, y, up (1 - hypot(x, y))), from a share of (x, y), in steps that gain.
+    """Maximize g over a = (x, y, up (1 - hypot(x, y))) from a share of (x, y), by Newton's method.
 
-    The last step gains nothing that could be told from rounding, but brings the ellipsoid's point home.
+    The gain of the last step is within rounding, but it makes the ellipsoid's point accurate.
     """
     x, y = share * x, share * y
     g, rounding = -inf, 0.0
@@ -100,7 +100,7 @@ def climb_rim(r, s, k, up, share, x, y, best):
         slope_x, slope_y = ux - up * ex * uz, uy - up * ey * uz
         curve = k / sqrt(square) if square > 0.0 else 0.0
         rounding = ROUNDING * (abs(g) + curve * (s[0, 0] + s[1, 1] + s[2, 2]))
-        turn = max(up * pz, 0.0) / size  # where it is less, what is left of the curve still leads upward
+        turn = max(up * pz, 0.0) / size  # otherwise the remaining curvature still gives an ascent
         inverse = 1.0 / square if square > 0.0 else 0.0
         hxx = -curve * (bx - up * ex * bz - slope_x * slope_x * inverse) - turn * (1.0 - ex * ex)
         hyy = -curve * (cy - up * ey * cz - slope_y * slope_y * inverse) - turn * (1.0 - ey * ey)
@@ -116,11 +116,11 @@ def climb_rim(r, s, k, up, share, x, y, best):
 
 @kernel()
 def plane(shape, faces, r, s, k, fine, best):
-    """Fill `best` (4,) with the best plane and its g, unless `fine` with almost the best."""
+    """Fill `best` (4,) with the best plane and its g; without `fine`, with an approximation."""
     if shape == FACES:
         flat_plane(faces, r, s, k, fine, best)
     elif shape == BALL:
         best[0], best[1], best[2] = round_plane(r[0], r[1], r[2], s, k, fine)
         best[3] = room(r, s, k, best[0], best[1], best[2])[0]
     else:
-        drum_plane(r, s, k, fine, best)
+        cylinder_plane(r, s, k, fine, best)

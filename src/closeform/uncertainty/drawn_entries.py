@@ -1,4 +1,4 @@
-"""Histories that enter a zone, drawn from their rate: what each counts, and how many of them are enough."""
+"""Importance sampling of trajectories that enter a zone, drawn from the rate of entries."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from closeform.uncertainty.entry_rate import draw_entries
 from closeform.uncertainty.mean_entries import Flux, Unresolved, pool, rules
 from closeform.uncertainty.sampled_trajectories import CORES, Histories
 
-SEEN = 5  # histories that tell how much each of them counts less; none counts less than nothing
-FEW = 30  # histories, up to which their share is told by the interval of Clopper and Pearson
-PRECISION = 1e-3  # of a probability, half of its interval, where nobody says how many histories
-COARSER = 0.5  # nodes on the surface, from which those are drawn that tell how many are enough
-GRAZES = 1e-3  # of histories that enter, lost to rounding
-TRIED, FEWEST, MOST = 4000, 8000, 100_000  # histories that tell how many are enough; how many these may be
-SURE = 1.1  # times as many as the tried ones tell
-FINELY = 8  # strata across the surface, and as many of speeds, where there are histories enough
+SEEN = 5  # trajectories with repeated entries that suffice to estimate their reduction
+FEW = 30  # number up to which the interval of Clopper and Pearson is used
+PRECISION = 1e-3  # relative half-interval of the probability by default
+COARSER = 0.5  # relative number of surface nodes in the pilot run
+GRAZES = 1e-3  # share of entering trajectories that rounding may lose
+# trajectories of the pilot run; least and greatest number of samples
+TRIED, FEWEST, MOST = 4000, 8000, 100_000
+SURE = 1.1  # safety factor on the number from the pilot run
+FINELY = 8  # strata across the surface, and of speeds, if there are enough trajectories
 
 
 def enough(histories: Histories, flux: Flux, at_start: float, off: float, seed: int) -> int:
-    """How many histories make half of the interval `PRECISION` of the probability.
+    """Return the number of trajectories for a half-interval of `PRECISION` times the probability.
 
-    Others tell that, which are not counted: a number that depends on nothing counted leaves intervals as
-    they are.  `off` is what quadrature takes of the interval.
+    An independent pilot run determines it, so that the interval stays valid. `off` is the quadrature error.
     """
     coarser = replace(flux, fineness=COARSER * flux.fineness)
     lost = lost_of(histories.counted(drawn(histories, coarser, TRIED, seed, stream=1)))
@@ -39,9 +39,9 @@ def enough(histories: Histories, flux: Flux, at_start: float, off: float, seed: 
 
 
 def strata(samples: int) -> tuple[Any, Any]:
-    """In which stratum each of the samples is, two or a few in each, and how many there are along each axis.
+    """Return the stratum of each sample, two or a few in each, and the number of strata along each axis.
 
-    Strata cut up equal parts of all entries: in time, across the surface and in speed.
+    Strata are equal parts of all entries in time, across the surface and in speed.
     """
     side = min(FINELY, int(np.cbrt(samples / 4)))
     axes = samples // (2 * side * side), side, side
@@ -49,7 +49,7 @@ def strata(samples: int) -> tuple[Any, Any]:
 
 
 def drawn(histories: Histories, flux: Flux, samples: int, seed: int, stream: int = 0) -> Floats:
-    """Errors (samples, M) of histories that enter, drawn from the rate; some in each of its strata."""
+    """Return errors (samples, M) of trajectories that enter, drawn from the rate in all its strata."""
     random = np.random.Generator(np.random.Philox(key=seed, counter=[0, 0, 0, stream]))
     shares = random.uniform(size=(samples, 3))
     errors = random.standard_normal((samples, len(histories.columns)))
@@ -60,7 +60,7 @@ def drawn(histories: Histories, flux: Flux, samples: int, seed: int, stream: int
     times, parts = flux.of_time.times[some], parts[some]
     reached = np.concatenate([[0.0], np.cumsum(parts)])
     owner = np.minimum(np.searchsorted(reached[1:], shares[:, 0] * reached[-1], "right"), len(parts) - 1)
-    rising = np.argsort(owner + shares[:, 1])  # as places on the surface are looked for
+    rising = np.argsort(owner + shares[:, 1])  # in the order of nodes on the surface
     first = np.searchsorted(owner[rising], np.arange(len(parts) + 1))
     shares, errors = shares[rising, 1:], errors[rising]
     states, matrix = histories.states(times), histories.zone.matrix
@@ -79,9 +79,9 @@ def drawn(histories: Histories, flux: Flux, samples: int, seed: int, stream: int
 
 
 def lost_of(counts: Any) -> Floats:
-    """What each drawn entry (began inside, entries) counts less than one history.  # theory (62)
+    """Return the reduction of each drawn entry (began inside, entries) relative to one trajectory.
 
-    Raises Unresolved where more than grazes are lost, of histories that all enter.
+    theory (62). Raises Unresolved if rounding loses more entries than grazes.
     """
     if np.mean(counts[:, 1] == 0) > GRAZES:
         raise Unresolved
@@ -90,7 +90,7 @@ def lost_of(counts: Any) -> Floats:
 
 
 def interval_of_mean(lost: Floats) -> tuple[float, float, float]:
-    """Of numbers from 0 to 1, some from each of the strata, the mean and its interval."""
+    """Return the mean and its interval of stratified samples in [0, 1]."""
     stratum, _ = strata(len(lost))
     sizes = np.bincount(stratum)
     means = np.bincount(stratum, lost) / sizes
@@ -106,7 +106,7 @@ def interval_of_mean(lost: Floats) -> tuple[float, float, float]:
 
 
 def clopper_pearson(count: int, total: int) -> tuple[float, float]:
-    """The exact interval of a share (Clopper and Pearson 1934), which holds for 0 too."""
+    """Return the exact confidence interval of a share (Clopper and Pearson 1934), valid also for 0."""
     tail = 0.5 * (1.0 - CONFIDENCE)
     low = float(betaincinv(count, total - count + 1, tail)) if count > 0 else 0.0
     high = float(betaincinv(count + 1, total - count, 1.0 - tail)) if count < total else 1.0

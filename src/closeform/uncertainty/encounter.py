@@ -1,4 +1,4 @@
-"""The encounter of a conjunction message: two inertial states at closest approach, seen in one Hill frame."""
+"""Encounter of a conjunction message: two inertial states at closest approach, in one Hill frame."""
 
 from __future__ import annotations
 
@@ -18,33 +18,33 @@ from closeform.uncertainty.covariance import root_of
 from closeform.uncertainty.errors import Uncertainty, one_state
 
 CIRCULAR, TOO_ECCENTRIC = 0.005, 0.1
-FAR = 0.01  # of the orbit's radius: Hill's equations hold for separations that are small against it
+FAR = 0.01  # of the orbit's radius: greatest separation for Hill's equations
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Encounter(Result):
-    """Two objects about their closest approach, in the Hill frame of the primary, made by `Encounter.of`.
+    """Two objects near closest approach, in the Hill frame of the primary; created by `Encounter.of`.
 
-    `collision_probability` takes `path`, `other`, a zone, `errors` and `other_errors`.
+    `path`, `other`, `errors` and `other_errors` are arguments of `collision_probability`.
 
     Attributes
     ----------
     path : Path
-        Of the secondary; time 0 is that of the given states.
+        Path of the secondary; time 0 is that of the given states.
     other : Path
-        Of the primary: at rest at the origin.
+        Path of the primary: at rest at the origin.
     errors : Uncertainty
-        Of the secondary, at the path's start.
+        Uncertainty of the secondary, at the path's start.
     other_errors : Uncertainty
-        Of the primary, at the path's start.
+        Uncertainty of the primary, at the path's start.
     distance : float [m]
-        Between the two at time 0.
+        Distance at time 0.
     speed : float [m/s]
-        Of the secondary past the primary at time 0, in inertial axes.
+        Relative speed at time 0, in inertial axes.
     eccentricity : float, no unit
-        Of the primary's orbit, which is taken for a circle.
+        Eccentricity of the primary's orbit, which is approximated by a circle.
     warnings : tuple of str
-        Why figures may be off; none where Hill's equations hold.
+        Reasons for inaccurate results; empty where Hill's equations hold.
     """
 
     path: Path
@@ -67,43 +67,42 @@ class Encounter(Result):
         half_window: float | None = None,
         mu: float = EARTH_MU,
     ) -> Self:
-        """From two inertial states and covariances at closest approach, as a conjunction message has them.
+        """Create an encounter from two inertial states and covariances at closest approach.
 
         Parameters
         ----------
         primary : array_like of shape (6,) [m, m/s]
             Inertial state, in a frame centred on the body that both orbit.
         secondary : array_like of shape (6,) [m, m/s]
-            In the same frame, of the same instant.
+            Inertial state in the same frame, at the same instant.
         covariance : array_like of shape (6, 6) [m^2, m^2/s, m^2/s^2]
-            Of the primary's inertial position and velocity, in `axes`.
+            Covariance of the primary's inertial position and velocity, in `axes`.
         secondary_covariance : array_like of shape (6, 6) [m^2, m^2/s, m^2/s^2]
-            Of the secondary's, in `axes`; independent of the primary's.
+            Covariance of the secondary, in `axes`; independent of the primary's.
         axes : "rtn" or "inertial", default "rtn"
-            Along which covariances are told: each object's own radial, transverse and normal, as in a CDM
+            Axes of the covariances: each object's own radial, transverse and normal, as in a CDM
             (CCSDS 508.0), or those of the states.
         half_window : float [s], optional
-            How long before and after that instant both are followed: unless given a quarter of the primary's
-            period, or as long as they are within a hundredth of the orbit's radius of each other if that is
-            shorter.
+            Duration of the paths before and after that instant. Default: a quarter of the primary's period,
+            or the time within a hundredth of the orbit's radius if that is shorter.
         mu : float [m^3/s^2], default that of the Earth
             Gravitational parameter of the body.
 
         Returns
         -------
         Encounter
-            Paths and errors in the primary's Hill frame, which turns at its true rate.
+            Paths and uncertainties in the primary's Hill frame, which rotates at its true rate.
 
         Raises
         ------
         ValueError
-            If the primary's orbit is open or of eccentricity above 0.1, the two are farther apart than a
-            hundredth of its radius, a covariance is none, or a number or word is not what it must be.
+            If the primary's orbit is open or has an eccentricity above 0.1, the distance exceeds a hundredth
+            of its radius, a covariance is invalid, or another argument is.
 
         Notes
         -----
-        Motion is that about a circle of the primary's semi-major axis.  An eccentricity above 0.005 is warned
-        of: at 0.012 figures of Alfano's cases are off by 0 to 3.5 %.
+        The motion is that about a circle of the primary's semi-major axis. An eccentricity above 0.005 gives
+        a warning: at 0.012 the errors in Alfano's cases are 0 to 3.5 %.
 
         References
         ----------
@@ -119,7 +118,7 @@ class Encounter(Result):
         radius, distance = float(np.linalg.norm(chief[:3])), float(np.linalg.norm(relative[:3]))
         if distance > FAR * radius:
             raise ValueError(
-                f"secondary: {distance:.4g} m from the primary, and Hill's equations hold to "
+                f"secondary: {distance:.4g} m from the primary, but Hill's equations hold up to "
                 f"{FAR * radius:.4g} m; give states at closest approach"
             )
         speed = float(np.linalg.norm(deputy[3:] - chief[3:]))
@@ -146,7 +145,7 @@ class Encounter(Result):
 
 
 def _circle(chief: Floats, mu: float) -> tuple[Orbit, float]:
-    """The circle that the primary's orbit is taken for, and its true eccentricity."""
+    """Return the circular approximation of the primary's orbit, and its true eccentricity."""
     position, velocity = chief[:3], chief[3:]
     radius = float(np.linalg.norm(position))
     inverse = 2.0 / radius - float(velocity @ velocity) / mu
@@ -156,14 +155,14 @@ def _circle(chief: Floats, mu: float) -> tuple[Orbit, float]:
     eccentricity = float(np.linalg.norm(np.cross(velocity, momentum) / mu - position / radius))
     if eccentricity > TOO_ECCENTRIC:
         raise ValueError(
-            f"primary: eccentricity {eccentricity:.3f} with states in m and m/s; Hill's equations are those "
-            f"of a circle, and of use here up to {TOO_ECCENTRIC:g}"
+            f"primary: eccentricity {eccentricity:.3f} with states in m and m/s; Hill's equations are "
+            f"limited to {TOO_ECCENTRIC:g}"
         )
     return Orbit.from_semi_major_axis(1.0 / inverse, mu), eccentricity
 
 
 def _half_window(given: float | None, orbit: Orbit, far: float, speed: float) -> float:
-    """A quarter of the period, or as long as the two are near each other."""
+    """Return a quarter of the period, or the time for which the two are near each other."""
     if given is None:
         quarter = 0.25 * orbit.period
         return min(quarter, far / speed) if speed > 0.0 else quarter
@@ -171,18 +170,18 @@ def _half_window(given: float | None, orbit: Orbit, far: float, speed: float) ->
 
 
 def _warnings(eccentricity: float, distance: float, radius: float, *errors: Uncertainty) -> list[str]:
-    """What Hill's equations leave out that matters here."""
+    """Return warnings on model errors of Hill's equations that matter here."""
     found = []
     if eccentricity > CIRCULAR:
         found.append(
-            f"the primary's eccentricity is {eccentricity:.4f}: Hill's equations are those of a circle, and "
-            "figures are off by some percent"
+            f"the primary's eccentricity is {eccentricity:.4f}: Hill's equations assume a circular orbit, "
+            "and results have errors of some percent"
         )
     curved = distance**2 / (2.0 * radius)
     least = float(np.sqrt(np.linalg.eigvalsh(sum(one.state[:3, :3] for one in errors))[0].clip(0.0)))
     if curved > 0.1 * least and curved > 1.0:
         found.append(
-            f"at {distance:.4g} m orbits curve away from Hill's straight axes by {curved:.2g} m, beside a "
-            f"least deviation of {least:.2g} m"
+            f"at {distance:.4g} m the curvature of the orbit is {curved:.2g} m, compared with a "
+            f"least standard deviation of {least:.2g} m"
         )
     return found

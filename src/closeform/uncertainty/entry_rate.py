@@ -1,4 +1,4 @@
-"""Entries of a random motion into a ball: their mean rate at given times, and histories drawn from it."""
+"""Mean rate of entries of a random motion into a ball at given times, and sampling of entries from it."""
 
 from math import erfc, exp, inf, pi, sqrt
 
@@ -23,11 +23,11 @@ from closeform.uncertainty.whitened import MEAN, SIGMA, principal
     )
 )
 def surface_integrals(means, factors, matrix, rules, fineness, farthest, out):
-    """For each time: the rate of entries into the unit ball, and the mean's distance (T, 2).
+    """Write the rate of entries into the unit ball, and the mean's distance, for each time (T, 2).
 
-    Of states (T, 6) and factors (T, 6, M) of their covariance, in zone coordinates.  The distance is that
-    to the ball in deviations, 0 from inside; with a fineness of 0 it is all that is found.  The rate of
-    means that are beyond the `farthest` one is 0.
+    From states (T, 6) and factors (T, 6, M) of their covariance, in zone coordinates. The distance to the
+    ball is in standard deviations, 0 from inside; with a fineness of 0 only it is computed. The rate is 0
+    beyond `farthest`.
     """
     means, factors, matrix, out = borrowed(means), borrowed(factors), borrowed(matrix), borrowed(out)
     rules = borrowed(rules)
@@ -46,13 +46,13 @@ def surface_integrals(means, factors, matrix, rules, fineness, farthest, out):
 
 @kernel()
 def speed_of_entry(mu, sigma, share):
-    """The speed inward that this share of entries exceeds: of density ~ w N(w; mu, sigma), w > 0."""
+    """Return the inward speed that a share of entries exceeds: density ~ w N(w; mu, sigma), w > 0."""
     if sigma <= 1e-12 * abs(mu):
         return abs(mu)
     u = mu / sigma
     total = exp(-0.5 * u * u) / sqrt(2.0 * pi) + 0.5 * u * erfc(-u / sqrt(2.0))
     low, high = 0.0, max(u, 0.0) + 40.0
-    w = 0.5 * (u + sqrt(u * u + 4.0))  # the most frequent
+    w = 0.5 * (u + sqrt(u * u + 4.0))  # the mode
     for _ in range(60):
         y = w - u
         density = exp(-0.5 * y * y) / sqrt(2.0 * pi)
@@ -82,11 +82,11 @@ def speed_of_entry(mu, sigma, share):
     )
 )
 def draw_entries(means, factors, matrix, rules, fineness, first, shares, errors):
-    """Make of standard normals (N, M) in `errors` the errors of histories that enter at given times.
+    """Turn standard normals (N, M) in `errors` into the errors of trajectories that enter at given times.
 
-    Those of time k are `first[k]` to `first[k + 1]`.  `shares` (N, 2) say where on the surface, rising
-    from 0 to 1 for each time, and how fast.  Given position and speed inward, all else keeps its
-    distribution: errors are moved along what those two depend on, and along nothing else.  # theory (63)
+    Those of time k are `first[k]` to `first[k + 1]`. `shares` (N, 2) give the place on the surface, rising
+    from 0 to 1 for each time, and the speed. Given position and inward speed, the rest keeps its
+    distribution: errors are moved only along the directions that determine these.  # theory (63)
     """
     means, factors, matrix, errors = borrowed(means), borrowed(factors), borrowed(matrix), borrowed(errors)
     rules = borrowed(rules)
@@ -111,7 +111,7 @@ def draw_entries(means, factors, matrix, rules, fineness, first, shares, errors)
 
 @kernel()
 def place_errors(frame, rows, xi, along, x, y, z, share):
-    """Move errors to those of a history that is at q = (x, y, z), and enters there."""
+    """Move errors to those of a trajectory that enters at q = (x, y, z)."""
     size = len(xi)
     for i in range(3):
         q = x if i == 0 else (y if i == 1 else z)

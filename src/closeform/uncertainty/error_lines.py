@@ -1,14 +1,14 @@
-"""Lines through the space of errors: who of a line's histories is ever inside a ball, exactly.
+r"""Exact probability to be ever inside a ball, for errors along a line in the space of errors.
 
-Histories along a line of errors x e are, at a time t, the points m(t) + x c(t) of a line, and those inside a
-ball an interval of x.  Over time intervals begin, move and end: who is ever inside is in their union, and
-who enters is what an interval begins with and what its ends move outward over.  An end moves outward where
-its own history moves inward.
+The trajectories of errors x e along a line are, at a time t, the points m(t) + x c(t) of a line, and those
+inside a ball form an interval of x. Over time, intervals begin, move and end. The trajectories that are ever
+inside form their union. Those that enter are in an interval when it begins, or are swept by an end that moves
+outward, which it does where its own trajectory moves inward.
 
            x |      ____hi
-             |   __/    \\____        entries: from `first` on upward along hi, downward along lo
+             |   __/    \____        entries: from `first` on upward along hi, downward along lo
              |  (first        )
-             |   \\__lo_____/
+             |   \__lo_____/
              +--------------------- t
 """
 
@@ -21,21 +21,21 @@ from closeform._jit import kernel
 from closeform.kernel_loans import borrowed, stack_matrix, stack_vector
 from closeform.motion.certified_march import relative_state
 
-BIG = 40.0  # deviations: nobody is beyond
-NOTHING = 1e-9  # of the zone: an error that moves craft less is none
-SAMPLES = 512  # an orbit (or a window, in deep space), between which what counts happens once
-TURN = 0.2  # of its length, by which a line's direction changes from sample to sample
-FINEST = 1.0 / 4096.0  # of a sample's time: a line that passes through nothing turns faster
-HALVINGS = 50  # of a sample's time, for when an interval begins, and for when an end turns
-MOST = 1024  # intervals of a line that are apart
+BIG = 40.0  # standard deviations: the probability beyond is negligible
+NOTHING = 1e-9  # of the zone: a smaller effect of an error is negligible
+SAMPLES = 512  # samples in an orbit (or a window, in deep space); at most one event between two
+TURN = 0.2  # greatest relative change of a line's direction between samples
+FINEST = 1.0 / 4096.0  # of a sample's time: least step, where a line passes through zero length
+HALVINGS = 50  # bisections of a sample's time for the start of an interval, or the reversal of an end
+MOST = 1024  # greatest number of disjoint intervals of a line
 
-AT_START, EVER, ENTRIES = 0, 1, 2  # what is found of a line
-MET, LOW, HIGH, LEAST, GREATEST, SPANS, ENTERED = 0, 1, 2, 3, 4, 5, 6  # of `run`: how it stands by now
+AT_START, EVER, ENTRIES = 0, 1, 2  # columns of the result of a line
+MET, LOW, HIGH, LEAST, GREATEST, SPANS, ENTERED = 0, 1, 2, 3, 4, 5, 6  # entries of `run`, the current state
 
 
 @kernel()
 def weight(low, high, plane):
-    """Probability of an interval of a line: of one normal number, or (twice) of a ray's in a plane."""
+    """Return the probability of an interval of a line: a normal number, or (twice) a ray's in a plane."""
     if not low < high:
         return 0.0
     if high <= 0.0:
@@ -51,20 +51,20 @@ def weight(low, high, plane):
 
 @kernel()
 def look(mean, line, order, n, t, at):
-    """The line at a time of a window: `at` (4, 3) its middle, where it leads, and the rates of both."""
+    """Fill `at` (4, 3) with a line at a time of a window: midpoint, direction, and the rates of both."""
     at[0, 0], at[0, 1], at[0, 2], at[2, 0], at[2, 1], at[2, 2] = relative_state(mean, order, n, t)
     at[1, 0], at[1, 1], at[1, 2], at[3, 0], at[3, 1], at[3, 2] = relative_state(line, order, n, t)
 
 
 @kernel()
 def dot(a, b):
-    """Of two vectors."""
+    """Return the dot product of two vectors."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @kernel()
 def inward(at, x):
-    """How fast the square of a history's distance grows: below 0 where it moves inward."""
+    """Return half the rate of the squared distance of a trajectory: below 0 where it moves inward."""
     total = 0.0
     for i in range(3):
         total += (at[0, i] + x * at[1, i]) * (at[2, i] + x * at[3, i])
@@ -73,7 +73,7 @@ def inward(at, x):
 
 @kernel()
 def nearest(at):
-    """Which history of the line is nearest to the centre, and how far within the ball it is."""
+    """Return the trajectory of the line nearest to the centre, and how deep it is within the ball."""
     a = dot(at[1], at[1])
     x = -dot(at[0], at[1]) / a if a > NOTHING * NOTHING else 0.0
     square = 0.0
@@ -85,7 +85,7 @@ def nearest(at):
 
 @kernel()
 def ends(at):
-    """Between which errors a history is inside: (low, high), low above high where none is."""
+    """Return the errors between which trajectories are inside: (low, high), low above high for none."""
     x, depth = nearest(at)
     if depth < 0.0:
         return 1.0, -1.0
@@ -96,7 +96,7 @@ def ends(at):
 
 @kernel()
 def note(spans, run):
-    """Join the union of intervals with one that ended; those held are apart, in no order."""
+    """Add an interval that ended to the union; the stored ones are disjoint, in no order."""
     low, high, kept = run[LEAST], run[GREATEST], 0
     for k in range(int(run[SPANS])):
         if spans[k, 0] <= high and low <= spans[k, 1]:
@@ -111,14 +111,14 @@ def note(spans, run):
 
 @kernel()
 def begin(run, low, high, plane):
-    """An interval begins."""
+    """Begin an interval."""
     run[MET], run[LOW], run[HIGH], run[LEAST], run[GREATEST] = 1.0, low, high, low, high
     run[ENTERED] += weight(low, high, plane)
 
 
 @kernel()
 def finish(spans, run):
-    """The interval ends."""
+    """End the interval."""
     if run[MET] > 0.0:
         note(spans, run)
     run[MET] = 0.0
@@ -126,7 +126,7 @@ def finish(spans, run):
 
 @kernel()
 def move(run, side, x, plane):
-    """An end of the interval moves on, one way: `side` is LOW or HIGH."""
+    """Move an end of the interval monotonically; `side` is LOW or HIGH."""
     out = weight(x, run[LOW], plane) if side == LOW else weight(run[HIGH], x, plane)
     run[ENTERED] += out
     run[side] = x
@@ -135,9 +135,9 @@ def move(run, side, x, plane):
 
 @kernel()
 def follow(mean, line, order, n, t, stop, outward, outward_then, at, run, plane):
-    """Both ends from t to `stop`, where `at` is the line: each may turn once, if the signs of it differ.
+    """Move both ends from t to `stop`, where `at` is the line; each may reverse once.
 
-    `outward`, `outward_then` (LOW and HIGH): below 0 where an end moves outward, at t and at `stop`.
+    `outward`, `outward_then` (LOW and HIGH): below 0 if an end moves outward, at t and at `stop`.
     """
     low, high = ends(at)
     for side in (LOW, HIGH):
@@ -161,7 +161,7 @@ def follow(mean, line, order, n, t, stop, outward, outward_then, at, run, plane)
 
 @kernel()
 def edge(mean, line, order, n, t, stop, met, at):
-    """When between two times a line comes to be met, or no longer is; `at` is it then, while it is met."""
+    """Return the time between two at which a line begins or ceases to meet the ball; `at` is it then."""
     for _ in range(HALVINGS):
         middle = 0.5 * (t + stop)
         look(mean, line, order, n, middle, at)
@@ -176,7 +176,7 @@ def edge(mean, line, order, n, t, stop, met, at):
 
 @kernel()
 def deepest(mean, line, order, n, t, stop, at):
-    """When between two times a line is nearest to the centre; `at` is it then."""
+    """Return the time between two at which a line is nearest to the centre, with the line in `at`."""
     for _ in range(HALVINGS):
         middle = 0.5 * (t + stop)
         look(mean, line, order, n, middle, at)
@@ -190,12 +190,13 @@ def deepest(mean, line, order, n, t, stop, at):
 
 @kernel()
 def step(mean, line, order, n, t, stop, before, after, at, outward, spans, run, plane):
-    """From one sample to the next: `before` and `after` are the line there."""
+    """Advance from one sample to the next, where the line is `before` and `after`."""
     low, high = ends(after)
     met, meets = run[MET] > 0.0, low <= high
     if met and meets:
         if dot(before[1], after[1]) < 0.0 and (low > run[HIGH] or high < run[LOW]):
-            far = BIG if run[LOW] + run[HIGH] > 0.0 else -BIG  # by infinity, and back from the other side
+            # through infinity, and back from the other side
+            far = BIG if run[LOW] + run[HIGH] > 0.0 else -BIG
             move(run, LOW, far, plane)
             move(run, HIGH, far, plane)
             finish(spans, run)
@@ -227,7 +228,7 @@ def step(mean, line, order, n, t, stop, before, after, at, outward, spans, run, 
 
 @kernel()
 def copy(source, target):
-    """One line's state into another's."""
+    """Copy one line's state into another's."""
     for i in range(4):
         for k in range(3):
             target[i, k] = source[i, k]
@@ -235,13 +236,13 @@ def copy(source, target):
 
 @kernel()
 def comes_between(before, after):
-    """Whether a line that is met at neither of two samples may be in between."""
+    """Return True if a line that misses the ball at two samples may meet it in between."""
     return inward(before, nearest(before)[0]) < 0.0 < inward(after, nearest(after)[0])
 
 
 @kernel()
 def sample_time(n, length, at):
-    """How long to the next sample."""
+    """Return the time to the next sample."""
     base = 2.0 * pi / (SAMPLES * n) if n > 0.0 else length / SAMPLES
     size, rate = sqrt(dot(at[1], at[1])), sqrt(dot(at[3], at[3]))
     if TURN * size < base * rate:
@@ -253,9 +254,10 @@ def sample_time(n, length, at):
     void(float64[::1], int64[::1], float64, float64[:, :, :, ::1], float64[:, ::1], boolean, float64[:, ::1])
 )
 def follow_lines(times, orders, n, windows, ways, plane, out):
-    """Of each line of errors along `ways` (K, M): inside at the start, ever, entries expected (K, 3).
+    """Write the probabilities to begin inside and to be ever inside, and the expected entries (K, 3).
 
-    `plane`: weighed as lines through the middle of a plane, over all directions of which this is a mean.
+    For each line of errors along `ways` (K, M). `plane`: weighted as lines through the centre of a plane, for
+    a mean over all directions.
     """
     windows, ways, out = borrowed(windows), borrowed(ways), borrowed(out)
     line, spans = stack_matrix(8, 3), np.empty((MOST, 2))

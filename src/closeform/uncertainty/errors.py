@@ -1,4 +1,4 @@
-"""Errors: how far a craft may be from its path, and how well it does what it is told."""
+"""Uncertainty of a craft: state covariance, execution errors and process noise."""
 
 from __future__ import annotations
 
@@ -19,47 +19,47 @@ from closeform.uncertainty.search import one_for_each, search_of, stays_of_two
 from closeform.uncertainty.spread import covariances, spread_of
 from closeform.zones.zone import Zone
 
-# sigma_v / (n sigma_r): so many of its position's sigmas velocities move a craft in a radian.  Mostly about
-# one, of poor speeds near a hundred; mixed units make it a thousand times more.  Above the second number the
-# positions are nearly exact, which says nothing of units; nor does a covariance that is nearly singular, with
-# such a share of its greatest sigma, or of correlations' greatest eigenvalue, left along some axis.
+# sigma_v / (n sigma_r), for a warning of mixed units. It is usually about one, near a hundred for poor
+# velocities, and a thousand times more for mixed units. Above the second number the positions are nearly
+# exact, which is no sign of mixed units. Nor is a nearly singular covariance, with such a share of its
+# greatest sigma, or of the correlations' greatest eigenvalue, left along some axis.
 MIXED, EXACT, SINGULAR = 1e3, 1e5, 1e-3
 
 
 @dataclass(frozen=True, eq=False, init=False)
 class Uncertainty:
-    """How far one craft may be from its path, by a normal distribution.
+    """State covariance and execution errors of one craft, normally distributed.
 
-    Errors of different kinds, of different burns and of different craft are independent.  The state's is
-    that at the path's start, before an impulse there.  A burn is a stretch of thrust without a pause.
+    Errors of different kinds, of different burns and of different craft are independent. The state covariance
+    holds at the path's start, before an impulse there. A burn is an interval of thrust without a pause.
 
     Parameters
     ----------
     state : array_like of shape (6, 6) [m^2, m^2/s, m^2/s^2], optional
         Covariance of position and velocity at the path's start, in the path's rotating frame: symmetric,
-        no eigenvalue below 0 (it may be singular).  Unless given the state is known exactly.
+        no eigenvalue below 0 (it may be singular). Default: an exact state.
     magnitude : float, no unit, default 0
-        Standard deviation of each burn's thrust as a share of it, the same all over the burn.
+        Relative standard deviation of each burn's thrust, constant over the burn.
     pointing : float [rad], default 0
-        Standard deviation of the angles about x, y and z by which each burn's thrust is turned, constant over
-        the burn in the rotating frame.
+        Standard deviation of the pointing errors of each burn's thrust about x, y and z, constant over the
+        burn in the rotating frame.
     impulse : array_like of shape (4,) [m/s, no unit, m/s, rad], default zeros
-        Gates' s1 to s4: of each impulse, sqrt(s1^2 + s2^2 |v|^2) along it and sqrt(s3^2 + s4^2 |v|^2) along
-        either of two axes across it.
+        Gates' s1 to s4: standard deviations of each impulse, sqrt(s1^2 + s2^2 |v|^2) along it and
+        sqrt(s3^2 + s4^2 |v|^2) on either of two axes across it.
     noise : float [m^2/s^3], default 0
-        Spectral density of white acceleration noise along each axis, all along the path: of velocity it makes
-        a variance of `noise` t in deep space.
+        Spectral density of white acceleration noise on each axis. In deep space the variance of velocity
+        grows as `noise` t.
 
     Raises
     ------
     ValueError
         If `state` is not symmetric or has an eigenvalue below 0 (by more than 1e-9, scaled by its diagonal),
-        if another number is negative, or if shapes do not fit or a number is not finite.
+        if another number is negative, or if shapes do not match or a number is not finite.
 
     Notes
     -----
-    A covariance of velocities that is out of all proportion to that of positions, as where one is in km and
-    the other in m/s, is taken with a warning once it is used.
+    A velocity covariance out of proportion to the position covariance, as with km and m/s, gives a warning
+    when it is used.
 
     References
     ----------
@@ -101,21 +101,20 @@ class Uncertainty:
         craft: ArrayLike | None = None,
         **execution: Any,
     ) -> Self:
-        """From a covariance at some time in radial, transverse and normal axes, as messages hold it.
+        """Create an uncertainty from a covariance at some time in radial, transverse and normal axes.
 
         Parameters
         ----------
         covariance : array_like of shape (6, 6) [m^2, m^2/s, m^2/s^2]
-            Of the inertial position and velocity, both told along the axes of `craft`, as a CDM does.
+            Covariance of the inertial position and velocity, both along the axes of `craft`, as in a CDM.
         path : Path
-            Of the craft, from whose start on the errors are to hold.
+            Path of the craft, at whose start the uncertainty is to hold.
         time : float [s]
-            On the path's clock, of the covariance: a closest approach, an epoch; also before the start.
+            Time of the covariance on the path's clock: a closest approach or an epoch; also before the start.
         chief : array_like of shape (6,) [m, m/s]
             Inertial state, at that time, of the chief in whose frame the path is.
         craft : array_like of shape (6,) [m, m/s], optional
-            Inertial state, at that time, of the object along whose axes the covariance is; the chief unless
-            given.
+            Inertial state, at that time, of the object that defines the axes. Default: the chief.
         execution : keyword arguments
             `magnitude`, `pointing`, `impulse` and `noise` of `Uncertainty`.
 
@@ -132,8 +131,8 @@ class Uncertainty:
 
         Notes
         -----
-        The frame turns, so that its velocities differ by turn rate x position.  From `time` to the start the
-        covariance is carried by natural motion, in the path's circular orbit, without noise.
+        The frame rotates, so that its velocities differ by rotation rate x position. From `time` to the start
+        the covariance is propagated by natural motion in the path's circular orbit, without noise.
 
         References
         ----------
@@ -147,16 +146,16 @@ class Uncertainty:
     def from_inertial(
         cls, covariance: ArrayLike, path: Path, time: float, chief: ArrayLike, **execution: Any
     ) -> Self:
-        """From a covariance at some time in inertial axes.
+        """Create an uncertainty from a covariance at some time in inertial axes.
 
         Parameters
         ----------
         covariance : array_like of shape (6, 6) [m^2, m^2/s, m^2/s^2]
-            Of position and velocity in the inertial frame of `chief`.
+            Covariance of position and velocity in the inertial frame of `chief`.
         path : Path
-            Of the craft, from whose start on the errors are to hold.
+            Path of the craft, at whose start the uncertainty is to hold.
         time : float [s]
-            On the path's clock, of the covariance; also before the start.
+            Time of the covariance on the path's clock; also before the start.
         chief : array_like of shape (6,) [m, m/s]
             Inertial state, at that time, of the chief in whose frame the path is.
         execution : keyword arguments
@@ -165,7 +164,7 @@ class Uncertainty:
         Returns
         -------
         Uncertainty
-            In the path's rotating frame, at its start; as of `from_rtn`.
+            Uncertainty in the path's rotating frame, at its start, as by `from_rtn`.
 
         Raises
         ------
@@ -183,6 +182,7 @@ class Uncertainty:
     def _from(
         cls, covariance: ArrayLike, turned: Any, path: Path, time: float, chief: Floats, execution: Any
     ) -> Self:
+        """Create an uncertainty from a covariance in axes given by a matrix."""
         when = number("time", time)
         if not np.isfinite(when):
             raise ValueError(f"time: must be finite, got {when:g} s")
@@ -191,39 +191,39 @@ class Uncertainty:
         return cls(None, **execution)._with_root(root)
 
     def _with_root(self, root: Floats) -> Self:
-        """The same execution of another state, by a root (6, m) of its covariance, m up to 6."""
+        """Return the same execution errors with another state covariance, by a root (6, m), m up to 6."""
         made = self._of_burns
         square = np.zeros((6, 6))
         square[:, : root.shape[1]] = root
-        made.__dict__.update(state=root @ root.T, _root=square)  # whose digits the product has not
+        made.__dict__.update(state=root @ root.T, _root=square)  # the product would lose digits
         return made
 
     def covariance(self, path: Path, time: ArrayLike) -> Floats:
-        """Covariance of a craft's state along its path, exactly.
+        """Return the covariance of a craft's state along its path, exactly.
 
         Parameters
         ----------
         path : Path
-            Of one craft.
+            Path of one craft.
         time : array_like of shape (...) [s]
-            On the path; at an impulse the covariance is the one after it.
+            Times on the path; at an impulse the covariance is the one after it.
 
         Returns
         -------
         array of shape (..., 6, 6) [m^2, m^2/s, m^2/s^2]
-            Of position and velocity, in the path's rotating frame.
+            Covariance of position and velocity, in the path's rotating frame.
 
         Raises
         ------
         ValueError
-            If the path is a batch, goes through samples and errors are of thrust, or a time is not on it.
+            If the path is a batch, a sampled path has thrust errors, or a time is not on it.
 
         References
         ----------
         docs/theory.md section 3, errors.
         """
         times = numbers("time", time)
-        of_one_craft(path).state(times)  # which says what is wrong with them
+        of_one_craft(path).state(times)  # raises an error for invalid times
         spread = spread_of(path, [self])
         out = np.empty((times.size, 6, 6))
         flat = np.ascontiguousarray(times.reshape(-1))
@@ -234,51 +234,51 @@ class Uncertainty:
     def _find_conflicts(
         path: Path, other: Path, zone: Zone, errors: Any, other_errors: Any, sigmas: Any
     ) -> tuple[Conflict, ...]:
-        """As `find_conflicts` does where there are errors."""
+        """Return the conflicts of two craft with errors, for `find_conflicts`."""
         one = spread_of(path, [errors])
         found = stays_of_two(one, spread_of(other, [other_errors]), zone, path.orbit.mean_motion, sigmas)
         return tuple(Conflict(*map(float, row[1:])) for row in found)
 
     @staticmethod
     def _search_of(paths: Path, errors: Any, zones: Sequence[Zone], sigmas: Any) -> Any:
-        """What `screen` searches some pairs with, where there are errors."""
+        """Return the search of pairs with errors, for `screen`."""
         spread = spread_of(paths, one_for_each("errors", errors, paths, Uncertainty))
         return search_of(spread, zones, paths.orbit.mean_motion, size("sigmas", sigmas))
 
     @property
     def _of_burns(self) -> Self:
-        """Those of one who does what it is told as well, from a state that is known."""
+        """Execution errors alone, with an exact state."""
         return type(self)(None, self.magnitude, self.pointing, self.impulse, self.noise)
 
     @property
     def _of_orders(self) -> Self:
-        """Those of burns, as they are of short ones, by Gates' model."""
+        """Execution errors of short burns, by Gates' model."""
         return type(self)(None, impulse=(0.0, self.magnitude, 0.0, self.pointing))
 
     @cached_property
     def _execution(self) -> Floats:
-        """What kernels see of errors but the state's: magnitude, pointing, s1 to s4, noise (7,)."""
+        """Errors other than the state's, for kernels: magnitude, pointing, s1 to s4, noise (7,)."""
         return np.array([self.magnitude, self.pointing, *self.impulse, self.noise])
 
     def _check_for(self, path: Path) -> None:
-        """Refuse paths whose thrust is not known, warn of mixed units."""
+        """Raise ValueError for thrust errors on a sampled path, and warn of mixed units."""
         n = path.orbit.mean_motion
         if (self.magnitude or self.pointing or any(self.impulse)) and np.any(path.cubic_share):
             raise ValueError(
-                "errors: of thrust or impulses, of a path through samples, whose thrust is not known; give "
+                "errors: execution errors require a path with known thrust, not a sampled path; give "
                 "`state` and `noise` only"
             )
         place, speed = (float(np.sqrt(np.trace(self.state[k : k + 3, k : k + 3]))) for k in (0, 3))
         if MIXED * n * place < speed < EXACT * n * place and not _nearly_singular(self.state):
             warnings.warn(
-                f"errors: velocities to {speed:g} m/s beside positions to {place:g} m; are units mixed, "
+                f"errors: standard deviations of {speed:g} m/s and {place:g} m; are units mixed, "
                 "km with m/s?",
                 stacklevel=4,
             )
 
 
 def _nearly_singular(state: Floats) -> bool:
-    """Return whether a covariance (6, 6) leaves hardly any error along some axis."""
+    """Return True if a covariance (6, 6) leaves hardly any error along some axis."""
     sigmas = np.sqrt(np.diag(state))
     if not (sigmas > 0.0).all():
         return True
@@ -288,16 +288,19 @@ def _nearly_singular(state: Floats) -> bool:
 
 
 def _at_least_zero(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Floats:
+    """Return a non-negative argument of a given shape."""
     given = finite(name, value)
     if given.shape != shape:
         raise ValueError(f"{name}: expected shape {shape}, got {given.shape}")
     if not (given >= 0.0).all():
-        raise ValueError(f"{name}: standard deviations and densities are at least 0, got {given.tolist()}")
+        raise ValueError(
+            f"{name}: standard deviations and densities must be at least 0, got {given.tolist()}"
+        )
     return given
 
 
 def one_state(name: str, value: ArrayLike) -> Floats:
-    """An argument as the state (6,) of one craft."""
+    """Return an argument as the state (6,) of one craft."""
     state = finite(name, value, 6)
     if state.shape != (6,):
         raise ValueError(f"{name}: expected one state of shape (6,), got {state.shape}")

@@ -1,7 +1,7 @@
-"""Histories of one or two errors, or of none: who is inside, exactly, by lines through the space of errors.
+"""Exact collision probability for one or two independent errors, by lines through the space of errors.
 
-One error is a line.  Of two, lines through the middle of the plane that they span go all ways round, and what
-each of them finds is integrated over the angle; its edges are where the zone, as errors see it, is widest.
+One error is a line. For two, the result is integrated over the angle of lines through the centre of their
+plane; the integral is split at the angles where the zone, seen in the space of errors, is widest.
 """
 
 from __future__ import annotations
@@ -17,18 +17,18 @@ from closeform.uncertainty.error_lines import ENTRIES, EVER, NOTHING, follow_lin
 from closeform.uncertainty.quadrature import integral
 from closeform.uncertainty.sampled_trajectories import Histories
 
-SAMPLES = 512  # times an orbit (or a piece, in deep space), at which errors are looked at
-THIN = 1e-7, 1e-6  # of the greatest, and of the zone: what 16 digits of a covariance leave across
-LINE = 1e-6  # of a probability of one error: half of its interval
-PLANE = 1e-5  # of one of two
+SAMPLES = 512  # sampled times in an orbit (or a piece, in deep space)
+THIN = 1e-7, 1e-6  # of the greatest effect, and of the zone: rounding of a singular covariance
+LINE = 1e-6  # relative half-interval of the probability for one error
+PLANE = 1e-5  # the same for two errors
 EVEN = np.linspace(0.0, np.pi, 13)
 
 
 @dataclass(frozen=True, eq=False)
 class FewErrors:
-    """Probability to be inside at the start, to be ever inside, and how many entries are expected.
+    """Probabilities to be inside at the start and ever inside, and the expected number of entries.
 
-    `off` is the share of them by which they may be off.
+    `off` is their relative error.
     """
 
     at_start: float
@@ -38,7 +38,7 @@ class FewErrors:
 
     @classmethod
     def of(cls, histories: Histories, ways: Floats) -> FewErrors:
-        """Of errors along one or two directions (1 or 2, M) at right angles, of length 1, or nil of none."""
+        """Return the result for one or two orthonormal directions of errors (1 or 2, M), or zeros."""
         if len(ways) == 1:
             at_start, ever, entries = map(float, _followed(histories, ways, plane=False)[0])
             return cls(at_start, ever, entries, LINE)
@@ -52,13 +52,13 @@ class FewErrors:
 
 
 def _round(histories: Histories, ways: Floats, what: int, angles: Floats) -> Floats:
-    """What is found of lines through the middle of a plane, at some angles (K,)."""
+    """Return one result of lines through the centre of a plane, at some angles (K,)."""
     along = np.cos(angles)[:, None] * ways[0] + np.sin(angles)[:, None] * ways[1]
     return np.asarray(_followed(histories, along, plane=True)[:, what])
 
 
 def _followed(histories: Histories, ways: Floats, plane: bool) -> Floats:
-    """What is found of lines along some directions (K, M): (K, 3)."""
+    """Return the results of lines along some directions (K, M): (K, 3)."""
     out = np.empty((len(ways), 3))
     held = histories.times, histories.orders, histories.mean_motion, histories.windows
     follow_lines(*held, np.ascontiguousarray(ways), plane, out)
@@ -66,7 +66,7 @@ def _followed(histories: Histories, ways: Floats, plane: bool) -> Floats:
 
 
 def few_ways(histories: Histories) -> Floats | None:
-    """The directions (1 or 2, M) of all errors that move craft, nil where there are none; None of more."""
+    """Return the directions (1 or 2, M) of all errors that move craft, zeros without any; None for more."""
     moved = _moved(histories)[1].reshape(-1, len(histories.columns))
     _, sizes, directions = np.linalg.svd(moved / np.sqrt(len(moved) / 3), full_matrices=False)
     if sizes[0] <= NOTHING:
@@ -76,7 +76,7 @@ def few_ways(histories: Histories) -> Floats | None:
 
 
 def _moved(histories: Histories) -> tuple[Floats, Floats]:
-    """Where craft are (T, 3), and where each error moves them (T, 3, M), in zone coordinates, over time."""
+    """Return positions (T, 3) and the effect of each error (T, 3, M) over time, in zone coordinates."""
     n, grid = histories.mean_motion, []
     for begin, end in zip(histories.edges[:-1], histories.edges[1:], strict=True):
         turns = n * (end - begin) / (2.0 * np.pi) if n else 1.0
@@ -87,7 +87,7 @@ def _moved(histories: Histories) -> tuple[Floats, Floats]:
 
 
 def _angles(histories: Histories, ways: Floats) -> Floats:
-    """Angles from 0 to pi, with those between which lines meet the zone, where these are most or least."""
+    """Return angles from 0 to pi, including the extremes of those between which lines meet the zone."""
     middle, moved = _moved(histories)
     both = moved @ ways.T  # (T, 3, 2)
     along = np.einsum("ti,tij->tj", middle, both)

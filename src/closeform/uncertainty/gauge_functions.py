@@ -1,7 +1,7 @@
-"""Gauges: norms whose unit ball is a zone summed with an ellipsoid of k sigmas, and their gradients.
+"""Gauge functions: norms whose unit ball is a zone plus an ellipsoid of k sigmas, and their gradients.
 
-The gauge is the scale s at which s times both just touch the position r.  Its gradient is a / (1 + k |l_a|)
-for the a of the best plane then: the sum's supporting plane, a . r = 1 + k |l_a|.          # theory (52)
+The gauge is the scale s at which s times both just touch the position r. Its gradient is a / (1 + k |l_a|)
+for the a of the best plane, the supporting plane of the sum, a . r = 1 + k |l_a|.  # theory (52)
 """
 
 from math import sqrt
@@ -14,13 +14,13 @@ from closeform.uncertainty.cylinder_separation import plane
 from closeform.uncertainty.golden_planes import is_short, search_planes
 from closeform.zones.shapes import norm
 
-MEET = 1e-9  # norm below which two craft meet, and no side of the zone is nearer
-TURNS, MOST = 60, 1e6  # steps, and sigmas that are looked for
+MEET = 1e-9  # norm below which two craft coincide, and no direction is preferred
+TURNS, MOST = 60, 1e6  # greatest numbers of steps and of sigmas
 
 
 @kernel()
 def spread_along(s, x, y, z):
-    """sqrt(a S a)."""
+    """Return sqrt(a S a)."""
     square = x * (s[0, 0] * x + 2.0 * (s[0, 1] * y + s[0, 2] * z))
     square += y * (s[1, 1] * y + 2.0 * s[1, 2] * z) + z * s[2, 2] * z
     return sqrt(max(square, 0.0))
@@ -28,7 +28,7 @@ def spread_along(s, x, y, z):
 
 @kernel()
 def factor(s, root):
-    """Fill the lower triangle of `root` (3, 3) with Cholesky's factor of S."""
+    """Fill the lower triangle of `root` (3, 3) with the Cholesky factor of S."""
     for j in range(3):
         for i in range(j, 3):
             root[i, j] = s[i, j]
@@ -42,9 +42,10 @@ def factor(s, root):
 
 @kernel()
 def gauge(shape, faces, r, s, k, best):
-    """The gauge of r in the sum of the unit zone and k sigmas of S; `best` (4,) gets a, then 1 + k |l_a|.
+    """Return the gauge of r in the sum of the unit zone and k sigmas of S.
 
-    k < 0: as many sigmas as just touch the zone.  Newton's method, which comes from below.
+    `best` (4,) receives a, then 1 + k |l_a|. k < 0: the number of sigmas that just touch the zone. Newton's
+    method converges from below.
     """
     found, root = 0.0, stack_matrix(3, 3)
     for _ in range(TURNS):
@@ -71,10 +72,10 @@ def gauge(shape, faces, r, s, k, best):
     void(int64, float64[:, ::1], float64[:, ::1], float64[:, :, ::1], float64, float64[::1], float64[:, ::1])
 )
 def gauges(shape, faces, places, squares, k, sizes, gradients):
-    """Fill the gauges (K,) and their gradients (K, 3) of places (K, 3) with covariances (K, 3, 3).
+    """Fill the gauges (K,) and their gradients (K, 3) of positions (K, 3) with covariances (K, 3, 3).
 
-    `gradients` (K, 4) end in 1 + k |l_a|; they are 0 where two craft meet.  k < 0: fills the most sigmas that
-    are clear, 0 of who is inside the zone.
+    `gradients` (K, 4) end in 1 + k |l_a|; they are 0 where two craft coincide. k < 0: the greatest numbers of
+    clear sigmas, 0 inside the zone.
     """
     for m in range(len(places)):
         r, best = places[m], gradients[m]

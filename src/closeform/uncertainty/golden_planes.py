@@ -1,9 +1,9 @@
-"""The best plane between a zone and an ellipsoid where quick ways end short of it: by golden sections.
+"""Best separating plane between a zone and an ellipsoid by golden sections, where fast methods fail.
 
-Where an ellipsoid is thin sqrt(a S a) has an edge, along which Newton's method does not climb, its square
-has lost half the digits, and no point tells which plane is best.  Here planes are only compared, by a root
-of S that has kept its digits.  Of all planes that face r the room is quasi-concave, so that its most over
-one angle is so of the other; between three faces that meet it is concave.                     # theory 3
+For a thin ellipsoid sqrt(a S a) has an edge, along which Newton's method does not climb. Its square has lost
+half of the digits, and no point determines the best plane. Here planes are only compared, with a root of S
+that has kept its digits. Over all planes that face r the gap g is quasi-concave, so that its maximum over one
+angle is quasi-concave in the other; between three faces that meet it is concave.  # theory 3
 """
 
 from math import inf, sqrt
@@ -13,18 +13,18 @@ from closeform.kernel_loans import stack_matrix
 from closeform.uncertainty.planes import copy_row, room
 from closeform.zones.shapes import CUBE, FACES, norm, support
 
-GOLDEN, STEPS = 0.6180339887498949, 76  # after which a bracket is 1e-16 of what it was
-LACKING, MOST_LACKING = 1e-9, 1e-7  # of the room: what a plane may lack before all others are looked at
-LOST = 1e-12  # of the ellipsoid's size over its width, to rounding
-DEEP = 0.5  # norm of a point that nobody needs to know better, where the ellipsoid holds the origin
+GOLDEN, STEPS = 0.6180339887498949, 76  # steps that shrink a bracket to a relative 1e-16
+LACKING, MOST_LACKING = 1e-9, 1e-7  # relative deficit of a plane's g before all planes are searched
+LOST = 1e-12  # rounding, relative to the ellipsoid's size over its width
+DEEP = 0.5  # norm of a point that is deep enough inside, if the ellipsoid contains the origin
 
 
 @kernel()
 def is_short(shape, faces, r, s, k, best):
-    """Whether a plane may leave less than the best one: the ellipsoid's point there is not as near.
+    """Return True if a plane may be worse than the best: the ellipsoid's point there is not as near.
 
-    That point is as uncertain as digits are lost, of an ellipsoid that is thin along the plane's normal; one
-    that is deep inside needs none.
+    That point is uncertain by the digits lost in an ellipsoid that is thin along the plane's normal. A point
+    deep inside is accepted.
     """
     g, x, y, z = room(r, s, k, best[0], best[1], best[2])
     near = norm(shape, faces, x, y, z)
@@ -37,7 +37,7 @@ def is_short(shape, faces, r, s, k, best):
 
 @kernel()
 def search_planes(shape, faces, r, root, k, best):
-    """Put the best plane of all in `best` (4,), if it is better; `root` (3, 3) is lower triangular."""
+    """Write the best plane of all to `best` (4,), if it is better; `root` (3, 3) is lower triangular."""
     chart = stack_matrix(3, 3)
     best[3] = left(r, root, k, best[0], best[1], best[2])
     cube = shape == FACES and is_cube(faces)
@@ -50,7 +50,7 @@ def search_planes(shape, faces, r, root, k, best):
 
 @kernel()
 def is_cube(faces):
-    """Whether faces are those of the unit cube, in the order in which `faced` gives them."""
+    """Return True if the faces are those of the unit cube, in the order of `faced`."""
     off = 0.0
     for m in range(len(faces)):
         for i in range(3):
@@ -61,7 +61,7 @@ def is_cube(faces):
 
 @kernel()
 def left(r, root, k, x, y, z):
-    """g of (x, y, z)."""
+    """Return g of (x, y, z)."""
     one = x * root[0, 0] + y * root[1, 0] + z * root[2, 0]
     two, three = y * root[1, 1] + z * root[2, 1], z * root[2, 2]
     return x * r[0] + y * r[1] + z * r[2] - k * sqrt(one * one + two * two + three * three)
@@ -69,10 +69,10 @@ def left(r, root, k, x, y, z):
 
 @kernel()
 def merit(shape, r, root, k, chart, u, v, best):
-    """How good the plane at u and v is, both in [0, 1]; `best` (4,) is the best so far.
+    """Return the merit of the plane at u and v, both in [0, 1]; update `best` (4,).
 
-    Of flat faces the mixture of three, their g.  Else the plane on a half circle at an angle about r, both by
-    the tangent of half the angle; where g is below 0 as if a . r was 1 and not the support.
+    For flat faces, the mixture of three and its g. Otherwise the plane on a half circle at an angle about r,
+    both by the tangent of half the angle; if g is negative, it is scaled by a . r instead of the support.
     """
     if shape == FACES:
         one, two, three = 1.0 - u, u * (1.0 - v), u * v
@@ -96,7 +96,7 @@ def merit(shape, r, root, k, chart, u, v, best):
 
 @kernel()
 def best_across(shape, r, root, k, chart, u, best):
-    """The greatest merit at some u."""
+    """Return the greatest merit at some u."""
     low, high = 0.0, 1.0
     near, far = 1.0 - GOLDEN, GOLDEN
     worth = merit(shape, r, root, k, chart, u, near, best)
@@ -115,7 +115,7 @@ def best_across(shape, r, root, k, chart, u, best):
 
 @kernel()
 def best_of_all(shape, r, root, k, chart, best):
-    """Look for the best plane of a chart at all u and v."""
+    """Search the best plane of a chart over all u and v."""
     low, high = 0.0, 1.0
     near, far = 1.0 - GOLDEN, GOLDEN
     worth = best_across(shape, r, root, k, chart, near, best)
@@ -133,7 +133,7 @@ def best_of_all(shape, r, root, k, chart, best):
 
 @kernel()
 def search_faces(faces, r, root, k, chart, best):
-    """The best mixture of two faces, or of three that meet in a corner of the zone."""
+    """Search the best mixture of two faces, or of three that meet in a corner of the zone."""
     for i in range(len(faces)):
         copy_row(faces[i], chart[0])
         for j in range(i):
@@ -148,7 +148,7 @@ def search_faces(faces, r, root, k, chart, best):
 
 @kernel()
 def is_corner(faces, chart):
-    """Whether the three faces of a chart meet in a point of the zone."""
+    """Return True if the three faces of a chart meet in a point of the zone."""
     f, g, h = chart[0], chart[1], chart[2]
     # q = (g x h + h x f + f x g) / f . (g x h)
     x = g[1] * h[2] - g[2] * h[1] + h[1] * f[2] - h[2] * f[1] + f[1] * g[2] - f[2] * g[1]

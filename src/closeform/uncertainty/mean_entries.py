@@ -1,4 +1,4 @@
-"""How many entries into a zone are expected of a random motion, and when: the rate integrated over time."""
+"""Expected number of entries of a random motion into a zone: the rate integrated over time."""
 
 from __future__ import annotations
 
@@ -14,36 +14,36 @@ from closeform.uncertainty.entry_rate import surface_integrals
 from closeform.uncertainty.quadrature import Integral, integral
 from closeform.uncertainty.sampled_trajectories import CORES, Histories
 
-TOLERANCE = 1e-4  # of an integral over time
-ROUND = 1e-4  # of a rate, over the surface
-FINENESS = (1.0, 1.4, 2.0, 2.8, 4.0, 5.6, 8.0)  # of nodes on the surface
-MOST = 96  # nodes in height, or along an arc
-ZOOMS = 10  # each to a quarter, of where a passage is looked for
-SAMPLES = 128  # an orbit (or a piece, in deep space), among which the nearest times are looked for
-LADDER = np.array([-10.0, -3.0, -1.0, 0.0, 1.0, 3.0, 10.0])  # times the width of a passage
-NEAR = 60.0  # of the squared distance in deviations, above its least: passages that count
-SURE = 6.0  # deviations: who comes nearer than that to a zone enters it at some rate
-FADED = 10.0  # deviations beyond those of the greatest rate, in squares: rates there are 1e-21 of it
-QUARTERS = np.array([0.125, 0.375, 0.625, 0.875])  # of a piece of time, whose middles are looked at first
-CHECKED = 24  # times at which a rate is compared with one of more nodes
+TOLERANCE = 1e-4  # relative tolerance of the integral over time
+ROUND = 1e-4  # relative tolerance of a rate over the surface
+FINENESS = (1.0, 1.4, 2.0, 2.8, 4.0, 5.6, 8.0)  # factors on the number of nodes on the surface
+MOST = 96  # greatest number of nodes in height, or along an arc
+ZOOMS = 10  # refinements of the time of a passage, each to a quarter
+SAMPLES = 128  # samples in an orbit (or a piece, in deep space) for the closest times
+LADDER = np.array([-10.0, -3.0, -1.0, 0.0, 1.0, 3.0, 10.0])  # in units of the width of a passage
+NEAR = 60.0  # squared distance in deviations above the least: passages that count
+SURE = 6.0  # deviations: a closer approach must have some rate of entries
+FADED = 10.0  # deviations, in squares, beyond those of the greatest rate: rates are 1e-21 of it
+QUARTERS = np.array([0.125, 0.375, 0.625, 0.875])  # initial samples of a piece of time
+CHECKED = 24  # times at which a rate is compared with one from more nodes
 
 
 class Unresolved(ValueError):
-    """Errors of which the rate of entries over the zone's surface has no value that can be told."""
+    """Errors for which the rate of entries over the zone's surface cannot be computed."""
 
     def __init__(self) -> None:
         super().__init__(
-            "errors: so small beside the zone, or so nearly known, that its surface is not resolved; "
+            "errors: too small relative to the zone, or too nearly singular, to resolve its surface; "
             'use method="monte-carlo"'
         )
 
 
 @dataclass(frozen=True, eq=False)
 class Flux:
-    """Entries that are expected from the start on: how many, how far off that may be, and when.
+    """Expected entries from the start on: their number, its error, and their distribution in time.
 
-    `of_time` holds the times looked at, with the rate and the part of all entries of each; `nearest` [s] when
-    the mean is nearest to the zone, the nearest first.
+    `of_time` holds the sampled times with the rate and the part of all entries of each; `nearest` [s] the
+    times at which the mean is closest to the zone, the closest first.
     """
 
     value: float
@@ -55,7 +55,7 @@ class Flux:
 
 @cache
 def rules() -> Floats:
-    """Gauss's places in (-1, 1) and weights (MOST + 1, MOST, 2): a rule for each number of nodes."""
+    """Return Gauss's nodes in (-1, 1) and weights (MOST + 1, MOST, 2), a rule for each number of nodes."""
     out = np.zeros((MOST + 1, MOST, 2))
     for k in range(1, MOST + 1):
         out[k, :k] = np.stack(np.polynomial.legendre.leggauss(k), axis=1)
@@ -64,12 +64,12 @@ def rules() -> Floats:
 
 @cache
 def pool() -> ThreadPoolExecutor:
-    """Threads for all cores."""
+    """Return the thread pool for all cores."""
     return ThreadPoolExecutor(CORES)
 
 
 def rates(histories: Histories, times: Floats, fineness: float, farthest: float = np.inf) -> Floats:
-    """Rate of entries and the mean's distance in deviations (T, 2) at some times, on all cores.
+    """Return the rate of entries and the mean's distance in deviations (T, 2) at some times, on all cores.
 
     The rate is 0 beyond the `farthest` distance.
     """
@@ -91,7 +91,10 @@ def rates(histories: Histories, times: Floats, fineness: float, farthest: float 
 
 
 def nearest_times(histories: Histories) -> tuple[Floats, Floats]:
-    """When the mean is nearest to the zone, in deviations, of all minima that count, and that distance."""
+    """Return the times at which the mean is closest to the zone, in deviations, and the distances.
+
+    These are all local minima that count.
+    """
     n = histories.mean_motion
     grid = []
     for begin, end in zip(histories.edges[:-1], histories.edges[1:], strict=True):
@@ -117,7 +120,7 @@ def nearest_times(histories: Histories) -> tuple[Floats, Floats]:
 
 
 def passages(histories: Histories, nearest: Floats) -> Floats:
-    """Times between which the rate changes little by little: about each of the nearest."""
+    """Return times between which the rate varies slowly, around each of the closest times."""
     mean, factor = histories.states(nearest)
     matrix = histories.zone.matrix
     velocity = mean[:, 3:] @ matrix.T
@@ -135,9 +138,9 @@ def passages(histories: Histories, nearest: Floats) -> Floats:
 
 
 def expected_entries(histories: Histories) -> Flux:
-    """Integrate the rate over time, with as many nodes on the surface as its largest values need.
+    """Integrate the rate over time, with as many nodes on the surface as its largest values require.
 
-    Raises Unresolved where it has no value.
+    Raises Unresolved if the rate cannot be computed.
     """
     nearest, distances = nearest_times(histories)
     order = np.argsort(distances, kind="stable")
@@ -163,20 +166,20 @@ def expected_entries(histories: Histories) -> Flux:
 
 
 def _sampled(parts: Floats) -> Any:
-    """Indices of `CHECKED` times, each for as much of all parts."""
+    """Return the indices of `CHECKED` times, each for an equal part of the sum."""
     reached = np.cumsum(parts)
     return np.searchsorted(reached, (np.arange(CHECKED) + 0.5) / CHECKED * reached[-1])
 
 
 def _entries(histories: Histories, fineness: float, farthest: float, times: Floats) -> Floats:
-    """The rate of entries at some times."""
+    """Return the rate of entries at some times."""
     return rates(histories, times, fineness, farthest)[:, 0]
 
 
 def _enough(histories: Histories, times: Floats, few: Floats, level: int) -> tuple[int, float]:
-    """The first level from which on more nodes change next to nothing, and how much: of all rates' sum.
+    """Return the first level at which more nodes hardly change the rates, and the relative change.
 
-    `few` are those of the given level.
+    `few` are the rates at the given level.
     """
     while True:
         many = rates(histories, times, FINENESS[level + 1])[:, 0]

@@ -1,13 +1,13 @@
-"""Moving certificates: a plane, or a position, on a chord between two times, where one that stays stalls.
+"""Moving certificates: a plane or a position on a chord between two times, where a fixed one stalls.
 
-A tube can touch a zone, or nearly, for as long as it likes: each standing plane then loses what gap there is
-in about its root, a millionth of a turn.  Between the best planes a of now and b of a step later
+A tube can touch a zone, or nearly, for a long time. Each fixed plane then loses its small gap within a step
+of about its root, a millionth of a turn. Between the best planes a of now and b of a step later
 
     a(u) = a + u (b - a),   0 <= u <= 1,
 
-gives away only the fourth power of the step, and everything is a polynomial of u by Taylor's series: theory
-(54), with l_j = a(u) . r_j of the columns and what bounds the zone's support along a(u).  From inside, errors
-on a chord between those that lead to the zone are within k sigmas too.
+loses only the fourth power of the step, and all terms are polynomials of u by Taylor's series: theory (54),
+with l_j = a(u) . r_j of the columns and a bound of the zone's support along a(u). From inside, errors on a
+chord between two that lead into the zone are also within k sigmas.
 """
 
 from math import inf, sqrt
@@ -17,11 +17,12 @@ from closeform.kernel_loans import stack_matrix, stack_vector
 from closeform.uncertainty.tube import ACTIVE, COLUMNS, HINT, MEAN_RATE, NOISY, ORDER, STALLS, look, room_at
 from closeform.zones.shapes import BALL, CYLINDER, FACES
 
-TERMS = 9  # of a series
-ANGLE = 0.04  # reach in n t; the terms left out are below 1e-18 of the motion
-LOST = 2e-15  # of what a polynomial is the difference of, to rounding
+TERMS = 9  # number of terms of a series
+ANGLE = 0.04  # greatest step in n t; the truncated terms are below 1e-18 of the motion
+LOST = 2e-15  # relative rounding of the terms of a polynomial
 HALVINGS = 40
-BRIEF, STALLED = 1e-4, 5000  # of a window or of 1 / n, and how many such steps of a pair are enough
+# of a window or of 1 / n: a short step, and how many of them in a pair are accepted
+BRIEF, STALLED = 1e-4, 5000
 
 
 @kernel()
@@ -44,7 +45,7 @@ def series(rows, top, left, order, n, h, out):
 
 @kernel()
 def column_series(tube, j, h, out):
-    """The same of column j: of those that are settled, then of those under way."""
+    """Fill `out` with the series of column j: settled columns first, then those of burns in progress."""
     if j < 6:
         series(tube.settled, 0, 3 * j, 4, tube.mean_motion, h, out)
     else:
@@ -61,7 +62,7 @@ def add_product(factor, p, size, q, count, out):
 
 @kernel()
 def is_above(p, size, least):
-    """Whether a polynomial stays above `least` over [0, 1]: all its partial sums do."""
+    """Return True if a polynomial stays above `least` over [0, 1], because all its partial sums do."""
     total = 0.0
     for i in range(size):
         total += p[i]
@@ -72,7 +73,7 @@ def is_above(p, size, least):
 
 @kernel()
 def along_chord(a, b, motion, out):
-    """The polynomial (10,) of a(u) . motion(u)."""
+    """Fill `out` (10,) with the polynomial of a(u) . motion(u)."""
     for m in range(TERMS + 1):
         out[m] = 0.0
         for i in range(3):
@@ -84,10 +85,10 @@ def along_chord(a, b, motion, out):
 
 @kernel()
 def support_along(shape, a, b, target, ahead, ring, out):
-    """Fill `out` (11,) with a(u) . r_0 less `target` times the support along a(u), both times `ring` (2,).
+    """Fill `out` (11,) with a(u) . r_0 minus `target` times the support along a(u), times `ring` (2,).
 
-    The support is convex, so that it is at most 1 on the chord; where the zone is round ring >= hypot(...)
-    by at most the fourth power of the step: 2 ring hypot(...) <= ring^2 + hypot(...)^2.       # theory (54)
+    The support is convex, so that it is at most 1 on the chord. For round zones ring >= hypot(...) by at most
+    the fourth power of the step: 2 ring hypot(...) <= ring^2 + hypot(...)^2.  # theory (54)
     """
     out[:] = 0.0
     axes = 3 if shape == BALL else (2 if shape == CYLINDER else 0)
@@ -113,7 +114,10 @@ def support_along(shape, a, b, target, ahead, ring, out):
 
 @kernel()
 def keeps_gap(tube, k, target, a, b, h):
-    """Whether planes on a chord from a to b certainly keep k sigmas beyond `target` for h.   # theory (54)"""
+    """Return True if planes on a chord from a to b certainly keep k sigmas beyond `target` for h.
+
+    theory (54)
+    """
     motion, along, square = stack_matrix(9, 3), stack_vector(10), stack_vector(19)
     room, ring, rings, p = stack_vector(11), stack_vector(2), stack_vector(3), stack_vector(21)
     series(tube.mean, 0, 0, int(tube.seen[ORDER]), tube.seen[MEAN_RATE], h, motion)
@@ -140,7 +144,7 @@ def keeps_gap(tube, k, target, a, b, h):
 
 @kernel()
 def beyond_for(tube, k, target, longest):
-    """How long from the window's start planes that move certainly keep k sigmas beyond `target`."""
+    """Return how long moving planes certainly keep k sigmas beyond `target`, from the window's start."""
     a, b = stack_vector(3), stack_vector(3)
     look(tube, 0.0)
     room_at(tube, k, inf)
@@ -160,7 +164,7 @@ def beyond_for(tube, k, target, longest):
 
 @kernel()
 def first_try(tube, longest):
-    """How long a step is tried first: twice the last one."""
+    """Return the first step to try: twice the last one."""
     h = min(longest, 2.0 * tube.seen[HINT])
     n = max(tube.mean_motion, tube.seen[MEAN_RATE])
     return min(h, ANGLE / n) if n > 0.0 else h
@@ -168,19 +172,20 @@ def first_try(tube, longest):
 
 @kernel()
 def brief(tube, longest):
-    """Steps shorter than this lead nowhere."""
+    """Return the step below which progress stalls."""
     n = max(tube.mean_motion, tube.seen[MEAN_RATE])
     return BRIEF * (min(longest, 1.0 / n) if n > 0.0 else longest)
 
 
 @kernel()
 def begin_count(tube):
+    """Reset the count of short steps."""
     tube.seen[STALLS] = 0.0
 
 
 @kernel()
 def stalled(tube, h, longest):
-    """Count a step: how many in a row were too brief since there were enough of them."""
+    """Count a step; return the number of consecutive short steps beyond the accepted number."""
     if h < brief(tube, longest):
         tube.seen[STALLS] += 1.0
     else:
@@ -190,7 +195,7 @@ def stalled(tube, h, longest):
 
 @kernel()
 def errors_of_point(tube, used, out):
-    """The errors, `used` sigmas in size, that lead to the last plane's point; of noise to come none."""
+    """Write the errors, of size `used` sigmas, that lead to the last plane's point; zero for future noise."""
     best, at = tube.best, tube.at
     share = used / sqrt(tube.along[0]) if tube.along[0] > 0.0 else 0.0
     out[:] = 0.0
@@ -201,7 +206,7 @@ def errors_of_point(tube, used, out):
 
 @kernel()
 def stays_inside(tube, xi, eta, h, aim):
-    """Whether errors on a chord from xi to eta certainly keep the norm below aim for h."""
+    """Return True if errors on a chord from xi to eta certainly keep the norm below `aim` for h."""
     motion, place, p = stack_matrix(9, 3), stack_matrix(3, 12), stack_vector(23)
     chord, stretch, term, moved = stack_vector(2), stack_vector(3), stack_vector(4), stack_vector(9)
     size, other = 0.0, 0.0
@@ -211,7 +216,7 @@ def stays_inside(tube, xi, eta, h, aim):
     stretch[:] = 0.0
     stretch[0] = 1.5 if size > 0.0 else 1.0
     width = 6 + int(tube.seen[ACTIVE])
-    for j in range(width):  # (3 - y) / 2 <= 1 / sqrt(y), so that they are not longer than the longer one
+    for j in range(width):  # (3 - y) / 2 <= 1 / sqrt(y), so that they are not longer than the longer end
         chord[0], chord[1] = xi[j], eta[j] - xi[j]
         if size > 0.0:
             add_product(-0.5 / size, chord, 2, chord, 2, stretch)

@@ -1,7 +1,7 @@
-"""Histories with white noise: natural motion in short steps, and between two a change of velocity.
+"""Sampled trajectories with process noise: natural motion in short steps, with velocity changes between.
 
-States are exact at the steps' instants, and paths are continuous.  What noise does beside that within a step
-is too little to matter, and is bounded.
+States are exact at the ends of steps, and paths are continuous. The remaining effect of noise within a step
+is bounded.
 """
 
 from __future__ import annotations
@@ -40,9 +40,9 @@ from closeform.uncertainty.white_noise import (
 from closeform.zones.shapes import FORM, norm
 from closeform.zones.zone import Zone
 
-LEAST_OFF = 1e-9  # of the zone, which rounding does not reach
-NUMBERS = 1 << 22  # random ones that a chunk has at most
-ZONES = 3  # the larger one, the zone, the smaller one
+LEAST_OFF = 1e-9  # of the zone: more than rounding
+NUMBERS = 1 << 22  # greatest count of random numbers in a chunk
+ZONES = 3  # the enlarged zone, the zone, the reduced zone
 
 
 @kernel(
@@ -65,16 +65,16 @@ ZONES = 3  # the larger one, the zone, the smaller one
 def count_noisy(
     times, orders, n, windows, instants, natural, flows, form, factors, ends, errors, pushes, out
 ):
-    """As `count_histories` of errors (N, m), and of noise that adds `pushes` (N, K, 6) in each step.
+    """Count entries as `count_histories`, for errors (N, m) and noise `pushes` (N, K, 6) in each step.
 
-    By changes of velocity at its `ends` (6, 6) of it.  `out` (N, Z, 2) is of the zone by Z factors, the
-    largest first.
+    The noise acts by velocity changes at the `ends` (6, 6) of steps. `out` (N, Z, 2) is for the zone scaled
+    by Z factors, the largest first.
     """
     windows, natural, flows, out = borrowed(windows), borrowed(natural), borrowed(flows), borrowed(out)
     ends, errors, pushes = borrowed(ends), borrowed(errors), borrowed(pushes)
     form = form[0], borrowed(form[1]), borrowed(form[2])
     q, scaled = stack_matrix(8, 3), stack_matrix(8, 3)
-    noise = stack_matrix(12, 1)  # what noise has made of the state, and makes of it by the window's end
+    noise = stack_matrix(12, 1)  # effect of noise on the state, now and at the window's end
     inside = stack_matrix(ZONES, 1)
     for p in range(len(errors)):
         for i in range(6):
@@ -112,7 +112,7 @@ def count_noisy(
                 inside[z, 0] = 1.0 if after else 0.0
                 out[p, z, 1] += more
                 if w > 0 and not before and more == 0:
-                    break  # nor is any smaller zone met
+                    break  # smaller zones have no entries either
             for i in range(6):
                 total = 0.0
                 for j in range(6):
@@ -124,11 +124,11 @@ def count_noisy(
 
 @dataclass(frozen=True, eq=False)
 class NoisyHistories:
-    """Histories of errors and of white noise, in windows that end wherever noise changes a velocity.
+    """Sampled trajectories with errors and process noise, in windows that end at velocity changes.
 
-    `instants` (W,) say which change a window begins with, -1 for none; `natural` (6, 8, 3) are derivatives of
-    motion from a state, `flows` (W, 6, 6) where it leads.  `step` [s] is from one change to the next, and
-    `off` by how much of the zone a history may be off, but with a chance below 1e-13 a step.
+    `instants` (W,) are the indices of the changes at which windows begin, -1 for none; `natural` (6, 8, 3)
+    are derivatives of natural motion, `flows` (W, 6, 6) its transitions. `step` [s] is the time between
+    changes, and `off` bounds the error relative to the zone, except with a probability below 1e-13 per step.
     """
 
     histories: Histories
@@ -140,15 +140,15 @@ class NoisyHistories:
 
     @classmethod
     def of(cls, path: Path, other: Path, columns: Path, noise: float, zone: Zone) -> NoisyHistories:
-        """In steps so short that what they leave out is a thousandth of the zone.
+        """Return trajectories in steps so short that the discretization error is a thousandth of the zone.
 
-        Raises ValueError where ten thousand steps leave out a tenth.
+        Raises ValueError if it exceeds a tenth with ten thousand steps.
         """
         n, span = path.orbit.mean_motion, min(path.end, other.end) - max(path.start, other.start)
         step = span / ceil(span / step_beside(n, noise, zone.inner_radius, span) - SAME)
         if off_beside(noise, step) > MOST_OFF * zone.inner_radius:
             raise ValueError(
-                f"errors: noise of {noise:g} m^2/s^3 moves craft too far beside the zone in each of {STEPS} "
+                f"errors: noise of {noise:g} m^2/s^3 moves craft too far for the zone in each of {STEPS} "
                 'steps; use method="bound"'
             )
         return cls.in_steps(path, other, columns, noise, zone, step)
@@ -157,7 +157,7 @@ class NoisyHistories:
     def in_steps(
         cls, path: Path, other: Path, columns: Path, noise: float, zone: Zone, step: float
     ) -> NoisyHistories:
-        """In steps of a length [s], from the start on."""
+        """Return trajectories in steps of a given length [s]."""
         start, orbit = max(path.start, other.start), path.orbit
         span = min(path.end, other.end) - start
         changes = start + step * np.arange(ceil(span / step - SAME))
@@ -175,24 +175,24 @@ class NoisyHistories:
 
     @property
     def changes(self) -> int:
-        """How often noise changes a velocity."""
+        """Number of velocity changes."""
         return int(self.instants.max()) + 1
 
     def counted(self, errors: Floats, pushes: Floats) -> Any:
-        """Whether histories of errors (N, M) begin inside, and how often each enters after: (N, 2).
+        """Return whether each trajectory begins inside, and its number of entries: (N, 2).
 
-        Of noise that adds `pushes` (N, K, 6) [m, m/s] to the state in each step.
+        For errors (N, M) and increments `pushes` (N, K, 6) [m, m/s] of the state by noise in each step.
         """
         out = np.empty((len(errors), 1, 2), dtype=np.int64)
-        told = np.ones(1), ends_of(self.histories.mean_motion, self.step)
+        zone = np.ones(1), ends_of(self.histories.mean_motion, self.step)
         size = max(1, -(-len(errors) // (2 * CORES)))
         jobs = [slice(k, k + size) for k in range(0, len(errors), size)]
         with ThreadPoolExecutor(CORES) as pool:
-            list(pool.map(lambda some: self._count(*told, errors[some], pushes[some], out[some]), jobs))
+            list(pool.map(lambda some: self._count(*zone, errors[some], pushes[some], out[some]), jobs))
         return out[:, 0]
 
     def drawn(self, samples: int, seed: int) -> Drawn:
-        """Of random histories what became of them; chunk k has a stream of Philox's of its own."""
+        """Return the counts of random trajectories; each chunk has its own Philox stream."""
         seen, width, changes = self.histories, len(self.histories.columns), self.changes
         factors = np.array([1.0 + self.off, 1.0, 1.0 - self.off])
         size = max(1, min(CHUNK, NUMBERS // (6 * changes)))
@@ -213,6 +213,7 @@ class NoisyHistories:
         return summed(chunk, -(-samples // size))
 
     def _count(self, factors: Floats, ends: Floats, errors: Floats, pushes: Floats, out: Any) -> None:
+        """Count the entries of trajectories with the kernel."""
         seen = self.histories
         held = seen.times, seen.orders, seen.mean_motion, seen.windows
         parts = self.instants, self.natural, self.flows, seen.zone.form

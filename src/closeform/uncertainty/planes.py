@@ -1,13 +1,13 @@
-"""Planes between a unit zone about the origin and an ellipsoid: the one that leaves most room.
+"""Separating planes between a unit zone at the origin and an ellipsoid: the one with the greatest gap.
 
-The ellipsoid is that of k sigmas about r, of covariance S.  Of all a on the zone's polar set (where the
-greatest a . q of the zone is 1: |a| = 1 of a ball, mixtures of the faces of half-spaces, hypot(a_0, a_1) +
-|a_2| = 1 of a cylinder) the best plane has the greatest
+The ellipsoid is that of k sigmas about r, with covariance S. Over all a on the zone's polar set (where the
+greatest a . q of the zone is 1: |a| = 1 for a ball, mixtures of the faces for half-spaces, hypot(a_0, a_1) +
+|a_2| = 1 for a cylinder) the best plane has the greatest
 
     g = a . r - k sqrt(a S a)                                                        # theory (52)
 
-which is the least norm of any point of the ellipsoid, at p = r - k S a / sqrt(a S a).  Any other a gives
-less, so that g above 1 is a proof whatever a is.  A cube comes as six faces.
+which is the least norm of any point of the ellipsoid, at p = r - k S a / sqrt(a S a). Any other a gives less,
+so that g above 1 is a proof for any a. A cube is represented by six faces.
 """
 
 from math import inf, sqrt
@@ -22,18 +22,18 @@ from closeform.zones.zone import Zone
 
 CUBE_FACES = np.concatenate([np.eye(3), -np.eye(3)])
 
-SETTLED = 1e-13  # relative: what a plane gains by less is rounding
-SKETCHED = 1e-4  # and where one will do that leaves enough
+SETTLED = 1e-13  # relative gain of a plane below which it is rounding
+SKETCHED = 1e-4  # the same where an approximate plane suffices
 
 
 def faced(zone: Zone) -> tuple[int, Floats, Floats]:
-    """A zone's `form` for the search of planes: a cube is six faces."""
+    """Return a zone's `form` for the search of planes, with a cube as six faces."""
     return (FACES, zone.matrix, CUBE_FACES) if zone.shape == CUBE else zone.form
 
 
 @kernel()
 def times(s, x, y, z):
-    """A symmetric matrix (3, 3) times a vector."""
+    """Return the product of a symmetric matrix (3, 3) and a vector."""
     return (
         s[0, 0] * x + s[0, 1] * y + s[0, 2] * z,
         s[0, 1] * x + s[1, 1] * y + s[1, 2] * z,
@@ -43,7 +43,7 @@ def times(s, x, y, z):
 
 @kernel()
 def room(r, s, k, x, y, z):
-    """g of (x, y, z) and the point p at which it is attained: r where nothing is uncertain."""
+    """Return g of (x, y, z) and the point p at which it is attained; r without uncertainty."""
     ux, uy, uz = times(s, x, y, z)
     wide = sqrt(max(x * ux + y * uy + z * uz, 0.0))
     h = k / wide if wide > 0.0 else 0.0
@@ -53,7 +53,7 @@ def room(r, s, k, x, y, z):
 
 @kernel()
 def shifted_inverse(s, shift, x, y, z):
-    """(S + shift I)^-1 times a vector, by L D L^T: cofactors would lose what is not uncertain."""
+    """Return (S + shift I)^-1 times a vector, by L D L^T; cofactors would lose exactly known directions."""
     a, d, e = s[0, 0] + shift, s[0, 1], s[0, 2]
     low, lower = d / a, e / a
     b, f = s[1, 1] + shift - low * d, s[1, 2] - low * e
@@ -70,7 +70,7 @@ def shifted_inverse(s, shift, x, y, z):
 
 @kernel()
 def inverse(s, shift, x, y, z, fine):
-    """The same; if `fine`, once more on what rounding left."""
+    """Return (S + shift I)^-1 times a vector, with one step of iterative refinement if `fine`."""
     wx, wy, wz = shifted_inverse(s, shift, x, y, z)
     if not fine:
         return wx, wy, wz
@@ -81,9 +81,10 @@ def inverse(s, shift, x, y, z, fine):
 
 @kernel()
 def round_plane(x, y, z, s, k, fine):
-    """Best unit a of a ball: towards p = rho w, w = (S + rho I)^-1 r, where sqrt(w S w) = k.
+    """Return the best unit a of a ball: towards p = rho w, w = (S + rho I)^-1 r, where sqrt(w S w) = k.
 
-    Newton's method on the inverse of that root, almost straight in rho; to a thousandth unless `fine`.
+    Newton's method on the inverse of that root, which is almost linear in rho; accurate to a thousandth
+    unless `fine`.
     """
     ux, uy, uz = times(s, x, y, z)
     spread = x * ux + y * uy + z * uz
@@ -91,7 +92,7 @@ def round_plane(x, y, z, s, k, fine):
         size = sqrt(x * x + y * y + z * z)
         return x / size, y / size, z / size
     trace = s[0, 0] + s[1, 1] + s[2, 2]
-    least = 1e-12 * trace  # below, what is not uncertain at all is lost in rounding
+    least = 1e-12 * trace  # below it, exactly known directions are lost in rounding
     shift = max(sqrt(spread) / k - trace, least)  # from below
     wx = wy = wz = 0.0
     for _ in range(60):
@@ -112,7 +113,7 @@ def round_plane(x, y, z, s, k, fine):
 
 @kernel()
 def mixture(f, g, r, s, k):
-    """Share of the row g in the best plane between rows f and g; -1 where none of both is best."""
+    """Return the share of the row g in the best plane between rows f and g; -1 if no mixture is best."""
     dx, dy, dz = g[0] - f[0], g[1] - f[1], g[2] - f[2]
     ux, uy, uz = times(s, dx, dy, dz)
     bend = dx * ux + dy * uy + dz * uz
@@ -128,7 +129,7 @@ def mixture(f, g, r, s, k):
 
 @kernel()
 def mixture_of_three(f, g, h, r, s, k):
-    """Shares of the rows g and h in the best plane between three; negative where not all three are in it."""
+    """Return the shares of the rows g and h in the best plane between three; negative without all three."""
     dx, dy, dz = g[0] - f[0], g[1] - f[1], g[2] - f[2]
     ex, ey, ez = h[0] - f[0], h[1] - f[1], h[2] - f[2]
     ux, uy, uz = times(s, dx, dy, dz)
@@ -152,9 +153,9 @@ def mixture_of_three(f, g, h, r, s, k):
 
 @kernel()
 def flat_plane(faces, r, s, k, fine, best):
-    """Best mixture of faces: at most three have a share.  From the best one, the farthest behind is added.
+    """Write the best mixture of faces, at most three, and its g to `best` (4,).
 
-    `best` (4,) gets the plane and its g.
+    From the best mixture, the face with the greatest violation is added.
     """
     best[3] = -inf
     active = stack_matrix(4, 3)
@@ -190,9 +191,7 @@ def flat_plane(faces, r, s, k, fine, best):
                     copy_row(active[i], chosen[0])
                     copy_row(active[j], chosen[1])
                     found = 2
-        if (
-            found == 0
-        ):  # best, or where nothing is uncertain along it, one of many that the point does not tell
+        if found == 0:  # the best, or one of many if nothing is uncertain along it: compare all mixtures
             for i in range(len(faces)):
                 for j in range(i):
                     share = mixture(faces[i], faces[j], r, s, k)
@@ -211,7 +210,7 @@ def flat_plane(faces, r, s, k, fine, best):
 
 @kernel()
 def try_mixture(f, g, h, share, other, r, s, k, best):
-    """Whether a mixture of three rows is better than the best so far, which it then becomes."""
+    """Return True if a mixture of three rows is better than the best so far, which it then replaces."""
     rest = 1.0 - share - other
     x = rest * f[0] + share * g[0] + other * h[0]
     y = rest * f[1] + share * g[1] + other * h[1]
@@ -225,5 +224,6 @@ def try_mixture(f, g, h, share, other, r, s, k, best):
 
 @kernel()
 def copy_row(source, target):
+    """Copy a vector of three components."""
     for i in range(3):
         target[i] = source[i]

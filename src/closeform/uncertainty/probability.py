@@ -1,4 +1,4 @@
-"""The probability of a collision over a time, with an interval that holds all that it may be off by."""
+"""Collision probability over a time span, with an interval that includes all errors."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ from closeform.zones.shapes import BALL
 from closeform.zones.zone import Zone
 
 LEAST = 100  # samples
-HISTORIES = 40_000  # by Monte Carlo, where nobody says how many
-PASSAGES = 8  # nearest ones, at which a bound looks at who is inside
-UNRESOLVED = 0.05  # of a probability, that quadrature may be off by
+HISTORIES = 40_000  # default number of Monte Carlo samples
+PASSAGES = 8  # closest passages at which a bound evaluates the probability to be inside
+UNRESOLVED = 0.05  # greatest relative quadrature error of a probability
 Method = Literal["entries", "bound", "monte-carlo", "short-encounter"]
 METHODS = ("entries", "bound", "monte-carlo", "short-encounter")
 NONE = np.empty(0)
@@ -33,32 +33,32 @@ NONE = np.empty(0)
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Probability(Rows):
-    """How probable it is that two craft come within a zone, made by `collision_probability`.
+    """Probability that two craft enter a zone; returned by `collision_probability`.
 
-    `value` counts histories that are ever inside, however often they enter: those that begin inside too.
-    `mean_entries` counts entries after the start, more than one of a history if it enters again.
+    `value` counts trajectories that are ever inside, however often they enter, including those that begin
+    inside. `mean_entries` counts all entries after the start.
 
     Attributes
     ----------
     value : float, no unit
-        Probability to be ever inside, over the common time of both paths.
+        Probability of ever being inside, over the common time of both paths.
     low, high : float, no unit
-        Between them it lies: for "bound" certainly, otherwise with 95 % confidence; errors of quadrature
-        and of sampling are both in it.
+        Interval of `value`: certain for "bound", otherwise of 95 % confidence; it includes quadrature and
+        sampling errors.
     at_start : float, no unit
-        Probability to be inside at the start, a part of `value`; nan for "short-encounter".
+        Probability of being inside at the start, a part of `value`; nan for "short-encounter".
     mean_entries : float, no unit
         Expected number of entries after the start.
     repeated : float, no unit
-        Share of the drawn histories that enter more than once; nan where none are drawn.
+        Share of the samples that enter more than once; nan without samples.
     rate_times : array of shape (K,) [s]
-        Times at which the mean rate of entries was looked at; none where it was not.
+        Times at which the mean rate of entries was evaluated; empty otherwise.
     rates : array of shape (K,) [1/s]
-        The mean rate of entries then.
+        Mean rate of entries at these times.
     method : "entries", "bound", "monte-carlo" or "short-encounter"
-        How `value` was found.
+        Method of computation.
     samples : int
-        How many histories were drawn.
+        Number of samples.
     """
 
     _columns: ClassVar = {
@@ -77,7 +77,7 @@ class Probability(Rows):
     method: Method
     samples: int
 
-    _repr_html_ = Result._repr_html_  # the rate of entries is the lesser part of it
+    _repr_html_ = Result._repr_html_  # without the table of rates
 
     def __str__(self) -> str:
         interval = f"{self.low:.5g} to {self.high:.5g}"
@@ -100,53 +100,52 @@ def collision_probability(
     samples: int | None = None,
     seed: int = 0,
 ) -> Probability:
-    """The probability that one craft comes within the zone around another, over their common time.
+    """Return the probability that one craft enters the zone of another, over their common time.
 
     Parameters
     ----------
     path : Path
-        Of one craft, as planned.
+        Planned path of one craft.
     other : Path
-        Of the craft that the zone is around, in the same orbit and from the same time on.
+        Path of the craft at the zone's centre, in the same orbit and with the same start.
     zone : Zone
-        Of the pair: a sphere of both radii for bodies.  "entries" and "bound" need a sphere or an
-        ellipsoid, "short-encounter" too.
+        Zone of the pair: for bodies a sphere of the sum of both radii. "entries", "bound" and
+        "short-encounter" require a sphere or an ellipsoid.
     errors : Uncertainty
-        Of the first craft, or of the relative motion of both.
+        Uncertainty of the first craft, or of the relative motion.
     other_errors : Uncertainty, optional
-        Of the other craft, independent of the first's.
+        Uncertainty of the other craft, independent of the first.
     method : "entries", "bound", "monte-carlo" or "short-encounter", default "entries"
-        "entries" integrates the mean rate of entries, draws entries from it and counts how often their
-        histories enter: as precise for 1e-20 as for 0.1.  "bound" stops at that rate, and gives an interval
-        that is certain up to quadrature.  "monte-carlo" draws histories.  "short-encounter" is Foster's
-        integral in two dimensions, of straight motion past each other with the covariance of that moment.
+        "entries" integrates the mean rate of entries, samples entries from it and counts how often these
+        trajectories enter: as precise for 1e-20 as for 0.1. "bound" stops at that rate, and gives an interval
+        that is certain up to quadrature. "monte-carlo" samples trajectories. "short-encounter" is Foster's
+        two-dimensional integral for straight relative motion with the covariance at closest approach.
     samples : int, optional
-        Histories to draw, at least 100.  Without it "entries" draws as many as make half of the interval
-        0.1 % of the probability, up to 100000; "monte-carlo" draws 40000.
+        Number of samples, at least 100. Default: for "entries" as many as give a half-interval of 0.1 % of
+        the probability, up to 100000; for "monte-carlo" 40000.
     seed : int, default 0
-        Of the random numbers: the same for any number of cores.
+        Seed of the random numbers; the result does not depend on the number of cores.
 
     Returns
     -------
     Probability
-        Its interval is one of 95 % confidence.
+        Probability with its interval.
 
     Raises
     ------
     ValueError
-        If a path is a batch, orbits or starts differ, there is no common time, a method is unknown or does
-        not hold for the zone or the errors (the message names one that does), or the errors are so small
-        that the zone's surface cannot be resolved.
+        If a path is a batch, orbits or starts differ, there is no common time, a method is unknown or not
+        valid for the zone or the errors (the message names one that is), or the errors are too small to
+        resolve the zone's surface.
 
     Notes
     -----
-    Where all that is uncertain is one number or two, or nothing moves by 1e-9 of the zone, "entries" and
-    "bound" give the exact integral of these, and draw nothing.  Of more they refuse those whose rate of
-    entries cannot be told.
-    Histories are counted by the certified march: no entry between time steps is missed.  White noise has no
-    finite number of columns: "bound" counts it, and "monte-carlo" draws it in short exact steps.  What a path
-    between them leaves out is bounded, mostly by a thousandth of the zone: `low` is of a zone that is smaller
-    by as much, `high` of a larger one.
+    For one or two independent errors, and for errors that move craft by less than 1e-9 of the zone, "entries"
+    and "bound" give the exact integral without samples. For more errors they raise ValueError if the rate of
+    entries cannot be computed.
+    Entries are counted by the certified march: none is missed between time steps. "bound" covers process
+    noise, and "monte-carlo" samples it in short exact steps. The discretization error is bounded, usually by
+    a thousandth of the zone: `low` is for a zone reduced by that, `high` for one enlarged by it.
 
     References
     ----------
@@ -160,8 +159,7 @@ def collision_probability(
     columns, noise = relative_errors(path, other, zone, errors, other_errors)
     if noise and method == "entries":
         raise ValueError(
-            'errors: "entries" draws errors, white noise has no finite number of them; use '
-            'method="monte-carlo" or "bound"'
+            'errors: "entries" cannot be combined with process noise; use method="monte-carlo" or "bound"'
         )
     if method == "monte-carlo":
         kind = NoisyHistories if noise else Histories
@@ -169,7 +167,7 @@ def collision_probability(
         return _monte_carlo(random, HISTORIES if samples is None else samples, seed)
     histories = Histories.of(path, other, columns, noise, zone)
     if zone.shape != BALL:
-        raise ValueError(f'zone: "{method}" holds for spheres and ellipsoids; use method="monte-carlo"')
+        raise ValueError(f'zone: "{method}" requires a sphere or an ellipsoid; use method="monte-carlo"')
     if method == "short-encounter":
         value, off = passes_through(histories)
         nan = float("nan")
@@ -178,7 +176,10 @@ def collision_probability(
 
 
 def _by_entries(histories: Histories, method: Method, samples: int | None, seed: int) -> Probability:
-    """By the mean rate of entries: a bound, or entries drawn from it; of one or two errors exactly."""
+    """Return the probability from the mean rate of entries: a bound, or sampled entries.
+
+    For one or two errors it is exact.
+    """
     if not histories.noise and (ways := few_ways(histories)) is not None:
         found, nan = FewErrors.of(histories, ways), float("nan")
         ever, entries = found.ever, found.entries
@@ -189,7 +190,7 @@ def _by_entries(histories: Histories, method: Method, samples: int | None, seed:
     at_start, off = inside(histories, start)
     off += flux.error
     known = at_start, flux.value
-    if not off <= UNRESOLVED * (at_start + flux.value):  # nor if it is no number
+    if not off <= UNRESOLVED * (at_start + flux.value):  # also if it is nan
         raise Unresolved
     if method == "bound":
         times = flux.nearest[:PASSAGES].tolist()
@@ -229,6 +230,7 @@ def _told(
     method: Method,
     samples: int,
 ) -> Probability:
+    """Return the result with the quadrature error added to its interval."""
     some = flux.of_time.parts > 0.0
     return Probability(
         min(value, 1.0),
@@ -244,7 +246,7 @@ def _told(
 
 
 def _monte_carlo(histories: Histories | NoisyHistories, samples: int, seed: int) -> Probability:
-    """The share of drawn histories that are ever inside."""
+    """Return the probability as the share of samples that are ever inside."""
     began, met, entries, again, least, most = histories.drawn(samples, seed)
     low, high = clopper_pearson(least, samples)[0], clopper_pearson(most, samples)[1]
     return Probability(

@@ -1,4 +1,4 @@
-"""Errors carried on: those of a craft at the end of its path, with which the next path begins."""
+"""Propagation of a craft's uncertainty to the end of its path, where the next path begins."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from closeform.uncertainty.spread import spread_to_ends
 
 
 def carried(errors: Uncertainty, path: Path) -> Uncertainty:
-    """The errors of a craft that begins where a path ends: what it has met so far is in its state.
+    """Return the uncertainty at the end of a path, with all errors so far in the state covariance.
 
-    Burns, impulses and noise on the path have added theirs; what is to come is executed as before.  Roots are
-    carried, so that directions keep their digits.                                            # theory (51)
+    Burns, impulses and noise on the path have added their errors; the execution errors ahead are unchanged.
+    Roots are propagated, so that directions keep their digits.  # theory (51)
     """
     _, roots = spread_to_ends(path, [errors])
     return errors._with_root(roots[0])

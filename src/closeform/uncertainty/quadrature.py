@@ -1,4 +1,4 @@
-"""Integrals over pieces of an axis, adaptively, with an estimate of their error."""
+"""Adaptive integrals over pieces of an axis, with an error estimate."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from closeform.arrays import Floats
 
-# Gauss's 7 nodes and Kronrod's 15 (Piessens and others, QUADPACK, 1983)
+# 7-point Gauss and 15-point Kronrod rules (Piessens and others, QUADPACK, 1983)
 _PLACES = (
     *(0.991455371120812639206854697526, 0.949107912342758524526189684048, 0.864864423359769072789712788641),
     *(0.741531185599394439863864773281, 0.586087235467691130294144691693, 0.405845151377397166906606412077),
@@ -25,16 +25,16 @@ WEIGHTS = np.array([*_WEIGHTS[:-1], *_WEIGHTS[::-1]])
 LESS = np.zeros(15)
 LESS[1::2] = np.polynomial.legendre.leggauss(7)[1]
 ROUNDS = 48
-ROUGH = 3.0  # times the tolerance: a piece whose error is below that share of itself is left whole
-MOST = 4000  # pieces
+ROUGH = 3.0  # times the tolerance: a piece with a smaller relative error is not divided
+MOST = 4000  # greatest number of pieces
 
 
 @dataclass(frozen=True, eq=False)
 class Integral:
-    """An integral of something that is never negative, and what it may be off by.
+    """Integral of a non-negative function, and its error.
 
-    `times` and `values` (K,) are where the integrand was looked at in the end, and what it was; `parts` are
-    values times weights, whose sum is the integral.
+    `times` and `values` (K,) are the final samples of the integrand; `parts` are values times weights, whose
+    sum is the integral.
     """
 
     value: float
@@ -45,7 +45,7 @@ class Integral:
 
 
 def integral(function: Callable[[Floats], Floats], edges: Floats, tolerance: float) -> Integral:
-    """Integrate from the first edge to the last, to a share of the integral, by halving pieces."""
+    """Integrate from the first edge to the last, to a relative tolerance, by halving pieces."""
     low, high = np.array(edges[:-1]), np.array(edges[1:])
     done = _rule(function, low, high)
     for _ in range(ROUNDS):
@@ -53,7 +53,7 @@ def integral(function: Callable[[Floats], Floats], edges: Floats, tolerance: flo
         allowed = tolerance * sums.sum()
         if not errors.sum() > allowed or len(sums) > MOST:
             break
-        # the worst, as long as the rest together is too much
+        # divide the worst pieces, so that the others together are within half of the allowed error
         order = np.argsort(errors)
         wide = (high - low > 1e-13 * (np.abs(high) + np.abs(low))) & (errors > ROUGH * tolerance * sums)
         worst = np.zeros(len(sums), dtype=bool)
@@ -79,7 +79,7 @@ def integral(function: Callable[[Floats], Floats], edges: Floats, tolerance: flo
 
 
 def _rule(function: Callable[[Floats], Floats], low: Floats, high: Floats) -> tuple[Floats, ...]:
-    """Of pieces (P,): nodes and values (P, 15), sums (P,) and their errors (P,) as of QUADPACK's qk15."""
+    """Return nodes and values (P, 15), sums (P,) and errors (P,) of pieces, as QUADPACK's qk15."""
     half = 0.5 * (high - low)
     times = 0.5 * (low + high)[:, None] + half[:, None] * PLACES
     values = function(times.ravel()).reshape(times.shape)

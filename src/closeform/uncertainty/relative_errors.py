@@ -1,4 +1,4 @@
-"""The errors of a relative motion: the columns of both craft, as few as will do."""
+"""Error columns of a relative motion, from both craft, reduced to as few as possible."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ from closeform.zones.zone import Zone
 def relative_errors(
     path: Path, other: Path, zone: Zone, errors: Uncertainty, other_errors: Uncertainty | None
 ) -> tuple[Path, float]:
-    """Columns (M,) of the relative motion, those that move naturally as six, and its white noise [m^2/s^3].
+    """Return the columns (M,) of the relative motion, natural ones merged to six, and the noise [m^2/s^3].
 
-    Raises ValueError where the two cannot be compared, or nothing is uncertain.
+    Raises ValueError if the two cannot be compared, or nothing is uncertain.
     """
     check_comparable(path, other, zone)
     if path.shape or other.shape:
         raise ValueError(
-            f"path, other: of one craft each, got shapes {path.shape} and {other.shape}; index them"
+            f"path, other: expected one craft each, got shapes {path.shape} and {other.shape}; index them"
         )
     instance("errors", errors, Uncertainty)
     if path.start != other.start:
         raise ValueError(
-            f"other: starts at {other.start:g} s, path at {path.start:g} s; errors are those of the start, "
-            "so begin both at one time"
+            f"other: starts at {other.start:g} s, path at {path.start:g} s; errors hold at the start, "
+            "so both must start at the same time"
         )
     columns, noise = [columns_of(path, errors)], errors.noise
     if other_errors is not None:
@@ -41,12 +41,12 @@ def relative_errors(
     if every:
         return merged(stack(every), path.start, min(path.end, other.end)), noise
     if not noise:
-        raise ValueError("errors: nothing is uncertain; give what is, or use find_conflicts")
+        raise ValueError("errors: all are zero; give an uncertainty, or use find_conflicts")
     return columns[0], noise
 
 
 def merged(columns: Path, start: float, end: float) -> Path:
-    """The same errors by fewer columns: all that move naturally from the start on make a state's six."""
+    """Return the same errors with fewer columns: all natural ones become the six of a state."""
     rows = columns.arcs
     forced = rows[:, IMPULSE : IMPULSE + 3].any(axis=1) | rows[:, THRUST:].any(axis=1)
     forced |= rows[:, MEAN_MOTION] != columns.orbit.mean_motion

@@ -1,9 +1,8 @@
-"""Histories of a random relative motion: the mean path and columns, seen in windows that all share.
+"""Sampled trajectories of a random relative motion: mean path and error columns, in common windows.
 
-A history is the mean's motion plus each column's times its error.  Derivatives at a window's start add
-as motions do, so that a history costs one sum for a window, and the march that finds conflicts counts
-its entries.  Most windows are not marched: a plane that touches the zone where the mean is has the whole
-history beyond it.
+A trajectory is the mean motion plus each column times its error. Derivatives at a window's start add up like
+motions, so that a trajectory costs one sum per window, and the march that finds conflicts counts its entries.
+Most windows need no march: the whole trajectory lies beyond a plane that touches the zone near the mean.
 """
 
 from __future__ import annotations
@@ -36,15 +35,15 @@ from closeform.uncertainty.errors import Uncertainty
 from closeform.zones.shapes import FACES, FORM, norm, part, part_count
 from closeform.zones.zone import Zone
 
-CHUNK = 16_384  # histories that one thread takes at a time; each chunk has random numbers of its own
+CHUNK = 16_384  # trajectories in a chunk, the work of one thread; each chunk has its own random numbers
 CORES = os.cpu_count() or 1
-BEYOND = 1.0 + 1e-9  # where rounding does not count
+BEYOND = 1.0 + 1e-9  # beyond rounding
 NEVER = np.zeros(0)  # s
 
 
 @kernel()
 def advance(q, order, n, t):
-    """Derivatives (8, 3) as they are a time t later."""
+    """Propagate derivatives (8, 3) by a time t."""
     more = stack_matrix(14, 3)
     for k in range(order):
         for i in range(3):
@@ -63,7 +62,7 @@ def advance(q, order, n, t):
 
 @kernel()
 def count_entries(q, order, n, stop, form, inside):
-    """March one window: (whether inside at its end, how often it was entered).  Spoils `q`."""
+    """Return whether a trajectory is inside at the end of a window, and its entries; overwrites `q`."""
     shape, _, faces = form
     count, patience = 0, PATIENCE
     while True:
@@ -95,7 +94,7 @@ def count_entries(q, order, n, stop, form, inside):
     )
 )
 def fill_windows(arcs, others, columns, offsets, times, orders, matrix, out):
-    """Derivatives (W, 1 + m, 8, 3) in zone coordinates of mean and columns at the starts of windows."""
+    """Fill derivatives (W, 1 + m, 8, 3) in zone coordinates of mean and columns at the starts of windows."""
     q = stack_matrix(8, 3)
     for w in range(len(orders)):
         t, order = times[w], orders[w]
@@ -114,11 +113,11 @@ def fill_windows(arcs, others, columns, offsets, times, orders, matrix, out):
 
 @kernel(void(float64[::1], int64[::1], float64, float64[:, :, :, ::1], FORM, float64[:, :, ::1]))
 def fill_planes(times, orders, n, windows, form, planes):
-    """How far (W, 1 + m, 4) mean and columns are along the normal of a plane that touches the zone.
+    """Fill the distances (W, 1 + m, 4) of mean and columns along the normal of a plane touching the zone.
 
-    In zones: at a window's start, at its end, and by how much they may sag between, in two parts.  A history
-    whose sums are beyond 1 at both ends by more than it sags does not enter there.  All 0 where a window is
-    not one of natural motion or of cubics.
+    In zone units: at a window's start, at its end, and the sag between, in two parts. A trajectory whose sums
+    exceed 1 at both ends by more than its sag has no entry there. All are 0 for a window that is neither
+    natural motion nor cubic.
     """
     shape, _, faces = form
     for w in range(len(orders)):
@@ -143,7 +142,7 @@ def fill_planes(times, orders, n, windows, form, planes):
 
 @kernel()
 def is_beyond(shape, plane, error):
-    """Whether a history is beyond a window's plane (1 + m, 4) throughout, or beyond the one opposite."""
+    """Return True if a trajectory stays beyond a window's plane (1 + m, 4), or beyond the opposite one."""
     first, last, sag, more = plane[0, 0], plane[0, 1], plane[0, 2], plane[0, 3]
     for j in range(len(error)):
         first += error[j] * plane[j + 1, 0]
@@ -168,7 +167,7 @@ def is_beyond(shape, plane, error):
     )
 )
 def count_histories(times, orders, n, windows, planes, form, errors, out):
-    """Whether each history (errors (N, m)) begins inside, and how often it enters after: `out` (N, 2)."""
+    """Write whether each trajectory (errors (N, m)) begins inside, and its later entries, to `out` (N, 2)."""
     windows, planes, errors, out = borrowed(windows), borrowed(planes), borrowed(errors), borrowed(out)
     form = form[0], borrowed(form[1]), borrowed(form[2])
     q = stack_matrix(8, 3)
@@ -195,9 +194,9 @@ def count_histories(times, orders, n, windows, planes, form, errors, out):
 
 
 class Drawn(NamedTuple):
-    """Of random histories how many begin inside, are ever inside, all entries, how many enter again.
+    """Counts of random trajectories: inside at the start, ever inside, all entries, repeated entries.
 
-    `least` and `most` of them are ever inside, whatever is left out of each.
+    `least` and `most` bound the number ever inside, with the discretization error.
     """
 
     began: int
@@ -209,22 +208,22 @@ class Drawn(NamedTuple):
 
 
 def summed(chunk: Callable[[int], Floats], count: int) -> Drawn:
-    """The sum of what chunks of histories come to, on all cores."""
+    """Return the sum of the counts of chunks, on all cores."""
     with ThreadPoolExecutor(CORES) as pool:
         return Drawn(*sum(pool.map(chunk, range(count))).tolist())  # type: ignore[union-attr]
 
 
 @dataclass(frozen=True, eq=False)
 class Histories:
-    """The relative motion of two craft, and what each of M independent errors adds to it.
+    """Relative motion of two craft, and the contribution of each of M independent errors.
 
-    `edges` are the times between which all of it is smooth, from the start of the common time to its end.
+    `edges` are the times between which all motions are smooth, from the start of the common time to its end.
     """
 
     path: Path
     other: Path
     columns: Path
-    noise: float  # white noise of acceleration [m^2/s^3], of which histories have none
+    noise: float  # process noise [m^2/s^3], not included in trajectories
     zone: Zone
     edges: Floats
     times: Floats  # (W + 1,) edges of windows
@@ -242,9 +241,9 @@ class Histories:
         zone: Zone,
         instants: Floats = NEVER,
     ) -> Histories:
-        """Look at all arcs in windows as long as the march's bounds allow.
+        """Return the trajectories of all arcs in windows as long as the march's bounds allow.
 
-        At `instants` [s] natural motion begins beside them.
+        At `instants` [s] natural motion is added to them.
         """
         n = path.orbit.mean_motion
         rows = np.concatenate([path.arcs, other.arcs, columns.arcs])
@@ -253,7 +252,7 @@ class Histories:
         joints = np.concatenate([rows[:, START], instants])
         edges = np.unique(np.concatenate([[start, end], joints[(joints > start) & (joints < end)]]))
         thrusting = rows[:, THRUST:].any(axis=1) | (rows[:, MEAN_MOTION] != n)
-        bent = n > 0.0 and len(instants) > 0  # by natural motion beside cubics
+        bent = n > 0.0 and len(instants) > 0  # by natural motion added to cubics
         cubic = (rows[:, MEAN_MOTION] == 0.0) & ~rows[:, PUSH + 3 :].any(axis=1) & (not bent)
         times, orders = [start], []
         for begin, stop in zip(edges[:-1], edges[1:], strict=True):
@@ -273,11 +272,11 @@ class Histories:
 
     @property
     def mean_motion(self) -> float:
-        """Of the orbit [rad/s]; arcs in deep space have none."""
+        """Mean motion of the orbit [rad/s]; 0 in deep space."""
         return self.path.orbit.mean_motion
 
     def states(self, times: Floats) -> tuple[Floats, Floats]:
-        """Mean (T, 6) and factor (T, 6, M) of the relative state's covariance at some times."""
+        """Return the mean (T, 6) and a factor (T, 6, M) of the covariance of the relative state."""
         at = np.ascontiguousarray(times).reshape(1, -1)
         mean = self.path._evaluate_rows(at)[0] - self.other._evaluate_rows(at)[0]
         factor = self.columns._evaluate_rows(at).transpose(1, 2, 0)
@@ -286,11 +285,11 @@ class Histories:
         return mean, np.ascontiguousarray(factor)
 
     def _noise(self, times: Floats) -> Floats:
-        """Factors (T, 6, 6) of what white noise has added to the state's covariance."""
+        """Return factors (T, 6, 6) of the covariance due to process noise."""
         return roots_of(Uncertainty(noise=self.noise).covariance(self.path, times))
 
     def counted(self, errors: Floats) -> Any:
-        """Whether histories of errors (N, M) begin inside, and how often each enters after: (N, 2)."""
+        """Return whether trajectories of errors (N, M) begin inside, and their numbers of entries: (N, 2)."""
         out = np.empty((len(errors), 2), dtype=np.int64)
         with ThreadPoolExecutor(CORES) as pool:
             size = max(1, min(CHUNK // 4, -(-len(errors) // (2 * CORES))))
@@ -299,9 +298,9 @@ class Histories:
         return out
 
     def drawn(self, samples: int, seed: int) -> Drawn:
-        """Of random histories what became of them.
+        """Return the counts of random trajectories.
 
-        Chunk k has a stream of Philox's of its own: the same numbers however many threads.
+        Each chunk has its own Philox stream, so that the result does not depend on the number of threads.
         """
 
         def chunk(k: int) -> Floats:
@@ -317,5 +316,6 @@ class Histories:
         return summed(chunk, -(-samples // CHUNK))
 
     def _count(self, errors: Floats, out: Any) -> None:
+        """Count the entries of trajectories with the kernel."""
         held = self.times, self.orders, self.mean_motion, self.windows, self.planes
         count_histories(*held, self.zone.form, errors, out)

@@ -1,4 +1,4 @@
-"""Searches of paths with errors: what `find_conflicts` and `screen` do where there are any."""
+"""Conflict search of paths with uncertainty, for `find_conflicts` and `screen`."""
 
 from __future__ import annotations
 
@@ -31,7 +31,10 @@ def stays(
     sigmas: float,
     tracks: Tracks = NO_TRACKS,
 ) -> Floats:
-    """Rows of pair, start, end, time, ratio of pairs `first` and `second` (P,) of two batches, in order."""
+    """Return the conflicts of pairs `first` and `second` (P,) of two batches, as sorted rows.
+
+    Columns: pair, start, end, time of the minimum, ratio.
+    """
     rows = np.empty((min(4096, 16 + len(first)), COLUMNS))
     done = np.zeros(2, dtype=np.int64)
     tube = tube_for(zone, mean_motion)
@@ -40,18 +43,18 @@ def stays(
         before = int(done[0])
         count = stays_of_pairs(one, two, first, second, before, tube, sigmas, *tracks, rows, done)
         found.append(rows[:count].copy())
-        if done[0] == before:  # one pair has more stays than there are rows
+        if done[0] == before:  # one pair has more conflicts than there are rows
             rows = np.empty((done[1], COLUMNS))
     return np.concatenate(found)
 
 
 def one_for_each(name: str, errors: Any, path: Path, kind: Any) -> list[Uncertainty | None]:
-    """Errors of the craft of a batch: one for all, or one for each (None: where its path is)."""
+    """Return the uncertainties of the craft of a batch from one for all, or one for each."""
     return given_errors(name, errors, len(path.offsets) - 1, kind)
 
 
 def given_errors(name: str, errors: Any, count: int, kind: Any) -> list[Uncertainty | None]:
-    """The same of so many craft."""
+    """Return the uncertainties of `count` craft; None for an exact craft."""
     given = list(errors) if isinstance(errors, list | tuple) else [errors] * count
     for one in given:
         if not (one is None or isinstance(one, kind)):
@@ -62,13 +65,16 @@ def given_errors(name: str, errors: Any, count: int, kind: Any) -> list[Uncertai
 
 
 def stays_of_two(one: Spread, two: Spread, zone: Zone, mean_motion: float, sigmas: Any) -> Floats:
-    """Stays of two craft."""
+    """Return the conflicts of two craft, as rows."""
     first = np.zeros(1, dtype=np.int64)
     return stays(one, two, first, first, zone, mean_motion, size("sigmas", sigmas))
 
 
 def search_of(spread: Spread, zones: Sequence[Zone], mean_motion: float, sigmas: float) -> Any:
-    """What finds the stays of some pairs of a batch: of a zone, mostly one of `zones`, and both indices."""
+    """Return a function that finds the conflicts of some pairs of a batch with a zone.
+
+    `zones`: the zones that most pairs have.
+    """
     bodies = spread.arcs, spread.offsets
     followed = follow(*bodies, *bodies, zones, (len(spread.offsets) - 1) ** 2 // 2)
     tracks = {zone: widened(followed[zone], spread, zone, mean_motion, sigmas) for zone in zones}

@@ -1,4 +1,4 @@
-"""The short encounter: straight motion past each other, with the position's covariance of one moment."""
+"""Short encounter: straight relative motion with the position covariance at closest approach."""
 
 from __future__ import annotations
 
@@ -9,26 +9,26 @@ from closeform.conflicts.two_paths import closest_approach
 from closeform.uncertainty.sampled_trajectories import Histories
 from closeform.uncertainty.whitened import THINNEST
 
-REACH = 39.0  # deviations: as far as densities are numbers
+REACH = 39.0  # standard deviations up to which densities do not underflow
 NODES = 200
-EDGE = 1e-6  # of the common time: nearer than that to its end nobody has passed
+EDGE = 1e-6  # of the common time: a closest approach nearer to its ends is no passage
 
 
 class NotPassing(ValueError):
-    """Two craft that are nearest at the start or the end of their time, and do not pass each other in it."""
+    """Two craft that are closest at the start or the end of their time, without passing each other."""
 
 
 def passes_through(histories: Histories) -> tuple[float, float]:
-    """Probability to pass through an ellipsoid, and what quadrature may be off by: Foster's integral.
+    """Return the probability to pass through an ellipsoid, and its quadrature error: Foster's integral.
 
-    In zone coordinates, over the disc that the unit ball shows along the velocity at closest approach.
+    In zone coordinates, over the disc of the unit ball seen along the velocity at closest approach.
     """
     approach = closest_approach(histories.path, histories.other, histories.zone)
     start, end = histories.edges[0], histories.edges[-1]
     if not start + EDGE * (end - start) < approach.time < end - EDGE * (end - start):
         edge = "start" if approach.time < 0.5 * (start + end) else "end"
         raise NotPassing(
-            f'path, other: are closest at the {edge}, and do not pass each other; use method="entries"'
+            f'path, other: closest at the {edge}, so that they do not pass each other; use method="entries"'
         )
     mean, factor = histories.states(np.array([approach.time]))
     matrix = histories.zone.matrix
@@ -42,7 +42,7 @@ def passes_through(histories: Histories) -> tuple[float, float]:
 
 
 def _disc(near: float, thin: float, far: float, wide: float, nodes: int) -> float:
-    """A normal distribution over the unit disc: strips across the thinner direction, at sin(angle)."""
+    """Return the share of a normal distribution in the unit disc, by strips across the thinner direction."""
     low, high = np.arcsin(np.clip([near - REACH * thin, near + REACH * thin], -1.0, 1.0))
     if not low < high:
         return 0.0

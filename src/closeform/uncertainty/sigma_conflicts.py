@@ -1,4 +1,4 @@
-"""Stays: when zone and k sigmas meet, and for how long, of pairs of paths; as rows of floats."""
+"""Conflicts of k-sigma tubes: the intervals in which k sigmas reach the zone, as rows of floats."""
 
 from math import inf, nan, sqrt
 
@@ -38,15 +38,15 @@ from closeform.uncertainty.tube import (
 )
 from closeform.zones.shapes import inside_step
 
-# As in `conflicts.entries`, but to what covariances and planes are good for.
+# As in `conflicts.pair_search`, with the accuracy of covariances and planes.
 TOUCH = 1e-11
 ENTRY_AIM, ENTERED, LEFT, EXIT_AIM = 1 + 0.08 * TOUCH, 1 + 0.16 * TOUCH, 1 + 0.4 * TOUCH, 1 + 0.5 * TOUCH
-DEEP, SHALLOW = 0.5, 0.75  # norms that a position is looked for at, and that will do, far inside
+DEEP, SHALLOW = 0.5, 0.75  # norms of a position well inside: the target, and the accepted value
 
 
 @kernel()
 def enter(tube, t, span, k, patience):
-    """March outside until k sigmas reach the zone, or cannot be told from it: (time reached, whether so)."""
+    """March outside until k sigmas reach the zone, or may do so: (time reached, True if so)."""
     for _ in range(patience):
         norm = look(tube, t)
         g = room_at(tube, k, ENTRY_AIM) if norm > ENTERED else norm
@@ -65,7 +65,7 @@ def enter(tube, t, span, k, patience):
 
 @kernel()
 def position_inside(tube, norm, k):
-    """Sigmas of a position well inside the zone, or of the one deepest inside; and its norm."""
+    """Return the sigmas of a position well inside the zone, or of the deepest one, and its norm."""
     if norm <= DEEP:
         return 0.0, norm
     used = 0.0
@@ -82,7 +82,7 @@ def position_inside(tube, norm, k):
 
 @kernel()
 def within_for(tube, k, longest):
-    """How long from the window's start errors that move certainly keep a position inside."""
+    """Return how long moving errors certainly keep a position inside, from the window's start."""
     xi, eta = stack_vector(14), stack_vector(14)
     used, _ = position_inside(tube, look(tube, 0.0), k)
     errors_of_point(tube, used, xi)
@@ -100,7 +100,7 @@ def within_for(tube, k, longest):
 
 @kernel()
 def inside_for(tube, used, span):
-    """How long the errors that were found last certainly keep a position inside."""
+    """Return how long the errors found last certainly keep a position inside."""
     place, best, at, bounds = tube.place, tube.best, tube.at, tube.bounds
     x, y, z, vx, vy, vz = place[0], place[1], place[2], place[3], place[4], place[5]
     if used > 0.0 and tube.along[0] > 0.0:
@@ -121,15 +121,15 @@ def inside_for(tube, used, span):
 
 @kernel()
 def is_doubtful(tube, k, span):
-    """Whether k sigmas are outside but not certain to stay there for a while."""
+    """Return True if k sigmas are outside but not certain to stay there for a while."""
     return not clear_for(tube, k, room_at(tube, k, inf) - ENTRY_AIM) > brief(tube, span)
 
 
 @kernel()
 def leave(tube, t, span, k, patience):
-    """March inside, each time with one position that is inside: (time reached, whether none is).
+    """March inside with one position that is inside at each step: (time reached, True if none is).
 
-    Once too many steps were too brief, k sigmas count as inside until they are clear for longer than that.
+    After too many short steps, k sigmas count as inside until they are clear for longer than such a step.
     """
     for _ in range(patience):
         used, g = position_inside(tube, look(tube, t), k)
@@ -150,7 +150,7 @@ def leave(tube, t, span, k, patience):
 
 @kernel()
 def search_window(tube, one, i, first, two, j, second, t, stop, k, inside, entry, pair, rows, count):
-    """March a pair's arcs from t to `stop`: whether inside then, since when, and the count of rows."""
+    """March a pair's arcs from t to `stop`; return whether inside then, since when, and the row count."""
     patience = PATIENCE
     while True:
         see_tube(tube, one, i, first, two, j, second, t, stop - t)
@@ -175,9 +175,9 @@ def search_window(tube, one, i, first, two, j, second, t, stop, k, inside, entry
 
 @kernel()
 def stays_of_pair(tube, one, first, two, second, start, end, k, times, near, m, pair, rows, count):
-    """Append the stays of one pair to `rows`; the new count, beyond len(rows) if they do not fit.
+    """Append the conflicts of one pair to `rows`; return the count, above len(rows) if they do not fit.
 
-    `near` tells the intervals of `times` to be searched, from the m-th on; empty for all.
+    `near` marks the intervals of `times` to be searched, from the m-th on; empty for all.
     """
     i_end, j_end = one.offsets[first + 1], two.offsets[second + 1]
     i = locate(one.arcs, one.offsets[first], i_end, start)
@@ -220,7 +220,7 @@ def stays_of_pair(tube, one, first, two, second, start, end, k, times, near, m, 
     )
 )
 def stays_of_pairs(one, two, first, second, pair, tube, k, times, tracks, other_tracks, rows, done):
-    """Stays of pairs from `pair` on, as of `entries.conflicts_of_pairs`: pair, start, end, time and level."""
+    """Write the conflicts of pairs from `pair` on: pair, start, end, time and level of the minimum."""
     one, two, tube = lent(one), lent(two), lent(tube)
     times, tracks, other_tracks = borrowed(times), borrowed(tracks), borrowed(other_tracks)
     near = np.empty(max(0, len(times) - 1), dtype=np.bool_)

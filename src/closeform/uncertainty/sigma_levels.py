@@ -1,4 +1,4 @@
-"""Levels: how many sigmas just touch, or which scale of zone and sigmas does, and the least along a pair."""
+"""Sigma levels: the sigmas, or the scale of zone and sigmas, at contact, and their minimum along a pair."""
 
 from math import inf, nan
 
@@ -27,17 +27,17 @@ from closeform.uncertainty.tube import (
     see_tube,
 )
 
-PRECISION = 1e-10  # of the least level
-SLACK = 1e-13  # of the zone: less is rounding
-LACKING = 1e-11  # what planes of one pair differ by at one time
-TURN_ANGLE = 0.3  # in n t: a local minimum is looked for in steps no longer than this
-SAMPLE_ANGLE, SAMPLES = 0.5, 8  # in n t, from sample to sample; or how many of a window in deep space
-SKETCHED = 0.01  # of a sampled level: what it may lack
+PRECISION = 1e-10  # relative accuracy of the least level
+SLACK = 1e-13  # of the zone: rounding
+LACKING = 1e-11  # difference between equivalent planes at one time
+TURN_ANGLE = 0.3  # in n t: greatest step of the search for a local minimum
+SAMPLE_ANGLE, SAMPLES = 0.5, 8  # in n t, between samples; or number of samples in a window in deep space
+SKETCHED = 0.01  # relative deficit of a sampled level
 
 
 @kernel()
 def descend(tube, t, span, k, s):
-    """A local minimum that is reached from level s at t, where `level` was last: it and its time."""
+    """Return a local minimum reached from level s at t, where `level` was last, and its time."""
     low = level_rate(tube, k, s)
     best, best_time = s, t
     if low >= 0.0 or t >= span:
@@ -49,7 +49,7 @@ def descend(tube, t, span, k, s):
     before = t
     while True:
         after = min(before + step, span)
-        found = level(tube, after, k, 0.0)  # it may be far below, where planes are poor
+        found = level(tube, after, k, 0.0)  # it may be far below, for poor planes
         lower = found < best
         if lower:
             best, best_time = found, after
@@ -63,7 +63,7 @@ def descend(tube, t, span, k, s):
         before, low = after, high
         step = min(1.5 * step, longest)
     high = high if high > 0.0 else -low
-    left, right = low, high  # halved while the other end moves on (Illinois)
+    left, right = low, high  # halved while the other end moves (Illinois method)
     for m in range(100):
         width = after - before
         if min(-low, high) * width <= 1e-12 * best or width <= 1e-15 * span:
@@ -86,7 +86,7 @@ def descend(tube, t, span, k, s):
 
 @kernel()
 def gap_at(tube, t, k, s):
-    """Room at time t between the zone and k sigmas, both at level s."""
+    """Return the gap at time t between the zone and k sigmas, both at level s."""
     scale = 1.0 if k < 0.0 else s
     gap = look(tube, t) - scale
     if gap > 0.0:
@@ -96,7 +96,10 @@ def gap_at(tube, t, k, s):
 
 @kernel()
 def least_in_window(tube, span, k, best, best_time, patience):
-    """The least level of the window, if below `best`, when, and the time reached; 0 where the mean enters."""
+    """Return the least level of the window, if below `best`, its time, and the time reached.
+
+    The level is 0 if the mean enters the zone.
+    """
     t = 0.0
     for _ in range(patience):
         aim = min(best * (1.0 - PRECISION), NEVER)
@@ -111,7 +114,7 @@ def least_in_window(tube, span, k, best, best_time, patience):
                     return 0.0, best_time, t
             aim = min(best * (1.0 - PRECISION), NEVER)
             gap = gap_at(tube, t, k, aim)
-            if gap < -LACKING:  # another plane than the level's, and worse: what it keeps is certain
+            if gap < -LACKING:  # a plane worse than that of the level; its own level is certified
                 best, best_time = min(best, level_of_plane(tube, k)), t
                 aim, gap = best * (1.0 - PRECISION), 0.0
         if not t < span:
@@ -122,7 +125,7 @@ def least_in_window(tube, span, k, best, best_time, patience):
             target = (1.0 if k < 0.0 else aim) - max(SLACK - gap, 0.0)
             h = max(h, beyond_for(tube, sigmas, target, span))
             many = stalled(tube, h, span)
-            if many > 0.0:  # planes are not good enough: a level a little lower is certain too
+            if many > 0.0:  # the planes are not accurate enough: certify a slightly lower level
                 best = aim * (1.0 - min(0.5, PRECISION * 2.0**many))
         t = min(span, max(t + h, t * (1.0 + 2.3e-16)))
     return best, best_time, t
@@ -130,7 +133,7 @@ def least_in_window(tube, span, k, best, best_time, patience):
 
 @kernel()
 def sketch_level(tube, t, k, enough):
-    """About the level at time t, by planes that are almost the best; or one above `enough`, and below it."""
+    """Return an approximate level at time t, by approximate planes; or one above `enough`."""
     if look(tube, t) <= (1.0 if k < 0.0 else 0.0):
         return 0.0
     s = 0.0
@@ -147,7 +150,7 @@ def sketch_level(tube, t, k, enough):
 
 @kernel()
 def sample_window(tube, span, k, best, best_time):
-    """About the least level at some times of the window, if below `best`, and when."""
+    """Return the least approximate level at some times of the window, if below `best`, and its time."""
     n = max(tube.mean_motion, tube.seen[MEAN_RATE])
     count = int(n * span / SAMPLE_ANGLE) + 1 if n > 0.0 else SAMPLES
     for m in range(count + 1):
@@ -159,7 +162,7 @@ def sample_window(tube, span, k, best, best_time):
 
 @kernel()
 def sampled_level(tube, one, first, two, second, start, end, k):
-    """A level of the pair and its time, mostly the least: with it few others are found on the march."""
+    """Return a level of the pair and its time, usually the least, which saves work in the march."""
     i_end, j_end = one.offsets[first + 1], two.offsets[second + 1]
     i = locate(one.arcs, one.offsets[first], i_end, start)
     j = locate(two.arcs, two.offsets[second], j_end, start)
@@ -190,7 +193,7 @@ def sampled_level(tube, one, first, two, second, start, end, k):
 
 @kernel()
 def advance(arcs, i, i_end, t):
-    """The arc from the i-th on in which the motion goes on after time t."""
+    """Return the index of the arc, from the i-th on, in which the motion continues after time t."""
     while i + 1 < i_end and arcs[i, END] <= t:
         i += 1
     return i
@@ -198,9 +201,9 @@ def advance(arcs, i, i_end, t):
 
 @kernel()
 def least_of_pair(tube, one, first, two, second, start, end, k, best, best_time):
-    """Least level over [start, end] and its time; nan where nothing ever brings them together.
+    """Return the least level over [start, end] and its time; nan if no error results in a conflict.
 
-    From one that is known on, at a time that is, or inf and nan.
+    Starts from a known level and its time, or inf and nan.
     """
     i_end, j_end = one.offsets[first + 1], two.offsets[second + 1]
     i = locate(one.arcs, one.offsets[first], i_end, start)
@@ -222,7 +225,7 @@ def least_of_pair(tube, one, first, two, second, start, end, k, best, best_time)
 
 @kernel()
 def begin_pair(tube, one, first, two, second):
-    """When the common time of a pair starts and ends."""
+    """Reset the tube for a pair and return the start and end of its common time."""
     tube.seen[HINT] = inf
     tube.seen[NOISY] = one.execution[first, NOISE] + two.execution[second, NOISE]
     start = max(one.arcs[one.offsets[first], START], two.arcs[two.offsets[second], START])
@@ -231,7 +234,7 @@ def begin_pair(tube, one, first, two, second):
 
 @kernel(void(SPREAD, SPREAD, int64[::1], int64[::1], TUBE, float64, float64[:, ::1]))
 def least_of_pairs(one, two, first, second, tube, k, out):
-    """Time and least level of pairs over their common times, by sigmas (k < 0) or by scale of k sigmas."""
+    """Write time and least level of pairs over their common times, by sigmas (k < 0) or by scale."""
     one, two, tube = lent(one), lent(two), lent(tube)
     for p in range(len(first)):
         start, end = begin_pair(tube, one, first[p], two, second[p])

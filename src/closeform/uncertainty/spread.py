@@ -1,13 +1,13 @@
-"""Spread: the covariance of a craft's state along its path, as roots at the starts of its arcs.
+"""Covariance of a craft's state along its path, as square roots at the starts of its arcs.
 
-What matters at a time is the covariance then, however many errors made it.  So all that is over, the
-state's error, impulses, burns that ended, noise, is six columns that move naturally; what goes on, the
-errors of a burn under way, is up to four columns beside them, which its thrust goes on to drive:
+Only the current covariance matters, however many errors contributed. Completed errors (of the state,
+impulses, finished burns and noise) are six columns that move naturally. Errors of a burn in progress are up
+to four further columns, which its thrust continues to drive:
 
     P = R R^T + sum x_j x_j^T                                                        # theory (51)
 
-Columns keep the digits of directions that are known far better than others, which a covariance loses;
-many become six by Householder's reflections, which keep those of every row.
+Columns keep the digits of directions that are known much better than others, which a covariance would lose.
+Householder reflections, which keep the digits of every row, reduce many columns to six.
 """
 
 from collections.abc import Sequence
@@ -41,8 +41,8 @@ from closeform.motion.path import Path
 if TYPE_CHECKING:
     from closeform.uncertainty.errors import Uncertainty
 
-ACTIVE = 36  # first column of a row's four states of errors under way, behind its root (6, 6)
-UNDER_WAY = 4  # the burn's magnitude, and its pointing about x, y and z
+ACTIVE = 36  # first column of the four states of burn errors in progress, after the root (6, 6)
+UNDER_WAY = 4  # errors of a burn: magnitude, and pointing about x, y and z
 ROW = ACTIVE + 6 * UNDER_WAY
 MAGNITUDE, POINTING, GATES, NOISE = 0, 1, 2, 6  # columns of `Uncertainty.execution`
 
@@ -60,12 +60,12 @@ SPREAD = types.NamedTuple((float64[:, ::1], int64[::1], float64[:, ::1], float64
 
 
 def spread_of(path: Path, errors: "Sequence[Uncertainty | None]") -> Spread:
-    """Of each craft of a batch by its own errors; None for one that is where its path is."""
+    """Return the spread of a batch from the uncertainty of each craft; None for an exact craft."""
     return spread_to_ends(path, errors)[0]
 
 
 def spread_to_ends(path: Path, errors: "Sequence[Uncertainty | None]") -> tuple[Spread, Floats]:
-    """The same, and the roots (N, 6, 6) of the covariances at the ends of all paths."""
+    """Return the spread, and the roots (N, 6, 6) of the covariances at the ends of all paths."""
     count = len(path.offsets) - 1
     roots, execution = np.zeros((count, 6, 6)), np.zeros((count, 7))
     for each in {one for one in errors if one is not None}:
@@ -80,7 +80,7 @@ def spread_to_ends(path: Path, errors: "Sequence[Uncertainty | None]") -> tuple[
 
 @kernel()
 def compress(a, width):
-    """Rotate the columns of `a` (6, `width`) into its first six: lower triangular, of one covariance."""
+    """Rotate the columns of `a` (6, `width`) into its first six: lower triangular, same covariance."""
     for i in range(6):
         square = 0.0
         for j in range(i, width):
@@ -105,7 +105,7 @@ def compress(a, width):
 
 @kernel()
 def carry(n, t, a, first, last):
-    """Move some columns of `a` naturally."""
+    """Propagate some columns of `a` by natural motion."""
     for j in range(first, last):
         moved = coast(n, t, a[0, j], a[1, j], a[2, j], a[3, j], a[4, j], a[5, j])
         for i in range(6):
@@ -114,10 +114,10 @@ def carry(n, t, a, first, last):
 
 @kernel()
 def add_noise(n, t, density, a, width):
-    """Six columns of what white noise made of a state that was known: of density W(t).        # theory (9)
+    """Add six columns for process noise of density W(t) on an exactly known state.
 
-    W = R P Phi^T: R answers thrusts and their rates at the start, P makes these of the costate there,
-    and Phi^T carries that back.  Nothing cancels as n t -> 0.
+    theory (9). W = R P Phi^T: R is the response to thrusts and their rates at the start, P gives these from
+    the costate there, and Phi^T propagates that back. Nothing cancels as n t -> 0.
     """
     answers, flow, noise = stack_matrix(6, 6), stack_matrix(6, 6), stack_matrix(6, 6)
     response(n, t, answers)
@@ -140,7 +140,7 @@ def add_noise(n, t, density, a, width):
 
 @kernel()
 def add_gates(arc, execution, a, width):
-    """Three columns of an impulse at the start of an arc, where it has one: the width then."""
+    """Add three columns for an impulse at the start of an arc, if there is one; return the new width."""
     jx, jy, jz = arc[IMPULSE], arc[IMPULSE + 1], arc[IMPULSE + 2]
     square = jx * jx + jy * jy + jz * jz
     if square == 0.0:
@@ -161,7 +161,7 @@ def add_gates(arc, execution, a, width):
 
 @kernel()
 def error_arc(n, arc, row, execution, j, out):
-    """The arc of one error of a burn under way: 0 its magnitude, 1 to 3 its pointing about x, y, z."""
+    """Fill the arc of one error of a burn in progress: 0 its magnitude, 1 to 3 its pointing about x, y, z."""
     out[START], out[END], out[MEAN_MOTION] = arc[START], arc[END], n
     for k in range(3):
         out[IMPULSE + k] = 0.0
@@ -175,7 +175,7 @@ def error_arc(n, arc, row, execution, j, out):
     ux, uy, uz, wx, wy, wz = arc[12], arc[13], arc[14], arc[15], arc[16], arc[17]
     for k in range(THRUST, PUSH):
         out[k] = 0.0
-    for k in range(PUSH, WIDTH, 3):  # an optimal thrust is a natural motion: per axis of PUSH's span
+    for k in range(PUSH, WIDTH, 3):  # an optimal thrust is a natural motion: on each axis in the span of PUSH
         x, y, z = size * (ux + arc[k]), size * (uy + arc[k + 1]), size * (uz + arc[k + 2])
         out[k] = 0.0 if j == 1 else (z if j == 2 else -y)
         out[k + 1] = 0.0 if j == 2 else (x if j == 3 else -z)
@@ -186,13 +186,13 @@ def error_arc(n, arc, row, execution, j, out):
 
 @kernel()
 def under_way(arc, execution):
-    """How many errors of a burn go on along an arc."""
+    """Return the number of burn errors in progress along an arc."""
     return UNDER_WAY if (execution[MAGNITUDE] > 0.0 or execution[POINTING] > 0.0) and thrusts(arc) else 0
 
 
 @kernel()
 def add_under_way(n, arc, row, execution, t, a, width):
-    """Columns of the errors of a burn under way, their states at time t: the width then."""
+    """Add columns for the errors of a burn in progress, with their states at time t; return the new width."""
     out = stack_vector(30)
     for j in range(under_way(arc, execution)):
         error_arc(n, arc, row, execution, j, out)
@@ -205,7 +205,7 @@ def add_under_way(n, arc, row, execution, t, a, width):
 
 @kernel()
 def is_known(row, execution):
-    """Whether nothing that is over moved a craft by the start of an arc, and noise does not either."""
+    """Return True if no completed error and no noise moves a craft by the start of an arc."""
     most = execution[NOISE]
     for i in range(36):
         most = max(most, abs(row[i]))
@@ -214,7 +214,7 @@ def is_known(row, execution):
 
 @kernel()
 def add_settled(n, arc, row, execution, t, a, width):
-    """Columns of all that is over, moved to time t within the arc of `row`, noise added: the width then."""
+    """Add columns for completed errors, propagated to time t within the arc, and noise; return the width."""
     for i in range(6):
         for j in range(6):
             a[i, width + j] = row[6 * i + j]
@@ -230,7 +230,7 @@ def add_settled(n, arc, row, execution, t, a, width):
 
 @kernel(void(float64[:, ::1], int64[::1], float64, float64[:, :, ::1], float64[:, ::1], float64[:, ::1]))
 def spread(arcs, offsets, n, roots, execution, rows):
-    """Fill the rows of all paths from `roots` (N, 6, 6) at their starts, which become those at their ends."""
+    """Fill the rows of all paths from `roots` (N, 6, 6) at their starts; replace these by the final ones."""
     arcs, rows, execution = borrowed(arcs), borrowed(rows), borrowed(execution)
     a = stack_matrix(6, 16)
     for p in range(len(offsets) - 1):
@@ -262,7 +262,7 @@ def spread(arcs, offsets, n, roots, execution, rows):
 
 @kernel(void(float64[:, ::1], float64, float64[:, ::1], float64[:, ::1], float64[::1], float64[:, :, ::1]))
 def covariances(arcs, n, rows, execution, times, out):
-    """Covariances (T, 6, 6) of one craft at times on its path."""
+    """Write the covariances (T, 6, 6) of one craft at times on its path."""
     a = stack_matrix(6, 16)
     for k in range(len(times)):
         m = locate(arcs, 0, len(arcs), times[k])

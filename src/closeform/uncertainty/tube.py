@@ -1,4 +1,4 @@
-"""The tube: what a pair's positions are within k sigmas, seen along a window and marched against a zone.
+"""k-sigma tube of a pair: its positions within k sigmas, along a window, for the march against a zone.
 
 With a of unit polar norm and l_j = a . r_j of the columns r_j,
 
@@ -6,9 +6,9 @@ With a of unit polar norm and l_j = a . r_j of the columns r_j,
     C = sum |a_i| A_0i + k A + k |l' across l|^2 / (w |l|)
 
 where A_0i bounds the mean's acceleration along axis i, and A that of all l (for settled columns along a
-itself, a swing); w is 1 where |l| grows, and 1/2 as long as half of it is left where it shrinks.  Or with
-|l'| for l . l' / |l| and without the last term, where |l| is small.  White noise since the window's start is
-six more columns, seen anew at each step, and what it adds within a step at most k (sqrt(m^2 + c h^3) - m).
+itself, an oscillation). w is 1 where |l| grows, and 1/2 as long as half of it remains where it shrinks. If
+|l| is small, |l'| replaces l . l' / |l|, without the last term. White noise since the window's start is six
+more columns, recomputed at each step; it adds at most k (sqrt(m^2 + c h^3) - m) within a step.
 """
 
 from math import inf, sqrt
@@ -30,23 +30,23 @@ from closeform.uncertainty.spread import add_noise, add_settled, compress, error
 from closeform.zones.shapes import FORM, norm, time_to_level
 from closeform.zones.zone import Zone
 
-NEVER = 1e4  # as many sigmas are infinitely many
-ALMOST = 1e-3  # of a level: planes with less room than that beyond it are sought exactly
-COLUMNS = 20  # six that are settled, four under way of either craft, six of noise
-# Of `seen`: the mean's order and mean motion, how many columns are active, the noise of both, how long the
-# window is, how long the last step of a moving certificate was, at an instant thrice how
-# many columns there are, and how many steps of the pair nothing could lengthen.
+NEVER = 1e4  # number of sigmas that counts as infinite
+ALMOST = 1e-3  # of a level: planes with less margin beyond it are computed exactly
+COLUMNS = 20  # six settled, four of a burn in progress of either craft, six of noise
+# Entries of `seen`: order and mean motion of the mean, number of active columns, noise of both, length of
+# the window, last step of a moving certificate, three times the number of columns at an instant, and the
+# number of short steps of the pair.
 ORDER, MEAN_RATE, ACTIVE, NOISY, REACH, HINT, WIDTH, STALLS = 0, 1, 2, 3, 4, 5, 6, 7
 
 
 class Tube(NamedTuple):
-    """TrackingMargins for what a kernel sees of one pair; in zone coordinates but for `columns`.
+    """Working memory of the kernels for one pair; in zone coordinates except `columns`.
 
-    Of the zone `shape`, `matrix` and `faces`; `mean_motion` of the orbit.  Of a window the derivatives of the
-    mean (8, 3), of the settled columns (4, 18) and of those under way (64, 3), `bounds` (6,) of acceleration
-    along the axes, of the mean and of columns that are not settled, and what is `seen` (8,).  At an instant
-    `place` (6,) of the mean, `at` (2, 60) of the columns, their covariance `square` (3, 3), the `best` plane
-    (4,) and what of the columns is along it, `along` (3,): |l|^2, l . l' and |l'|^2.
+    Of the zone `shape`, `matrix` and `faces`; `mean_motion` of the orbit. Of a window the derivatives of the
+    mean (8, 3), of the settled columns (4, 18) and of those in progress (64, 3), `bounds` (6,) of the
+    acceleration along the axes, of the mean and of columns that are not settled, and the numbers `seen` (8,).
+    At an instant `place` (6,) of the mean, `at` (2, 60) of the columns, their covariance `square` (3, 3), the
+    `best` plane (4,) and the columns along it, `along` (3,): |l|^2, l . l' and |l'|^2.
     """
 
     shape: int
@@ -82,14 +82,14 @@ TUBE = types.NamedTuple(
 
 
 def tube_for(zone: Zone, mean_motion: float) -> Tube:
-    """TrackingMargins for pairs with a zone."""
+    """Return working memory for pairs with a zone."""
     sizes: tuple[Any, ...] = ((8, 3), (4, 18), (64, 3), 6, 8, (6, 32), 6, (2, 3 * COLUMNS), (3, 3), 4, 3)
     return Tube(*faced(zone), mean_motion, *map(np.zeros, sizes))
 
 
 @kernel()
 def settled_rows(tube, width):
-    """Derivatives in zone coordinates of `width` columns, natural motion all."""
+    """Compute the derivatives in zone coordinates of `width` columns of natural motion."""
     n, a, rows = tube.mean_motion, tube.columns, tube.settled
     for j in range(width):
         x, y, z, vx, vy, vz = a[0, j], a[1, j], a[2, j], a[3, j], a[4, j], a[5, j]
@@ -102,7 +102,7 @@ def settled_rows(tube, width):
 
 @kernel()
 def settled_bound(tube, h, x, y, z):
-    """Square of what bounds the acceleration of all settled columns along a direction over [0, h]."""
+    """Return the squared bound of the acceleration of all settled columns along a direction over [0, h]."""
     n, rows = tube.mean_motion, tube.settled
     b = c = 0.0
     for j in range(0, 18, 3):
@@ -116,14 +116,14 @@ def settled_bound(tube, h, x, y, z):
 
 @kernel()
 def column_bound(tube, x, y, z):
-    """What bounds the acceleration of all columns along a direction, all over the window."""
+    """Return a bound of the acceleration of all columns along a direction, over the window."""
     others = abs(x) * tube.bounds[3] + abs(y) * tube.bounds[4] + abs(z) * tube.bounds[5]
     return sqrt(settled_bound(tube, tube.seen[REACH], x, y, z) + others * others)
 
 
 @kernel()
 def see_under_way(tube, arc, row, execution, t, h):
-    """Derivatives and bounds of the errors of one craft's burn."""
+    """Compute the derivatives and bounds of the errors of one craft's burn."""
     out = stack_vector(30)
     for j in range(under_way(arc, execution)):
         error_arc(tube.mean_motion, arc, row, execution, j, out)
@@ -141,7 +141,7 @@ def see_under_way(tube, arc, row, execution, t, h):
 
 @kernel()
 def see_tube(tube, one, i, first, two, j, second, t, h):
-    """See arcs i and j of a pair from time t on, for at most h: mean, columns and what bounds them."""
+    """Load arcs i and j of a pair from time t on, for at most h: mean, columns and their bounds."""
     a, row, execution = one.arcs[i], one.rows[i], one.execution[first]
     b, other_row, other_execution = two.arcs[j], two.rows[j], two.execution[second]
     order, n = window(a, b, t, tube.matrix, tube.mean)
@@ -170,7 +170,7 @@ def see_tube(tube, one, i, first, two, j, second, t, h):
 
 @kernel()
 def look(tube, t):
-    """The mean, the columns and their covariance at time t of the window's own: the norm of the mean."""
+    """Compute the mean, the columns and their covariance at time t of the window; return the mean's norm."""
     n, rows, at, s = tube.mean_motion, tube.settled, tube.at, tube.square
     x, y, z, vx, vy, vz = relative_state(tube.mean, int(tube.seen[ORDER]), tube.seen[MEAN_RATE], t)
     place = tube.place
@@ -201,16 +201,16 @@ def look(tube, t):
         yy, yz, zz = yy + py * py, yz + py * pz, zz + pz * pz
     s[0, 0], s[0, 1], s[0, 2], s[1, 0], s[1, 1], s[1, 2] = xx, xy, xz, xy, yy, yz
     s[2, 0], s[2, 1], s[2, 2] = xz, yz, zz
-    for i in range(3):  # where nothing is uncertain a plane could lean either way; its bound has the columns'
+    for i in range(3):  # regularization: without uncertainty the plane would not be unique
         s[i, i] += 1e-16 * (xx + yy + zz)
     return norm(tube.shape, tube.faces, x, y, z)
 
 
 @kernel()
 def room_at(tube, k, enough):
-    """g at k sigmas of the best plane, by its columns; what of them is along it is kept in `along`.
+    """Return g at k sigmas of the best plane, from its columns; store them in `along`.
 
-    Of almost the best, which costs less, where that leaves more than `enough`; inf for the best.
+    With `enough`, an approximate plane suffices if it leaves more than that; inf requires the best.
     """
     shape, faces, r, s, best = tube.shape, tube.faces, tube.place, tube.square, tube.best
     if enough < inf:
@@ -229,7 +229,7 @@ def room_at(tube, k, enough):
 
 @kernel()
 def see_plane(tube, k):
-    """g at k sigmas of the plane that was found, by the columns along it, of which `along` is kept."""
+    """Return g at k sigmas of the current plane, from the columns along it, which are stored in `along`."""
     best, at, along, place = tube.best, tube.at, tube.along, tube.place
     x, y, z = best[0], best[1], best[2]
     square = turn = rate = 0.0
@@ -244,7 +244,7 @@ def see_plane(tube, k):
 
 @kernel()
 def see_root(tube, root):
-    """Fill `root` (6, 20), of which (3, 3) is not 0, with a root of what is uncertain at the instant."""
+    """Fill `root` (6, 20), of which (3, 3) is non-zero, with a root of the covariance at the instant."""
     width = int(tube.seen[WIDTH]) // 3
     root[:] = 0.0
     for j in range(width):
@@ -255,12 +255,15 @@ def see_root(tube, root):
 
 @kernel()
 def level_time(gap, slope, k, along, most, spread):
-    """How long the gap certainly lasts, by the better of both bounds.                       # theory (53)"""
+    """Return how long the gap certainly lasts, by the better of both bounds.
+
+    theory (53)
+    """
     h = time_to_level(gap, slope - k * sqrt(along[2]), most + k * spread)
     if along[0] > 0.0:
         wide = sqrt(along[0])
         turn = along[1] / wide
-        left = 1.0 if turn >= 0.0 else 0.5  # of |l|, which bends the more the less there is
+        left = 1.0 if turn >= 0.0 else 0.5  # of |l|, whose curvature grows as it shrinks
         bend = max(along[2] - turn * turn, 0.0) / (left * wide)
         last = (left - 1.0) * wide / turn if turn < 0.0 else inf
         h = max(h, min(last, time_to_level(gap, slope - k * turn, most + k * (spread + bend))))
@@ -269,7 +272,7 @@ def level_time(gap, slope, k, along, most, spread):
 
 @kernel()
 def clear_for(tube, k, gap):
-    """How long the plane that was found last certainly keeps its gap at k sigmas."""
+    """Return how long the current plane certainly keeps its gap at k sigmas."""
     best, b, along, m = tube.best, tube.bounds, tube.along, tube.matrix
     x, y, z = best[0], best[1], best[2]
     most = abs(x) * b[0] + abs(y) * b[1] + abs(z) * b[2]
@@ -281,7 +284,7 @@ def clear_for(tube, k, gap):
         for i in range(3):
             part = x * m[0, i] + y * m[1, i] + z * m[2, i]
             square += part * part
-        # noise of h at most makes |a . r| vary by c h^3, as |Phi_rv(s)| <= s (1 + n s) up to n s = 1
+        # noise over h adds at most c h^3 to the variance of a . r: |Phi_rv(s)| <= s (1 + n s) up to n s = 1
         cubic = 4.0 / 3.0 * tube.seen[NOISY] * square
         if tube.mean_motion > 0.0:
             h = min(h, 1.0 / tube.mean_motion)
@@ -297,11 +300,11 @@ def clear_for(tube, k, gap):
 
 @kernel()
 def level_of_plane(tube, k):
-    """The level up to which the plane that was found last keeps both apart."""
+    """Return the level up to which the current plane separates both."""
     ahead = tube.best[0] * tube.place[0] + tube.best[1] * tube.place[1] + tube.best[2] * tube.place[2]
     wide = sqrt(tube.along[0])
     if k < 0.0:
-        if ahead <= 1.0:  # the null plane, too, of opposite faces where sigmas reach far into the zone
+        if ahead <= 1.0:  # also the null plane of opposite faces, if sigmas reach far into the zone
             return 0.0
         return (ahead - 1.0) / wide if wide > 0.0 else inf
     return max(ahead / (1.0 + k * wide), 0.0)
@@ -309,10 +312,10 @@ def level_of_plane(tube, k):
 
 @kernel()
 def level(tube, t, k, start):
-    """The level of the zone, or the sigmas, at which both just touch at time t, from above it or from 0.
+    """Return the level of the zone, or the sigmas, at contact at time t, from a lower bound `start` or 0.
 
-    k < 0: as many sigmas as leave room 1; else the scale of zone and k sigmas together, which is the mean's
-    norm in their sum.  Newton's method: g is convex in either, so that it comes from below.
+    k < 0: the number of sigmas that touch the zone; otherwise the scale of zone and k sigmas together, which
+    is the mean's norm in their sum. Newton's method: g is convex in either, so that it converges from below.
     """
     inside = look(tube, t)
     if inside <= (1.0 if k < 0.0 else 0.0):
@@ -331,7 +334,7 @@ def level(tube, t, k, start):
 
 @kernel()
 def level_rate(tube, k, s):
-    """The sign and size of the rate of `level` at the plane that it found."""
+    """Return the rate of `level` at its plane, up to a positive factor."""
     slope = tube.best[0] * tube.place[3] + tube.best[1] * tube.place[4] + tube.best[2] * tube.place[5]
     wide = sqrt(tube.along[0])
     turn = tube.along[1] / wide if wide > 0.0 else sqrt(tube.along[2])

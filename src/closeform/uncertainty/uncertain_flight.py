@@ -1,4 +1,4 @@
-"""Pairs of a flight whose states have errors: how many sigmas are clear, how probable a meeting is."""
+"""Pairs of a flight with uncertain states: their sigma clearance and collision probability."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -17,20 +17,21 @@ from closeform.uncertainty.probability import Probability, collision_probability
 from closeform.zones.shapes import BALL
 from closeform.zones.zone import Zone
 
-MOST_PROBABLE = 10  # pairs, the fewest sigmas first, whose probability is told
-MOST_BURNS = 60  # of two craft, of which histories are drawn: each has up to four errors of its own
-HISTORIES = 200_000  # that are drawn where the surface of a zone is not resolved
+MOST_PROBABLE = 10  # pairs with the fewest sigmas whose probability is computed
+MOST_BURNS = 60  # greatest number of burns of two craft for sampling; each has up to four errors
+HISTORIES = 200_000  # samples if the surface of a zone is not resolved
 
 NONE = np.empty(0)
-NEVER = Probability(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, NONE, NONE, "bound", 0)  # of who no error brings together
+# of pairs without any possible conflict
+NEVER = Probability(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, NONE, NONE, "bound", 0)
 
 
 @dataclass(frozen=True, eq=False)
 class UncertainPair:
-    """Two craft by name that are clear of a `zone` by `sigmas` at least, fewest at `time` [s].
+    """Two craft by name that are clear of a `zone` by at least `sigmas`, with the minimum at `time` [s].
 
-    `probability` that they are ever within it; None where others are nearer, the zone is no sphere and no
-    ellipsoid, or there are too many burns with errors of their own.
+    `probability` of a conflict; None for pairs with more sigmas than others, for a zone that is no sphere or
+    ellipsoid, or with too many burn errors.
     """
 
     first: str
@@ -43,10 +44,10 @@ class UncertainPair:
 
 @dataclass(frozen=True, eq=False)
 class UncertainFlight:
-    """The pairs of a flight of which anything is uncertain, the fewest sigmas first.
+    """Pairs of a flight with any uncertainty, the fewest sigmas first.
 
-    `exact`: who has no errors; `sigmas`: by how many pairs were to be clear.  `any_pair`: what the
-    probability that any two ever meet is not above, the sum over all; None where that of some is not known.
+    `exact`: craft without errors; `sigmas`: the required clearance. `any_pair`: an upper bound of the
+    probability that any pair has a conflict, the sum over all; None if it is not known.
     """
 
     pairs: tuple[UncertainPair, ...]
@@ -63,39 +64,40 @@ class UncertainFlight:
         probable: int = MOST_PROBABLE,
         limit: float = inf,
     ) -> Self:
-        """From the approaches of a flight, and the errors of its craft in order.
+        """Return the pairs of a flight from its approaches, and the uncertainties of its craft in order.
 
-        The probability is that of so many pairs, and of all others that are not below a `limit` for certain.
+        The probability is computed for the first `probable` pairs, and for all others that are not certainly
+        below `limit`.
         """
         known = {name: one or Uncertainty() for name, one in zip(flight.names, errors, strict=True)}
         exact = tuple(name for name, one in zip(flight.names, errors, strict=True) if one is None)
         off = {name for name, one in known.items() if errs(flight.path(name), one)}
         pairs = [near for near in flight.approaches if near.first in off or near.second in off]
         found = sorted(_clearances(flight, pairs, known), key=lambda one: one[:2])
-        told, total = [], 0.0
+        rows, total = [], 0.0
         for place, (clear, time, near) in enumerate(found):
             probability, most = None, at_most(flight, near, known, clear)
             looked = place < probable or limit < inf
             if looked and near.zone.shape == BALL and few_burns(flight, near, known):
                 sure = place >= probable and most <= limit
                 probability = None if sure else NEVER if most == 0.0 else probability_of(flight, near, known)
-            told.append(UncertainPair(near.first, near.second, clear, time, near.zone, probability))
+            rows.append(UncertainPair(near.first, near.second, clear, time, near.zone, probability))
             total += most if probability is None else min(most, probability.high)
-        return cls(tuple(told), exact, sigmas, total if total < 1.0 else None)
+        return cls(tuple(rows), exact, sigmas, total if total < 1.0 else None)
 
     @property
     def within(self) -> tuple[UncertainPair, ...]:
-        """The pairs that are not clear by so many sigmas."""
+        """Pairs with less than the required clearance."""
         return tuple(pair for pair in self.pairs if pair.sigmas < self.sigmas)
 
 
 def few_burns(flight: WatchedFlight, near: PairApproach, known: Mapping[str, Uncertainty]) -> bool:
-    """Whether two craft have few enough burns and impulses with errors that histories can be drawn."""
+    """Return True if two craft have few enough burns and impulses with errors for sampling."""
     return sum(fired(flight, near, known)) <= MOST_BURNS
 
 
 def fired(flight: WatchedFlight, near: PairApproach, known: Mapping[str, Uncertainty]) -> tuple[int, int]:
-    """How many burns and impulses with errors two craft have."""
+    """Return the numbers of burns and impulses with errors of two craft."""
     burns = impulses = 0
     for name in (near.first, near.second):
         path, errors = flight.path(name), known[name]
@@ -107,10 +109,10 @@ def fired(flight: WatchedFlight, near: PairApproach, known: Mapping[str, Uncerta
 def probability_of(
     flight: WatchedFlight, near: PairApproach, known: Mapping[str, Uncertainty]
 ) -> Probability:
-    """That two craft ever come within their zone: as exactly as their errors allow."""
+    """Return the probability of a conflict of two craft, as exactly as their errors allow."""
     first, second = near.first, near.second
     asked = flight.path(first), flight.path(second), near.zone, known[first], known[second]
-    if known[first].noise or known[second].noise:  # has no histories that could be drawn
+    if known[first].noise or known[second].noise:  # process noise: a bound instead of samples
         return collision_probability(*asked, method="bound")
     try:
         return collision_probability(*asked)
@@ -121,18 +123,18 @@ def probability_of(
 def at_most(
     flight: WatchedFlight, near: PairApproach, known: Mapping[str, Uncertainty], sigmas: float
 ) -> float:
-    """What the probability of two craft is not above, clear by some sigmas: errors beyond these."""
+    """Return an upper bound of the probability of a conflict from the sigma clearance."""
     if known[near.first].noise or known[near.second].noise:
         return 1.0
     burns, impulses = fired(flight, near, known)
-    size = 6 + 4 * burns + 3 * impulses  # of the relative state, of strengths and directions
+    size = 6 + 4 * burns + 3 * impulses  # errors of the relative state, of burns and of impulses
     return float(gammaincc(0.5 * size, 0.5 * sigmas**2))
 
 
 def _clearances(
     flight: WatchedFlight, pairs: Sequence[PairApproach], known: Mapping[str, Uncertainty]
 ) -> Iterator[tuple[float, float, PairApproach]]:
-    """Sigmas and when they are fewest [s], of pairs of one zone after another."""
+    """Yield the sigma clearance of each pair and its time [s], one zone after another."""
     place = {name: k for k, name in enumerate(flight.names)}
     groups: dict[Zone, list[PairApproach]] = {}
     for near in pairs:

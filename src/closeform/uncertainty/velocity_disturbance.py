@@ -1,4 +1,4 @@
-"""A craft's path with changes of velocity that no thruster made, at some instants."""
+"""Paths with velocity disturbances: changes of velocity without a thruster firing."""
 
 from __future__ import annotations
 
@@ -10,13 +10,14 @@ from closeform.arrays import Floats
 from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, PUSH, START, STATE, THRUST, WIDTH
 from closeform.motion.path import Path, path_of
 
-ROUNDED = 1e-9  # of a path's length
+ROUNDED = 1e-9  # of a path's duration
 
 
 def kicked(path: Path, times: Floats, kicks: Floats) -> Path:
-    """One craft's path with changes of velocity (K, 3) [m/s] at times (K,) [s] that rise, up to its end.
+    """Return one craft's path with changes of velocity (K, 3) [m/s] at sorted times (K,) [s].
 
-    From those before its start on natural motion has led.  None is an impulse of the path, or costs anything.
+    Changes before its start have acted by natural motion; those after its end are ignored. They are no
+    impulses of the path and have no cost.
     """
     times = np.where(np.abs(times - path.end) < ROUNDED * (path.end - path.start), path.end, times)
     times = np.where(np.abs(times - path.start) < ROUNDED * (path.end - path.start), path.start, times)
@@ -33,7 +34,7 @@ def kicked(path: Path, times: Floats, kicks: Floats) -> Path:
 
 
 def _led(path: Path, times: Floats, kicks: Floats) -> Floats:
-    """The states (K, 6) to which kicks lead from rest, after each of them."""
+    """Return the states (K, 6) that result from changes of velocity, from rest, after each of them."""
     found, state = np.zeros((len(times), 6)), np.zeros(6)
     flows = path.orbit.transition(np.diff(times, prepend=times[:1]))
     for k, (flow, kick) in enumerate(zip(flows, kicks, strict=True)):
@@ -44,7 +45,7 @@ def _led(path: Path, times: Floats, kicks: Floats) -> Floats:
 
 
 def _cut(path: Path, times: Floats) -> Floats:
-    """The arcs of a path, each cut at the times that lie within it."""
+    """Return the arcs of a path, each cut at the times within it."""
     old = path.arcs
     begins = np.concatenate([old[:, START], np.setdiff1d(times, old[:, START])])
     rows = np.concatenate(
@@ -61,7 +62,7 @@ def _cut(path: Path, times: Floats) -> Floats:
 
 
 def _since(path: Path, arcs: Floats, times: Floats) -> Floats:
-    """Arcs (K, 30) from times (K,) within them on."""
+    """Return the remainders of arcs (K, 30) from times (K,) within them on."""
     found, n, span = arcs.copy(), arcs[:, MEAN_MOTION], times - arcs[:, START]
     each = path_of(path.orbit, np.ascontiguousarray(arcs), np.arange(len(arcs) + 1), (len(arcs),))
     found[:, STATE : STATE + 6] = each._evaluate_rows(np.ascontiguousarray(times[:, None]))[:, 0]
@@ -74,7 +75,7 @@ def _since(path: Path, arcs: Floats, times: Floats) -> Floats:
 
 
 def _shifts(n: Floats, span: Floats) -> Any:
-    """What a thrust and its first three derivatives become in some times (K, 4, 4): of 1, t, P1, P2."""
+    """Return the transition (K, 4, 4) of a thrust and its first three derivatives: of 1, t, P1, P2."""
     turn = n * span
     found = np.zeros((len(span), 4, 4))
     sine, versed = np.sinc(turn / np.pi), np.sinc(0.5 * turn / np.pi)
@@ -91,7 +92,7 @@ def _shifts(n: Floats, span: Floats) -> Any:
 
 
 def _at_end(path: Path) -> Floats:
-    """An arc without length at a path's end."""
+    """Return an arc of zero duration at a path's end."""
     arc = np.zeros((1, WIDTH))
     arc[0, [START, END, MEAN_MOTION]] = path.end, path.end, path.orbit.mean_motion
     arc[0, STATE : STATE + 6] = path.state(path.end)

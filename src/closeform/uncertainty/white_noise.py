@@ -1,11 +1,11 @@
-"""White noise as it comes out: what it makes of a craft's velocity at instants a step apart.
+"""Process noise: increments of a craft's state in steps, equivalent to velocity changes between them.
 
-What noise adds to a state in a step is normal, and of each step independent.  Of all motions that lead there
-the one that is flown is natural within each step, with a change of velocity between two: paths stay
-continuous, and states are exact at the instants.  What noise does beside that within a step is bounded.
+The increments of steps are normal and independent. Of all motions that lead to them, natural motion within
+each step is used, with a change of velocity between two: paths stay continuous, and states are exact at the
+ends of steps. The remaining deviation within a step is bounded.
 
-Steps of a block's half, quarter and so on are drawn by halving (Levy's construction): what is drawn of long
-steps stays as it is where shorter ones are asked for, and of a time as more of it is.
+Steps of a block's half, quarter and so on are sampled by halving (Levy's construction), so that the samples
+of long steps do not change if shorter ones or more of them are requested.
 """
 
 from __future__ import annotations
@@ -20,40 +20,44 @@ from scipy.linalg import expm
 
 from closeform.arrays import Floats
 
-# Of sqrt(q h^3): beyond it a step of length h leaves its chord with a chance below 1e-13.      # theory (65)
+# theory (65)
+# In units of sqrt(q h^3): deviation in a step h that is exceeded with a probability below 1e-13.
 OFF = 1.2
-ENOUGH, MOST_OFF = 1e-3, 0.1  # of the zone's inner radius
-STEPS = 10_000  # at most, of a zone's time
-ANGLE = 0.2  # of n h, up to which (65) holds
-BLOCK = 4096.0  # s, which is halved
-SAME = 1e-6  # of a step: as late as an instant, but for rounding
+ENOUGH, MOST_OFF = 1e-3, 0.1  # of the zone's inner radius: target and greatest deviation
+STEPS = 10_000  # greatest number of steps
+ANGLE = 0.2  # greatest n h for which (65) holds
+BLOCK = 4096.0  # s, length of the interval that is halved
+SAME = 1e-6  # of a step: tolerance of equal times
 
-Normal = Callable[[int, int], Floats]  # of a level, so many rows of six: (C, rows, 6)
+Normal = Callable[[int, int], Floats]  # from level and rows to normal numbers (C, rows, 6)
 
 
 def step_beside(n: float, density: float, radius: float, span: float) -> float:
-    """Of noise [m^2/s^3] how long a step may be [s] that leaves out a thousandth of a zone.
+    """Return the step [s] for noise [m^2/s^3] whose deviation is a thousandth of a zone.
 
-    Of ten thousand in a span if those leave more.
+    Longer, if the span would have more than ten thousand steps.
     """
     longest = (ENOUGH * radius / OFF) ** (2 / 3) / density ** (1 / 3)
     return float(min(max(longest, span / STEPS), ANGLE / n if n > 0.0 else np.inf, span))
 
 
 def off_beside(density: float, step: float) -> float:
-    """How far noise [m^2/s^3] leads off within a step [s], in metres.                        # theory (65)"""
+    """Return the deviation by noise [m^2/s^3] within a step [s], in metres.
+
+    theory (65)
+    """
     return OFF * float(np.sqrt(density * step**3))
 
 
 def level_of(step: float) -> int:
-    """How often a block is halved into steps that are no longer."""
+    """Return the number of halvings of a block down to steps that are no longer than `step`."""
     return max(0, ceil(log2(BLOCK / step) - SAME))
 
 
 def increments(n: float, level: int, count: int, normal: Normal) -> Floats:
-    """What noise of density 1 adds to a state in each of `count` steps (C, count, 6), of a `level`.
+    """Return the increments of a state by noise of density 1 in `count` steps (C, count, 6), of a `level`.
 
-    # theory (66)
+    theory (66)
     """
     step = BLOCK
     found = normal(0, _whole(count, level)) @ growth(n, step)[1].T
@@ -68,14 +72,17 @@ def increments(n: float, level: int, count: int, normal: Normal) -> Floats:
 
 @lru_cache
 def growth(n: float, step: float) -> tuple[Floats, Floats]:
-    """What a state becomes in a step (6, 6), the root (6, 6) of what noise of density 1 adds. # theory (9)"""
+    """Return the transition of a step (6, 6), and a root (6, 6) of the covariance of unit noise.
+
+    theory (9)
+    """
     sizes = np.repeat([step**1.5, step**0.5], 3)
     flow, gained = _scaled(n, step)
     return flow * np.outer(sizes, 1.0 / sizes), sizes[:, None] * np.linalg.cholesky(gained)
 
 
 def kicks_of(n: float, step: float, pushes: Floats) -> Floats:
-    """Changes of velocity (C, K, 3) at the starts of steps that add `pushes` (C, K, 6) to the state."""
+    """Return the changes of velocity (C, K, 3) at step starts that give increments `pushes` (C, K, 6)."""
     both = pushes @ ends_of(n, step).T
     kicks = both[..., :3].copy()
     kicks[:, 1:] += both[:, :-1, 3:]
@@ -84,7 +91,7 @@ def kicks_of(n: float, step: float, pushes: Floats) -> Floats:
 
 @lru_cache
 def ends_of(n: float, step: float) -> Floats:
-    """Changes of velocity at a step's start, and at its end, (6, 6) of what they add to the state."""
+    """Return the changes of velocity at a step's start and end, (6, 6), from the increment of the state."""
     flow = growth(n, step)[0]
     first = np.hstack([np.linalg.inv(flow[:3, 3:]), np.zeros((3, 3))])
     last = np.hstack([np.zeros((3, 3)), np.eye(3)]) - flow[3:, 3:] @ first
@@ -92,18 +99,18 @@ def ends_of(n: float, step: float) -> Floats:
 
 
 def by_then(times: Floats, step: float) -> Any:
-    """How many instants, from that at 0 on, there are up to some times [s], and at these."""
+    """Return the number of instants, from 0 on, up to and including some times [s]."""
     return np.floor(times / step + SAME).astype(np.int64) + 1
 
 
 def _whole(count: int, times: int) -> int:
-    """How many steps that are halved so many times make so many at least."""
+    """Return the number of steps that give at least `count` after some halvings."""
     return -(-count // (1 << times))
 
 
 @lru_cache
 def _halved(n: float, step: float) -> tuple[Floats, Floats, Floats]:
-    """Of two steps: motion in one, what of a sum the first adds, and the root of what it adds beside."""
+    """Return for two steps: transition of one, gain of the first from the sum, and a residual root."""
     sizes = np.repeat([step**1.5, step**0.5], 3)
     flow, gained = _scaled(n, step)
     moved = flow @ gained
@@ -115,7 +122,7 @@ def _halved(n: float, step: float) -> tuple[Floats, Floats, Floats]:
 
 
 def _scaled(n: float, step: float) -> tuple[Floats, Floats]:
-    """Motion in a step and the covariance of noise, in units of the step's own (Van Loan 1978)."""
+    """Return the transition of a step and the noise covariance, in units of the step (Van Loan 1978)."""
     angle = n * step
     motion = np.zeros((12, 12))
     motion[:3, 3:6] = np.eye(3)

@@ -1,9 +1,9 @@
-"""A random state at one time, in zone coordinates along the principal axes of its position.
+"""Random state at one time, in zone coordinates along the principal axes of its position.
 
-`principal` fills the frame (13, 3): deviations, mean position and mean velocity, the axes (rows), how
-the velocity goes with the position's standard normals (GAIN), and what spread it has left (SPREAD); and
-rows (6, M), unit and at right angles: which errors make each standard normal, and what is left of those
-that make each component of the velocity.
+`principal` fills the frame (13, 3): deviations, mean position and mean velocity, the axes (rows), the
+regression of the velocity on the position's standard normals (GAIN), and its residual covariance (SPREAD). It
+also fills rows (6, M), orthonormal: the errors that form each standard normal, and the residual errors of
+each component of the velocity.
 """
 
 from math import sqrt
@@ -12,14 +12,14 @@ from closeform._jit import kernel
 
 SIGMA, MEAN, VELOCITY, AXES, GAIN, SPREAD = 0, 1, 2, 3, 6, 9
 NEAREST = 12  # set by `entry_rate`: the nearest point, in standard normals
-THINNEST = 1e-9  # of the zone: a deviation below it is taken for it, as of errors that are all in one plane
+THINNEST = 1e-9  # of the zone: least deviation, for errors in one plane
 
-TOLD = 1e-12  # of a deviation: less is rounding, of positions in a plane and of velocities that these tell
+RESIDUAL = 1e-12  # relative deviation below which it is rounding
 
 
 @kernel()
 def principal(mean, factor, matrix, frame, rows):
-    """See a state (6,) and a factor (6, M) of its covariance along the principal axes of its position."""
+    """Transform a state (6,) and a factor (6, M) of its covariance to the principal axes of its position."""
     size = factor.shape[1]
     for i in range(3):
         frame[SPREAD, i], frame[SPREAD + 1, i] = 0.0, 0.0
@@ -46,9 +46,9 @@ def principal(mean, factor, matrix, frame, rows):
         for k in range(3):
             frame[MEAN, i] += frame[AXES + i, k] * frame[SPREAD, k]
             frame[VELOCITY, i] += frame[AXES + i, k] * frame[SPREAD + 1, k]
-        told = frame[SIGMA, i] > TOLD * frame[SIGMA, 2]
+        known = frame[SIGMA, i] > RESIDUAL * frame[SIGMA, 2]
         for j in range(size):
-            rows[i, j] = rows[i, j] / frame[SIGMA, i] if told else 0.0
+            rows[i, j] = rows[i, j] / frame[SIGMA, i] if known else 0.0
         frame[SIGMA, i] = max(frame[SIGMA, i], THINNEST)
     for j in range(size):
         x, y, z = rows[3, j], rows[4, j], rows[5, j]
@@ -59,10 +59,10 @@ def principal(mean, factor, matrix, frame, rows):
 
 @kernel()
 def make_orthogonal(frame, rows, size):
-    """Turn axes until the three rows of positions are at right angles; their lengths are the deviations.
+    """Rotate axes until the three rows of positions are orthogonal; their lengths are the deviations.
 
-    Jacobi's rotations of the factor's rows: the least deviation keeps its digits, which it would lose
-    in the covariance.
+    Jacobi rotations of the factor's rows: the least deviation keeps its digits, which it would lose in the
+    covariance.
     """
     for _ in range(30):
         turned = False
@@ -97,9 +97,9 @@ def make_orthogonal(frame, rows, size):
 
 @kernel()
 def part_velocity(frame, rows, size):
-    """Part the velocity's rows into what goes with the position and what does not.
+    """Split the velocity's rows into the regression on the position and the residual.
 
-    What is left of rounding is nothing: of three errors at most, positions mostly tell all of the velocity.
+    A residual of rounding is set to 0: with at most three errors, positions usually determine the velocity.
     """
     for i in range(3):
         whole, left = 0.0, 0.0
@@ -114,7 +114,7 @@ def part_velocity(frame, rows, size):
             frame[GAIN + i, k] = share
         for j in range(size):
             left += rows[3 + i, j] * rows[3 + i, j]
-        if left <= TOLD * TOLD * whole:
+        if left <= RESIDUAL * RESIDUAL * whole:
             for j in range(size):
                 rows[3 + i, j] = 0.0
     for i in range(3):

@@ -1,11 +1,11 @@
-"""Widths: how far errors move each craft of a batch between common times, to exclude pairs at little cost.
+"""Widths: how far errors move each craft of a batch between common times, for a quick rejection of pairs.
 
-With E that takes the zone into the unit ball, one sigma moves a craft by at most the norm of E R(t), R its
-columns.  That norm is convex, so that over an interval of length h, R'' bounded, it is below
+With E that maps the zone to the unit ball, one sigma moves a craft by at most the norm of E R(t), R its
+columns. That norm is convex, so that over an interval of length h, with R'' bounded, it is below
 
     max(|E R(t)|, |E R(t + h)|) + h^2/8 max |E R''|                                      # theory (55)
 
-and white noise since t adds the square of its own, which only grows.  What two craft have adds up.
+and white noise since t adds the square of its own, which only grows. The widths of two craft add up.
 """
 
 from math import sqrt
@@ -37,7 +37,7 @@ ROUNDING = 1.0 + 1e-9
 
 @kernel()
 def add_square(matrix, x, y, z, s):
-    """Add E r (E r)^T of one column to `s` (3, 3); the square of its length."""
+    """Add E r (E r)^T of one column to `s` (3, 3); return the square of its length."""
     r = stack_vector(3)
     square = 0.0
     for i in range(3):
@@ -51,7 +51,7 @@ def add_square(matrix, x, y, z, s):
 
 @kernel()
 def greatest(s):
-    """An upper bound, by 7 % at most, of a covariance's greatest eigenvalue: by its 16th power."""
+    """Return an upper bound, by at most 7 %, of a covariance's greatest eigenvalue, by its 16th power."""
     size = s[0, 0] + s[1, 1] + s[2, 2]
     if not size > 0.0:
         return 0.0
@@ -75,6 +75,7 @@ def greatest(s):
 
 @kernel()
 def clear_square(s):
+    """Set `s` (3, 3) to zero."""
     for i in range(3):
         for j in range(3):
             s[i, j] = 0.0
@@ -89,7 +90,7 @@ def add_columns(matrix, a, width, s):
 
 @kernel()
 def settled_bend(n, h, matrix, a, width, s):
-    """Square of what bounds the acceleration of all columns together over [0, h]; `s` is overwritten."""
+    """Return the square of a bound of the acceleration of all columns over [0, h]; overwrites `s`."""
     b = c = 0.0
     for j in range(width):
         x, z, vx, vy, vz = a[0, j], a[2, j], a[3, j], a[4, j], a[5, j]
@@ -104,7 +105,10 @@ def settled_bend(n, h, matrix, a, width, s):
 
 @kernel()
 def width_along(n, arc, row, execution, t, h, matrix):
-    """How far one sigma moves a craft at most, from time t on for h within one arc.   # theory (55)"""
+    """Return the greatest displacement of a craft by one sigma, from time t on for h within one arc.
+
+    theory (55)
+    """
     a, q, out = stack_matrix(6, 16), stack_matrix(8, 3), stack_vector(30)
     s, first, last = stack_matrix(3, 3), stack_matrix(3, 3), stack_matrix(3, 3)
     clear_square(first)
@@ -136,7 +140,7 @@ def width_along(n, arc, row, execution, t, h, matrix):
 
 @kernel(void(SPREAD, float64, float64[:, ::1], float64[::1], float64[:, ::1]))
 def fill_widths(one, n, matrix, times, widths):
-    """Fill `widths` (N, K + 1): of one sigma from each time to the next, where a craft is."""
+    """Fill `widths` (N, K + 1) of one sigma from each time to the next, during each craft's path."""
     one = lent(one)
     for craft in range(len(one.offsets) - 1):
         for m in range(one.offsets[craft], one.offsets[craft + 1]):
@@ -149,7 +153,7 @@ def fill_widths(one, n, matrix, times, widths):
 
 
 def widened(tracks: Tracks, one: Spread, zone: Zone, mean_motion: float, sigmas: float) -> Tracks:
-    """Tracks of a batch whose craft are off their chords by so many sigmas too."""
+    """Return the tracks of a batch, with `sigmas` standard deviations added to their distance from chords."""
     if not len(tracks.times):
         return tracks
     widths = np.zeros((len(tracks.own), len(tracks.times)))
