@@ -362,7 +362,7 @@ within = "1000 s"
 @pytest.mark.parametrize("what", [cf.CovarianceZone(COVARIANCE, 3.0), cf.Body(cf.Sphere(2.0))])
 def test_a_search_of_two_says_how_what_each_has_makes_their_zone(what):
     path = cf.Orbit(0.0).coast(np.zeros(6), 10.0)
-    with pytest.raises(ValueError, match=r"^zone: .*make PairZones\.of\(\[one, other\]\)\.between\(0, 1\)$"):
+    with pytest.raises(ValueError, match=r"^zone: .*use PairZones\.of\(\[one, other\]\)\.between\(0, 1\)$"):
         cf.find_conflicts(path, path, what)
 
 

@@ -289,7 +289,7 @@ def test_what_bits_are_of():
         ValueError, match=r"^thrusters: have bits of their own, and fly in the field; leave out"
     ):
         cf.tracking_margins(path, FIELD, minimum_bit=1e-3, thrusters=NOZZLES)
-    with pytest.raises(ValueError, match=r"^thrusters: 3 sets for 2 craft; give one, or one for each$"):
+    with pytest.raises(ValueError, match=r"^thrusters: 3 sets for 2 spacecraft; give one, or one for each$"):
         cf.tracking_margins(path, FIELD, thrusters=[NOZZLES] * 3)
 
 
