@@ -36,7 +36,6 @@ class Thrusters:
     minimum_bit : array_like of shape () or (m,) [m/s], optional
         Minimum impulse bit of each.
     period : float [s], optional
-    period : float [s], optional
         Period in which each fires once, or less often where its bit requires it.
 
     Raises
