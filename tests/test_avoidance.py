@@ -425,7 +425,7 @@ def refusals():
     space = SPACE.transfer([-500, 0, 0, 1, 0, 0], [500, 0, 0, 1, 0, 0], 1000.0)
     rock = SPACE.coast(np.zeros(6), 1000.0)
     return {
-        "batch": (lambda: cf.avoid(batch, other, zone), r"^path: of one craft, got shape \(2,\)"),
+        "batch": (lambda: cf.avoid(batch, other, zone), r"^path: requires one spacecraft, got shape \(2,\)"),
         "method": (lambda: cf.avoid(path, other, zone, method="best"), "^method: 'exact' or 'sauter-palmer'"),
         "orbit": (lambda: cf.avoid(path, elsewhere, zone), "^obstacles: must be in the orbit of path"),
         "orbits": (lambda: cf.avoid(path, [elsewhere], [zone]), "^obstacles: must be in the orbit of path"),

@@ -478,11 +478,11 @@ BAD = {
     ),
     "last deep": (
         lambda: cf.last_possible_conflict(DEEP.coast(ZERO, 1.0), DEEP.coast(ZERO, 1.0), cf.Sphere(1.0)),
-        "path: the bound needs an orbit",
+        "path: the bound requires an orbit",
     ),
     "last thrust": (
         lambda: cf.last_possible_conflict(ORBIT.burn(ZERO, [1, 0, 0], 1.0), COAST, cf.Sphere(1.0)),
-        "path, other: the bound is for coasting",
+        "path, other: the bound requires coasting",
     ),
 }
 

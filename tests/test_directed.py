@@ -90,14 +90,14 @@ def test_several_at_once_are_paid_for_each():
 @pytest.mark.parametrize(
     ("directions", "reason"),
     [
-        ([[0, 1, 0], [0, -1, 0]], "nothing pushes across the track"),
-        ([[1, 0, 0], [-1, 0, 0], [0, 0, 1], [0, 0, -1]], "the drift along the track stays as it is"),
-        ([[1, 0, 0], [0, 1, 0], [0, 0, 1]], "what it needs lies where none of them pushes"),
+        ([[0, 1, 0], [0, -1, 0]], "no thruster pushes cross-track"),
+        ([[1, 0, 0], [-1, 0, 0], [0, 0, 1], [0, 0, -1]], "no thruster changes the along-track drift"),
+        ([[1, 0, 0], [0, 1, 0], [0, 0, 1]], "the required change lies where no thruster pushes"),
     ],
 )
 def test_what_they_cannot_do_is_named(directions, reason):
     final = [-4000.0, 0.0, 50.0, 0.0, 0.0, 0.0]
-    with pytest.raises(ValueError, match=f"thrusters: no firing in 600 s gets there: {reason}"):
+    with pytest.raises(ValueError, match=f"thrusters: no firing in 600 s makes the transfer: {reason}"):
         ORBIT.impulsive(np.zeros(6), final, 600.0, thrusters=cf.Thrusters(directions))
     with pytest.raises(ValueError, match=f"thrusters: transfer 1 of 2: no firing in 600 s .* {reason}"):
         ORBIT.impulsive(np.zeros(6), [np.zeros(6), final], 600.0, thrusters=cf.Thrusters(directions))
@@ -114,7 +114,7 @@ def test_along_the_track_does_for_the_plane():
 def test_other_things_are_no_thrusters():
     with pytest.raises(ValueError, match="thrusters: expected Thrusters, got 3"):
         ORBIT.impulsive(np.zeros(6), np.ones(6), 600.0, thrusters=3)
-    with pytest.raises(ValueError, match="duration: the least delta-v is found over at most 100 orbits"):
+    with pytest.raises(ValueError, match="duration: the minimum delta-v is computed over at most 100 orbits"):
         ORBIT.impulsive(np.zeros(6), np.ones(6), 1e6, thrusters=cf.Thrusters.rtn())
 
 

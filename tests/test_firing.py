@@ -262,11 +262,11 @@ BLOCKED = cf.avoid(MOVE, ORBIT.coast(A, 3000.0), cf.Sphere(1000.0))
 REFUSED = {
     "no acceleration": (
         {"thrusters": cf.Thrusters.rtn(period=30.0)},
-        "thrusters: have no acceleration to fire with; give it, or use with_force",
+        "thrusters: acceleration is missing; give it, or use with_force",
     ),
     "no period": (
         {"thrusters": cf.Thrusters.rtn(acceleration=1.0)},
-        "thrusters: have no period, in which thrust that lasts is fired once; give one",
+        "thrusters: continuous thrust requires a period; give one",
     ),
     "period above the duration": (
         {"thrusters": cf.Thrusters.rtn(acceleration=1.0, period=4000.0)},
@@ -294,8 +294,8 @@ REFUSED = {
     ),
     "stronger than times can tell": (
         {"thrusters": cf.Thrusters.rtn(acceleration=1e9, period=30.0)},
-        "acceleration: 1e+09 m/s² gives all that the plan asks for in pulses of less than 6e-09 s, which "
-        "is no time beside the plan's; give less of it",
+        "acceleration: 1e+09 m/s² fires the whole plan in pulses shorter than 6e-09 s, below "
+        "the resolution of time; reduce it",
     ),
     "out of reach": (
         {"thrusters": cf.Thrusters(SIX.directions[:5], acceleration=1.0, period=30.0)},
@@ -308,10 +308,10 @@ REFUSED = {
     ),
     "sets for others": (
         {"thrusters": [SIX, SIX]},
-        "thrusters: 2 sets for 1 craft; give one, or one for each",
+        "thrusters: 2 sets for 1 spacecraft; give one, or one for each",
     ),
-    "no mass": ({"specific_impulse": 60.0}, "mass: give it with specific_impulse, or neither"),
-    "no specific impulse": ({"mass": 60.0}, "specific_impulse: give it with mass, or neither"),
+    "no mass": ({"specific_impulse": 60.0}, "mass: required with specific_impulse; give both or neither"),
+    "no specific impulse": ({"mass": 60.0}, "specific_impulse: required with mass; give both or neither"),
     "mass below 0": ({"mass": -1.0, "specific_impulse": 60.0}, "mass: must be positive, got -1"),
     "specific impulse 0": (
         {"mass": 9.0, "specific_impulse": 0.0},
@@ -322,14 +322,14 @@ REFUSED = {
         "mass: expected one number, or one for each of 1 craft, got shape (2,)",
     ),
     "no plan": ({"plan": "plan"}, "plan: expected a Path, a Plan or an Avoidance, got 'plan'"),
-    "blocked": ({"plan": BLOCKED}, f"plan: has no path to fly: {BLOCKED.reason}"),
+    "blocked": ({"plan": BLOCKED}, f"plan: has no path: {BLOCKED.reason}"),
     "batch of batches": (
         {"plan": ORBIT.coast(np.zeros((2, 3, 6)), 9.0)},
-        "plan: expected one craft's path or a batch of shape (N,), got shape (2, 3)",
+        "plan: expected one spacecraft or a batch of shape (N,), got shape (2, 3)",
     ),
     "obstacles without a zone": (
         {"obstacles": MOVE},
-        "zone: give what is to be kept clear of the obstacles",
+        "zone: required with obstacles; give the zone to keep clear",
     ),
 }
 

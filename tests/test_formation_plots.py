@@ -297,11 +297,11 @@ def test_bad_input_is_named():
         (lambda: plots.ratio_matrix(SOME[:1], BALL), "paths: give at least two craft, got 1"),
         (lambda: plots.ratio_matrix(SOME, BALL, ["A"]), "names: 1 names for 3 craft"),
         (lambda: plots.ratio_matrix(SOME, ()), "zones: no two craft have a zone"),
-        (lambda: plots.ratio_matrix(SOME, kept(4, {(0, 3): BALL})), "zones: zones of 4 craft for 3 paths"),
-        (lambda: plots.ratio_matrix(SOME, [BALL] * 2), "zones: 2 zones for 3 craft"),
+        (lambda: plots.ratio_matrix(SOME, kept(4, {(0, 3): BALL})), "zones: zones of 4 spacecraft for 3 paths"),
+        (lambda: plots.ratio_matrix(SOME, [BALL] * 2), "zones: 2 zones for 3 spacecraft"),
         (
             lambda: plots.ratio_matrix(SOME, [(BALL, [[0, 1]]), BALL]),
-            "zones: expected a zone, one for each craft",
+            "zones: expected a zone, one for each spacecraft",
         ),
         (
             lambda: plots.ratio_matrix(SOME, [cf.Box([1, 9, 1]), cf.Box([9, 1, 1]), None]),

@@ -211,8 +211,8 @@ STILL = drifting(5, 3)
 @pytest.mark.parametrize(
     ("words", "arguments"),
     [
-        ("final: the same state as initial", (STILL[0], STILL[0], 1e-4)),
-        ("final: craft 1: the same state", (STILL, [REST, STILL[1], REST], 1e-4)),
+        ("final: equals initial", (STILL[0], STILL[0], 1e-4)),
+        ("final: craft 1: equals initial", (STILL, [REST, STILL[1], REST], 1e-4)),
         (r"max_acceleration: craft 2: 1e-12 m/s\^2 is too", (STILL, REST, [1e-1, 1e-1, 1e-12])),
         ("max_acceleration: must be positive", (STILL, REST, 0.0)),
         ("final: expected shape", (STILL, REST[:5], 1.0)),

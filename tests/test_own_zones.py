@@ -78,7 +78,7 @@ def test_beside_a_craft_that_is_known_exactly_its_own_counts():
 
 
 def test_unlike_demands_are_refused_by_name():
-    with pytest.raises(ValueError, match=r"^A and B: covariances of 3 and 2 sigmas; demand as many of both"):
+    with pytest.raises(ValueError, match=r"^A and B: covariances of 3 and 2 sigmas; give both the same number"):
         cf.PairZones.of([cf.CovarianceZone(COVARIANCE, 3.0), cf.CovarianceZone(COVARIANCE, 2.0)], ["A", "B"])
     with pytest.raises(ValueError, match=r"^covariance: must be positive definite"):
         cf.CovarianceZone(np.diag([1.0, -1.0, 1.0]), 3.0)
@@ -193,7 +193,7 @@ def test_screening_adds_covariances():
         assert found.pairs.tolist() == [[0, 1]]
         assert found.ratio == pytest.approx(1.25 / sqrt(2.0))
     assert len(cf.screen(paths, own.zone)) == len(cf.screen(paths, [own, None, own])) == 0
-    with pytest.raises(ValueError, match=r"^zone: expected a zone, one for each craft, or PairZones, got 5"):
+    with pytest.raises(ValueError, match=r"^zone: expected a zone, one for each spacecraft, or PairZones, got 5"):
         cf.screen(paths, 5.0)
 
 
@@ -307,7 +307,7 @@ def test_a_file_with_bodies(tmp_path, capsys):
 REFUSED = {
     "sigmas": (
         f"[{UNSURE}, {UNSURE.replace('3.0', '2.0')}]",
-        "craft.keep_out: A and B: covariances of 3 and 2 sigmas; demand as many of both",
+        "craft.keep_out: A and B: covariances of 3 and 2 sigmas; give both the same number",
     ),
     "body": (
         UNSURE.replace("{", '{ kind = "body",'),
@@ -362,7 +362,7 @@ within = "1000 s"
 @pytest.mark.parametrize("what", [cf.CovarianceZone(COVARIANCE, 3.0), cf.Body(cf.Sphere(2.0))])
 def test_a_search_of_two_says_how_what_each_has_makes_their_zone(what):
     path = cf.Orbit(0.0).coast(np.zeros(6), 10.0)
-    with pytest.raises(ValueError, match=r"^zone: .*make PairZones\.of\(\[one, other\]\)\.between\(0, 1\)$"):
+    with pytest.raises(ValueError, match=r"^zone: .*use PairZones\.of\(\[one, other\]\)\.between\(0, 1\)$"):
         cf.find_conflicts(path, path, what)
 
 

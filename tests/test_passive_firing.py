@@ -140,5 +140,5 @@ def test_safe_pulses_are_fired_as_they_are_planned():
     assert np.abs(plan.path.state(plan.path.end) - case.final).max() < 1e-6
     assert cf.passively_safe(firing.path, case.client, case.zone, case.duration + case.drift)
     lasting = cf.avoid(case.path, case.client, case.zone, drift=case.drift)
-    with pytest.raises(ValueError, match=r"^thrusters: have no period"):
+    with pytest.raises(ValueError, match=r"^thrusters: continuous thrust requires a period"):
         cf.fire_thrusters(lasting, six)

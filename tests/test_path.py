@@ -255,7 +255,7 @@ BAD = {
         "paths: all must be in one orbit to stack",
     ),
     "stack batches": (lambda: cf.stack([ORBIT.coast(np.zeros((1, 6)), 1.0)]), "paths: stack takes"),
-    "impulses of a batch": (lambda: ORBIT.coast(np.zeros((2, 6)), 1.0).impulses, "impulses: of one craft"),
+    "impulses of a batch": (lambda: ORBIT.coast(np.zeros((2, 6)), 1.0).impulses, "impulses: requires one spacecraft"),
 }
 
 

@@ -287,7 +287,7 @@ def test_what_bits_are_of():
         cf.tracking_margins(path, FIELD, minimum_bit=1e-3)
     with pytest.raises(ValueError, match=r"^thrusters: cannot be combined with minimum_bit"):
         cf.tracking_margins(path, FIELD, minimum_bit=1e-3, thrusters=NOZZLES)
-    with pytest.raises(ValueError, match=r"^thrusters: 3 sets for 2 craft; give one, or one for each$"):
+    with pytest.raises(ValueError, match=r"^thrusters: 3 sets for 2 spacecraft; give one, or one for each$"):
         cf.tracking_margins(path, FIELD, thrusters=[NOZZLES] * 3)
 
 

@@ -462,7 +462,7 @@ def test_screening_goes_by_the_zones_of_pairs():
     ]
     assert len(rows) > 30
     np.testing.assert_array_equal(np.column_stack([found.pairs, found.start, found.end, found.ratio]), rows)
-    with pytest.raises(ValueError, match="zone: zones of 15 craft for 3 paths"):
+    with pytest.raises(ValueError, match="zone: zones of 15 spacecraft for 3 paths"):
         cf.screen(paths[:3], kept)
 
 

@@ -106,7 +106,7 @@ def test_an_uncertainty_beside_errors_counts_twice():
     paths = ORBIT.coast([[0, 0, 0, 0, 0, 0], [0, 60, 0, 0, 0, 0]], PERIOD)
     known, errors = cf.CovarianceZone(np.eye(3), 3.0), cf.Uncertainty(np.eye(6) * 1e-6)
     for zone in (known, [known, cf.Body(cf.Sphere(2.0))], cf.PairZones.of([cf.Sphere(3.0), known])):
-        with pytest.raises(ValueError, match="zone: an Uncertainty beside errors counts them twice"):
+        with pytest.raises(ValueError, match="zone: a CovarianceZone together with errors counts them twice"):
             cf.screen(paths, zone, errors=errors)
     many = [cf.CovarianceZone(np.eye(3) * (1 + k), 3.0) for k in range(80)]  # zones that are made by need
     with pytest.raises(ValueError, match="counts them twice"):

@@ -1,1 +1,1 @@
-"""Who comes near whom, certified between any two instants."""
+"""Conflicts and closest approaches of paths, certified between any two instants."""

@@ -38,18 +38,18 @@ NO_PAIRS = np.empty((0, 2), dtype=np.int64)
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Screening(Rows):
-    """Conflicts among N paths, one row for each stay in a zone, sorted by pair, then start.
+    """Conflicts among N paths, one row for each, sorted by pair, then start.
 
     Attributes
     ----------
     pairs : array of int of shape (M, 2)
-        i < j, but for one zone that is not symmetric: then the first is within the zone around the second.
+        Indices i < j; for one zone that is not symmetric the first is inside the zone around the second.
     start, end : array of shape (M,) [s]
-        When each stay begins and ends, or the edge of the common time.
+        Start and end of each conflict, or the edge of the common time.
     time : array of shape (M,) [s]
-        When the norm is least.
+        Time of the minimum norm.
     ratio : array of shape (M,), no unit
-        The least norm, below 1.
+        Clearance ratio: the minimum norm, below 1.
     """
 
     _columns: ClassVar = {
@@ -68,22 +68,22 @@ class Screening(Rows):
 
     @classmethod
     def joined(cls, parts: Sequence[Screening]) -> Self:
-        """What was screened span by span, as one screening.
+        """Join screenings of consecutive time spans into one.
 
         Parameters
         ----------
         parts : sequence of Screening
-            Of the same craft, of spans that share no time, in any order.
+            Screenings of the same spacecraft over spans that do not overlap, in any order.
 
         Returns
         -------
         Screening
-            As of all spans at once.
+            Conflicts of all spans.
 
         Raises
         ------
         ValueError
-            If `parts` is no sequence, or holds something else.
+            If `parts` is not a sequence, or contains another type.
 
         References
         ----------
@@ -94,8 +94,8 @@ class Screening(Rows):
 
     @classmethod
     def _of(cls, found: Sequence[tuple[Any, Floats]]) -> Self:
-        """Of pairs (M, 2) and their rows (M, 4) of start, end, time, ratio, in any order."""
-        pairs = np.concatenate([NO_PAIRS, *(who for who, _ in found)])
+        """Return the screening of pairs (M, 2) and rows (M, 4) of start, end, time, ratio, in any order."""
+        pairs = np.concatenate([NO_PAIRS, *(some for some, _ in found)])
         rows = np.concatenate([np.empty((0, COLUMNS - 1)), *(row for _, row in found)])
         order = np.lexsort((rows[:, 0], pairs[:, 1], pairs[:, 0]))
         return cls(pairs[order], *np.ascontiguousarray(rows[order].T))
@@ -105,7 +105,7 @@ class Screening(Rows):
 
     @property
     def conflicts(self) -> tuple[PairConflict, ...]:
-        """The same rows one by one, by index."""
+        """Rows as one conflict each, by index."""
         values = np.column_stack([self.start, self.end, self.time, self.ratio]).tolist()
         return tuple(
             PairConflict(*value, *pair) for value, pair in zip(values, self.pairs.tolist(), strict=True)
@@ -122,10 +122,10 @@ def search_pairs(
     second: Any,
     tracks: Tracks | None = None,
 ) -> tuple[Any, Floats]:
-    """Conflicts of some pairs, in order: their pairs (M, 2) and rows (M, 4) of start, end, time, ratio.
+    """Return the conflicts of pairs in order: indices (M, 2) and rows (M, 4) of start, end, time, ratio.
 
-    `first` (P,) are among the bodies of `arcs`, `second` among those of `others`, which `tracks`
-    follow; they are followed here if None are given and it pays.
+    `first` (P,) are indices of the bodies of `arcs`, `second` of those of `others`; `tracks` bound their
+    positions. If `tracks` is None they are computed here when that pays.
     """
     if tracks is None:
         tracks = follow(arcs, offsets, others, other_offsets, (zone,), len(first))[zone]
@@ -165,47 +165,49 @@ def screen(
     sigmas: float = 3.0,
     span: ArrayLike = (-inf, inf),
 ) -> Screening:
-    """Every stay in a zone among all pairs of many paths, on all cores.
+    """Return every conflict among all pairs of many paths, computed on all cores.
 
     Parameters
     ----------
     paths : Path or sequence of Path
-        A Path of shape (N,), or N of single craft, in one orbit; times may differ.
+        A Path of shape (N,), or N paths of single spacecraft, in one orbit; times may differ.
     zone : Zone, CovarianceZone, Body, None, sequence of these, or PairZones
-        One is every craft's own, a sequence has one for each (None: none of its own).  Of two regions
-        the larger holds, covariances and bodies are added; `PairZones` tell it themselves.  One region
-        that is not symmetric is searched for both ways.
+        One zone is the own zone of every spacecraft, a sequence has one for each (None: no own zone).
+        Of two regions the larger holds, covariances and bodies add; `PairZones` defines the zone of
+        each pair. One region that is not symmetric is searched in both directions.
     errors : Uncertainty, sequence of these, or None, default None
-        Of the craft, independent: one for all or one for each, in order (None: where its path is).  Then a
-        stay is as of `find_conflicts` with errors; hard bodies go into `zone`, as `Body(Sphere(radius))`.
+        Independent errors of the spacecraft: one for all or one for each, in order (None: no error).
+        A conflict is then as in `find_conflicts` with errors; hard bodies go into `zone` as
+        `Body(Sphere(radius))`.
     sigmas : float, no unit, default 3
-        How many, where there are errors.
+        Number of standard deviations, if there are errors.
     span : array_like of shape (2,) [s], default always
-        Only stays that begin from the first time on and before the second.  Spans that follow each other
-        share the work between computers: `Screening.joined` makes one answer of theirs.
+        Only conflicts that begin at the first time or later and before the second. Consecutive spans
+        distribute the work over computers: `Screening.joined` combines their results.
 
     Returns
     -------
     Screening
-        Certified as by `find_conflicts`.
+        Conflicts, certified as in `find_conflicts`.
 
     Raises
     ------
     ValueError
-        If `paths` are no Path of shape (N,) or in different orbits, or if `zone` is of another kind, of
-        another number of craft, makes none for a pair, or holds an `Uncertainty` beside errors; if errors
-        are of another kind or number, `sigmas` is negative or not finite, or `span` is not two times in
-        order.
+        If `paths` is not a Path of shape (N,) or is in different orbits, or if `zone` is of another
+        type, for another number of spacecraft, makes no zone for a pair, or contains a
+        `CovarianceZone` together with errors; if errors are of another type or number, `sigmas` is
+        negative or not finite, or `span` is not two times in order.
 
     Notes
     -----
-    Most pairs are excluded by bounds on what each craft does between common times.  Of two thousand craft
-    or more a tree of boxes that hold those bounds finds who can meet at all, and nobody asks pair by pair:
-    time grows with the craft, not with their pairs, as long as each has few near it at a time.  Memory grows
-    with the craft and the stays.  A progress bar goes to standard error where many are screened, and that is
-    a terminal.  Paths through samples are searched as they are: their `interpolation_error` says how far
-    from them craft may be.  With errors every pair is asked, the bounds hold the sigmas too, and what they
-    leave takes some tens of microseconds a pair.
+    Most pairs are excluded by bounds of each spacecraft's motion between common times. For two thousand
+    spacecraft or more a tree of boxes around these bounds finds the pairs that can meet, without a loop
+    over pairs: the run time grows with the number of spacecraft, not of pairs, as long as each has few
+    others near it at a time. Memory grows with the number of spacecraft and conflicts. A long screening
+    shows a progress bar on standard error if that is a terminal. Paths through samples are searched as
+    they are; their `interpolation_error` estimates the distance of the spacecraft from them. With errors
+    every pair is tested, the bounds include the sigmas, and a pair that remains takes some tens of
+    microseconds.
 
     References
     ----------
@@ -232,17 +234,17 @@ def screen(
     found = []
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         for since, until, pairs in rounds(sieve, len(batch), pool, begin, before):
-            if isinstance(held, PairZones) and made_by_need(held):  # zones are made for those that come near
-                near = [who for one in zones for who, _ in ahead(pool, _jobs(one, pairs), search)]
+            if isinstance(held, PairZones) and made_by_need(held):  # make zones only for pairs that come near
+                near = [some for one in zones for some, _ in ahead(pool, _jobs(one, pairs), search)]
                 pairs = chunks(*np.unique(np.concatenate([NO_PAIRS, *near]), axis=0).T)
-            for who, rows in ahead(pool, _jobs(held, pairs), search):
+            for found_pairs, rows in ahead(pool, _jobs(held, pairs), search):
                 some = (since <= rows[:, 0]) & (rows[:, 0] < until)
-                found.append((who[some], rows[some]))
+                found.append((found_pairs[some], rows[some]))
     return Screening._of(found)
 
 
 def checked_span(span: Any) -> tuple[float, float]:
-    """When stays begin that are asked for."""
+    """Return the span in which conflicts begin, as two floats; raise ValueError if it is invalid."""
     times = numbers("span", span)
     if times.shape != (2,) or not times[0] < times[1]:
         raise ValueError(
@@ -253,7 +255,7 @@ def checked_span(span: Any) -> tuple[float, float]:
 
 
 def _zones(zone: Zone | PairZones) -> tuple[Zone, ...]:
-    """Those that all pairs are searched for: a ball around as many zones as pairs."""
+    """Return the zones to search for; a single ball if there may be as many zones as pairs."""
     if isinstance(zone, Zone):
         return (zone,)
     if made_by_need(zone):
@@ -263,7 +265,7 @@ def _zones(zone: Zone | PairZones) -> tuple[Zone, ...]:
 
 
 def _jobs(zone: Zone | PairZones, pairs: Any) -> Iterator[tuple[Zone, Any, Any]]:
-    """What is to be searched for, some pairs at a time: a zone, and who may be within whose."""
+    """Yield portions of the search: a zone, and the pairs for which the first may be inside the second's."""
     for first, second in pairs:
         if isinstance(zone, PairZones):
             for k, some in by_zone(zone.which(first, second)):
@@ -275,7 +277,7 @@ def _jobs(zone: Zone | PairZones, pairs: Any) -> Iterator[tuple[Zone, Any, Any]]
 
 
 def _known(zone: Zone | PairZones, errors: Any) -> Any:
-    """Some craft's errors; None if there are none."""
+    """Return the errors of any spacecraft, or None if there are none."""
     given = errors if isinstance(errors, list | tuple) else [errors]
     known = one_of([("errors", one) for one in given])
     if known is not None and isinstance(zone, PairZones) and counts_covariances(zone):
@@ -284,7 +286,7 @@ def _known(zone: Zone | PairZones, errors: Any) -> Any:
 
 
 def _search(paths: Path, zones: tuple[Zone, ...], known: Any, errors: Any, sigmas: float, every: bool) -> Any:
-    """What finds the rows of some pairs, or of `every` pair, of a zone and both indices."""
+    """Return the function that finds the rows of pairs, given a zone and both indices."""
     if known is not None:
         return known._search_of(paths, errors, zones, sigmas)
     bodies = paths.arcs, paths.offsets

@@ -1,4 +1,4 @@
-"""Rounds: which pairs of many craft are searched, some at a time, on all cores."""
+"""Portions of the pairs of many spacecraft, searched on all cores."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ if TYPE_CHECKING:
 
 CHUNK = 32_768  # pairs that one thread takes at a time
 AHEAD = 2 * (os.cpu_count() or 1)
-MANY = 2000  # craft from which on a sieve is tried: fewer do without its kernel
-LONG = 150  # steps of some hundredths of a second from which on a progress bar is shown
-KEPT = 1 << 23  # pairs that a sieve leaves from which on they are searched before others are looked for
+MANY = 2000  # number of spacecraft from which a sieve is tried: fewer avoid compiling its kernel
+LONG = 150  # steps of some hundredths of a second from which a progress bar is shown
+KEPT = 1 << 23  # number of pairs left by a sieve from which they are searched before the sieve continues
 
 
 def sieve_of(paths: Path, zones: Zone | PairZones) -> Sieve | None:
-    """The sieve of many craft, if it pays."""
+    """Return the sieve of many spacecraft, or None if it does not pay."""
     if len(paths) < MANY:
         return None
-    from closeform.conflicts.sieve import Sieve  # few need its kernel
+    from closeform.conflicts.sieve import Sieve  # imported here: few users need its kernel
 
     return Sieve.of(paths, zones)
 
@@ -37,10 +37,10 @@ def sieve_of(paths: Path, zones: Zone | PairZones) -> Sieve | None:
 def rounds(
     sieve: Sieve | None, count: int, pool: ThreadPoolExecutor, begin: float, before: float
 ) -> Iterator[tuple[float, float, Iterable[tuple[Any, Any]]]]:
-    """All that need be searched of `count` craft for stays that begin in [begin, before).
+    """Yield what has to be searched among `count` spacecraft for conflicts that begin in [begin, before).
 
-    Each time a span [since, until), and pairs i (M,), j (M,), some at a time, among which are all with stays
-    that begin in it.  Pairs may come again with a later span.
+    Each item is a span [since, until) and portions of pairs i (M,), j (M,) that include all pairs with
+    conflicts that begin in the span. Pairs may recur with a later span.
     """
     if sieve is None:
         steps = -(-count * (count - 1) // 2 // CHUNK)
@@ -59,18 +59,18 @@ def rounds(
 
 
 def pairs_by_code(codes: Any, count: int) -> Iterator[tuple[Any, Any]]:
-    """Pairs i, j, some at a time, each once, of arrays of codes i N + j."""
+    """Yield portions of the pairs i, j, each once, of arrays of codes i N + j."""
     return chunks(*np.divmod(np.unique(np.concatenate(codes)), count))
 
 
 def chunks(first: Any, second: Any) -> Iterator[tuple[Any, Any]]:
-    """Pairs, some at a time."""
+    """Yield portions of pairs."""
     for k in range(0, len(first), CHUNK):
         yield np.ascontiguousarray(first[k : k + CHUNK]), np.ascontiguousarray(second[k : k + CHUNK])
 
 
 def ahead(pool: ThreadPoolExecutor, jobs: Any, search: Any) -> Iterator[Any]:
-    """Results of the jobs in order, few of them under way at once; a single one is not worth a thread."""
+    """Yield the results of the jobs in order, a limited number in progress; a single job needs no thread."""
     first = list(islice(rest := iter(jobs), 2))
     if len(first) == 1:
         yield search(*first[0])
@@ -85,7 +85,7 @@ def ahead(pool: ThreadPoolExecutor, jobs: Any, search: Any) -> Iterator[Any]:
 
 
 def with_progress(steps: Iterable[Any], count: int) -> Iterable[Any]:
-    """The steps, behind a progress bar where there are many."""
+    """Return the steps, with a progress bar if there are many."""
     if count < LONG:
         return steps
     from rich.console import Console

@@ -1,9 +1,9 @@
-"""Whose boxes overlap: a tree over the boxes that hold craft for an interval of their tracks.
+"""Overlaps of boxes: a tree over boxes that contain spacecraft for an interval of their tracks.
 
-A craft is within a box around its chord and what it may be off that chord.  Boxes are halved along
+A spacecraft is inside a box around its chord and its distance from that chord.  Boxes are halved along
 their widest direction at the median, again and again, until few are left: a balanced tree without
-pointers, the m-th node of level l holding boxes m N / 2^l to (m + 1) N / 2^l.  Two nodes whose boxes do not
-overlap hold no pair that meets, and nobody looks at their pairs.
+pointers, in which node m of level l contains boxes m N / 2^l to (m + 1) N / 2^l.  Two nodes whose boxes do
+not overlap contain no pair that meets, and their pairs are skipped.
 """
 
 from math import inf
@@ -14,9 +14,9 @@ from closeform._jit import kernel
 from closeform.conflicts.quick_rejection import CLEAR, OFF_CHORD, count_near
 from closeform.kernel_loans import borrowed
 
-LEAF = 8  # boxes of a node that is not halved
+LEAF = 8  # boxes of a node that is not divided
 OPEN = 256  # nodes that may wait: three for each level and some
-WIDTH = 7  # of a box: its least and greatest coordinates, and whose it is
+WIDTH = 7  # of a box: minimum and maximum coordinates, and the index of the spacecraft
 
 
 @kernel()
@@ -27,7 +27,7 @@ def swap(boxes, i, j):
 
 @kernel()
 def select(boxes, first, last, middle, axis):
-    """Order boxes [first, last) so far that those before `middle` are below those behind it."""
+    """Sort boxes [first, last) partially: those before `middle` are below those behind it."""
     low, high = first, last - 1
     while low < high:
         centre = (low + high) // 2
@@ -52,7 +52,7 @@ def select(boxes, first, last, middle, axis):
 
 @kernel()
 def widest(boxes, first, last):
-    """The direction in which the centres of boxes [first, last) are furthest apart."""
+    """Return the direction in which the centres of boxes [first, last) are furthest apart."""
     best, found = -inf, 0
     for axis in range(3):
         least, most = inf, -inf
@@ -66,27 +66,27 @@ def widest(boxes, first, last):
 
 @kernel()
 def enclose(tracks, k, craft, boxes):
-    """The boxes of some craft in interval k."""
+    """Fill `boxes` with the boxes of spacecraft in interval k."""
     for row in range(len(craft)):
-        who = craft[row]
-        reach = 0.5 * CLEAR + tracks[who, OFF_CHORD, k]
+        body = craft[row]
+        reach = 0.5 * CLEAR + tracks[body, OFF_CHORD, k]
         for axis in range(3):
-            begin, end = tracks[who, axis, k], tracks[who, axis, k + 1]
+            begin, end = tracks[body, axis, k], tracks[body, axis, k + 1]
             low, high = min(begin, end) - reach, max(begin, end) + reach
-            boxes[row, axis] = low if low > -inf else -inf  # what is not a number is everywhere
+            boxes[row, axis] = low if low > -inf else -inf  # nan is everywhere
             boxes[row, axis + 3] = high if high < inf else inf
-        boxes[row, 6] = who
+        boxes[row, 6] = body
 
 
 @kernel()
 def first_box(node, number, depth):
-    """The first box of a leaf among `number`; the last is before that of the next leaf."""
+    """Return the first box of a leaf among `number`; the last is before that of the next leaf."""
     return ((node - (1 << depth)) * number) >> depth
 
 
 @kernel()
 def grow(boxes, count, depth, nodes):
-    """Order the boxes as a tree of some depth, and find the box of every node; node k has 2 k and 2 k + 1."""
+    """Sort the boxes into a tree, and fill the box of every node; node k has children 2 k and 2 k + 1."""
     for level in range(depth):
         for m in range(1 << level):
             first, last = (m * count) >> level, ((m + 1) * count) >> level
@@ -105,12 +105,12 @@ def grow(boxes, count, depth, nodes):
 
 @kernel()
 def follow_order(tracks, k, boxes, count, chords):
-    """The chords of interval k in the order of the boxes, so that those of neighbours lie side by side."""
+    """Copy the chords of interval k in the order of the boxes, so that neighbours are adjacent in memory."""
     for row in range(count):
-        who = int(boxes[row, 6])
+        body = int(boxes[row, 6])
         for part in range(4):
             for side in range(2):
-                chords[row, part, side] = tracks[who, part, k + side]
+                chords[row, part, side] = tracks[body, part, k + side]
 
 
 @kernel()
@@ -127,7 +127,7 @@ def overlap(boxes, i, others, j):
 
 @kernel()
 def compare(chords, total, boxes, number, depth, nodes, one, two, codes, count):
-    """Append who of a leaf may meet who of another, or of the same: the new count, and how many overlap."""
+    """Append the pairs of two leaves that may meet; return the new count, and how many boxes overlap."""
     overlaps = 0
     for i in range(first_box(one, number, depth), first_box(one + 1, number, depth)):
         if not overlap(boxes, i, nodes, two):
@@ -158,10 +158,10 @@ def compare(chords, total, boxes, number, depth, nodes, one, two, codes, count):
     )
 )
 def meeting(tracks, k, craft, boxes, chords, nodes, waiting, state, most, codes):
-    """Pairs of craft that may be in the unit ball around each other in interval k, as i N + j with i < j.
+    """Fill `codes` with pairs that may be within the unit ball in interval k, as i N + j with i < j.
 
-    As many as fit in `codes`: returns how many.  `state` tells how many nodes are left in `waiting`, to go
-    on with in another call (-1 to begin), and how many boxes overlapped; beyond `most` of them it ends.
+    Returns how many fit. `state` holds the number of nodes left in `waiting`, to continue with in another
+    call (-1 to begin), and the number of overlapping boxes; the search ends if that exceeds `most`.
     """
     tracks, boxes, chords = borrowed(tracks), borrowed(boxes), borrowed(chords)
     nodes, codes = borrowed(nodes), borrowed(codes)

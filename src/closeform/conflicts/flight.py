@@ -1,4 +1,4 @@
-"""Flight: a formation's paths with all that is to be said of their conflicts."""
+"""Paths of a formation with all conflicts and closest approaches among them."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -14,19 +14,19 @@ from closeform.zones.made_table import NONE
 from closeform.zones.pair_zones import PairZones, by_zone, enlarged, portions
 from closeform.zones.zone import Zone
 
-ALL_PAIRS = 100_000  # of which every closest approach is looked for: 447 craft
-CLOSEST = 2000  # pairs, at least, that are looked for among more
-SAMPLED, FEW = 20_000, 20  # pairs at random, and how many of them say how densely craft fly
-LEAST, HUGE = 1e-3, 1e9  # times a zone
-SAME = 1e-9  # m/s by which two craft that burn as much may differ
-LOOKS = 201  # instants from which a track's length is told
+ALL_PAIRS = 100_000  # up to which every closest approach is computed: 447 spacecraft
+CLOSEST = 2000  # closest pairs, at least, that are reported among more
+SAMPLED, FEW = 20_000, 20  # random pairs, and the number of the closest of them that estimate the density
+LEAST, HUGE = 1e-3, 1e9  # factors of a zone
+SAME = 1e-9  # m/s: difference up to which two spacecraft have equal delta-v
+LOOKS = 201  # instants that measure the length of a track
 
 
 @dataclass(frozen=True, eq=False)
 class PairApproach:
-    """The closest approach of the craft `first` and `second` in terms of the `zone` that holds for them.
+    """Closest approach of the spacecraft `first` and `second`, measured by the `zone` of the pair.
 
-    `time` [s], least norm `ratio`, and the `distance` [m] at that time; `rule`: how the zone was made.
+    It has the `time` [s], the clearance ratio, the `distance` [m] at that time, and the `rule` of the zone.
     """
 
     first: Any
@@ -40,10 +40,10 @@ class PairApproach:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class WatchedFlight(Result):
-    """The formation's paths, shape (N,), with every conflict and each pair's closest approach.
+    """Paths of a formation, shape (N,), with all conflicts and the closest approach of each pair.
 
-    Of more than `ALL_PAIRS` there are the approaches of the closest only; `pairs` is how many have
-    a zone.  Where none has there are neither.
+    Above `ALL_PAIRS` pairs only the approaches of the closest are kept; `pairs` is the number of pairs with a
+    zone. If no pair has a zone there are neither conflicts nor approaches.
     """
 
     _told: ClassVar = ("paths", "names", "conflicts", "approaches")
@@ -59,27 +59,27 @@ class WatchedFlight(Result):
         return f"{len(self.names)} craft with {len(self.conflicts)} conflicts"
 
     def path(self, name: str) -> Path:
-        """One craft's path."""
+        """Return the path of one spacecraft by name."""
         return self.paths[self.names.index(name)]
 
     @property
     def end(self) -> float:
-        """When it ends [s]."""
+        """End of the last path [s]."""
         return float(np.max(self.paths.end))
 
     def facing(self, first: str, second: str) -> tuple[str, str]:
-        """Two craft as they are shown: the one that moves relative to the one that stays."""
+        """Return two names in order of display: the spacecraft that moves, and the one taken as fixed."""
         stay = stays_rather(self.path(first), self.path(second))
         return (second, first) if stay else (first, second)
 
     @property
     def closest(self) -> PairApproach | None:
-        """The pair that comes closest in terms of its zone, the earliest of equals; None for one craft."""
+        """Closest pair by clearance ratio, the earliest of equals; None for one spacecraft."""
         return min(self.approaches, key=lambda pair: nearest_first(pair.ratio, pair.time), default=None)
 
 
 def stays_rather(path: Path, other: Path) -> bool:
-    """Whether one craft rather than another stays where it is: who burns less, or whose track is shorter."""
+    """Return True if the first spacecraft is rather taken as fixed: less delta-v, or a shorter track."""
     burnt = path.delta_v - other.delta_v
     if abs(burnt) > SAME:
         return bool(burnt < 0.0)
@@ -89,7 +89,7 @@ def stays_rather(path: Path, other: Path) -> bool:
 
 
 def watch(paths: Path, names: Sequence[str], zones: PairZones) -> WatchedFlight:
-    """Every conflict and the closest approaches among paths of shape (N,)."""
+    """Return all conflicts and the closest approaches among paths of shape (N,)."""
     approaches: list[PairApproach] = []
     for zone, first, second in portions(zones) if zones.pairs <= ALL_PAIRS else nearest(paths, zones):
         close = closest_approach(paths[first], paths[second], zone)
@@ -105,9 +105,9 @@ def watch(paths: Path, names: Sequence[str], zones: PairZones) -> WatchedFlight:
 
 
 def nearest(paths: Path, zones: PairZones) -> Iterator[tuple[Zone, Any, Any]]:
-    """Among others the `CLOSEST` pairs that come closest, by zone, without a look at each of them all.
+    """Yield at least `CLOSEST` of the closest pairs, by zone, without computing all approaches.
 
-    A screening finds them, with zones so large that so many are in conflict.
+    A screening finds them, with zones scaled until that many pairs are in conflict.
     """
     factor, pairs = 0.5 * guess(paths, zones), np.empty((0, 2), dtype=np.int64)
     while len(pairs) < CLOSEST and factor < HUGE:
@@ -119,9 +119,9 @@ def nearest(paths: Path, zones: PairZones) -> Iterator[tuple[Zone, Any, Any]]:
 
 
 def guess(paths: Path, zones: PairZones) -> float:
-    """How many times larger zones would give `CLOSEST` conflicts, from pairs at random.
+    """Return the factor of the zones that gives about `CLOSEST` conflicts, estimated from random pairs.
 
-    The number within a distance grows with its third power, if craft are spread evenly.
+    The number within a distance grows with its third power if spacecraft are spread evenly.
     """
     first, second = np.sort(np.random.default_rng(0).integers(len(paths), size=(2, SAMPLED)), axis=0)
     which = np.where(first < second, zones.which(first, second), NONE)
@@ -135,6 +135,6 @@ def guess(paths: Path, zones: PairZones) -> float:
 
 
 def named(found: list[Any], names: Sequence[str]) -> tuple[Any, ...]:
-    """What pairs by index came to, by pair, then time, with their names."""
+    """Return the items of pairs, sorted by pair and then time, with names instead of indices."""
     ordered = sorted(found, key=lambda pair: (pair.first, pair.second, pair.time))
     return tuple(replace(pair, first=names[pair.first], second=names[pair.second]) for pair in ordered)

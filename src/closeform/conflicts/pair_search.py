@@ -1,4 +1,4 @@
-"""The march over pairs of paths: their conflicts and closest approaches, as rows of floats."""
+"""Certified march over pairs of paths: their conflicts and closest approaches, as rows of floats."""
 
 from math import inf, nan
 
@@ -31,8 +31,8 @@ from closeform.zones.shapes import (
     rank,
 )
 
-# A norm within 1e-12 of 1 is on the surface.  Outside ends at ENTERED, inside only at LEFT, so
-# that rounding cannot make the two searches chase each other; each aims a little further.
+# A norm within 1e-12 of 1 is on the surface. A search from outside ends at ENTERED, one from inside only at
+# LEFT, so that rounding cannot make the two alternate forever; each aims slightly further.
 TOUCH = 1e-12
 ENTRY_AIM, ENTERED, LEFT, EXIT_AIM = 1 + 0.08 * TOUCH, 1 + 0.16 * TOUCH, 1 + 0.4 * TOUCH, 1 + 0.5 * TOUCH
 COLUMNS = 5  # of a row of conflicts: pair, start, end, time, ratio
@@ -40,12 +40,12 @@ COLUMNS = 5  # of a row of conflicts: pair, start, end, time, ratio
 
 @kernel()
 def cross(shape, faces, q, order, n, t, stop, inside, patience):
-    """March through a window until the norm changes sides: (time reached, whether it did)."""
+    """March through a window until the norm changes sides; return the time reached and True if it did."""
     ax, ay, az, a, speed = bounds(q, order, n, stop)
     axes = rank(shape, 0)
     if axes > 1 and patience == LESS_PATIENCE and t == 0.0:
         t = taylor_step(axes, q, order, n, stop, EXIT_AIM if inside else ENTRY_AIM, inside)
-        if inside and shape == CYLINDER:  # nor does it leave by an end
+        if inside and shape == CYLINDER:  # bound of leaving through an end
             t = min(t, inside_flat(q[0, 2], q[1, 2], az, EXIT_AIM))
     for _ in range(patience):
         x, y, z, vx, vy, vz = relative_state(q, order, n, t)
@@ -64,7 +64,7 @@ def cross(shape, faces, q, order, n, t, stop, inside, patience):
 
 @kernel()
 def closest(arcs, i, i_end, others, j, j_end, start, end, form, q):
-    """Least norm over [start, end] and its time, between one path's arcs and another's."""
+    """Return the minimum norm over [start, end] between one path's arcs and another's, and its time."""
     shape, matrix, faces = form
     best, best_time = inf, nan
     i = locate(arcs, i, i_end, start)
@@ -80,7 +80,7 @@ def closest(arcs, i, i_end, others, j, j_end, start, end, form, q):
         order, n = window(arcs[i], others[j], t, matrix, q)
         least, when, reached = minimum_norm(shape, faces, q, order, n, 0.0, stop - t, patience, best, nan)
         if least < best:
-            best, best_time = least, min(t + when, stop)  # t + (stop - t) may round to beyond it
+            best, best_time = least, min(t + when, stop)  # t + (stop - t) may round above it
         if reached < stop - t:
             patience = LESS_PATIENCE
             t += reached
@@ -92,7 +92,7 @@ def closest(arcs, i, i_end, others, j, j_end, start, end, form, q):
 
 @kernel()
 def append(rows, count, pair, start, end):
-    """Note a stay where there is room; the new count."""
+    """Store a conflict if there is space; return the new count."""
     if count < len(rows):
         rows[count, 0], rows[count, 1], rows[count, 2] = pair, start, end
     return count + 1
@@ -100,7 +100,7 @@ def append(rows, count, pair, start, end):
 
 @kernel()
 def search_window(a, b, t, stop, form, q, inside, entry, pair, rows, count):
-    """March two arcs from t to `stop`: whether inside then, since when, and the count of rows."""
+    """March two arcs from t to `stop`; return if inside at the end, since when, and the count of rows."""
     shape, matrix, faces = form
     patience = PATIENCE
     while True:
@@ -123,10 +123,10 @@ def search_window(a, b, t, stop, form, q, inside, entry, pair, rows, count):
 
 @kernel()
 def pair_conflicts(arcs, i, i_end, others, j, j_end, start, end, form, times, near, k, q, pair, rows, count):
-    """Append the conflicts of one pair to `rows`; the new count, beyond len(rows) if they do not fit.
+    """Append the conflicts of one pair to `rows`; return the new count, above len(rows) if they do not fit.
 
-    `near` tells the intervals of `times` to be searched, from the k-th on; empty for all.  The
-    windows do not depend on it, so that neither do the times found.
+    `near` marks the intervals of `times` to search, from index k on; it is empty for all. The windows, and so
+    the times found, do not depend on it.
     """
     inside = False
     entry = start
@@ -162,7 +162,7 @@ def pair_conflicts(arcs, i, i_end, others, j, j_end, start, end, form, times, ne
     )
 )
 def approaches_of_pairs(arcs, offsets, others, other_offsets, first, second, form, out):
-    """Time and least norm of every pair over its common time."""
+    """Fill `out` (P, 2) with the time and the minimum norm of every pair over its common time."""
     arcs, others = borrowed(arcs), borrowed(others)
     form = form[0], borrowed(form[1]), borrowed(form[2])
     q = stack_matrix(8, 3)
@@ -197,10 +197,10 @@ def approaches_of_pairs(arcs, offsets, others, other_offsets, first, second, for
 def conflicts_of_pairs(
     arcs, offsets, others, other_offsets, first, second, pair, form, times, tracks, other_tracks, rows, done
 ):
-    """Conflicts of pairs (first[k], second[k]) from k = `pair` on, as many as fit in `rows`.
+    """Fill `rows` with the conflicts of pairs (first[k], second[k]) from k = `pair` on, as many as fit.
 
-    `times` and tracks are those of `tracks.Tracks`.  Returns how many rows were filled; `done`
-    gets the pair to go on with.
+    `times` and the tracks are those of `tracks.Tracks`. Returns the number of rows; `done` receives the next
+    pair, and how many rows that pair needs if they do not fit.
     """
     arcs, others, rows, times = borrowed(arcs), borrowed(others), borrowed(rows), borrowed(times)
     tracks, other_tracks = borrowed(tracks), borrowed(other_tracks)

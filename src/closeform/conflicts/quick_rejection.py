@@ -1,18 +1,18 @@
-"""What keeps pairs apart at little cost, so that the march need not look there.
+"""Inexpensive bounds that exclude pairs, so that the certified march need not search them.
 
-**Chords.**  The craft of a batch are followed over one grid of times.  In an interval of length
-h a craft is off the chord between its two places by
+**Chords.**  The spacecraft of a batch are sampled on one grid of times.  In an interval of length
+h a spacecraft deviates from the chord between its two positions by
 
     e(t) = -integral of G(t, s) r''(s) ds,   G(t, s) = (min(t, s) - t_k) (t_k+1 - max(t, s)) / h
 
-that is at most h^2/8 times its greatest acceleration, and for a velocity jump w at time s another
-|w| (s - t_k) (t_k+1 - s) / h.  Two craft are off the chord between their relative places by at
-most the sum of both, so they stay out of a ball where that chord stays out of a ball larger by as
-much.                                                                         # theory (23)
-Places and distances from chords are the craft's, not the pair's; a pair takes some forty
+which is at most h^2/8 times its greatest acceleration, plus |w| (s - t_k) (t_k+1 - s) / h for each
+velocity jump w at time s.  Two spacecraft deviate from the chord between their relative positions by at
+most the sum of both, so they stay outside a ball if that chord stays outside a ball enlarged by that
+sum.                                                                          # theory (23)
+Positions and deviations belong to spacecraft, not to pairs; a pair takes some forty
 operations for an interval, without a branch, whatever the paths.
 
-**Ellipses.**  Natural motion is a drifting ellipse, and bounded all at once however long it lasts.
+**Ellipses.**  Natural motion is a drifting ellipse, which is bounded at once over any duration.
 """
 
 from math import sqrt
@@ -25,15 +25,15 @@ from closeform.motion.arc import END, MEAN_MOTION, START, derivatives_at, is_cub
 from closeform.motion.certified_march import bounds, locate, store, window
 from closeform.zones.shapes import BALL, CUBE, FACES, support
 
-# What rounding can have taken, of the size of coordinates and of the ball.
+# Bounds of rounding, relative to the size of coordinates and to the ball.
 ROUNDING, CLEAR = 1e-13, 1.0 + 1e-9
-OFF_CHORD = 3  # the row of a track below x, y and z: how far the craft is off its chord at most
+OFF_CHORD = 3  # row of a track after x, y and z: the largest deviation from the chord
 FEW = 100  # intervals of a pair: more cost more than the bound of an ellipse
 
 
 @kernel()
 def see(arc, t, matrix, q):
-    """Fill `q` with the derivatives of one arc at time t: their order, and the size that rounds."""
+    """Fill `q` with the derivatives of one arc at time t; return their order, and the size that rounds."""
     order = 8 if thrusts(arc) and not is_cubic(arc) else 4
     q[:order] = 0.0
     derivatives_at(arc, t, order, q, 1.0)
@@ -47,7 +47,7 @@ def see(arc, t, matrix, q):
 
 @kernel()
 def length(matrix, x, y, z):
-    """Euclidean length of the matrix times a vector."""
+    """Return the Euclidean length of the matrix times a vector."""
     square = 0.0
     for axis in range(3):
         part = matrix[axis, 0] * x + matrix[axis, 1] * y + matrix[axis, 2] * z
@@ -57,17 +57,17 @@ def length(matrix, x, y, z):
 
 @kernel()
 def joint(arc, after, t, h, s, matrix):
-    """How far a joint at time t, s into an interval of length h, takes a craft off its chord."""
+    """Bound the deviation from the chord that a joint at time t causes, s into an interval of length h."""
     x, y, z, vx, vy, vz = state_at(arc, t)
     ax, ay, az, avx, avy, avz = state_at(after, t)
-    place = length(matrix, ax - x, ay - y, az - z)  # rounding, or forgiven by `join`
+    place = length(matrix, ax - x, ay - y, az - z)  # rounding, or a jump that `join` accepts
     return place + length(matrix, avx - vx, avy - vy, avz - vz) * s * (h - s) / h
 
 
 @kernel()
 def fill_track(arcs, first, last, matrix, scale, times, q, track):
-    """Fill one craft's track.  Its first and last arcs are carried on to the nearest times."""
-    i = max(first, locate(arcs, first, last, times[0]) - 1)  # which may begin a rounding earlier than it ends
+    """Fill one spacecraft's track; its first and last arcs are extended to the nearest times."""
+    i = max(first, locate(arcs, first, last, times[0]) - 1)  # which may begin slightly too early
     for k in range(len(times)):
         begin = times[k]
         end = times[min(k + 1, len(times) - 1)]
@@ -93,7 +93,7 @@ def fill_track(arcs, first, last, matrix, scale, times, q, track):
 
 @kernel(void(float64[:, ::1], int64[::1], float64[:, ::1], float64[::1], float64[:, :, ::1]))
 def fill_tracks(arcs, offsets, matrix, times, tracks):
-    """Fill the tracks (N, 4, K + 1) of all craft; where a craft is not, they are left."""
+    """Fill the tracks (N, 4, K + 1) of all spacecraft; entries outside of a path stay unchanged."""
     arcs, matrix, times, tracks = borrowed(arcs), borrowed(matrix), borrowed(times), borrowed(tracks)
     q = stack_matrix(8, 3)
     scale = 0.0
@@ -106,7 +106,7 @@ def fill_tracks(arcs, offsets, matrix, times, tracks):
 
 @kernel()
 def interval(times, t):
-    """The interval with time t in it, the later one of two."""
+    """Return the interval that contains time t, the later one of two."""
     last = len(times) - 2
     step = (times[last + 1] - times[0]) / (last + 1)
     k = min(max(int((t - times[0]) / step), 0), last) if step > 0.0 else 0
@@ -119,12 +119,12 @@ def interval(times, t):
 
 @kernel()
 def count_near(tracks, i, others, j, first, last):
-    """In how many intervals of [first, last) craft i and j may be in the unit ball around each other.
+    """Count the intervals of [first, last) in which i and j may be in the unit ball around each other.
 
-    Without a branch or a store, so that eight intervals are looked at together.
+    The loop has no branch and no store, so that eight intervals are processed together.
     """
     count = 0
-    first = max(first, 0)  # as it is; but an index that might be negative would be a branch
+    first = max(first, 0)  # no change; but an index that might be negative would be a branch
     for m in range(last - first):
         k = max(first + m, 0)
         x = tracks[i, 0, k] - others[j, 0, k]
@@ -139,7 +139,7 @@ def count_near(tracks, i, others, j, first, last):
         along = x * dx + y * dy + z * dz
         square = dx * dx + dy * dy + dz * dz
         begin = x * x + y * y + z * z
-        # the line, where its nearest point is on the chord; and the chord's ends
+        # the line, if its nearest point is on the chord; and the chord's ends
         line = (begin * (1.0 - 1e-14) - ball) * square > along * along
         line = line | (along >= 0.0) | (along + square <= 0.0)
         clear = line & (begin > ball) & (ex * ex + ey * ey + ez * ez > ball)
@@ -149,14 +149,14 @@ def count_near(tracks, i, others, j, first, last):
 
 @kernel()
 def mark_near(tracks, i, others, j, first, last, near):
-    """In which intervals of [first, last) craft i and j may be in the ball."""
+    """Mark the intervals of [first, last) in which spacecraft i and j may be in the ball."""
     for k in range(first, last):
         near[k] = count_near(tracks, i, others, j, k, k + 1) > 0
 
 
 @kernel()
 def is_clear(times, near, k, stop):
-    """Whether no interval from the k-th on that has a part before `stop` may bring the craft together."""
+    """Return True if no interval from k on that begins before `stop` may bring the spacecraft together."""
     while True:
         if near[k]:
             return False
@@ -167,9 +167,9 @@ def is_clear(times, near, k, stop):
 
 @kernel()
 def apart_along(q, n, h, wx, wy, wz, reach, either):
-    """Whether natural motion stays beyond reach along the direction w, or `either` way, all over [0, h].
+    """Return True if natural motion stays beyond `reach` along the direction w all over [0, h].
 
-    Along any direction it is centre + drift t + an oscillation.
+    With `either`, -w is accepted too. Along any direction the motion is centre + drift t + an oscillation.
     """
     square = 1.0 / (n * n)
     place = wx * q[0, 0] + wy * q[0, 1] + wz * q[0, 2]
@@ -185,11 +185,11 @@ def apart_along(q, n, h, wx, wy, wz, reach, either):
 
 @kernel()
 def ring_clearance(q, n, h):
-    """A lower bound of the distance from the origin over [0, h] of natural motion.
+    """Return a lower bound of the distance from the origin over [0, h] of natural motion.
 
-    The motion is a drifting ellipse c + a cos nt + b sin nt.  Its squared distance is a
-    trigonometric polynomial: the mean less the amplitudes of its two harmonics; the drift
-    from mid-time on takes at most half of what it covers.
+    The motion is a drifting ellipse c + a cos nt + b sin nt. Its squared distance is a trigonometric
+    polynomial, at least the mean less the amplitudes of its two harmonics; the drift relative to mid-time
+    reduces it by at most half of the drift over h.
     """
     square = 1.0 / (n * n)
     cc, ca, cb, aa, bb, ab, dd = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -203,19 +203,18 @@ def ring_clearance(q, n, h):
     mean = cc + 0.5 * (aa + bb)
     first = 2.0 * sqrt(ca * ca + cb * cb)
     second = sqrt(0.25 * (aa - bb) * (aa - bb) + ab * ab)
-    least = mean * (1.0 - 1e-13) - first - second  # less what rounding can have taken
+    least = mean * (1.0 - 1e-13) - first - second  # less rounding
     return sqrt(least) - sqrt(dd) if least > 0.0 else -1.0
 
 
 @kernel()
 def stays_apart(shape, faces, q, n, h):
-    """Whether natural motion keeps two craft apart all over [0, h], by bounds in closed form.
+    """Return True if natural motion keeps two spacecraft apart all over [0, h], by closed-form bounds.
 
-    As a drifting ellipse; along each of the zone's axes (SP11's radial test and last time of
-    contact, SP11 eq. 15, theory 6, for any zone); and across the plane of the ellipse.  Of
-    half-spaces along each normal.
+    The bounds are the drifting ellipse; each of the zone's axes (SP11's radial test and last time of contact,
+    SP11 eq. 15, theory 6, for any zone); and the normal of the ellipse's plane. Half-spaces use each normal.
     """
-    if n * h < 1e-3:  # centre and oscillation cancel, and nothing is gained
+    if n * h < 1e-3:  # centre and oscillation cancel, the bounds are useless
         return False
     if shape == FACES:
         for k in range(len(faces)):
@@ -238,7 +237,7 @@ def stays_apart(shape, faces, q, n, h):
 
 @kernel()
 def coasts_apart(a, b, start, end, form, q):
-    """Whether arcs a and b are natural motion all over [start, end] and stay apart by `stays_apart`."""
+    """Return True if arcs a and b are natural motion over [start, end] and stay apart by `stays_apart`."""
     n = a[MEAN_MOTION]
     if n == 0.0 or n != b[MEAN_MOTION] or thrusts(a) or thrusts(b) or min(a[END], b[END]) < end:
         return False

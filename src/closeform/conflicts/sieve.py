@@ -1,8 +1,8 @@
-"""The sieve: who of many craft can meet at all, found in near-linear time.
+"""The sieve: pairs of many spacecraft that can meet at all, found in near-linear time.
 
-Craft are followed along chords (see `exclusion`) over short intervals of time.  In each a tree of boxes
-(see `box_tree`) finds the pairs that may be within their zone: no bound of these leaves out a pair that
-meets.  Where boxes overlap too often because craft move far in an interval, it is halved.
+Spacecraft are bounded by chords (see `quick_rejection`) over short intervals of time.  In each interval a
+tree of boxes (see `box_tree`) finds the pairs that may be inside their zone: no pair that meets is lost.
+Where too many boxes overlap because spacecraft move far in an interval, the interval is halved.
 """
 
 from __future__ import annotations
@@ -23,24 +23,24 @@ from closeform.zones.solids import Sphere
 from closeform.zones.zone import Zone, enclosing
 
 PER_ORBIT = 48  # intervals an orbit, and at least
-AT_ONCE = 8  # intervals for which craft are followed together, fewer where they find
+AT_ONCE = 8  # intervals that are processed together, fewer if they contain
 FEW = 1 << 21  # more pairs
-CROWDED = 8  # overlaps for each craft in an interval from which on it is halved, if that helps
-SHARE = 8  # the sieve pays where fewer than one in so many pairs overlap in an interval
-MOST = 1 << 24  # overlaps in an interval: beyond, pairs are looked at one by one, in less memory
+CROWDED = 8  # overlaps for each spacecraft in an interval above which it is halved, if that helps
+SHARE = 8  # the sieve pays if fewer than one in so many pairs overlap in an interval
+MOST = 1 << 24  # overlaps in an interval: beyond, pairs are tested one by one, in less memory
 ANY = 1 << 62
-FINEST = 256  # parts of an interval, at most
-SOME = 1000  # craft that tell how far they move
-LOOKS = 3  # intervals that tell whether it pays
-ROOM = 1 << 16  # pairs that a look finds at once
+FINEST = 256  # largest number of parts of an interval
+SOME = 1000  # spacecraft that estimate the distance moved
+LOOKS = 3  # intervals that decide if the sieve pays
+ROOM = 1 << 16  # pairs that one call finds
 
 
 @dataclass(frozen=True, eq=False)
 class Sieve:
-    """Craft of shape (N,), and intervals between `times` (K + 1,) [s] in which they are looked at.
+    """Spacecraft of shape (N,), and intervals between `times` (K + 1,) [s] in which they are compared.
 
-    `matrix` leads to coordinates in which two craft are never within their zone while they are further
-    apart than 1 and their `margins` (N,), 0 or less.
+    `matrix` maps to coordinates in which two spacecraft are outside their zone while their distance exceeds 1
+    plus both `margins` (N,), which are 0 or less.
     """
 
     paths: Path
@@ -53,7 +53,7 @@ class Sieve:
 
     @classmethod
     def of(cls, paths: Path, zones: Zone | PairZones) -> Sieve | None:
-        """None where a zone has no end, or where it costs less to look at pairs one by one."""
+        """Return the sieve, or None if a zone is unbounded, or if testing pairs one by one costs less."""
         scaled = in_unit_ball(zones, len(paths))
         if scaled is None:
             return None
@@ -67,12 +67,12 @@ class Sieve:
         return replace(sieve, at_once=min(AT_ONCE, max(1, FEW // max(1, overlaps))))
 
     def near(self, first: int, last: int) -> Any:
-        """Pairs (M,) as i N + j with i < j, each once, that may meet in intervals [first, last)."""
+        """Return pairs (M,) as i N + j with i < j, each once, that may meet in intervals [first, last)."""
         found = [codes for codes, _ in self._looks(self.times[first : last + 1])]
         return np.unique(np.concatenate([np.empty(0, dtype=np.int64), *found]))
 
     def spans(self, begin: float = -inf, before: float = inf) -> Iterator[tuple[int, int]]:
-        """Intervals [first, last) to ask for at once, of those with a time of [begin, before) in them."""
+        """Yield ranges [first, last) of intervals to process together that meet [begin, before)."""
         first = max(0, int(np.searchsorted(self.times, begin)) - 1)
         stop = min(len(self.times) - 1, int(np.searchsorted(self.times, before)))
         for k in range(first, stop, self.at_once):
@@ -80,7 +80,7 @@ class Sieve:
 
     @property
     def _overlaps(self) -> int:
-        """How many boxes overlap in an interval, the most of some; beyond `MOST` nobody counts."""
+        """Number of boxes that overlap in an interval, the most of some; counting stops beyond `MOST`."""
         most = 0
         for look in range(LOOKS):
             k = (2 * look + 1) * (len(self.times) - 1) // (2 * LOOKS)
@@ -93,7 +93,7 @@ class Sieve:
         return most
 
     def _looks(self, times: Floats) -> Iterator[tuple[Any, int]]:
-        """Some pairs of `near` at a time, of the intervals between some times, and how many boxes overlap."""
+        """Yield portions of the pairs of `near` in the intervals between times, and counts of overlaps."""
         number = len(self.paths)
         tracks = np.zeros((number, 4, len(times)))
         fill_tracks(self.paths.arcs, self.paths.offsets, self.matrix, times, tracks)
@@ -113,7 +113,7 @@ class Sieve:
                 before = int(state[1])
                 count = meeting(tracks, k, craft, boxes, chords, nodes, waiting, state, most, codes)
                 found.append((codes[:count].copy(), int(state[1]) - before))
-            if state[1] > most:  # so will those be that follow
+            if state[1] > most:  # the next intervals will have as many
                 finer = np.sort(np.concatenate([times[k:], middles]))
                 for begin in range(0, len(finer) - 1, AT_ONCE):
                     yield from self._looks(finer[begin : begin + AT_ONCE + 1])
@@ -122,11 +122,11 @@ class Sieve:
 
     @property
     def _finest(self) -> float:
-        """How short intervals become [s]: where coordinates round by more than a zone nothing is gained."""
+        """Shortest interval [s]; below it coordinates round by more than a zone, and nothing is gained."""
         return float(self.times[1] - self.times[0]) / FINEST
 
     def _far(self, tracks: Floats, craft: Any) -> bool:
-        """Whether craft move further in an interval than they have to keep apart."""
+        """Return True if spacecraft move further in an interval than the distance that they have to keep."""
         some = craft[:: max(1, len(craft) // SOME)]
         moved = np.abs(tracks[some, :3, 1] - tracks[some, :3, 0]).max(axis=1)
         margins = self.margins[some]
@@ -134,18 +134,18 @@ class Sieve:
 
 
 def in_unit_ball(zones: Zone | PairZones, number: int) -> tuple[Floats, Floats] | None:
-    """The `matrix` and `margins` of a sieve; None if a zone has no end, or there is none."""
+    """Return the `matrix` and `margins` of a sieve; None if a zone is unbounded, or there is none."""
     if isinstance(zones, Zone):
         return (enclosing(zones), np.zeros(number)) if zones.bounded else None
     if made_by_need(zones):
         reach = reach_of(zones)
         return (enclosing(Sphere(reach)), np.zeros(number)) if reach > 0.0 else None
-    radii = np.array([*(zone.radius for zone in zones.zones), 0.0])[zones.table]  # the last of none
+    radii = np.array([*(zone.radius for zone in zones.zones), 0.0])[zones.table]  # the last kind has no zone
     radii = np.maximum(radii, radii.T)
     if not 0.0 < radii.max() < inf:
         return None
     shares = 0.5 * np.diag(radii)
-    for kind in np.argsort(-radii.max(axis=1), kind="stable"):  # the larger bear more
+    for kind in np.argsort(-radii.max(axis=1), kind="stable"):  # the larger zones take larger shares
         shares[kind] = max(shares[kind], (radii[kind] - shares).max())
     unit = 2.0 * shares.max()
     return np.eye(3) / unit, shares[zones.kinds] / unit - 0.5

@@ -1,4 +1,4 @@
-"""Tracks: where the craft of a batch are at common times, to exclude pairs (see `exclusion`)."""
+"""Tracks: bounds of the positions of a batch on common times, which exclude pairs (see `quick_rejection`)."""
 
 from collections.abc import Sequence
 from math import ceil, pi
@@ -11,18 +11,18 @@ from closeform.conflicts.quick_rejection import fill_tracks
 from closeform.motion.arc import END, MEAN_MOTION, START
 from closeform.zones.zone import Zone, enclosing
 
-# Intervals an orbit, and at least.  Half as many: a quarter more pairs are marched.  Twice as
-# many: twice the time, and as few pairs as are in conflict.
+# Intervals an orbit, and at least. Half as many: the march searches a quarter more pairs. Twice as many:
+# twice the time, and only pairs in conflict are searched.
 PER_ORBIT = 48
-PAYS = 4  # pairs for each craft and zone: to follow a craft costs as much as to march so many
-LARGEST = 8_000_000  # floats of all tracks; beyond, pairs are marched at once
+PAYS = 4  # pairs for each spacecraft and zone: a track costs as much as a march over so many pairs
+LARGEST = 8_000_000  # floats of all tracks; beyond, pairs are marched without tracks
 
 
 class Tracks(NamedTuple):
-    """Places at common times of the craft of two batches, scaled so that the zone is in the unit ball.
+    """Tracks of two batches at common times, scaled so that the zone is inside the unit ball.
 
-    `times` (K + 1,) [s]; `own` and `others` (N, 4, K + 1): x, y and z at each time, and how far
-    at most the craft is off its chord from that time to the next.
+    `times` (K + 1,) [s]; `own` and `others` (N, 4, K + 1): x, y and z at each time, and the largest deviation
+    from the chord between that time and the next.
     """
 
     times: Floats
@@ -36,9 +36,9 @@ NO_TRACKS = Tracks(np.empty(0), np.empty((0, 4, 0)), np.empty((0, 4, 0)))
 def follow(
     arcs: Floats, offsets: Any, others: Floats, other_offsets: Any, zones: Sequence[Zone], pairs: int
 ) -> dict[Zone, Tracks]:
-    """Tracks of the craft of two batches for each of the zones, to search a number of pairs.
+    """Return the tracks of two batches for each of the zones, to search a number of pairs.
 
-    None where that costs more than it saves, or would take too much memory.
+    They are empty where they cost more than they save, or would take too much memory.
     """
     craft = len(offsets) - 1 if others is arcs else len(offsets) + len(other_offsets) - 2
     if not 0 < PAYS * craft * len(zones) <= pairs:
@@ -59,7 +59,7 @@ def follow(
 
 
 def tracks_of(arcs: Floats, offsets: Any, times: Floats, zone: Zone) -> Floats:
-    """Tracks (N, 4, K + 1) of one batch."""
+    """Return the tracks (N, 4, K + 1) of one batch."""
     tracks = np.zeros((len(offsets) - 1, 4, len(times)))
     fill_tracks(arcs, offsets, enclosing(zone), times, tracks)
     return tracks

@@ -22,21 +22,21 @@ from closeform.zones.zone import Zone
 if TYPE_CHECKING:
     from closeform.uncertainty.errors import Uncertainty
 
-EQUAL = 6  # digits of ratios after the point: symmetric craft touch alike but for rounding
+EQUAL = 6  # digits of ratios after the point: symmetric spacecraft have equal ratios up to rounding
 
 
 @dataclass(frozen=True, repr=False)
 class Conflict(Result):
-    """One stay inside a zone.
+    """Interval in which a spacecraft is inside a zone.
 
     Attributes
     ----------
     start, end : float [s]
-        When it begins and ends, or the edge of the common time.
+        Start and end of the conflict, or the edge of the common time.
     time : float [s]
-        When the norm is least.
+        Time of the minimum norm.
     ratio : float, no unit
-        The least norm: below 1, and 0 where the two centres meet.
+        Clearance ratio: the minimum norm, below 1, and 0 where the two centres meet.
     """
 
     start: float
@@ -47,18 +47,18 @@ class Conflict(Result):
 
 @dataclass(frozen=True, repr=False)
 class PairConflict(Conflict):
-    """A conflict, and of whom.
+    """A conflict with the two spacecraft in it.
 
     Attributes
     ----------
     start, end : float [s]
-        When it begins and ends, or the edge of the common time.
+        Start and end of the conflict, or the edge of the common time.
     time : float [s]
-        When the norm is least.
+        Time of the minimum norm.
     ratio : float, no unit
-        The least norm: below 1, and 0 where the two centres meet.
+        Clearance ratio: the minimum norm, below 1, and 0 where the two centres meet.
     first, second : int or str
-        The two craft: indices, or in a mission names.
+        The two spacecraft: indices, or in a mission names.
     """
 
     first: Any
@@ -67,16 +67,16 @@ class PairConflict(Conflict):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Approach(Rows):
-    """The closest approach of two paths, or of the pairs of two batches.
+    """Closest approach of two paths, or of the pairs of two batches.
 
     Attributes
     ----------
     time : float or array of shape (...) [s]
-        When the norm is least; nan without a common time.  Arrays are of the paths' broadcast shape.
+        Time of the minimum norm; nan without a common time.  Arrays have the paths' broadcast shape.
     ratio : float or array of shape (...), no unit
-        The least norm; inf without a common time.
+        Clearance ratio: the minimum norm; inf without a common time.
     distance : float or array of shape (...) [m]
-        Between the centres at that time, which need not be the least; inf without a common time.
+        Distance of the centres at that time, not necessarily the minimum; inf without a common time.
     """
 
     _columns: ClassVar = {
@@ -91,17 +91,17 @@ class Approach(Rows):
 
 
 def nearest_first(ratio: float, time: float) -> tuple[float, float]:
-    """By what approaches are sorted: how near they are in terms of zones, then, of equals, when."""
+    """Return the sort key of approaches: by clearance ratio, and equal ones by time."""
     return round(ratio, EQUAL), time
 
 
 def check_comparable(path: Path, other: Path, zone: Zone) -> None:
-    """Refuse two paths of different orbits, and a zone that is not that of a pair."""
+    """Raise ValueError for two paths in different orbits, or a zone that is not that of a pair."""
     for name, one in (("path", path), ("other", other)):
         instance(name, one, Path)
     if isinstance(zone, PairZones | CovarianceZone | Body):
         raise ValueError(
-            "zone: expected that of the two; of what each has make PairZones.of([one, other]).between(0, 1)"
+            "zone: expected that of the pair; from own zones use PairZones.of([one, other]).between(0, 1)"
         )
     instance("zone", zone, Zone)
     if path.orbit.mean_motion != other.orbit.mean_motion:
@@ -119,48 +119,49 @@ def find_conflicts(
     other_errors: Uncertainty | None = None,
     sigmas: float = 3.0,
 ) -> tuple[Conflict, ...]:
-    """Every stay of one craft inside the zone around another, in order of time.
+    """Return every conflict of one spacecraft with the zone around another, in order of time.
 
     Parameters
     ----------
     path : Path
-        Of one craft.
+        Path of one spacecraft.
     other : Path
-        Of the craft that the zone is around, in the same orbit.
+        Path of the spacecraft that the zone is around, in the same orbit.
     zone : Zone
-        Of the pair.
+        Zone of the pair.
     errors : Uncertainty, optional
-        Of `path`, or with no `other_errors` of the one relative to the other: then a stay is a time in which
-        errors within so many sigmas can bring them together.
+        Errors of `path`, or without `other_errors` of its position relative to `other`. A conflict is
+        then an interval in which errors within `sigmas` standard deviations can bring them together.
     other_errors : Uncertainty, optional
-        Of `other`, independent.
+        Errors of `other`, independent of `errors`.
     sigmas : float, no unit, default 3
-        How many, where there are errors.
+        Number of standard deviations, if there are errors.
 
     Returns
     -------
     tuple of Conflict
-        None without a common time; a stay that is on at its edge starts or ends there.
+        Conflicts; empty without a common time. A conflict at the edge of the common time starts or
+        ends there.
 
     Raises
     ------
     ValueError
-        If a path is a batch (use `screen`), the orbits differ, an argument is of another kind, or `sigmas` is
+        If a path is a batch (use `screen`), the orbits differ, an argument is of another type, or `sigmas` is
         negative or not finite.
 
     Notes
     -----
-    Certified: between two stays the norm of the relative position is above 1, with no time
-    step and however short a stay is, up to rounding: of positions, about 1e-15 of the largest
-    relative coordinate met; of time, one unit in its last place.  A norm of up to 1 + 8e-14 is
+    Certified: between two conflicts the norm of the relative position is above 1.  This holds without a time
+    step, for conflicts of any duration, up to rounding: of positions, about 1e-15 of the largest
+    relative coordinate; of time, one unit in its last place.  A norm of up to 1 + 8e-14 is
     a conflict, one above 1 + 4e-13 is none.  At every start and end inside the common time
     |norm - 1| <= 1e-12 where rounding allows (coordinates of some tens of zones, times whose
-    last place is small against zone / speed), so times are good to 1e-6 s wherever the norm
-    changes faster than 1e-6 per second.  The least ratio is certain to 1e-9.
+    last place is small against zone / speed), so times are accurate to 1e-6 s wherever the norm
+    changes faster than 1e-6 per second.  The clearance ratio is accurate to 1e-9.
 
-    With errors the zone is the Minkowski sum of itself and the ellipsoid of so many sigmas, which moves and
-    grows with the covariance; the norm the norm is that of the paths in it.
-    Between stays none can meet; beside cylinders an end may be late, by 1e-5 of the sigmas.
+    With errors the zone is the Minkowski sum of itself and the ellipsoid of `sigmas` standard deviations,
+    which moves and grows with the covariance; the norm is that of the paths in this sum. Between
+    conflicts no errors within it let them meet; with cylinders an end may be late by 1e-5 of the sigmas.
 
     References
     ----------
@@ -178,7 +179,8 @@ def find_conflicts(
     check_comparable(path, other, zone)
     if path.shape or other.shape:
         raise ValueError(
-            f"path, other: of one craft each, got shapes {path.shape} and {other.shape}; index them or screen"
+            f"path, other: require one spacecraft each, got shapes {path.shape} and {other.shape}; "
+            "index them, or use screen"
         )
     sigmas = size("sigmas", sigmas)
     if known := one_of([("errors", errors), ("other_errors", other_errors)]):
@@ -207,7 +209,7 @@ def find_conflicts(
 
 
 def one_of(errors: Sequence[tuple[str, Any]]) -> Any:
-    """Any that are given, of arguments by name: they know themselves how paths are searched with them."""
+    """Return any of the given errors, by argument name; their methods search paths with errors."""
     given = [(name, one) for name, one in errors if one is not None]
     for name, one in given:
         if not hasattr(one, "_find_conflicts"):
@@ -216,27 +218,27 @@ def one_of(errors: Sequence[tuple[str, Any]]) -> Any:
 
 
 def closest_approach(path: Path, other: Path, zone: Zone) -> Approach:
-    """The least norm of the position of one craft relative to another, over their common time.
+    """Return the minimum norm of one spacecraft's position relative to another, over their common time.
 
     Parameters
     ----------
     path : Path
-        Of one craft, or a batch.
+        Path of one spacecraft, or a batch.
     other : Path
-        Of the craft that the zone is around, or a batch, in the same orbit; batch shapes broadcast.
+        Path of the spacecraft that the zone is around, or a batch, in the same orbit; batch shapes broadcast.
     zone : Zone
-        Whose norm is looked at.
+        Zone that defines the norm.
 
     Returns
     -------
     Approach
-        Floats for two craft, arrays for batches.  The ratio is certain to 1e-9 of itself: nothing closer
-        happens between any two instants.
+        Floats for two spacecraft, arrays for batches.  The ratio is accurate to a relative 1e-9: no closer
+        approach exists between any two instants.
 
     Raises
     ------
     ValueError
-        If the orbits differ, batch shapes do not broadcast, or an argument is of another kind.
+        If the orbits differ, batch shapes do not broadcast, or an argument is of another type.
 
     References
     ----------
@@ -268,47 +270,47 @@ def closest_approach(path: Path, other: Path, zone: Zone) -> Approach:
 
 
 def craft_of(path: Path, shape: tuple[int, ...]) -> Any:
-    """Which craft of a batch stands for it in each of the pairs of a broadcast shape, flattened."""
+    """Return the index in a batch for each of the pairs of a broadcast shape, flattened."""
     craft = np.arange(len(path.offsets) - 1, dtype=np.int64)
     if path.shape == shape:
         return craft
-    return np.broadcast_to(craft.reshape(path.shape), shape).flatten()  # numba wants it writable
+    return np.broadcast_to(craft.reshape(path.shape), shape).flatten()  # numba requires a writable array
 
 
 def _drifted(path: Path, craft: Any, time: Floats) -> Any:
-    """States (M, 6) of coasting craft at any times (M,), carried on beyond their paths' ends."""
+    """Return states (M, 6) of coasting spacecraft at any times (M,), extrapolated beyond their paths."""
     rows = path.arcs[path.offsets[craft]]
     moved = path.orbit.transition(time - rows[:, START]) @ rows[:, STATE : STATE + 6, None]
     return moved[..., 0]
 
 
 def last_possible_conflict(path: Path, other: Path, zone: Zone) -> Any:
-    """Latest time at which one coasting craft can be within the zone around another, however long they coast.
+    """Return the latest time at which one coasting spacecraft can be inside the zone around another.
 
     Parameters
     ----------
     path : Path
-        Coasting, of one craft or a batch.
+        Coasting path of one spacecraft or a batch.
     other : Path
-        Coasting, of the craft that the zone is around, or a batch; batch shapes broadcast.
+        Coasting path of the spacecraft that the zone is around, or a batch; batch shapes broadcast.
     zone : Zone
-        Of the pair.
+        Zone of the pair.
 
     Returns
     -------
     float or array of shape (...) [s]
-        Is inf where their mean motions agree and nothing carries them apart; -inf where they never come
-        close radially.
+        Latest time, however long they coast: inf where their mean motions agree and no drift separates them;
+        -inf where they never come close radially.
 
     Raises
     ------
     ValueError
         If the orbit is deep space, a path thrusts or has impulses, the orbits differ, batch shapes do
-        not broadcast, or an argument is of another kind.
+        not broadcast, or an argument is of another type.
 
     Notes
     -----
-    Drift carries them apart for good once 3 n |d| t exceeds |l| + 2E + the zone's along-track extent,
+    Drift separates them permanently once 3 n |d| t exceeds |l| + 2E + the zone's along-track extent,
     with t from the later start.  They never come close where |2d| - E is above its radial extent.
 
     References
@@ -318,12 +320,12 @@ def last_possible_conflict(path: Path, other: Path, zone: Zone) -> Any:
     check_comparable(path, other, zone)
     n = path.orbit.mean_motion
     if n == 0:
-        raise ValueError("path: the bound needs an orbit, in deep space use closest_approach")
+        raise ValueError("path: the bound requires an orbit; in deep space use closest_approach")
     if any(
         p.arcs[:, 3:6].any() or p.arcs[:, 12:].any() or (p.arcs[:, MEAN_MOTION] != n).any()
         for p in (path, other)
     ):
-        raise ValueError("path, other: the bound is for coasting craft without impulses")
+        raise ValueError("path, other: the bound requires coasting spacecraft without impulses")
     shape = broadcast(path=path.shape, other=other.shape)
     first, second = craft_of(path, shape), craft_of(other, shape)
     start = np.maximum(path.arcs[path.offsets[first], START], other.arcs[other.offsets[second], START])

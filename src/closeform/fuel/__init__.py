@@ -1,1 +1,1 @@
-"""Fuel: what a transfer costs at least, what thrusters a craft has, and how they fire."""
+"""Fuel: lower bounds of delta-v, minimum-time transfers, thrusters and their pulses."""

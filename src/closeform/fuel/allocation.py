@@ -1,4 +1,4 @@
-"""Allocation: which thrusters push, and how hard, for a thrust of any direction at the least sum."""
+"""Allocation of a thrust of any direction to thrusters, with the smallest sum of their pushes."""
 
 from dataclasses import dataclass
 from itertools import combinations
@@ -9,17 +9,18 @@ import numpy as np
 from closeform.arrays import Floats
 
 FLAT = 1e-9  # of three directions' determinant: they lie in a plane
-DEAR = 1e4  # the cost of a push where no thruster is, beside that of a thruster
-SPREAD = 1e-6  # of costs: of four thrusters in one facet it is certain which three fire
+DEAR = 1e4  # cost of a push along an axis without a thruster, relative to that of a thruster
+SPREAD = 1e-6  # relative spread of costs: it decides which three of four thrusters in one facet fire
 ROUNDING = 1e-11
 
 
 @dataclass(frozen=True, eq=False)
 class Allocation:
-    """The facets of the hull of all directions: what lies in a facet's cone is made of its corners.
+    """Facets of the hull of all directions: a thrust in a facet's cone is composed of its corners.
 
-    That is the linear program min sum of amounts, its bases found once.  `corners` (F, 3) are thrusters, from
-    `count` on pushes along the axes, which no thruster makes; `inverses` (F, 3, 3) give the amounts.
+    This is the linear program min sum of amounts with its bases computed once. `corners` (F, 3) are
+    thrusters; indices from `count` on are pushes along the axes, which no thruster makes. `inverses` (F, 3,
+    3) give the amounts.
     """
 
     corners: Any
@@ -28,7 +29,7 @@ class Allocation:
 
     @classmethod
     def of(cls, directions: Floats) -> Self:
-        """Of thrusters' directions (m, 3)."""
+        """Return the allocation for thrusters' directions (m, 3)."""
         count = len(directions)
         every = np.concatenate([directions, np.eye(3), -np.eye(3)])
         costs = np.where(np.arange(len(every)) < count, 1.0, DEAR)
@@ -41,12 +42,12 @@ class Allocation:
         return cls(corners, np.linalg.inv(every[corners]), count)
 
     def facets(self, thrust: Floats, negligible: float) -> Any:
-        """The facet (K,) in whose cone each thrust (K, 3) lies, but for amounts that are negligible."""
+        """Return the facet (K,) whose cone contains each thrust (K, 3), up to negligible amounts."""
         least = np.einsum("ki,fij->fkj", thrust, self.inverses).min(axis=2)
         fits = least >= -negligible
         return np.where(fits.any(axis=0), fits.argmax(axis=0), least.argmax(axis=0))
 
     def amounts(self, facets: Any, thrust: Floats) -> Floats:
-        """How hard the corners of the facets (K,) push for thrusts (K, ..., 3)."""
+        """Return the pushes of the corners of facets (K,) for thrusts (K, ..., 3)."""
         found: Floats = np.einsum("k...i,kij->k...j", thrust, self.inverses[facets])
         return found

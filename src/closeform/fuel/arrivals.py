@@ -1,4 +1,4 @@
-"""When to leave and where to arrive: the cheapest of many slots, for each of many durations."""
+"""Cost table of transfers: the arrival slot of lowest cost for each of many durations."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ from closeform.result import Rows
 
 @dataclass(frozen=True, eq=False, repr=False)
 class TransferCostTable(Rows):
-    """The cheapest slot for each of D durations.
+    """Lowest-cost slot for each of D durations.
 
     Attributes
     ----------
     final : array of shape (D, 6) [m, m/s]
-        State on arrival in the cheapest slot, in the rotating frame.
+        State on arrival in the chosen slot, in the rotating frame.
     duration : array of shape (D,) [s]
-        As it was given.
+        Durations as given.
     slot : array of int of shape (D,)
-        Index of the cheapest slot.
+        Index of the chosen slot.
     delta_v : array of shape (D,) [m/s]
-        What getting there costs.
+        Delta-v of the transfer to it.
     lower : array of shape (D,) [m/s]
-        What any plan to any of the slots costs at least.
+        Lower bound of the delta-v of any plan to any of the slots.
     examined : int
-        How many transfers were optimised; bounds excluded the others.
+        Number of optimised transfers; bounds excluded the others.
     """
 
     _columns: ClassVar = {
@@ -53,19 +53,19 @@ class TransferCostTable(Rows):
 def transfer_cost_table(
     orbit: Orbit, initial: ArrayLike, slots: ArrayLike, duration: ArrayLike
 ) -> TransferCostTable:
-    """The cheapest of many slots to be in after each of many durations, by least delta-v.
+    """Return the slot of minimum delta-v for each of many durations.
 
     Parameters
     ----------
     orbit : Orbit
-        The frame.
+        Orbit that defines the rotating frame.
     initial : array_like of shape (6,) [m, m/s]
         State at time 0, in the rotating frame.
     slots : array_like of shape (S, 6) [m, m/s]
-        Natural motions on which the craft may arrive, by their states at time 0 in the rotating frame: the
-        phases of a relative orbit, say.
+        Natural motions on which the spacecraft may arrive, by their states at time 0 in the rotating
+        frame, such as the phases of a relative orbit.
     duration : array_like of shape (D,) [s]
-        Until when the craft is to be there, at most 100 orbits.
+        Latest arrival times, at most 100 orbits.
 
     Returns
     -------
@@ -80,9 +80,9 @@ def transfer_cost_table(
 
     Notes
     -----
-    The slot of the least bound is optimised, and the primer that proves what it costs bounds what every other
-    slot costs (theory 27: what is to be gained is the slot less the initial state, in any duration), until
-    the least bound is a cost.  The first bounds are those of `delta_v_bound`.  A later first impulse is a
+    The slot with the lowest bound is optimised, and the primer that proves its cost bounds the cost of every
+    other slot (theory 27: the required change is the slot less the initial state, in any duration), until
+    the lowest bound is a cost.  The first bounds are those of `delta_v_bound`.  A later first impulse is a
     coast before it, so that more time never costs more.
 
     References
@@ -111,7 +111,7 @@ def transfer_cost_table(
             break
         columns = slot[rows]
         found = least_delta_v(motion, begin, finals[rows, columns], times[rows])
-        proofs = found.primer.state(0.0) @ gains  # a primer bounds what every slot costs
+        proofs = found.primer.state(0.0) @ gains  # the primer bounds the cost of every slot
         lowers[rows] = np.maximum(lowers[rows], proofs)
         lowers[rows, columns] = found.lower
         costs[rows, columns] = found.upper

@@ -1,4 +1,4 @@
-"""What any plan costs at least in delta-v, by a proof that a primer carries."""
+"""Lower bounds of the delta-v of any plan, proven by a primer."""
 
 from __future__ import annotations
 
@@ -26,23 +26,23 @@ PROVEN = 1e-9  # gap between the bounds, relative
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Bound(Rows):
-    """The least delta-v of transfers in a given time, between two bounds.
+    """Bounds of the minimum delta-v of transfers in a given time.
 
     Attributes
     ----------
     lower : float or array of shape (...) [m/s]
-        No plan of any kind, impulses or thrust, costs less.
+        Lower bound of the cost of any plan, by impulses or thrust.
     upper : float or array of shape (...) [m/s]
-        What the impulses of `Orbit.impulsive` cost.
+        Cost of the impulses of `Orbit.impulsive`.
     primer : Path
-        The primer that proves `lower`: `primer.position(t)` is p(t), without unit and nowhere longer
-        than 1 (but within a limit of thrust), from time 0 on.
-        An impulse of a least plan is along p where |p| is 1.
+        Primer that proves `lower`: `primer.position(t)` is p(t), without unit and at most of length 1
+        (more only within a thrust limit), from time 0 on.
+        An impulse of an optimal plan is along p at a time when |p| is 1.
     proven : bool or array of bool of shape (...)
-        Whether the bounds agree to 1e-9 of themselves, within a limit of thrust to 1e-6.
+        True if the bounds agree to a relative 1e-9, or to 1e-6 within a thrust limit.
     unique : bool or array of bool of shape (...)
-        Whether no other plan costs as little.  Where it is False, the primer's length is constant, or it
-        is 1 so often that impulses can be shared otherwise: infinitely many plans cost the same.
+        True if no other plan has the same cost.  If False, the primer's length is constant, or it is 1 so
+        often that the impulses can be distributed differently: infinitely many plans have the same cost.
     """
 
     _columns: ClassVar = {
@@ -60,7 +60,7 @@ class Bound(Rows):
 
     @property
     def gap(self) -> Any:
-        """How far the upper bound is above the lower one, a share of it (no unit), of the batch's shape."""
+        """Relative excess of the upper bound over the lower one (no unit), of the batch's shape."""
         lower = np.asarray(self.lower)
         return np.where(lower > 0.0, self.upper / np.where(lower > 0.0, lower, 1.0) - 1.0, 0.0)[()]
 
@@ -72,12 +72,12 @@ def least_delta_v(
     duration: ArrayLike,
     max_acceleration: ArrayLike | None = None,
 ) -> Bound:
-    """The least delta-v from `initial` to `final` in `duration`, and its proof.
+    """Return the minimum delta-v from `initial` to `final` in `duration`, and its proof.
 
     Parameters
     ----------
     orbit : Orbit
-        The frame.
+        Orbit that defines the rotating frame.
     initial : array_like of shape (..., 6) [m, m/s]
         States at the beginning, in the rotating frame.
     final : array_like of shape (..., 6) [m, m/s]
@@ -85,13 +85,13 @@ def least_delta_v(
     duration : array_like of shape (...) [s]
         Above 0, at most 100 orbits; all broadcast.
     max_acceleration : array_like of shape (...) [m/s^2], default None
-        Of the thrust; None is no limit, for impulses.
+        Limit of the thrust; None for no limit, with impulses.
 
     Returns
     -------
     Bound
-        Of the broadcast shape.  Within a limit `upper` is what `Orbit.transfer` with it costs, at most 1e-6
-        above `lower`, and the primer is longer than 1 where the limit holds.
+        Bounds of the broadcast shape.  With a limit, `upper` is the cost of `Orbit.transfer`, at most 1e-6
+        above `lower`, and the primer is longer than 1 during burns.
 
     Raises
     ------
@@ -101,11 +101,11 @@ def least_delta_v(
 
     Notes
     -----
-    Without a limit the lower bound holds for thrust of any kind, with any limit.
+    Without a limit the lower bound holds for any thrust, with any limit.
 
     References
     ----------
-    Lawden's primer, by its dual in six unknowns: docs/theory.md (26, 27, 29), with a limit
+    Lawden's primer, by its dual in six unknowns: docs/theory.md (26, 27, 29); with a limit
     docs/theory.md (32).
 
     Examples
@@ -130,7 +130,7 @@ def least_delta_v(
 def _within(
     orbit: Orbit, initial: ArrayLike, final: ArrayLike, duration: ArrayLike, max_acceleration: ArrayLike
 ) -> Bound:
-    """The least delta-v within a limit: all of it or none, unless any share of it does as well."""
+    """Return the minimum delta-v within a limit; it is unique if thrust is at the limit or zero."""
     n = instance("orbit", orbit, Orbit).mean_motion
     arcs, finals = arcs_between(n, initial, final, duration, 0.0)
     steer(n, arcs.reshape(-1, WIDTH), finals)
@@ -148,15 +148,15 @@ def _within(
 
 
 def delta_v_bound(orbit: Orbit, initial: ArrayLike, final: ArrayLike, duration: ArrayLike) -> Any:
-    """A lower bound of delta-v in closed form [m/s], within a microsecond for each transfer.
+    """Return a closed-form lower bound of delta-v [m/s], within a microsecond for each transfer.
 
-    Exact for nearly half of transfers of one to three orbits, where a primer of constant length is the
-    best.  Arguments broadcast: `delta_v_bound(orbit, a[:, None], b, T)` bounds the matrix of costs.
+    The bound is exact for nearly half of transfers of one to three orbits, where a primer of constant length
+    is optimal.  Arguments broadcast: `delta_v_bound(orbit, a[:, None], b, T)` bounds the matrix of costs.
 
     Parameters
     ----------
     orbit : Orbit
-        The frame.
+        Orbit that defines the rotating frame.
     initial : array_like of shape (..., 6) [m, m/s]
         States at the beginning, in the rotating frame.
     final : array_like of shape (..., 6) [m, m/s]
@@ -167,7 +167,7 @@ def delta_v_bound(orbit: Orbit, initial: ArrayLike, final: ArrayLike, duration: 
     Returns
     -------
     float or array of shape (...) [m/s]
-        No plan of any kind costs less.
+        Lower bound of the cost of any plan.
 
     Raises
     ------
@@ -176,8 +176,8 @@ def delta_v_bound(orbit: Orbit, initial: ArrayLike, final: ArrayLike, duration: 
 
     Notes
     -----
-    It is the mean motion times the greatest of the changes of drift, of inclination, and of half the
-    eccentricity vector with sqrt(3) times the inclination vector beside it, in either sense.
+    The bound is the mean motion times the greatest of the changes of drift, of inclination, and of half the
+    eccentricity vector combined with sqrt(3) times the inclination vector, with either sign.
 
     References
     ----------

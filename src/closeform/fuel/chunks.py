@@ -1,7 +1,7 @@
 """Chunks: the parts of a planned thrust that are each fired as one pulse, with their moments.
 
-A chunk is what one thruster has to give without a break of sign, in a cycle of its period, or in as many
-as its least bit asks for.  Its delta-v is fired about its centroid in time.               # theory (41)
+A chunk is the push of one thruster without a change of sign, during one cycle of its period, or as
+many cycles as its minimum impulse bit needs.  Its delta-v is fired about its centroid in time, theory (41).
 """
 
 from dataclasses import dataclass, fields
@@ -16,21 +16,21 @@ from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, START, THRUST, WIDTH
 from closeform.motion.path import Path
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(8)
-# Of n t, and of the thrust's time: within, 8 points of Gauss integrate natural motion to the last digit, and
-# no thruster is looked for that takes over and gives way again.
+# Limits of n t, and of the share of the thrust's duration: within them, 8 Gauss points integrate natural
+# motion to the last digit, and no thruster is assumed to start and stop.
 ANGLE, SHARE = 0.02, 1.0 / 64.0
-NOTHING = 1e-9  # of the greatest thrust: no thruster fires for that
-UNREACHED = 1e-6  # of all delta-v: rounding of a plan
-PUSHES = "the plan pushes"  # in a field that may be what corrects it
+NOTHING = 1e-9  # of the greatest thrust: no thruster fires for less
+UNREACHED = 1e-6  # share of all delta-v: a smaller part is rounding of a plan
+PUSHES = "the plan pushes"  # replaced where the high-fidelity model causes the thrust
 MOST = 1_000_000  # cycles and pieces of a path
 
 
 @dataclass(frozen=True, eq=False)
 class Chunks:
-    """K chunks: each one's thruster, `start` and `end` [s], `impulse` [m/s] and its moments in time.
+    """K chunks: thruster, `start` and `end` [s], `impulse` [m/s] and moments in time of each.
 
-    `centroid` [s], and the central moments `variance` [s^2] and `skew` [s^3]; `peak` [m/s^2] is the greatest
-    thrust seen, inf for an impulse.
+    The moments are the `centroid` [s] and the central moments `variance` [s^2] and `skew` [s^3]; `peak`
+    [m/s^2] is the greatest thrust found, inf for an impulse.
     """
 
     thruster: Any
@@ -49,7 +49,7 @@ class Chunks:
         return type(self)(*(getattr(self, one.name)[index] for one in fields(self)))
 
     def joined(self, first: Any) -> Self:
-        """One chunk of all from each index among `first` on to the next."""
+        """Return one chunk for the chunks from each index in `first` to the next."""
         counts = np.diff(np.append(first, len(self)))
         impulse = np.add.reduceat(self.impulse, first)
         centroid = np.add.reduceat(self.impulse * self.centroid, first) / impulse
@@ -69,9 +69,9 @@ class Chunks:
 
 
 def cells_of(path: Path, thrusters: Thrusters) -> Chunks:
-    """What one craft's `path` asks of its thrusters, in pieces, thruster by thruster in order of time.
+    """Return the thrust of one spacecraft's `path` as small chunks, sorted by thruster and time.
 
-    Raises ValueError for thrust towards where none pushes.
+    Raises ValueError for thrust in a direction in which no thruster pushes.
     """
     allocation = Allocation.of(thrusters.directions)
     steady, kicks = _steady(path, thrusters, allocation), _kicks(path, thrusters, allocation)
@@ -90,20 +90,20 @@ def cells_of(path: Path, thrusters: Thrusters) -> Chunks:
 
 
 def gathered(cells: Chunks, begin: float, period: float | None, bits: Floats) -> Chunks:
-    """Cells as chunks: those of one cycle, from `begin` [s] on, or of as many as make one of the `bits` (m,).
+    """Combine cells into chunks of one cycle, or of enough cycles for one of the `bits` (m,).
 
-    A lobe of one sign that has less than a bit is one chunk.
+    Cycles start at `begin` [s]. A lobe of one sign with less than a minimum impulse bit is one chunk.
     """
     return cells.joined(_firsts(cells, begin, period, bits)) if len(cells) else cells
 
 
 def thrust_in_frame(path: Path, thrusters: Thrusters, times: Floats) -> Floats:
-    """The path's thrust (K, 3) at `times` (K,) in the frame of the thrusters."""
+    """Return the path's thrust (K, 3) at `times` (K,) in the frame of the thrusters."""
     return in_frame(path.thrust(times), path.orbit.mean_motion * times, thrusters)
 
 
 def in_frame(vectors: Floats, angles: Floats, thrusters: Thrusters) -> Floats:
-    """Vectors (K, 3) of the rotating frame, turned by `angles` (K,), in the frame of the thrusters."""
+    """Return vectors (K, 3) of the rotating frame, turned by `angles` (K,), in the frame of the thrusters."""
     if thrusters.frame == "orbit":
         return vectors
     turned: Floats = np.einsum("kji,kj->ki", turn(angles), vectors)
@@ -111,7 +111,7 @@ def in_frame(vectors: Floats, angles: Floats, thrusters: Thrusters) -> Floats:
 
 
 def _firsts(cells: Chunks, begin: float, period: float | None, bits: Floats) -> Any:
-    """Where chunks begin among cells in order of thruster and time: cycles, until they make a bit."""
+    """Return the first cell of each chunk; cells are sorted by thruster and time, cycles merge to a bit."""
     impulsive = np.isinf(cells.peak)
     cycle = np.floor((cells.centroid - begin) / (period or np.inf))
     near = 1e-6 * np.maximum(cells.end - cells.start, np.roll(cells.end - cells.start, 1))
@@ -128,7 +128,7 @@ def _firsts(cells: Chunks, begin: float, period: float | None, bits: Floats) -> 
     for k, lobe in enumerate(lobes.tolist()):
         if lobe or held >= least[k]:
             if lobe and len(kept) > 1 and held < least[k - 1] and not lobes[kept[-1]]:
-                kept.pop()  # what is left of a lobe goes with what was before
+                kept.pop()  # the rest of a lobe joins the previous chunk
             kept.append(k)
             held = 0.0
         held += sizes[k]
@@ -138,7 +138,7 @@ def _firsts(cells: Chunks, begin: float, period: float | None, bits: Floats) -> 
 
 
 def _kicks(path: Path, thrusters: Thrusters, allocation: Allocation) -> Chunks:
-    """Impulses, each as chunks of no length."""
+    """Return impulses as chunks of zero duration."""
     rows = path.arcs[path.arcs[:, IMPULSE : IMPULSE + 3].any(axis=1)]
     times, jumps = rows[:, START], rows[:, IMPULSE : IMPULSE + 3]
     jumps = in_frame(jumps, path.orbit.mean_motion * times, thrusters)
@@ -152,7 +152,7 @@ def _kicks(path: Path, thrusters: Thrusters, allocation: Allocation) -> Chunks:
 
 
 def _steady(path: Path, thrusters: Thrusters, allocation: Allocation) -> Chunks:
-    """Thrust that lasts, cut where cycles end and where other thrusters take over."""
+    """Return continuous thrust as chunks, cut where cycles end and where the active thrusters change."""
     active = path.arcs[:, THRUST:WIDTH].any(axis=1) | (path.arcs[:, MEAN_MOTION] != path.orbit.mean_motion)
     spans = path.arcs[active & (path.arcs[:, END] > path.arcs[:, START])][:, [START, END]]
     peak = path.peak_thrust if len(spans) else 0.0
@@ -189,7 +189,7 @@ def _steady(path: Path, thrusters: Thrusters, allocation: Allocation) -> Chunks:
 
 
 def _cut(spans: Floats, begin: float, period: float | None, n: float) -> tuple[Floats, Floats]:
-    """Spans (S, 2) cut where cycles of `period` from `begin` on end, and into small angles of n t."""
+    """Return spans (S, 2) cut where cycles of `period` from `begin` on end, and into small angles of n t."""
     total = float((spans[:, 1] - spans[:, 0]).sum())
     if (total / (period or np.inf)) > MOST or total * n / ANGLE > MOST:
         raise ValueError(
@@ -217,7 +217,7 @@ def _cut(spans: Floats, begin: float, period: float | None, n: float) -> tuple[F
 
 
 def _taken_over(facet: Any, low: Floats, high: Floats) -> tuple[Floats, Floats]:
-    """Intervals cut where the facet of the thrust changes, which is bisected to the last digit."""
+    """Return intervals cut where the facet of the thrust changes, which is bisected to the last digit."""
     for _ in range(8):  # several changes in one interval
         first, last = facet(low), facet(np.nextafter(high, low))
         changes = np.flatnonzero(first != last)

@@ -1,12 +1,12 @@
-"""How far from its plan a craft can come that fires chunks as pulses: a bound, before anything is flown.
+"""Bound of the deviation from a plan when chunks are fired as pulses, without a simulation.
 
 With e the thrust fired less the thrust planned, and F its second integral over time, exactly
 
     dr(t) = F(t) + integral of K(t, s) F(s) ds                                        # theory (40)
 
-A pulse about the chunk's centroid leaves F = F' = 0 at its end, and F has one sign within.  What then
-remains is a natural motion, begun at the centroid of F by a kick of the size of its integral.  All kicks are
-added up as vectors, so those of opposite lobes cancel, as they do in flight.
+A pulse about the chunk's centroid leaves F = F' = 0 at its end, and F has one sign during it.  The
+remainder is a natural motion that starts at the centroid of F with a kick of the size of its integral.  All
+kicks are added as vectors, so those of opposite lobes cancel, as they do in the motion.
 """
 
 from dataclasses import dataclass
@@ -19,17 +19,17 @@ from closeform.fuel.thrusters import Thrusters
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
 
-FINE = 0.2  # of n t, at which the natural motion that is left is looked at
-SAFE = 1.0 + 1e-6  # for what is neglected: thrust below 1e-9 of the greatest, rounding
+FINE = 0.2  # of n t: step at which the remaining natural motion is evaluated
+SAFE = 1.0 + 1e-6  # for neglected effects: thrust below 1e-9 of the greatest, rounding
 
 
 @dataclass(frozen=True, eq=False)
 class Misfit:
-    """What each of K chunks does to the path.
+    """Effect of each of K chunks on the path.
 
-    While it lasts, from `start` to `end` [s], its F is at most `size` [m] along its thruster, and what it
-    sets off is less or more than the kick by `astray` [m] at most.  The kicks (K, 6) [m, m/s] are at
-    `when` (K,) [s], and what it leaves is a kick but for `rest` [m].
+    From `start` to `end` [s] its F is at most `size` [m] along its thruster, and the motion that it causes
+    differs from that of the kick by at most `astray` [m]. The kicks (K, 6) [m, m/s] are at `when` (K,) [s];
+    afterwards the motion is that of the kick up to `rest` [m].
     """
 
     start: Floats
@@ -42,9 +42,9 @@ class Misfit:
 
 
 def misfit_of(plan: Path, thrusters: Thrusters, chunks: Chunks, widths: Floats, extra: Floats) -> Misfit:
-    """Of chunks of a craft's `plan`, fired as pulses of `widths` (K,) [s], nan where dropped.
+    """Return the misfit of chunks of a `plan` fired as pulses of `widths` (K,) [s], nan if dropped.
 
-    `extra` (K,) [m] is added to the greatest F, for pulses that are not of constant thrust.
+    `extra` (K,) [m] is added to the greatest F, for pulses whose thrust is not constant.
     """
     n, q = plan.orbit.mean_motion, chunks.impulse
     fired = np.isfinite(widths)
@@ -65,7 +65,7 @@ def misfit_of(plan: Path, thrusters: Thrusters, chunks: Chunks, widths: Floats, 
     units = thrusters.directions_at(plan.orbit, spot)[np.arange(len(q)), chunks.thruster]
     late = n * np.maximum(plan.end - start, 0.0)
     kick = np.zeros((len(q), 6))
-    if thrusters.frame == "orbit":  # greatest lengths of K, and of its derivatives after s
+    if thrusters.frame == "orbit":  # greatest lengths of K, and of its derivatives by s
         near = far = np.full_like(q, 4.0 * n)
         bend, drift = n**2 * near, n * near
         kick[:, 0], kick[:, 1] = 2.0 * n * units[:, 1], -2.0 * n * units[:, 0]
@@ -82,11 +82,11 @@ def misfit_of(plan: Path, thrusters: Thrusters, chunks: Chunks, widths: Floats, 
 
 
 def _greatest(chunks: Chunks, width: Floats, whole: Floats) -> Floats:
-    """The greatest F (K,) [m] of pulses of `width` (K,) [s], with its integral `whole` (K,) [m s].
+    """Return the greatest F (K,) [m] of pulses of `width` (K,) [s], with its integral `whole` (K,) [m s].
 
-    Of an impulse q w / 8.  Else at most half the mean deviation of the chunk from its centroid, times q: that
-    is below half its standard deviation, and below what a chunk at its two ends would have.  And F'' is
-    no more than the thrust, so what has a high peak is wide.                              # theory (43)
+    For an impulse it is q w / 8. Otherwise it is at most q times half the mean deviation of the chunk from
+    its centroid, which is below half its standard deviation, and below that of a chunk at its two ends. As
+    F'' is at most the thrust, an F with a high peak is wide, theory (43).
     """
     q, lasts = chunks.impulse, np.isfinite(chunks.peak)
     before, after = chunks.centroid - chunks.start, chunks.end - chunks.centroid
@@ -98,7 +98,7 @@ def _greatest(chunks: Chunks, width: Floats, whole: Floats) -> Floats:
 
 
 def bound(plan: Path, thrusters: Thrusters, chunks: Chunks, misfit: Misfit) -> float:
-    """How far from its `plan` a craft is at most, over the plan's time [s]."""
+    """Return a bound of the deviation [m] of a spacecraft from its `plan` over the plan's time."""
     if not len(chunks):
         return 0.0
     orbit, first, last = plan.orbit, plan.start, plan.end
@@ -113,7 +113,7 @@ def bound(plan: Path, thrusters: Thrusters, chunks: Chunks, misfit: Misfit) -> f
 
 
 def _left(orbit: Orbit, misfit: Misfit, starts: Floats, steps: Floats, first: float) -> Floats:
-    """How far the natural motion of all kicks until each of `starts` (E,) leads within `steps` (E,) s."""
+    """Return bounds [m] of the natural motion of all kicks before `starts` (E,), within `steps` (E,) s."""
     n = orbit.mean_motion
     order = np.argsort(misfit.when)
     back = orbit.transition(first - misfit.when[order]) @ misfit.kick[order][:, :, None]
@@ -129,7 +129,7 @@ def _left(orbit: Orbit, misfit: Misfit, starts: Floats, steps: Floats, first: fl
 
 
 def _held(thrusters: Thrusters, chunks: Chunks, misfit: Misfit, starts: Floats) -> Floats:
-    """How large F of all thrusters together is at most from each of `starts` on to the next."""
+    """Return bounds [m] of F of all thrusters together from each of `starts` on to the next."""
     begin, over = np.searchsorted(starts, misfit.start), np.searchsorted(starts, misfit.end)
     begin = np.minimum(begin, len(starts) - 1)  # an impulse at the very end that is not fired
     sizes = np.zeros((len(thrusters) + 1, len(starts) + 1))

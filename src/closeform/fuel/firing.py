@@ -1,4 +1,4 @@
-"""Firing: a plan flown by on-off thrusters, how far from it they lead, and into which conflicts."""
+"""A plan realised by on-off thrusters: pulses, deviation from the plan, and conflicts."""
 
 from __future__ import annotations
 
@@ -29,34 +29,34 @@ LOOKS = 8  # instants of each arc at which the pulsed path is compared with the 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ThrusterFiring(Result):
-    """A plan as its craft's thrusters fly it.
+    """A plan as the thrusters of its spacecraft realise it.
 
-    Numbers of each craft are floats for one craft's path, else arrays of shape (N,).
+    Numbers of each spacecraft are floats for the path of one spacecraft, else arrays of shape (N,).
 
     Attributes
     ----------
     path : Path
-        What the pulses fly, of the plan's shape.
+        Path under the pulses, of the plan's shape.
     planned : Path
         The plan over the same time, with coasts where `path` begins before it or ends after it.
     thrusters : tuple of Thrusters
-        Of each craft.
+        Thrusters of each spacecraft.
     pulses : Pulses
-        What is fired.
+        Pulses that are fired.
     dropped : Pulses
-        What is not fired as it is below the minimum bit: over which time the plan asks for it.
+        Parts of the plan below the minimum impulse bit, which are not fired, with their times in the plan.
     deviation : float or array of shape (N,) [m]
-        How far `path` is from `planned` at most, at 8 instants of each of its arcs.
+        Greatest distance of `path` from `planned`, at 8 instants of each of its arcs.
     deviation_bound : float or array of shape (N,) [m]
-        What bounds the deviation without flying, the falling mass and what is dropped included.
+        Bound of the deviation without a simulation, which includes the falling mass and dropped parts.
     dropped_deviation : float or array of shape (N,) [m]
-        What bounds the deviation by what is dropped alone.
+        Bound of the deviation due to dropped parts alone.
     delta_v : float or array of shape (N,) [m/s]
-        Sum over the thrusters of what they give.
+        Sum of the thrusters' delta-v.
     propellant : float or array of shape (N,) [kg]
-        What they burn; nan without a mass.
+        Propellant used; nan without a mass.
     conflicts : tuple of PairConflict or None
-        Of `path` with the zones that were given, by index, N + k for obstacle k; None without zones.
+        Conflicts of `path` in the given zones, by index, N + k for obstacle k; None without zones.
     """
 
     path: Path
@@ -73,12 +73,12 @@ class ThrusterFiring(Result):
 
     @property
     def clear(self) -> bool:
-        """Whether zones were given, and the pulsed path is certified clear of them."""
+        """True if zones were given, and the pulsed path is certified clear of them."""
         return self.conflicts == ()
 
     @property
     def burns(self) -> dict[str, Any]:
-        """The burn list as columns (K,): craft, thruster, start and duration [s], R, T and N [m/s], kg."""
+        """Burn list as columns (K,): craft, thruster, start and duration [s], R, T and N [m/s], kg."""
         given = self.pulses.direction * self.pulses.impulse[:, None]
         return {
             "craft": self.pulses.craft,
@@ -100,39 +100,41 @@ def fire_thrusters(
     zone: OwnZone | Sequence[OwnZone | None] | PairZones | None = None,
     obstacles: Path | Sequence[Path] = (),
 ) -> ThrusterFiring:
-    """The pulses by which thrusters fly a plan, and the path on which they do.
+    """Return the pulses that realise a plan with thrusters, and the resulting path.
 
-    Thrust that lasts is cut into chunks, for each thruster one in each of its periods, or in as many as
-    its minimum bit asks for; each chunk is fired at once about its centroid.  An impulse becomes a burn
-    about its time: one at an end of the plan begins before it, or ends after it.
+    Continuous thrust is cut into chunks, for each thruster one in each of its periods, or in as many as its
+    minimum impulse bit requires; each chunk is fired as one pulse about its centroid.  An impulse becomes a
+    burn about its time: one at an end of the plan begins before it, or ends after it.
 
     Parameters
     ----------
     plan : Path, Plan or Avoidance
-        What is to be flown: one craft's path or a batch of shape (N,), or a plan that has paths.
+        The plan to realise: the path of one spacecraft, a batch of shape (N,), or a plan with paths.
     thrusters : Thrusters or sequence of Thrusters
-        With acceleration, and for thrust that lasts a period; one for all craft, or one for each.
+        Thrusters with acceleration, and with a period for continuous thrust; one set for all spacecraft, or
+        one for each.
     mass : array_like of shape () or (N,) [kg], optional
-        Of the craft at the start, for which the acceleration holds; it falls as propellant burns.
+        Mass of the spacecraft at the start, for which the acceleration holds; it falls as propellant is used.
     specific_impulse : array_like of shape () or (N,) [s], optional
-        Times 9.80665 m/s^2 the exhaust speed; with `mass`.
+        Exhaust speed divided by 9.80665 m/s^2; required with `mass`.
     zone : Zone, CovarianceZone, Body, sequence of those or None, or PairZones, optional
-        What the pulsed path is to be clear of: as given to `reconfigure`, or for one craft's path to
+        Zones that the pulsed path must avoid: as in `reconfigure`, or for the path of one spacecraft as in
         `avoid`, with one for each obstacle.
     obstacles : Path or sequence of Path, optional
-        Those that do not give way.
+        Paths that are fixed.
 
     Returns
     -------
     ThrusterFiring
-        Pulses, the path that they fly, and how far from the plan it can be.
+        Pulses, the resulting path, and a bound of its deviation from the plan.
 
     Raises
     ------
     ValueError
-        If the plan has no path, asks for more than thrusters give or for where they do not push, or for less
-        than their minimum bit in all; a period is longer than the plan; acceleration, period, mass or
-        specific impulse are missing or not positive; or zones do not fit.
+        If the plan has no path, requires more than the thrusters give, a direction in which none
+        pushes, or less than their minimum impulse bit in all; a period is longer than the plan;
+        acceleration, period, mass or specific impulse are missing or not positive; or zones do not
+        fit.
 
     References
     ----------
@@ -181,27 +183,27 @@ def fire_thrusters(
 
 
 def planned_path(plan: Any) -> Path:
-    """The path of a plan: of one craft, or a batch of shape (N,).  Raises ValueError where there is none."""
+    """Return the path of a plan, single or of shape (N,); raise ValueError if there is none."""
     path = plan if isinstance(plan, Path) else getattr(plan, "paths", getattr(plan, "path", plan))
     if path is None and plan is not None:
-        raise ValueError(f"plan: has no path to fly: {plan.reason}")
+        raise ValueError(f"plan: has no path: {plan.reason}")
     if not isinstance(path, Path):
         raise ValueError(f"plan: expected a Path, a Plan or an Avoidance, got {shown(plan)}")
     if len(path.shape) > 1 or path.shape == (0,):
-        raise ValueError(f"plan: expected one craft's path or a batch of shape (N,), got shape {path.shape}")
+        raise ValueError(f"plan: expected one spacecraft or a batch of shape (N,), got shape {path.shape}")
     return path
 
 
 def _tanks(
     mass: ArrayLike | None, specific_impulse: ArrayLike | None, count: int
 ) -> list[tuple[float, float]]:
-    """Mass [kg] and exhaust speed [m/s] of each craft; nan where none are given."""
+    """Return mass [kg] and exhaust speed [m/s] of each spacecraft; nan where none are given."""
     given = {"mass": mass, "specific_impulse": specific_impulse}
     have = {name: value for name, value in given.items() if value is not None}
     if not have:
         return [(np.nan, np.nan)] * count
     if missing := given.keys() - have.keys():
-        raise ValueError(f"{missing.pop()}: give it with {next(iter(have))}, or neither")
+        raise ValueError(f"{missing.pop()}: required with {next(iter(have))}; give both or neither")
     columns = []
     for name, value in have.items():
         columns.append(of_each(name, checked(name, value, positive=True), count).tolist())
@@ -209,7 +211,7 @@ def _tanks(
 
 
 def _apart(path: Path, other: Path) -> float:
-    """How far two paths of one time are apart at most, at some instants of each arc."""
+    """Return the greatest distance of two paths of one time span, at some instants of each arc."""
     edges = np.unique(np.concatenate([path.arcs[:, START], other.arcs[:, START], [path.end]]))
     times = (edges[:-1, None] + np.diff(edges)[:, None] * np.linspace(0.0, 1.0, LOOKS)).ravel()
     times = np.clip(times, edges[0], edges[-1])
@@ -219,12 +221,12 @@ def _apart(path: Path, other: Path) -> float:
 def _conflicts(
     path: Path, zone: OwnZone | Sequence[OwnZone | None] | PairZones | None, obstacles: Path | Sequence[Path]
 ) -> tuple[PairConflict, ...] | None:
-    """Conflicts of the craft with each other and with obstacles; None without a zone."""
+    """Return the conflicts of the spacecraft with each other and with obstacles; None without a zone."""
     given = [obstacles] if isinstance(obstacles, Path) else sequence("obstacles", obstacles, Path)
     own, others = crafts_of([path]), crafts_of(given)
     if zone is None:
         if others:
-            raise ValueError("zone: give what is to be kept clear of the obstacles")
+            raise ValueError("zone: required with obstacles; give the zone to keep clear")
         return None
     if not path.shape and isinstance(zone, Sequence) and len(zone) == len(others):
         zone = [None, *zone]
@@ -233,6 +235,6 @@ def _conflicts(
 
 
 def crafts_of(paths: Sequence[Path]) -> list[Path]:
-    """Single craft out of paths and batches."""
+    """Return single spacecraft from paths and batches."""
     every = [[path[k] for k in np.ndindex(path.shape)] if path.shape else [path] for path in paths]
     return [craft for batch in every for craft in batch]

@@ -1,11 +1,11 @@
-"""Least time under a thrust limit: shorter durations are excluded by proofs that reach from one to the next.
+"""Minimum time under a thrust limit: shorter durations are excluded by proofs that each cover an interval.
 
-A primer p with g.c > U integral of |p| proves that no thrust within U makes a transfer in T.  Carried on,
-as the natural motion that it is, it proves the same for all durations up to where
+A primer p with g.c > U integral of |p| proves that no thrust within U makes a transfer in T.  Extended
+as a natural motion, it proves the same for all durations up to the root of
 
     m(T) = g(T).c - U integral of |p| over [0, T]                                        # theory (34)
 
-falls to nothing, and m'' is bounded.  There the best primer is sought anew, until none is left.
+as m'' is bounded.  There a new best primer is computed, until there is none.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ from closeform.motion.path import Path, path_of
 from closeform.motion.saturated import worth
 
 SETTLED = 1e-10  # of the duration: shorter steps end the search
-BETTER = 0.05  # of what a primer proves too little: so near it comes to the best
+BETTER = 0.05  # share of a primer's margin to which the best one is computed
 WINDOW = 0.2  # in n T, over which m'' is bounded at once
-LATER = (1e-8, 1e-7, 1e-6, 1e-5)  # than the least time, relatively: what pieces of thrust need
+LATER = (1e-8, 1e-7, 1e-6, 1e-5)  # relative excess over the minimum time that arcs of saturated thrust need
 
 
 @kernel()
@@ -45,7 +45,7 @@ def length(x, y, z):
 
 @kernel()
 def proved_step(n, t, c, final, limit, margin):
-    """How much longer than t, when m is `margin`, transfers are certainly impossible.
+    """Return how much longer than t, where m is `margin`, transfers are provably impossible.
 
     m'' is bounded by bounds of natural motion over a window.
     """
@@ -69,7 +69,10 @@ def proved_step(n, t, c, final, limit, margin):
 
 @kernel()
 def exclude(n, arc, final, limit, c, g, reach, gained, hessian):
-    """Carry the proof of `c` on from the end of `arc`, which is moved to where the proof ends."""
+    """Extend the proof of `c` from the end of `arc`, which moves to the end of the proof.
+
+    Returns by how much.
+    """
     begin = arc[END]
     for _ in range(200):
         t = arc[END]
@@ -87,7 +90,7 @@ def exclude(n, arc, final, limit, c, g, reach, gained, hessian):
 def prove_times(n, arcs, finals, limits, reach, enough):
     """Move the ends of `arcs` (P, 30) to durations before which no thrust within `limits` makes a transfer.
 
-    `enough` (P,) is 0, or where the proof goes beyond `reach` a limit that is enough for that.
+    `enough` (P,) is 0, or if the proof extends beyond `reach` a limit that suffices in that time.
     """
     g, c, scale, nothing = stack_vector(6), stack_vector(6), stack_vector(6), stack_vector(6)
     gained, hessian, work = stack_vector(6), stack_matrix(6, 6), stack_matrix(6, 6)
@@ -124,41 +127,41 @@ def least_time(
     profile: Literal["least time", "energy"] = "least time",
     start: ArrayLike = 0.0,
 ) -> Path:
-    """The path of least duration between two states within a thrust limit.
+    """Return the path of minimum duration between two states within a thrust limit.
 
     Parameters
     ----------
     orbit : Orbit
-        In whose rotating frame the states are.
+        Orbit that defines the rotating frame.
     initial : array_like of shape (..., 6) [m, m/s]
-        In the rotating frame.
+        State at the start, in the rotating frame.
     final : array_like of shape (..., 6) [m, m/s]
-        In the rotating frame, the same for every duration.
+        State at the end, in the rotating frame, the same for every duration.
     max_acceleration : array_like of shape (...) [m/s^2]
-        That thrust never exceeds.
+        Limit of the thrust.
     profile : {"least time", "energy"}, default "least time"
-        How thrust may run: at the limit in any direction, or as in an energy-optimal path without a limit
+        Form of the thrust: at the limit in any direction, or as in an energy-optimal path without a limit
         (`shortest_transfer`).
     start : array_like of shape (...) [s], default 0
-        Of the path; all arguments broadcast.
+        Start time of the path; all arguments broadcast.
 
     Returns
     -------
     Path
-        Of the broadcast shape.  No thrust within the limit makes the transfer in any duration that is
-        shorter by more than 1e-5 of it; nearly always by more than 1e-8.
+        Path of the broadcast shape.  No thrust within the limit makes the transfer in a duration that is
+        shorter by more than a relative 1e-5; nearly always by more than 1e-8.
 
     Raises
     ------
     ValueError
-        If the two states of a craft are the same, which needs no time at all; no duration of up to 10 orbits
-        is enough, and it says which limit is; shapes do not fit, a number is not finite, a limit is not
-        positive, or `profile` is neither of the two.
+        If the two states of a spacecraft are equal, which requires no time; no duration of up to 10
+        orbits suffices (the message gives a sufficient limit); shapes do not fit, a number is not
+        finite, a limit is not positive, or `profile` is neither of the two.
 
     Notes
     -----
-    From rest to rest over a distance L in deep space it is 2 sqrt(L / max_acceleration).  A longer duration
-    may be impossible again, where craft have to return to a state that they would pass.
+    From rest to rest over a distance L in deep space the duration is 2 sqrt(L / max_acceleration).  A longer
+    duration may be infeasible again, where a spacecraft has to return to a state that it would pass.
 
     References
     ----------
@@ -168,7 +171,7 @@ def least_time(
         raise ValueError(f'profile: expected "least time" or "energy", got {shown(profile)}')
     if profile == "energy":
         return shortest_transfer(orbit, initial, final, max_acceleration, start)
-    instance("orbit", orbit, Orbit).transfer(initial, final, 1.0, start)  # raises for what no transfer takes
+    instance("orbit", orbit, Orbit).transfer(initial, final, 1.0, start)  # raises for invalid arguments
     limits = np.asarray(checked("max_acceleration", max_acceleration, positive=True))
     given = numbers("initial", initial), numbers("final", final), numbers("start", start)
     shape = broadcast(
@@ -187,7 +190,7 @@ def least_time(
 
 
 def _proved(orbit: Orbit, begins: Floats, ends: Floats, limits: Floats, shape: tuple[int, ...]) -> Floats:
-    """Durations (P,) before which no thrust within the limits is enough."""
+    """Return durations (P,) before which no thrust within the limits suffices."""
     n = orbit.mean_motion
     reach = REACH * orbit.period if n else 1e60
     arcs, enough = np.zeros((len(limits), WIDTH)), np.zeros(len(limits))
@@ -197,12 +200,12 @@ def _proved(orbit: Orbit, begins: Floats, ends: Floats, limits: Floats, shape: t
     ]
     for k, (begin, end, limit) in enumerate(zip(begins, ends, limits, strict=True)):
         if (begin == end).all():
-            raise ValueError(f"final: {names[k]}the same state as initial, which takes no time; leave it out")
+            raise ValueError(f"final: {names[k]}equals initial, which requires no transfer; leave it out")
         arcs[k, END] = surely_too_short(n, begin, end, float(limit), reach)
         if arcs[k, END] < SHORTEST:
             raise ValueError(
-                f"max_acceleration: {names[k]}{limit:g} m/s^2 may take less than {SHORTEST:g} s; "
-                "give less of it"
+                f"max_acceleration: {names[k]}{limit:g} m/s^2 allows a duration below {SHORTEST:g} s; "
+                "reduce it"
             )
     prove_times(n, arcs, ends, limits, reach, enough)
     for k in map(int, np.flatnonzero(enough)):
@@ -216,7 +219,7 @@ def _proved(orbit: Orbit, begins: Floats, ends: Floats, limits: Floats, shape: t
 def _soon_after(
     orbit: Orbit, begin: Floats, end: Floats, duration: float, start: float, limit: float
 ) -> Path:
-    """A path within the limit that takes little longer than a duration before which there is none."""
+    """Return a path within the limit that is little longer than a proven minimum duration."""
     for more in LATER[:-1]:
         try:
             return orbit.transfer(begin, end, duration * (1.0 + more), start, limit)

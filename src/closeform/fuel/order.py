@@ -1,4 +1,4 @@
-"""An order: what one craft's thrusters are told to fire, when, and what they leave out."""
+"""Commands of one spacecraft's thrusters: pulses, their times, and the parts of a plan that are dropped."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -13,29 +13,29 @@ from closeform.fuel.pulses import Pulses, flown
 from closeform.fuel.thrusters import Thrusters
 from closeform.motion.path import Path, ends_of
 
-FULL = 1.0 + 1e-6  # of a thruster's acceleration, that a plan may ask for
-CLOCK = 1e-12  # of all times: no pulse is briefer
-JOINED = 1e-9  # of a pulse: the next one follows at once
-# Of the length of two burns that overlap if their impulses are nearer, and of the plan's: linear programs
-# share one impulse among times beside each other.  Such are one burn, of the same F bound: it is as long as
-# both, about their centroid, and no part of it is nearer to that than what it replaces: F keeps its sign.
-# Thrust that lasts may reach further than that burn, and is not joined.
+FULL = 1.0 + 1e-6  # share of a thruster's acceleration that a plan may require
+CLOCK = 1e-12  # of all times: no pulse is shorter
+JOINED = 1e-9  # of a pulse: gap before the next one that counts as none
+# Impulses of one thruster are joined if they are nearer than these shares of their burns' duration and of the
+# plan's. Linear programs share one impulse among neighbouring times. One burn has the same bound of F: it is
+# as long as both, about their centroid, and no part of it is nearer to that than the parts that it replaces,
+# so F keeps its sign. Continuous thrust may extend beyond that burn, and is not joined.
 APART, BESIDE = 0.5, 0.02
-# Of q w x: F of two pulses of one delta-v q, centroid and length w, of which one is constant and the other
-# grows by the share x on the way.  It is 1/64 where all growth is in the middle, 1/125 where it is steady.
+# Share of q w x: F of two pulses of one delta-v q, centroid and duration w, of which one is constant and the
+# other grows by the share x. It is 1/64 where all growth is in the middle, 1/125 where it is steady.
 RAMP = 1.0 / 32.0
 
 
 class Overlap(ValueError):
-    """A plan asks a thruster to fire again before it has ended."""
+    """Plan that requires a thruster to fire again before it has ended."""
 
 
 @dataclass(frozen=True, eq=False)
 class Order:
     """Chunks of a plan, of which those that are `fired` (K,) begin and end at `times` (2, M) [s].
 
-    `span` [s] is the time of the plan and of all pulses, and `extra` (K,) [m] what the falling mass adds
-    to F.  `pulses` are what is commanded.
+    `span` [s] covers the plan and all pulses, and `extra` (K,) [m] is the contribution of the falling mass to
+    F. `pulses` are the commands.
     """
 
     thrusters: Thrusters
@@ -48,7 +48,7 @@ class Order:
     dropped: Pulses
 
     def path(self, plan: Path) -> Path:
-        """What the pulses fly, over the time of the `plan`, which begins before and ends after them."""
+        """Return the path under the pulses over the time of the `plan`, which contains them."""
         chunks = self.chunks[self.fired]
         strength = chunks.impulse / np.diff(self.times, axis=0)[0]
         ends = np.array([plan.start, plan.end])
@@ -57,7 +57,7 @@ class Order:
         )
 
     def bounds(self, plan: Path) -> tuple[float, float]:
-        """Of the deviation [m] from the `plan`, and of that by what is dropped alone."""
+        """Return bounds [m] of the deviation from the `plan`, and of its part due to dropped chunks."""
         widths = np.full(len(self.chunks), np.nan)
         widths[self.fired] = np.diff(self.times, axis=0)[0]
         every = np.ones(len(widths), dtype=bool)
@@ -74,16 +74,16 @@ class Order:
 
 
 def order_of(craft: int, path: Path, thrusters: Thrusters, mass: float, exhaust: float) -> Order:
-    """For one craft's path, of `mass` [kg] at its start, nan if unknown, and `exhaust` speed [m/s].
+    """Return the order for one spacecraft's path, of `mass` [kg] at its start, nan if unknown.
 
-    Raises ValueError naming what is missing or does not fit.
+    `exhaust` is the exhaust speed [m/s]. Raises ValueError that names a missing or invalid value.
     """
     if thrusters.acceleration is None:
-        raise ValueError("thrusters: have no acceleration to fire with; give it, or use with_force")
+        raise ValueError("thrusters: acceleration is missing; give it, or use with_force")
     cells = cells_of(path, thrusters)
     known = np.isfinite(mass)
     kilograms, speed = (mass, exhaust) if known else (1.0, np.inf)
-    lighter = np.exp(-cells.impulse.sum() / speed)  # a bit is larger for a craft that has burned
+    lighter = np.exp(-cells.impulse.sum() / speed)  # a bit is larger after mass has been lost
     bits = np.broadcast_to(thrusters.minimum_bit / lighter, len(thrusters))
     _check_period(cells, path, thrusters)
     chunks = gathered(cells, path.start, thrusters.period, bits)
@@ -112,7 +112,7 @@ def order_of(craft: int, path: Path, thrusters: Thrusters, mass: float, exhaust:
 
 
 def _fired(chunks: Chunks, path: Path, thrusters: Thrusters, bits: Floats) -> Any:
-    """Which chunks (K,) are a bit, and last long enough for times to tell."""
+    """Return True for chunks (K,) that are at least a bit, and long enough for the resolution of time."""
     enough = chunks.impulse >= bits[chunks.thruster]
     if len(chunks) and not enough.any():
         remedy = "take finer thrusters" if path.impulses else "plan with impulses, or take finer thrusters"
@@ -124,8 +124,8 @@ def _fired(chunks: Chunks, path: Path, thrusters: Thrusters, bits: Floats) -> An
     fired = enough & (chunks.impulse >= briefest * thrusters.acceleration[chunks.thruster])
     if len(chunks) and not fired.any():
         raise ValueError(
-            f"acceleration: {thrusters.acceleration.max():g} m/s² gives all that the plan asks for in pulses "
-            f"of less than {briefest:.2g} s, which is no time beside the plan's; give less of it"
+            f"acceleration: {thrusters.acceleration.max():g} m/s² fires the whole plan in pulses shorter "
+            f"than {briefest:.2g} s, below the resolution of time; reduce it"
         )
     return fired
 
@@ -133,7 +133,7 @@ def _fired(chunks: Chunks, path: Path, thrusters: Thrusters, bits: Floats) -> An
 def _pulses(
     craft: int, path: Path, thrusters: Thrusters, chunks: Chunks, begin: Floats, over: Floats, burned: Floats
 ) -> Pulses:
-    """Chunks as pulses, in order of time."""
+    """Return chunks as pulses, in order of time."""
     turned = thrusters.directions_at(path.orbit, chunks.centroid)
     units = turned[np.arange(len(chunks)), chunks.thruster]
     whose = np.full(len(chunks), craft)
@@ -142,7 +142,7 @@ def _pulses(
 
 
 def _without_gaps(chunks: Chunks, thrusters: Thrusters) -> Chunks:
-    """Chunks in which a thruster is on all the time, joined with those before in which it is, too."""
+    """Join chunks during which a thruster is always on with preceding chunks of the same kind."""
     if not len(chunks):
         return chunks
     length, full = chunks.end - chunks.start, _are_full(chunks, thrusters)
@@ -155,13 +155,13 @@ def _without_gaps(chunks: Chunks, thrusters: Thrusters) -> Chunks:
 
 
 def _are_full(chunks: Chunks, thrusters: Thrusters) -> Any:
-    """In which chunks (K,) a thruster is on all the time; impulses are."""
+    """Return True for chunks (K,) during which a thruster is always on; impulses count."""
     length = chunks.end - chunks.start
     return chunks.impulse >= thrusters.acceleration[chunks.thruster] * length * (1.0 - JOINED)
 
 
 def _together(chunks: Chunks, thrusters: Thrusters, beside: float) -> Chunks:
-    """Impulses of one thruster that are `beside` [s] each other, as one where their burns would overlap."""
+    """Join impulses of one thruster less than `beside` [s] apart where their burns would overlap."""
     while len(chunks) > 1:
         width = chunks.impulse / thrusters.acceleration[chunks.thruster]
         near = chunks.thruster[1:] == chunks.thruster[:-1]
@@ -179,7 +179,7 @@ def _check_period(cells: Chunks, path: Path, thrusters: Thrusters) -> None:
     if thrusters.period is None and _are_full(cells, thrusters).all():
         return
     if thrusters.period is None:
-        raise ValueError("thrusters: have no period, in which thrust that lasts is fired once; give one")
+        raise ValueError("thrusters: continuous thrust requires a period; give one")
     if thrusters.period > path.end - path.start:
         raise ValueError(
             f"period: {thrusters.period:g} s is longer than the plan, which takes "

@@ -1,4 +1,4 @@
-"""Pulses: what each thruster fires and when, and the path that flies them."""
+"""Pulses of thrusters, and the path under them."""
 
 from __future__ import annotations
 
@@ -18,24 +18,24 @@ from closeform.result import Rows
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Pulses(Rows):
-    """Pulses of thrusters, craft by craft in order of time: columns of K rows.
+    """Pulses of thrusters, by spacecraft in order of time: columns of K rows.
 
     Attributes
     ----------
     craft : array of int of shape (K,)
-        Whose they are; 0 where there is one.
+        Index of the spacecraft; 0 if there is one.
     thruster : array of int of shape (K,)
-        By index among the craft's directions.
+        Index among the directions of the spacecraft.
     start : array of shape (K,) [s]
-        When the thruster goes on.
+        Time at which the thruster is switched on.
     duration : array of shape (K,) [s]
-        How long it is on.
+        Time for which it is on.
     direction : array of shape (K, 3), no unit
-        Of the push in the orbit's frame (radial, along-track, cross-track) at the pulse's centroid.
+        Direction of the push in the orbit's frame (radial, along-track, cross-track) at the pulse's centroid.
     impulse : array of shape (K,) [m/s]
-        The delta-v that it gives.
+        Delta-v of the pulse.
     propellant : array of shape (K,) [kg]
-        What it burns; nan without a mass.
+        Propellant used; nan without a mass.
     """
 
     _columns: ClassVar = {
@@ -64,12 +64,12 @@ class Pulses(Rows):
 
 
 def one_table(some: list[Pulses]) -> Pulses:
-    """The pulses of several craft, one after another."""
+    """Return the pulses of several spacecraft as one table, in their order."""
     return Pulses(*(np.concatenate([getattr(one, field.name) for one in some]) for field in fields(Pulses)))
 
 
 def extended(path: Path, start: float, end: float) -> Path:
-    """One craft's path with coasts before and after it, from `start` to `end` [s]."""
+    """Return one spacecraft's path with coasts before and after it, from `start` to `end` [s]."""
     before, after = ends_of(path)
     pieces, rounding = [], FORGIVEN * (path.end - path.start)
     if start < path.start - rounding:
@@ -91,9 +91,9 @@ def flown(
     state: Floats,
     ends: Any,
 ) -> Path:
-    """The path between two `ends` [s], from a `state` (6,), of pulses that begin and end at `times` (2, K).
+    """Return the path between two `ends` [s], from a `state` (6,), under pulses at `times` (2, K).
 
-    Each with its `thruster` (K,) and `strength` (K,) [m/s^2].
+    `times` are their starts and ends; each pulse has a `thruster` (K,) and a `strength` (K,) [m/s^2].
     """
     edges = np.unique(np.concatenate([ends, times.ravel()]))
     begin, over = np.searchsorted(edges, times)
@@ -114,7 +114,7 @@ def flown(
 
 
 def linked(orbit: Orbit, arcs: Floats, state: Floats) -> Path:
-    """The path of one craft, from a `state` (6,) before impulses, by arcs (M, 30) whose states are filled."""
+    """Return one spacecraft's path by arcs (M, 30) from a `state` (6,) before impulses; fill their states."""
     arcs[:, STATE : STATE + 6] = 0.0
     alone = Path(orbit, arcs, np.arange(len(arcs) + 1), (len(arcs),))
     gained = alone._evaluate_rows(arcs[:, END : END + 1])[:, 0]

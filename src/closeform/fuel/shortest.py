@@ -1,4 +1,4 @@
-"""The shortest energy-optimal transfers within a thrust limit."""
+"""Shortest energy-optimal transfers within a thrust limit."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from closeform.motion.mean_motion import checked
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
 
-REACH = 10.0  # orbits: no longer transfer is looked for
-SHARE, ANGLE = 0.02, 0.05  # steps of the scan: of the duration itself, and in n T
+REACH = 10.0  # orbits: longer transfers are not searched
+SHARE, ANGLE = 0.02, 0.05  # steps of the scan: share of the duration, and in n T
 CHUNK = 128
 FINE = 1e-13  # of the duration
 
@@ -29,32 +29,32 @@ def shortest_transfer(
     max_acceleration: ArrayLike,
     start: ArrayLike = 0.0,
 ) -> Path:
-    """The shortest energy-optimal path between two states within a thrust limit.
+    """Return the shortest energy-optimal path between two states within a thrust limit.
 
     Parameters
     ----------
     orbit : Orbit
-        In whose rotating frame the states are.
+        Orbit that defines the rotating frame.
     initial : array_like of shape (..., 6) [m, m/s]
-        In the rotating frame.
+        State at the start, in the rotating frame.
     final : array_like of shape (..., 6) [m, m/s]
-        In the rotating frame, the same for every duration.
+        State at the end, in the rotating frame, the same for every duration.
     max_acceleration : array_like of shape (...) [m/s^2]
-        Of the thrust.
+        Limit of the thrust.
     start : array_like of shape (...) [s], default 0
-        Of the path; all arguments broadcast.
+        Start time of the path; all arguments broadcast.
 
     Returns
     -------
     Path
-        Of the broadcast shape; the duration of each craft is the least T for which `orbit.transfer` has a
-        peak thrust of at most the limit.
+        Path of the broadcast shape; the duration of each spacecraft is the smallest T for which
+        `orbit.transfer` has a peak thrust of at most the limit.
 
     Raises
     ------
     ValueError
-        If the two states of a craft are the same, which needs no time at all, no duration of up to 10 orbits
-        keeps the limit (in deep space there always is one), shapes do not fit, a number is not finite, or a
+        If the two states of a spacecraft are equal, which requires no time; no duration of up to 10 orbits
+        keeps the limit (in deep space there always is one); shapes do not fit, a number is not finite, or a
         limit is not positive.
 
     Notes
@@ -62,16 +62,16 @@ def shortest_transfer(
     From rest to rest over a distance L in deep space T is sqrt(6 L / max_acceleration).  In an orbit the
     peak does not fall steadily with T: longer transfers may exceed the limit again.
 
-    What is certain: the path keeps the limit to 1e-9, and durations before the scan's first are
-    excluded by a bound.  The scan goes up in steps of 2 % of T, at most 0.05 of n T, and looks
-    into every dip between its samples; the peak varies over T and 1/n, many times as long.
+    Certified: the path keeps the limit to 1e-9, and durations before the start of the scan are
+    excluded by a bound.  The scan increases T in steps of 2 %, at most 0.05 of n T, and searches
+    every dip between its samples; the peak varies on the scales of T and 1/n, many times longer.
 
     References
     ----------
     Palmer, J. Guidance, Control, and Dynamics 30(5), 1542-1546, 2007, asks which states a limited thrust
     can reach; docs/theory.md section 2.
     """
-    instance("orbit", orbit, Orbit).transfer(initial, final, 1.0, start)  # raises for what no transfer takes
+    instance("orbit", orbit, Orbit).transfer(initial, final, 1.0, start)  # raises for invalid arguments
     begins, ends = numbers("initial", initial), numbers("final", final)
     limits = np.asarray(checked("max_acceleration", max_acceleration, positive=True))
     shape = broadcast(initial=begins.shape[:-1], final=ends.shape[:-1], max_acceleration=limits.shape)
@@ -81,7 +81,7 @@ def shortest_transfer(
     for k, (begin, end, limit) in enumerate(zip(begins, ends, limits, strict=True)):
         craft = f"craft {', '.join(map(str, np.unravel_index(k, shape)))}: " if shape else ""
         if (begin == end).all():
-            raise ValueError(f"final: {craft}the same state as initial, which takes no time; leave it out")
+            raise ValueError(f"final: {craft}equals initial, which requires no transfer; leave it out")
         durations[k] = _shortest(orbit, begin, end, float(limit), craft)
     return orbit.transfer(initial, final, durations.reshape(shape), start)
 
@@ -94,12 +94,12 @@ def _shortest(orbit: Orbit, begin: Floats, end: Floats, limit: float, craft: str
     soonest = surely_too_short(orbit.mean_motion, begin, end, limit, reach)
     if soonest < SHORTEST:
         raise ValueError(
-            f"max_acceleration: {craft}{limit:g} m/s^2 may take less than {SHORTEST:g} s; give less of it"
+            f"max_acceleration: {craft}{limit:g} m/s^2 allows a duration below {SHORTEST:g} s; reduce it"
         )
     times = _scan(orbit.mean_motion, soonest, reach)
     least, least_time = inf, nan
     for first in range(0, len(times) - 2, CHUNK):
-        chunk = times[first : first + CHUNK + 2]  # two more, so that every sample is once in a middle
+        chunk = times[first : first + CHUNK + 2]  # overlap by two: every sample is inside once
         values = peak(chunk)
         for k in range(1, len(chunk)):
             dips = k < len(chunk) - 1 and values[k] <= min(values[k - 1], values[k + 1])
@@ -116,10 +116,10 @@ def _shortest(orbit: Orbit, begin: Floats, end: Floats, limit: float, craft: str
 
 
 def surely_enough(begin: Floats, end: Floats, limit: float) -> float:
-    """A duration that keeps the limit in deep space, where |u| <= 6 |L| / T^2 + |p| / T.
+    """Return a duration that keeps the limit in deep space, where |u| <= 6 |L| / T^2 + |p| / T.
 
-    Thrust is linear in time and so greatest at one end: 6 L / T^2 - p / T with L the distance
-    and p = 4 v0 + 2 v1, or its opposite with p = 2 v0 + 4 v1.
+    Thrust is linear in time and so greatest at one end: 6 L / T^2 - p / T with L the distance and p = 4 v0 +
+    2 v1, or its opposite with p = 2 v0 + 4 v1.
     """
     distance = float(np.linalg.norm(end[:3] - begin[:3]))
     swing = max(
@@ -130,10 +130,10 @@ def surely_enough(begin: Floats, end: Floats, limit: float) -> float:
 
 
 def surely_too_short(n: float, begin: Floats, end: Floats, limit: float, reach: float) -> float:
-    """A duration up to which no thrust within the limit makes the transfer, optimal or not.
+    """Return a duration up to which no thrust within the limit makes the transfer, optimal or not.
 
-    With a greatest speed V and offset R = R0 + V T across the track, |v'| <= 3 n^2 R + 2 n V + limit,
-    so V (1 - 2 n T - 3 n^2 T^2) <= V0 + 3 n^2 T R0 + limit T; both changes must be within that.
+    With a greatest speed V and cross-track offset R = R0 + V T, |v'| <= 3 n^2 R + 2 n V + limit, so V (1 - 2
+    n T - 3 n^2 T^2) <= V0 + 3 n^2 T R0 + limit T; both changes must be within that.
     """
     distance, change = np.linalg.norm(end[:3] - begin[:3]), np.linalg.norm(end[3:] - begin[3:])
     offset, speed = np.hypot(begin[0], begin[2]), np.linalg.norm(begin[3:])
@@ -148,7 +148,7 @@ def surely_too_short(n: float, begin: Floats, end: Floats, limit: float, reach: 
 
 
 def _scan(n: float, first: float, last: float) -> Floats:
-    """Times from `first` to `last` in steps of 2 % of the time, at most 0.05 / n."""
+    """Return times from `first` to `last` in steps of 2 % of the time, at most 0.05 / n."""
     knee = min(last, max(first, ANGLE / SHARE / n)) if n else last
     times = np.geomspace(first, knee, int(np.log(knee / first) / SHARE) + 3)
     if knee < last:
@@ -157,7 +157,7 @@ def _scan(n: float, first: float, last: float) -> Floats:
 
 
 def _first(peak: Peak, low: float, high: float, limit: float) -> float:
-    """First time after `low` at which the peak keeps the limit: a crossing, or in a dip; nan if none."""
+    """Return the first time after `low` at which the peak keeps the limit, in a dip too; nan if none."""
     found = nan
     while high - low > FINE * high:
         times = np.linspace(low, high, 33)
@@ -171,6 +171,6 @@ def _first(peak: Peak, low: float, high: float, limit: float) -> float:
             k = min(max(int(values.argmin()), 1), len(times) - 2)
             low, high = float(times[k - 1]), float(times[k + 1])
             rise = max(values[k - 1], values[k + 1]) - values[k]
-            if values[k] - 2.0 * rise > limit:  # between samples a dip falls no deeper than it rises beside
+            if values[k] - 2.0 * rise > limit:  # between samples a dip is at most as deep as its rise
                 break
     return found

@@ -1,4 +1,4 @@
-"""Thrusters: where they push, how strongly, and how little at a time."""
+"""Thrusters: their directions, accelerations and minimum impulse bits."""
 
 from __future__ import annotations
 
@@ -13,36 +13,36 @@ from closeform.arrays import Floats, instance, of_each, positive, sequence, show
 from closeform.motion.mean_motion import checked
 from closeform.motion.orbit import Orbit
 
-UNIT = 1e-6  # by how much the length of a direction may differ from 1: six digits were typed
+UNIT = 1e-6  # accepted deviation of a direction's length from 1: six digits may be typed
 MOST = 64  # thrusters: the facets of their hull are found among all triples
-ALIGNED = 1e-9  # of a sine: what is below is no push to that side
+ALIGNED = 1e-9  # of a sine: a smaller push in a direction is none
 
 
 @dataclass(frozen=True, eq=False)
 class Thrusters:
-    """The thrusters of a craft, each of which pushes in one direction only, and is on or off.
+    """Thrusters of a spacecraft, each of which pushes in one direction only, and is on or off.
 
-    Without an acceleration and a period they say where a plan may push, and no more.
+    Without an acceleration and a period they define only the directions in which a plan may push.
 
     Parameters
     ----------
     directions : array_like of shape (m, 3), no unit
-        Unit vectors of the thrust (not of the plume) in the `frame`, at most 64, no two the same.
+        Unit vectors of the thrust (not of the plume) in the `frame`, at most 64, all different.
     frame : "orbit" or "inertial", optional
-        In what they are fixed: the orbit's rotating frame, for a craft that keeps its attitude to the
-        orbit, or inertial axes, which are the orbit's at time 0, for one that keeps it to the stars.
+        Frame in which they are fixed: the orbit's rotating frame, for a spacecraft with a fixed attitude to
+        the orbit, or inertial axes, equal to the orbit's at time 0, for one with an inertial attitude.
     acceleration : array_like of shape () or (m,) [m/s^2], optional
-        What each gives while it is on, to a craft of the mass at the start; `with_force` takes newtons.
+        Acceleration of each while it is on, for the mass at the start; `with_force` accepts newtons.
     minimum_bit : array_like of shape () or (m,) [m/s], optional
-        The least that each can give at a time.
+        Minimum impulse bit of each.
     period : float [s], optional
-        In which each fires once, or more seldom where its bit asks for that.
+        Period in which each fires once, or less often where its bit requires it.
 
     Raises
     ------
     ValueError
-        If directions are not of unit length to 1e-6, are the same, or are more than 64; an acceleration or
-        the period is not positive; a bit is below 0; or the frame is an unknown word.
+        If directions are not of unit length to 1e-6, are equal, or are more than 64; an acceleration or
+        the period is not positive; a bit is negative; or the frame is unknown.
 
     References
     ----------
@@ -86,7 +86,7 @@ class Thrusters:
             object.__setattr__(self, "period", positive("period", self.period, " s"))
 
     def _each(self, name: str, value: ArrayLike, least: float | None = None) -> Floats:
-        """One number for each thruster: positive, or of at least `least`."""
+        """Return one number for each thruster: positive, or at least `least`."""
         values = of_each(name, value, len(self.directions), "thrusters")
         fits = values > 0.0 if least is None else values >= least
         if not (fits & np.isfinite(values)).all():
@@ -102,28 +102,28 @@ class Thrusters:
         minimum_bit: ArrayLike = 0.0,
         period: float | None = None,
     ) -> Self:
-        """Six thrusters: +R, -R, +T, -T, +N, -N, along and against radial, along-track and cross-track.
+        """Return six thrusters along both senses of the axes: +R, -R, +T, -T, +N, -N.
 
         Parameters
         ----------
         frame : "orbit" or "inertial", optional
-            In what they are fixed; inertial axes are those of the orbit at time 0.
+            Frame in which they are fixed; inertial axes are those of the orbit at time 0.
         acceleration : array_like of shape () or (6,) [m/s^2], optional
-            What each gives while it is on.
+            Acceleration of each while it is on.
         minimum_bit : array_like of shape () or (6,) [m/s], optional
-            The least that each can give at a time.
+            Minimum impulse bit of each.
         period : float [s], optional
-            In which each fires once.
+            Period in which each fires once.
 
         Returns
         -------
         Thrusters
-            In this order.
+            Thrusters in this order.
 
         Raises
         ------
         ValueError
-            As of the class.
+            If an argument is invalid for the class.
 
         References
         ----------
@@ -133,26 +133,26 @@ class Thrusters:
         return cls(both, frame, acceleration, minimum_bit, period)
 
     def with_force(self, force: ArrayLike, mass: float, minimum_impulse: ArrayLike = 0.0) -> Self:
-        """The same thrusters, with the force that each has.
+        """Return the same thrusters with given forces.
 
         Parameters
         ----------
         force : array_like of shape () or (m,) [N]
-            What each gives while it is on.
+            Force of each while it is on.
         mass : float [kg]
-            Of the craft at the start; `fire` knows what is burned since.
+            Mass of the spacecraft at the start; `fire_thrusters` accounts for the propellant used since.
         minimum_impulse : array_like of shape () or (m,) [N s], optional
-            The least that each can give at a time.
+            Minimum impulse of each.
 
         Returns
         -------
         Thrusters
-            With acceleration and bit for a craft of this mass.
+            Thrusters with acceleration and bit for a spacecraft of this mass.
 
         Raises
         ------
         ValueError
-            If a force or the mass is not positive, or an impulse is below 0.
+            If a force or the mass is not positive, or an impulse is negative.
 
         References
         ----------
@@ -167,9 +167,9 @@ class Thrusters:
 
     @property
     def unreachable(self) -> Floats | None:
-        """A direction (3,), no unit, towards which no thruster pushes; None where they push everywhere.
+        """Direction (3,), no unit, along which no thruster pushes; None where they push in all directions.
 
-        Whatever they do, the sum has nothing along it, or something against it.
+        No combination of thrusters has a positive component along it.
         """
         if np.linalg.matrix_rank(self.directions, tol=ALIGNED) < 3:  # there is a normal to all
             return np.asarray(np.linalg.svd(self.directions)[2][2])
@@ -177,7 +177,7 @@ class Thrusters:
         edges = np.cross(self.directions[first], self.directions[second])
         edges = edges[np.linalg.norm(edges, axis=1) > ALIGNED]
         edges /= np.linalg.norm(edges, axis=1)[:, None]
-        edges = np.concatenate([edges, -edges])  # of the cone in which nobody pushes, if there is one
+        edges = np.concatenate([edges, -edges])  # of the cone in which no thruster pushes, if there is one
         inside = edges[(edges @ self.directions.T <= ALIGNED).all(axis=1)]
         if not len(inside):
             return None
@@ -185,14 +185,14 @@ class Thrusters:
         return np.asarray(middle / np.linalg.norm(middle))
 
     def directions_at(self, orbit: Orbit, time: ArrayLike) -> Floats:
-        """Where the thrusters point at some times, as seen in the orbit's rotating frame.
+        """Return the directions of the thrusters at given times, in the orbit's rotating frame.
 
         Parameters
         ----------
         orbit : Orbit
-            In which the craft moves.
+            Orbit of the spacecraft.
         time : array_like of shape (...) [s]
-            Since inertial axes were those of the orbit.
+            Time since inertial axes were those of the orbit.
 
         Returns
         -------
@@ -202,7 +202,7 @@ class Thrusters:
         Raises
         ------
         ValueError
-            If a time is not finite, or `orbit` is none.
+            If a time is not finite, or `orbit` is not an Orbit.
 
         References
         ----------
@@ -218,17 +218,17 @@ class Thrusters:
 def each_set(
     thrusters: Thrusters | Sequence[Thrusters | None] | None, count: int, *kinds: type
 ) -> tuple[Any, ...]:
-    """The thrusters of each craft; None where it pushes freely, unless `kinds` are named; or ValueError."""
+    """Return the thrusters of each spacecraft; None if it pushes freely, unless `kinds` exclude it."""
     if isinstance(thrusters, Thrusters) or (thrusters is None and not kinds):
         return (thrusters,) * count
     own = sequence("thrusters", thrusters, *(kinds or (Thrusters, type(None))))
     if len(own) != count:
-        raise ValueError(f"thrusters: {len(own)} sets for {count} craft; give one, or one for each")
+        raise ValueError(f"thrusters: {len(own)} sets for {count} spacecraft; give one, or one for each")
     return tuple(own)
 
 
 def turn(angle: ArrayLike) -> Floats:
-    """Matrices (..., 3, 3) from inertial axes to those of an orbit that has turned by `angle` (...) [rad]."""
+    """Return matrices (..., 3, 3) from inertial axes to those of an orbit turned by `angle` (...) [rad]."""
     c, s = np.cos(angle), np.sin(angle)
     zero, one = np.zeros_like(c), np.ones_like(c)
     rows = [[c, s, zero], [-s, c, zero], [zero, zero, one]]

@@ -1,1 +1,1 @@
-"""What moves, in closed form."""
+"""Relative motion in closed form: orbits, paths, transfers and their lower bounds."""

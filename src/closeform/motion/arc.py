@@ -1,20 +1,20 @@
-"""An arc: natural motion, or motion under thrust of its span, stored as one row of floats.
+"""Arcs: natural or thrusted motion over a time interval, each stored as one row of floats.
 
-A row holds the arc's times, its mean motion, the impulse at its start, the state after that
-impulse, the optimal thrust and its rate at the start, and another thrust by its first four
-derivatives at the start, each axis of which is a natural motion's: of the span of order 4 below.
-(Constant in the rotating frame: the first alone.  Constant in inertial space: cos nt and sin nt.
-Saturated thrust: a piece for each small turn of it.)  Coefficients of a basis are never stored:
-they cancel as n t -> 0.
+A row holds the times of the arc, its mean motion, the impulse at its start, the state after that impulse,
+the optimal thrust and its rate at the start, and a prescribed thrust.  Along each axis the prescribed thrust
+is a combination of the four functions of order 4 below, given by its first four derivatives at the start:
+the first alone for thrust that is constant in the rotating frame, cos nt and sin nt for thrust that is
+constant in inertial space, and several short arcs for saturated thrust.  The row stores derivatives because
+coefficients in a fixed basis cancel as n t -> 0.
 
-For the search of conflicts an arc is seen as derivatives of its position at one instant.
-Per axis it is the sum of `derivative k` times a function that is t^k/k! at n = 0:
+The conflict search represents an arc by the derivatives of its position at one instant.
+Per axis the position is the sum of `derivative k` times a function that is t^k/k! at n = 0:
 
     natural motion (order 4)   1, t, P_1 = (1 - cos nt)/n^2, P_2 = (nt - sin nt)/n^3
     with thrust    (order 8)   1, t, t^2/2, t^3/6, and four that solve D^4 (D^2 + n^2)^2 f = 0
 
-Both spans are closed under differences, shifts in time and d/dt, so the relative motion of
-any two craft is one such arc again.                                # theory 2, "closure"
+Both function spaces are closed under differences, shifts in time and d/dt, so the relative motion of
+two spacecraft is again such an arc.                                # theory 2, "closure"
 """
 
 from closeform._jit import kernel
@@ -24,13 +24,14 @@ START, END, MEAN_MOTION = 0, 1, 2
 IMPULSE, STATE, THRUST, PUSH = 3, 6, 12, 18  # first column of 3, 6, 6 and 12
 WIDTH = 30
 
-# An arc with thrust is seen anew every ANGLE of n t; the bounds of `march` hold up to 1.
+# The expansion of an arc with thrust is renewed every ANGLE of n t; the bounds of `certified_march` hold up
+# to 1.
 ANGLE = 1.0
 
 
 @kernel()
 def thrusts(arc):
-    """Whether any thrust acts along the arc."""
+    """Return True if any thrust acts along the arc."""
     for k in range(THRUST, WIDTH):
         if arc[k] != 0.0:
             return True
@@ -39,7 +40,7 @@ def thrusts(arc):
 
 @kernel()
 def has_primer(arc):
-    """Whether an optimal thrust acts along the arc."""
+    """Return True if an optimal thrust acts along the arc."""
     for k in range(THRUST, PUSH):
         if arc[k] != 0.0:
             return True
@@ -48,7 +49,7 @@ def has_primer(arc):
 
 @kernel()
 def pushes(arc):
-    """Whether another thrust acts along the arc."""
+    """Return True if a prescribed thrust acts along the arc."""
     for k in range(PUSH, WIDTH):
         if arc[k] != 0.0:
             return True
@@ -57,7 +58,7 @@ def pushes(arc):
 
 @kernel()
 def is_cubic(arc):
-    """Whether the position is a cubic of time, as in deep space, where thrust does not bend."""
+    """Return True if the position is a cubic of time: in deep space, under thrust that is linear in time."""
     if arc[MEAN_MOTION] != 0.0:
         return False
     for k in range(PUSH + 3, WIDTH):
@@ -68,7 +69,7 @@ def is_cubic(arc):
 
 @kernel()
 def state_at(arc, t):
-    """State at time t (absolute, within the arc)."""
+    """Return the state at time t (absolute, within the arc)."""
     dt = t - arc[START]
     n = arc[MEAN_MOTION]
     x, y, z, vx, vy, vz = arc[6], arc[7], arc[8], arc[9], arc[10], arc[11]
@@ -85,13 +86,13 @@ def state_at(arc, t):
 
 @kernel()
 def primer_at(arc, t):
-    """Optimal thrust and its rate at time t: itself a natural motion."""
+    """Return the optimal thrust and its rate at time t; both follow natural motion."""
     return coast(arc[MEAN_MOTION], t - arc[START], arc[12], arc[13], arc[14], arc[15], arc[16], arc[17])
 
 
 @kernel()
 def push_at(arc, axis, t):
-    """The other thrust along one axis at time t, and its first three derivatives."""
+    """Return the prescribed thrust along one axis at time t, and its first three derivatives."""
     n = arc[MEAN_MOTION]
     p0, p1, p2 = oscillation(n, t - arc[START])
     k = PUSH + axis
@@ -103,7 +104,7 @@ def push_at(arc, axis, t):
 
 @kernel()
 def acceleration(n, x, z, vx, vy):
-    """Hill's acceleration without thrust."""
+    """Return the acceleration of natural motion by Hill's equations."""
     return 3.0 * n * n * x + 2.0 * n * vy, -2.0 * n * vx, -n * n * z
 
 

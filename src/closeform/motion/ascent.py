@@ -9,15 +9,15 @@ from closeform.motion.linear import back_substitute, dot, factorise
 
 DONE, IMPOSSIBLE, STUCK = 0, 1, 2
 STEPS = 60
-BEYOND = 1e-12  # of the integral of |p|: less is rounding, and no proof
-SETTLED, ROUNDING = 1e-12, 3e-15  # of what is to be gained
-SHARP = 2e-7  # by so much delta-v may be above its bound while e falls: thrust is (|p| - 1)/e, and rounds
-FIRST, STEEPEST, TRIES = 0.1, 0.03, 40  # by how much e falls at first and at most, and how often
+BEYOND = 1e-12  # share of the integral of |p|: a smaller excess is rounding and no proof
+SETTLED, ROUNDING = 1e-12, 3e-15  # shares of the impulse to be gained
+SHARP = 2e-7  # accepted excess of delta-v over its bound as e falls: thrust is (|p| - 1)/e, and rounds
+FIRST, STEEPEST, TRIES = 0.1, 0.03, 40  # factors of e, first and least, and attempts
 
 
 @kernel()
 def distance(g, gained, scale):
-    """What is still to be gained, in units in which each number weighs the same."""
+    """Return the weighted norm of g - gained, in which the six numbers have equal weight."""
     total = 0.0
     for k in range(6):
         rest = g[k] - gained[k]
@@ -27,7 +27,7 @@ def distance(g, gained, scale):
 
 @kernel()
 def damped_step(g, gained, hessian, scale, damping, work, step):
-    """Fill `step` with Newton's, of a `hessian` to which so much of the scales is added."""
+    """Fill `step` with Newton's step for `hessian` plus `damping` times `scale` on its diagonal."""
     for i in range(6):
         for j in range(i, 6):
             work[i, j] = hessian[i, j]
@@ -39,7 +39,7 @@ def damped_step(g, gained, hessian, scale, damping, work, step):
 
 @kernel()
 def downhill(g, gained, hessian, scale, work, step):
-    """Fill `step` with Newton's, of a `hessian` that is made definite; returns the slope along it."""
+    """Fill `step` with Newton's step for a `hessian` that is made definite; return the slope along it."""
     most = 0.0
     for i in range(6):
         most = max(most, hessian[i, i] / scale[i])
@@ -54,10 +54,10 @@ def downhill(g, gained, hessian, scale, work, step):
 
 @kernel()
 def climb(n, duration, g, scale, c, low, e, limit, gained, hessian):
-    """Climb from `c` to the greatest of the dual; `gained` and `hessian` are those of where it ends.
+    """Maximise the dual from `c`, in place; fill `gained` and `hessian` at its final value.
 
-    Returns DONE, IMPOSSIBLE (by theory (33), which `c` then proves) or STUCK; the dual's value; the
-    integral of |u|; and that of |p|.
+    Returns DONE, IMPOSSIBLE (proven by `c`, theory (33)) or STUCK; the value of the dual; the integral of
+    |u|; and the integral of |p|.
     """
     work, step, trial = stack_matrix(6, 6), stack_vector(6), stack_vector(6)
     new_gained, new_hessian = stack_vector(6), stack_matrix(6, 6)
@@ -66,7 +66,7 @@ def climb(n, duration, g, scale, c, low, e, limit, gained, hessian):
     aim = 0.0
     for k in range(6):
         aim += g[k] * g[k] / scale[k]
-    # thrust of size (|p| - 1) / e rounds by more the smaller e
+    # thrust of size (|p| - 1) / e rounds more as e falls
     aim = sqrt(aim) * (SETTLED if low == 0.0 or e == 0.0 else SETTLED + ROUNDING * duration / (e * spent))
     for _ in range(STEPS):
         off = distance(g, gained, scale)
@@ -101,10 +101,10 @@ def climb(n, duration, g, scale, c, low, e, limit, gained, hessian):
 
 @kernel()
 def sharpen(n, duration, g, scale, c, limit, spent, gained, hessian, proof):
-    """From the start `c` of least energy to that of least delta-v, by smaller and smaller e.
+    """Follow the optimum from the start `c` of minimum energy to that of minimum delta-v as e falls.
 
-    Returns DONE or STUCK, the e that it ends with (0 where thrust is full or none), a lower bound
-    of delta-v, which `proof` (6,) is the start of a primer to prove, and the integral of |u|.
+    Returns DONE or STUCK, the final e (0 where thrust is full or zero), a lower bound of delta-v, and the
+    integral of |u|. `proof` (6,) receives the start of the primer that proves the bound.
     """
     kept, slope = stack_vector(6), stack_vector(6)
     mean = spent / duration
@@ -120,7 +120,7 @@ def sharpen(n, duration, g, scale, c, limit, spent, gained, hessian, proof):
                 c[k] = kept[k]
             e, spent = fresh, found
             factor = max(STEEPEST, factor * factor)
-            for k in range(6):  # as far as it goes straight on
+            for k in range(6):  # extrapolate to e = 0
                 kept[k] = c[k] - e * slope[k]
             value = dot(g, kept) - sum_up(n, duration, kept, 1.0, 0.0, limit, gained, hessian)[0]
             if value > bound:
@@ -147,9 +147,9 @@ def sharpen(n, duration, g, scale, c, limit, spent, gained, hessian, proof):
 
 @kernel()
 def least_limit(n, duration, g, scale, c, least, close):
-    """Two bounds of the least limit that makes a transfer, `close` to each other, relatively.
+    """Return bounds of the smallest feasible thrust limit, below and above, relatively `close` to each other.
 
-    `c` proves that it is more than `least` by theory (33), and ends as what proves the lower bound.
+    On entry `c` proves by theory (33) that the limit exceeds `least`; on return `c` proves the lower bound.
     """
     kept, gained, hessian = stack_vector(6), stack_vector(6), stack_matrix(6, 6)
     for k in range(6):

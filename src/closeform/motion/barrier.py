@@ -1,8 +1,8 @@
-"""The primer's program on a grid of times, by a logarithmic barrier: near the optimum from anywhere.
+"""Approximate solution of the primer's program on a grid of times, by a logarithmic barrier.
 
     maximise   g . y   subject to   |rows_j y|^2 <= 1   at times t_j
 
-y are six numbers in which the mean of |p|^2 over the grid is |y|^2: no digit is lost for the shortest
+y are six numbers scaled so that the mean of |p|^2 over the grid is |y|^2: no digit is lost for very short
 transfers.  The start y = 0 is the analytic centre.  At weight w, J / w bounds how far g . y is below its
 maximum, and the impulses 2 p_j / (w (1 - |p_j|^2)) make the transfer.
 """
@@ -14,18 +14,21 @@ from closeform.kernel_loans import stack_matrix, stack_vector
 from closeform.motion.linear import back_substitute, factorise
 from closeform.motion.primer import position_rows
 
-# A time of the grid is a row: the time, `rows` (3, 6), the upper half of rows' rows (21), and room
+# A row of the grid holds the time, `rows` (3, 6), the upper half of the Gram matrix of `rows` (21), and space
 # for p, its step and 1 - |p|^2.
 TIME, ROWS, SQUARES, PLACE, STEP, SLACK, WIDTH = 0, 1, 19, 40, 43, 46, 47
-FASTER = 30.0  # times the weight, once the centre is near
-CENTRED = 0.1  # Newton's decrement at which it is
-CLIMBING = 0.1  # of the rise that Newton's step promises
-STEPS = 500  # more than ever seen by ten times
+FASTER = 30.0  # factor of the weight once y is near the centre
+CENTRED = 0.1  # Newton decrement below which y counts as near the centre
+CLIMBING = 0.1  # share of the increase that Newton's step predicts
+STEPS = 500  # ten times the most that was seen
 
 
 @kernel()
 def orthonormal(n, duration, count, metric):
-    """Fill `metric` (6, 6), upper triangular: c = metric y with |y|^2 the mean of |p|^2 at equal times."""
+    """Fill the upper triangular `metric` (6, 6).
+
+    With c = metric y, |y|^2 is the mean of |p|^2 at equal intervals.
+    """
     psi, mean = stack_matrix(3, 6), stack_matrix(6, 6)
     for i in range(6):
         for j in range(6):
@@ -46,7 +49,7 @@ def orthonormal(n, duration, count, metric):
 
 @kernel()
 def through(psi, metric, rows):
-    """Fill `rows` (18,), three of six: by y what `psi` (3, 6) is by c = metric y."""
+    """Fill `rows` (18,), shape (3, 6): the product psi metric, which maps y as `psi` (3, 6) maps c."""
     for i in range(3):
         for j in range(6):
             total = 0.0
@@ -57,13 +60,13 @@ def through(psi, metric, rows):
 
 @kernel()
 def overlap(rows, i, j):
-    """Scalar product of two columns of `rows` (18,)."""
+    """Return the scalar product of columns i and j of `rows` (18,)."""
     return rows[i] * rows[j] + rows[6 + i] * rows[6 + j] + rows[12 + i] * rows[12 + j]
 
 
 @kernel()
 def lay(n, t, metric, table, k):
-    """Make time t the row k of the grid."""
+    """Fill row k of the grid for time t."""
     psi, rows = stack_matrix(3, 6), stack_vector(18)
     position_rows(n, t, psi)
     through(psi, metric, rows)
@@ -79,7 +82,7 @@ def lay(n, t, metric, table, k):
 
 @kernel()
 def curve(table, count, y, weight, rise, half):
-    """Add up the slope and the bend of the barrier at y: `rise` (6,), `half` (21,), upper."""
+    """Add the gradient of the barrier at y to `rise` (6,) and its Hessian to `half` (21,), upper half."""
     pull = stack_vector(6)
     for j in range(count):
         row = table[j]
@@ -104,7 +107,7 @@ def curve(table, count, y, weight, rise, half):
 
 @kernel()
 def longest_step(table, count, d):
-    """How far along d the grid lets y go; fills what each time's p changes by."""
+    """Return the longest step along d that stays feasible on the grid; store the change of p at each time."""
     longest = 1e30
     for j in range(count):
         row = table[j]
@@ -125,7 +128,7 @@ def longest_step(table, count, d):
 
 @kernel()
 def shrinkage(table, count, a):
-    """Product over the grid of (1 - |p|^2) after a step over what it was; 0 outside."""
+    """Return the product over the grid of 1 - |p|^2 after a step over that before it; 0 if infeasible."""
     product = 1.0
     for j in range(count):
         row = table[j]
@@ -141,7 +144,7 @@ def shrinkage(table, count, a):
 
 @kernel()
 def climb(table, count, g, y, gap, weight):
-    """Move y up until it is within `gap` of the maximum, relative; returns the weight of g then."""
+    """Increase g . y until y is within the relative `gap` of the maximum; return the final weight of g."""
     rise, half, d, bend = stack_vector(6), stack_vector(21), stack_vector(6), stack_matrix(6, 6)
     for _ in range(STEPS):
         for k in range(6):

@@ -1,4 +1,4 @@
-"""What the delta-v of burns at a limit cannot fall below, from primers that are nearly theirs."""
+"""Lower bound of the delta-v of burns under a thrust limit, from nearly optimal primers."""
 
 from math import inf
 
@@ -10,15 +10,15 @@ from closeform.motion.ascent import damped_step
 from closeform.motion.costates import FREE, sum_up
 from closeform.motion.linear import dot
 
-CLIMBS, RISE = 60, 1e-10  # steps to a better bound, and by what share they go on
-GENTLE = 1e-6  # of Newton's matrix, added at first
+CLIMBS, RISE = 60, 1e-10  # steps to a better bound, and the relative increase at which they stop
+GENTLE = 1e-6  # share of Newton's matrix that is added as damping at first
 
 
 @kernel(float64(float64, float64, float64[::1], float64, float64[:, ::1], float64[::1]))
 def prove_burns(n, duration, g, limit, starts, proof):
-    """The greatest lower bound of delta-v within a limit that is found from primers' `starts` (K, 6).
+    """Return the largest lower bound of delta-v under a thrust limit that the primer starts (K, 6) prove.
 
-    `g` (6,) is what is to be gained; `proof` (6,) becomes the start that proves the bound.    # theory (32)
+    `g` (6,) is the required change; `proof` (6,) receives the start that proves the bound. # theory (32)
     """
     starts = borrowed(starts)
     c, scale, gained, hessian = stack_vector(6), stack_vector(6), stack_vector(6), stack_matrix(6, 6)
@@ -35,7 +35,7 @@ def prove_burns(n, duration, g, limit, starts, proof):
         for i in range(6):
             damping = max(damping, GENTLE * hessian[i, i] / scale[i])
         damped = damping
-        for _ in range(CLIMBS):  # Newton's steps overshoot where a burn comes or goes
+        for _ in range(CLIMBS):  # Newton's step overshoots where a burn appears or vanishes
             damped_step(g, gained, hessian, scale, damping, work, step)
             for i in range(6):
                 tried[i] = c[i] + step[i]

@@ -1,15 +1,15 @@
-"""The certified march: how far along an arc nothing can happen.
+"""The certified march: time steps along an arc during which a norm provably stays on one side of a level.
 
 A norm s is convex, so from s(t) outside a zone, with rate D and an acceleration below A,
 
     s(t + h) >= s(t) + D h - A h^2 / 2                                          # theory (10)
 
-and nothing happens before the right side falls to the target.  From inside, each flat part of
-a norm and the square of a round one are smooth, and the same bound serves upside down (see
+and the norm stays above the target until the right side falls to it.  From inside, each flat part of
+a norm and the square of a round one are smooth, and the same bound holds with the opposite sign (see
 `zones.shapes`).  Both converge like Newton's method at a crossing.  Where they stall (a norm that
-is almost constant, as between two craft on one circular relative orbit), a Taylor model takes over.
+is almost constant, as between two spacecraft on one circular relative orbit), a Taylor model takes over.
 
-Everything here is in zone coordinates: positions divided by the zone's half-axes, `q` the
+All kernels work in zone coordinates: positions divided by the half-axes of the zone, and `q`, the
 derivatives (8, 3) of the relative position at the start of a window (see `arc`).
 """
 
@@ -29,18 +29,18 @@ from closeform.motion.arc import (
 )
 from closeform.motion.hill import inverse_transforms, oscillation
 
-# Steps in one window before the Taylor model is tried: at first, and once it has been needed.
+# Steps in one window before the Taylor model is tried: at first, and after it has been needed.
 PATIENCE, LESS_PATIENCE = 60, 3
-# Reach of a window of natural motion in n t.  Half as much: twice as many windows in a hundred
-# orbits.  Twice as much: wider bounds, and more that is searched though tracks exclude its half.
+# Length of a window of natural motion in n t.  Half as much: twice as many windows in a hundred
+# orbits.  Twice as much: wider bounds, and longer searches although `tracks` exclude half of each window.
 COAST_ANGLE = 3.0
 TAYLOR_DEGREE = 14
-TAYLOR_ANGLE = 0.25  # reach in n t; the terms left out are below 1e-17 of the squared norm
+TAYLOR_ANGLE = 0.25  # reach in n t; the truncation error is below 1e-17 of the squared norm
 
 
 @kernel()
 def window_end(a, b, t, end):
-    """How far arcs a and b are seen at once from time t on: to where one ends, or the bounds get wide."""
+    """Return when the window of arcs a and b from time t ends: with an arc, or where bounds get wide."""
     n = max(a[MEAN_MOTION], b[MEAN_MOTION])
     stop = min(end, a[END], b[END])
     if n == 0.0:
@@ -51,7 +51,10 @@ def window_end(a, b, t, end):
 
 @kernel()
 def window(a, b, t, matrix, q):
-    """See arcs a and b from time t on: fill `q`, return its order and mean motion."""
+    """Fill `q` with the derivatives of the relative position of arcs a and b at t.
+
+    Returns its order and mean motion.
+    """
     na = a[MEAN_MOTION]
     nb = b[MEAN_MOTION]
     n = max(na, nb)
@@ -81,7 +84,7 @@ def store(q, k, matrix, x, y, z):
 
 @kernel()
 def locate(arcs, first, last, t):
-    """The arc among [first, last) in which the motion goes on after time t."""
+    """Return the index in [first, last) of the arc that holds just after time t."""
     while last - first > 1:
         middle = (first + last) // 2
         if arcs[middle, START] <= t:
@@ -93,7 +96,7 @@ def locate(arcs, first, last, t):
 
 @kernel()
 def relative_state(q, order, n, t):
-    """Position and velocity at time t after the window's start."""
+    """Return position and velocity at time t after the start of the window."""
     if order == 4:
         c2, c3, c4 = oscillation(n, t)
         return (
@@ -128,7 +131,7 @@ def relative_state(q, order, n, t):
 
 @kernel()
 def bound(q, order, n, h, axis):
-    """Greatest |acceleration| and |velocity| along one axis over [0, h]."""
+    """Return upper bounds of |acceleration| and |velocity| along one axis over [0, h]."""
     b = abs(q[2, axis])
     c = abs(q[3, axis])
     if order == 4:
@@ -141,9 +144,9 @@ def bound(q, order, n, h, axis):
         mean = abs(q[1, axis] + q[3, axis] / (n * n))
         a = min(swing, b + c * h)
         return a, min(abs(q[1, axis]) + a * h, mean + swing / n)
-    # A cubic within the hull of its Bernstein coefficients, and the rest for n h <= 1:
-    # |b4'' - t^2/2| <= (nt)^4/360 t^2/2, |b5'' - t^3/6| <= (nt)^4/840 t^3/6, and the last
-    # two second derivatives are below t^4/24 and t^5/120.
+    # A cubic within the hull of its Bernstein coefficients, and the remainder for n h <= 1: |b4'' -
+    # t^2/2| <= (nt)^4/360 t^2/2, |b5'' - t^3/6| <= (nt)^4/840 t^3/6, and the last two second derivatives
+    # are below t^4/24 and t^5/120.
     c1 = q[3, axis] * h
     c2 = 0.5 * q[4, axis] * h * h
     c3 = q[5, axis] * h * h * h / 6.0
@@ -159,7 +162,7 @@ def bound(q, order, n, h, axis):
 
 @kernel()
 def bounds(q, order, n, h):
-    """Bounds over [0, h] of the acceleration along each axis, and of its norm and the speed's."""
+    """Return bounds over [0, h] of the acceleration along each axis, of its norm, and of the speed."""
     ax, vx = bound(q, order, n, h, 0)
     ay, vy = bound(q, order, n, h, 1)
     az, vz = bound(q, order, n, h, 2)
@@ -168,7 +171,7 @@ def bounds(q, order, n, h):
 
 @kernel()
 def taylor_step(axes, q, order, n, longest, target, inside):
-    """How long from the window's start a part round over the leading `axes` certainly stays on its side."""
+    """Return how long a part that is round over the first `axes` provably stays on its side of `target`."""
     c = [(0.0, 0.0, 0.0)] * (TAYLOR_DEGREE + 1)
     factorial = 1.0
     d = [(0.0, 0.0, 0.0)] * (TAYLOR_DEGREE + 1)

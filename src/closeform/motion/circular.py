@@ -19,11 +19,11 @@ from closeform.motion.mean_motion import (
 )
 from closeform.motion.steering import transition_matrices
 
-LOWEST = 100e3  # m above the Earth: no orbit lasts below, so that a lower altitude is likely one in km
+LOWEST = 100e3  # m above the Earth: no orbit lasts below, so a lower altitude is probably in km
 
 
 def low(altitude: float) -> str | None:
-    """Return why an altitude [m] above the Earth is doubtful; None where it is not."""
+    """Return why an altitude [m] above the Earth is implausible, or None."""
     if not 0.0 <= number("altitude", altitude) < LOWEST:
         return None
     return (
@@ -33,7 +33,7 @@ def low(altitude: float) -> str | None:
 
 @dataclass(frozen=True)
 class CircularOrbit:
-    """What an `Orbit` is without the paths in it."""
+    """Properties of an `Orbit` that do not involve paths."""
 
     mean_motion: float
 
@@ -42,7 +42,7 @@ class CircularOrbit:
 
     @classmethod
     def circular(cls, altitude: float, mu: float = EARTH_MU, radius: float = EARTH_RADIUS) -> Self:
-        """The orbit at some altitude, by Kepler's third law.
+        """Return the orbit at an altitude, by Kepler's third law.
 
         Parameters
         ----------
@@ -51,12 +51,12 @@ class CircularOrbit:
         mu : float [m^3/s^2], default that of the Earth
             Gravitational parameter of the body.
         radius : float [m], default the Earth's equatorial
-            Of the body.
+            Radius of the body.
 
         Returns
         -------
         Orbit
-            With the mean motion there.
+            Orbit with that mean motion.
 
         Raises
         ------
@@ -66,7 +66,7 @@ class CircularOrbit:
         Warns
         -----
         UserWarning
-            If the altitude above the Earth is below 100 km, as one in kilometres is.
+            If the altitude above the Earth is below 100 km, which suggests kilometres.
         """
         given = number("altitude", altitude), number("mu", mu), number("radius", radius)
         if given[2] == EARTH_RADIUS and (line := low(given[0])):
@@ -75,19 +75,19 @@ class CircularOrbit:
 
     @classmethod
     def from_semi_major_axis(cls, semi_major_axis: float, mu: float = EARTH_MU) -> Self:
-        """The orbit of some semi-major axis, by Kepler's third law.
+        """Return the orbit of a semi-major axis, by Kepler's third law.
 
         Parameters
         ----------
         semi_major_axis : float [m]
-            Its radius.
+            Radius of the orbit.
         mu : float [m^3/s^2], default that of the Earth
             Gravitational parameter of the body.
 
         Returns
         -------
         Orbit
-            With the mean motion there.
+            Orbit with that mean motion.
 
         Raises
         ------
@@ -99,17 +99,17 @@ class CircularOrbit:
 
     @classmethod
     def from_period(cls, period: float) -> Self:
-        """The orbit of some period.
+        """Return the orbit of a period.
 
         Parameters
         ----------
         period : float [s]
-            Of one turn.
+            Duration of one revolution.
 
         Returns
         -------
         Orbit
-            With the mean motion 2 pi over it.
+            Orbit of mean motion 2 pi / period.
 
         Raises
         ------
@@ -120,21 +120,21 @@ class CircularOrbit:
 
     @property
     def period(self) -> float:
-        """One turn [s]; inf in deep space."""
+        """Duration of one revolution [s]; inf in deep space."""
         return 2 * np.pi / self.mean_motion if self.mean_motion else np.inf
 
     def transition(self, duration: ArrayLike) -> Floats:
-        """State transition matrices of natural motion.
+        """Return state transition matrices of natural motion.
 
         Parameters
         ----------
         duration : array_like of shape (...) [s]
-            Of any sign.
+            May be negative.
 
         Returns
         -------
         array of shape (..., 6, 6) [no unit, s, 1/s]
-            They take states in the rotating frame to those so much later.
+            Matrices from states in the rotating frame to the states `duration` later.
 
         Raises
         ------

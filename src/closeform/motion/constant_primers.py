@@ -1,18 +1,18 @@
 """Primers of constant length: a lower bound of delta-v in closed form.
 
-It is exact for a third of transfers of up to three orbits.
+The bound is exact for a third of transfers of up to three orbits.
 
 |p| is 1 throughout for thrust along the track, and where p moves on a circle in space:
 
     p = (0, s, 0)     or     p = (cos f / 2, -sin f, s sqrt(3)/2 cos f),   f = n t + phi, s = 1, -1
 
-For no others: p_x = 2 d - E cos, p_y = l - 3 d n t + 2 E sin, p_z = H cos; a constant |p|^2 has no t^2, so
-d = 0, no sin, so l E = 0, and no double angle, so H^2 = 3 E^2 in phase, or E = H = 0.  With the cross-track
-p = (0, 0, cos f), which is no longer than 1 either, and the best phase for each, (27) gives
+There are no others: p_x = 2 d - E cos, p_y = l - 3 d n t + 2 E sin, p_z = H cos; a constant |p|^2 has no t^2,
+so d = 0, no sin, so l E = 0, and no double angle, so H^2 = 3 E^2 in phase, or E = H = 0.  With the
+cross-track p = (0, 0, cos f), which is at most 1, and the best phase for each, (27) gives
 
     delta-v >= n max(|dd|, |dH|, |dE + sqrt(3) dH*|/2, |dE - sqrt(3) dH*|/2)                     # theory (28)
 
-for thrust of any kind, in Palmer's elements (dE, dH as complex numbers, seen at one time).
+for any thrust, in Palmer's elements (dE, dH as complex numbers, at one time).
 """
 
 from math import sqrt
@@ -24,12 +24,12 @@ from closeform.arrays import Floats
 from closeform.kernel_loans import stack_vector
 from closeform.motion.primer import gained
 
-STEEP = sqrt(0.75)  # the circle's amplitude across the track, twice that along the radius
+STEEP = sqrt(0.75)  # cross-track amplitude of the circle; its radial amplitude is a half
 
 
 @kernel()
 def constant_primer(n, g, c):
-    """Fill `c` with the best of these primers; returns what it is worth, and whether |p| is constant."""
+    """Fill `c` with the best of these primers; return its lower bound and True if |p| is constant."""
     best, constant = abs(g[1]), True
     for k in range(6):
         c[k] = 0.0
@@ -52,7 +52,7 @@ def constant_primer(n, g, c):
 
 @kernel(void(float64, float64[:, ::1], float64[:, ::1], float64[::1]))
 def constant_bounds(n: float, arcs: Floats, finals: Floats, out: Floats) -> None:
-    """Lower bounds of delta-v [m/s]; in deep space the length of the change of velocity."""
+    """Fill `out` (P,) with lower bounds of delta-v [m/s]; in deep space the norm of the velocity change."""
     g, c = stack_vector(6), stack_vector(6)
     for p in range(len(out)):
         gained(n, arcs[p], finals[p], g)

@@ -1,13 +1,13 @@
-"""What a thrust along a primer gains and costs, under a limit: the dual of transfers, in six numbers.
+"""Gain and cost of thrust along a primer under a thrust limit: the dual of transfers, in six numbers.
 
-Of all thrusts |u| <= U that make a transfer, those of least energy or delta-v follow the primer p
-of theory (26) with a size a(|p|) that falls to nothing below a level and is U from another on:
+Of all thrusts |u| <= U that make a transfer, those of minimum energy or delta-v follow the primer p
+of theory (26) with a size a(|p|) that is zero below one level and U above another:
 
     energy         a = min(|p|, U)                                                       # theory (31)
     delta-v        a = U where |p| > 1, else 0                                           # theory (32)
     between both   a = min((|p| - 1)/e, U) where |p| > 1, else 0
 
-The start c of p maximises g.c - integral of h(|p|), h' = a, whose gradient is what is still to be
+The start c of p maximises g.c - integral of h(|p|), h' = a, whose gradient is the change still to be
 gained, g - integral of Psi' u.  Where g.c > U integral of |p|, no thrust within U makes the transfer.
                                                                                          # theory (33)
 """
@@ -19,30 +19,30 @@ from closeform.kernel_loans import stack_matrix, stack_vector
 from closeform.motion.hill import coast, oscillation
 from closeform.motion.primer import NARROWEST, UNCLEAR, kind_of, series
 
-FREE = 1e200  # a limit that nothing reaches
-COASTING, RISING, SATURATED = 0, 1, 2  # |p| below both levels, between them, beyond both
+FREE = 1e200  # thrust limit of unlimited thrust
+COASTING, RISING, SATURATED = 0, 1, 2  # |p| below both levels, between them, above both
 
-# Six points of Gauss and their weights on [0, 1]; a piece turns the direction of p by TURN at most
-# and the orbit by ANGLE, or by twice that where thrust is p: what is left out is below 1e-12.
+# Six Gauss points and their weights on [0, 1]. A piece turns the direction of p by TURN at most and the orbit
+# by ANGLE, or by twice that where thrust is p: the quadrature error is below 1e-12.
 POINTS: tuple[float, ...] = (0.033765242898423975, 0.16939530676686776, 0.38069040695840156)
 POINTS += (0.6193095930415985, 0.8306046932331322, 0.966234757101576)
 WEIGHTS: tuple[float, ...] = (0.08566224618958525, 0.1803807865240693, 0.23395696728634552)
 WEIGHTS += (0.23395696728634552, 0.1803807865240693, 0.08566224618958525)
 TURN, ANGLE = 0.35, 0.5
 SHORTEST = 1e-14  # piece, as a share of the duration
-SQUARED = 1e-9  # of a piece: after so short a step of Newton's the next is rounding
+SQUARED = 1e-9  # share of a piece: after so short a Newton step the next one is rounding
 
 
 @kernel()
 def square(n, c, t, level):
-    """|p|^2 - level^2 and half its rate, at time t."""
+    """Return |p|^2 - level^2 and half its rate, at time t."""
     x, y, z, vx, vy, vz = coast(n, t, c[0], c[1], c[2], c[3], c[4], c[5])
     return x * x + y * y + z * z - level * level, x * vx + y * vy + z * vz
 
 
 @kernel()
 def turning(n, c, start, end, before):
-    """Where half the rate of |p|^2 vanishes between two times at which its signs differ."""
+    """Return when the rate of |p|^2 is zero, between two times at which its signs differ."""
     low, high = start, end
     a, b = before, square(n, c, end, 0.0)[1]
     t = 0.5 * (low + high)
@@ -62,7 +62,7 @@ def turning(n, c, start, end, before):
 
 @kernel()
 def crossing(n, c, start, end, level):
-    """Where |p| is `level` between two times, on one side of it at the first, not at the other."""
+    """Return the time between `start` and `end`, on different sides of `level`, at which |p| is `level`."""
     low, high = start, end
     outside = square(n, c, end, level)[0] > 0.0
     t = 0.5 * (low + high)
@@ -85,7 +85,7 @@ def crossing(n, c, start, end, level):
 
 @kernel()
 def left(n, c, start, end, level, outside):
-    """When |p| first leaves its side of `level`, in a piece with one turn of it at most; else `end`."""
+    """Return when |p| first leaves its side of `level`, or `end`; |p| may turn once in the piece."""
     away = 1.0 if outside else -1.0
     last, after = square(n, c, end, level)
     if last * away < 0.0:
@@ -100,7 +100,7 @@ def left(n, c, start, end, level, outside):
 
 @kernel()
 def side(n, c, t, low, high):
-    """The region of |p| at time t."""
+    """Return the region of |p| at time t."""
     f, _ = square(n, c, t, 0.0)
     r = sqrt(f)
     return COASTING if r < low else (RISING if r < high else SATURATED)
@@ -108,8 +108,8 @@ def side(n, c, t, low, high):
 
 @kernel()
 def piece_end(n, duration, c, t, region, low, high):
-    """End of the piece that begins at time t in a region of |p|, and the region after it."""
-    bent = region == SATURATED or (region == RISING and low > 0.0)  # thrust, where p is not
+    """Return the end of the piece that begins at time t in a region of |p|, and the region after it."""
+    bent = region == SATURATED or (region == RISING and low > 0.0)  # thrust differs from p
     end = duration if n == 0.0 else min(duration, t + (ANGLE if bent else 2.0 * ANGLE) / n)
     if bent:
         x, y, z, vx, vy, vz = coast(n, t, c[0], c[1], c[2], c[3], c[4], c[5])
@@ -142,7 +142,7 @@ def piece_end(n, duration, c, t, region, low, high):
 
 @kernel()
 def size(r, low, e, limit):
-    """Thrust along a primer of length r, and its rate with r: theory (31, 32) and between."""
+    """Return the thrust along a primer of length r, and its derivative by r: theory (31, 32) and between."""
     if r <= low:
         return 0.0, 0.0
     if r - low >= e * limit:
@@ -170,9 +170,9 @@ def add_outer(weight, a, b, s, m, k, c, hessian):
 
 @kernel()
 def add_point(n, t, w, c, low, e, limit, gained, hessian):
-    """Add what an instant of weight w adds to `gained` and `hessian`: |p|, the size of thrust.
+    """Add the contribution of an instant of weight w to `gained` and `hessian`; return |p| and the thrust.
 
-    With e < 0 the instant is a switch: thrust begins or ends there, and moves with c.
+    If e < 0 the instant is a switch: thrust begins or ends there, at a time that moves with c.
     """
     p0, p1, p2 = oscillation(n, t)
     nn = n * n
@@ -204,7 +204,7 @@ def add_point(n, t, w, c, low, e, limit, gained, hessian):
 
 @kernel()
 def sum_up(n, duration, c, low, e, limit, gained, hessian):
-    """Fill `gained` (6,), the integral of Psi' u, and its `hessian` (6, 6), of the primer of start `c`.
+    """Fill `gained` (6,), the integral of Psi' u, and its `hessian` (6, 6) for the primer that starts at `c`.
 
     Returns the integrals of h(|p|), of |p| (an upper bound), of |u| and of |u|^2.
     """
@@ -230,11 +230,11 @@ def sum_up(n, duration, c, low, e, limit, gained, hessian):
                 spent += g * thrust
                 energy += g * thrust * thrust
                 total += g * (thrust * (r - low) - 0.5 * e * thrust * thrust)
-            # of a piece in which |p| may vanish, by Cauchy and Schwarz
+            # for a piece in which |p| may vanish, by Cauchy and Schwarz
             length += sum_r if region == SATURATED or low > 0.0 else sqrt(w * sum_rr)
         if e == 0.0 and after != region:
             half = square(n, c, end, low)[1]
-            if half != 0.0:  # |p| at a switch is 1: its rate is this
+            if half != 0.0:  # |p| is 1 at a switch, so its rate is `half`
                 add_point(n, end, limit * low / abs(half), c, low, -1.0, limit, gained, hessian)
         t, region = end, after
     for i in range(6):

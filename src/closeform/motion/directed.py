@@ -1,13 +1,14 @@
-"""Impulses of least delta-v by thrusters that push in fixed directions.
+"""Minimum-delta-v impulses by thrusters that push in fixed directions.
 
 Delta-v is summed over the thrusters, and the primer's program becomes linear:
 
     maximise g . c   subject to   d_i . p(t) <= 1 at all times, for every direction d_i          # theory (36)
 
-It is solved on a grid of times, the highest d_i . p between them is added, and so on until none is above 1.
-That is certain: between times h apart d_i . p differs from the cubic of its values and slopes by at most
-h^4/384 of its fourth derivative, which is bounded.  Directions fixed in inertial axes turn in the orbit's.
-Time runs from 0 to 1 here, lengths are divided by the duration, and n is the angle in a duration.
+The program is solved on a grid of times; the highest d_i . p between them are added until none is above 1.
+The result is certified: between times h apart d_i . p differs from the cubic of its values and slopes by at
+most h^4/384 of its fourth derivative, which is bounded.  Directions fixed in inertial axes turn in the
+orbit's axes.  Here time runs from 0 to 1, lengths are divided by the duration, and n is the angle in a
+duration.
 """
 
 from collections.abc import Sequence
@@ -24,20 +25,20 @@ from closeform.motion.steering import transition_matrices
 
 GRID, GRID_PER_TURN = 25, 24.0  # times of the first program
 FINE_PER_TURN = 128.0  # intervals of the certificate, at least
-BETWEEN = 1e-10  # by which d . p may differ from cubics between them
+BETWEEN = 1e-10  # allowed difference between d . p and the cubics between those times
 HIGHEST = 8  # maxima of each d . p that are added at once
 ENOUGH = 5e-10  # gap at which an answer is final
 ROUNDS = 40
 NEAR = 0.9  # d . p from which a time stays in the program
-INDEPENDENT = 1e-13  # of the largest eigenvalue of what thrusters can do: less is nothing
-EXACT = 1e-15  # of the states: less than that is no gain but rounding, for each radian
+INDEPENDENT = 1e-13  # share of the largest eigenvalue of the reachable changes: less counts as zero
+EXACT = 1e-15  # share of the states: a smaller change is rounding, for each radian
 TOLERANCES = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
-ONE_SIDED = "what it needs lies where none of them pushes"
-REACHED = 1e-9  # of what is to be gained, that must be
+ONE_SIDED = "the required change lies where no thruster pushes"
+REACHED = 1e-9  # share of the required change that must be reached
 
 
 def turned(directions: Floats, inertial: bool, angles: Floats) -> Floats:
-    """Directions (T, m, 3) in the orbit's axes at angles n t of the orbit."""
+    """Return directions (T, m, 3) in the orbit's axes at angles n t of the orbit."""
     if not inertial:
         return np.broadcast_to(directions, (len(angles), *directions.shape))
     x, y, z = directions.T
@@ -46,13 +47,13 @@ def turned(directions: Floats, inertial: bool, angles: Floats) -> Floats:
 
 
 class Program:
-    """What thrusters can do in one transfer: columns of six numbers for times and directions."""
+    """Changes that thrusters can make in one transfer: columns of six numbers for times and directions."""
 
     def __init__(self, n: float, directions: Floats, inertial: bool, phase: float) -> None:
         self.n, self.directions, self.inertial, self.phase = n, directions, inertial, phase
 
     def rows(self, times: Floats) -> tuple[Floats, Floats]:
-        """What d_i . p is by c, and its rate: (T, m, 6) each."""
+        """Return the rows that map c to d_i . p, and their rates: (T, m, 6) each."""
         moves = transition_matrices(self.n, times)
         toward = turned(self.directions, self.inertial, self.phase + self.n * times)
         values, rates = toward @ moves[:, :3], toward @ moves[:, 3:]
@@ -62,7 +63,7 @@ class Program:
         return values, rates
 
     def highest(self, c: Floats) -> tuple[float, Floats]:
-        """A certain bound of d_i . p, and the times between those of a fine grid where it is highest."""
+        """Return a certified bound of d_i . p, and the times between grid times where it is highest."""
         fourth = self.fourth(c)
         count = int(FINE_PER_TURN * self.n / (2 * np.pi) + (fourth / (384.0 * BETWEEN)) ** 0.25) + 3
         times, h = np.linspace(0.0, 1.0, count, retstep=True)
@@ -77,12 +78,12 @@ class Program:
         walled = np.pad(tops, ((1, 1), (0, 0)), constant_values=-np.inf)
         heights = np.where(tops >= np.maximum(walled[2:], walled[:-2]), tops, -np.inf)
         steps = np.argsort(-heights, axis=0)[:HIGHEST]
-        who = np.broadcast_to(np.arange(tops.shape[1]), steps.shape)
-        added = (times[steps] + h * root[steps, who])[heights[steps, who] > NEAR]
+        which = np.broadcast_to(np.arange(tops.shape[1]), steps.shape)
+        added = (times[steps] + h * root[steps, which])[heights[steps, which] > NEAR]
         return float(tops.max() + fourth * h**4 / 384.0), added
 
     def fourth(self, c: Floats) -> float:
-        """A bound of the fourth derivative of d . p along the transfer."""
+        """Return a bound of the fourth derivative of d . p along the transfer."""
         n, (x, _, z, vx, vy, vz) = self.n, c
         second = np.array([3 * n * n * x + 2 * n * vy, -2 * n * vx, -n * n * z])
         third = np.array([3 * n * n * vx + 2 * n * second[1], -2 * n * second[0], -n * n * vz])
@@ -95,9 +96,9 @@ class Program:
         return float(7.0 * n * n * bend + 4.0 * n * jerk + 4.0 * n**3 * speed + n**4 * place)
 
     def solve(self, g: Floats) -> tuple[float, Floats, Floats, Any, Floats]:
-        """The lower bound, the primer's start, and times, thrusters and sizes of the impulses.
+        """Return the lower bound, the start of the primer, and times, thrusters and sizes of the impulses.
 
-        Raises `OutOfReach` where no firing gains what g (6,) is worth.
+        Raises `OutOfReach` where no firing makes the required change g (6,).
         """
         times = np.linspace(0.0, 1.0, int(GRID + GRID_PER_TURN * self.n / (2 * np.pi)))
         columns = self.rows(times)[0].reshape(-1, 6)
@@ -108,7 +109,7 @@ class Program:
         if np.linalg.norm(beside) > REACHED * np.linalg.norm(g):
             across = np.linalg.norm(beside[[2, 5]]) > 0.5 * np.linalg.norm(beside)
             raise OutOfReach(
-                "nothing pushes across the track" if across else "the drift along the track stays as it is"
+                "no thruster pushes cross-track" if across else "no thruster changes the along-track drift"
             )
         lower, best, primer = 0.0, None, np.zeros(6)
         for _ in range(ROUNDS):
@@ -128,15 +129,15 @@ class Program:
             best = found.x, times
             if found.fun <= lower * (1.0 + ENOUGH):
                 break
-            touching = (columns @ c).reshape(len(times), count).max(axis=1) > NEAR
-            times = np.unique(np.concatenate([times[touching], added]))
+            near = (columns @ c).reshape(len(times), count).max(axis=1) > NEAR
+            times = np.unique(np.concatenate([times[near], added]))
         assert best is not None
         sizes, times = best
         fired = np.flatnonzero(sizes > 0.0)
-        at, who = times[fired // count], fired % count
-        rows = self.rows(at)[0][np.arange(len(at)), who]
+        at, thruster = times[fired // count], fired % count
+        rows = self.rows(at)[0][np.arange(len(at)), thruster]
         exact = np.linalg.lstsq((rows @ metric).T, g @ metric, rcond=None)[0]
-        return lower, primer, at, who, np.where(exact > 0.0, exact, 0.0)
+        return lower, primer, at, thruster, np.where(exact > 0.0, exact, 0.0)
 
 
 class OutOfReach(Exception):
@@ -146,9 +147,9 @@ class OutOfReach(Exception):
 def answers_of(
     thrusters: Any, mean_motion: float, arcs: Floats, finals: Floats, called: Sequence[str] = ()
 ) -> Floats:
-    """Answers (P, 34) to as many transfers, as of `impulses.answers`, with impulses of a craft's thrusters.
+    """Return answers (P, 34) as `impulses.answers` does, with impulses of one spacecraft's thrusters.
 
-    Raises ValueError where no firing makes a transfer, which it names as it is `called`.
+    Raises ValueError where no firing makes a transfer; the message names it by its entry in `called`.
     """
     if not hasattr(thrusters, "directions"):
         raise ValueError(f"thrusters: expected Thrusters, got {shown(thrusters)}")
@@ -169,20 +170,20 @@ def answers_of(
             continue
         program = Program(mean_motion * duration, directions, inertial, mean_motion * arc[START])
         try:
-            lower, primer, times, who, sizes = program.solve(g / size)
+            lower, primer, times, thruster, sizes = program.solve(g / size)
         except OutOfReach as reason:
             named = called[k] if called else f"transfer {k} of {len(arcs)}" if len(arcs) > 1 else ""
             craft = f"{named}: " if named else ""
             where = thrusters.unreachable if reason.args[0] == ONE_SIDED else None
             lack = ""
             if where is not None:
-                lack = f", as along {' '.join(f'{x:.3g}' for x in where)} of their frame; add one there"
+                lack = f", as along {' '.join(f'{x:.3g}' for x in where)} of their frame; add a thruster there"
             raise ValueError(
-                f"thrusters: {craft}no firing in {duration:g} s gets there: {reason}{lack}"
+                f"thrusters: {craft}no firing in {duration:g} s makes the transfer: {reason}{lack}"
             ) from None
         pushes = (
             sizes[:, None]
-            * turned(directions, inertial, program.phase + program.n * times)[np.arange(len(times)), who]
+            * turned(directions, inertial, program.phase + program.n * times)[np.arange(len(times)), thruster]
         )
         order = np.argsort(times, kind="stable")
         out[k, LOWER], out[k, UPPER] = min(lower, sizes.sum()) * size, sizes.sum() * size

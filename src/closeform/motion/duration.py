@@ -1,30 +1,30 @@
-"""How long a motion may last. What is shorter or longer is refused, with the reason."""
+"""Limits of the duration of a motion, and the reason why a duration is refused."""
 
 import numpy as np
 
 from closeform.arrays import Floats
 
-# Half as long: nothing in flight is that short.  Far shorter, and the square of the thrust that
-# crosses a formation overflows, and a conflict between two such instants is never seen.
+# No manoeuvre is that short. If far shorter, the square of the thrust that crosses a formation overflows, and
+# a conflict between two such instants is never found.
 SHORTEST = 1e-12  # [s]
-# Ten times as many: work turn by turn (delta-v, conflicts) takes minutes in which no key stops
-# it.  Far more, and the phase of an orbit has no digits left.
+# With ten times as many, work orbit by orbit (delta-v, conflicts) takes minutes and cannot be interrupted.
+# With far more, the phase of an orbit has no significant digits.
 MOST_ORBITS = 1e6
-MOST_TURNS = 100.0  # orbits of least delta-v: maxima of |p| grow with them, and so does the work
-LONGER = 1e6  # times a move, for which those that coast are looked at: sixteen doublings end before
+MOST_TURNS = 100.0  # orbits of minimum delta-v: the number of maxima of |p|, and so the work, grows with them
+LONGER = 1e6  # limit of `far_beyond` as a multiple of a move; a search that doubles the duration ends before
 
 
 def far_beyond(duration: float, mean_motion: float) -> float:
-    """A duration [s] that no move of `duration` comes near, however it is lengthened: a million times it.
+    """Return the longest duration [s] to search when a move of `duration` is lengthened: a million times it.
 
-    But no longer than can be flown, at `mean_motion` [rad/s].
+    The result stays below the longest duration that is supported at `mean_motion` [rad/s].
     """
     turn = 2 * np.pi / mean_motion if mean_motion > 0.0 else np.inf
     return float(max(duration, min(LONGER * duration, (1.0 - 1e-9) * MOST_ORBITS * turn)))
 
 
 def flaw(durations: Floats, mean_motion: float) -> str | None:
-    """Why some of the `durations` [s] cannot be flown at `mean_motion` [rad/s]; None if all can."""
+    """Return why some of the `durations` [s] are not supported at `mean_motion` [rad/s], or None."""
     if durations.ndim:
         shortest, greatest = float(durations.min(initial=np.inf)), float(durations.max(initial=0.0))
     else:

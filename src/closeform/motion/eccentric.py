@@ -1,4 +1,4 @@
-"""An eccentric reference orbit: natural motion beside a chief on an ellipse, linearised."""
+"""An eccentric reference orbit: linearised natural motion relative to a chief on an ellipse."""
 
 from __future__ import annotations
 
@@ -18,9 +18,10 @@ from closeform.motion.path import Path
 
 @dataclass(frozen=True)
 class EccentricOrbit:
-    """The ellipse of a chief, in whose Hill frame craft coast; the frame turns at the chief's true rate.
+    """Elliptic orbit of a chief, in whose Hill frame (which turns at the true rate) spacecraft coast.
 
-    Motion of first order in the distance from the chief, about a point mass, of any eccentricity below 1.
+    The motion is of first order in the distance from the chief, about a point mass, for any eccentricity
+    below 1.
 
     Parameters
     ----------
@@ -38,8 +39,8 @@ class EccentricOrbit:
 
     Notes
     -----
-    Coasts and transition matrices only: transfers, their bounds and passive safety are of Hill's equations
-    (`Orbit`), and `thrust` flies their paths beside an eccentric chief.
+    `EccentricOrbit` provides coasts and transition matrices only.  Transfers, their bounds and passive safety
+    use Hill's equations (`Orbit`); `compensated_thrust` simulates their paths relative to an eccentric chief.
 
     References
     ----------
@@ -69,7 +70,7 @@ class EccentricOrbit:
 
     @classmethod
     def from_elements(cls, elements: ArrayLike, mu: float = EARTH_MU) -> Self:
-        """That of a chief's elements, such as `chief.elements`.
+        """Return the orbit of a chief from its elements, such as `chief.elements`.
 
         Parameters
         ----------
@@ -81,7 +82,7 @@ class EccentricOrbit:
         Returns
         -------
         EccentricOrbit
-            With its shape and true anomaly.
+            Orbit with the chief's shape and true anomaly.
 
         Raises
         ------
@@ -94,30 +95,30 @@ class EccentricOrbit:
         """
         a, u, ex, ey, *_ = ellipse("elements", elements)
         if np.ndim(a):
-            raise ValueError(f"elements: of one chief, got shape {np.shape(elements)}")
+            raise ValueError(f"elements: expected those of one chief, got shape {np.shape(elements)}")
         e = float(np.hypot(ex, ey))
         anomaly = _true_anomaly(float(u - np.arctan2(ey, ex)), e)
         return cls(float(mean_motion_from_semi_major_axis(float(a), number("mu", mu))), e, float(anomaly))
 
     @property
     def period(self) -> float:
-        """One turn [s]."""
+        """Duration of one revolution [s]."""
         return 2.0 * np.pi / self.mean_motion
 
     def transition(self, duration: ArrayLike, start: ArrayLike = 0.0) -> Floats:
-        """State transition matrices of natural motion.
+        """Return state transition matrices of natural motion.
 
         Parameters
         ----------
         duration : array_like of shape (...) [s]
-            Of any sign.
+            May be negative.
         start : array_like of shape (...) [s], default 0
-            From when; both broadcast.
+            Start time; both broadcast.
 
         Returns
         -------
         array of shape (..., 6, 6) [no unit, s, 1/s]
-            They take states in the chief's frame to those so much later.
+            Matrices from states in the chief's frame to the states `duration` later.
 
         Raises
         ------
@@ -132,12 +133,12 @@ class EccentricOrbit:
         broadcast(duration=lengths.shape, start=begins.shape)
         before, after = self._true_anomaly_at(begins), self._true_anomaly_at(begins + lengths)
         e, pace = self.eccentricity, self.mean_motion * (1.0 - self.eccentricity**2) ** -1.5
-        # numbers that are of size 1 as rates and times are, too: J = k^2 t
+        # numbers of size 1, as rates and times are too: J = k^2 t
         moved = _scaled(e, after, pace * lengths) @ np.linalg.inv(_scaled(e, before, np.zeros_like(before)))
         return np.asarray(np.linalg.inv(_to_scaled(e, pace, after)) @ moved @ _to_scaled(e, pace, before))
 
     def coast(self, state: ArrayLike, duration: float, start: float = 0.0, within: float = 1e-3) -> Path:
-        """Natural motion from a state, as a path through samples.
+        """Return natural motion from a state, as a path through samples.
 
         Parameters
         ----------
@@ -148,13 +149,13 @@ class EccentricOrbit:
         start : float [s], default 0
             Time of the state.
         within : float [m], default 1e-3
-            How far the path may be off this motion between samples, at most; they are as dense as it takes.
+            Largest deviation of the path from this motion between samples; it determines their number.
 
         Returns
         -------
         Path
-            Of the states' leading shape, in the `Orbit` of this mean motion: `screen`, `find_conflicts` and
-            `avoid` take it.
+            Path of the states' leading shape in the `Orbit` of this mean motion, as `screen`,
+            `find_conflicts` and `avoid` accept it.
 
         Raises
         ------
@@ -175,9 +176,9 @@ class EccentricOrbit:
         return followed(Orbit(self.mean_motion), states_at, duration, start, within)
 
     def _true_anomaly_at(self, times: Floats) -> Any:
-        """The chief's true anomaly [rad] at times."""
+        """Return the chief's true anomaly [rad] at times."""
         e, nu = self.eccentricity, self.anomaly
-        # Kepler's anomaly of the true one, turns kept
+        # eccentric anomaly of the true one, with full revolutions kept
         eccentric = nu - 2.0 * np.arctan2(_leaning(e) * np.sin(nu), 1.0 + _leaning(e) * np.cos(nu))
         return _true_anomaly(eccentric - e * np.sin(eccentric) + self.mean_motion * times, e)
 
@@ -187,14 +188,17 @@ def _leaning(e: float) -> float:
 
 
 def _true_anomaly(mean: Any, e: float) -> Any:
-    """The true anomaly [rad] of a mean one; it turns as often."""
+    """Return the true anomaly [rad] of a mean anomaly, with full revolutions kept."""
     eccentric = eccentric_latitude(mean, e, np.zeros_like(mean))
     lean = _leaning(e)
     return eccentric + 2.0 * np.arctan2(lean * np.sin(eccentric), 1.0 - lean * np.cos(eccentric))
 
 
 def _to_scaled(e: float, pace: float, anomaly: Any) -> Floats:
-    """From states to those times rho = 1 + e cos nu, with rates by the true anomaly (..., 6, 6)."""
+    """Return the matrices (..., 6, 6) that scale states by rho = 1 + e cos nu.
+
+    The scaled rates are derivatives by the true anomaly.
+    """
     rho = np.asarray(1.0 + e * np.cos(anomaly))
     out = np.zeros((*rho.shape, 6, 6))
     for axis in range(3):
@@ -205,7 +209,7 @@ def _to_scaled(e: float, pace: float, anomaly: Any) -> Floats:
 
 
 def _scaled(e: float, anomaly: Any, passed: Any) -> Floats:
-    """Six motions at a true anomaly, as scaled states in columns (..., 6, 6).                # theory (90)"""
+    """Return six motions at a true anomaly, as scaled states in columns (..., 6, 6), theory (90)."""
     rho = 1.0 + e * np.cos(anomaly)
     s, c = rho * np.sin(anomaly), rho * np.cos(anomaly)
     s_rate = np.cos(anomaly) + e * np.cos(2.0 * anomaly)

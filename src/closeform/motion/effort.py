@@ -1,4 +1,4 @@
-"""What an arc asks of the engine: thrust, energy, delta-v, peak thrust."""
+"""Thrust, control energy, delta-v and peak thrust of arcs."""
 
 from math import sqrt
 
@@ -26,9 +26,9 @@ from closeform.motion.hill import costate, driven
 
 @kernel()
 def thrust_at(arc, n, t):
-    """Thrust acceleration at time t that flies the arc in an orbit of mean motion n.
+    """Return the thrust acceleration at time t that the arc requires in an orbit of mean motion n.
 
-    An interpolated arc (n = 0 in an orbit with n > 0) has the thrust that its motion asks for.
+    For an interpolated arc (n = 0 in an orbit with n > 0) it follows from the motion of the arc.
     """
     ux, uy, uz, _, _, _ = primer_at(arc, t)
     if pushes(arc):
@@ -48,7 +48,7 @@ def thrust_squared(arc, n, t):
 
 @kernel()
 def gauss4(arc, n, middle, half):
-    """Integral of |thrust|^2 by four Gauss points: exact for a cubic thrust."""
+    """Integrate |thrust|^2 by four Gauss points: exact for a cubic thrust."""
     a = 0.33998104358485626 * half
     b = 0.8611363115940526 * half
     inner = thrust_squared(arc, n, middle - a) + thrust_squared(arc, n, middle + a)
@@ -66,13 +66,13 @@ GAUSS = (0.0, 0.1294849661688697, 0.0, 0.2797053914892767, 0.0, 0.38183005050511
 
 @kernel()
 def integral(arc, n, squared, stack):
-    """Integral of |thrust|, or of its square, by adaptive Gauss-Kronrod quadrature, to 1e-10 of itself."""
+    """Integrate |thrust| or its square by adaptive Gauss-Kronrod quadrature, to a relative 1e-10."""
     if not thrusts(arc) and arc[MEAN_MOTION] == n:
         return 0.0
     duration = arc[END] - arc[START]
     total = 0.0
     scale = 0.0
-    stack[0] = 0.0  # left edges of the intervals still to do; each is 2^-depth long
+    stack[0] = 0.0  # left edges of the remaining intervals; each is 2^-depth long
     stack[1] = 0.0  # and their depths
     top = 1
     while top > 0:
@@ -121,7 +121,7 @@ def arc_energy(arc, n, stack):
 
 @kernel()
 def arc_peak(arc, n, q):
-    """Greatest thrust along an arc: thrust is natural motion, or a cubic for an interpolated arc."""
+    """Return the greatest thrust along an arc, which is natural motion, or a cubic if interpolated."""
     duration = arc[END] - arc[START]
     q[:] = 0.0
     ux, uy, uz, wx, wy, wz = primer_at(arc, arc[START])
@@ -147,14 +147,14 @@ def arc_peak(arc, n, q):
 
 ENERGY, DELTA_V, PEAK, HIDDEN = 0, 1, 2, 3
 
-# Of a h^2: how far a craft can be from a path between two states that both have, h apart, if their
-# accelerations differ by a at most: a for a quarter of the time, against it for half, and again.
+# Factor of a h^2: the largest distance between a spacecraft and a path that share two states h apart, if
+# their accelerations differ by at most a: +a for a quarter of the time, -a for half, and +a again.
 BANG_BANG = 1.0 / 16.0
 
 
 @kernel(void(float64[:, ::1], int64[::1], float64, int64, float64[::1]))
 def totals(arcs, offsets, n, what, out):
-    """Energy, delta-v, peak thrust or what samples may hide of every path; impulses count in none of them."""
+    """Fill `out` with energy, delta-v, peak thrust or interpolation error of each path, without impulses."""
     stack = stack_vector(200)
     q = stack_matrix(8, 3)
     for p in range(len(offsets) - 1):

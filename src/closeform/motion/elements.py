@@ -17,12 +17,12 @@ KEPLER_ITERATIONS = 50  # Newton needs 3 to 8 from the start used here
 
 
 def elements_from_inertial(state: ArrayLike, mu: float = EARTH_MU) -> Floats:
-    """Quasi-nonsingular orbital elements of an inertial state.
+    """Return the quasi-nonsingular orbital elements of an inertial state.
 
     Parameters
     ----------
     state : array_like of shape (..., 6) [m, m/s]
-        In an inertial frame centred on the body; on an ellipse.
+        State in an inertial frame centred on the body; it must be on an ellipse.
     mu : float [m^3/s^2], default that of the Earth
         Gravitational parameter of the body.
 
@@ -71,7 +71,7 @@ def elements_from_inertial(state: ArrayLike, mu: float = EARTH_MU) -> Floats:
 
 
 def inertial_from_elements(elements: ArrayLike, mu: float = EARTH_MU) -> Floats:
-    """Inertial state of orbital elements: the inverse of `elements_from_inertial`.
+    """Return the inertial state of orbital elements: the inverse of `elements_from_inertial`.
 
     Parameters
     ----------
@@ -83,7 +83,7 @@ def inertial_from_elements(elements: ArrayLike, mu: float = EARTH_MU) -> Floats:
     Returns
     -------
     array of shape (..., 6) [m, m/s]
-        In the inertial frame, centred on the body.
+        State in the inertial frame, centred on the body.
 
     Raises
     ------
@@ -110,7 +110,7 @@ def inertial_from_elements(elements: ArrayLike, mu: float = EARTH_MU) -> Floats:
 
 
 def inertial_later(state: ArrayLike, time: ArrayLike, mu: float = EARTH_MU) -> Floats:
-    """Inertial states (..., 6) [m, m/s] some time (...) [s] after a state, by Kepler's motion."""
+    """Return inertial states (..., 6) [m, m/s] after times (...) [s] of Keplerian motion."""
     elements = elements_from_inertial(state, mu)
     ahead = np.sqrt(mu / elements[..., 0]) / elements[..., 0] * np.asarray(time)
     turned = np.broadcast_to(elements, np.shape(ahead) + (6,)).copy()
@@ -119,7 +119,7 @@ def inertial_later(state: ArrayLike, time: ArrayLike, mu: float = EARTH_MU) -> F
 
 
 def ellipse(name: str, elements: ArrayLike) -> Any:
-    """The six elements of an argument, checked; ValueError unless they are of ellipses."""
+    """Return the six elements of an argument; raise ValueError unless they are those of ellipses."""
     parts = np.moveaxis(checked(name, elements, last=6), -1, 0)
     if not ((parts[0] > 0.0) & (np.hypot(parts[2], parts[3]) < 1.0)).all():
         raise ValueError(f"{name}: the orbit must be an ellipse: a > 0 and ex^2 + ey^2 < 1")
@@ -127,14 +127,14 @@ def ellipse(name: str, elements: ArrayLike) -> Any:
 
 
 def _plane(node: Any, inclination: Any) -> tuple[Floats, Floats]:
-    """Unit vectors (..., 3) in the orbital plane: to the ascending node, and 90 degrees ahead."""
+    """Return unit vectors (..., 3) in the orbital plane: to the ascending node, and 90 degrees ahead."""
     cos, sin, tilt = np.cos(node), np.sin(node), np.cos(inclination)
     to_node = np.stack([cos, sin, np.zeros_like(cos)], axis=-1)
     return to_node, np.stack([-sin * tilt, cos * tilt, np.sin(inclination)], axis=-1)
 
 
 def eccentric_latitude(u: Any, ex: Any, ey: Any) -> Any:
-    """Eccentric anomaly plus w: the root f of u = f - ex sin f + ey cos f (Kepler's equation)."""
+    """Solve Kepler's equation u = f - ex sin f + ey cos f for f, the eccentric anomaly plus w."""
     perigee = np.arctan2(ey, ex)
     # Danby's start: M + 0.85 e on the side of M, from which Newton's method converges.
     f = u + 0.85 * np.hypot(ex, ey) * np.sign(np.sin(u - perigee))

@@ -1,4 +1,4 @@
-"""Ends: the states and times between which an arc leads, as they are asked for, checked."""
+"""Arcs of natural motion from the states and times that users pass, validated."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,7 +16,7 @@ def arcs_from(
     like: tuple[int, ...] = (),
     called: str = "state",
 ) -> Floats:
-    """Arcs (..., 30) of natural motion from a state, of the broadcast shape and of that `like` others."""
+    """Return arcs (..., 30) of natural motion from a state, broadcast with the shape `like`."""
     states = finite(called, state, 6)
     lengths, starts = finite("duration", duration), finite("start", start)
     if wrong := flaw(lengths, mean_motion):
@@ -35,7 +35,7 @@ def arcs_from(
 def arcs_between(
     mean_motion: float, initial: ArrayLike, final: ArrayLike, duration: ArrayLike, start: ArrayLike
 ) -> tuple[Floats, Floats]:
-    """Arcs (..., 30) from an initial state, and their final states (P, 6)."""
+    """Return arcs (..., 30) from an initial state, and their final states (P, 6)."""
     ends = finite("final", final, 6)
     arcs = arcs_from(mean_motion, duration, start, initial, like=ends.shape[:-1], called="initial")
     finals = np.empty((*arcs.shape[:-1], 6))

@@ -1,4 +1,4 @@
-"""Certified extrema of a norm along one window of an arc (see `march`)."""
+"""Certified extrema of a norm along one window of an arc (see `certified_march`)."""
 
 from math import sqrt
 
@@ -13,11 +13,11 @@ from closeform.motion.certified_march import (
 from closeform.motion.hill import oscillation
 from closeform.zones.shapes import BALL, FACES, inside_step, norm, outside_step, part, rank, rate
 
-# Extrema are certain to these fractions of themselves; a least norm below NIL counts as 0.
+# Extrema are certified to these relative errors; a minimum norm below NIL counts as 0.
 PRECISION, PEAK_PRECISION = 1e-11, 1e-9
 NIL = 1e-13
-SMALLEST = 32  # parts of a window; what is left is marched
-TURN_ANGLE = 0.3  # in n t: a local extremum is looked for in steps no longer than this
+SMALLEST = 32  # fraction of a window below which it is no longer divided but marched
+TURN_ANGLE = 0.3  # in n t: the longest step of the search for a local extremum
 
 
 @kernel()
@@ -28,12 +28,12 @@ def slope(shape, faces, q, order, n, t):
 
 @kernel()
 def next_extremum(shape, faces, q, order, n, t, stop, sign):
-    """Next time at which sign * rate turns from positive to negative: a local extremum."""
+    """Return the next time at which sign * rate turns from positive to negative: a local extremum."""
     high = sign * slope(shape, faces, q, order, n, t)
     longest = (stop - t) / 16.0 if n == 0.0 else min((stop - t) / 16.0, TURN_ANGLE / n)
     longest = max(longest, 1e-15 * stop)  # a step that time can resolve
     x, y, z, _, _, _ = relative_state(q, order, n, t)
-    step = min(longest, 0.25 * abs(norm(shape, faces, x, y, z)) / abs(high))  # a fly-by is this fast
+    step = min(longest, 0.25 * abs(norm(shape, faces, x, y, z)) / abs(high))  # the time scale of a fly-by
     before = t
     after = t
     step = max(step, 1e-15 * stop)
@@ -52,7 +52,7 @@ def next_extremum(shape, faces, q, order, n, t, stop, sign):
         width = after - before
         if width <= fine * (abs(after) + width):
             break
-        # regula falsi (Illinois), at times the middle: rates jump at kinks
+        # regula falsi (Illinois), with bisections: rates jump at kinks
         middle = before + 0.5 * width
         if k % 4 != 3 and high - low > 0.0:
             guess = before + width * high / (high - low)
@@ -72,9 +72,9 @@ def next_extremum(shape, faces, q, order, n, t, stop, sign):
 
 @kernel()
 def local_extremum(shape, faces, q, order, n, t, stop, s, sign):
-    """A local minimum (sign -1) or maximum (1) that is reached from norm s at t: its time and norm.
+    """Return time and norm of a local minimum (sign -1) or maximum (1) that follows norm s at t.
 
-    A turn further off may lie on the wrong side of s, beyond another: then look nearer by.
+    An extremum further away may lie on the wrong side of s, behind another one; the search then shortens.
     """
     for _ in range(60):
         there = next_extremum(shape, faces, q, order, n, t, stop, sign)
@@ -90,7 +90,7 @@ def local_extremum(shape, faces, q, order, n, t, stop, s, sign):
 
 @kernel()
 def jerk_bound(q, n, h):
-    """Greatest length of the third derivative of an arc of order 4 over [0, h]."""
+    """Return an upper bound of the length of the third derivative of an arc of order 4 over [0, h]."""
     square = 0.0
     for axis in range(3):
         b, c = n * q[2, axis], abs(q[3, axis])
@@ -100,9 +100,9 @@ def jerk_bound(q, n, h):
 
 @kernel()
 def nearest_and_bend(q, order, n, t, h, a, jerk):
-    """Lower bounds within h of time t: of |q|, and of half the second derivative of |q|^2.
+    """Return lower bounds within h of time t: of |q|, and of half the second derivative of |q|^2.
 
-    That is v.v + r.r''; `a` and `jerk` bound |r''| and |r'''|, the latter for order 4 only.
+    The latter is v.v + r.r''; `a` and `jerk` bound |r''| and |r'''|, `jerk` for order 4 only.
     """
     x, y, z, vx, vy, vz = relative_state(q, order, n, t)
     distance = sqrt(x * x + y * y + z * z)
@@ -121,21 +121,21 @@ def nearest_and_bend(q, order, n, t, h, a, jerk):
 
 @kernel()
 def half_slope(q, order, n, t):
-    """Half the rate of |q|^2."""
+    """Return half the rate of |q|^2."""
     x, y, z, vx, vy, vz = relative_state(q, order, n, t)
     return x * vx + y * vy + z * vz
 
 
 @kernel()
 def bottom(q, order, n, low, high):
-    """Where |q|^2 is least in [low, high], over which it is convex: by secants of its slope."""
+    """Return where |q|^2 is smallest in [low, high], over which it is convex: by secants of its slope."""
     u, slope_u = low, half_slope(q, order, n, low)
     if slope_u >= 0.0:
         return low
     w, slope_w = high, half_slope(q, order, n, high)
     if slope_w <= 0.0:
         return high
-    fine = 1e-9 * (high - low)  # a secant from as near as that is exact
+    fine = 1e-9 * (high - low)  # a secant from this close is exact
     for k in range(100):
         t = w - slope_w * (w - u) / (slope_w - slope_u) if slope_w != slope_u else w
         if abs(t - w) <= fine:
@@ -155,9 +155,9 @@ def bottom(q, order, n, low, high):
 
 @kernel()
 def least_length(q, order, n, stop, a, best, best_time):
-    """Least |q| over [0, stop] as of `minimum_norm`, by pieces in which |q|^2 is convex or too large.
+    """Return the minimum of |q| over [0, stop], by pieces where |q|^2 is convex or large.
 
-    Stops at one of a part of 1/SMALLEST that is neither.
+    Stops at a piece of 1/SMALLEST of the window that is neither.
     """
     jerk = jerk_bound(q, n, stop) if order == 4 else 0.0
     t = 0.0
@@ -174,7 +174,7 @@ def least_length(q, order, n, stop, a, best, best_time):
             when = bottom(q, order, n, t, end)
             x, y, z, _, _, _ = relative_state(q, order, n, when)
             s = sqrt(x * x + y * y + z * z)
-            if s < best * (1.0 - PRECISION):  # of equals the first, as orbit after orbit
+            if s < best * (1.0 - PRECISION):  # of equal minima keep the first, as in periodic motion
                 best, best_time = s, when
             if best <= NIL:
                 return 0.0, best_time, stop
@@ -186,9 +186,9 @@ def least_length(q, order, n, stop, a, best, best_time):
 
 @kernel()
 def minimum_norm(shape, faces, q, order, n, t, stop, patience, best, best_time):
-    """Least norm over [t, stop] of the window's own time, if below `best`.
+    """Return the minimum norm over [t, stop] of the window's own time, if below `best`.
 
-    Returns it, its time, and the time reached: short of `stop` where the march stalls.
+    Returns the norm, its time, and the time reached: before `stop` where the march stalls.
     """
     ax, ay, az, a, _ = bounds(q, order, n, stop)
     if shape == BALL and t == 0.0 < stop:
@@ -212,7 +212,7 @@ def minimum_norm(shape, faces, q, order, n, t, stop, patience, best, best_time):
         if best <= NIL:
             if shape != FACES:
                 return 0.0, best_time, stop
-            aim = best * (1.0 + PRECISION) - NIL  # behind half-spaces norms go on falling
+            aim = best * (1.0 + PRECISION) - NIL  # outside half-spaces norms fall below zero
         if t >= stop:
             return best, best_time, stop
         h = outside_step(shape, faces, x, y, z, vx, vy, vz, ax, ay, az, a, aim)
@@ -222,13 +222,13 @@ def minimum_norm(shape, faces, q, order, n, t, stop, patience, best, best_time):
 
 @kernel()
 def advance(q, n, t):
-    """Derivatives (order 4) seen from time t on."""
+    """Move the expansion point of the derivatives (order 4) to time t."""
     step_on(q, n, t, oscillation(n, t))
 
 
 @kernel()
 def step_on(q, n, t, transforms):
-    """`advance`, by the `oscillation` of t."""
+    """Do what `advance` does, given the `oscillation` of t."""
     p0, p1, p2 = transforms
     c = 1.0 - n * n * p1
     for i in range(3):
@@ -241,9 +241,9 @@ def step_on(q, n, t, transforms):
 
 @kernel()
 def maximum_norm(q, n, stop):
-    """Greatest Euclidean norm over [0, stop] of an arc of order 4; spoils `q`."""
+    """Return the greatest Euclidean norm over [0, stop] of an arc of order 4; overwrites `q`."""
     best, faces = 0.0, q[:0]
-    for k in range(9):  # a norm to start from, even where it vanishes at both ends
+    for k in range(9):  # a norm to start from, even where it is zero at both ends
         x, y, z, _, _, _ = relative_state(q, 4, n, stop * (0.125 * k) ** 1.1)
         best = max(best, norm(BALL, faces, x, y, z))
     patience = PATIENCE
@@ -261,7 +261,7 @@ def maximum_norm(q, n, stop):
 
 @kernel()
 def march_maximum(q, n, t, stop, patience, best):
-    """March at most `patience` steps from t to `stop`: the time reached and the greatest norm."""
+    """March at most `patience` steps from t to `stop`; return the time reached and the greatest norm."""
     ax, ay, az, a, speed = bounds(q, 4, n, stop)
     for _ in range(patience):
         x, y, z, vx, vy, vz = relative_state(q, 4, n, t)

@@ -1,4 +1,4 @@
-"""Following: a path along motion that is known at any time, by samples as dense as they have to be."""
+"""Paths through samples of a known motion, sampled as densely as a tolerance requires."""
 
 from collections.abc import Callable
 
@@ -10,10 +10,10 @@ from closeform.motion.mean_motion import checked
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
 
-LEAST = 1e-6  # m: nearer, the rounding of integrated motion tells
+LEAST = 1e-6  # m: below, the rounding of integrated motion dominates
 FIRST, MOST = 24, 200_000  # samples in an orbit, and of a path
-# Between samples h apart arcs are off by a polynomial that is greatest in the middle, and falls with h^4:
-# what is seen there of every other sample is 16 times what is left with all; half of that is for safety.
+# Between samples h apart arcs deviate by a polynomial that is largest in the middle and falls with h^4: the
+# deviation seen at every other sample is 16 times that with all samples; a factor of 2 is for safety.
 LEFT = 1.0 / 8.0
 
 
@@ -24,7 +24,7 @@ def followed(
     start: float,
     within: float,
 ) -> Path:
-    """The path through `states_at` times (T,), (..., T, 6) [m, m/s], nowhere off by more than `within`."""
+    """Return the path through `states_at(times)`, (..., T, 6) [m, m/s], to `within` [m]."""
     length, begin = checked("duration", number("duration", duration)), number("start", start)
     if wrong := flaw(np.array([length]), orbit.mean_motion):
         raise ValueError(f"duration: {wrong}")
@@ -43,6 +43,6 @@ def followed(
         samples *= 2
         if samples > MOST:
             raise ValueError(
-                f"within: {2 * MOST} samples are off by {LEFT * off:.2g} m yet, above {allowed:g} m; "
-                "give a larger one, or a shorter duration"
+                f"within: the error is {LEFT * off:.2g} m with {2 * MOST} samples, above {allowed:g} m; "
+                "increase it, or shorten the duration"
             )

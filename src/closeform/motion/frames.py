@@ -1,13 +1,13 @@
-"""Rotating frame: states of craft relative to a chief, from inertial states and back, exactly.
+"""Conversion between inertial states and states in the rotating Hill frame of a chief, exactly.
 
-The Hill frame of the chief: x radial outward, y in the orbital plane at right angles to it in the
+The axes of the Hill frame: x radial outward, y in the orbital plane at right angles to it in the
 sense of the motion, z along the orbit normal (RTN, RSW, RIC; the `LVLH` of CCSDS is another).  It
 turns at the chief's true rate h / r^2 about z, also on an eccentric orbit.  A force f_z across the
-chief's orbital plane turns it about x as well, at r f_z / h; inertial states do not tell that
-force, so this rate counts only where the chief's `acceleration` is given.  Earth's flattening makes it
+chief's orbital plane also turns it about x, at r f_z / h.  Inertial states do not contain that
+force, so this rate is included only where the chief's `acceleration` is given.  Earth's oblateness makes it
 up to 2e-6 rad/s in low orbit (5e-8 on a nearly polar one).  Without it, at 1 km along-track the velocity
-along z is off by 2 mm/s, and at 1 km across the velocity along-track is, by which craft drift apart:
-some 9 m for each kilometre and orbit.
+along z has an error of 2 mm/s, and at 1 km cross-track the along-track velocity has one, which makes
+spacecraft drift apart by some 9 m for each kilometre and orbit.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from closeform.arrays import Floats, broadcast, shown
 from closeform.motion.mean_motion import checked
 
 AlongTrack = Literal["straight", "arc"]
-STEPS = np.array([100.0, 100.0, 100.0, 1.0, 1.0, 1.0])  # m, m/s: of differences
+STEPS = np.array([100.0, 100.0, 100.0, 1.0, 1.0, 1.0])  # m, m/s: steps of central differences
 
 
 def relative_from_inertial(
@@ -31,39 +31,39 @@ def relative_from_inertial(
     radius: ArrayLike | None = None,
     acceleration: ArrayLike | None = None,
 ) -> Floats:
-    """State of a deputy in the rotating Hill frame of a chief, exactly.
+    """Return the state of a deputy in the rotating Hill frame of a chief, exactly.
 
     Parameters
     ----------
     chief : array_like of shape (..., 6) [m, m/s]
-        Inertial, in a frame centred on the body that both orbit.
+        Inertial state in a frame centred on the body that both orbit.
     deputy : array_like of shape (..., 6) [m, m/s]
-        In the same frame and of the same epoch; shapes broadcast.
+        Inertial state in the same frame at the same epoch; shapes broadcast.
     along_track : "straight" or "arc", default "straight"
         "straight": the Cartesian components of the difference.  "arc": x is the difference of the
         distances from the body's centre, y and z are the angles of the deputy ahead of the chief, in its
         plane and out of it, times `radius`.  Velocities are the rates of these.
     radius : array_like of shape (...) [m], optional
-        Of the circle of "arc": held constant, or unless given the chief's own distance, which varies.
+        Constant radius of the circle of "arc"; by default the chief's own distance, which varies.
     acceleration : array_like of shape (..., 3) [m/s^2], optional
-        What the chief feels, in the same inertial frame: its part across the orbit turns the axes, too.
+        Acceleration of the chief in the same inertial frame; its cross-track part also turns the axes.
 
     Returns
     -------
     array of shape (..., 6) [m, m/s]
-        In the chief's Hill frame: x radial outward, y along the motion, z along the orbit normal.
+        State in the chief's Hill frame: x radial outward, y along the motion, z along the orbit normal.
 
     Raises
     ------
     ValueError
-        If shapes do not fit, a value is not finite, the chief has no orbital plane, a word is unknown,
-        `radius` is not positive or given with "straight", or with "arc" the deputy is on the axis of the
-        chief's orbit, where the angle along-track has no value.
+        If shapes do not fit, a value is not finite, the chief has no orbital plane, `along_track` is unknown,
+        `radius` is not positive or given with "straight", or the deputy of an "arc" is on the axis of the
+        chief's orbit, where the along-track angle is undefined.
 
     Notes
     -----
-    Arcs stay true to Hill's equations at separations of many kilometres.  With the chief's semi-major
-    axis as `radius` a craft ahead on the same orbit obeys them to second order in the eccentricity.
+    With arcs, Hill's equations hold to separations of many kilometres.  With the chief's semi-major
+    axis as `radius`, a spacecraft ahead on the same orbit obeys them to second order in the eccentricity.
 
     References
     ----------
@@ -82,7 +82,7 @@ def relative_from_inertial(
         return np.stack(np.broadcast_arrays(*parts), axis=-1)
     flat = np.hypot(x, y)
     if not (flat > 0.0).all():
-        raise ValueError("deputy: on the axis of the chief's orbit; use along_track='straight'")
+        raise ValueError("deputy: lies on the axis of the chief's orbit; use along_track='straight'")
     outward = (x * vx + y * vy) / flat
     full = np.hypot(flat, z)
     ahead, above = np.arctan2(y, x), np.arctan2(z, flat)
@@ -103,31 +103,31 @@ def inertial_from_relative(
     radius: ArrayLike | None = None,
     acceleration: ArrayLike | None = None,
 ) -> Floats:
-    """Inertial state of a deputy: the inverse of `relative_from_inertial`.
+    """Return the inertial state of a deputy: the inverse of `relative_from_inertial`.
 
     Parameters
     ----------
     chief : array_like of shape (..., 6) [m, m/s]
-        Inertial, in a frame centred on the body.
+        Inertial state in a frame centred on the body.
     relative : array_like of shape (..., 6) [m, m/s]
-        Of the deputy in the chief's Hill frame; shapes broadcast.
+        State of the deputy in the chief's Hill frame; shapes broadcast.
     along_track : "straight" or "arc", default "straight"
-        As `relative` was made.
+        The convention of `relative`.
     radius : array_like of shape (...) [m], optional
-        As `relative` was made.
+        The value with which `relative` was computed.
     acceleration : array_like of shape (..., 3) [m/s^2], optional
-        What the chief feels, in the same inertial frame, as `relative` was made.
+        Acceleration of the chief in the same inertial frame, as for `relative`.
 
     Returns
     -------
     array of shape (..., 6) [m, m/s]
-        In the chief's inertial frame.
+        State in the chief's inertial frame.
 
     Raises
     ------
     ValueError
-        If shapes do not fit, a value is not finite, the chief has no orbital plane, a word is unknown, or
-        `radius` is not positive or given with "straight".
+        If shapes do not fit, a value is not finite, the chief has no orbital plane, `along_track` is unknown,
+        or `radius` is not positive or given with "straight".
 
     References
     ----------
@@ -159,9 +159,10 @@ def inertial_from_relative(
 def relative_jacobian(
     chief: ArrayLike, deputy: ArrayLike, along_track: AlongTrack = "straight", radius: ArrayLike | None = None
 ) -> Floats:
-    """Derivatives (..., 6, 6) of the state of `relative_from_inertial` by the deputy's inertial state.
+    """Return the Jacobian (..., 6, 6) of `relative_from_inertial` by the deputy's inertial state.
 
-    The chief's frame stays where it is.  By central differences: to 1e-9, relative, in an orbit of the Earth.
+    The chief's frame is held fixed. Central differences: accurate to a relative 1e-9 in an orbit of the
+    Earth.
     """
     steps = np.diag(STEPS)
     known, there = (np.asarray(state, dtype=float)[..., None, :] for state in (chief, deputy))
@@ -172,7 +173,7 @@ def relative_jacobian(
 
 
 def turning_axes(chief: Floats) -> tuple[Floats, Any, Any, Any]:
-    """Axes (..., 3, 3) as rows, distance [m], its rate [m/s] and the turn rate h / r^2 [rad/s]."""
+    """Return axes (..., 3, 3) as rows, distance [m], its rate [m/s] and the turn rate h / r^2 [rad/s]."""
     position, velocity = chief[..., :3], chief[..., 3:]
     momentum = np.cross(position, velocity)
     r, h = np.linalg.norm(position, axis=-1), np.linalg.norm(momentum, axis=-1)
@@ -184,7 +185,7 @@ def turning_axes(chief: Floats) -> tuple[Floats, Any, Any, Any]:
 
 
 def _roll(axes: Floats, distance: Any, turn: Any, acceleration: ArrayLike | None) -> Any:
-    """At what rate [rad/s] a force across the orbit turns the axes about the radial one: r f_z / h."""
+    """Return the rate [rad/s] at which a cross-track force turns the axes about the radial one: r f_z / h."""
     if acceleration is None:
         return 0.0
     felt = checked("acceleration", acceleration, last=3)
@@ -193,7 +194,7 @@ def _roll(axes: Floats, distance: Any, turn: Any, acceleration: ArrayLike | None
 
 
 def _circle(along_track: str, radius: ArrayLike | None, distance: Any, climb: Any) -> tuple[Any, Any]:
-    """Radius [m] on which arcs are measured, and its rate [m/s]."""
+    """Return the radius [m] on which arcs are measured, and its rate [m/s]."""
     if not isinstance(along_track, str) or along_track not in ("straight", "arc"):
         raise ValueError(f'along_track: "straight" or "arc", got {shown(along_track)}')
     if radius is None:

@@ -6,26 +6,26 @@ orbit normal.  With N = diag(3n^2, 0, -n^2) and S v = (2n vy, -2n vx, 0),
     r'' = N r + S r' + u                                                       # theory (1)
 
 The thrust that minimises the integral of |u|^2 obeys u'' = N u + S u', so the optimal
-thrust is itself a natural motion, and an arc is fixed by its start state and by its start
-thrust and thrust rate.  Everything is built from the inverse Laplace transforms
+thrust is itself a natural motion, and an arc is determined by its initial state, thrust
+and thrust rate.  All formulas are built from the inverse Laplace transforms
 
     P_m = 1/(s^m (s^2 + n^2)),    Q_m = 1/(s^m (s^2 + n^2)^2)
 
-which are smooth at n = 0 (P_m -> t^(m+1)/(m+1)!, Q_m -> t^(m+3)/(m+3)!) and enter with
-non-negative powers of n only: no digit is lost as n t -> 0, and n = 0 is no special case.
+which are smooth at n = 0 (P_m -> t^(m+1)/(m+1)!, Q_m -> t^(m+3)/(m+3)!) and appear only with
+non-negative powers of n: no digit is lost as n t -> 0, and n = 0 is no special case.
 """
 
 from math import cos, sin
 
 from closeform._jit import kernel
 
-# Coefficients in (n t)^2 of P_2, P_3 and P_4, Q_3, Q_4 over their leading power of t, by
-# term; at n t = SERIES_BELOW the first term left out is below 1e-19 of the sum.
+# Coefficients in (n t)^2 of P_2, P_3 and P_4, Q_3, Q_4 over their leading power of t, by term; at n t =
+# SERIES_BELOW the first omitted term is below 1e-19 of the sum.
 SERIES_BELOW = 2.0
 
 
 def _series(first: int, doubled: bool) -> tuple[float, ...]:
-    """(-1)^j (j+1 if doubled else 1) / (first + 2j)!, last term first (Horner's order)."""
+    """Return (-1)^j (j+1 if doubled else 1) / (first + 2j)! for j = 12 ... 0 (Horner's order)."""
     terms = []
     factorial = 1.0
     for k in range(2, first + 1):
@@ -53,7 +53,7 @@ def horner(series, z):
 
 @kernel()
 def oscillation(n, t):
-    """sin(nt)/n, (1 - cos nt)/n^2 and (nt - sin nt)/n^3: P_0, P_1, P_2."""
+    """Return sin(nt)/n, (1 - cos nt)/n^2 and (nt - sin nt)/n^3: P_0, P_1, P_2."""
     angle = n * t
     if abs(angle) < 1.0:
         p2 = t * t * t * horner(P2_NEAR, angle * angle)
@@ -65,7 +65,7 @@ def oscillation(n, t):
 
 @kernel()
 def inverse_transforms(n, t):
-    """P_0 ... P_4 and Q_-2 ... Q_4 at time t."""
+    """Return P_0 ... P_4 and Q_-2 ... Q_4 at time t."""
     nn = n * n
     z = nn * t * t
     tt = t * t
@@ -102,7 +102,7 @@ def inverse_transforms(n, t):
 
 @kernel()
 def coast(n, t, x, y, z, vx, vy, vz):
-    """Natural motion: the state after time t."""
+    """Return the state after time t of natural motion."""
     return _coast(n, t, oscillation(n, t), x, y, z, vx, vy, vz)
 
 
@@ -124,7 +124,7 @@ def _coast(n, t, transforms, x, y, z, vx, vy, vz):
 
 @kernel()
 def step_on(n, t, transforms, state, thrust):
-    """State, and optimal thrust with its rate, after time t; `transforms` are those of t."""
+    """Return the state, and optimal thrust with its rate, after time t; `transforms` are those of t."""
     x, y, z, vx, vy, vz = _coast(n, t, transforms[:3], *state)
     fx, fy, fz, gx, gy, gz = _driven(n, t, transforms, *thrust)
     reached = x + fx, y + fy, z + fz, vx + gx, vy + gy, vz + gz
@@ -133,7 +133,7 @@ def step_on(n, t, transforms, state, thrust):
 
 @kernel()
 def driven(n, t, ux, uy, uz, wx, wy, wz):
-    """State reached from rest at the origin under optimal thrust that starts at u with rate w."""
+    """Return the state reached from rest at the origin under optimal thrust that starts at u with rate w."""
     return _driven(n, t, inverse_transforms(n, t), ux, uy, uz, wx, wy, wz)
 
 
@@ -157,9 +157,9 @@ def _driven(n, t, transforms, ux, uy, uz, wx, wy, wz):
 
 @kernel()
 def pushed(n, t, u, k):
-    """State reached from rest at the origin under a thrust u0 + u1 t + u2 P_1 + u3 P_2 along each axis.
+    """Return the state reached from rest under a thrust u0 + u1 t + u2 P_1 + u3 P_2 along each axis.
 
-    Its derivatives at the start stand in `u` from place k on: three of u0, then of u1, u2 and u3.
+    `u` holds the derivatives at the start from index k on: three of u0, then of u1, u2 and u3.
     """
     p0, p1, p2, p3, p4, qm2, qm1, q0, q1, q2, q3, q4 = inverse_transforms(n, t)
     m = 2.0 * n
@@ -182,7 +182,7 @@ def pushed(n, t, u, k):
 
 @kernel()
 def response(n, t, matrix):
-    """Fill the 6x6 `matrix` that maps start thrust and thrust rate to the state of `forced`."""
+    """Fill the 6x6 `matrix` that maps initial thrust and thrust rate to the state of `driven`."""
     transforms = inverse_transforms(n, t)
     unit = (0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     for k in range(6):
@@ -195,5 +195,5 @@ def response(n, t, matrix):
 
 @kernel()
 def costate(n, ux, uy, uz, wx, wy, wz):
-    """Costate of the position, S u - w; that of the velocity is the thrust itself."""
+    """Return the costate of the position, S u - w; that of the velocity is the thrust itself."""
     return 2.0 * n * uy - wx, -2.0 * n * ux - wy, -wz

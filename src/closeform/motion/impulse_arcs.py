@@ -1,4 +1,4 @@
-"""The paths of impulses of least delta-v, as arcs."""
+"""Paths of minimum-delta-v impulses, as arcs."""
 
 from typing import Any
 
@@ -16,7 +16,7 @@ from closeform.motion.reduced import COUNT, FIRST
 
 @kernel(void(float64, float64[:, ::1], float64[:, ::1], float64[:, ::1], float64[:, :, ::1], int64[::1]))
 def fly_answers(n: float, rows: Floats, finals: Floats, answers: Floats, arcs: Floats, counts: Any) -> None:
-    """Arcs (P, 8, 21) of the answers' impulses from the states of `rows` (P, 21), and how many each has."""
+    """Fill `arcs` (P, 8, 30) and their `counts` (P,) from the `answers` and the states of `rows` (P, 30)."""
     for p in range(len(rows)):
         row, answer = rows[p], answers[p]
         x, y, z, vx, vy, vz = row[STATE], row[7], row[8], row[9], row[10], row[11]
@@ -26,7 +26,7 @@ def fly_answers(n: float, rows: Floats, finals: Floats, answers: Floats, arcs: F
             then = duration if last else answer[FIRST + 4 * k]
             arc = arcs[p, count]
             waits = arc[IMPULSE] != 0.0 or arc[IMPULSE + 1] != 0.0 or arc[IMPULSE + 2] != 0.0
-            if then > now or (last and count == 0) or (waits and not last):  # thrusters that fire at once
+            if then > now or (last and count == 0) or (waits and not last):  # simultaneous firings
                 arc[START], arc[END] = row[START] + now, row[START] + then
                 if then == duration:
                     arc[END] = row[END]
@@ -55,7 +55,7 @@ def fly_answers(n: float, rows: Floats, finals: Floats, answers: Floats, arcs: F
 
 
 def flown_arcs(mean_motion: float, arcs: Floats, finals: Floats, found: Floats) -> tuple[Floats, Any]:
-    """The arcs of plans by their answers, and where those of each begin."""
+    """Return the arcs of plans from their answers, and the offsets of each plan's arcs."""
     flown, offsets = np.zeros((len(arcs), MOST + 2, ARC)), np.zeros(len(arcs) + 1, dtype=np.int64)
     fly_answers(mean_motion, arcs, finals, found, flown, offsets[1:])
     used = np.arange(MOST + 2) < offsets[1:, None]

@@ -1,15 +1,16 @@
-"""Impulses of least delta-v: at most six, and the proof that nothing else costs less.
+"""Minimum-delta-v impulses: at most six, with a certified lower bound of the cost of any plan.
 
-The most that (27) proves, max g . c over primers with |p| <= 1, is the least sum of |v_k|: the problem is
+The maximum of (27), g . c over primers with |p| <= 1, equals the minimum sum of |v_k|: the problem is
 convex, with six unknowns for any number of times.                                               # theory (29)
 
-A primer of constant length is tried first (28): where it is the best, every instant is, infinitely many
-plans cost the same, and nonnegative weights choose one.  Elsewhere a barrier on a grid of times comes
-near, and Newton's method ends on the local maxima (`reduced`).  Where that stalls the maxima join the
-grid, and the barrier goes on.  Every answer has a certain lower bound, g . c over the greatest |p|, and
-the cost of a plan that ends in its final state: its gap is what it says, however it was found.
+A primer of constant length is tried first (28).  If it is optimal, every instant is, infinitely many
+plans have the same cost, and nonnegative weights choose one.  Otherwise a barrier on a grid of times finds
+an approximation, and Newton's method converges on the local maxima (`reduced`).  Where that stalls the maxima
+are added to the grid and the barrier continues.  Every answer has a certified lower bound, g . c over the
+greatest |p|, and the cost of a plan that ends in its final state: the gap between them is valid however the
+plan was found.
 
-Time runs from 0 to 1 here, lengths are divided by the duration, and n is the angle in a duration.
+Here time runs from 0 to 1, lengths are divided by the duration, and n is the angle in a duration.
 """
 
 import os
@@ -46,19 +47,19 @@ from closeform.motion.reduced import (
 )
 
 GRID, GRID_PER_TURN = 13, 12.0  # times of the barrier's grid
-FINER = 4  # grids of times, each a quarter of the last around those used
-NEAR = 3e-3  # gap at which the barrier hands over at first
-CLOSER = 0.05  # of its gap, each time it goes on
+FINER = 4  # grids of times, each four times as fine as the last, around the times used
+NEAR = 3e-3  # gap to which the barrier is solved at first
+CLOSER = 0.05  # factor of that gap each time the barrier continues
 ROUNDS = 12
-ENOUGH = 1e-10  # gap at which nothing else is tried
-SPARING = 0.1  # what a weight costs where |p| is below 1
-EXACT = 1e-15  # of the states: less than that is no gain but rounding, for each radian
+ENOUGH = 1e-10  # gap at which no further method is tried
+SPARING = 0.1  # cost of a weight where |p| is below 1
+EXACT = 1e-15  # share of the states: a smaller change is rounding, for each radian
 CHUNK = 64  # transfers that one thread takes at a time
 
 
 @kernel()
 def try_constant(n, metric, g, start, table, grid, times, columns, costs, weights, active, answer):
-    """A primer of constant length: its bound, and a plan along it if there is one."""
+    """Try a primer of constant length: keep its bound, and a plan along it if there is one."""
     c, y = stack_vector(6), stack_vector(6)
     worth, constant = constant_primer(n, start, c)
     settle(answer, c, worth)
@@ -90,7 +91,10 @@ def try_constant(n, metric, g, start, table, grid, times, columns, costs, weight
 
 @kernel()
 def spread(n, metric, table):
-    """Fill `metric` and the grid of times over a transfer in which the orbit turns by n; returns its size."""
+    """Fill `metric` and the time grid of a transfer in which the orbit turns by n.
+
+    Returns the size of the grid.
+    """
     grid = int(GRID + GRID_PER_TURN * n / 6.283185307179586)
     orthonormal(n, 1.0, grid, metric)
     for k in range(grid):
@@ -100,7 +104,7 @@ def spread(n, metric, table):
 
 @kernel()
 def optimise(n, start, metric, grid, table, times, squares, columns, bent, costs, weights, active, answer):
-    """Fill the answer for what is to be gained, whose functional (6,) at the start is of length one."""
+    """Fill the answer for a required change whose functional (6,) at the start has length one."""
     g, c, y, near = stack_vector(6), stack_vector(6), stack_vector(6), stack_vector(6)
     for i in range(6):
         g[i], y[i] = 0.0, 0.0
@@ -134,7 +138,7 @@ def optimise(n, start, metric, grid, table, times, squares, columns, bent, costs
 
 @kernel()
 def widen(n, metric, times, size, table, grid):
-    """Add times to the grid that are not yet on it; returns how many it has."""
+    """Add times to the grid that are not yet on it; return its size."""
     for k in range(size):
         on = grid == len(table)
         for j in range(grid):
@@ -158,9 +162,9 @@ def widen(n, metric, times, size, table, grid):
     )
 )
 def least_impulses(n, arcs, finals, table, lines, columns, active, answers):
-    """The `answers` (P, 34), zeros so far, to as many transfers, each from its arc's state and in its time.
+    """Fill `answers` (P, 34), zeros so far, for P transfers, each from its arc's state and in its time.
 
-    The other arrays are room for the grid (K, 47), lists of times (4, K), columns (2, K, 9) and indices (6,).
+    The other arrays are work space: the grid (K, 47), times (4, K), columns (2, K, 9) and indices (6,).
     """
     arcs, finals, answers = borrowed(arcs), borrowed(finals), borrowed(answers)
     table, lines, columns, active = borrowed(table), borrowed(lines), borrowed(columns), borrowed(active)
@@ -173,7 +177,7 @@ def least_impulses(n, arcs, finals, table, lines, columns, active, answers):
         scale = 0.0
         for k in range(6):
             unit = t if k < 3 else 1.0
-            start[k] *= unit / t  # positions over the duration, as are the primer's rates
+            start[k] *= unit / t  # positions over the duration, like the primer's rates
             scale += (abs(arc[STATE + k]) + abs(finals[p, k])) / unit
         size = sqrt(dot(start, start))
         if size <= EXACT * (1.0 + 6.0 * n * t) * scale:
@@ -181,7 +185,7 @@ def least_impulses(n, arcs, finals, table, lines, columns, active, answers):
             continue
         for k in range(6):
             start[k] /= size
-        if n * t != angle:  # in a matrix of transfers they all share a grid
+        if n * t != angle:  # transfers of one duration share a grid
             angle = n * t
             grid = spread(angle, metric, table)
         answer[UPPER] = inf
@@ -201,7 +205,7 @@ def least_impulses(n, arcs, finals, table, lines, columns, active, answers):
             answer,
         )
         answer[UPPER] *= size
-        answer[LOWER] = min(size * answer[LOWER], answer[UPPER])  # a plan may leave 1e-11 of it
+        answer[LOWER] = min(size * answer[LOWER], answer[UPPER])  # a plan may leave 1e-11 of the change
         for axis in range(3):
             answer[PRIMER + 3 + axis] /= t
         for k in range(int(answer[COUNT])):
@@ -216,18 +220,18 @@ def least_impulses(n, arcs, finals, table, lines, columns, active, answers):
 
 
 def longest_turn(mean_motion: float, arcs: Floats) -> float:
-    """The angle [rad] by which the orbit turns in the longest transfer; ValueError where that is too long."""
+    """Return the angle [rad] that the orbit turns in the longest transfer; raise ValueError if too large."""
     angle = float((arcs[:, END] - arcs[:, START]).max(initial=0.0)) * mean_motion
     if angle > MOST_TURNS * 2 * np.pi:
         raise ValueError(
-            f"duration: the least delta-v is found over at most {MOST_TURNS:g} orbits, got "
+            f"duration: the minimum delta-v is computed over at most {MOST_TURNS:g} orbits, got "
             f"{angle / (2 * np.pi):g}; coast for the rest"
         )
     return angle
 
 
 def at_both_ends(arcs: Floats, finals: Floats, answers: Floats) -> None:
-    """In deep space p is linear, and |p| greatest at an end: two impulses are the least."""
+    """Fill `answers` in deep space: p is linear, |p| greatest at an end, two impulses are optimal."""
     t, states = (arcs[:, END] - arcs[:, START])[:, None], arcs[:, STATE : STATE + 6]
     last = (states[:, :3] - finals[:, :3]) / t + finals[:, 3:]
     pushes = np.stack([finals[:, 3:] - states[:, 3:] - last, last], axis=1)
@@ -245,12 +249,12 @@ def at_both_ends(arcs: Floats, finals: Floats, answers: Floats) -> None:
         (units[:, 1] - units[:, 0]) / t,
     )
     impulses = np.concatenate([t[:, None] * [[0.0], [1.0]], pushes], axis=2)
-    impulses = np.where(fired[:, :1, None], impulses, impulses[:, ::-1])  # those that are fired, first
+    impulses = np.where(fired[:, :1, None], impulses, impulses[:, ::-1])  # fired impulses first
     answers[:, FIRST : FIRST + 8] = impulses.reshape(-1, 8)
 
 
 def answers(mean_motion: float, arcs: Floats, finals: Floats) -> Floats:
-    """Answers (P, 34) to as many transfers, on all cores; see `reduced` for their columns."""
+    """Return answers (P, 34) to P transfers, computed on all cores; see `reduced` for their columns."""
     angle = longest_turn(mean_motion, arcs)
     found = np.zeros((len(arcs), ANSWER))
     if mean_motion == 0.0:

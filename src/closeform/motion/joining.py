@@ -1,4 +1,4 @@
-"""Joining: paths one after another in time, and side by side as a batch."""
+"""Combine paths: one after another in time, or side by side as a batch."""
 
 from __future__ import annotations
 
@@ -26,25 +26,25 @@ def _single(paths: Any, verb: str) -> list[Path]:
 
 
 def join(paths: Sequence[Path]) -> Path:
-    """One path out of some that follow each other in time.
+    """Join paths that follow each other in time into one path.
 
     A velocity jump between two becomes an impulse.  Jumps below 1e-9 of the larger of |r| and |v| T
-    are rounding, T being the time of the path that ends, for velocities that of all paths.
+    are rounding; T is the duration of the path that ends, for velocities that of all paths.
 
     Parameters
     ----------
     paths : sequence of Path
-        In order of time, of one batch shape and in one orbit.
+        Paths in order of time, of one batch shape and in one orbit.
 
     Returns
     -------
     Path
-        Of that shape.
+        Path of that shape.
 
     Raises
     ------
     ValueError
-        If there is no path, one is of another kind, orbits or shapes differ, there is a gap in time, or
+        If there is no path, one is of another type, orbits or shapes differ, there is a gap in time, or
         the position jumps.
     """
     chosen = _single(paths, "join")
@@ -60,7 +60,7 @@ def join(paths: Sequence[Path]) -> Path:
         gap = arcs[first, START] - before.arcs[last, END]
         if np.any(np.abs(gap) > FORGIVEN * length):
             raise ValueError(
-                f"paths: one ends and the next starts {np.abs(gap).max():g} s apart; they must follow"
+                f"paths: one ends and the next starts {np.abs(gap).max():g} s apart; close the gap"
             )
         ended = before._evaluate_rows(before.arcs[last, END : END + 1])[:, 0]
         jump = arcs[first, STATE : STATE + 6] - ended
@@ -75,14 +75,14 @@ def join(paths: Sequence[Path]) -> Path:
 
 
 def _scale(path: Path, duration: Floats) -> Floats:
-    """The larger of |r| and |v| T over the arcs of each craft (N,)."""
+    """Return the larger of |r| and |v| T over the arcs of each spacecraft (N,)."""
     sizes = np.abs(path.arcs[:, STATE : STATE + 6])
     sizes[:, 3:] *= np.repeat(duration, np.diff(path.offsets))[:, None]
     return np.maximum.reduceat(sizes.max(axis=1), path.offsets[:-1])
 
 
 def _interleaved(paths: list[Path], pieces: list[Floats]) -> Path:
-    """Arcs of each craft brought together, craft by craft."""
+    """Return a path with the arcs of all pieces sorted by spacecraft."""
     owner = np.concatenate([np.repeat(np.arange(len(p.offsets) - 1), np.diff(p.offsets)) for p in paths])
     arcs = np.concatenate(pieces)[np.argsort(owner, kind="stable")]
     offsets = np.concatenate([[0], np.cumsum(np.bincount(owner, minlength=len(paths[0].offsets) - 1))])
@@ -90,26 +90,26 @@ def _interleaved(paths: list[Path], pieces: list[Floats]) -> Path:
 
 
 def stack(paths: Sequence[Path]) -> Path:
-    """One batch out of single craft; they may have different times.
+    """Stack paths of single spacecraft into one batch; they may have different times.
 
     Parameters
     ----------
     paths : sequence of Path
-        N paths of one craft each, in one orbit.
+        N paths of one spacecraft each, in one orbit.
 
     Returns
     -------
     Path
-        Of shape (N,).
+        Path of shape (N,).
 
     Raises
     ------
     ValueError
-        If there is no path, one is of another kind or a batch, or orbits differ.
+        If there is no path, one is of another type or a batch, or orbits differ.
     """
     chosen = _single(paths, "stack")
     if any(path.shape for path in chosen):
-        raise ValueError("paths: stack takes paths of single craft; index the batches first")
+        raise ValueError("paths: stack takes paths of single spacecraft; index the batches first")
     if len(chosen) == 1:
         return path_of(chosen[0].orbit, chosen[0].arcs, chosen[0].offsets, (1,))
     offsets = np.concatenate([[0], np.cumsum([len(path.arcs) for path in chosen])])
@@ -118,7 +118,10 @@ def stack(paths: Sequence[Path]) -> Path:
 
 
 def drifting(path: Path, time: float, state: Floats | None = None) -> Path:
-    """One craft's path up to a time, and natural motion after; from a state if it began to drift before."""
+    """Return one spacecraft's path until `time`, then natural motion.
+
+    If `state` is given, the whole path is natural motion from that state.
+    """
     if state is not None:
         return drift(path.orbit, path.start, path.end, state)
     arcs = path.arcs[path.arcs[:, START] < time].copy()
@@ -130,7 +133,7 @@ def drifting(path: Path, time: float, state: Floats | None = None) -> Path:
 
 
 def drift(orbit: Orbit, start: float, end: float, state: Floats) -> Path:
-    """Natural motion from a state."""
+    """Return natural motion from a state."""
     arc = np.zeros((1, WIDTH))
     arc[0, [START, END, MEAN_MOTION]] = start, end, orbit.mean_motion
     arc[0, STATE : STATE + 6] = state

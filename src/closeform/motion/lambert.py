@@ -1,9 +1,9 @@
-"""Lambert's problem of relative motion: which start velocity drifts from place to place in a given time.
+"""Lambert's problem of relative motion: the initial velocity that coasts from one position to another.
 
-With Phi the transition matrix, r1 = Phi_rr r0 + Phi_rv v.  Phi_rv is singular where a start velocity
-changes nothing at the end: across the track after every half orbit, radially after every orbit, and
-at 1.407, 2.445 ... orbits, where tan(n t / 2) = 3 n t / 8.  There some places cannot be reached, and those
-that can be are by many velocities.
+With Phi the transition matrix, r1 = Phi_rr r0 + Phi_rv v.  Phi_rv is singular where an initial velocity does
+not change the final position: cross-track after every half orbit, radially after every orbit, and
+at 1.407, 2.445 ... orbits, where tan(n t / 2) = 3 n t / 8.  At these times some positions cannot be reached,
+and the others can be reached with many velocities.
 """
 
 from typing import TYPE_CHECKING
@@ -17,17 +17,17 @@ from closeform.motion.path import FORGIVEN, Path, path_of
 if TYPE_CHECKING:
     from closeform.motion.orbit import Orbit
 
-# Of duration times speed: the velocity along a direction that moves the end by less than this is
-# taken as free.  Larger: transfers close to such a time no longer end where they should, as paths
-# promise to 1e-9.  Smaller: the rounding of positions, divided by it, shows in the velocities.
+# Fraction of duration times speed: a velocity direction that moves the end by less than this is taken as
+# free. Larger: transfers close to such a time miss their end by more than the 1e-9 that paths promise.
+# Smaller: the rounding of positions, divided by it, appears in the velocities.
 SINGULAR = 1e-9
 
 
 def start_velocities(flow: Floats, durations: Floats, initial: Floats, final: Floats) -> Floats:
-    """Start velocities (P, 3) from whose `initial` places (P, 6) craft drift to `final` places (P, 6).
+    """Return velocities (P, 3) that coast from `initial` to `final` states (P, 6), by position.
 
-    Of those that come nearest the one for which the velocity jumps at both ends have the least sum
-    of squares.  `flow` (P, 6, 6) are the transition matrices over `durations` (P,).
+    Of the velocities that end closest, the result minimises the sum of squares of the velocity jumps at both
+    ends. `flow` (P, 6, 6) are the transition matrices over `durations` (P,).
     """
     left, sizes, right = np.linalg.svd(flow[:, :3, 3:])
     sure = sizes > SINGULAR * durations[:, None]
@@ -46,7 +46,7 @@ def start_velocities(flow: Floats, durations: Floats, initial: Floats, final: Fl
 
 
 def drifts(orbit: "Orbit", arcs: Floats, finals: Floats) -> Path:
-    """Natural motion over `arcs` (..., 30) to final states (P, 6), with an impulse at either end."""
+    """Return natural motion over `arcs` (..., 30) to final states (P, 6), with an impulse at either end."""
     rows = arcs.reshape(-1, WIDTH)
     begins, lengths = rows[:, STATE : STATE + 6].copy(), rows[:, END] - rows[:, START]
     speeds = start_velocities(orbit.transition(lengths), lengths, begins, finals)
@@ -65,7 +65,7 @@ def drifts(orbit: "Orbit", arcs: Floats, finals: Floats) -> Path:
 
 
 def _reached(orbit: "Orbit", shape: tuple[int, ...], rows: Floats, arrived: Floats, finals: Floats) -> None:
-    """ValueError where craft of a batch arrive beside their final position."""
+    """Raise ValueError if a spacecraft of a batch misses its final position."""
     if not len(rows):
         return
     lengths = rows[:, END] - rows[:, START]
@@ -80,6 +80,6 @@ def _reached(orbit: "Orbit", shape: tuple[int, ...], rows: Floats, arrived: Floa
     within = np.where(np.abs(arrived[k, :3]) > FORGIVEN * places[k], arrived[k, :3], 0.0)
     place = ", ".join(f"{coordinate:.9g}" for coordinate in within)
     raise ValueError(
-        f"final: {craft}two impulses {apart} come no nearer than {missed[k]:.6g} m, at [{place}]; "
+        f"final: {craft}two impulses {apart} miss the position by at least {missed[k]:.6g} m, at [{place}]; "
         "end there, or change the duration"
     )

@@ -1,4 +1,4 @@
-"""Small dense linear algebra inside kernels."""
+"""Small dense linear algebra for kernels."""
 
 from math import inf, sqrt
 
@@ -6,15 +6,15 @@ import numpy as np
 
 from closeform._jit import kernel
 
-ROOT = 1e-14  # of the diagonal, added
-DEPENDENT = 1e-12  # of the diagonal: less left of a row is rounding
+ROOT = 1e-14  # share of the diagonal that is added to it
+DEPENDENT = 1e-12  # share of the diagonal: a smaller remainder is rounding
 
 
 @kernel()
 def solve(matrix, rhs, size):
-    """Solve the leading `size` equations in place by scaled, pivoted elimination.
+    """Solve the first `size` equations in place by scaled, pivoted elimination.
 
-    Both arguments are spoilt; the solution is left in `rhs`.
+    Overwrites both arguments; the solution is left in `rhs`.
     """
     scale = np.empty(size)
     for j in range(size):  # columns of very different units
@@ -55,7 +55,10 @@ def solve(matrix, rhs, size):
 
 @kernel()
 def factorise(matrix, size):
-    """L D L^T of the leading block, symmetric and positive definite, in place: rows of L^T D above D."""
+    """Factorise the leading block, symmetric positive definite, as L D L^T in place.
+
+    The upper triangle holds the rows of L^T D, the diagonal holds D.
+    """
     for k in range(size):
         for i in range(k + 1, size):
             share = matrix[k, i] / matrix[k, k]
@@ -77,7 +80,7 @@ def back_substitute(matrix, rhs, size):
 
 @kernel()
 def dot(a, b):
-    """Scalar product of two vectors' first six numbers."""
+    """Return the scalar product of the first six numbers of two vectors."""
     total = 0.0
     for k in range(6):
         total += a[k] * b[k]
@@ -86,9 +89,9 @@ def dot(a, b):
 
 @kernel()
 def triangle(matrix, size):
-    """Cholesky's factor of the leading block in its lower half, for what may be of lower rank.
+    """Compute Cholesky's factor of the leading block in its lower half; the block may be rank deficient.
 
-    A row that depends on those before it has inf on the diagonal, so that substitution leaves it out.
+    A row that depends on those before it has inf on the diagonal, so that substitution ignores it.
     """
     for a in range(size):
         least = DEPENDENT * matrix[a, a]

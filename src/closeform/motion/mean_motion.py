@@ -1,4 +1,4 @@
-"""Mean motion of an altitude, a period or a semi-major axis, and back.
+"""Conversion between mean motion and altitude, period or semi-major axis.
 
 Pure NumPy; every function broadcasts.
 """
@@ -19,7 +19,7 @@ EARTH_RADIUS = 6378137.0
 """Earth's equatorial radius [m], WGS 84."""
 
 EARTH_J2 = 1.082635854e-3
-"""Earth's flattening as a zonal coefficient, no unit, JGM-3 (Tapley et al. 1996)."""
+"""Earth's oblateness as the zonal coefficient J2, no unit, JGM-3 (Tapley et al. 1996)."""
 
 
 def checked(name: str, value: ArrayLike, *, positive: bool = False, last: int | None = None) -> Any:
@@ -34,19 +34,19 @@ def checked(name: str, value: ArrayLike, *, positive: bool = False, last: int | 
 
 
 def mean_motion_from_semi_major_axis(semi_major_axis: ArrayLike, mu: float = EARTH_MU) -> Any:
-    """Mean motion of an orbit, by Kepler's third law.
+    """Return the mean motion of an orbit, by Kepler's third law.
 
     Parameters
     ----------
     semi_major_axis : array_like of shape (...) [m]
-        Of the orbit.
+        Semi-major axis of the orbit.
     mu : float [m^3/s^2], default that of the Earth
         Gravitational parameter of the body.
 
     Returns
     -------
     float or array of shape (...) [rad/s]
-        Of each orbit.
+        Mean motion of each orbit.
 
     Raises
     ------
@@ -62,7 +62,7 @@ def mean_motion_from_semi_major_axis(semi_major_axis: ArrayLike, mu: float = EAR
 
 
 def mean_motion_from_altitude(altitude: ArrayLike, mu: float = EARTH_MU, radius: float = EARTH_RADIUS) -> Any:
-    """Mean motion of a circular orbit at some altitude, by Kepler's third law.
+    """Return the mean motion of a circular orbit at an altitude, by Kepler's third law.
 
     Parameters
     ----------
@@ -71,12 +71,12 @@ def mean_motion_from_altitude(altitude: ArrayLike, mu: float = EARTH_MU, radius:
     mu : float [m^3/s^2], default that of the Earth
         Gravitational parameter of the body.
     radius : float [m], default the Earth's equatorial
-        Of the body.
+        Radius of the body.
 
     Returns
     -------
     float or array of shape (...) [rad/s]
-        Of each orbit.
+        Mean motion of each orbit.
 
     Raises
     ------
@@ -92,17 +92,17 @@ def mean_motion_from_altitude(altitude: ArrayLike, mu: float = EARTH_MU, radius:
 
 
 def mean_motion_from_period(period: ArrayLike) -> Any:
-    """Mean motion of an orbit of some period.
+    """Return the mean motion of an orbit from its period.
 
     Parameters
     ----------
     period : array_like of shape (...) [s]
-        Of one turn.
+        Duration of one revolution.
 
     Returns
     -------
     float or array of shape (...) [rad/s]
-        2 pi over it.
+        Mean motion, 2 pi / period.
 
     Raises
     ------
@@ -117,19 +117,19 @@ def mean_motion_from_period(period: ArrayLike) -> Any:
 
 
 def semi_major_axis_from_mean_motion(mean_motion: ArrayLike, mu: float = EARTH_MU) -> Any:
-    """Semi-major axis of an orbit, by Kepler's third law.
+    """Return the semi-major axis of an orbit, by Kepler's third law.
 
     Parameters
     ----------
     mean_motion : array_like of shape (...) [rad/s]
-        Of the orbit.
+        Mean motion of the orbit.
     mu : float [m^3/s^2], default that of the Earth
         Gravitational parameter of the body.
 
     Returns
     -------
     float or array of shape (...) [m]
-        Of each orbit.
+        Semi-major axis of each orbit.
 
     Raises
     ------
@@ -147,21 +147,21 @@ def semi_major_axis_from_mean_motion(mean_motion: ArrayLike, mu: float = EARTH_M
 def altitude_from_mean_motion(
     mean_motion: ArrayLike, mu: float = EARTH_MU, radius: float = EARTH_RADIUS
 ) -> Any:
-    """Altitude of a circular orbit, by Kepler's third law.
+    """Return the altitude of a circular orbit, by Kepler's third law.
 
     Parameters
     ----------
     mean_motion : array_like of shape (...) [rad/s]
-        Of the orbit.
+        Mean motion of the orbit.
     mu : float [m^3/s^2], default that of the Earth
         Gravitational parameter of the body.
     radius : float [m], default the Earth's equatorial
-        Of the body.
+        Radius of the body.
 
     Returns
     -------
     float or array of shape (...) [m]
-        Above the body's surface; negative for an orbit inside of it.
+        Altitude above the body's surface; negative for an orbit inside the body.
 
     Raises
     ------
@@ -176,17 +176,17 @@ def altitude_from_mean_motion(
 
 
 def period_from_mean_motion(mean_motion: ArrayLike) -> Any:
-    """Period of an orbit of some mean motion.
+    """Return the period of an orbit from its mean motion.
 
     Parameters
     ----------
     mean_motion : array_like of shape (...) [rad/s]
-        Of the orbit.
+        Mean motion of the orbit.
 
     Returns
     -------
     float or array of shape (...) [s]
-        Of one turn.
+        Duration of one revolution.
 
     Raises
     ------

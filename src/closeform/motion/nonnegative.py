@@ -2,8 +2,8 @@
 
     minimise   |target - sum of m_k columns_k|^2 / 2 + costs . m     over m >= 0
 
-By active sets (Lawson and Hanson): the column of the steepest descent joins, and whoever would fall
-below nothing leaves.  Those that are active are linearly independent: no more than six.
+The active-set method of Lawson and Hanson: the column of steepest descent joins, and a column whose weight
+would become negative leaves.  Active columns are linearly independent: at most six.
 """
 
 from closeform._jit import kernel
@@ -11,14 +11,14 @@ from closeform.kernel_loans import stack_matrix, stack_vector
 from closeform.motion.linear import back_substitute, factorise
 
 MOST = 6  # active columns: more are linearly dependent
-RIDGE = 1e-15  # of the longest column's square, added to the active ones' Gram matrix
-FINE = 1e-13  # of the steepest descent at the start, that nobody who is idle may exceed
+RIDGE = 1e-15  # share of the longest column's square, added to the active columns' Gram matrix
+FINE = 1e-13  # largest descent of an inactive column at the end, as a share of the steepest at the start
 EXCHANGES = 60
 
 
 @kernel()
 def left_over(columns, target, weights, active, count, rest):
-    """Fill `rest` with what the active columns leave of the target."""
+    """Fill `rest` with the target less the weighted active columns."""
     for i in range(6):
         rest[i] = target[i]
     for a in range(count):
@@ -29,7 +29,7 @@ def left_over(columns, target, weights, active, count, rest):
 
 @kernel()
 def balance(columns, target, costs, weights, active, count, rest, gram, aims):
-    """Fill `aims` with the weights at which no active column would change, once more on what is left over."""
+    """Fill `aims` with the stationary weights of the active columns, refined by one step on the residual."""
     longest = 0.0
     for a in range(count):
         for b in range(a, count):
@@ -53,7 +53,7 @@ def balance(columns, target, costs, weights, active, count, rest, gram, aims):
 
 @kernel()
 def nonnegative(columns, size, target, costs, weights, active):
-    """Fill `weights` (K,) and list the positive ones in `active`; returns how many these are."""
+    """Fill `weights` (K,) and list the positive ones in `active`; return their number."""
     rest, aims, gram = stack_vector(6), stack_vector(MOST), stack_matrix(MOST, MOST)
     count = 0
     for k in range(size):
@@ -90,6 +90,6 @@ def nonnegative(columns, size, target, costs, weights, active):
             count -= 1
             for a in range(leaves, count):
                 active[a] = active[a + 1]
-        if weights[joins] == 0.0:  # rounding: it would come and go
+        if weights[joins] == 0.0:  # rounding: the column would join and leave forever
             break
     return count

@@ -1,4 +1,4 @@
-"""Orbit: the frame in which craft move, and the paths that they can take in it."""
+"""A circular reference orbit, and the paths that spacecraft can take in its rotating frame."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Orbit(CircularOrbit):
-    """A circular reference orbit, in whose rotating frame craft move.
+    """A circular reference orbit, in whose rotating frame spacecraft move.
 
     States are positions and their rates: x radial outward, y along the velocity, z along the orbit
-    normal.  In deep space the frame does not turn.  Whatever moves does so for 1e-12 s at least and 1e6
-    orbits at most.
+    normal.  In deep space the frame does not rotate.  A motion lasts at least 1e-12 s and at most 1e6
+    orbits.
 
     Parameters
     ----------
@@ -52,12 +52,12 @@ class Orbit(CircularOrbit):
     """
 
     def coast(self, state: ArrayLike, duration: ArrayLike, start: ArrayLike = 0.0) -> Path:
-        """Natural motion from a state.
+        """Return natural motion from a state.
 
         Parameters
         ----------
         state : array_like of shape (..., 6) [m, m/s]
-            At the start, in the rotating frame.
+            State at the start, in the rotating frame.
         duration : array_like of shape (...) [s]
             Above 0.
         start : array_like of shape (...) [s], default 0
@@ -66,7 +66,7 @@ class Orbit(CircularOrbit):
         Returns
         -------
         Path
-            Of the broadcast shape.
+            Path of the broadcast shape.
 
         Raises
         ------
@@ -88,37 +88,37 @@ class Orbit(CircularOrbit):
         max_acceleration: ArrayLike | None = None,
         cost: Literal["energy", "delta-v"] = "energy",
     ) -> Path:
-        """The optimal path between two states: of least half-integral of |thrust|^2, or of least delta-v.
+        """Return the optimal path between two states: of minimum control energy, or of minimum delta-v.
 
         Parameters
         ----------
         initial : array_like of shape (..., 6) [m, m/s]
-            In the rotating frame.
+            State at the start, in the rotating frame.
         final : array_like of shape (..., 6) [m, m/s]
-            In the rotating frame.
+            State at the end, in the rotating frame.
         duration : array_like of shape (...) [s]
             Above 0.
         start : array_like of shape (...) [s], default 0
             Time of the initial state; all arguments broadcast, so that `transfer(a[:, None], b, T).energy` is
             the matrix of costs from every a to every b.
         max_acceleration : array_like of shape (...) [m/s^2], default None
-            That thrust never exceeds, in the given time; None is no limit.
+            Limit of the thrust acceleration; None for no limit.
         cost : {"energy", "delta-v"}, default "energy"
-            What is least: the energy, or the integral of |thrust|, by burns at the limit and coasts between
-            them; without a limit by impulses (`impulsive`).
+            Quantity to minimise: control energy, or the integral of |thrust|.  Minimum delta-v consists of
+            burns at the limit with coasts between them, and of impulses if there is no limit (`impulsive`).
 
         Returns
         -------
         Path
-            Of the broadcast shape.  It keeps the limit to 1e-9, and costs at most 1e-6 more than a lower
-            bound that is found with it.
+            Path of the broadcast shape.  It keeps the limit to 1e-9, and its cost exceeds a lower bound,
+            which is computed with it, by at most a relative 1e-6.
 
         Raises
         ------
         ValueError
-            If no thrust within the limit makes the transfer, which is proved: the message names the craft
-            and a limit that is enough; if a limit or a duration is not positive, a duration is too long,
-            shapes do not fit, or a number is not finite.
+            If no thrust within the limit makes the transfer, which is proven: the message names the
+            spacecraft and a sufficient limit; if a limit or a duration is not positive, a duration is too
+            long, shapes do not fit, or a number is not finite.
 
         References
         ----------
@@ -147,7 +147,7 @@ class Orbit(CircularOrbit):
     def two_impulse(
         self, initial: ArrayLike, final: ArrayLike, duration: ArrayLike, start: ArrayLike = 0.0
     ) -> Path:
-        """The drift between two states with an impulse at each end.
+        """Return the coast between two states, with an impulse at each end.
 
         Parameters
         ----------
@@ -163,18 +163,19 @@ class Orbit(CircularOrbit):
         Returns
         -------
         Path
-            Of the broadcast shape.
+            Path of the broadcast shape.
 
         Raises
         ------
         ValueError
-            If no two impulses reach a final position in the duration (it says how near they come), a duration
-            is not positive or too long, shapes do not fit, or a number is not finite.
+            If no two impulses reach a final position in the duration (the message gives the miss distance), a
+            duration is not positive or too long, shapes do not fit, or a number is not finite.
 
         Notes
         -----
-        At times at which a start velocity changes nothing along some direction, as after half an orbit, many
-        drifts meet a place or none does: of many it is that of the least sum of both impulses squared.
+        At times when an initial velocity has no effect along some direction, as after half an orbit, either
+        many coasts reach a position or none does: of many, the result minimises the sum of both impulses
+        squared.
 
         References
         ----------
@@ -190,7 +191,7 @@ class Orbit(CircularOrbit):
         start: ArrayLike = 0.0,
         thrusters: Thrusters | None = None,
     ) -> Path:
-        """The impulses of least delta-v between two states in a given time: at most six.
+        """Return the minimum-delta-v impulses between two states in a given time: at most six.
 
         Parameters
         ----------
@@ -201,25 +202,27 @@ class Orbit(CircularOrbit):
         duration : array_like of shape (...) [s]
             Above 0, at most 100 orbits.
         start : array_like of shape (...) [s], default 0
-            Time at which the craft leaves; all arguments broadcast, and all cores work on a batch.
+            Departure time; all arguments broadcast, and a batch is computed on all cores.
         thrusters : Thrusters, optional
-            Only these push, and delta-v is summed over them: several that fire at once are as many impulses.
+            Use these thrusters only, and sum delta-v over them: several that fire at once are as many
+            impulses.
 
         Returns
         -------
         Path
-            Of the broadcast shape; `impulses` lists times and velocities of one craft's.
+            Path of the broadcast shape; `impulses` lists times and velocity changes of one spacecraft.
 
         Raises
         ------
         ValueError
             If a duration is not positive or too long, shapes do not fit, a number is not finite, or the
-            thrusters cannot make a transfer (it says why).
+            thrusters cannot make a transfer (the message says why).
 
         Notes
         -----
-        `least_delta_v` tells what is proven of it. Where a whole face of plans costs the same, it is one of
-        them. In deep space it is `two_impulse`; between states of one natural motion there is no impulse.
+        `least_delta_v` reports the certified bound of the cost. If several plans have the same cost, the
+        result is one of them. In deep space it equals `two_impulse`; between states of one natural motion
+        there is no impulse.
 
         References
         ----------
@@ -232,7 +235,8 @@ class Orbit(CircularOrbit):
         >>> len(path.impulses), round(path.delta_v, 4)
         (4, 0.0235)
         """
-        # Here: who needs no impulses compiles none, and loads no linear programs.
+        # Imported here so that a program without impulses neither compiles them nor loads linear
+        # programming.
         from closeform.motion.impulse_arcs import flown_arcs
         from closeform.motion.impulses import answers
 
@@ -255,25 +259,26 @@ class Orbit(CircularOrbit):
         start: ArrayLike = 0.0,
         frame: Literal["orbit", "inertial"] = "orbit",
     ) -> Path:
-        """Constant thrust from a state.
+        """Return motion under constant thrust from a state.
 
         Parameters
         ----------
         state : array_like of shape (..., 6) [m, m/s]
-            At the start, in the rotating frame.
+            State at the start, in the rotating frame.
         acceleration : array_like of shape (..., 3) [m/s^2]
-            In `frame`.
+            Thrust acceleration in `frame`.
         duration : array_like of shape (...) [s]
             Above 0.
         start : array_like of shape (...) [s], default 0
             Time of the state; all arguments broadcast.
         frame : "orbit" or "inertial", default "orbit"
-            In which the thrust is fixed: the rotating one, or inertial axes, those of the orbit at time 0.
+            Frame in which the thrust is constant: the rotating one, or inertial axes equal to the orbit's at
+            time 0.
 
         Returns
         -------
         Path
-            Of the broadcast shape.
+            Path of the broadcast shape.
 
         Raises
         ------
@@ -295,32 +300,32 @@ class Orbit(CircularOrbit):
         return self._path(arcs)
 
     def sampled(self, times: ArrayLike, states: ArrayLike) -> Path:
-        """The path through some states: Hill's motion where craft coast, cubics elsewhere.
+        """Return the path through states: natural motion where spacecraft coast, cubics elsewhere.
 
         Parameters
         ----------
         times : array_like of shape (T,) [s]
-            Rising, T >= 2.
+            Increasing, T >= 2.
         states : array_like of shape (..., T, 6) [m, m/s]
-            At these times, in the rotating frame; all are met.
+            States at these times, in the rotating frame; the path passes through all of them.
 
         Returns
         -------
         Path
-            Of the states' leading shape; see its `interpolation_error` and `cubic_share`.
+            Path of the states' leading shape; see its `interpolation_error` and `cubic_share`.
 
         Raises
         ------
         ValueError
-            If times do not rise, shapes do not fit, a number is not finite, or from one time to the next is
-            too long.
+            If times do not increase, shapes do not fit, a number is not finite, or an interval between times
+            is too long.
 
         Notes
         -----
-        From one sample to the next the path is the optimal transfer in this orbit where that needs less than
-        a tenth of the energy that a cubic would: there the craft coasts but for little.  Elsewhere it is the
-        cubic (Hermite), which is the transfer at n = 0: samples h apart leave its position off by at most
-        h^4/384 max|r''''|, its velocity by h^3/124 max|r''''|, per axis.
+        Between two samples the path is the optimal transfer in this orbit if that needs less than a tenth of
+        the energy of a cubic: there the spacecraft nearly coasts.  Otherwise it is the cubic (Hermite), which
+        is the transfer at n = 0: for samples h apart its position error is at most h^4/384 max|r''''|, its
+        velocity error h^3/124 max|r''''|, per axis.
 
         References
         ----------
@@ -329,7 +334,10 @@ class Orbit(CircularOrbit):
         return self._through(times, states)
 
     def _through(self, times: ArrayLike, states: ArrayLike, arrivals: Floats | None = None) -> Path:
-        """The path through samples, by impulses, at its ends too, where `arrivals` are other states."""
+        """Return the path through samples.
+
+        Where `arrivals` differ from `states` the path has impulses, also at its ends.
+        """
         arcs = arcs_through(self.mean_motion, times, states, arrivals)
         *batch, each, _ = arcs.shape
         offsets = each * np.arange(int(np.prod(batch, dtype=int)) + 1)

@@ -1,4 +1,4 @@
-"""Palmer's coordinates [e1, e2, d, l, h1, h2] of a state in the Hill frame, and back.
+"""Conversion between states in the Hill frame and Palmer's coordinates [e1, e2, d, l, h1, h2].
 
 Pure NumPy; both broadcast over leading shapes.
 """
@@ -13,21 +13,21 @@ from closeform.motion.mean_motion import checked
 
 
 def palmer_from_state(state: ArrayLike, mean_motion: ArrayLike) -> Floats:
-    """Palmer's phase-space coordinates of a state in the Hill frame.
+    """Return Palmer's phase-space coordinates of a state in the Hill frame.
 
     Parameters
     ----------
     state : array_like of shape (..., 6) [m, m/s]
-        In the Hill frame of a circular orbit.
+        State in the Hill frame of a circular orbit.
     mean_motion : array_like of shape (...) [rad/s]
-        Of that orbit; shapes broadcast.
+        Mean motion of that orbit; shapes broadcast.
 
     Returns
     -------
     array of shape (..., 6) [m]
         Coordinates [e1, e2, d, l, h1, h2]: (e1, e2) is the eccentricity difference, d and l the
         difference of semi-major axis and of mean longitude, (h1, h2) that of inclination.  All are
-        constant or turn uniformly, save l, which drifts.
+        constant or rotate uniformly, except l, which drifts.
 
     Raises
     ------
@@ -47,19 +47,19 @@ def palmer_from_state(state: ArrayLike, mean_motion: ArrayLike) -> Floats:
 
 
 def state_from_palmer(palmer: ArrayLike, mean_motion: ArrayLike) -> Floats:
-    """State in the Hill frame: the inverse of `palmer_from_state`.
+    """Return the state in the Hill frame: the inverse of `palmer_from_state`.
 
     Parameters
     ----------
     palmer : array_like of shape (..., 6) [m]
         Coordinates [e1, e2, d, l, h1, h2].
     mean_motion : array_like of shape (...) [rad/s]
-        Of the circular orbit; shapes broadcast.
+        Mean motion of the circular orbit; shapes broadcast.
 
     Returns
     -------
     array of shape (..., 6) [m, m/s]
-        In the Hill frame.
+        State in the Hill frame.
 
     Raises
     ------

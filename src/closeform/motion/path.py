@@ -1,4 +1,4 @@
-"""Path: motion as arcs in closed form, for one craft or a whole batch."""
+"""Paths: motion as arcs in closed form, of one spacecraft or of a batch."""
 
 from __future__ import annotations
 
@@ -20,12 +20,15 @@ from closeform.result import Result
 if TYPE_CHECKING:
     from closeform.motion.orbit import Orbit
 
-FORGIVEN = 1e-9  # of the path's length, outside of it; of its scale, between joined arcs
+FORGIVEN = 1e-9  # accepted rounding, relative to the duration, and between joined arcs to the scale
 
 
 @kernel(void(float64[:, ::1], int64[::1], float64, float64[:, ::1], float64[:, :, ::1]))
 def evaluate(arcs: Floats, offsets: Any, n: float, times: Floats, out: Floats) -> None:
-    """States, or thrusts where `out` has three columns; `times` has a row for all or one for each."""
+    """Fill `out` with states, or with thrusts if it has three columns.
+
+    `times` has one row for all paths or one for each.
+    """
     for p in range(len(offsets) - 1):
         for k in range(times.shape[1]):
             t = times[p if len(times) > 1 else 0, k]
@@ -41,20 +44,20 @@ def evaluate(arcs: Floats, offsets: Any, n: float, times: Floats, out: Floats) -
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Path(Result):
-    """Motion of one craft, or of a batch of craft, in one orbit's rotating frame.
+    """Motion of one spacecraft, or of a batch of spacecraft, in the rotating frame of one orbit.
 
-    Made by an `Orbit`, `join` and `stack`.  Index a batch like an array to get some of its craft.
+    Paths are made by an `Orbit`, `join` and `stack`.  Index a batch like an array to select spacecraft.
 
     Attributes
     ----------
     orbit : Orbit
-        Whose frame it is.
+        Orbit whose rotating frame is used.
     arcs : array of shape (M, 30) [s, m, m/s, m/s^2]
-        The arcs of every craft, one after another; a row is described in `closeform.motion.arc`.
+        Arcs of all spacecraft, one after another; a row is described in `closeform.motion.arc`.
     offsets : array of int of shape (N + 1,)
-        Where the arcs of each craft begin, and the end of the last.
+        Index of the first arc of each spacecraft, and the number of arcs.
     shape : tuple of int
-        Of the batch: () for one craft.
+        Shape of the batch: () for one spacecraft.
 
     Raises
     ------
@@ -77,13 +80,13 @@ class Path(Result):
         whole = offsets.dtype.kind in "iu" and offsets.ndim == 1 and len(offsets) > 0
         if not (whole and offsets[0] == 0 and offsets[-1] == len(arcs) and (np.diff(offsets) >= 0).all()):
             raise ValueError(
-                f"offsets: expected where arcs begin, from 0 to {len(arcs)}, got {shown(self.offsets)}"
+                f"offsets: expected indices of first arcs, from 0 to {len(arcs)}, got {shown(self.offsets)}"
             )
         sides = isinstance(self.shape, tuple) and all(
             isinstance(side, int | np.integer) for side in self.shape
         )
         if not sides or math.prod(self.shape) != len(offsets) - 1:
-            raise ValueError(f"shape: expected one of {len(offsets) - 1} craft, got {shown(self.shape)}")
+            raise ValueError(f"shape: expected one of {len(offsets) - 1} spacecraft, got {shown(self.shape)}")
         object.__setattr__(self, "arcs", arcs)
         object.__setattr__(self, "offsets", np.ascontiguousarray(offsets, dtype=np.int64))
 
@@ -98,22 +101,22 @@ class Path(Result):
         return self._shaped(self.arcs[self.offsets[1:] - 1, END])
 
     def state(self, time: ArrayLike) -> Floats:
-        """States at some times.
+        """Return states at given times.
 
         Parameters
         ----------
         time : array_like of shape (...) [s]
-            On the path; at an impulse the state is the one after it.
+            Times on the path; at an impulse the state is the one after it.
 
         Returns
         -------
         array of shape (*path, ..., 6) [m, m/s]
-            In the rotating frame, for each craft of the path's shape.
+            States in the rotating frame, for each spacecraft of the path's shape.
 
         Raises
         ------
         ValueError
-            If a time is outside of the path (1e-9 of its length is forgiven) or not finite.
+            If a time is outside of the path (by more than 1e-9 of its duration) or not finite.
 
         References
         ----------
@@ -122,22 +125,22 @@ class Path(Result):
         return self._evaluate(time, 6)
 
     def position(self, time: ArrayLike) -> Floats:
-        """Positions at some times.
+        """Return positions at given times.
 
         Parameters
         ----------
         time : array_like of shape (...) [s]
-            On the path.
+            Times on the path.
 
         Returns
         -------
         array of shape (*path, ..., 3) [m]
-            In the rotating frame, for each craft of the path's shape.
+            Positions in the rotating frame, for each spacecraft of the path's shape.
 
         Raises
         ------
         ValueError
-            If a time is outside of the path (1e-9 of its length is forgiven) or not finite.
+            If a time is outside of the path (by more than 1e-9 of its duration) or not finite.
 
         References
         ----------
@@ -146,22 +149,22 @@ class Path(Result):
         return self.state(time)[..., :3]
 
     def velocity(self, time: ArrayLike) -> Floats:
-        """Velocities at some times.
+        """Return velocities at given times.
 
         Parameters
         ----------
         time : array_like of shape (...) [s]
-            On the path; at an impulse the velocity is the one after it.
+            Times on the path; at an impulse the velocity is the one after it.
 
         Returns
         -------
         array of shape (*path, ..., 3) [m/s]
-            In the rotating frame, for each craft of the path's shape.
+            Velocities in the rotating frame, for each spacecraft of the path's shape.
 
         Raises
         ------
         ValueError
-            If a time is outside of the path (1e-9 of its length is forgiven) or not finite.
+            If a time is outside of the path (by more than 1e-9 of its duration) or not finite.
 
         References
         ----------
@@ -170,23 +173,23 @@ class Path(Result):
         return self.state(time)[..., 3:]
 
     def thrust(self, time: ArrayLike) -> Floats:
-        """Thrust accelerations at some times, without impulses.
+        """Return thrust accelerations at given times, without impulses.
 
         Parameters
         ----------
         time : array_like of shape (...) [s]
-            On the path.
+            Times on the path.
 
         Returns
         -------
         array of shape (*path, ..., 3) [m/s^2]
-            In the rotating frame, for each craft of the path's shape; of a path through samples what its
-            motion asks for.
+            Thrust in the rotating frame, for each spacecraft of the path's shape; for a path through samples
+            the thrust that its motion requires.
 
         Raises
         ------
         ValueError
-            If a time is outside of the path (1e-9 of its length is forgiven) or not finite.
+            If a time is outside of the path (by more than 1e-9 of its duration) or not finite.
 
         References
         ----------
@@ -196,9 +199,9 @@ class Path(Result):
 
     @property
     def energy(self) -> Any:
-        """Half the integral of |thrust|^2 [m^2/s^3], per unit mass, of the path's shape; inf with an impulse.
+        """Control energy [m^2/s^3] per unit mass, half the integral of |thrust|^2, of the path's shape.
 
-        docs/theory.md (7).
+        It is inf with an impulse. docs/theory.md (7).
         """
         energy = self._total(ENERGY)
         impulsive = np.abs(self.arcs[:, IMPULSE : IMPULSE + 3]).sum(axis=1) > 0
@@ -207,22 +210,23 @@ class Path(Result):
 
     @property
     def delta_v(self) -> Any:
-        """Integral of |thrust| and the sizes of all impulses [m/s], to 1e-9, of the path's shape."""
+        """Integral of |thrust| plus the sizes of all impulses [m/s], to 1e-9, of the path's shape."""
         jumps = np.linalg.norm(self.arcs[:, IMPULSE : IMPULSE + 3], axis=1)
         return self._shaped(self._total(DELTA_V) + np.add.reduceat(jumps, self.offsets[:-1]))
 
     @property
     def peak_thrust(self) -> Any:
-        """Greatest |thrust| [m/s^2], of the path's shape, to 1e-9 of itself; impulses are not in it."""
+        """Greatest |thrust| [m/s^2] without impulses, to a relative 1e-9, of the path's shape."""
         return self._shaped(self._total(PEAK))
 
     @property
     def interpolation_error(self) -> Any:
-        """How far craft may have been from a path through samples, an estimate [m], of the path's shape.
+        """Estimated position error between the samples of a path [m], of the path's shape.
 
-        a h^2 / 16, the greatest for all samples, h apart, with a the acceleration that the path has
-        beside natural motion: as far as a craft can be that thrusts by a more or less.  A visit that
-        it thrusts for harder, and that ends before the next sample, is in no sample to be seen.
+        The estimate is a h^2 / 16, the maximum over all intervals h between samples, with a the
+        acceleration of the path beyond natural motion: the distance that a spacecraft can cover with
+        a thrust that differs by a. A manoeuvre with more thrust that ends before the next sample
+        leaves no trace in the samples.
         """
         return self._shaped(self._total(HIDDEN))
 
@@ -230,33 +234,34 @@ class Path(Result):
     def cubic_share(self) -> Any:
         """Share of the arcs that are cubics through samples, no unit, of the path's shape.
 
-        The others are motion in this orbit.  In deep space it is 0, as cubics are its motion.
+        The others are motion in this orbit. The share is 0 in deep space, where natural motion is
+        cubic.
         """
         cubic = self.arcs[:, MEAN_MOTION] != self.orbit.mean_motion
         return self._shaped(np.add.reduceat(cubic, self.offsets[:-1], dtype=float) / np.diff(self.offsets))
 
     @property
     def impulses(self) -> tuple[tuple[float, Floats], ...]:
-        """Velocity jumps of one craft in order of time: (time [s], jump (3,) [m/s] in the rotating frame).
+        """Velocity jumps of one spacecraft in order of time: (time [s], jump (3,) [m/s]).
 
         Raises ValueError for a batch: index it first.
         """
         if self.shape:
-            raise ValueError(f"impulses: of one craft at a time, this path has shape {self.shape}; index it")
+            raise ValueError(f"impulses: requires one spacecraft, this path has shape {self.shape}; index it")
         jumps = self.arcs[:, IMPULSE : IMPULSE + 3]
         return tuple((float(self.arcs[k, START]), jumps[k].copy()) for k in np.flatnonzero(jumps.any(axis=1)))
 
     def __len__(self) -> int:
         if not self.shape:
-            raise TypeError("a path of one craft has no length")
+            raise TypeError("a path of one spacecraft has no length")
         return self.shape[0]
 
     def __bool__(self) -> bool:
-        return not self.shape or self.shape[0] > 0  # one craft's path is there, though it has no length
+        return not self.shape or self.shape[0] > 0  # a single path is true, without a length
 
     def __getitem__(self, index: Any) -> Path:
         if not self.shape:
-            raise IndexError("a path of one craft cannot be indexed")
+            raise IndexError("a path of one spacecraft cannot be indexed")
         chosen = np.arange(len(self.offsets) - 1).reshape(self.shape)[index]
         return self._gathered(np.ravel(chosen), np.shape(chosen))
 
@@ -297,7 +302,7 @@ class Path(Result):
         return out.reshape(self.shape + times.shape + (columns,))
 
     def _at(self, index: Any, times: Floats) -> Floats:
-        """State (M, 6) of craft `index` (M,) of the flattened batch, each at its own time (M,)."""
+        """Return states (M, 6) of spacecraft `index` (M,) of the flattened batch at times (M,)."""
         return self._gathered(index, index.shape)._evaluate_rows(times[:, None])[:, 0]
 
     def _evaluate_rows(self, times: Floats, columns: int = 6) -> Floats:
@@ -307,31 +312,31 @@ class Path(Result):
 
 
 def of_one_craft(path: Path) -> Path:
-    """An argument `path` as it is; ValueError unless it is that of one craft."""
+    """Return `path`; raise ValueError unless it is that of one spacecraft."""
     if instance("path", path, Path).shape:
-        raise ValueError(f"path: of one craft, got shape {path.shape}; index it")
+        raise ValueError(f"path: requires one spacecraft, got shape {path.shape}; index it")
     return path
 
 
 def fires_impulses(path: Path) -> bool:
-    """Whether any craft's velocity jumps."""
+    """Return True if the velocity of any spacecraft jumps."""
     return bool(path.arcs[:, IMPULSE : IMPULSE + 3].any())
 
 
 def runs_of(which: Any) -> Any:
-    """Arcs without a pause (R, 2), of those (M,) that are meant: the first, and the one after the last."""
+    """Return runs (R, 2) of consecutive True in `which` (M,): the first index, and the one after the last."""
     return np.flatnonzero(np.diff(np.concatenate([[False], which, [False]]))).reshape(-1, 2)
 
 
 def ends_of(path: Path) -> tuple[Floats, Floats]:
-    """States (6,) of one craft's path before an impulse at its start, and at its end."""
+    """Return the states (6,) of one spacecraft before an impulse at its start, and at its end."""
     first = path.arcs[0, STATE : STATE + 6].copy()
     first[3:] -= path.arcs[0, IMPULSE : IMPULSE + 3]
     return first, path.state(path.end)
 
 
 def path_of(orbit: Orbit, arcs: Floats, offsets: Any, shape: tuple[int, ...]) -> Path:
-    """Of contiguous arcs and offsets (int64) that fit, which nobody needs to look at again."""
+    """Return a path of contiguous arcs and offsets (int64) without validating them."""
     path = object.__new__(Path)
     path.__dict__.update(orbit=orbit, arcs=arcs, offsets=offsets, shape=shape)
     return path

@@ -1,6 +1,6 @@
-"""The primer: the thrust direction and worth of delta-v along a transfer, itself a natural motion.
+"""The primer of a transfer: its thrust direction and marginal value of delta-v, itself a natural motion.
 
-A primer over [0, T] is fixed by six numbers c, its start p(0) and its start rate p'(0):
+A primer over [0, T] is determined by six numbers c, its start p(0) and its start rate p'(0):
 
     p(t) = Psi(t) c                Psi, the rows of the transition matrix that give positions    # theory (26)
 
@@ -8,10 +8,10 @@ By weak duality any thrust u and impulses v_k that make a transfer obey
 
     g . c = integral of p . u dt + sum of p(t_k) . v_k                                           # theory (27)
 
-with g linear in what is to be gained.  So |p| <= 1 throughout makes g . c a lower bound of delta-v,
-and all that has to be certain is the greatest |p|.  That is found piece by piece: on each the Taylor
-series of |p|^2 with its remainder tells that it stays below a level, has no maximum inside, or is
-concave and has one, or that it is flat to rounding.
+with g linear in the required change of state.  So |p| <= 1 throughout makes g . c a lower bound of delta-v,
+and only the greatest |p| has to be certified.  It is found piece by piece: on each the Taylor
+series of |p|^2 with its remainder shows that |p| stays below a level, has no maximum inside, is
+concave and has one, or is constant up to rounding.
 """
 
 from math import sqrt
@@ -22,15 +22,15 @@ from closeform.motion.arc import END, MEAN_MOTION, START, THRUST, acceleration
 from closeform.motion.hill import coast, oscillation
 
 WIDEST = 0.5  # half of a piece in n t: more, and most are cut; less, and there are more
-FLAT = 1e-13  # of |p|^2: by less it changes over a piece that is not cut any further
+FLAT = 1e-13  # relative change of |p|^2 below which a piece is not divided
 DEGREE = 8  # of the series of |p|^2
-NARROWEST = 1e-6  # of the widest piece: by then |p|^2 is flat where its slope and its bend vanish
-APART = 1e-9  # of their time: maxima no further apart are one
+NARROWEST = 1e-6  # share of the widest piece: by then |p|^2 is flat where its slope and curvature are zero
+APART = 1e-9  # share of their time: maxima closer than that are one
 
 
 @kernel()
 def position_rows(n, t, psi):
-    """Fill `psi` (3, 6): the position after time t of a natural motion by its start state."""
+    """Fill `psi` (3, 6), which maps the initial state of a natural motion to the position after time t."""
     p0, p1, p2 = oscillation(n, t)
     nn = n * n
     for i in range(3):
@@ -44,7 +44,7 @@ def position_rows(n, t, psi):
 
 @kernel()
 def rate_rows(n, t, rates):
-    """Fill `rates` (3, 6): the velocity after time t of a natural motion by its start state."""
+    """Fill `rates` (3, 6), which maps the initial state of a natural motion to the velocity after time t."""
     p0, p1, _ = oscillation(n, t)
     nn = n * n
     for i in range(3):
@@ -58,9 +58,9 @@ def rate_rows(n, t, rates):
 
 @kernel()
 def functional(n, x, y, z, vx, vy, vz, g):
-    """Fill `g` (6,): what a state gained at time 0 is worth to a primer of start c is g . c.   # theory (27)
+    """Fill `g` (6,): a change of state at time 0 is worth g . c to the primer that starts at c, theory (27).
 
-    What is to be gained over a duration T is, seen at time 0, coast(n, -T, final) - initial.
+    The required change over a duration T, seen at time 0, is coast(n, -T, final) - initial.
     """
     g[0], g[1], g[2] = vx - 2.0 * n * y, vy + 2.0 * n * x, vz
     g[3], g[4], g[5] = -x, -y, -z
@@ -68,7 +68,7 @@ def functional(n, x, y, z, vx, vy, vz, g):
 
 @kernel()
 def gained(n, arc, final, g):
-    """Fill `g` (6,): what it is worth to go from an arc's state to a final one in its time."""
+    """Fill `g` (6,), the `functional` of a transfer from an arc's state to a final one in the arc's time."""
     x, y, z, vx, vy, vz = coast(
         n, arc[START] - arc[END], final[0], final[1], final[2], final[3], final[4], final[5]
     )
@@ -77,14 +77,14 @@ def gained(n, arc, final, g):
 
 @kernel()
 def store_primer(c, arc):
-    """Make the start `c` (6,) the thrust of an arc and its rate."""
+    """Store the start `c` (6,) as the thrust of an arc and its rate."""
     for k in range(6):
         arc[THRUST + k] = c[k]
 
 
 @kernel()
 def load_primer(arc, c):
-    """The start `c` (6,) of an arc's thrust and its rate; returns the arc's mean motion and duration."""
+    """Fill `c` (6,) with an arc's thrust and its rate; return the arc's mean motion and duration."""
     for k in range(6):
         c[k] = arc[THRUST + k]
     return arc[MEAN_MOTION], arc[END] - arc[START]
@@ -92,7 +92,7 @@ def load_primer(arc, c):
 
 @kernel()
 def square_at(n, c, t):
-    """|p|^2 / 2 at time t and its first two derivatives."""
+    """Return |p|^2 / 2 at time t and its first two derivatives."""
     x, y, z, vx, vy, vz = coast(n, t, c[0], c[1], c[2], c[3], c[4], c[5])
     ax, ay, az = acceleration(n, x, z, vx, vy)
     bend = vx * vx + vy * vy + vz * vz + x * ax + y * ay + z * az
@@ -101,9 +101,9 @@ def square_at(n, c, t):
 
 @kernel()
 def series(n, c, t, h, p, sizes, f):
-    """Fill `f` (9,): |p|^2 = f_0 + f_1 s + ... at time t + h s; returns a bound of the rest for |s| <= 1.
+    """Fill `f` (9,): |p|^2 = f_0 + f_1 s + ... at time t + h s; return a bound of the remainder for |s| <= 1.
 
-    `p` (9, 3) is room for the terms of p, `sizes` (10,) for bounds of its derivatives in the piece.
+    `p` (9, 3) is work space for the terms of p, `sizes` (10,) for bounds of its derivatives in the piece.
     """
     x, y, z, vx, vy, vz = coast(n, t, c[0], c[1], c[2], c[3], c[4], c[5])
     for k in range(4):
@@ -142,7 +142,7 @@ BELOW, SMOOTH, CONCAVE, LEVEL, UNCLEAR = 0, 1, 2, 3, 4
 
 @kernel()
 def kind_of(f, rest, floor):
-    """What |p|^2 does on a piece of series `f`, and a bound of it there."""
+    """Classify |p|^2 on a piece of series `f`; return the class and an upper bound."""
     high, slope, bend = f[0] + abs(f[1]) + max(f[2], 0.0) + rest, 9.0 * rest, 72.0 * rest
     change = abs(f[1]) + abs(f[2]) + rest
     for k in range(3, DEGREE + 1):
@@ -162,7 +162,7 @@ def kind_of(f, rest, floor):
 
 @kernel()
 def top(n, c, start, end):
-    """Where |p|^2 / 2 is greatest in a piece over which it is concave, its value and slope there."""
+    """Return the time of the maximum of |p|^2 / 2 in a piece where it is concave, its value and slope."""
     low, high = start, end
     t = 0.5 * (start + end)
     value, slope, bend = square_at(n, c, t)
@@ -181,7 +181,7 @@ def top(n, c, start, end):
 
 @kernel()
 def keep(times, squares, count, t, square):
-    """Add a maximum behind the others, or in place of the lowest where there is no room."""
+    """Append a maximum, replacing the lowest one where there is no space; return their number."""
     if count and abs(times[count - 1] - t) <= APART * t:
         squares[count - 1] = max(squares[count - 1], square)
         return count
@@ -202,10 +202,10 @@ def keep(times, squares, count, t, square):
 
 @kernel()
 def peaks(n, duration, c, level, times, squares):
-    """Local maxima of |p| over [0, duration] that reach `level`, in order of time, ends among them.
+    """Find the local maxima of |p| over [0, duration] that reach `level`, in order of time, ends included.
 
-    Returns how many, and a certain bound of |p|^2 over all the duration, `level`^2 at least.
-    `times` and `squares` take times and |p|^2; where they are too short, the highest are kept.
+    Returns their number, and a certified bound of |p|^2 over the duration, at least `level`^2. `times` and
+    `squares` receive times and |p|^2; where they are too short, the highest are kept.
     """
     p, sizes, f = stack_matrix(9, 3), stack_vector(10), stack_vector(9)
     floor = level * level
@@ -228,7 +228,7 @@ def peaks(n, duration, c, level, times, squares):
             continue
         if kind == CONCAVE:
             when, value, slope = top(n, c, t, end)
-            short = abs(slope) * (end - t)  # by as much it can be exceeded
+            short = abs(slope) * (end - t)  # bound of the excess over `value`
             if t < when < end or (short <= 1e-14 * value and 0.0 < when < duration):
                 highest = max(highest, 2.0 * (value + short))
                 if 2.0 * value >= floor:

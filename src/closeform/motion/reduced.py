@@ -1,6 +1,6 @@
-"""Impulses from a primer near the best: Newton's method on the local maxima of its length.
+"""Minimum-delta-v impulses from a nearly optimal primer: Newton's method on the local maxima of its length.
 
-The program of `impulses` asks |p| <= 1 at every time; it is reduced to the local maxima of |p|, whose
+The program of `impulses` requires |p| <= 1 at every time; it is reduced to the local maxima of |p|, whose
 times move with y, p = B(t) y:
 
     maximise g . y  subject to  phi_k(y) = |p(t_k(y))|^2 / 2 <= 1/2
@@ -18,23 +18,23 @@ from closeform.motion.linear import back_substitute, dot, factorise
 from closeform.motion.nonnegative import MOST, left_over, nonnegative
 from closeform.motion.primer import peaks, position_rows, rate_rows, square_at
 
-# Columns of an answer, in SI: bounds of delta-v, how many impulses, whether no other plan costs as little,
-# the primer over the duration, and for each impulse its time and velocity.
+# Columns of an answer, in SI: bounds of delta-v, the number of impulses, 1 if the optimal plan is unique, the
+# primer over the duration, and for each impulse its time and velocity.
 LOWER, UPPER, COUNT, UNIQUE, PRIMER, FIRST = 0, 1, 2, 3, 4, 10
 ANSWER = FIRST + 4 * MOST
-GAP = 1e-12  # at which an answer is final
+GAP = 1e-12  # relative gap at which an answer is final
 NEWTON = 20
-TOUCHES = 1e-9  # of |p|^2, by which one that counts as 1 may be below
-TOUCHING = 0.8  # |p| from which a maximum can matter
-ENDS_THERE = 1e-11  # of what is to be gained, that a plan may leave
-REACH = 0.5  # of |y|, for one step of Newton's method
-RIDGE = 1e-10  # of the mean curvature, added to it
-FALLS = 1e-14  # of what is proven: less is rounding
+TOUCHES = 1e-9  # relative distance of |p|^2 from 1 that counts as 1
+TOUCHING = 0.8  # |p| from which a maximum can become active
+ENDS_THERE = 1e-11  # share of the required change that a plan may leave
+REACH = 0.5  # longest step of Newton's method, as a share of |y|
+RIDGE = 1e-10  # share of the mean curvature that is added to it
+FALLS = 1e-14  # relative decrease of the bound that counts as rounding
 
 
 @kernel()
 def fly(n, metric, y, g, times, weights, active, count, answer):
-    """Impulses of these weights along p, changed the least that makes the transfer: kept if cheaper."""
+    """Correct impulses of these weights along p so that they make the transfer; keep them if cheaper."""
     rows, rest, aim = stack_vector(18), stack_vector(6), stack_vector(6)
     normal, columns = stack_matrix(6, 6), stack_matrix(MOST, 9)
     trace, total = 0.0, 0.0
@@ -84,7 +84,7 @@ def natural(metric, y, c):
 
 @kernel()
 def settle(answer, c, worth):
-    """Keep a primer that proves more."""
+    """Keep a primer that proves a higher bound."""
     if worth > answer[LOWER]:
         answer[LOWER] = worth
         for k in range(6):
@@ -93,7 +93,7 @@ def settle(answer, c, worth):
 
 @kernel()
 def along(n, t, metric, y, rows, column):
-    """Fill `rows` (18,) at time t and `column` (9,) with B'p and behind it p; returns |p|."""
+    """Fill `rows` (18,) at time t and `column` (9,) with B'p followed by p; return |p|."""
     psi, square = stack_matrix(3, 6), 0.0
     position_rows(n, t, psi)
     through(psi, metric, rows)
@@ -112,7 +112,10 @@ def along(n, t, metric, y, rows, column):
 
 @kernel()
 def weigh(n, metric, y, g, times, size, columns, costs, weights, active, answer):
-    """Fill `columns` with B'p at these times, and `fly` what they weigh; returns how many do."""
+    """Fill `columns` with B'p at these times, weigh them and keep the plan.
+
+    Returns the number of positive weights.
+    """
     rows = stack_vector(18)
     for k in range(size):
         along(n, times[k], metric, y, rows, columns[k])
@@ -146,7 +149,7 @@ def add_curvature(n, t, metric, y, c, weight, curvature):
 
 @kernel()
 def independent(columns, squares, size, highest, active):
-    """Whether the columns where |p| is greatest are independent: else impulses can be shared otherwise."""
+    """Return True if the columns where |p| is greatest are independent, so that the plan is unique."""
     gram, whole, count = stack_matrix(MOST, MOST), stack_vector(MOST), 0
     for k in range(size):
         if squares[k] >= (1.0 - TOUCHES) * highest:
@@ -158,7 +161,7 @@ def independent(columns, squares, size, highest, active):
         for b in range(a, count):
             gram[a, b] = dot(columns[active[a]], columns[active[b]])
         whole[a] = gram[a, a]
-    factorise(gram, count)  # leaves on the diagonal what a column has that those before it do not
+    factorise(gram, count)  # the diagonal keeps the part of a column that is independent of the earlier ones
     alone = True
     for a in range(count):
         alone = alone and gram[a, a] > TOUCHES * whole[a]
@@ -167,9 +170,9 @@ def independent(columns, squares, size, highest, active):
 
 @kernel()
 def newton(n, metric, g, y, times, squares, columns, bent, costs, weights, active, answer):
-    """Newton's method on the local maxima of |p|; `answer` takes the best bound and plan on the way.
+    """Run Newton's method on the local maxima of |p|; `answer` receives the best bound and plan.
 
-    A step after which less is proven is halved: where |p| is nearly constant maxima move far and vanish.
+    A step that lowers the bound is halved: where |p| is nearly constant maxima move far and vanish.
     """
     c, ahead, step, last = stack_vector(6), stack_vector(6), stack_vector(6), stack_vector(6)
     curvature = stack_matrix(6, 6)
@@ -224,7 +227,7 @@ def newton(n, metric, g, y, times, squares, columns, bent, costs, weights, activ
 
 @kernel()
 def half_solve(factors, vector, out):
-    """Fill `out` with what has the vector's length in the inverse of a factorised matrix."""
+    """Fill `out` with the vector whose length is that of `vector` in the inverse of a factorised matrix."""
     for i in range(6):
         out[i] = vector[i]
     for k in range(6):

@@ -1,7 +1,7 @@
-"""Relative orbital elements (ROE) [da, dl, dex, dey, dix, diy].
+"""Conversion of relative orbital elements (ROE) [da, dl, dex, dey, dix, diy].
 
-Of two sets of orbital elements, exactly, or of a state in the Hill frame, to first order; both
-invertible.  Pure NumPy; every function broadcasts over leading shapes.  ROE are those of D'Amico
+ROE of two sets of orbital elements are exact, those of a state in the Hill frame of first order; both
+are invertible.  Pure NumPy; every function broadcasts over leading shapes.  ROE are those of D'Amico
 (Autonomous Formation Flying in Low Earth Orbit, TU Delft 2010).
 """
 
@@ -18,11 +18,11 @@ from closeform.motion.mean_motion import EARTH_MU, checked, mean_motion_from_sem
 from closeform.motion.palmer import palmer_from_state, state_from_palmer
 
 LEAST_SIN_INCLINATION = 1e-6
-"""Below this sine of the chief's inclination the node, and with it the ROE, is refused."""
+"""Sine of the chief's inclination below which the node, and with it the ROE, is refused."""
 
 
 def roe_from_elements(chief: ArrayLike, deputy: ArrayLike) -> Floats:
-    """Relative orbital elements of two sets of orbital elements, exactly.
+    """Return the relative orbital elements of two sets of orbital elements, exactly.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ def roe_from_elements(chief: ArrayLike, deputy: ArrayLike) -> Floats:
 
 
 def elements_from_roe(chief: ArrayLike, roe: ArrayLike) -> Floats:
-    """A deputy's orbital elements: the inverse of `roe_from_elements`.
+    """Return a deputy's orbital elements: the inverse of `roe_from_elements`.
 
     Parameters
     ----------
@@ -99,14 +99,14 @@ def elements_from_roe(chief: ArrayLike, roe: ArrayLike) -> Floats:
 
 
 def scaled_roe_from_state(state: ArrayLike, mean_motion: ArrayLike, latitude: ArrayLike = 0.0) -> Floats:
-    """Relative orbital elements, times a, of a state in the Hill frame, to first order.
+    """Return relative orbital elements, times a, of a state in the Hill frame, to first order.
 
     Parameters
     ----------
     state : array_like of shape (..., 6) [m, m/s]
-        In the Hill frame of a chief on a circular orbit.
+        State in the Hill frame of a chief on a circular orbit.
     mean_motion : array_like of shape (...) [rad/s]
-        Of the chief.
+        Mean motion of the chief.
     latitude : array_like of shape (...) [rad], default 0
         The chief's argument of latitude at that time; shapes broadcast.
 
@@ -122,9 +122,9 @@ def scaled_roe_from_state(state: ArrayLike, mean_motion: ArrayLike, latitude: Ar
 
     Notes
     -----
-    Linear, and regular at any inclination: Palmer's coordinates turned.  All are constant on a natural
-    orbit but for a dl, which drifts by -3/2 n a da.  The error falls with the square of the separation,
-    and is of the order of the eccentricity times it for a chief that is not on a circle.
+    The map is linear, and regular at any inclination: Palmer's coordinates, rotated.  All are constant in
+    natural motion except a dl, which drifts by -3/2 n a da.  The error falls with the square of the
+    separation; for a chief on an eccentric orbit it is of the order of the eccentricity times the separation.
 
     References
     ----------
@@ -139,21 +139,21 @@ def scaled_roe_from_state(state: ArrayLike, mean_motion: ArrayLike, latitude: Ar
 
 
 def state_from_scaled_roe(scaled: ArrayLike, mean_motion: ArrayLike, latitude: ArrayLike = 0.0) -> Floats:
-    """State in the Hill frame: the inverse of `scaled_roe_from_state`.
+    """Return the state in the Hill frame: the inverse of `scaled_roe_from_state`.
 
     Parameters
     ----------
     scaled : array_like of shape (..., 6) [m]
         Elements a [da, dl, dex, dey, dix, diy].
     mean_motion : array_like of shape (...) [rad/s]
-        Of the chief, on a circular orbit.
+        Mean motion of the chief, on a circular orbit.
     latitude : array_like of shape (...) [rad], default 0
         The chief's argument of latitude at that time; shapes broadcast.
 
     Returns
     -------
     array of shape (..., 6) [m, m/s]
-        In the Hill frame.
+        State in the Hill frame.
 
     Raises
     ------
@@ -178,14 +178,14 @@ def state_from_scaled_roe(scaled: ArrayLike, mean_motion: ArrayLike, latitude: A
 def roe_from_state(
     state: ArrayLike, semi_major_axis: ArrayLike, latitude: ArrayLike, mu: float = EARTH_MU
 ) -> Floats:
-    """Relative orbital elements of a state in the Hill frame, to first order: `scaled_roe_from_state` by a.
+    """Return relative orbital elements of a state in the Hill frame, to first order.
 
     Parameters
     ----------
     state : array_like of shape (..., 6) [m, m/s]
-        In the Hill frame of a chief on a circular orbit.
+        State in the Hill frame of a chief on a circular orbit.
     semi_major_axis : array_like of shape (...) [m]
-        Of the chief.
+        Semi-major axis of the chief.
     latitude : array_like of shape (...) [rad]
         The chief's argument of latitude at that time; shapes broadcast.
     mu : float [m^3/s^2], default that of the Earth
@@ -214,14 +214,14 @@ def roe_from_state(
 def state_from_roe(
     roe: ArrayLike, semi_major_axis: ArrayLike, latitude: ArrayLike, mu: float = EARTH_MU
 ) -> Floats:
-    """State in the Hill frame: the inverse of `roe_from_state`.
+    """Return the state in the Hill frame: the inverse of `roe_from_state`.
 
     Parameters
     ----------
     roe : array_like of shape (..., 6) [no unit, rad, no unit, no unit, rad, rad]
         Elements [da, dl, dex, dey, dix, diy].
     semi_major_axis : array_like of shape (...) [m]
-        Of the chief, on a circular orbit.
+        Semi-major axis of the chief, on a circular orbit.
     latitude : array_like of shape (...) [rad]
         The chief's argument of latitude at that time; shapes broadcast.
     mu : float [m^3/s^2], default that of the Earth
@@ -230,7 +230,7 @@ def state_from_roe(
     Returns
     -------
     array of shape (..., 6) [m, m/s]
-        In the Hill frame.
+        State in the Hill frame.
 
     Raises
     ------
@@ -248,7 +248,7 @@ def state_from_roe(
 
 
 def _agree(rows: Floats, semi_major_axis: Any, latitude: ArrayLike, mu: float) -> None:
-    """ValueError unless the arguments of `roe_from_state` broadcast."""
+    """Raise ValueError unless the arguments of `roe_from_state` broadcast."""
     number("mu", mu)
     shapes = {"semi_major_axis": np.shape(semi_major_axis), "latitude": numbers("latitude", latitude).shape}
     broadcast(rows=rows.shape[:-1], **shapes)

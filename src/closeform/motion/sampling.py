@@ -1,4 +1,4 @@
-"""Sampling: arcs through states at given times."""
+"""Arcs through states at given times."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,19 +10,18 @@ from closeform.motion.effort import ENERGY, totals
 from closeform.motion.path import Path, path_of
 from closeform.motion.steering import steer
 
-# Of the energy of cubics through the same samples, what Hill's motion may need where a craft is said
-# to coast.  Ten times as much: where flattening or thrust bends paths, Hill's motion is chosen with
-# samples half an hour apart, and is off by half as much again as cubics are (GRACE).  A tenth: an hour apart
-# cubics are chosen, which are off by five times as much.
+# Share of the energy of cubics through the same samples up to which natural motion is preferred. Ten times as
+# much: where oblateness or thrust bends paths, natural motion is chosen with samples half an hour apart, with
+# 1.5 times the error of cubics (GRACE). A tenth: an hour apart cubics are chosen, with five times the error.
 COASTING = 0.1
 
 
 def arcs_through(
     mean_motion: float, times: ArrayLike, states: ArrayLike, arrivals: Floats | None = None
 ) -> Floats:
-    """Arcs (..., T - 1, 30) from each of some states (..., T, 6) at times (T,) to the next.
+    """Return arcs (..., T - 1, 30) that connect states (..., T, 6) at times (T,).
 
-    Where `arrivals` (..., T, 6) are other states, arcs end there, and an impulse leads on.
+    Where `arrivals` (..., T, 6) differ from `states`, arcs end there, and an impulse follows.
     """
     instants = finite("times", times)
     nodes = finite("states", states, 6)
@@ -34,7 +33,7 @@ def arcs_through(
     if not (np.diff(instants) > 0).all():
         raise ValueError("times: must increase strictly")
     if wrong := flaw(np.diff(instants), mean_motion):
-        raise ValueError(f"times: from one to the next {wrong}")
+        raise ValueError(f"times: each interval {wrong}")
     arcs = np.zeros((*nodes.shape[:-2], len(instants) - 1, WIDTH))
     arcs[..., START] = instants[:-1]
     arcs[..., END] = instants[1:]
@@ -46,11 +45,11 @@ def arcs_through(
 
 
 def fired_at_ends(path: Path, jumps: Floats) -> Path:
-    """Paths (N,) of one time that fire at its start and its end, too: `jumps` (N, 2, 3) of velocity [m/s]."""
+    """Return paths (N,) of one time span with added velocity jumps (N, 2, 3) [m/s] at its start and end."""
     arcs = path.arcs.copy()
     arcs[path.offsets[:-1], IMPULSE : IMPULSE + 3] = jumps[:, 0]
     last = np.flatnonzero(jumps[:, 1].any(axis=1))
-    after = np.zeros((len(last), WIDTH))  # arcs without length, as of planned impulses
+    after = np.zeros((len(last), WIDTH))  # arcs of zero duration, as in planned impulses
     after[:, START] = after[:, END] = path.end[last]
     after[:, MEAN_MOTION] = path.orbit.mean_motion
     after[:, STATE : STATE + 6] = path.state(float(path.end[0]))[last]
@@ -62,7 +61,7 @@ def fired_at_ends(path: Path, jumps: Floats) -> Path:
 
 
 def interpolated(n: float, arcs: Floats, finals: Floats) -> Floats:
-    """Arcs from their states to the final ones: Hill's motion where a craft coasts, else cubics."""
+    """Return arcs from their states to the final ones: natural motion in coasts, cubics elsewhere."""
     cubic, hill = arcs.copy(), arcs.copy()
     hill[:, MEAN_MOTION] = n
     each = np.arange(len(arcs) + 1)

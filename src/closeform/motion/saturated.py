@@ -1,10 +1,10 @@
-"""Paths within a thrust limit: optimal arcs below it, pieces of saturated thrust at it.
+"""Paths within a thrust limit: optimal arcs below it, short arcs of saturated thrust at it.
 
-Saturated thrust U p/|p| is in no span of ours.  It is flown in pieces whose thrust has its value and
-rate at both ends of each: turned by an angle d, it is off by d^4/384 of U at most, and inside the
-ball that it bounds.  Newton's last steps are with what the pieces gain, so a path ends where it should,
-keeps the limit, and is certified like any other; by what it costs more than theory (31, 32)'s bound
-it is judged.
+Saturated thrust U p/|p| has no finite basis.  It is approximated by arcs whose thrust has its value and
+rate at both ends: if the thrust turns by an angle d, the error is at most d^4/384 of U, towards the inside of
+the ball of radius U.  Newton's last steps use the change that the arcs make, so a path ends in its final
+state, keeps the limit, and is certified like any other; its cost is compared with the bound of
+theory (31, 32).
 """
 
 from math import inf, sqrt
@@ -20,13 +20,13 @@ from closeform.motion.hill import coast, oscillation
 from closeform.motion.linear import dot
 from closeform.motion.primer import NARROWEST, functional
 
-# By how much a piece may be off, as a share of the limit.  Ten times as much: half as many pieces,
-# and a limit exceeded by more than the 1e-9 that is promised.
+# Largest error of an arc, as a share of the limit. Ten times as much: half as many arcs, and a limit exceeded
+# by more than the promised 1e-9.
 OFF = 3e-9
-ROUNDING = 1e-14  # of |p|, in thrust of size (|p| - 1) / e
-NOISE = 1e-13  # of states, by rounding
-CLOSE = 1e-6  # of the least limit: so well it is told
-WORST = 1e-6  # a path's cost over its lower bound
+ROUNDING = 1e-14  # relative rounding of |p|, in thrust of size (|p| - 1) / e
+NOISE = 1e-13  # relative rounding of states
+CLOSE = 1e-6  # relative accuracy of the smallest feasible limit
+WORST = 1e-6  # largest relative excess of a path's cost over its lower bound
 
 
 @kernel()
@@ -37,7 +37,7 @@ def thrust_and_rate(n, c, t, region, low, e, limit, out):
     thrust, rate = limit, 0.0
     if region == RISING:
         thrust, rate = min(max((r - low) / e, 0.0), limit), 1.0 / e
-    swell = (x * vx + y * vy + z * vz) / (r * r)  # of r, over r
+    swell = (x * vx + y * vy + z * vz) / (r * r)  # rate of r, over r
     grow = rate * swell - thrust * swell / r
     out[0], out[1], out[2] = thrust / r * x, thrust / r * y, thrust / r * z
     out[3], out[4], out[5] = (
@@ -49,9 +49,10 @@ def thrust_and_rate(n, c, t, region, low, e, limit, out):
 
 @kernel()
 def push_along(n, h, first, middle, last, limit, arc):
-    """Make an arc's push the one that has the thrust and rate `first` at its start and `last` after h.
+    """Fit an arc's prescribed thrust to `first` at its start and `last` after h, within the limit.
 
-    Returns by how much it is off the thrust `middle`, in shares of the limit, which it keeps.
+    Both hold thrust and rate. Returns its deviation from the thrust `middle` at half time, as a share of the
+    limit.
     """
     p0, p1, p2 = oscillation(n, h)
     gap = p1 * p1 - p0 * p2
@@ -87,7 +88,7 @@ def store(row, k, x, y, z, vx, vy, vz):
 
 @kernel()
 def begin_arc(n, row, start, end, before):
-    """Fill the row of an arc that goes on from arc `before`."""
+    """Fill the row of an arc that continues arc `before`."""
     for k in range(WIDTH):
         row[k] = 0.0
     row[START], row[END], row[MEAN_MOTION] = start, end, n
@@ -97,14 +98,14 @@ def begin_arc(n, row, start, end, before):
 
 @kernel()
 def fly(n, duration, origin, c, low, e, limit, rows, first):
-    """Fill `rows` from row `first` on with the arcs of the thrust of start `c`, from the state of `origin`.
+    """Fill `rows` from row `first` on with arcs under the thrust of the primer that starts at `c`.
 
-    Returns the row after the last, or -1 where there is no room.
+    Returns the row after the last, or -1 where there is no space.
     """
     values = stack_matrix(3, 6)
     start, high = origin[START], low + e * limit
     t, region, k = 0.0, side(n, c, 0.0, low, high), first
-    pace = duration  # the longest piece that may do
+    pace = duration  # length of the next arc that probably meets the tolerance
     before = origin
     while t < duration:
         end, after = t, region
@@ -120,7 +121,7 @@ def fly(n, duration, origin, c, low, e, limit, rows, first):
             row = rows[k]
             begins = before[END] if k > first else start
             ends = origin[END] if t + h >= duration else start + t + h
-            if not ends > begins:  # shorter than time resolves
+            if not ends > begins:  # shorter than the resolution of time
                 t = end
                 break
             begin_arc(n, row, begins, ends, before)
@@ -165,17 +166,17 @@ def add_thrust(n, c, rows, first, last):
 
 @kernel()
 def within(g, noise):
-    """Whether what is to be gained is nothing to `noise`, of its first three numbers and of its last."""
+    """Return True if the functional `g` is zero up to `noise`, first and last three numbers apart."""
     place, speed = max(abs(g[0]), abs(g[1]), abs(g[2])), max(abs(g[3]), abs(g[4]), abs(g[5]))
     return place <= noise[0] and speed <= noise[1]
 
 
 @kernel()
 def meet(n, duration, origin, final, noise, scale, c, hessian, free, low, e, limit, rows, first):
-    """`fly`, with `c` changed until the path ends in the state `final` (6,), to `noise` or as well as it can.
+    """Do what `fly` does, and correct `c` until the path ends in `final` (6,), up to `noise` if possible.
 
-    Where thrust of size (|p| - 1) / e rounds, an optimal one of some 1e-9 of it closes the rest;
-    `free` (6, 6) is what such thrust gains.
+    Where thrust of size (|p| - 1) / e rounds, an optimal thrust of relative size 1e-9 corrects the remainder;
+    `free` (6, 6) maps such thrust to the change that it makes.
     """
     missing, nothing, step, work = stack_vector(6), stack_vector(6), stack_vector(6), stack_matrix(6, 6)
     for k in range(6):
@@ -206,9 +207,9 @@ def meet(n, duration, origin, final, noise, scale, c, hessian, free, low, e, lim
 
 @kernel()
 def worth(n, arc, final, g):
-    """Fill `g` (6,): what is to be gained along an arc to end in the state `final` (6,).   # theory (27)
+    """Fill `g` (6,), the functional of the change that leads an arc to the state `final` (6,), theory (27).
 
-    Returns by how much its first three numbers and its last three are off, by rounding.
+    Returns the rounding errors of its first three numbers and of its last three.
     """
     x, y, z, vx, vy, vz = coast(
         n, arc[START] - arc[END], final[0], final[1], final[2], final[3], final[4], final[5]
@@ -220,7 +221,7 @@ def worth(n, arc, final, g):
     return NOISE * (speed + 2.0 * n * place), NOISE * place
 
 
-NEEDED, ENOUGH, BOUND, COST, PROOF = 0, 1, 2, 3, 4  # what is told of each transfer, in ten numbers
+NEEDED, ENOUGH, BOUND, COST, PROOF = 0, 1, 2, 3, 4  # columns of the facts of each transfer, ten numbers
 POSSIBLE, UNDECIDED = 0.0, -1.0
 
 
@@ -237,12 +238,12 @@ POSSIBLE, UNDECIDED = 0.0, -1.0
     )
 )
 def limit_thrust(n, arcs, finals, limits, sparing, rows, offsets, facts):
-    """Fill `rows` with the arcs of optimal transfers within thrust limits, as far as there is room.
+    """Fill `rows` with the arcs of optimal transfers within thrust limits, as far as there is space.
 
-    `arcs` (P, 30) are the optima without a limit, to `finals` (P, 6); `sparing` asks for the least
-    delta-v, not energy.  `offsets` (P + 1,) tells where each path's arcs begin; after a path that is not
-    POSSIBLE, or finds no room, they stay below 0.  `facts` (P, 10) of each: a bound of the least limit
-    that makes it, where that is above its own (else POSSIBLE or UNDECIDED), a limit that is enough, a
+    `arcs` (P, 30) are the optima without a limit, to `finals` (P, 6); `sparing` minimises delta-v instead of
+    energy. `offsets` (P + 1,) receives the index of each path's first arc; after a path that is not POSSIBLE,
+    or finds no space, offsets stay negative. `facts` (P, 10) receives for each transfer: a lower bound of the
+    smallest feasible limit if that exceeds the given one (else POSSIBLE or UNDECIDED), a sufficient limit, a
     lower bound of the cost, the cost, and the start of a primer that proves the bound.
     """
     arcs, finals, rows = borrowed(arcs), borrowed(finals), borrowed(rows)
@@ -256,7 +257,7 @@ def limit_thrust(n, arcs, finals, limits, sparing, rows, offsets, facts):
         if within(g, noise):
             if offsets[p] == len(rows):
                 break
-            for k in range(WIDTH):  # it coasts
+            for k in range(WIDTH):  # no thrust is needed
                 rows[offsets[p], k] = arc[k]
             offsets[p + 1] = offsets[p] + 1
             continue
@@ -291,6 +292,6 @@ def limit_thrust(n, arcs, finals, limits, sparing, rows, offsets, facts):
         facts[p, BOUND] = bound if low > 0.0 else dot(g, c) - total
         facts[p, COST] = spent if low > 0.0 else 0.5 * energy
         unsure = fast * (abs(c[0]) + abs(c[1]) + abs(c[2])) + far * (abs(c[3]) + abs(c[4]) + abs(c[5]))
-        if not facts[p, COST] <= facts[p, BOUND] + WORST * facts[p, COST] + unsure:  # nan neither
+        if not facts[p, COST] <= facts[p, BOUND] + WORST * facts[p, COST] + unsure:  # also refuses nan
             facts[p, NEEDED], offsets[p + 1] = UNDECIDED, -1
             break

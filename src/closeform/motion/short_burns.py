@@ -1,4 +1,4 @@
-"""Burns about the impulses of least delta-v, where a thrust limit makes them short."""
+"""Short burns that replace the impulses of minimum delta-v under a high thrust limit."""
 
 from typing import NamedTuple
 
@@ -13,15 +13,15 @@ from closeform.motion.reduced import COUNT, FIRST, LOWER, PRIMER, UPPER
 from closeform.motion.steering import transition_matrices
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(8)
-ROOM = 1e-7  # of a burn, by which it is longer than the limit asks
-ROUNDS = 4  # of impulses that leave burns at the ends room
-NOTHING = 1e-9  # of all delta-v: an impulse that is rounding
-TURN = 1e-3  # of the orbit, in which a burn keeps its direction: a loss of some TURN^2/24
-DEPENDENT = 1e-6  # of the largest singular value: burns by which a primer is not known
+ROOM = 1e-7  # relative margin of a burn's duration over the minimum
+ROUNDS = 4  # corrections that keep impulses far enough from the ends for their burns
+NOTHING = 1e-9  # share of all delta-v: a smaller impulse is rounding
+TURN = 1e-3  # share of the orbit in which a burn keeps its direction: the loss is some TURN^2/24
+DEPENDENT = 1e-6  # share of the largest singular value: burns that do not determine a primer
 
 
 class ShortBurns(NamedTuple):
-    """Arcs (M, 30) of burns and coasts, their delta-v [m/s], and what bounds it, with its primer (6,)."""
+    """Arcs (M, 30) of burns and coasts, their delta-v [m/s], its lower bound and its primer (6,)."""
 
     arcs: Floats
     delta_v: float
@@ -30,12 +30,12 @@ class ShortBurns(NamedTuple):
 
     @property
     def gap(self) -> float:
-        """By what share they cost more than the bound."""
+        """Relative excess of the delta-v over the bound."""
         return self.delta_v / self.bound - 1.0
 
 
 class Impulses(NamedTuple):
-    """Times (K,) [s] and pushes (K, 3) [m/s] of impulses of least delta-v, which their primer (6,) bounds."""
+    """Times (K,) [s] and velocity changes (K, 3) [m/s] of optimal impulses, their bound and primer (6,)."""
 
     times: Floats
     pushes: Floats
@@ -44,7 +44,7 @@ class Impulses(NamedTuple):
 
 
 class Burns(NamedTuple):
-    """Begins, lengths [s] and pushes (M, 3) [m/s] of burns in parts, and the spans (K, 2) of whole ones."""
+    """Starts, durations [s] and velocity changes (M, 3) [m/s] of parts, and the spans (K, 2) of burns."""
 
     begins: Floats
     lengths: Floats
@@ -53,17 +53,17 @@ class Burns(NamedTuple):
 
 
 def short_burns(n: float, arc: Floats, final: Floats, limit: float) -> ShortBurns | None:
-    """The impulses of least delta-v as burns at a limit; None where there are none, or burns do not fit.
+    """Return the impulses of minimum delta-v as burns at a limit; None if burns do not fit.
 
     `arc` (30,) gives the times and the initial state, `final` (6,) the state at its end.
     """
     duration = float(arc[END] - arc[START])
-    tick = float(np.spacing(np.abs(arc[[START, END]]).max()))  # of the clock
+    tick = float(np.spacing(np.abs(arc[[START, END]]).max()))  # resolution of time
     least = impulses = _impulses(n, arc, final, np.zeros(2))
     if not len(least.times):
         return None
     aim, kept = final, np.zeros(2)
-    for _ in range(ROUNDS):  # impulses whose burns do what the least impulses do
+    for _ in range(ROUNDS):  # adjust the impulses so that their burns have the effect of the optimal impulses
         burns = _burns(n, duration, impulses, limit, tick)
         if burns is None:
             return None
@@ -90,7 +90,7 @@ def short_burns(n: float, arc: Floats, final: Floats, limit: float) -> ShortBurn
 
 
 def _impulses(n: float, arc: Floats, final: Floats, kept: Floats) -> Impulses:
-    """The impulses of least delta-v, none of them so near to the start and the end [s]."""
+    """Return the impulses of minimum delta-v, at least `kept` (2,) [s] after the start and before the end."""
     way = transition_matrices(n, np.array([kept[0], -kept[1], -kept[0]]))
     inner = arc.copy()
     inner[END] -= kept.sum()
@@ -103,9 +103,9 @@ def _impulses(n: float, arc: Floats, final: Floats, kept: Floats) -> Impulses:
 
 
 def _burns(n: float, duration: float, impulses: Impulses, limit: float, tick: float) -> Burns | None:
-    """Burns about impulses, cut into parts along the primer; None where they do not fit.
+    """Return burns about impulses, cut into parts along the primer; None where they do not fit.
 
-    They keep the limit however their begins and ends are rounded to ticks [s].
+    They keep the limit however their starts and ends are rounded to ticks [s].
     """
     sizes = np.linalg.norm(impulses.pushes, axis=1)
     lengths = (1.0 + ROOM) * sizes / limit + 2.0 * tick
@@ -124,14 +124,14 @@ def _burns(n: float, duration: float, impulses: Impulses, limit: float, tick: fl
 
 
 def _missing(n: float, duration: float, least: Impulses, burns: Burns) -> Floats:
-    """What burns leave open of the state (6,) at the end, to which impulses lead."""
+    """Return the final state (6,) of the impulses minus that of the burns."""
     reached = np.einsum("kij,kj->i", transition_matrices(n, duration - least.times)[:, :, 3:], least.pushes)
     open_left: Floats = reached - np.einsum("kij,kj->i", _mean_effects(n, duration, burns), burns.pushes)
     return open_left
 
 
 def _repaired(n: float, duration: float, least: Impulses, burns: Burns) -> Floats:
-    """Pushes changed by as little as makes all meet the end."""
+    """Return velocity changes with the smallest correction that reaches the final state."""
     scale = np.array([1.0] * 3 + [duration] * 3)
     sizes = np.linalg.norm(burns.pushes, axis=1)
     ways = scale[:, None, None] * _mean_effects(n, duration, burns).transpose(1, 0, 2) * sizes[:, None]
@@ -142,7 +142,7 @@ def _repaired(n: float, duration: float, least: Impulses, burns: Burns) -> Float
 
 
 def _mean_effects(n: float, duration: float, burns: Burns) -> Floats:
-    """What pushes change (M, 6, 3) of the state at the end, in the mean over burns."""
+    """Return the mean effect (M, 6, 3) of each burn's velocity change on the final state."""
     times = burns.begins[:, None] + 0.5 * burns.lengths[:, None] * (1.0 + NODES)
     rows = transition_matrices(n, duration - times)[..., 3:]
     mean: Floats = np.einsum("g,kgij->kij", 0.5 * WEIGHTS, rows)
@@ -150,9 +150,10 @@ def _mean_effects(n: float, duration: float, burns: Burns) -> Floats:
 
 
 def _primer_of(n: float, primer: Floats, burns: Floats, duration: float) -> Floats:
-    """The primer (6,) near that of impulses whose length is 1 where burns (K, 2) begin and end, on average.
+    """Return the primer (6,) close to `primer` of mean length 1 where burns (K, 2) begin and end.
 
-    The bound that it proves is of second order in lengths, that of impulses at an end of first. # theory (32)
+    Its bound has an error of second order in the durations; the bound of impulses at an end has one of first
+    order, theory (32).
     """
     switches = np.where([burns[:, 0] > 0.0, burns[:, 1] < duration], burns.T, burns[:, ::-1].T)
     rows = transition_matrices(n, switches.ravel())[:, :3]
@@ -167,7 +168,7 @@ def _primer_of(n: float, primer: Floats, burns: Floats, duration: float) -> Floa
 
 
 def _flown(n: float, arc: Floats, burns: Burns) -> Floats:
-    """The arcs of burns and of the coasts between them."""
+    """Return the arcs of burns and of the coasts between them."""
     rows: list[Floats] = []
     state = arc[STATE : STATE + 6]
     spans = np.stack([burns.begins, burns.begins + burns.lengths], axis=1)

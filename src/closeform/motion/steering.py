@@ -1,4 +1,4 @@
-"""Steering: the thrust that leads arcs to their ends, or that is fixed in inertial space."""
+"""Optimal thrust that brings arcs to their final states, and thrust that is constant in inertial space."""
 
 import numpy as np
 from numba import float64, void
@@ -13,7 +13,7 @@ from closeform.motion.linear import solve
 
 @kernel(void(float64, float64[:, ::1], float64[:, ::1]))
 def steer(n: float, arcs: Floats, finals: Floats) -> None:
-    """Set the optimal thrust of each arc so that it ends in its final state.        # theory (7, 8)"""
+    """Set the optimal thrust of each arc so that it ends in its final state, theory (7, 8)."""
     matrix = stack_matrix(6, 6)
     work = stack_matrix(6, 6)
     rhs = stack_vector(6)
@@ -25,7 +25,7 @@ def steer(n: float, arcs: Floats, finals: Floats) -> None:
         reached = coast(n, t, arc[6], arc[7], arc[8], arc[9], arc[10], arc[11])
         for i in range(6):
             gap[i] = finals[p, i] - reached[i]
-        for _ in range(2):  # once more on what rounding left
+        for _ in range(2):  # one iteration of refinement
             for i in range(6):
                 rhs[i] = gap[i]
                 for j in range(6):
@@ -37,7 +37,7 @@ def steer(n: float, arcs: Floats, finals: Floats) -> None:
 
 
 def transition_matrices(n: float, times: Floats) -> Floats:
-    """Those of natural motion (..., 6, 6) by times (...) [s]."""
+    """Return the transition matrices of natural motion (..., 6, 6) over times (...) [s]."""
     out = np.empty((times.size, 6, 6))
     transitions(n, np.ascontiguousarray(times).ravel(), out)
     return out.reshape((*times.shape, 6, 6))
@@ -62,10 +62,10 @@ def transitions(n: float, times: Floats, out: Floats) -> None:
 
 
 def fix_inertially(n: float, arcs: Floats) -> None:
-    """Constant thrusts of arcs (..., 30), given in inertial axes, as the rotating frame sees them turn."""
+    """Rotate constant inertial thrusts of arcs (..., 30) into the rotating frame, with their derivatives."""
     angle = n * arcs[..., START]
     c, s = np.cos(angle), np.sin(angle)
     x, y = arcs[..., PUSH].copy(), arcs[..., PUSH + 1].copy()
     arcs[..., PUSH], arcs[..., PUSH + 1] = x * c + y * s, y * c - x * s
-    for k in range(PUSH, PUSH + 9, 3):  # each derivative, by a quarter turn against the orbit's
+    for k in range(PUSH, PUSH + 9, 3):  # each derivative is a quarter turn against the orbit's rotation
         arcs[..., k + 3], arcs[..., k + 4] = n * arcs[..., k + 1], -n * arcs[..., k]

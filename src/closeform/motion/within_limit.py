@@ -1,4 +1,4 @@
-"""Transfers within a thrust limit, from a batch to their paths, or why a limit does not make them."""
+"""Batches of transfers within a thrust limit, and the reason why a limit does not suffice."""
 
 from typing import Any
 
@@ -12,15 +12,16 @@ from closeform.motion.mean_motion import checked
 from closeform.motion.saturated import CLOSE, ENOUGH, NEEDED, POSSIBLE, PROOF, UNDECIDED, WORST, limit_thrust
 from closeform.motion.short_burns import short_burns
 
-ROOM, MORE = 40, 1000  # arcs a path, of which a batch is given room at first, and beside
-DEARER = 1e-3  # by what share of their bound short burns may cost more where nothing else is found
-BRIEF = 1e-3  # of the duration
+ROOM, MORE = 40, 1000  # space in arcs: per path at first, and in addition
+DEARER = 1e-3  # accepted relative excess of short burns over their bound if no other plan is found
+BRIEF = 1e-3  # share of the duration
 
 
 class TooLittleThrust(ValueError):
-    """A limit that is shown to make no transfer, or is not shown to make it: of craft `which` of a batch.
+    """Thrust limit that is proven too low, or not proven sufficient, for spacecraft `which` of a batch.
 
-    Less than `needed` [m/s^2] makes none, `enough` does; 0 and inf where nothing is shown.
+    Less than `needed` [m/s^2] makes no transfer, `enough` does; they are 0 and inf where nothing is
+    proven.
     """
 
     def __init__(self, words: str, which: int, facts: Floats) -> None:
@@ -33,9 +34,9 @@ class TooLittleThrust(ValueError):
 def limited(
     n: float, arcs: Floats, finals: Floats, max_acceleration: ArrayLike, sparing: bool
 ) -> tuple[Floats, Any, tuple[int, ...], Floats]:
-    """Arcs, offsets, shape and facts of transfers within limits, of the least delta-v if `sparing`.
+    """Return arcs, offsets, shape and facts of transfers within limits, of minimum delta-v if `sparing`.
 
-    `arcs` (..., 30) are the optima without a limit, to `finals` (..., 6).  Raises TooLittleThrust.
+    `arcs` (..., 30) are the optima without a limit, to `finals` (..., 6). Raises TooLittleThrust.
     """
     limits = np.asarray(checked("max_acceleration", max_acceleration, positive=True))
     shape = broadcast(arguments=arcs.shape[:-1], max_acceleration=limits.shape)
@@ -76,21 +77,21 @@ def limited(
 
 
 def _brief(n: float, arcs: Floats, limits: Floats) -> Any:
-    """Where burns at a limit are surely short beside the transfer: by the optima's delta-v without one."""
+    """Return True for burns at a limit that are short compared with the transfer."""
     energies = np.empty(len(arcs))
     totals(arcs, np.arange(len(arcs) + 1), n, ENERGY, energies)
     duration = arcs[:, END] - arcs[:, START]
-    most = np.sqrt(2.0 * energies * duration)  # of what is fired
+    most = np.sqrt(2.0 * energies * duration)  # bound of the delta-v
     return (most > 0.0) & (most / duration < BRIEF * limits)
 
 
 def refusal(arc: Floats, limit: float, facts: Floats) -> str:
-    """Why a transfer is refused."""
+    """Return why a transfer is refused."""
     duration = arc[END] - arc[START]
     if facts[NEEDED] == UNDECIDED:
         return (
-            f"{limit:.10g} m/s^2 in {duration:g} s is shown to be neither enough nor too little; "
-            "give a little more of it, or of time"
+            f"{limit:.10g} m/s^2 in {duration:g} s is proven neither sufficient nor insufficient; "
+            "increase it or the duration a little"
         )
     return (
         f"no thrust within {limit:g} m/s^2 makes the transfer in {duration:g} s; "

@@ -1,1 +1,1 @@
-"""Failures of thrust and the drift after them, certified over all instants of failure at once."""
+"""Passive safety: failures of thrust and the drift after them, certified over all instants of failure."""

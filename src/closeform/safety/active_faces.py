@@ -1,15 +1,17 @@
-"""The best plane beside a kink of a zone's norm, by a small linear program.
+"""The best separating plane at a kink of a zone's norm, by a small linear program.
 
-Where faces meet, none of their planes keeps what a cell spans as far away as it is.  That is the mix with
-shares l_k of normals g_k for which the parallelotope of centre c and edges e_j is farthest at its worst,
+Where faces meet, no plane of a single face gives the distance of the set that a cell spans.  The best plane
+is the mix with shares l_k of normals g_k whose lowest value on the parallelotope of centre c and edges e_j is
+largest,
 
     max sum l_k g_k.c - sum |w_j| / 2,   w_j = sum l_k g_k.e_j,   sum l_k = 1,   l >= 0       # theory (47a)
 
-the least norm in the parallelotope.  Its multipliers are a point, at which the steepest part of the norm
-is the next to be mixed in, round ones with the gradient that they have there.
+which equals the minimum norm in the parallelotope.  The multipliers are a point; the steepest part of the
+norm at that point enters the basis next, round parts with their gradient there.
 
-Of failures alone that drift one `way`, 1 or -1, along the track less is asked: where the point drifts the
-other way, as much of the drift is mixed in as levels that.                            # theory (49a)
+A weaker condition suffices for failures that drift one `way`, 1 or -1, along the track: where the point
+drifts the other way, enough of the drift is mixed in to compensate it.                            # theory
+(49a)
 """
 
 from math import inf
@@ -20,14 +22,14 @@ from closeform.safety.edges import place_at
 from closeform.safety.failure_family import OTHER
 from closeform.zones.shapes import part, part_count
 
-EDGES = 4  # of two craft with two unknowns each; of more no plane is mixed here
+EDGES = 4  # two spacecraft with two unknowns each; with more, no plane is mixed here
 PIVOTS, LEVEL = 16, 1e-14
-AGAINST = 1e-12  # of what a cell drifts by
+AGAINST = 1e-12  # of the drifts in a cell
 
 
 @kernel()
 def steepest(form, x, y, z):
-    """The norm, and the gradient of the part that it is."""
+    """Return the norm, and the gradient of its largest part."""
     shape, _, faces = form
     s, ax, ay, az = -inf, 0.0, 0.0, 0.0
     for k in range(part_count(shape, faces)):
@@ -39,13 +41,13 @@ def steepest(form, x, y, z):
 
 @kernel()
 def along(room, j, x, y, z):
-    """A direction along the j-th edge."""
+    """Return the component of a direction along the j-th edge."""
     return x * room.edges[j, 0] + y * room.edges[j, 1] + z * room.edges[j, 2]
 
 
 @kernel()
 def begin_mix(room, count, x, y, z, inverse, shares):
-    """Make a basis of one normal, with all of the share, and what it is along each edge."""
+    """Start with a basis of one normal with the whole share, and its components along the edges."""
     inverse[0, 0], shares[0] = 1.0, 1.0
     for j in range(count):
         dot = along(room, j, x, y, z)
@@ -58,7 +60,7 @@ def begin_mix(room, count, x, y, z, inverse, shares):
 
 @kernel()
 def exchange(inverse, shares, column, size):
-    """Take a column into a basis: which one it replaces, or -1 where nothing keeps it out."""
+    """Bring a column into a basis; return the index that it replaces, or -1 if the program is unbounded."""
     turned, row, least = stack_vector(5), -1, inf
     for i in range(size):
         turned[i] = 0.0
@@ -80,9 +82,9 @@ def exchange(inverse, shares, column, size):
 
 @kernel()
 def point_of(room, count, costs, inverse, u):
-    """The point that a basis takes for the nearest: its shares of edges from the centre on, the norm first.
+    """Return the point of a basis, and the edge that it exceeds most, or -1.
 
-    And which edge it is farthest beyond the end of, or -1.
+    `u` receives the norm and the point's shares of the edges from the centre.
     """
     x, y, z = place_at(room, count, 0.5)
     beyond, which = 0.5 + LEVEL, -1
@@ -100,9 +102,10 @@ def point_of(room, count, costs, inverse, u):
 
 @kernel()
 def leaning(room, count, u, way):
-    """What of the drift is mixed in where the point of a basis drifts against a way, and the centre's drift.
+    """Return the weight of drift in the mix if a basis' point drifts against `way`, and the centre's drift.
 
-    0 where it does not: in units of what edges drift by, that normals and drifts are of a size.
+    The weight is 0 elsewhere. It is scaled by the drifts of the edges, so that normals and drifts are of one
+    size.
     """
     centre = room.drifts[0] - room.drifts[OTHER]
     drift, unit = centre, 0.0
@@ -115,9 +118,9 @@ def leaning(room, count, u, way):
 
 @kernel()
 def mixed_normal(room, count, form, x, y, z, way):
-    """The mix of normals that keeps the parallelotope farthest away, from that at (x, y, z) on; and of drift.
+    """Return the mix of normals and drift that keeps the parallelotope farthest, starting at (x, y, z).
 
-    `shares` become where the norm is least in it.
+    `shares` receives the point of minimum norm in the parallelotope.
     """
     inverse, normals, size = stack_matrix(5, 5), stack_matrix(5, 4), count + 1
     shares, costs, column, u = stack_vector(5), stack_vector(5), stack_vector(5), stack_vector(5)

@@ -1,7 +1,7 @@
-"""Failures that do not drift along the track, and what slower and slower drifts beside them tend to.
+"""Failures without drift along the track, and the limit of the norms of ever slower drifts next to them.
 
-These meet the zone's shadow along the track, the *tube*, in phases that are closer and closer, and the
-least norm there is what theirs tend to.                                               # theory (49)
+Slow drifts pass the zone's shadow along the track, the *tube*, in phases that are ever closer, and the
+minimum norm in the tube is the limit of theirs.                                       # theory (49)
 """
 
 from math import acos, atan2, inf, pi, sqrt
@@ -12,33 +12,33 @@ from closeform.safety.failure_family import GENERATORS, OTHER, open_window
 from closeform.safety.failure_motion import aim, fly, note
 from closeform.zones.shapes import FACES
 
-BESIDE = 1e-3  # of a cell: so far off a failure that does not drift others are asked which way they do
-LEAST_STEP = 1e-9  # of a cell, along failures that do not drift
+BESIDE = 1e-3  # of a cell: distance from a failure without drift at which the direction of drifts is sampled
+LEAST_STEP = 1e-9  # of a cell, along failures without drift
 
 
 @kernel()
 def along_track(matrix):
-    """The direction of the track in zone coordinates, and its length there squared."""
+    """Return the direction of the track in zone coordinates, and its squared length there."""
     x, y, z = matrix[0, 1], matrix[1, 1], matrix[2, 1]
     return (x, y, z), x * x + y * y + z * z
 
 
 @kernel()
 def is_tube(tube):
-    """Whether a form is a tube along the track; that of half-spaces may be these themselves."""
+    """Return True if a form is a tube along the track; for half-spaces it may be the zone itself."""
     return tube[0] != FACES or along_track(tube[1])[1] == 0.0
 
 
 @kernel()
 def drift_of(q, n, direction, square):
-    """The drift along the track of one motion [m/s]."""
+    """Return the drift along the track of one motion [m/s]."""
     x, y, z = q[1, 0] + q[3, 0] / (n * n), q[1, 1] + q[3, 1] / (n * n), q[1, 2] + q[3, 2] / (n * n)
     return (x * direction[0] + y * direction[1] + z * direction[2]) / square
 
 
 @kernel()
 def drift_range(one, two, cell, width, far, n, form, rest, room):
-    """Least and greatest drift along the track in a cell, and how far others are off `drifts` [m/s]."""
+    """Return the minimum and maximum drift along the track in a cell, and the error of `drifts` [m/s]."""
     direction, square = along_track(form[1])
     window, _ = open_window(one, two, cell, width, cell[FROM], far, n, 4, rest[3], form, room)
     low, high, least, most, drifts = inf, -inf, inf, -inf, room.drifts
@@ -58,7 +58,7 @@ def drift_range(one, two, cell, width, far, n, form, rest, room):
 
 @kernel()
 def drift_at(one, two, cell, width, far, n, form, room):
-    """The drift along the track of the failure at `shares` of a cell [m/s]; its motion is seen."""
+    """Return the drift along the track [m/s] of the failure at `shares` of a cell, and open its window."""
     aim(one, two, cell, width, inf, room)
     point = room.point[0]
     single(one, point, SIDE, n, room.rows[0])
@@ -70,7 +70,7 @@ def drift_at(one, two, cell, width, far, n, form, room):
 
 @kernel()
 def stand_still(one, two, cell, width, far, n, form, slow, count, room):
-    """Move `shares` of a cell to a failure that does not drift, one after another; whether one is there."""
+    """Move `shares` of a cell, one after another, to a failure without drift; return True if there is one."""
     drift = drift_at(one, two, cell, width, far, n, form, room)
     for k in range(count):
         if abs(drift) <= slow:
@@ -99,7 +99,7 @@ def stand_still(one, two, cell, width, far, n, form, slow, count, room):
 
 @kernel()
 def stand_still_at(one, two, cell, width, far, n, form, slow, k, share, room):
-    """Move the other of two `shares` to a failure that does not drift: whether this one has one."""
+    """Move the other of two `shares` to a failure without drift; return True if there is one."""
     m = 1 - k
     room.shares[k], room.shares[m] = share, 0.0
     low, before = 0.0, drift_at(one, two, cell, width, far, n, form, room)
@@ -124,10 +124,10 @@ def stand_still_at(one, two, cell, width, far, n, form, slow, k, share, room):
 
 @kernel()
 def limit_ahead(one, two, t, width, n, form, tube, way, room, best):
-    """Least norm of all that is ahead of a closed ellipse, the failure `room.point[0]`, if below `best`.
+    """Return the minimum norm of the region ahead of a closed ellipse, `room.point[0]`, if below `best`.
 
-    Along the track it is at a - size cos(n t - middle).  In the half in which that is before the zone all
-    that is ahead is in the tube; where it is past it only where it is counts.
+    Along the track the motion is at a - size cos(n t - middle). In the half before the zone all that is ahead
+    is the tube; in the half past it only the position itself counts.
     """
     point = room.point[0]
     open_window(one, two, point, width, t, t, n, 1, t, form, room)
@@ -152,7 +152,7 @@ def limit_ahead(one, two, t, width, n, form, tube, way, room, best):
 
 @kernel()
 def ways_from(one, two, cell, width, far, n, form, slow, count, room):
-    """Whether failures beside the one at `shares`, that does not drift, do so forward, and backward."""
+    """Return True for each sense of drift, forward and backward, of failures near the one at `shares`."""
     forward, backward = False, False
     for step in (BESIDE, 1.0):
         for k in range(count):
@@ -170,9 +170,9 @@ def ways_from(one, two, cell, width, far, n, form, slow, count, room):
 
 @kernel()
 def limit_of(one, two, cell, width, slow, far, n, form, tube, count, room, best):
-    """What the norms of slower and slower drifts in a cell tend to, if below `best`, at `shares` of it.
+    """Return the limit of the norms of ever slower drifts in a cell, if below `best`, at `shares` of it.
 
-    Where they drift but one way only what is ahead counts.
+    Where they drift in only one sense, only the region ahead counts.
     """
     if not stand_still(one, two, cell, width, far, n, form, slow, count, room):
         return inf
@@ -187,10 +187,10 @@ def limit_of(one, two, cell, width, slow, far, n, form, tube, count, room, best)
 
 @kernel()
 def limit_downhill(one, two, cell, width, slow, far, n, form, tube, room, best):
-    """The least that slower and slower drifts tend to, from the failure `room.point[1]` on along its like.
+    """Return the minimum of the limits of slow drifts along failures without drift from `room.point[1]`.
 
     Of two unknowns one is moved, by steps that grow downhill and turn back smaller uphill, and the other
-    follows, so that the failure does not drift; as far as the cell goes.
+    follows so that the failure does not drift; both stay inside the cell.
     """
     t, turn = cell[FROM], cell[FROM] + 2.0 * pi / n
     for k in range(2):

@@ -1,10 +1,10 @@
-"""The way downhill over all that a failure leaves open at once: when, how much, how long, and the time.
+"""Descent over all unknowns of a failure at once: its instant, degree and duration, and the time.
 
-Norms have kinks where faces of a zone meet, and least norms lie in these.  BFGS with a line search that asks
-for a weak descent of the slope goes on in them, as its metric shrinks across a kink, and not along it
-(A. S. Lewis and M. L. Overton, Nonsmooth optimization via quasi-Newton methods, 2013).  It begins with the
-metric of places, so that it does not matter how unlike the unknowns are, again and again, with shorter and
-shorter steps.  At its ends an unknown turns back, or is held there.
+Norms have kinks where faces of a zone meet, and minimum norms lie in them.  BFGS with a line search that
+requires weak descent of the slope continues there, as its metric shrinks across a kink, and not along it
+(A. S. Lewis and M. L. Overton, Nonsmooth optimization via quasi-Newton methods, 2013).  It starts with the
+metric of positions, which makes it independent of the scales of the unknowns, and restarts with shorter and
+shorter steps.  An unknown at its limit is reflected, or held there.
 """
 
 from math import inf, sqrt
@@ -31,17 +31,17 @@ from closeform.safety.failure_family import open_window
 from closeform.safety.failure_motion import is_instant, note
 from closeform.zones.shapes import FACES
 
-SCALE = 0.3  # how far unknowns go at first: of their range, and in n t of times
-DIFFERENCE, AT_END = 1e-4, 1e-6  # of that: for derivatives; what is an end
+SCALE = 0.3  # first step of the unknowns: share of their range, and in n t for times
+DIFFERENCE, AT_END = 1e-4, 1e-6  # of SCALE: step of derivatives; distance that counts as a limit
 ROUNDS, HALVINGS = 300, 30  # of a descent, of a line search
 LONGEST_STEP = 3.0  # of SCALE
-SHORTER, SHORTEST = 0.03, 1e-7  # of steps from one beginning to the next, of the norm
-SETTLED, IDLE = 1e-12, 3  # of a norm, or of 1: less is no progress, and ends a beginning after so often
+SHORTER, SHORTEST = 0.03, 1e-7  # factor of the step at a restart, smallest step relative to the norm
+SETTLED, IDLE = 1e-12, 3  # of a norm, or of 1: smaller progress, after so many steps, ends a start
 
 
 @kernel()
 def turned_back(x, low, high):
-    """An unknown within its range, turned back at its ends; and which way it goes there."""
+    """Return an unknown within its range, reflected at the limits; and the sign of its motion there."""
     way = 1.0
     if x < low:
         x, way = min(2.0 * low - x, high), -1.0
@@ -52,7 +52,7 @@ def turned_back(x, low, high):
 
 @kernel()
 def range_of(side, cell, o, j, n):
-    """Least and greatest of a side's j-th unknown in the piece of a cell."""
+    """Return the minimum and maximum of a side's j-th unknown in the piece of a cell."""
     piece, kind = int(cell[o + PIECE]), side.now[KIND]
     if j == 1:
         return (0.0, side.numbers[MEASURE]) if kind == STUCK else (side.numbers[MEASURE], 1.0)
@@ -66,7 +66,10 @@ def range_of(side, cell, o, j, n):
 
 @kernel()
 def ranges(one, two, cell, width, end, n, low, high, scale):
-    """Fill the ends and the scale of every unknown of a cell's pieces, the time last; how many before it."""
+    """Fill the limits and scales of all unknowns of a cell's pieces, the time last.
+
+    Returns the number before it.
+    """
     count, first = 0, max(earliest(one, cell, SIDE), earliest(two, cell, SIDE + width))
     for second in range(2):
         side, o = (two, SIDE + width) if second else (one, SIDE)
@@ -83,7 +86,10 @@ def ranges(one, two, cell, width, end, n, low, high, scale):
 
 @kernel()
 def seen_at(one, two, width, t, end, n, form, room):
-    """Where the failure `room.point[0]` is at a time, in zone coordinates; `room.motions[0]` has its rate."""
+    """Return the position of the failure `room.point[0]` at a time, in zone coordinates.
+
+    `room.motions[0]` receives its derivatives.
+    """
     single(one, room.point[0], SIDE, n, room.rows[0])
     single(two, room.point[0], SIDE + width, n, room.rows[1])
     open_window(one, two, room.point[0], width, t, end, n, 1, t, form, room)
@@ -93,9 +99,9 @@ def seen_at(one, two, width, t, end, n, form, room):
 
 @kernel()
 def norm_and_slope(one, two, width, u, count, low, high, scale, n, form, room, tangents, slope):
-    """The norm at unknowns, its slope, and the time; `room.point[0]` becomes that failure.
+    """Return the norm at unknowns and the time; fill its `slope`, and `room.point[0]` with that failure.
 
-    `tangents` (6, 3) are what each unknown moves it by.
+    `tangents` (6, 3) receives the derivatives of the position by each unknown.
     """
     point, end = room.point[0], high[count]
     for k in range(count):
@@ -138,20 +144,20 @@ def norm_and_slope(one, two, width, u, count, low, high, scale, n, form, room, t
 
 @kernel()
 def hold_at_ends(u, low, high, scale, slope, free, count):
-    """Say which unknowns are free to move: not those without a range, nor whose way leads out of it."""
+    """Mark the free unknowns: those with a range that are not held at a limit by the slope."""
     for k in range(count + 1):
         free[k] = 1.0 if scale[k] > 0.0 else 0.0
     for k in range(count):
         end = low[k] if u[k] < 0.5 * (low[k] + high[k]) else high[k]
         outward = 1.0 if end == high[k] else -1.0
-        inside = 1.0 if low[k] <= u[k] <= high[k] else -1.0  # beyond its ends it goes the other way
+        inside = 1.0 if low[k] <= u[k] <= high[k] else -1.0  # reflected
         if abs(u[k] - end) < AT_END * scale[k] and outward * inside * slope[k] < 0.0:
             u[k], free[k] = end, 0.0
 
 
 @kernel()
 def first_metric(metric, scale, free, tangents, slope, count, size, reach):
-    """Make a metric that of places and of the unknowns' scales: steps of one, of `reach` sizes, at most."""
+    """Fill `metric` from positions and the unknowns' scales: steps of at most one scale and `reach` sizes."""
     ball, square = max(reach * size, SETTLED), 0.0
     for k in range(count):
         for m in range(count):
@@ -183,7 +189,7 @@ def first_metric(metric, scale, free, tangents, slope, count, size, reach):
 
 @kernel()
 def turn_metric(metric, step, change, size):
-    """The BFGS update of an inverse metric by a step and the change of slope along it."""
+    """Apply the BFGS update to an inverse metric for a step and the change of slope along it."""
     along, whole, spread = 0.0, 0.0, stack_vector(6)
     for k in range(size):
         along += step[k] * change[k]
@@ -202,9 +208,9 @@ def turn_metric(metric, step, change, size):
 
 @kernel()
 def step_down(one, two, width, s, u, v, count, low, high, scale, metric, n, form, room, found, slope, after):
-    """A step from unknowns `u` to `v`, along which the norm s and its slope fall: the norm there.
+    """Step from unknowns `u` to `v` so that the norm s and its slope fall; return the norm there.
 
-    `found`, the least norm that was met and its time, and `room.point[1]` follow.
+    `found`, the smallest norm and its time, and `room.point[1]` are updated.
     """
     step, tangents, descent, length = stack_vector(6), stack_matrix(6, 3), 0.0, 0.0
     for k in range(count + 1):
@@ -239,9 +245,11 @@ def step_down(one, two, width, s, u, v, count, low, high, scale, metric, n, form
 
 @kernel()
 def descend_all(one, two, width, when, end, n, form, room, best):
-    """Follow the failure `room.point[1]`, met at a time, downhill over all unknowns: the norm and its time.
+    """Follow the failure `room.point[1]`, met at time `when`, downhill over all unknowns.
 
-    `room.point[1]` is where that ends, if it is below `best`.  Pieces of paths stay the same.
+    Returns norm and time.
+
+    `room.point[1]` receives the result if it is below `best`. Pieces of paths stay the same.
     """
     u, v, slope, after = stack_vector(6), stack_vector(6), stack_vector(6), stack_vector(6)
     low, high, scale, free = stack_vector(6), stack_vector(6), stack_vector(6), stack_vector(6)
@@ -260,7 +268,7 @@ def descend_all(one, two, width, when, end, n, form, room, best):
             found[0], found[1] = s, time
             note(room, room.point[0])
         hold_at_ends(u, low, high, scale, slope, free, count)
-        size = max(abs(s), 1.0 if form[0] == FACES else SETTLED)  # half-spaces have no least norm at 0
+        size = max(abs(s), 1.0 if form[0] == FACES else SETTLED)  # half-spaces have no minimum norm at 0
         first_metric(metric, scale, free, tangents, slope, count + 1, size, reach)
         idle = 0
         while idle < IDLE and spent < ROUNDS and (s >= SETTLED or form[0] == FACES):
@@ -272,7 +280,7 @@ def descend_all(one, two, width, when, end, n, form, room, best):
                 break
             idle = idle + 1 if s - there < SETTLED * max(abs(s), 1.0) else 0
             s = there
-            for k in range(count + 1):  # `v` and `after` become what the metric learns from
+            for k in range(count + 1):  # `v` and `after` become the step and the change of slope
                 u[k], v[k] = v[k], v[k] - u[k]
                 slope[k], after[k] = after[k], after[k] - slope[k]
             turn_metric(metric, v, after, count + 1)

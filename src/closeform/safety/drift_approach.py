@@ -1,4 +1,4 @@
-"""Whether two paths stay passively safe, and how near a failure brings their craft."""
+"""Passive safety of two paths, and the closest approach after a failure."""
 
 from __future__ import annotations
 
@@ -27,32 +27,33 @@ from closeform.zones.shapes import FACES
 from closeform.zones.zone import Zone
 
 Failing = Literal["path", "other", "either", "both"]
-SAME = 5e-10  # of a least ratio, or of 1: what cells may hide of it
+SAME = 5e-10  # of a minimum ratio, or of 1: accepted uncertainty of cells
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class DriftApproach(Rows):
-    """The closest approach of two craft, or of the pairs of two batches, when thrust fails.
+    """Closest approach of two spacecraft, or of the pairs of two batches, after a failure of thrust.
 
     Attributes
     ----------
     failed_at : float or array of shape (...) [s]
-        When thrust fails for the worst; of missed burns the first of which something is missing.  Where
-        both craft fail (..., 2), that of `path` first; nan without a common time.
+        Time of the worst failure; for missed burns the first burn that is incomplete.  Where
+        both spacecraft fail (..., 2), that of `path` first; nan without a common time.
     time : float or array of shape (...) [s]
-        When the norm is least then; nan without a common time, and inf where slower and slower drifts
-        tend to it.
+        Time of the minimum norm after it; nan without a common time, and inf where ever slower drifts
+        approach it as a limit.
     ratio : float or array of shape (...), no unit
-        The least norm that a failure was found to lead to; inf without a common time.  It is the least over
-        all instants of failure and all of the drift where `lower` is beside it, an upper bound of that else.
+        Clearance ratio: the minimum norm after a failure that was found; inf without a common time.  It is
+        the minimum over all instants of failure and all of the drift if `lower` is next to it, else an upper
+        bound.
     distance : float or array of shape (...) [m]
-        Between the centres at that time, which need not be the least; inf where there is none.
+        Distance of the centres at that time, not necessarily the minimum; inf without a time.
     failing : str or array of str of shape (...)
-        Who fails for the worst: "path", "other" or "both".
+        Which spacecraft fails in the worst case: "path", "other" or "both".
     lower : float or array of shape (...), no unit
-        No failure leads to a norm below: 1e-9 under the ratio, or that share of it.  Farther below where the
-        search had to end after many cells, as with several missed burns of both craft, and -inf where drift
-        without an end may lead ever deeper into half-spaces.  Judge safety by this one.
+        Lower bound of the norm after any failure: 1e-9 below the ratio, or that share of it.  It is lower
+        where the search ended after many cells, as with several missed burns of both spacecraft, and -inf
+        where drift without an end may lead ever deeper into half-spaces.  Use this bound to judge safety.
     """
 
     _columns: ClassVar = {
@@ -80,37 +81,37 @@ def passively_safe(
     failure: Failure = ThrustLost(),  # noqa: B008 (it is frozen)
     failing: Failing = "path",
 ) -> Any:
-    """Whether a craft stays out of a zone for whatever instant its thrust fails at, and all of the drift.
+    """Return True if a spacecraft stays out of a zone whenever its thrust fails, during all of the drift.
 
     Parameters
     ----------
     path : Path
-        Of one craft, or a batch.
+        Path of one spacecraft, or a batch.
     other : Path
-        Of the craft that the zone is around, or a batch, in the same orbit; batch shapes broadcast.
+        Path of the spacecraft that the zone is around, or a batch, in the same orbit; batch shapes broadcast.
     zone : Zone
-        Of the pair.
+        Zone of the pair.
     until : float [s]
-        The end of the drift, on the clock of the paths: at the end of the path that fails, or later; inf
-        is a million orbits, in which who flies on coasts after its end.
+        End of the drift, on the clock of the paths: at the end of the path that fails, or later; inf
+        means a million orbits, in which a spacecraft that does not fail coasts after its end.
     failure : ThrustLost, MissedBurns, DegradedThrust or StuckOnThrust, default ThrustLost()
-        What fails.
+        Failure of thrust.
     failing : {"path", "other", "either", "both"}, default "path"
-        Which craft: one of them while the other flies on as planned, either (the worse of the two), or both,
-        each at its own instant.
+        Which spacecraft fails: one while the other continues as planned, either (the worse of the
+        two), or both, each at its own instant.
 
     Returns
     -------
     bool or array of bool of shape (...)
-        True where it is certain that no failure leads into the zone; also without a common time.  False
-        where one does, or nothing was certain after many cells (failures that graze it, of many unknowns).
+        True if no failure leads into the zone, which is certified; also without a common time.  False
+        if one does, or if many cells left it undecided (failures that graze it, with many unknowns).
 
     Raises
     ------
     ValueError
-        If a path that flies on does not reach `until`, `until` is before the end of a path that fails,
+        If a path that does not fail ends before `until`, `until` is before the end of a path that fails,
         impulses would be stuck on, the orbits differ, batch shapes do not broadcast, or an argument is
-        of another kind.
+        of another type.
 
     References
     ----------
@@ -138,47 +139,47 @@ def drift_approach(
     failure: Failure = ThrustLost(),  # noqa: B008 (it is frozen)
     failing: Failing = "path",
 ) -> DriftApproach:
-    """The least norm that a failure at any instant leads to, over all of the drift after it.
+    """Return the closest approach after a failure at any instant, over all of the drift after it.
 
     Parameters
     ----------
     path : Path
-        Of one craft, or a batch.
+        Path of one spacecraft, or a batch.
     other : Path
-        Of the craft that the zone is around, or a batch, in the same orbit; batch shapes broadcast.
+        Path of the spacecraft that the zone is around, or a batch, in the same orbit; batch shapes broadcast.
     zone : Zone
-        Whose norm is looked at.
+        Zone that defines the norm.
     until : float [s]
-        The end of the drift, on the clock of the paths: at the end of the path that fails, or later; inf
-        is a million orbits, in which who flies on coasts after its end.
+        End of the drift, on the clock of the paths: at the end of the path that fails, or later; inf
+        means a million orbits, in which a spacecraft that does not fail coasts after its end.
     failure : ThrustLost, MissedBurns, DegradedThrust or StuckOnThrust, default ThrustLost()
-        What fails.
+        Failure of thrust.
     failing : {"path", "other", "either", "both"}, default "path"
-        Which craft: one of them while the other flies on as planned, either (the worse of the two), or both,
-        each at its own instant.
+        Which spacecraft fails: one while the other continues as planned, either (the worse of the
+        two), or both, each at its own instant.
 
     Returns
     -------
     DriftApproach
-        Floats for two craft, arrays for batches.  No instant of failure, and none of the drift, leads
-        below `lower`.  The `ratio` is that of a failure that was found: it is the least to 1e-9, or to that
-        share of itself where it is above 1, unless failures with many unknowns need more cells than are
-        searched; then the least lies between `lower` and `ratio`.
+        Floats for two spacecraft, arrays for batches. No failure at any instant leads below `lower`
+        during the drift. The `ratio` is that of a failure that was found: it is the minimum to 1e-9,
+        or to that share of itself where it is above 1, unless failures with many unknowns need more
+        cells than are searched; then the minimum lies between `lower` and `ratio`.
 
     Raises
     ------
     ValueError
-        If a path that flies on does not reach `until`, `until` is before the end of a path that fails,
+        If a path that does not fail ends before `until`, `until` is before the end of a path that fails,
         impulses would be stuck on, the orbits differ, batch shapes do not broadcast, or an argument is
-        of another kind.
+        of another type.
 
     References
     ----------
     docs/theory.md section 8; docs/passive_safety.md.
     """
     found = [
-        _told(who, rows, zone, sides, ends)
-        for who, rows, zone, sides, ends in _worst(path, other, zone, until, failure, failing, SAME)
+        _columns_of(which, rows, zone, sides, ends)
+        for which, rows, zone, sides, ends in _worst(path, other, zone, until, failure, failing, SAME)
     ]
     best = found[0]
     for other_one in found[1:]:
@@ -187,14 +188,14 @@ def drift_approach(
         best[-1] = lower
     shape = broadcast(path=path.shape, other=other.shape)
     if not shape:
-        at, time, ratio, distance, who, lower = (column[0] for column in best)
+        at, time, ratio, distance, which, lower = (column[0] for column in best)
         failed_at = float(at) if np.ndim(at) == 0 else at
-        return DriftApproach(failed_at, float(time), float(ratio), float(distance), str(who), float(lower))
+        return DriftApproach(failed_at, float(time), float(ratio), float(distance), str(which), float(lower))
     return DriftApproach(*(column.reshape(shape + column.shape[1:]) for column in best))
 
 
 def _checked(path: Path, other: Path, zone: Zone, until: float, failure: Any, failing: Any) -> float:
-    """The end of the drift, of arguments that fit each other."""
+    """Validate the arguments together; return the end of the drift."""
     check_comparable(path, other, zone)
     instance("failure", failure, *FAILURES)
     if not isinstance(failing, str) or failing not in ("path", "other", "either", "both"):
@@ -213,8 +214,8 @@ def _checked(path: Path, other: Path, zone: Zone, until: float, failure: Any, fa
             and (one.end < end - forgiven(one)).any()
         ):
             raise ValueError(
-                f"{name}: ends at {last_times(one).min():g} s, and flies on while the other fails; "
-                f"carry it on to {end:g} s, such as by a coast"
+                f"{name}: ends at {last_times(one).min():g} s, and continues while the other fails; "
+                f"extend it to {end:g} s, for example by a coast"
             )
     return end
 
@@ -222,18 +223,18 @@ def _checked(path: Path, other: Path, zone: Zone, until: float, failure: Any, fa
 def _worst(
     path: Path, other: Path, zone: Zone, until: float, failure: Any, failing: Any, certain: float
 ) -> list[tuple[str, Floats, Zone, tuple[Side, Side], Any]]:
-    """Of each way to fail who does, and the rows of `search.worst_failures` of all pairs."""
+    """Return for each combination of failing spacecraft its name and the rows of `search.worst_failures`."""
     end = _checked(path, other, zone, until, failure, failing)
     soon = end if np.isfinite(end) else soon_after(path, other)
     shape = broadcast(path=path.shape, other=other.shape)
     first, second = craft_of(path, shape), craft_of(other, shape)
     found = []
-    for who in ("path", "other") if failing == "either" else (failing,):
-        one = side_of(path, None if who == "other" else failure, soon, end == np.inf)
-        two = side_of(other, None if who == "path" else failure, soon, end == np.inf)
+    for which in ("path", "other") if failing == "either" else (failing,):
+        one = side_of(path, None if which == "other" else failure, soon, end == np.inf)
+        two = side_of(other, None if which == "path" else failure, soon, end == np.inf)
         most = np.inf if certain > 0.0 else MEETS
         rows = search_pairs(one, two, first, second, soon, path.orbit, zone, certain, most, end == np.inf)
-        found.append((who, rows, zone, (one, two), (first, second)))
+        found.append((which, rows, zone, (one, two), (first, second)))
     return found
 
 
@@ -249,7 +250,7 @@ def search_pairs(
     most: float,
     for_ever: bool = False,
 ) -> Floats:
-    """The rows of `search.worst_failures` for some pairs, in as much room as they need."""
+    """Return the rows of `search.worst_failures` for pairs, with as much work space as they need."""
     room = room_for(one, two)
     rows = np.zeros((len(first), FAILURE + room.cells.shape[1]))
     far = end + (MOST_ORBITS * orbit.period if for_ever else 0.0)
@@ -272,34 +273,34 @@ def search_pairs(
     return rows
 
 
-def _told(who: str, rows: Floats, zone: Zone, sides: tuple[Side, Side], craft: Any) -> list[Any]:
-    """Columns of a `DriftApproach`."""
-    at = failures_at(who, rows, sides, craft)
+def _columns_of(which: str, rows: Floats, zone: Zone, sides: tuple[Side, Side], craft: Any) -> list[Any]:
+    """Return the columns of a `DriftApproach`."""
+    at = failures_at(which, rows, sides, craft)
     time, ratio = rows[:, TIME], rows[:, RATIO]
     distance = np.linalg.norm(rows[:, PLACE : PLACE + 3] @ _to_metres(zone), axis=1)
     distance[~np.isfinite(time)] = np.inf  # of a slow drift only the ratio is known
     at[np.isnan(time)] = np.nan
-    return [at, time, ratio, distance, np.full(len(rows), who), rows[:, LOWER]]
+    return [at, time, ratio, distance, np.full(len(rows), which), rows[:, LOWER]]
 
 
 @lru_cache(maxsize=64)
 def _to_metres(zone: Zone) -> Floats:
-    """What takes rows of zone coordinates to metres."""
+    """Return the matrix that maps rows of zone coordinates to metres."""
     return np.asarray(np.linalg.inv(zone.matrix).T)
 
 
-def failures_at(who: str, rows: Floats, sides: tuple[Side, Side], craft: Any) -> Floats:
-    """When the worst failures of some pairs happen (M,), or (M, 2) where both craft fail."""
+def failures_at(failing: str, rows: Floats, sides: tuple[Side, Side], craft: Any) -> Floats:
+    """Return the times of the worst failures of pairs (M,), or (M, 2) where both spacecraft fail."""
     width = (rows.shape[1] - FAILURE - SIDE) // 2
     instants = [
         failed_at(sides[k], rows[:, FAILURE + SIDE + k * width :][:, :width], craft[k])
-        for k in {"path": (0,), "other": (1,), "both": (0, 1)}[who]
+        for k in {"path": (0,), "other": (1,), "both": (0, 1)}[failing]
     ]
-    return np.stack(instants, axis=1) if who == "both" else instants[0]
+    return np.stack(instants, axis=1) if failing == "both" else instants[0]
 
 
 def failed_at(side: Side, failures: Floats, craft: Any) -> Floats:
-    """When one side fails in each of some failures (M, W), columns of a cell; nan where it does not."""
+    """Return when one side fails in each of some failures (M, W), columns of a cell; nan if it does not."""
     kind, pieces = side.now[KIND], failures[:, PIECE].astype(np.int64)
     if kind == MISSED:
         instants = np.full(len(failures), np.nan)

@@ -1,4 +1,4 @@
-"""Until when a drift goes on, and which paths that can fail do not fit that."""
+"""End of a drift, and validation of paths that can fail before it."""
 
 from typing import Any
 
@@ -10,33 +10,33 @@ from closeform.motion.orbit import Orbit
 from closeform.motion.path import FORGIVEN, Path
 from closeform.safety.failures import DegradedThrust, MissedBurns, StuckOnThrust, ThrustLost
 
-SOON = 100.0  # orbits of a drift without end that are searched as they are
+SOON = 100.0  # orbits of a drift without end that are searched directly
 FAILURES = (ThrustLost, MissedBurns, DegradedThrust, StuckOnThrust)
 
 
 def drift_end(until: float, orbit: Orbit) -> float:
-    """The end of a drift in an orbit."""
+    """Return the validated end of a drift in an orbit."""
     end = number("until", until)
     if np.isnan(end) or end == -np.inf:
         raise ValueError(f"until: expected a time in s, or inf, got {end:g}")
     if end == np.inf and orbit.mean_motion == 0.0:
-        raise ValueError("until: inf needs an orbit; in deep space give a time")
+        raise ValueError("until: inf requires an orbit; in deep space give a time")
     return end
 
 
 def last_times(path: Path) -> Floats:
-    """When the craft of a path end (N,) [s]."""
+    """Return the end times of the spacecraft of a path (N,) [s]."""
     found: Floats = path.arcs[path.offsets[1:] - 1, END]
     return found
 
 
 def forgiven(path: Path) -> Any:
-    """How far from its end a drift may begin or end, of the path's shape [s]."""
+    """Return the accepted rounding of the end of a drift, of the path's shape [s]."""
     return FORGIVEN * np.asarray(path.end - path.start)
 
 
 def checked_end(name: str, path: Path, until: float, failure: Any) -> float:
-    """The end of the drift of a path that can fail like that, and ends before it."""
+    """Return the validated end of the drift of a path that can fail and ends before it."""
     end = drift_end(until, path.orbit)
     if last_times(path).max(initial=-np.inf) > end and (path.end > end + forgiven(path)).any():
         raise ValueError(
@@ -52,6 +52,6 @@ def checked_end(name: str, path: Path, until: float, failure: Any) -> float:
 
 
 def soon_after(path: Path, other: Path) -> float:
-    """Until when a drift without end is searched as one that has an end."""
+    """Return the time up to which a drift without end is searched directly."""
     last = max(last_times(path).max(initial=0.0), np.max(other.start, initial=0.0))
     return float(last + SOON * path.orbit.period)

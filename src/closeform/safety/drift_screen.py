@@ -1,4 +1,4 @@
-"""All pairs of a formation: who comes into whose zone when thrust fails."""
+"""Screening of all pairs of a formation for conflicts after a failure of thrust."""
 
 from __future__ import annotations
 
@@ -27,26 +27,26 @@ from closeform.zones.pair_zones import PairZones, pair_zones, pairs_of, portions
 from closeform.zones.solids import Sphere
 from closeform.zones.zone import Zone
 
-ENOUGH = 5e-4  # of a zone: as precise as ratios of a screen are; to 1e-9 they take twice as long
+ENOUGH = 5e-4  # of a zone: the precision of a screening's ratios; 1e-9 takes twice as long
 CHUNK = 256  # pairs that one thread takes at a time
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class DriftScreening(Rows):
-    """Who comes into whose zone when thrust fails, one row for each such pair, sorted by pair.
+    """Pairs with a conflict after a failure of thrust, one row for each pair, sorted by pair.
 
     Attributes
     ----------
     pairs : array of int of shape (M, 2)
-        The craft that fails, and the one that it meets; where both fail the first is the one before.
+        The spacecraft that fails, and the one that it meets; where both fail the lower index is first.
     failed_at : array of shape (M,) [s]
-        When thrust fails for the worst; (M, 2) where both fail.
+        Time of the worst failure; (M, 2) where both fail.
     time : array of shape (M,) [s]
-        When the norm is least then; inf where slower and slower drifts tend to it.
+        Time of the minimum norm after it; inf where ever slower drifts approach it as a limit.
     ratio : array of shape (M,), no unit
-        The least norm that is found: certain to 1e-3, and to 1e-9 by `drift_approach` of the pair.  Less so
-        where failures of many unknowns, or drift without an end, need more cells than are searched; it is
-        above 1 where that leaves open whether they meet.
+        Clearance ratio, the minimum norm found: accurate to 1e-3, and to 1e-9 by `drift_approach` of the
+        pair. It is less accurate where failures with many unknowns, or drift without an end, need more cells
+        than are searched; it is above 1 where a conflict remains possible but undecided.
     """
 
     _columns: ClassVar = {
@@ -72,33 +72,34 @@ def drift_screen(
     failure: Failure = ThrustLost(),  # noqa: B008 (it is frozen)
     failing: Literal["either", "both"] = "either",
 ) -> DriftScreening:
-    """Every pair of many craft in which failures lead one into the zone of the other, on all cores.
+    """Return every pair of many spacecraft with a conflict after a failure, computed on all cores.
 
     Parameters
     ----------
     paths : Path or sequence of Path
-        A Path of shape (N,), or N of single craft, in one orbit.  Who does not fail flies on as planned,
-        and coasts on after that.
+        A Path of shape (N,), or N paths of single spacecraft, in one orbit.  A spacecraft that does not fail
+        continues as planned, and coasts after its end.
     zone : Zone, CovarianceZone, Body, None, sequence of these, or PairZones
-        As of `screen`.
+        Own zones or zones of pairs, as for `screen`.
     until : float [s]
-        The end of the drift, at the last end of the paths or later; inf is a million orbits.
+        End of the drift, at the last end of the paths or later; inf means a million orbits.
     failure : ThrustLost, MissedBurns, DegradedThrust or StuckOnThrust, default ThrustLost()
-        What fails.
+        Failure of thrust.
     failing : {"either", "both"}, default "either"
-        Which craft of a pair: one while the other flies on, either way, or both, each at its own instant.
+        Which spacecraft of a pair fails: one while the other continues, in turn, or both, each at its
+        own instant.
 
     Returns
     -------
     DriftScreening
-        Certified: all other pairs are passively safe.
+        Pairs with a conflict, certified: all other pairs are passively safe.
 
     Raises
     ------
     ValueError
-        If `paths` are no Path of shape (N,) or in different orbits, `until` is before their ends, impulses
-        would be stuck on, `failing` is another word, or `zone` is of another kind, of another number of
-        craft, or makes none for a pair.
+        If `paths` is not a Path of shape (N,) or is in different orbits, `until` is before their
+        ends, impulses would be stuck on, `failing` is unknown, or `zone` is of another type, for
+        another number of spacecraft, or makes none for a pair.
 
     References
     ----------
@@ -135,7 +136,7 @@ def drift_screen(
 
 
 def own(side: Side) -> Side:
-    """A side for a search of its own, which notes in it whom it looks at."""
+    """Return a copy of a side for use in one thread, as a search stores its current spacecraft in it."""
     return side._replace(now=side.now.copy())
 
 
@@ -149,9 +150,9 @@ def worst_drifts(
     certain: float,
     for_ever: bool = False,
 ) -> tuple[Any, Floats]:
-    """Which pairs are not passively safe, and the rows of `search.worst_failures` of these.
+    """Return the pairs that are not passively safe, and the rows of `search.worst_failures` for these.
 
-    Where drift has an end one search tells both: the least norm is looked for where any is within the zone.
+    For a drift with an end one search finds both: the minimum norm is searched if one is in the zone.
     """
     judged = 0.0 if for_ever else certain
     rows = search_pairs(*sides, first, second, end, orbit, zone, judged, MEETS, for_ever)
@@ -165,7 +166,7 @@ def worst_drifts(
 
 
 def _asked(zone: Zone | PairZones, count: int, both: bool) -> Iterator[tuple[Zone, Any, Any]]:
-    """Zones, who fails, and who flies on, each pair both ways; or `both` fail, each pair once."""
+    """Yield zones with the spacecraft that fails and the other, each pair both ways, or once for `both`."""
     if isinstance(zone, PairZones):
         held: Any = ((one, first, second) for one, first, second in portions(zone, CHUNK))
     else:

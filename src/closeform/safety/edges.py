@@ -1,4 +1,4 @@
-"""What may happen in a cell at one time, as a parallelotope: its edges, and its point nearest to the zone."""
+"""The set of possible positions in a cell at one time, as a parallelotope: its edges and nearest point."""
 
 from math import sqrt
 
@@ -12,7 +12,10 @@ GOLDEN = 0.6180339887498949
 
 @kernel()
 def find_edges(one, two, room, window):
-    """Fill the edges of the set, one for each parameter of one side, then of the other; how many."""
+    """Fill the edges of the set, one for each parameter of one side, then of the other.
+
+    Returns their number.
+    """
     edges, places, count = room.edges, room.places, 0
     for second in range(2):
         kind = two.now[KIND] if second else one.now[KIND]
@@ -38,7 +41,10 @@ def find_edges(one, two, room, window):
 
 @kernel()
 def make_edges(one, two, room, window):
-    """Make of motions that of a corner of the set, and behind it those of its edges; how many they are."""
+    """Replace the motions by that of a corner of the set followed by those of its edges.
+
+    Returns their number.
+    """
     count = 0
     for m in range(window.order):
         k = 0
@@ -56,7 +62,7 @@ def make_edges(one, two, room, window):
 
 @kernel()
 def place_at(room, count, share):
-    """A point of the parallelotope: at this share of all its edges, or at `shares` if that is negative."""
+    """Return a point of the parallelotope: at `share` of all edges, or at `shares` if that is negative."""
     x = room.places[0, 0] - room.places[OTHER, 0]
     y = room.places[0, 1] - room.places[OTHER, 1]
     z = room.places[0, 2] - room.places[OTHER, 2]
@@ -68,7 +74,7 @@ def place_at(room, count, share):
 
 @kernel()
 def norm_at(room, count, form):
-    """The norm of the parallelotope's point at `shares`."""
+    """Return the norm of the parallelotope's point at `shares`."""
     shape, _, faces = form
     x, y, z = place_at(room, count, -1.0)
     return norm(shape, faces, x, y, z)
@@ -76,7 +82,7 @@ def norm_at(room, count, form):
 
 @kernel()
 def sink(room, count, form, fine):
-    """Move `shares` to where the norm is least, by one edge after another: it is convex along each."""
+    """Move `shares` to the minimum of the norm, along one edge after another: it is convex along each."""
     for _ in range(3 if count > 1 else 1):
         for k in range(count):
             low, high = 0.0, 1.0
@@ -101,10 +107,10 @@ def sink(room, count, form, fine):
 
 @kernel()
 def nearest(room, count):
-    """The point of a parallelotope that is nearest to the origin; `shares` are where on its edges."""
+    """Return the point of a parallelotope nearest to the origin; `shares` receives its edge coordinates."""
     edges, shares = room.edges, room.shares
     x, y, z = place_at(room, count, -1.0)
-    for _ in range(1 if count == 1 else 12):  # by one coordinate after another
+    for _ in range(1 if count == 1 else 12):  # one coordinate after another
         moved = 0.0
         for k in range(count):
             ex, ey, ez = edges[k, 0], edges[k, 1], edges[k, 2]
@@ -122,7 +128,7 @@ def nearest(room, count):
 
 @kernel()
 def widest(room, count):
-    """Which of a set's edges is the longest, and its length."""
+    """Return the index of the longest edge of a set, and its length."""
     which, longest = 0, 0.0
     for k in range(count):
         x, y, z = room.edges[k, 0], room.edges[k, 1], room.edges[k, 2]

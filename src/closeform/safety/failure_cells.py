@@ -1,12 +1,12 @@
-"""Cells: boxes of failures of one or two craft, and the motions that span what happens in each.
+"""Cells: boxes of failures of one or two spacecraft, and the motions that span their consequences.
 
-A cell is a row of floats: the time from which it is still to be searched, and for each side (the craft
+A cell is a row of floats: the time from which it is still to be searched, and for each side (the spacecraft
 of `path`, then that of `other`) a piece of its path and a low and a high end of each of its
 parameters.  A piece is an arc (2 i) or the impulse at its start (2 i + 1).  The parameters are
 
-    LOST     when thrust is lost [s]; of an impulse which share of it was given
-    WEAK     the same, and the share of thrust that is left from then on
-    STUCK    the same, and for how long thrust is stuck on [s]
+    LOST     the time of the loss of thrust [s]; for an impulse the share of it that was given
+    WEAK     the same, and the share of thrust that remains from then on
+    STUCK    the same, and the duration for which thrust is stuck on [s]
     MISSED   the share of each burn that is given
 
 Motions of the first three are natural: rows of arcs without thrust, from their own times on.
@@ -25,23 +25,23 @@ from closeform.motion.hill import coast, pushed
 from closeform.safety.remainders import lost_remainder, stuck_remainder, thrust_derivatives
 
 FLIES, LOST, WEAK, STUCK, MISSED = 0, 1, 2, 3, 4
-KIND, FIRST, LAST, BURN, BURNS = 0, 1, 2, 3, 4  # of a side's `now`
-MEASURE, HELD, ACCELERATION = 0, 1, 2  # of a side's `numbers`
+KIND, FIRST, LAST, BURN, BURNS = 0, 1, 2, 3, 4  # indices of a side's `now`
+MEASURE, HELD, ACCELERATION = 0, 1, 2  # indices of a side's `numbers`
 FROM, SIDE = 0, 1  # first columns of a cell
-PIECE, LOW, HIGH = 0, 1, 2  # of a side of a cell; the next parameter's two columns on
-# Of a cell at first, in n t.  At 0.5 verdicts take a fifth longer; at 1, those of a day a tenth.
+PIECE, LOW, HIGH = 0, 1, 2  # columns of a side of a cell; the next parameter follows two columns later
+# Initial length of a cell in n t. At 0.5 safety checks take a fifth longer; at 1, those of a day a tenth.
 LONGEST = 0.7
 
 
 class Side(NamedTuple):
-    """One of the two craft, in every pair of a batch: its paths, their burns, and how it fails."""
+    """One of the two spacecraft in every pair of a batch: its paths, their burns, and its failure."""
 
     arcs: Floats  # (M, 30)
     offsets: Any  # (N + 1,)
     burns: Floats  # (B, 2, 30): the natural motions before and after each burn, of MISSED alone
     burn_offsets: Any  # (N + 1,)
-    now: Any  # (5,): kind of failure; first and last arc, first and last burn of the craft looked at
-    numbers: Floats  # (5,): least share or longest time; length and components of a given acceleration
+    now: Any  # (5,): kind of failure; first and last arc, first and last burn of the current spacecraft
+    numbers: Floats  # (5,): minimum share or longest duration; length and components of a given acceleration
 
 
 ROWS, BLOCKS, NUMBERS, INDICES = float64[:, ::1], float64[:, :, ::1], float64[::1], int64[::1]
@@ -50,14 +50,14 @@ SIDE_TYPE = types.NamedTuple((ROWS, INDICES, BLOCKS, INDICES, INDICES, NUMBERS),
 
 @kernel()
 def choose(side, craft):
-    """Look at one craft of a side."""
+    """Make one spacecraft of a side the current one."""
     side.now[FIRST], side.now[LAST] = side.offsets[craft], side.offsets[craft + 1]
     side.now[BURN], side.now[BURNS] = side.burn_offsets[craft], side.burn_offsets[craft + 1]
 
 
 @kernel()
 def parameter_count(side):
-    """How many parameters a failure has."""
+    """Return the number of parameters of a failure."""
     kind = side.now[KIND]
     if kind == MISSED:
         return side.now[BURNS] - side.now[BURN]
@@ -66,7 +66,7 @@ def parameter_count(side):
 
 @kernel()
 def vertex_count(side):
-    """How many motions span a cell on one side."""
+    """Return the number of motions that span a cell on one side."""
     kind = side.now[KIND]
     if kind == WEAK:
         return 8
@@ -77,7 +77,7 @@ def vertex_count(side):
 
 @kernel()
 def natural(row, s, n, x, y, z, vx, vy, vz):
-    """Make a row the natural motion through a state at time s."""
+    """Fill a row with the natural motion through a state at time s."""
     row[START], row[MEAN_MOTION] = s, n
     row[STATE], row[STATE + 1], row[STATE + 2] = x, y, z
     row[STATE + 3], row[STATE + 4], row[STATE + 5] = vx, vy, vz
@@ -85,9 +85,11 @@ def natural(row, s, n, x, y, z, vx, vy, vz):
 
 @kernel()
 def failed_row(side, piece, at, n, kick, u, stuck, row):
-    """Make a row the motion after a failure at parameter `at` of a piece; the epoch of the failure.
+    """Fill a row with the motion after a failure at parameter `at` of a piece.
 
-    Its velocity there is changed by `kick` times the thrust u, which then is stuck on for a while.
+    Returns the time of the failure.
+
+    The velocity there is changed by `kick` times the thrust u, which then is stuck on for a while.
     """
     arc = side.arcs[piece // 2]
     if piece % 2 == 1:
@@ -113,7 +115,7 @@ def failed_row(side, piece, at, n, kick, u, stuck, row):
 
 @kernel()
 def stuck_thrust(side, piece, at, n, u):
-    """Fill the first row of `u` with the thrust that is stuck on where it fails."""
+    """Fill the first row of `u` with the thrust that is stuck on at the failure."""
     if side.numbers[HELD] >= 0.0:
         for axis in range(3):
             u[0, axis] = side.numbers[ACCELERATION + axis]
@@ -125,7 +127,7 @@ def stuck_thrust(side, piece, at, n, u):
 
 @kernel()
 def single(side, cell, o, n, rows):
-    """Fill the first row with the motion of the low ends of a cell's side."""
+    """Fill the first row with the motion at the low ends of a cell's side."""
     kind = side.now[KIND]
     if kind == FLIES or kind == MISSED:
         return
@@ -139,14 +141,14 @@ def single(side, cell, o, n, rows):
 
 @kernel()
 def column_of(one, width, k):
-    """The column of the low end of a cell's k-th unknown."""
+    """Return the column of the low end of a cell's k-th unknown."""
     mine = parameter_count(one)
     return SIDE + LOW + 2 * k if k < mine else SIDE + width + LOW + 2 * (k - mine)
 
 
 @kernel()
 def moved(row, source, by, x, y, z, vx, vy, vz):
-    """Make a row a natural motion to which so much of another state of the same time is added."""
+    """Fill a row with a natural motion plus `by` times another state at the same time."""
     a = STATE
     natural(
         row,
@@ -163,10 +165,10 @@ def moved(row, source, by, x, y, z, vx, vy, vz):
 
 @kernel()
 def span_stuck(side, piece, at, n, third, short, long, end, rows):
-    """Fill the six rows of one end of a cell of thrust stuck on from `short` to `long`.
+    """Fill the six rows at one end of a cell of thrust that is stuck on from `short` to `long`.
 
-    Points of a parabola in how long it is stuck at `end` (0 or 3), and of its derivative by the instant a
-    `third` of the cell on.                                                                  # theory (48)
+    They are the points of a parabola in the duration at `end` (0 or 3), and of its derivative by the instant,
+    a `third` of the cell away, theory (48).
     """
     u, w, push = stack_matrix(7, 3), stack_matrix(7, 3), stack_vector(12)
     own, half, inner = side.numbers[HELD] < 0.0, 0.5 * (long - short), 1 if end == 0 else 2
@@ -198,9 +200,9 @@ def span_stuck(side, piece, at, n, third, short, long, end, rows):
 
 @kernel()
 def span_cell(side, cell, o, n, rows):
-    """Fill rows with the motions that span a cell's side, and say how far others are off them.
+    """Fill rows with the motions that span a cell's side; return bounds of the deviation of others.
 
-    That is in place, in speed and for good, from the epoch of the cell's start on: four numbers.
+    The four numbers are bounds in position, in velocity and constant ones, and the epoch of the cell's start.
     """
     kind = side.now[KIND]
     if kind == FLIES or kind == MISSED:
@@ -239,7 +241,7 @@ def span_cell(side, cell, o, n, rows):
 
 @kernel()
 def span_both(one, two, cell, width, n, rows):
-    """`span_cell` of both sides, and how far the difference of two motions is off what spans it."""
+    """Span both sides by `span_cell`; return bounds of the deviation of the difference of two motions."""
     place, speed, always, epoch = span_cell(one, cell, SIDE, n, rows[0])
     other_place, other_speed, other_always, other_epoch = span_cell(two, cell, SIDE + width, n, rows[1])
     return place + other_place, speed + other_speed, always + other_always, min(epoch, other_epoch)
@@ -247,9 +249,9 @@ def span_both(one, two, cell, width, n, rows):
 
 @kernel()
 def first_cells(side, o, n, cells):
-    """Fill a side's columns of `cells` with the cells that hold all its failures; how many there are.
+    """Fill a side's columns of `cells` with the cells that contain all its failures; return their number.
 
-    Beyond the last row they are counted only.
+    Cells beyond the last row are counted only.
     """
     kind, count = side.now[KIND], 0
     if kind == FLIES or kind == MISSED:
@@ -273,7 +275,7 @@ def first_cells(side, o, n, cells):
                 shares = (high - low) * n / LONGEST if n > 0.0 else 4.0 * (high - low) / (end - start)
                 parts = max(1, ceil(shares))
             else:
-                high = low  # natural motion goes on as it is
+                high = low  # natural motion continues unchanged
             for k in range(parts):
                 if count < len(cells):
                     cell = cells[count]
@@ -288,7 +290,7 @@ def first_cells(side, o, n, cells):
 
 @kernel()
 def earliest(side, cell, o):
-    """From when on the motions of a cell's side are what they say."""
+    """Return the time from which the motions of a cell's side are valid."""
     kind = side.now[KIND]
     if kind == FLIES or kind == MISSED:
         return side.arcs[side.now[FIRST], START]

@@ -1,7 +1,8 @@
-"""Fans: all motions that span a cell of failures, seen over one window as derivatives at its start.
+"""All motions that span a cell of failures, represented over one window by derivatives at its start.
 
-All that may happen in a cell lies in a convex set: the hull of some motions of one craft, less that of
-some of the other, plus any part of some generators (burns that may be missed), plus a ball that grows.
+The possible relative positions in a cell lie in a convex set: the hull of some motions of one spacecraft,
+less that of some of the other, plus any part of some generators (burns that may be missed), plus a growing
+ball.
 """
 
 from typing import NamedTuple
@@ -33,41 +34,41 @@ from closeform.safety.failure_cells import (
     vertex_count,
 )
 
-OTHER, PATH, GENERATORS = 12, 24, 25  # of `motions`: where the second side's begin, and so on
+OTHER, PATH, GENERATORS = 12, 24, 25  # indices of `motions`: first motion of the second side, and so on
 
 
 class PairRoom(NamedTuple):
-    """TrackingMargins for the work on one pair."""
+    """Work space for one pair."""
 
-    cells: Floats  # (C, W): those that are still to be searched
-    point: Floats  # (3, W): a cell without extent, the best failure that was met, and one to be kept
+    cells: Floats  # (C, W): cells still to be searched
+    point: Floats  # (3, W): a cell without extent, the worst failure found, and one to be kept
     rows: Floats  # (2, 12, 30): natural motions of both sides
     motions: Floats  # (25 + G, 8, 3): derivatives of all motions at a window's start, in zone coordinates
     bends: Floats  # (25 + G, 3): bounds of their accelerations
     places: Floats  # (25 + G, 6): places and velocities at one time
-    terms: Floats  # (25 + G, 5): along a plane: place, rate, bend; drift, swing
+    terms: Floats  # (25 + G, 5): along a plane's normal: position, rate, bend; drift, swing
     drifts: Floats  # (25 + G,): along the track [m/s]
-    edges: Floats  # (P, 4): of the set at one time, a direction for each parameter, and by how much it drifts
-    shares: Floats  # (P,): where on them the set is nearest
+    edges: Floats  # (P, 4): of the set at one time, a direction for each parameter, and its drift
+    shares: Floats  # (P,): nearest point of the set in edge coordinates
 
 
 ROOM_TYPE = types.NamedTuple((ROWS, ROWS, BLOCKS, BLOCKS, ROWS, ROWS, ROWS, NUMBERS, ROWS, NUMBERS), PairRoom)
 
 
 class Window(NamedTuple):
-    """Which of the motions in `PairRoom` are seen for a while, and how they move."""
+    """Range of the motions in `PairRoom` that are used in a window, and their order."""
 
-    ones: int  # of the first side, from 0 on
-    twos: int  # of the second, from OTHER on
-    generators: int  # where the second side's begin; those of the first do at GENERATORS
-    last: int  # where they end
+    ones: int  # of the first side, from index 0
+    twos: int  # of the second side, from index OTHER
+    generators: int  # first index of the second side's; those of the first start at GENERATORS
+    last: int  # index after the last
     order: int  # of the derivatives
     n: float
 
 
 @kernel()
 def next_seen(window, k):
-    """The motion of a window after the k-th; `last` or more behind them all."""
+    """Return the index of the next motion of a window; `last` or more after all of them."""
     if k + 1 == window.ones:
         return OTHER
     return GENERATORS if k + 1 == OTHER + window.twos else k + 1
@@ -75,7 +76,7 @@ def next_seen(window, k):
 
 @kernel()
 def see(arc, t, order, sign, q, fresh):
-    """Make `q` (8, 3) `sign` times the first derivatives of an arc, or add to it where it is not fresh."""
+    """Fill `q` (8, 3) with `sign` times the derivatives of an arc, or add them if it is not `fresh`."""
     if fresh:
         for k in range(order):
             q[k, 0] = q[k, 1] = q[k, 2] = 0.0
@@ -84,7 +85,7 @@ def see(arc, t, order, sign, q, fresh):
 
 @kernel()
 def mix(target, one, a, other, b, order):
-    """Set the derivatives `target` to a times one motion's and b times another's."""
+    """Set the derivatives `target` to a times one motion's plus b times another's."""
     for k in range(order):
         for axis in range(3):
             target[k, axis] = a * one[k, axis] + b * other[k, axis]
@@ -92,7 +93,7 @@ def mix(target, one, a, other, b, order):
 
 @kernel()
 def see_burns(side, cell, o, arc, t, order, sign, room, base, first):
-    """Take from a motion what burns give less in a cell; fill generators with what they may give more."""
+    """Subtract the burns' loss in a cell from a motion; fill generators with their variable part."""
     motions = room.motions
     for j in range(side.now[BURN], side.now[BURNS]):
         k = j - side.now[BURN]
@@ -111,7 +112,7 @@ def see_burns(side, cell, o, arc, t, order, sign, room, base, first):
 
 @kernel()
 def see_side(side, cell, o, rows, count, i, t, order, sign, room, base, first):
-    """Fill the motions of one side's fan at time t, in metres; `i` is the arc of its path."""
+    """Fill the motions of one side at time t, in metres; `i` is the arc of its path."""
     kind, motions = side.now[KIND], room.motions
     if kind == FLIES or kind == MISSED:
         see(side.arcs[i], t, order, 1.0, motions[base], True)
@@ -131,14 +132,14 @@ def see_side(side, cell, o, rows, count, i, t, order, sign, room, base, first):
 
 @kernel()
 def is_natural(side, i, n):
-    """Whether a side moves without thrust as long as it is in the i-th arc."""
+    """Return True if a side moves without thrust while it is in the i-th arc."""
     kind = side.now[KIND]
     return kind == LOST or kind == STUCK or not (thrusts(side.arcs[i]) or side.arcs[i, MEAN_MOTION] != n)
 
 
 @kernel()
 def arc_end(side, i, end):
-    """Until when a side's motions are as they are in the i-th arc."""
+    """Return the time up to which a side's motions are valid in the i-th arc."""
     kind = side.now[KIND]
     if kind == LOST or kind == STUCK or i + 1 == side.now[LAST]:
         return end
@@ -147,13 +148,13 @@ def arc_end(side, i, end):
 
 @kernel()
 def arc_of(side, t):
-    """The arc in which a side's path goes on after time t; it can be the last, and behind its end."""
+    """Return the arc that continues a side's path after time t; it may be the last one, after its end."""
     return locate(side.arcs, side.now[FIRST], side.now[LAST], t)
 
 
 @kernel()
 def open_window(one, two, cell, width, t, end, n, count, epoch, form, room):
-    """See both fans from time t on: the window, and its end."""
+    """Fill the motions of both sides from time t on; return the window and its end."""
     shape, matrix, faces = form
     motions = room.motions
     i, j = arc_of(one, t), arc_of(two, t)
@@ -164,7 +165,7 @@ def open_window(one, two, cell, width, t, end, n, count, epoch, form, room):
         order = 4 if cubics else 8
         if n > 0.0:
             stop = min(stop, t + ANGLE / n)
-    if n > 0.0:  # what is off the span of a cell is taken to be as large as it gets in a window
+    if n > 0.0:  # deviations from the span of a cell are bounded by their value at the end of a window
         stop = min(stop, t + max(t - epoch if count > 1 else 0.0, COAST_ANGLE / n))
     elif count > 1:
         stop = min(stop, t + max(t - epoch, 0.25 * (end - t)))
@@ -174,7 +175,7 @@ def open_window(one, two, cell, width, t, end, n, count, epoch, form, room):
     see_side(two, cell, SIDE + width, room.rows[1], count, j, t, order, -1.0, room, OTHER, generators)
     ones = vertex_count(one) if count > 1 else 1
     twos = vertex_count(two) if count > 1 else 1
-    if twos == 1:  # the difference is one motion, and smaller than both
+    if twos == 1:  # the difference is a single motion, and smaller than both
         for k in range(ones):
             mix(motions[k], motions[k], 1.0, motions[OTHER], -1.0, order)
         mix(motions[OTHER], motions[OTHER], 0.0, motions[OTHER], 0.0, order)
@@ -189,7 +190,7 @@ def open_window(one, two, cell, width, t, end, n, count, epoch, form, room):
 
 @kernel()
 def place_all(room, window, t):
-    """Places and velocities of all motions at time t after the window's start."""
+    """Fill `room.places` with positions and velocities of all motions at time t after the window's start."""
     n, order = window.n, window.order
     p = inverse_transforms(n, t) if order == 8 else (0.0,) * 12
     c2, c3, c4 = oscillation(n, t) if order == 4 else (t, 0.5 * t * t, t * t * t / 6.0)

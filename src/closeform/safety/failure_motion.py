@@ -1,4 +1,4 @@
-"""Failures flown one by one, and cells that are cut where nothing else tells."""
+"""Motion after single failures, and division of cells that are not proven clear."""
 
 from math import ceil, inf, nan
 
@@ -29,25 +29,26 @@ from closeform.safety.failure_family import OTHER, arc_end, arc_of, is_natural, 
 from closeform.zones.shapes import BALL, FACES, norm
 
 MEETS = 1.0 + 1e-12  # up to here a norm is on the surface
-LEAST_SHARE = 0.2  # of a cell, that a cut leaves on either side
-FIRST_STEP, LAST_STEP = 0.1, 1e-3  # downhill: in n t, and of the first
-NEAR = 0.5  # in n t: so far before and after where planes end a motion is followed
-GLANCE, GLANCES = 0.5, 16  # in n t, and of a window in deep space: so far apart a motion is glanced at
-SMALLEST = 1e-13  # of a set's edges, in zones: failures in it are the same
+LEAST_SHARE = 0.2  # of a cell, minimum part on either side of a cut
+FIRST_STEP, LAST_STEP = 0.1, 1e-3  # of the descent: in n t, and relative to the first
+NEAR = 0.5  # in n t: range around the end of planes in which a motion is followed
+GLANCE, GLANCES = 0.5, 16  # in n t, and per window in deep space: spacing and number of samples
+SMALLEST = 1e-13  # of a set's edges, in zones: failures in it are equal
 
 
 @kernel()
 def target_below(best, certain):
-    """Up to which norm cells must be clear, for the least that was met to be that of all.
+    """Return the norm up to which cells must be clear for `best` to be the minimum of all.
 
-    Cells may hide the share `certain` of it, or of 1; but whether it is above 1, until any is met below.
+    Cells may hide the share `certain` of it, or of 1; if only entry matters it is 1 until a conflict is
+    found.
     """
     return best - certain * max(abs(best), 1.0) if certain > 0.0 and best != MEETS else 1.0
 
 
 @kernel()
 def fly(one, two, cell, width, begin, end, n, form, room, best):
-    """Least norm and its time of the failure at a cell's low ends, over [begin, end], if below `best`."""
+    """Return the minimum norm over [begin, end] at a cell's low ends, if below `best`, and its time."""
     shape, _, faces = form
     single(one, cell, SIDE, n, room.rows[0])
     single(two, cell, SIDE + width, n, room.rows[1])
@@ -71,16 +72,16 @@ def fly(one, two, cell, width, begin, end, n, form, room, best):
 
 @kernel()
 def is_instant(side, cell, o):
-    """Whether a cell's first parameter is a time at which thrust fails."""
+    """Return True if a cell's first parameter is the time at which thrust fails."""
     kind = side.now[KIND]
     return kind != FLIES and kind != MISSED and int(cell[o + PIECE]) % 2 == 0
 
 
 @kernel()
 def aim(one, two, cell, width, latest, room):
-    """Make `room.point` the failure of a cell at `shares` of its edges.
+    """Fill `room.point` with the failure of a cell at `shares` of its edges; return the earliest valid time.
 
-    One that has happened at the time `latest`, as what spans the cell goes back beyond that.
+    The failure must have happened by the time `latest`; the span of the cell extends beyond that.
     """
     point, k = room.point[0], 0
     for c in range(len(cell)):
@@ -102,7 +103,7 @@ def aim(one, two, cell, width, latest, room):
 
 @kernel()
 def has_extent(side, cell, o):
-    """Whether a cell holds more than one failure of a side."""
+    """Return True if a cell contains more than one failure of a side."""
     for k in range(parameter_count(side)):
         if cell[o + LOW + 2 * k] < cell[o + HIGH + 2 * k]:
             return True
@@ -111,16 +112,18 @@ def has_extent(side, cell, o):
 
 @kernel()
 def note(room, cell):
-    """Keep a failure as the worst that was met."""
+    """Store a failure as the worst one found."""
     for c in range(len(cell)):
         room.point[1, c] = cell[c]
 
 
 @kernel()
 def glance(one, two, cell, width, end, n, form, room, best):
-    """About the least norm of what a cell spans, at times GLANCE apart, and when, if it is below `best`.
+    """Estimate the minimum norm of the span of a cell at times GLANCE apart, if below `best`.
 
-    The failure stands in `room.point[1]` then.
+    Returns its time too.
+
+    `room.point[1]` receives the failure.
     """
     shape, _, faces = form
     rest = span_both(one, two, cell, width, n, room.rows)
@@ -128,7 +131,7 @@ def glance(one, two, cell, width, end, n, form, room, best):
     while True:
         window, stop = open_window(one, two, cell, width, t, end, n, 4, rest[3], form, room)
         i, j = arc_of(one, t), arc_of(two, t)
-        if is_natural(one, i, n) and is_natural(two, j, n):  # whose window is short for bounds alone
+        if is_natural(one, i, n) and is_natural(two, j, n):  # its window is short for bounds alone
             stop = min(arc_end(one, i, end), arc_end(two, j, end))
         elif n > 0.0:
             stop = min(stop, t + GLANCE / n)
@@ -160,7 +163,7 @@ def glance(one, two, cell, width, end, n, form, room, best):
 
 @kernel()
 def around(one, two, cell, width, when, end, n):
-    """From when and until when a failure is followed near a time."""
+    """Return the interval near a time in which a failure is followed."""
     first = max(earliest(one, cell, SIDE), earliest(two, cell, SIDE + width))
     reach = NEAR / n if n > 0.0 else 0.05 * (end - first)
     begin = max(when - reach, first)
@@ -169,7 +172,7 @@ def around(one, two, cell, width, when, end, n):
 
 @kernel()
 def near_by(one, two, cell, width, t, near, end, n, count, room):
-    """Aim at the failure that is nearest where planes end; from when and until when it is to be flown."""
+    """Aim at the failure that is nearest where planes end; return the interval in which it is followed."""
     size = widest(room, count)[1] if near < inf else inf
     s = aim(one, two, cell, width, near if size > SMALLEST else t, room)
     if near == inf:
@@ -180,9 +183,9 @@ def near_by(one, two, cell, width, t, near, end, n, count, room):
 
 @kernel()
 def descend(one, two, width, when, end, n, form, room, best):
-    """Follow the worst failure that was met downhill, from instant to instant: the least norm and its time.
+    """Follow the worst failure found downhill, from instant to instant; return the minimum norm and its time.
 
-    Within its arc, as far as steps that grow downhill and turn back smaller uphill lead.
+    The search stays in its arc, with steps that grow downhill and turn back smaller uphill.
     """
     cell, worst = room.point[0], room.point[1]
     for second in range(2):
@@ -213,11 +216,10 @@ def descend(one, two, width, when, end, n, form, room, best):
 
 @kernel()
 def cut(one, two, width, top, t, room, count):
-    """Put a cell's two parts in its place, to go on from time t; the part to be searched first is last.
+    """Replace a cell by its two parts, to continue from time t; the part to search first is last.
 
-    It is cut where the set was nearest, so that what is nearest ends both, or near that end: parts farther
-    off are clear the sooner.  How many cells there are then: as many as without it, if all in it is one
-    failure.
+    The cell is cut at the nearest point of the set, or near that end, so that parts farther away are clear
+    sooner. Returns the new number of cells, which is the number without it if it contains a single failure.
     """
     cells = room.cells
     which, _ = widest(room, count)
@@ -230,7 +232,7 @@ def cut(one, two, width, top, t, room, count):
         middle = low + share * (high - low)
         if low < middle < high:
             break
-        which = (which + 1) % count  # floats end here: along another edge
+        which = (which + 1) % count  # floats end here: use another edge
     if not low < middle < high:
         return top
     for c in range(cells.shape[1]):

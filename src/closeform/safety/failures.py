@@ -1,4 +1,4 @@
-"""Failures: what can go wrong with the thrust of a craft."""
+"""Failures of the thrust of a spacecraft."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from closeform.arrays import number, numbers, positive
 
 @dataclass(frozen=True)
 class ThrustLost:
-    """Thrust is lost for good, at any instant of the path; in the midst of an impulse, too.
+    """Permanent loss of thrust at any instant of the path, also during an impulse.
 
-    From then on the craft drifts.  The path as planned is among what can happen: thrust that is lost
+    The spacecraft drifts from then on.  The path as planned is included: thrust that is lost
     at its end.
 
     References
@@ -26,16 +26,16 @@ class ThrustLost:
 
 @dataclass(frozen=True)
 class MissedBurns:
-    """Burns are missed or too weak: each gives its own share, and the next are flown still.
+    """Missed or incomplete burns: each gives its own share, and later burns are still executed.
 
-    A burn is an impulse, or a stretch of continuous thrust.  All shares at once, each by itself: with
-    `least=0` any burns may be missed, one, some, or all from one on; what is planned is flown open
-    loop, without knowledge of what was missed.
+    A burn is an impulse, or an interval of continuous thrust.  All shares are independent: with
+    `least=0` any burns may be missed, one, some, or all from one on; the plan is executed open
+    loop, without knowledge of missed burns.
 
     Parameters
     ----------
     least : float, no unit, default 0
-        Of the shares that burns give, from 0 on, below 1.
+        Minimum share of each burn, from 0 on, below 1.
 
     Raises
     ------
@@ -55,14 +55,14 @@ class MissedBurns:
 
 @dataclass(frozen=True)
 class DegradedThrust:
-    """From any instant on, all thrust is the same share of what is planned.
+    """Degraded thrust: from any instant on, all thrust is the same share of the planned thrust.
 
-    The share is anything from `least` up to 1, and the plan is flown on open loop, impulses included.
+    The share is any from `least` up to 1, and the plan is executed open loop, impulses included.
 
     Parameters
     ----------
     least : float, no unit, default 0
-        Of the share that is left, from 0 on, below 1; 0 holds `ThrustLost`.
+        Minimum share that remains, from 0 on, below 1; 0 includes `ThrustLost`.
 
     Raises
     ------
@@ -82,15 +82,15 @@ class DegradedThrust:
 
 @dataclass(frozen=True, eq=False)
 class StuckOnThrust:
-    """Thrust is stuck on, at any instant, for any time up to the longest; after that the craft drifts.
+    """Thrust that is stuck on, from any instant, for any time up to the longest; then the spacecraft drifts.
 
     Parameters
     ----------
     longest : float [s]
-        For which thrust can be stuck: until somebody closes the valve, or the tank is empty.
+        Longest duration for which thrust can be stuck on, until a valve is closed or the tank is empty.
     acceleration : array_like of shape (3,) [m/s^2], optional
-        The thrust that is stuck on, in the rotating frame: then it can be at any instant, coasting too.
-        Unless given it is the thrust that the path has at that instant.
+        Thrust that is stuck on, in the rotating frame; it can then occur at any instant, also during coasts.
+        By default it is the thrust of the path at that instant.
 
     Raises
     ------
@@ -122,5 +122,5 @@ Failure = ThrustLost | MissedBurns | DegradedThrust | StuckOnThrust
 def _share(name: str, value: ArrayLike) -> float:
     share = number(name, value)
     if not 0.0 <= share < 1.0:
-        raise ValueError(f"{name}: a share of thrust from 0 on, below 1, got {share:g}")
+        raise ValueError(f"{name}: must be a share of thrust from 0 on, below 1, got {share:g}")
     return share

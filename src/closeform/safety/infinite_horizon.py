@@ -1,9 +1,10 @@
-"""What comes after the first hundred orbits of drift, for ever.
+"""Search of the drift after the first hundred orbits, without an end.
 
-Natural motion is an ellipse that drifts along the track, so that each orbit repeats the one before it,
-moved on by the same way.  A cell of failures is clear for good if it is in the first few steps of the
-march; or if its ellipses stay clear for one orbit of all that lies before them where they drift to, and
-behind them too if they may drift either way.  Others are cut, down to those that do not drift (see `still`).
+Natural motion is an ellipse that drifts along the track, so that each orbit repeats the previous one,
+shifted by a constant step.  A cell of failures is clear for good if the first few steps of the march show it;
+or if its ellipses stay clear for one orbit of the region ahead of them in the direction of drift, and of
+the region behind them too if they may drift in either sense.  Others are divided, down to those without drift
+(see `bounded_motion_limits`).
 """
 
 from math import inf, nan, pi, sqrt
@@ -16,20 +17,20 @@ from closeform.safety.failure_motion import NEAR, cut, fly, near_by, note, targe
 from closeform.safety.planes import EITHER_WAY, march
 from closeform.zones.shapes import BALL
 
-FEW = 60  # steps of the march, after which a cell is cut, or gone on with
-STILL = 1e-3  # of a zone: an ellipse that drifts by less in all of the time is closed
-# Cells of balls, of other zones, and of these for a least norm over several unknowns, after which less is
-# asked; that of half-spaces that the track leads into is without a bound then.
+FEW = 60  # steps of the march after which a cell is divided or continued
+STILL = 1e-3  # of a zone: an ellipse that drifts by less in the whole time is closed
+# Cells of balls, of other zones, and of these for a minimum norm over several unknowns, after which the
+# accuracy is reduced; for half-spaces that the track leads into the norm then has no bound.
 ENOUGH, LESS = (5_000, 1_000, 4_000), (10.0, 100.0, 100.0)
-TURNS = 16  # between what is ahead of a zone and what is behind it, in one orbit
+TURNS = 16  # alternations between the regions ahead of a zone and behind it, in one orbit
 
 
 @kernel()
 def stays_behind(one, two, cell, width, n, form, scale, tube, target, rest, away, room):
-    """Whether all that is ahead of a cell's ellipses is clear, for one orbit and so for good.
+    """Return True if the region ahead of a cell's ellipses is clear for one orbit, and so for good.
 
-    Where they are before the zone that is the tube; where they are past it, planes that lead away.  Of
-    half-spaces, which have no tube that tells more than whether it is entered, such planes alone.
+    Where they are before the zone the region is the tube; where they are past it, planes that lead away bound
+    it. Half-spaces without a useful tube use such planes alone.
     """
     start = cell[FROM]
     turn, clear, t = start + 2.0 * pi / n, False, start
@@ -53,7 +54,7 @@ def stays_behind(one, two, cell, width, n, form, scale, tube, target, rest, away
 
 @kernel()
 def is_clear(one, two, cell, width, low, high, off, slow, n, form, scale, tube, target, rest, room):
-    """Whether a cell is clear for good by what it does in one orbit, as it drifts."""
+    """Return True if one orbit shows that a cell is clear for good as it drifts."""
     (x, y, z), _ = along_track(form[1])
     way = 0.0
     if low >= -slow:
@@ -77,10 +78,10 @@ def is_clear(one, two, cell, width, low, high, off, slow, n, form, scale, tube, 
 
 @kernel()
 def search_tail(one, two, top, width, far, n, form, scale, tube, floor, certain, room, best):
-    """Least norm after the first hundred orbits, if below `best`: its time, and how certain it is.
+    """Return the minimum norm after the first hundred orbits, if below `best`, its time, and its accuracy.
 
-    The time is inf where slower and slower drifts tend to it, and nan where nothing is below.  The
-    failure stands in `room.point[1]`; a time of -inf asks for more room.
+    The time is inf where ever slower drifts approach the norm as a limit, and nan where none is below. The
+    failure is stored in `room.point[1]`; a time of -inf requests more work space.
     """
     when, spent = nan, 0
     count = parameter_count(one) + parameter_count(two)
@@ -114,7 +115,7 @@ def search_tail(one, two, top, width, far, n, form, scale, tube, floor, certain,
         if clear:
             continue
         begin, stop = near_by(one, two, cell, width, t, near, far, n, count, room)
-        if not is_tube(tube):  # it only sinks on the way there
+        if not is_tube(tube):  # it only decreases towards that time
             begin = max(begin, near - NEAR / n)
         least, time = fly(one, two, room.point[0], width, begin, stop, n, form, room, best)
         if least < best:
@@ -136,7 +137,7 @@ def search_tail(one, two, top, width, far, n, form, scale, tube, floor, certain,
         if top + 2 > len(room.cells):
             return best, -inf, certain
         parts = cut(one, two, width, top, t, room, count) if count > 0 else top
-        if parts == top:  # all in it is one failure
+        if parts == top:  # the cell is a single failure
             cell[FROM] = max(t, stop)
             parts += cell[FROM] < far
         top = parts

@@ -1,7 +1,7 @@
-"""The search over failures that leave more open than their instant: how weak thrust is, how long it is stuck.
+"""Search over failures with more unknowns than their instant: degree of degradation, or duration stuck on.
 
-As in `search` cells are cut until each is clear; but each failure that is met is followed downhill over all
-unknowns at once, so that cells are held against the least norm from the start on.
+As in `search`, cells are divided until each is clear; but each failure found is followed downhill over all
+unknowns at once, so that cells are compared with the minimum norm from the start.
 """
 
 from math import inf, nan
@@ -33,9 +33,10 @@ from closeform.zones.shapes import FACES, FORM
 
 @kernel()
 def least_downhill(one, two, top, width, end, n, form, room, best, when, most):
-    """The least norm, if below `best`, where descents from cells lead, and its time.
+    """Return the minimum norm that descents from cells reach, if below `best`, and its time.
 
-    From cells that seem to come nearer than that, or than `most`; `room.point[1]` is where it is.
+    Descents start in cells that seem to come closer than that, or than `most`; `room.point[1]` receives the
+    failure.
     """
     worst, kept = room.point[1], room.point[2]
     for c in range(len(worst)):
@@ -57,10 +58,10 @@ def least_downhill(one, two, top, width, end, n, form, room, best, when, most):
 
 @kernel()
 def search_downhill(one, two, top, width, end, n, form, scale, tube, floor, certain, most, room):
-    """As `search.search` does: the least norm over all failures and drifts, its time, how certain it is."""
+    """Do what `search.search` does: return the minimum norm over failures and drifts, time, and accuracy."""
     best, when = most, nan
     if most == inf:
-        if form[0] == FACES:  # from another start, too
+        if form[0] == FACES:  # adds another start
             best, when = sample(one, two, top, width, end, n, form, room)
         best, when = least_downhill(one, two, top, width, end, n, form, room, best, when, -inf)
     count = parameter_count(one) + parameter_count(two)
@@ -73,7 +74,7 @@ def search_downhill(one, two, top, width, end, n, form, scale, tube, floor, cert
         if spent > MANY:
             if best == MEETS:
                 return 1.0, nan, 0.0
-            if most == inf:  # perhaps something less hides in what is left
+            if most == inf:  # the remaining cells may contain a smaller norm
                 best, when = least_downhill(one, two, top, width, end, n, form, room, best, when, inf)
             certain, spent = LESS * certain, 0
         target = target_below(best, certain)
@@ -96,7 +97,7 @@ def search_downhill(one, two, top, width, end, n, form, scale, tube, floor, cert
             if certain == 0.0:
                 break
             best, when = descend_all(one, two, width, when, end, n, form, room, best)
-            if extended and much:  # perhaps it is clear of what is asked now
+            if extended and much:  # it may be clear at the new target
                 cell[FROM] = t
                 top += 1
                 continue
@@ -127,7 +128,7 @@ def search_downhill(one, two, top, width, end, n, form, scale, tube, floor, cert
     )
 )
 def worst_of_many(one, two, first, second, ends, n, form, scale, certain, most, far, tube, floor, room, out):
-    """As `search.worst_failures` of failures with two unknowns, that are weak or stuck thrust."""
+    """Do what `search.worst_failures` does for failures with two unknowns: degraded or stuck-on thrust."""
     one, two, room, out = lent(one), lent(two), lent(room), borrowed(out)
     form = form[0], borrowed(form[1]), borrowed(form[2])
     tube = tube[0], borrowed(tube[1]), borrowed(tube[2])

@@ -1,11 +1,11 @@
-"""Planes between a fan of motions and a zone: certain that nothing that the fan spans meets it.
+"""Planes that separate the motions of a cell from a zone: proof that no motion in their span meets it.
 
-A plane is between them while
+A plane separates them while
 
     min a.q_k - max a.w_m + sum min(0, a.g_j) > target + ball                          # theory (47)
 
-for the gradient `a` of a part of the zone's norm.  Each term is one arc's motion, so that each obeys
-theory (10), and the whole is concave in time as far as its bounds hold.
+for the gradient `a` of a part of the zone's norm.  Each term is the motion of one arc, so that each obeys
+theory (10), and the sum is concave in time within the validity of its bounds.
 """
 
 from math import inf, sqrt
@@ -20,15 +20,18 @@ from closeform.safety.failure_family import GENERATORS, OTHER, PATH, next_seen, 
 from closeform.safety.remainders import growth
 from closeform.zones.shapes import BALL, CYLINDER, part, part_count, time_to_level
 
-STEPS = 200  # in a window, before a cell is cut though planes still pass
+STEPS = 200  # in a window, before a cell is divided although planes still separate
 LEAST_STEP = 2.3e-16
-# No direction that planes are to lead away in, no sign that drifts are to have, nor how far these are off.
+# No direction in which planes must lead away, no required sign of drifts, and no error of these.
 EITHER_WAY = (0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 @kernel()
 def project(room, window, ax, ay, az, lean):
-    """Fill the terms of every motion along a plane's normal, with so much of its drift; their least sum."""
+    """Fill the terms of every motion along a plane's normal and `lean` times its drift.
+
+    Returns the least sum.
+    """
     least, most, rest = inf, -inf, 0.0
     k = 0
     while k < window.last:
@@ -51,9 +54,9 @@ def project(room, window, ax, ay, az, lean):
 
 @kernel()
 def pair_step(gap, rate, bend, b, c, window, sine, cosine, wanted):
-    """How long one motion certainly stays above a plane: as a parabola, or as a drifting oscillation.
+    """Return how long one motion provably stays above a plane, as a parabola or a drifting oscillation.
 
-    `sine` over n, and `cosine`, are those of the time since the window's start.
+    `sine` (over n) and `cosine` are those of the time since the window's start.
     """
     h = time_to_level(gap, rate, bend)
     n = window.n
@@ -70,7 +73,7 @@ def pair_step(gap, rate, bend, b, c, window, sine, cosine, wanted):
 
 @kernel()
 def least_after(room, window, h):
-    """A lower bound of the sum of all terms after a time h, without the level."""
+    """Return a lower bound of the sum of all terms after a time h, without the level."""
     least, most, rest = inf, -inf, 0.0
     for k in range(window.last):
         term = room.terms[k]
@@ -85,7 +88,7 @@ def least_after(room, window, h):
 
 @kernel()
 def plane_step(room, window, level, local, wanted):
-    """How long the whole set certainly stays above a plane of which the terms were filled."""
+    """Return how long the whole set provably stays above a plane whose terms have been filled."""
     rest, slower, bends, h = 0.0, 0.0, 0.0, inf
     sine, versed, _ = oscillation(window.n, local)
     cosine = 1.0 - window.n * window.n * versed
@@ -110,10 +113,10 @@ def plane_step(room, window, level, local, wanted):
 
 @kernel()
 def mixed_plane(room, count, form, x, y, z):
-    """The normal, of those of some parts mixed, along which the parallelotope is farthest at its worst.
+    """Return the mix of parts' normals for which the parallelotope is farthest, approximately.
 
-    One part after another is mixed in, as much as levels some edge: at a kink of the norm no part alone
-    keeps what a cell spans as far away as it is.  Gradients are those at (x, y, z).
+    Parts are mixed in one after another, each to the share that makes an edge parallel to the plane: at a
+    kink of the norm no part alone gives the distance of the set. Gradients are those at (x, y, z).
     """
     shape, _, faces = form
     edges = room.edges
@@ -143,9 +146,9 @@ def mixed_plane(room, count, form, x, y, z):
 
 @kernel()
 def best_plane(room, window, count, form, level, x, y, z, local, wanted, away):
-    """The plane that lasts longest, of a norm's parts and of these mixed: for how long, and the gap there.
+    """Return how long the best plane separates, of a norm's parts and of their mix, and the gap.
 
-    Of planes from which the direction `away` does not lead back.
+    The direction `away` must not lead back through the plane.
     """
     shape, _, faces = form
     longest, gap, parts = 0.0, -inf, part_count(shape, faces)
@@ -173,7 +176,7 @@ def best_plane(room, window, count, form, level, x, y, z, local, wanted, away):
 
 @kernel()
 def sink_all(room, count, form):
-    """Move `shares` to where the norm of the parallelotope is least."""
+    """Move `shares` to the minimum of the norm on the parallelotope."""
     x, y, z = nearest(room, count)
     if form[0] != BALL and 1 < count <= EDGES:
         mixed_normal(room, count, form, x, y, z, 0.0)
@@ -183,7 +186,7 @@ def sink_all(room, count, form):
 
 @kernel()
 def deepest(one, two, room, window, local, form):
-    """Least norm of the parallelotope at one time of a window, or near it; `shares` are where."""
+    """Return approximately the minimum norm of the parallelotope at one time of a window; fill `shares`."""
     place_all(room, window, local)
     count = find_edges(one, two, room, window)
     sink_all(room, count, form)
@@ -192,7 +195,7 @@ def deepest(one, two, room, window, local, form):
 
 @kernel()
 def valley(one, two, room, window, local, span, form):
-    """From a time of a window on along the deepest of the parallelotope to where that is least: the time."""
+    """Follow the minimum norm of the parallelotope downhill from a time of a window; return its time."""
     n = window.n
     low, value = local, deepest(one, two, room, window, local, form)
     step = 1e-3 / n if n > 0.0 else 1e-4 * span
@@ -204,7 +207,7 @@ def valley(one, two, room, window, local, span, form):
             break
         low, middle, value = middle, high, there
         step *= 2.0
-    fine = 1e-9 if form[0] == BALL else 1e-13  # a smooth least is flat, one at an edge is not
+    fine = 1e-9 if form[0] == BALL else 1e-13  # a smooth minimum is flat, one at an edge is not
     for _ in range(60):
         if high - low <= fine * (span + local):
             break
@@ -227,13 +230,16 @@ def valley(one, two, room, window, local, span, form):
 
 @kernel()
 def march(one, two, cell, width, end, n, form, scale, target, best, rest, most, away, room):
-    """How far a cell is certainly clear of the zone enlarged by `target`: the time reached, and whether all.
+    """March until a cell is not provably clear of the zone enlarged by `target`.
 
-    `rest`: how far motions are off those that span them (see `span_both`).  Where it ends, the edges of the
-    set and its nearest point stand in `room`; where that is nearer than `best` they do so for the time,
-    the third answer, at which it is nearest.  At most `most` steps, if that is not negative.
-    What is clear stays so if all is moved on in the direction `away` of zone coordinates.  If a sign comes
-    after it only failures are that drift along the track with that sign; `room.drifts` are off by the last.
+    Returns time and True if clear.
+
+    `rest` holds the deviation of motions from their span (see `span_both`). Where the march ends, `room`
+    receives the edges of the set and its nearest point; if that is nearer than `best`, for the time at which
+    it is nearest, which is the third result. The march takes at most `most` steps if that is not negative.
+    The result also holds if all is moved in the direction `away` of zone coordinates. If a sign follows
+    there, only failures that drift along the track with that sign are considered; the last number is the
+    error of `room.drifts`.
     """
     t, taken = cell[FROM], 0
     place, speed, always, epoch = rest
@@ -254,7 +260,7 @@ def march(one, two, cell, width, end, n, form, scale, target, best, rest, most, 
             x, y, z = nearest(room, count)
             wanted = span - local
             h, gap = best_plane(room, window, count, form, level, x, y, z, local, wanted, away)
-            if h == 0.0 and form[0] == CYLINDER:  # whose gradient depends on where
+            if h == 0.0 and form[0] == CYLINDER:  # its gradient depends on the position
                 sink(room, count, form, 1e-5)
                 x, y, z = place_at(room, count, -1.0)
                 h, gap = best_plane(room, window, count, form, level, x, y, z, local, wanted, away)

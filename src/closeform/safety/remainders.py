@@ -1,13 +1,13 @@
-"""How far a failed motion is at most from what its control motions span.
+"""Bounds of the deviation of a motion after a failure from the span of its control motions.
 
 Thrust that is lost at time s leaves the natural motion r(t; s) = E Phi(t - s) x(s).  With the thrust u
-that a path has at s, its derivatives with respect to s are
+of the path at s, its derivatives with respect to s are
 
     d^k r/ds^k = E Phi(t - s) z_k,   z_1 = (0, u),   z_(k+1) = z_k' - A z_k                # theory (44)
 
-so that of the cubic of the values and slopes at two instants h apart it is off by h^4/384 of the
-greatest fourth at most.  Each of its components is of the span of arcs' thrusts, and is bounded
-there by its Taylor series.
+so that it deviates from the cubic of the values and slopes at two instants h apart by at most h^4/384 of the
+greatest fourth derivative.  Each component of that is in the function space of arcs' thrusts, and is bounded
+by its Taylor series.
 """
 
 from math import sqrt
@@ -29,11 +29,11 @@ SWING_RATE = 4.2  # |d Phi_vv/dt| is at most n sqrt(17), and each derivative n t
 
 @kernel()
 def thrust_derivatives(arc, n, t, u):
-    """Fill `u` (7, 3) with the thrust that flies an arc in an orbit of mean motion n, and its derivatives."""
+    """Fill `u` (7, 3) with the thrust that an arc requires at mean motion n, and its derivatives."""
     m = arc[MEAN_MOTION]
     for k in range(7):
         u[k, 0] = u[k, 1] = u[k, 2] = 0.0
-    if m != n:  # a cubic through samples has the thrust that its motion asks for
+    if m != n:  # the thrust of a cubic follows from its motion
         r = stack_matrix(8, 3)
         for k in range(8):
             r[k, 0] = r[k, 1] = r[k, 2] = 0.0
@@ -61,13 +61,13 @@ def thrust_derivatives(arc, n, t, u):
 
 @kernel()
 def largest(f0, f1, f2, f3, h):
-    """Greatest |f| over [0, h] of f0 + f1 t + f2 P_1 + f3 P_2: P_1 <= t^2/2, P_2 <= t^3/6."""
+    """Return the greatest |f| over [0, h] of f0 + f1 t + f2 P_1 + f3 P_2: P_1 <= t^2/2, P_2 <= t^3/6."""
     return max(abs(f0), abs(f0 + f1 * h)) + 0.5 * abs(f2) * h * h + abs(f3) * h * h * h / 6.0
 
 
 @kernel()
 def coriolis(n, u, k, axis):
-    """S u of the k-th derivative, along one axis."""
+    """Return one component of S u for the k-th derivative."""
     if axis == 2:
         return 0.0
     return 2.0 * n * u[k, 1] if axis == 0 else -2.0 * n * u[k, 0]
@@ -75,7 +75,7 @@ def coriolis(n, u, k, axis):
 
 @kernel()
 def greatest(u, k, h):
-    """Greatest length of the k-th derivative of thrust over [0, h]."""
+    """Return the greatest length of the k-th derivative of thrust over [0, h]."""
     square = 0.0
     for axis in range(3):
         f = largest(u[k, axis], u[k + 1, axis], u[k + 2, axis], u[k + 3, axis], h)
@@ -85,10 +85,10 @@ def greatest(u, k, h):
 
 @kernel()
 def lost_remainder(n, u, h):
-    """Greatest h^4/384 |z_4| over [0, h], of its position and of its velocity.
+    """Return the greatest h^4/384 |z_4| over [0, h], of its position and of its velocity.
 
-    z_4 = (-3u'' + 3Su' - (N + S^2) u,  u''' - 3Su'' + 3 (N + S^2) u' + n^2 S u), and
-    N + S^2 = -n^2 diag(1, 4, 1).                                                        # theory (45)
+    z_4 = (-3u'' + 3Su' - (N + S^2) u, u''' - 3Su'' + 3 (N + S^2) u' + n^2 S u), and N + S^2 = -n^2 diag(1, 4,
+    1); theory (45).
     """
     place, speed = 0.0, 0.0
     f, g = stack_matrix(4, 3), stack_matrix(4, 3)
@@ -109,7 +109,7 @@ def lost_remainder(n, u, h):
 
 @kernel()
 def growth(n, t):
-    """Bounds, that grow with time, of the lengths of Phi_rr(t) and Phi_rv(t).        # theory (46)"""
+    """Return bounds, growing with time, of the norms of Phi_rr(t) and Phi_rv(t), theory (46)."""
     if n == 0.0:
         return 1.0, t
     x = n * t
@@ -120,11 +120,11 @@ def growth(n, t):
 
 @kernel()
 def stuck_remainder(n, m, u, h, held, longest, span):
-    """How far a motion with thrust stuck on is off the one of a cell's twelve points.
+    """Return bounds of the deviation of a motion with stuck-on thrust from that of a cell's twelve points.
 
-    h^4/384 |d^4 r/ds^4| + 2 span^3/81 (|d^3 r/dd^3| + h/4 |d^4 r/ds dd^3|) for instants h apart and `span`
-    of how long it is stuck, `longest` at most: parts that grow with Phi_rr and Phi_rv, and one for itself.
-    `m` is the mean motion of which thrust is.                                              # theory (48)
+    The deviation is h^4/384 |d^4 r/ds^4| + 2 span^3/81 (|d^3 r/dd^3| + h/4 |d^4 r/ds dd^3|) for instants h
+    apart and a range `span` of durations up to `longest`: parts that grow with Phi_rr and Phi_rv, and a
+    constant one. `m` is the mean motion of the thrust's function space, theory (48).
     """
     turn = SWING_RATE * n  # of Phi_vv and, times n, of its derivatives
     push, rate, bend, twist = greatest(u, 0, h), greatest(u, 1, h), greatest(u, 2, h), greatest(u, 3, h)

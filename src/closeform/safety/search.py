@@ -1,7 +1,7 @@
-"""The search over failures and drifts at once, by cells that are cut until each is clear or is met.
+"""Search over failures and drifts at once, by cells that are divided until each is clear or has a conflict.
 
-What a cell spans is marched (see `fans`); where that ends, the failure whose motion is nearest there is
-flown, and the cell is cut across its longest edge.  Both parts go on from there.
+The span of a cell is marched (see `planes`); where that ends, the failure whose motion is nearest there is
+propagated, and the cell is cut across its longest edge.  Both parts continue from there.
 """
 
 from math import inf, nan, pi
@@ -46,17 +46,20 @@ from closeform.safety.infinite_horizon import search_tail
 from closeform.safety.planes import EITHER_WAY, march
 from closeform.zones.shapes import FACES, FORM
 
-RETRIED = 0.1  # of a set's widest edge: where a least norm falls by more, a cell is marched again, uncut
-# Cells after which a verdict is that nothing is certain, and a least norm is looked for less closely.
+RETRIED = 0.1  # of a set's widest edge: a cell is marched again, uncut, if the minimum falls by more
+# Cells after which a safety check is undecided, and the accuracy of a minimum norm is reduced.
 MANY, LESS = 5_000, 10.0
-LONG = 6.0 * pi  # of a drift, in n t: whether it leaves the zone's shadow is asked first
-# Columns of what is told of a pair; the place in zone coordinates, the failure a cell.
+LONG = 6.0 * pi  # of a drift, in n t: the zone's shadow is checked first
+# Columns of the result of a pair; the position in zone coordinates, the failure as a cell.
 TIME, RATIO, LOWER, PLACE, FAILURE = 0, 1, 2, 3, 6
 
 
 @kernel()
 def fill_cells(one, two, begin, width, n, cells):
-    """Fill all cells of a pair, each of one side with each of the other; how many, if there is room."""
+    """Fill all cells of a pair, each of one side with each of the other; return their number.
+
+    If there is not enough space the cells are only counted.
+    """
     ones = first_cells(one, SIDE, n, cells)
     twos = first_cells(two, SIDE + width, n, cells[:0])
     if ones * twos > len(cells):
@@ -76,7 +79,7 @@ def fill_cells(one, two, begin, width, n, cells):
 
 @kernel()
 def sample(one, two, top, width, end, n, form, room):
-    """Glance at each cell, put the worst last, and go downhill from there: the least norm, its time."""
+    """Sample each cell, move the worst to the end, and descend from there; return minimum norm and time."""
     about, near, worst = inf, nan, 0
     for k in range(top):
         if room.cells[k, FROM] <= end:
@@ -97,7 +100,7 @@ def sample(one, two, top, width, end, n, form, room):
 
 @kernel()
 def calm_from(side, n):
-    """From when on a side moves without thrust, whatever fails."""
+    """Return the time from which a side moves without thrust for any failure."""
     kind, last = side.now[KIND], side.now[LAST] - 1
     if kind == LOST or kind == STUCK:
         return -inf
@@ -106,9 +109,9 @@ def calm_from(side, n):
 
 @kernel()
 def march_drift(one, two, cell, width, calm, end, n, form, tube, scale, target, best, rest, room):
-    """`march` to the end of a drift: of a long one no farther than one turn, if the tube is clear in that.
+    """Do what `march` does to the end of a drift; a long drift ends after one orbit if the tube is clear.
 
-    Both are without thrust from `calm` on.  In the tube natural motion is periodic.       # theory (49)
+    Both sides are without thrust from `calm` on. In the tube natural motion is periodic, theory (49).
     """
     if is_tube(tube) and n * (end - max(calm, cell[FROM])) > LONG:
         if cell[FROM] < calm:
@@ -126,9 +129,9 @@ def march_drift(one, two, cell, width, calm, end, n, form, tube, scale, target, 
 
 @kernel()
 def visit(one, two, cell, width, calm, end, n, form, tube, scale, target, best, count, room):
-    """Whether a cell is clear; from when on it is not, and until when a failure in it was flown instead.
+    """Return True if a cell is clear, else the interval in which a failure in it was propagated instead.
 
-    And the least norm of that, if below `best`, and its time; it is `room.point[0]`.
+    Also returns the minimum norm of that failure, `room.point[0]`, if below `best`, and its time.
     """
     rest = span_both(one, two, cell, width, n, room.rows)
     t, near = cell[FROM], inf
@@ -145,9 +148,9 @@ def visit(one, two, cell, width, calm, end, n, form, tube, scale, target, best, 
 
 @kernel()
 def divide(one, two, width, top, t, stop, end, room, count):
-    """Cut a cell, to go on from time t, or from where it was flown to if all in it is one failure.
+    """Cut a cell, to continue from time t, or from the end of the propagation if it is a single failure.
 
-    How many cells there are then.
+    Returns the new number of cells.
     """
     parts = cut(one, two, width, top, t, room, count)
     if parts == top and stop < end:
@@ -158,10 +161,11 @@ def divide(one, two, width, top, t, stop, end, room, count):
 
 @kernel()
 def search(one, two, top, width, end, n, form, scale, tube, certain, most, room):
-    """Least norm over all failures and drifts, its time, and how certain it is after MANY cells at most.
+    """Return the minimum norm over all failures and drifts, its time, and its accuracy.
 
-    Of norms up to `most` alone, if that is MEETS, and 1 without a time where nothing is certain; any of these
-    if `certain` is 0.  The failure stands in `room.point[1]`.
+    The accuracy is reduced after MANY cells. If `most` is MEETS only norms up to that are searched, and the
+    result is 1 without a time where undecided; if `certain` is 0 any of these suffices. The failure is stored
+    in `room.point[1]`.
     """
     best, when = sample(one, two, top, width, end, n, form, room) if most == inf else (most, nan)
     count = parameter_count(one) + parameter_count(two)
@@ -196,7 +200,7 @@ def search(one, two, top, width, end, n, form, scale, tube, certain, most, room)
                 break
             if much:
                 best, when = descend(one, two, width, when, end, n, form, room, best)
-            if extended and much:  # perhaps it is clear of what is asked now
+            if extended and much:  # it may be clear at the new target
                 cell[FROM] = t
                 top += 1
                 continue
@@ -209,7 +213,7 @@ def search(one, two, top, width, end, n, form, scale, tube, certain, most, room)
 
 @kernel()
 def begin_pair(one, two, first, second, end, n, room, told):
-    """Choose a pair and fill its cells: how many, 0 without a common time, -1 where there is no room."""
+    """Choose a pair and fill its cells; return their number, 0 without a common time, -1 without space."""
     width = (room.cells.shape[1] - SIDE) // 2
     choose(one, first)
     choose(two, second)
@@ -226,7 +230,7 @@ def begin_pair(one, two, first, second, end, n, room, told):
 
 @kernel()
 def go_on(one, two, found, width, end, far, n, form, scale, tube, floor, certain, room):
-    """The least norm, its time and how certain it is: what was `found`, or the drift from `end` to `far`."""
+    """Return minimum norm, time and accuracy of what was `found` and of the drift from `end` to `far`."""
     ratio, when, known = found
     top = fill_cells(one, two, end, width, n, room.cells)
     ratio, later, late = search_tail(
@@ -242,7 +246,7 @@ def tell(one, two, found, end, n, form, floor, room, told):
     """Fill the columns of a pair with its worst failure, `room.point[1]`, if there is one."""
     ratio, when, known = found
     width = (room.cells.shape[1] - SIDE) // 2
-    if ratio == -inf or (ratio == 1.0 and when != when):  # too little room, or nothing is certain
+    if ratio == -inf or (ratio == 1.0 and when != when):  # too little space, or undecided
         told[TIME], told[RATIO] = when, ratio
     if ratio == -inf or when != when:
         return
@@ -278,14 +282,13 @@ def tell(one, two, found, end, n, form, floor, room, told):
     )
 )
 def worst_failures(one, two, first, second, ends, n, form, scale, certain, most, far, tube, room, out):
-    """Of each pair the time and ratio of its worst failure, and its columns (see `cells`).
+    """Fill `out` with time and ratio of each pair's worst failure, and its columns (see `failure_cells`).
 
-    The ratio is `certain` to that share of itself, or of 1, or to more where that takes too many cells: no
-    failure leads below LOWER.  With `most` MEETS failures that stay out of the zone have inf, and 1 without
-    a time is told where nothing is certain; with `certain` 0 the first that meets the zone is enough.  A
-    pair without a common time has nan and inf; one that needs more room than there is has -inf, and how
-    many cells there were for a time.
-    With `far` above 0 drift goes on from its end to then, and what is met in the `tube` has the time inf.
+    The ratio is `certain` to that share of itself, or of 1, or less accurate if that takes too many cells: no
+    failure leads below LOWER. If `most` is MEETS, pairs that stay out of the zone have inf, and 1 without a
+    time where undecided; if `certain` is 0 the first failure that meets the zone suffices. A pair without a
+    common time has nan and inf; one that needs more space has -inf, and the number of its cells as a time. If
+    `far` is above 0 the drift continues from its end to then, and norms in the `tube` have the time inf.
     """
     one, two, room, out = lent(one), lent(two), lent(room), borrowed(out)
     form = form[0], borrowed(form[1]), borrowed(form[2])

@@ -1,4 +1,4 @@
-"""Sides: the two craft of each pair as the search sees them, with what fails in each."""
+"""The two spacecraft of each pair in the form that the search uses, with their failures."""
 
 from typing import Any
 
@@ -23,12 +23,12 @@ from closeform.safety.failure_family import GENERATORS, PairRoom
 from closeform.safety.failures import DegradedThrust, Failure, MissedBurns, StuckOnThrust, ThrustLost
 
 KINDS = {ThrustLost: LOST, MissedBurns: MISSED, DegradedThrust: WEAK, StuckOnThrust: STUCK}
-CELLS = 512  # of which a pair is given room at first; as many parts of a path that thrusts are rare
+CELLS = 512  # initial space for the cells of a pair; few paths have as many arcs under thrust
 NO_BURNS = np.empty((0, 2, WIDTH))
 
 
 def side_of(path: Path, failure: Failure | None, until: float, carry_on: bool = False) -> Side:
-    """A path that fails, or flies on, with room for the numbers of the craft looked at."""
+    """Return a path that fails, or continues if `failure` is None, as a side of the search."""
     kind = FLIES if failure is None else KINDS[type(failure)]
     numbers = np.array([0.0, -1.0, 0.0, 0.0, 0.0])
     if isinstance(failure, MissedBurns | DegradedThrust):
@@ -49,7 +49,7 @@ def side_of(path: Path, failure: Failure | None, until: float, carry_on: bool = 
 
 
 def carried_on(path: Path, until: float) -> tuple[Floats, Any]:
-    """Arcs and offsets of paths that coast on after their ends."""
+    """Return arcs and offsets of paths extended by coasts after their ends."""
     last = path.offsets[1:] - 1
     ends = path.arcs[last, END]
     coasts = np.zeros((len(last), WIDTH))
@@ -61,15 +61,15 @@ def carried_on(path: Path, until: float) -> tuple[Floats, Any]:
 
 
 def carried(paths: Path, until: float) -> Path:
-    """Paths that coast on after their ends."""
+    """Return paths extended by coasts after their ends."""
     arcs, offsets = carried_on(paths, until)
     return path_of(paths.orbit, np.ascontiguousarray(arcs), offsets, paths.shape)
 
 
 def burns_of(path: Path) -> tuple[Floats, Any]:
-    """Natural motions before and after each burn (B, 2, 30) of some craft, and where each craft's begin.
+    """Return natural motions before and after each burn (B, 2, 30), and the first index of each spacecraft.
 
-    A burn is an impulse, or consecutive arcs with thrust; an impulse among these is one by itself.
+    A burn is an impulse, or consecutive arcs with thrust; an impulse between these is a separate burn.
     """
     n = path.orbit.mean_motion
     arcs = path.arcs
@@ -94,12 +94,12 @@ def burns_of(path: Path) -> tuple[Floats, Any]:
 
 
 def _ends(path: Path) -> Floats:
-    """States (N, 6) of all craft at their ends."""
+    """Return the states (N, 6) of all spacecraft at their ends."""
     return path._evaluate_rows(path.arcs[path.offsets[1:] - 1, END][:, None])[:, 0]
 
 
 def _before(arc: Floats) -> Floats:
-    """The state at the start of an arc, before the impulse there."""
+    """Return the state at the start of an arc, before the impulse there."""
     state: Floats = arc[STATE : STATE + 6].copy()
     state[3:] -= arc[IMPULSE : IMPULSE + 3]
     return state
@@ -114,7 +114,7 @@ def _coasts(n: float, start: float, before: Floats, end: float, after: Floats) -
 
 
 def room_for(one: Side, two: Side, cells: int = CELLS) -> PairRoom:
-    """TrackingMargins for the search of one pair at a time."""
+    """Return work space for the search of one pair at a time."""
     burns = [int(np.diff(side.burn_offsets).max(initial=0)) if len(side.burns) else 0 for side in (one, two)]
     width = 1 + 2 * max(2, *burns)
     motions = GENERATORS + sum(burns)

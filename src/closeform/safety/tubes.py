@@ -1,4 +1,4 @@
-"""Tubes: the shadows of zones along the track, to which slower and slower drifts tend; how low norms go."""
+"""Shadows of zones along the track, which bound ever slower drifts, and lower bounds of norms."""
 
 from functools import lru_cache
 
@@ -8,15 +8,14 @@ from closeform.arrays import Floats
 from closeform.zones.shapes import BALL, CUBE, CYLINDER, FACES
 from closeform.zones.zone import Zone, enclosing
 
-ALONG = 1e-14  # of a face: what is less is along the track
+ALONG = 1e-14  # of a face: a smaller component is along the track
 
 
 @lru_cache(maxsize=64)
 def tube_form(zone: Zone) -> tuple[int, Floats, Floats]:
-    """The shadow along the track of a zone, as the form of a zone without an end.
+    """Return the shadow of a zone along the track, as the form of an unbounded zone.
 
-    Of half-spaces, and of cylinders which the track is neither along nor across, that of an ellipsoid that
-    holds them.
+    For half-spaces, and for cylinders oblique to the track, it is that of an enclosing ellipsoid.
     """
     if zone.shape == CUBE:  # a hexagon, with two sides along the shadow of each edge
         edges = np.linalg.inv(zone.matrix)
@@ -34,10 +33,10 @@ def tube_form(zone: Zone) -> tuple[int, Floats, Floats]:
 
 @lru_cache(maxsize=64)
 def shadow_of_faces(zone: Zone) -> tuple[int, Floats, Floats] | None:
-    """The shadow along the track of half-spaces, if they have one: its faces are along the track.
+    """Return the shadow of half-spaces along the track, whose faces are along the track, or None.
 
-    Those that are so themselves, and of each two that lean against each other the mix that is; None where
-    the track leads ever deeper into them, and for other zones.
+    It has the faces along the track themselves, and for each two that lean against each other their mix; None
+    where the track leads ever deeper into them, and for other zones.
     """
     if zone.shape != FACES:
         return None
@@ -55,7 +54,7 @@ def shadow_of_faces(zone: Zone) -> tuple[int, Floats, Floats] | None:
 
 @lru_cache(maxsize=64)
 def floor_of(zone: Zone) -> float:
-    """What no norm is below: 0, or -inf of half-spaces that some way leads ever deeper into."""
+    """Return a lower bound of all norms: 0, or -inf for half-spaces that some direction never leaves."""
     if zone.shape != FACES:
         return 0.0
     from scipy.optimize import nnls  # a third of a second, for these alone

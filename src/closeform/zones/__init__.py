@@ -1,1 +1,1 @@
-"""Keep-out zones: their shapes, and which of them holds between two craft."""
+"""Keep-out zones: their shapes, and the zone of each pair of spacecraft."""

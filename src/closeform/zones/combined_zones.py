@@ -1,4 +1,4 @@
-"""What a craft's own zone is, a region, an uncertainty or a body, and what two of them make of a pair."""
+"""A spacecraft's own zone (region, covariance or body), and the combination of two for a pair."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ REGION, COVARIANCE, BODY = "keep-out region", "covariance", "body"
 
 @dataclass(frozen=True, eq=False, init=False)
 class CovarianceZone:
-    """Where a craft is: about its path, by a normal distribution.
+    """Normally distributed position of a spacecraft about its path.
 
-    Errors of two craft are taken as independent: their covariances add, and the zone of the pair is
-    the ellipsoid of as many standard deviations of the sum.
+    Errors of two spacecraft are taken as independent: their covariances add, and the zone of the pair is
+    the ellipsoid of the same number of standard deviations of the sum.
 
     Parameters
     ----------
     covariance : array_like of shape (3, 3) [m^2]
-        Of its position, in the path's frame; symmetric and positive definite.
+        Position covariance in the path's frame; symmetric and positive definite.
     sigmas : float, no unit
-        How many standard deviations are to be kept clear; the same for all craft.
+        Number of standard deviations to keep clear; the same for all spacecraft.
 
     Raises
     ------
@@ -52,20 +52,20 @@ class CovarianceZone:
 
     @property
     def zone(self) -> Ellipsoid:
-        """The ellipsoid of this craft alone, with lengths in m."""
+        """Ellipsoid of this spacecraft alone, with lengths in m."""
         return Ellipsoid.from_covariance(self.covariance, self.sigmas)
 
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """What a craft fills, about its path and fixed in the path's frame.
+    """Solid that a spacecraft occupies, about its path and fixed in the path's frame.
 
-    Two bodies must not touch: the zone of the pair holds the Minkowski sum of both.
+    Two bodies must not touch: the zone of the pair contains the Minkowski sum of both.
 
     Parameters
     ----------
     zone : Zone
-        A set that holds the body, such as `Sphere(2.0)`.
+        A set that contains the body, such as `Sphere(2.0)`.
 
     Raises
     ------
@@ -88,7 +88,7 @@ OwnZone = Zone | CovarianceZone | Body
 
 
 def enlarged(own: OwnZone, factor: float) -> OwnZone:
-    """The same, `factor` times as large; zones of pairs that are made of such are as much larger."""
+    """Return the own zone scaled by `factor`; zones of pairs made of such zones scale alike."""
     if isinstance(own, CovarianceZone):
         return CovarianceZone(own.covariance, factor * own.sigmas)
     if isinstance(own, Body):
@@ -97,7 +97,7 @@ def enlarged(own: OwnZone, factor: float) -> OwnZone:
 
 
 def key(own: OwnZone) -> tuple[Any, ...]:
-    """What equals that of every other one of the same kind and numbers."""
+    """Return a hashable key that is equal for own zones of the same kind and numbers."""
     if isinstance(own, CovarianceZone):
         return own.covariance.tobytes(), own.sigmas
     if isinstance(own, Body):
@@ -106,13 +106,14 @@ def key(own: OwnZone) -> tuple[Any, ...]:
 
 
 def pair_zone(around: OwnZone | None, seen: OwnZone | None) -> tuple[Zone, str]:
-    """The zone `around` one craft, and how it was made in words; `seen` is the other's own.
+    """Return the zone `around` one spacecraft and how it was made; `seen` is the other's own zone.
 
-    Of two regions the one that holds the other.  Covariances add.  All else adds as sets: two bodies,
-    or a region and a body, or one of them and where the other craft may be.  Beside None it is one's own.
+    Of two regions the one that contains the other holds. Covariances add. All others add as sets: two bodies,
+    a region and a body, or one of them and a covariance ellipsoid. If one own zone is None, the other one
+    holds.
 
-    Raises ValueError, without saying whose, for regions of which neither holds the other, for
-    covariances of different sigmas, and for a sum without end.
+    Raises ValueError, without names, for two regions of which neither contains the other, for covariances of
+    different sigmas, and for an unbounded sum.
     """
     own = [one for one in (seen, around) if one is not None]
     kinds = sorted({_kind(one) for one in own})
@@ -133,10 +134,10 @@ def pair_zone(around: OwnZone | None, seen: OwnZone | None) -> tuple[Zone, str]:
 
 
 def _of_covariances(own: list[CovarianceZone]) -> tuple[Zone, str]:
-    """The ellipsoid of the sum of one covariance or two."""
+    """Return the ellipsoid of the sum of one or two covariances."""
     if len({one.sigmas for one in own}) > 1:
         demanded = " and ".join(f"{one.sigmas:g}" for one in own)
-        raise ValueError(f"covariances of {demanded} sigmas; demand as many of both")
+        raise ValueError(f"covariances of {demanded} sigmas; give both the same number")
     total = np.sum([one.covariance for one in own], axis=0)
     made = "covariances added" if len(own) > 1 else f"{COVARIANCE} of one"
     return Ellipsoid.from_covariance(total, own[0].sigmas), f"{made}, {own[0].sigmas:g} sigma"
@@ -149,5 +150,5 @@ def _kind(own: OwnZone) -> str:
 
 
 def _set(own: OwnZone) -> Zone:
-    """The set of relative positions that it is."""
+    """Return the set of relative positions of an own zone."""
     return own if isinstance(own, Zone) else own.zone

@@ -1,4 +1,4 @@
-"""Containment: whether one zone holds another, by the greatest norm over it."""
+"""Containment of one zone in another, by the greatest norm over it."""
 
 import numpy as np
 
@@ -10,7 +10,7 @@ ROUNDING = 1e-9
 
 
 def containing_zone(*zones: Zone) -> Zone | None:
-    """The zone that holds all others; None where none does: a cigar and a disc, say."""
+    """Return the zone that contains all others, or None if there is none, as of a cigar and a disc."""
     for zone in zones:
         if all(greatest_norm(zone, other) <= 1.0 + ROUNDING for other in zones):
             return zone
@@ -18,7 +18,7 @@ def containing_zone(*zones: Zone) -> Zone | None:
 
 
 def greatest_norm(outer: Zone, inner: Zone) -> float:
-    """Greatest norm of `outer` over the zone `inner`: at most 1 where it holds all of it, inf at most."""
+    """Return the greatest norm of `outer` over the zone `inner`: at most 1 if it contains it; may be inf."""
     if outer.shape == FACES:
         return float(np.max(inner.support(outer.faces @ outer.matrix)))
     leading = LEADING.get(outer.shape, 0)
@@ -30,7 +30,7 @@ def greatest_norm(outer: Zone, inner: Zone) -> float:
 
 
 def greatest_length(rows: Floats, inner: Zone) -> float:
-    """Greatest |rows r| over a zone: convex, so at a corner, along an axis or on a rim."""
+    """Return the greatest |rows r| over a zone: convex, so at a corner, along an axis or on a rim."""
     if not inner.bounded:
         return np.inf
     image = rows @ np.linalg.inv(inner.matrix)
@@ -38,8 +38,8 @@ def greatest_length(rows: Floats, inner: Zone) -> float:
         return float(np.linalg.norm(image, 2))
     if inner.shape != CYLINDER:
         return float(np.linalg.norm(inner.vertices @ rows.T, axis=1).max())
-    # |a cos u + b sin u + c|^2 around the rim turns at roots of a quartic in exp(iu); the other
-    # rim is this one's mirror image
+    # |a cos u + b sin u + c|^2 around the rim has its extrema at roots of a quartic in exp(iu); the other
+    # rim is the mirror image
     a, b, c = image.T
     second = a @ b + 0.5j * (a @ a - b @ b)
     first = b @ c + 1j * (a @ c)

@@ -1,4 +1,4 @@
-"""Which zone holds between two kinds of own zones where they are many: made when a pair asks for it."""
+"""Table of zones between many kinds of own zones, each made when a pair first requires it."""
 
 from collections.abc import Sequence
 from typing import Any, Self
@@ -9,12 +9,12 @@ from closeform.zones.combined_zones import CovarianceZone, OwnZone, enlarged, ke
 from closeform.zones.shapes import BALL
 from closeform.zones.zone import Zone
 
-NONE = -1  # the zone of a pair without one
-ROUND = 1e-12  # by which a sphere's axes may differ
+NONE = -1  # index of a pair without a zone
+ROUND = 1e-12  # relative difference that a sphere's axes may have
 
 
 class MadeTable:
-    """A table (K + 1, K + 1) of the kinds of `own` zones, the last of which is None.
+    """Table (K + 1, K + 1) of the zones between kinds of `own` zones, the last of which is None.
 
     `zones` and their `rules` grow with the kinds that are looked up.
     """
@@ -34,7 +34,7 @@ class MadeTable:
         return np.array(made, dtype=np.int64)[where].reshape(first.shape)
 
     def _made(self, one: int, other: int) -> int:
-        """The number of the zone between two kinds, -1 for none."""
+        """Return the index of the zone between two kinds, -1 for none."""
         if (one, other) not in self._found:
             around, seen = self.own[other], self.own[one]
             if around is None and seen is None:
@@ -49,22 +49,22 @@ class MadeTable:
 
     @property
     def reach(self) -> float:
-        """A length [m] beyond which no pair is in its zone."""
+        """Distance [m] beyond which no pair is in its zone."""
         far = [set_of(one).radius for one in self.own if one is not None]
         return float(np.sort([0.0, 0.0, *far])[-2:].sum())
 
     def enlarged(self, factor: float) -> Self:
-        """The same of zones that are `factor` times as large."""
+        """Return the table for own zones scaled by `factor`."""
         return type(self)([None if one is None else enlarged(one, factor) for one in self.own])
 
 
 def set_of(own: OwnZone) -> Zone:
-    """The set of relative positions that an own zone is by itself."""
+    """Return the set of relative positions of an own zone alone."""
     return own if isinstance(own, Zone) else own.zone
 
 
 def never_refused(own: Sequence[OwnZone | None]) -> bool:
-    """Whether any two of them make a zone: spheres, and covariances of as many sigmas."""
+    """Return True if any two own zones combine: spheres, and covariances of equal sigmas."""
     given = [one for one in own if one is not None]
     sigmas = {one.sigmas for one in given if isinstance(one, CovarianceZone)}
     regions = [one for one in given if not isinstance(one, CovarianceZone)]
@@ -72,7 +72,7 @@ def never_refused(own: Sequence[OwnZone | None]) -> bool:
 
 
 def is_sphere(zone: Zone) -> bool:
-    """Whether a zone is a ball, not stretched."""
+    """Return True if a zone is a sphere."""
     matrix = zone.matrix
     alike = np.abs(matrix - matrix[0, 0] * np.eye(3)).max() <= ROUND * abs(matrix[0, 0])
     return zone.shape == BALL and bool(alike)

@@ -1,4 +1,4 @@
-"""Outlines of zones: their shadows and sections in a plane, their edges in space."""
+"""Outlines of zones: projections and sections in a plane, and edges in space."""
 
 import numpy as np
 
@@ -7,14 +7,14 @@ from closeform.zones.shapes import CUBE, CYLINDER, FACES
 from closeform.zones.solids import HalfSpaces
 from closeform.zones.zone import LEADING, Zone, face_normals
 
-PLANES = ((1, 0), (1, 2), (2, 0))  # horizontal and vertical axis: radial upwards
+PLANES = ((1, 0), (1, 2), (2, 0))  # horizontal and vertical axis; radial is up
 AROUND = np.linspace(0, 2 * np.pi, 145)
-OPEN = 3.0  # farthest offsets, at which a zone without an end is cut off
+OPEN = 3.0  # offset, in farthest face offsets, at which an unbounded zone is cut off
 CIRCLE: Floats = np.stack([np.cos(AROUND), np.sin(AROUND)], axis=-1)
 
 
 def drawn(zone: Zone) -> Zone:
-    """The zone, or what is shown of one without an end: thrice as far as its farthest face."""
+    """Return a bounded zone, or an unbounded one cut off at three times its farthest face offset."""
     if zone.bounded:
         return zone
     ways = face_normals(zone)
@@ -24,7 +24,7 @@ def drawn(zone: Zone) -> Zone:
 
 
 def touched(zone: Zone, ways: Floats) -> Floats:
-    """The point (K, 3) of a zone that is farthest along each direction (K, 3)."""
+    """Return the points (K, 3) of a zone that are farthest along directions (K, 3)."""
     if zone.shape == FACES:
         corners = zone.vertices
         return np.asarray(corners[(ways @ corners.T).argmax(axis=1)])
@@ -38,24 +38,24 @@ def touched(zone: Zone, ways: Floats) -> Floats:
 
 
 def shadow(zone: Zone, basis: Floats) -> Floats:
-    """Outline (K, 2) of a zone seen along the normal of a plane, `basis` its unit vectors (2, 3)."""
+    """Return the outline (K, 2) of a zone projected on a plane with unit vectors `basis` (2, 3)."""
     outline: Floats = touched(drawn(zone), CIRCLE @ basis) @ basis.T
     return outline
 
 
 def section(zone: Zone, basis: Floats) -> Floats:
-    """Outline (K, 2) of the cut through a zone's centre by a plane of unit vectors `basis` (2, 3)."""
+    """Return the outline (K, 2) of the section through a zone's centre, by a plane with `basis` (2, 3)."""
     outline: Floats = CIRCLE / drawn(zone).norm(CIRCLE @ basis)[:, None]
     return outline
 
 
 def shell(zone: Zone) -> list[Floats]:
-    """Lines (K, 3) that show a zone in space: edges between flat faces, circles around round ones."""
+    """Return lines (K, 3) that outline a zone in space: edges of flat faces, circles on round ones."""
     zone = drawn(zone)
     if zone.shape in (CUBE, FACES):
         corners = zone.vertices
         on = corners @ face_normals(zone).T > 1.0 - 1e-9
-        shared = on.astype(int) @ on.T.astype(int)  # faces that two corners have in common
+        shared = on.astype(int) @ on.T.astype(int)  # number of faces that two corners share
         return [corners[[a, b]] for a, b in np.argwhere(np.triu(shared >= 2, 1))]
     half_axes = np.linalg.inv(zone.matrix)
     if zone.shape == CYLINDER:

@@ -1,4 +1,4 @@
-"""Padding: how far off their paths two craft may be together, by which the zone of the pair grows."""
+"""Keep-out margins: the distance by which the zone of each pair grows for tracking errors."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ import numpy as np
 from closeform.arrays import Floats, numbers, shown
 from closeform.zones.zone import Zone, gradient
 
-Groups = tuple[tuple[Zone, Any], ...]  # each zone with the pairs (M, 2) that keep it
+Groups = tuple[tuple[Zone, Any], ...]  # each zone with its pairs (M, 2)
 
 
 @runtime_checkable
 class OffPaths(Protocol):
-    """What knows how far bodies are off their paths: a `Tube`, or `TrackingMargins` along a plan."""
+    """Provider of tracking-error bounds: a `Tube`, or `TrackingMargins` along a plan."""
 
     def of_pairs(self, craft: int, fixed: int = 0) -> Floats:
-        """How far the distance of each pair of bodies may be off (B, B) [m]."""
+        """Return the bounds (B, B) [m] of the error of the distance of each pair of bodies."""
 
 
 class Short(NamedTuple):
-    """What a pair lacks that is `off` its zone [m], negative inside, and has a `margin` [m]; its `ratio`."""
+    """Shortage of a pair: its distance `off` the zone [m], negative inside; its `margin` [m]; its `ratio`."""
 
     off: float
     margin: float
@@ -30,12 +30,12 @@ class Short(NamedTuple):
 
     @classmethod
     def of(cls, zone: Zone, place: Floats, margin: float) -> Self:
-        """Where it is `place` (3,) [m] apart."""
+        """Return the shortage at relative position `place` (3,) [m]."""
         return cls(float(gap(zone, place)[0]), margin, float(zone.norm(place)))
 
     @property
     def inside(self) -> bool:
-        """Whether it is in the zone itself."""
+        """True if the pair is inside the zone itself."""
         return self.off <= 0.0
 
     def __str__(self) -> str:
@@ -46,15 +46,15 @@ class Short(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Padding:
-    """Metres (B, B) by which the zone of each pair of bodies grows."""
+    """Keep-out margins (B, B) [m] of all pairs of bodies."""
 
     metres: Floats
 
     @classmethod
     def of(cls, margin: Any, craft: int, fixed: int = 0) -> Self | None:
-        """From a `margin` of some craft and bodies that are fixed; None where it is 0.
+        """Return the padding of a `margin` for spacecraft and fixed bodies; None if it is 0.
 
-        Raises ValueError for what is no margin of so many.
+        Raises ValueError for an invalid margin or one for another number of bodies.
         """
         if isinstance(margin, int | float) and margin == 0.0:
             return None
@@ -62,16 +62,16 @@ class Padding:
         metres = numbers("margin", margin.of_pairs(craft, fixed) if isinstance(margin, OffPaths) else margin)
         if metres.shape not in ((), (count, count)):
             raise ValueError(
-                f"margin: one number [m], a Tube, or shape ({count}, {count}) of all pairs, got "
+                f"margin: expected one number [m], a Tube, or shape ({count}, {count}) of all pairs, got "
                 f"{shown(margin)}"
             )
         metres = np.broadcast_to(metres, (count, count))
         if not ((metres >= 0.0) & (metres < np.inf)).all() or (metres != metres.T).any():
-            raise ValueError(f"margin: metres, 0 or more, finite and symmetric, got {shown(margin)}")
+            raise ValueError(f"margin: must be 0 m or more, finite and symmetric, got {shown(margin)}")
         return cls(metres) if metres[np.triu_indices(count, 1)].any() else None
 
     def groups(self, groups: Groups) -> Groups:
-        """The same pairs with zones that are padded, each by its own."""
+        """Return the same pairs with padded zones."""
         found: list[tuple[Zone, Any]] = []
         for zone, pairs in groups:
             each = self.metres[pairs[:, 0], pairs[:, 1]]
@@ -80,18 +80,18 @@ class Padding:
 
     @property
     def told(self) -> Any:
-        """The same as one number [m], where it is one."""
+        """Margin as one number [m] if it is equal for all pairs, else (B, B)."""
         each = self.metres[np.triu_indices(len(self.metres), 1)]
         return float(each[0]) if (each == each[0]).all() else self.metres
 
     def shortage(self, groups: Groups, pair: tuple[int, int], place: Floats) -> Short:
-        """What a pair lacks where it is `place` (3,) [m] apart."""
+        """Return the shortage of a pair at relative position `place` (3,) [m]."""
         zone = next(zone for zone, pairs in groups if (pairs == pair).all(axis=1).any())
         return Short.of(zone, place, float(self.metres[pair]))
 
 
 def gap(zone: Zone, place: Floats) -> tuple[Any, Floats]:
-    """How far (...) [m] places (..., 3) are off the zone, at least, negative inside; and its normal."""
+    """Return lower bounds (...) [m] of distances from the zone, negative inside, and normals (..., 3)."""
     rise = gradient(zone, place)
     steep = np.maximum(np.linalg.norm(rise, axis=-1), np.finfo(float).tiny)
     return (zone.norm(place) - 1.0) / steep, rise / steep[..., None]

@@ -1,4 +1,4 @@
-"""Zones of pairs: who keeps which zone with whom, made of the two bodies' own zones."""
+"""Zones of pairs, combined from the own zones of the two bodies."""
 
 from __future__ import annotations
 
@@ -13,37 +13,37 @@ from closeform.zones.combined_zones import COVARIANCE, Body, CovarianceZone, Own
 from closeform.zones.made_table import NONE, MadeTable, never_refused
 from closeform.zones.zone import Zone
 
-AT_ONCE = 1 << 18  # pairs that are looked at together: some tens of megabytes
-MANY = 64  # unlike own zones, up to which those of all pairs are made at once
+AT_ONCE = 1 << 18  # pairs that are processed together: some tens of megabytes
+MANY = 64  # number of different own zones up to which the zones of all pairs are made at once
 TWICE = (
-    "zone: an Uncertainty beside errors counts them twice; put its covariance into Errors, and "
-    "give what craft fill as Body(Sphere(radius))"
+    "zone: a CovarianceZone together with errors counts them twice; put its covariance into the errors, "
+    "and give the size of spacecraft as Body(Sphere(radius))"
 )
 
 
 @dataclass(frozen=True, eq=False)
 class PairZones:
-    """The zone of every pair among N bodies, made of the two bodies' own by `PairZones.of`.
+    """Zone of every pair among N bodies, combined from their own zones by `PairZones.of`.
 
-    Own zones are regions (any `Zone`), an `Uncertainty` each, or a `Body` each.  Of two regions that
-    counts which holds the other, covariances add, and bodies add as sets, as do zones of unlike
-    kinds.  A body without a zone is a point that is known exactly: its pairs go by the other's own,
-    and a pair of two such has none.  Nor has a pair of two bodies of which neither moves.
+    An own zone is a region (any `Zone`), a `CovarianceZone` or a `Body`.  Of two regions the one that
+    contains the other holds, covariances add, and bodies add as sets, as do zones of different
+    kinds.  A body without a zone is a point with a known position: its pairs have the other's own zone,
+    and a pair of two such bodies has none.  A pair of two bodies that do not move has none either.
 
-    The zone of a pair i < j is about r_i - r_j: around j, or what is around i as j sees it.
+    The zone of a pair i < j applies to r_i - r_j: it is the zone around j, or the mirrored zone around i.
 
     Attributes
     ----------
     zones : sequence of Zone
-        Each zone that some pair keeps, once; of more than 64 unlike spheres or covariances those that some
-        pair was asked for.
+        Zones of all pairs, each once; of more than 64 different spheres or covariances only the zones
+        that have been looked up.
     kinds : array of int of shape (N,)
-        Which bodies have equal own zones: the same number; -1 without one.
+        Index of each body's own zone, equal for equal own zones; -1 without one.
     table : array of int of shape (K + 1, K + 1)
-        Which of the zones holds between kinds of i < j, -1 for none; the last row and column are those
-        of bodies without one.  Nothing here grows with the number of pairs.
+        Index into `zones` by the kinds of i < j, -1 for none; the last row and column belong to
+        bodies without an own zone.  No attribute grows with the number of pairs.
     moves : array of bool of shape (N,)
-        Which bodies move.
+        True for bodies that move.
     rules : sequence of str
         How each zone was made, in words.
 
@@ -65,28 +65,28 @@ class PairZones:
         names: Sequence[str] | None = None,
         moves: Sequence[bool] | None = None,
     ) -> Self:
-        """From each body's own zone.
+        """Return the zones of pairs from each body's own zone.
 
         Parameters
         ----------
         zones : sequence of Zone, CovarianceZone, Body or None
-            Each body's own; None for a point that is known exactly.
+            Own zone of each body; None for a point with a known position.
         names : sequence of str, optional
-            What the bodies are called in errors, in their order.
+            Names of the bodies for error messages, in their order.
         moves : sequence of bool, optional
-            Which bodies move; all unless given.
+            Which bodies move; all by default.
 
         Returns
         -------
         PairZones
-            Of as many bodies.
+            Zones of the pairs of these bodies.
 
         Raises
         ------
         ValueError
-            If `zones` holds something else, or `names` or `moves` are not as many; naming two bodies, if
-            neither of their regions holds the other, if their covariances are of different sigmas, or if
-            their sum has no end.
+            If `zones` contains another type, or `names` or `moves` differ in length; naming two bodies, if
+            neither of their regions contains the other, if their covariances are of different sigmas, or if
+            their sum is unbounded.
 
         References
         ----------
@@ -127,7 +127,7 @@ class PairZones:
         return len(self.kinds)
 
     def which(self, first: Any, second: Any) -> Any:
-        """Which of the `zones` some pairs keep.
+        """Return which of the `zones` hold for pairs.
 
         Parameters
         ----------
@@ -143,19 +143,19 @@ class PairZones:
         return np.where(self.moves[first] | self.moves[second], found, NONE)
 
     def between(self, one: int, other: int) -> Zone | None:
-        """The zone of one body about another.
+        """Return the zone of one body about another.
 
         Parameters
         ----------
         one : int
-            The body whose position counts, less that of the other.
+            Index of the body whose position is taken relative to the other.
         other : int
-            The body that the zone is around.
+            Index of the body that the zone is around.
 
         Returns
         -------
         Zone or None
-            None for a pair without one.
+            The zone; None for a pair without one.
         """
         k = int(self.which(min(one, other), max(one, other)))
         if k == NONE:
@@ -163,7 +163,7 @@ class PairZones:
         return self.zones[k] if one < other else self.zones[k].mirrored
 
     def rule(self, one: int, other: int) -> str | None:
-        """How the zone of a pair was made.
+        """Return how the zone of a pair was made.
 
         Parameters
         ----------
@@ -179,12 +179,12 @@ class PairZones:
         return None if k == NONE else self.rules[k] if self.rules else "given"
 
     def around(self, body: int) -> tuple[Zone | None, ...]:
-        """The zones of one body about every other.
+        """Return the zones of one body about every other.
 
         Parameters
         ----------
         body : int
-            By index.
+            Index of the body.
 
         Returns
         -------
@@ -195,18 +195,18 @@ class PairZones:
 
     @property
     def pairs(self) -> int:
-        """How many pairs have a zone."""
+        """Number of pairs that have a zone."""
         bare, still = self.kinds == NONE, ~self.moves
         without = count_pairs(bare.sum()) + count_pairs(still.sum()) - count_pairs((bare & still).sum())
         return count_pairs(len(self)) - without
 
     def groups(self) -> Iterator[tuple[Zone, Any]]:
-        """Every zone with the pairs that keep it.
+        """Iterate over the zones with the pairs that they hold for.
 
         Returns
         -------
         iterator of tuple of a Zone and an array of int of shape (M, 2)
-            The pairs i < j by index.
+            Each zone with its pairs i < j, by index.
         """
         found: dict[int, list[Any]] = {k: [np.empty((0, 2), dtype=np.int64)] for k in range(len(self.zones))}
         for first, second in pairs_of(len(self)):
@@ -217,7 +217,7 @@ class PairZones:
 
 
 def by_zone(which: Any) -> Iterator[tuple[int, Any]]:
-    """Every zone among the answers of `PairZones.which`, but none, with where it stands in them."""
+    """Yield each zone index in an answer of `PairZones.which`, and the positions where it occurs."""
     if len(which) and (which == which[0]).all():
         order, begins = np.arange(len(which)), np.zeros(1, dtype=np.int64)
     else:
@@ -229,12 +229,12 @@ def by_zone(which: Any) -> Iterator[tuple[int, Any]]:
 
 
 def count_pairs(bodies: int) -> int:
-    """How many pairs some bodies make."""
+    """Return the number of pairs of `bodies`."""
     return int(bodies) * (int(bodies) - 1) // 2
 
 
 def pairs_of(count: int, at_once: int = AT_ONCE) -> Iterator[tuple[Any, Any]]:
-    """The pairs i < j of `count` bodies, in order, some at a time: there may be too many for the memory."""
+    """Yield the pairs i < j of `count` bodies in order, in portions that fit into memory."""
     row, column = 0, 1
     while row < count - 1:
         first, second = [], []
@@ -251,19 +251,19 @@ def pairs_of(count: int, at_once: int = AT_ONCE) -> Iterator[tuple[Any, Any]]:
 
 
 def portions(zones: PairZones, at_once: int = AT_ONCE) -> Iterator[tuple[Zone, Any, Any]]:
-    """The groups of bodies without number, some pairs at a time: a zone, i (M,) and j (M,)."""
+    """Yield the pairs of many bodies in portions: a zone, i (M,) and j (M,)."""
     for first, second in pairs_of(len(zones), at_once):
         for k, some in by_zone(zones.which(first, second)):
             yield zones.zones[k], first[some], second[some]
 
 
 def portions_near(zones: PairZones, places: Floats) -> Iterator[tuple[Zone, Any, Any]]:
-    """As `portions`, of pairs of places (N, 3) in metres that are no further apart than a zone reaches."""
+    """Yield what `portions` does, for pairs of positions (N, 3) [m] within the reach of a zone."""
     reach = reach_of(zones)
     if zones.pairs <= AT_ONCE or not reach < np.inf:
         yield from portions(zones)
         return
-    from scipy.spatial import cKDTree  # too late to be missed where there are few pairs
+    from scipy.spatial import cKDTree  # imported here: few pairs do without it
 
     pairs = cKDTree(places).query_pairs((1.0 + 1e-9) * reach, output_type="ndarray")
     first, second = pairs[np.lexsort(pairs.T[::-1])].T
@@ -272,19 +272,19 @@ def portions_near(zones: PairZones, places: Floats) -> Iterator[tuple[Zone, Any,
 
 
 def made_by_need(zones: PairZones) -> bool:
-    """Whether zones are made when a pair asks for its own, as there may be one for each."""
+    """Return True if zones are made when they are looked up, as there may be one for each pair."""
     return isinstance(zones.table, MadeTable)
 
 
 def counts_covariances(zones: PairZones) -> bool:
-    """Whether an `Uncertainty` is in the zone of some pair."""
+    """Return True if a `CovarianceZone` contributes to the zone of any pair."""
     if isinstance(zones.table, MadeTable):
         return any(isinstance(own, CovarianceZone) for own in zones.table.own)
     return any(COVARIANCE in rule for rule in zones.rules)
 
 
 def all_made(zones: PairZones) -> PairZones:
-    """The same with the zones of all kinds, for kernels that look them up in a table."""
+    """Return the same with the zones of all kinds, for kernels that look them up in a table."""
     if not isinstance(zones.table, MadeTable):
         return zones
     count = len(zones.table.own)
@@ -293,14 +293,14 @@ def all_made(zones: PairZones) -> PairZones:
 
 
 def reach_of(zones: PairZones) -> float:
-    """A length [m] beyond which no pair is in its zone."""
+    """Return a distance [m] beyond which no pair is in its zone."""
     if isinstance(zones.table, MadeTable):
         return zones.table.reach
     return max((zone.radius for zone in zones.zones), default=0.0)
 
 
 def enlarged(zones: PairZones, factor: float) -> PairZones:
-    """Every zone `factor` times as large."""
+    """Return zones of pairs that are all scaled by `factor`."""
     if isinstance(zones.table, MadeTable):
         made = zones.table.enlarged(factor)
         return replace(zones, zones=made.zones, rules=made.rules, table=made)
@@ -310,26 +310,27 @@ def enlarged(zones: PairZones, factor: float) -> PairZones:
 def pair_zones(
     argument: str, zones: Any, craft: int, fixed: int = 0, names: Sequence[str] | None = None
 ) -> PairZones:
-    """Zones of pairs of some `craft` and, after them, bodies that are `fixed`, from a function's `argument`.
+    """Return the zones of pairs of `craft` spacecraft and then `fixed` bodies, from a function's `argument`.
 
-    That is one own zone for all, one for each craft, or for each of all (None: none of its own), or
-    `PairZones` of all.  Raises ValueError naming the argument for anything else.
+    `zones` is one own zone for all, one for each spacecraft or for each body (None: no own zone), or
+    `PairZones` of all. Raises ValueError that names the argument for anything else.
     """
     count = craft + fixed
     if isinstance(zones, PairZones):
         if len(zones) != count:
-            raise ValueError(f"{argument}: zones of {len(zones)} craft for {count} paths")
+            raise ValueError(f"{argument}: zones of {len(zones)} spacecraft for {count} paths")
         return zones
     own: list[OwnZone | None] = [zones] * count
     if not isinstance(zones, OwnZone):
         own = list(zones) if isinstance(zones, Sequence) else [zones]
         if not own or not all(one is None or isinstance(one, OwnZone) for one in own):
             raise ValueError(
-                f"{argument}: expected a zone, one for each craft, or PairZones, got {shown(zones)}"
+                f"{argument}: expected a zone, one for each spacecraft, or PairZones, got {shown(zones)}"
             )
         if len(own) not in (craft, count):
             more = f" or {count} with the obstacles" * bool(fixed)
-            raise ValueError(f"{argument}: {len(own)} zones for {craft} craft; give one, or {craft}{more}")
+            counts = f"{len(own)} zones for {craft} spacecraft; give one, or {craft}{more}"
+            raise ValueError(f"{argument}: {counts}")
         own += [None] * (count - len(own))
     try:
         return PairZones.of(own, names, [True] * craft + [False] * fixed)
@@ -338,7 +339,7 @@ def pair_zones(
 
 
 def _first_pair(first: Any, second: Any, moves: Any) -> tuple[int, int] | None:
-    """The first pair i < j of a body of `first` and one of `second`, of which one moves."""
+    """Return the first pair i < j with one body of `first` and one of `second` that are not both fixed."""
     for body in first:
         later = second[np.searchsorted(second, body, side="right") :]
         later = later if moves[body] else later[moves[later]]

@@ -1,6 +1,6 @@
-"""Shapes of zones: all that kernels know of a ball, a cube, a cylinder and a set of half-spaces.
+"""Kernels for the shapes of zones: a ball, a cube, a cylinder and a set of half-spaces.
 
-A zone is (shape, matrix, faces): `matrix` (3, 3) takes metres to zone coordinates q, where the
+A zone is (shape, matrix, faces): `matrix` (3, 3) maps metres to zone coordinates q, where the
 shape is a unit set. Its norm is the largest of the shape's parts, each smooth and convex:
 
     BALL      |q|                     one part, round over three axes
@@ -8,11 +8,11 @@ shape is a unit set. Its norm is the largest of the shape's parts, each smooth a
     CYLINDER  hypot(q_0, q_1), |q_2|  its side, round over two axes, and its two ends
     FACES     f_k . q                 a one-sided flat part for each row f_k of `faces` (F, 3)
 
-The norm is 1 on the surface and below 1 inside; of `FACES` it is negative where all faces fall
-away. To add a shape: its branch in each function here, and a class in `zone`.
+The norm is 1 on the surface and below 1 inside; for `FACES` it is negative at points where every
+f_k . q is. A new shape needs a branch in each function here, and a class in `solids`.
 
-Kernels with `faces` end in one place: at a second `return` numba no longer sees that nobody keeps
-the array, and counts its references, in every step of the march.
+Kernels with `faces` have a single `return`: with a second one numba no longer sees that the array
+is not kept, and counts its references in every step of the march.
 """
 
 from math import inf, sqrt
@@ -27,7 +27,7 @@ FORM = types.Tuple((int64, float64[:, ::1], float64[:, ::1]))  # numba's type of
 
 @kernel()
 def part_count(shape, faces):
-    """How many parts a shape's norm is the largest of."""
+    """Return the number of parts of a shape's norm."""
     count = 1 if shape == BALL else (3 if shape == CUBE else 2)
     if shape == FACES:
         count = len(faces)
@@ -36,7 +36,7 @@ def part_count(shape, faces):
 
 @kernel()
 def rank(shape, k):
-    """Over how many of the leading axes part k is round: 1 for a flat one."""
+    """Return the number of leading axes over which part k is round: 1 for a flat part."""
     if shape == BALL:
         return 3
     return 2 if shape == CYLINDER and k == 0 else 1
@@ -44,7 +44,7 @@ def rank(shape, k):
 
 @kernel()
 def part(shape, faces, k, x, y, z):
-    """Value and gradient of part k at q = (x, y, z); where it has no gradient, any subgradient."""
+    """Return value and gradient of part k at q = (x, y, z), or a subgradient where it has a kink."""
     gx = gy = gz = 0.0
     if shape == FACES:
         gx, gy, gz = faces[k, 0], faces[k, 1], faces[k, 2]
@@ -65,7 +65,7 @@ def part(shape, faces, k, x, y, z):
 
 @kernel()
 def solid_norm(shape, x, y, z):
-    """The norm of all but `FACES`."""
+    """Return the norm of any shape but `FACES`."""
     if shape == BALL:
         return sqrt(x * x + y * y + z * z)
     if shape == CUBE:
@@ -75,7 +75,7 @@ def solid_norm(shape, x, y, z):
 
 @kernel()
 def faces_norm(faces, x, y, z):
-    """The norm of `FACES`."""
+    """Return the norm of `FACES`."""
     s = -inf
     for k in range(len(faces)):
         s = max(s, faces[k, 0] * x + faces[k, 1] * y + faces[k, 2] * z)
@@ -84,13 +84,13 @@ def faces_norm(faces, x, y, z):
 
 @kernel(inline=True)
 def norm(shape, faces, x, y, z):
-    """The largest part at q = (x, y, z)."""
+    """Return the norm, the largest part, at q = (x, y, z)."""
     return faces_norm(faces, x, y, z) if shape == FACES else solid_norm(shape, x, y, z)
 
 
 @kernel()
 def support(shape, wx, wy, wz):
-    """Greatest w . q over a unit set; not for `FACES`."""
+    """Return the greatest w . q over a unit set; not for `FACES`."""
     if shape == CUBE:
         return abs(wx) + abs(wy) + abs(wz)
     if shape == CYLINDER:
@@ -100,19 +100,19 @@ def support(shape, wx, wy, wz):
 
 @kernel()
 def rate_round(s, x, y, z, vx, vy, vz):
-    """Rate to the right of a Euclidean length s."""
+    """Return the right-sided rate of a Euclidean length s."""
     return (x * vx + y * vy + z * vz) / s if s > 0.0 else sqrt(vx * vx + vy * vy + vz * vz)
 
 
 @kernel()
 def rate_flat(x, vx):
-    """Rate of |x|, to the right where it has a kink."""
+    """Return the right-sided rate of |x|."""
     return abs(vx) if x == 0.0 else (vx if x > 0.0 else -vx)
 
 
 @kernel()
 def solid_rate(shape, x, y, z, vx, vy, vz):
-    """The rate of all but `FACES`."""
+    """Return the right-sided rate of the norm of any shape but `FACES`."""
     s = solid_norm(shape, x, y, z)
     if shape == BALL:
         return rate_round(s, x, y, z, vx, vy, vz)
@@ -130,7 +130,7 @@ def solid_rate(shape, x, y, z, vx, vy, vz):
 
 @kernel()
 def faces_rate(faces, x, y, z, vx, vy, vz):
-    """The rate of `FACES`."""
+    """Return the right-sided rate of the norm of `FACES`."""
     s, steepest = faces_norm(faces, x, y, z), -inf
     for k in range(len(faces)):
         if faces[k, 0] * x + faces[k, 1] * y + faces[k, 2] * z == s:
@@ -140,7 +140,7 @@ def faces_rate(faces, x, y, z, vx, vy, vz):
 
 @kernel(inline=True)
 def rate(shape, faces, x, y, z, vx, vy, vz):
-    """Rate of the norm, to the right where it has a kink: the greatest of the parts that attain it."""
+    """Return the right-sided rate of the norm: the greatest rate of the parts that attain it."""
     if shape == FACES:
         found = faces_rate(faces, x, y, z, vx, vy, vz)
     else:
@@ -150,7 +150,7 @@ def rate(shape, faces, x, y, z, vx, vy, vz):
 
 @kernel()
 def time_to_level(gap, rate, curvature):
-    """First h > 0 with gap + rate h - curvature h^2 / 2 = 0, without cancellation."""
+    """Return the first h > 0 with gap + rate h - curvature h^2 / 2 = 0, without cancellation."""
     root = sqrt(rate * rate + 2.0 * curvature * gap)
     if rate < 0.0:
         return 2.0 * gap / (root - rate)
@@ -159,7 +159,7 @@ def time_to_level(gap, rate, curvature):
 
 @kernel()
 def outside_flat(x, v, a, target):
-    """How long |x| certainly stays above the target; 0 where it is not above."""
+    """Return how long |x| provably stays above the target; 0 where it is not above."""
     if x > target:
         return time_to_level(x - target, v, a)
     if -x > target:
@@ -196,9 +196,9 @@ def outside_faces(faces, x, y, z, vx, vy, vz, ax, ay, az, target):
 
 @kernel(inline=True)
 def outside_step(shape, faces, x, y, z, vx, vy, vz, ax, ay, az, a, target):
-    """How long the norm certainly stays above the target: the best of the parts above it.
+    """Return how long the norm provably stays above the target: the longest of the parts above it.
 
-    ax, ay, az bound the acceleration along each axis, `a` its length.             # theory (10)
+    ax, ay, az bound the acceleration along each axis, `a` its length; theory (10).
     """
     if shape == FACES:
         h = outside_faces(faces, x, y, z, vx, vy, vz, ax, ay, az, target)
@@ -209,13 +209,13 @@ def outside_step(shape, faces, x, y, z, vx, vy, vz, ax, ay, az, a, target):
 
 @kernel()
 def inside_flat(x, v, a, target):
-    """How long |x| certainly stays below the target."""
+    """Return how long |x| provably stays below the target."""
     return min(time_to_level(target - x, -v, a), time_to_level(target + x, v, a))
 
 
 @kernel()
 def inside_round(x, y, z, vx, vy, vz, a, speed, target):
-    """How long a Euclidean length certainly stays below the target, by its square's second derivative."""
+    """Return how long a Euclidean length provably stays below the target, by its square."""
     gap = target * target - (x * x + y * y + z * z)
     return time_to_level(gap, -2.0 * (x * vx + y * vy + z * vz), 2.0 * (speed * speed + target * a))
 
@@ -244,9 +244,9 @@ def inside_faces(faces, x, y, z, vx, vy, vz, ax, ay, az, target):
 
 @kernel(inline=True)
 def inside_step(shape, faces, x, y, z, vx, vy, vz, ax, ay, az, a, speed, target):
-    """How long the norm certainly stays below the target: the least of the parts.
+    """Return how long the norm provably stays below the target: the shortest of the parts.
 
-    Bounds of the acceleration as for `outside_step`, and `speed` of the velocity's length.
+    Bounds of the acceleration are as for `outside_step`; `speed` bounds the speed.
     """
     if shape == FACES:
         h = inside_faces(faces, x, y, z, vx, vy, vz, ax, ay, az, target)

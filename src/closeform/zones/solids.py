@@ -1,4 +1,4 @@
-"""The zones that users make: boxes, ellipsoids, spheres, cylinders, half-spaces."""
+"""Zones that users create: boxes, ellipsoids, spheres, cylinders and half-spaces."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ def _rotation(axes: ArrayLike | None) -> Floats:
 
 
 class Box(Zone):
-    """A box, centred on the craft.
+    """Box, centred on the spacecraft.
 
     Parameters
     ----------
     half_widths : array_like of shape (3,) [m]
-        Half its widths along its own axes.
+        Half-widths along its own axes.
     axes : array_like of shape (3, 3), no unit, optional
-        Its own axes as orthonormal rows in the path's frame, which are x, y, z unless given.
+        Own axes as orthonormal rows in the path's frame; x, y, z by default.
 
     Raises
     ------
@@ -48,14 +48,14 @@ class Box(Zone):
 
 
 class Ellipsoid(Zone):
-    """An ellipsoid, centred on the craft.
+    """Ellipsoid, centred on the spacecraft.
 
     Parameters
     ----------
     semi_axes : array_like of shape (3,) [m]
-        Half its widths along its own axes.
+        Semi-axes along its own axes.
     axes : array_like of shape (3, 3), no unit, optional
-        Its own axes as orthonormal rows in the path's frame, which are x, y, z unless given.
+        Own axes as orthonormal rows in the path's frame; x, y, z by default.
 
     Raises
     ------
@@ -73,19 +73,19 @@ class Ellipsoid(Zone):
 
     @classmethod
     def from_covariance(cls, covariance: ArrayLike, sigmas: float) -> Self:
-        """The ellipsoid of some standard deviations of a position: P = (sigmas^2 covariance)^-1.
+        """Return the ellipsoid of some standard deviations of a position: P = (sigmas^2 covariance)^-1.
 
         Parameters
         ----------
         covariance : array_like of shape (3, 3) [m^2]
-            Of the position, in the path's frame; symmetric and positive definite.
+            Position covariance in the path's frame; symmetric and positive definite.
         sigmas : float, no unit
-            How many standard deviations the ellipsoid reaches.
+            Number of standard deviations.
 
         Returns
         -------
         Ellipsoid
-            With semi-axes of `sigmas` deviations along the principal axes.
+            Ellipsoid with semi-axes of `sigmas` deviations along the principal axes.
 
         Raises
         ------
@@ -110,12 +110,12 @@ class Ellipsoid(Zone):
 
 
 class Sphere(Zone):
-    """A ball, centred on the craft.
+    """Sphere, centred on the spacecraft.
 
     Parameters
     ----------
     radius : float [m]
-        The distance to be kept.
+        Distance to keep.
 
     Raises
     ------
@@ -132,16 +132,16 @@ class Sphere(Zone):
 
 
 class Cylinder(Zone):
-    """A cylinder with flat ends, centred on the craft: a tank, a sweep of a boom, an approach corridor.
+    """Cylinder with flat ends, centred on the spacecraft: a tank, the sweep of a boom, an approach corridor.
 
     Parameters
     ----------
     radius : float [m]
-        About its axis.
+        Radius about the axis.
     half_length : float [m]
-        From the centre to either end.
+        Distance from the centre to either end.
     axis : array_like of shape (3,), no unit, default x
-        Its direction in the path's frame, of any length.
+        Direction of the axis in the path's frame, of any length.
 
     Raises
     ------
@@ -164,10 +164,10 @@ class Cylinder(Zone):
 
 
 def _about(axis: Floats) -> Floats:
-    """Orthonormal rows, the last along `axis`; the others along x, y, z where it is."""
+    """Return orthonormal rows, the last along `axis`; the others along x, y, z if `axis` is."""
     x, y, z = way = axis / np.abs(axis).max() / sqrt(sum((axis / np.abs(axis).max()) ** 2))
     sign = 1.0 if z >= 0.0 else -1.0
-    u = -1.0 / (sign + z)  # Frisvad, without his singular direction (Duff et al. 2017)
+    u = -1.0 / (sign + z)  # Frisvad's method without its singular direction (Duff et al. 2017)
     w = x * y * u
     return np.array([[1.0 + sign * x * x * u, sign * w, -sign * x], [w, sign + y * y * u, -y], way])
 
@@ -175,22 +175,22 @@ def _about(axis: Floats) -> Floats:
 class HalfSpaces(Zone):
     """All relative positions r with n_k . r <= b_k for every face k.
 
-    One face is a plane that is not to be crossed, two are a wedge or a slab, more a corridor or
-    any convex body with flat faces; it may be unbounded.  It is *not* symmetric: it belongs to the
-    craft that it is around, and r is the position of the other one less its own.
+    One face is a plane that must not be crossed, two are a wedge or a slab, more are a corridor or
+    any convex body with flat faces; the zone may be unbounded.  It is *not* symmetric: it belongs to the
+    spacecraft that it is around, and r is the position of the other spacecraft relative to it.
 
     Parameters
     ----------
     normals : array_like of shape (F, 3), no unit
-        Each n_k out of the zone, in the path's frame; of any length, which is made 1.
+        Normal n_k of each face out of the zone, in the path's frame; of any length.
     offsets : array_like of shape (F,) [m]
-        Each b_k the distance of its face from the craft.
+        Distance b_k of each face from the spacecraft.
 
     Raises
     ------
     ValueError
-        If a normal is zero or not finite, an offset is not from 1e-9 to 1e15 m, or there are not as
-        many offsets as normals.
+        If a normal is zero or not finite, an offset is not from 1e-9 to 1e15 m, or the numbers of offsets and
+        normals differ.
 
     References
     ----------
@@ -206,5 +206,5 @@ class HalfSpaces(Zone):
         lengths = lengths_of("offsets", offsets, (len(ways),))
         ways = ways / np.abs(ways).max(axis=1, keepdims=True)
         ways = ways / np.linalg.norm(ways, axis=1, keepdims=True)
-        least = lengths.min()  # the ball that touches the nearest face is the unit of its coordinates
+        least = lengths.min()  # radius of the unit ball of its coordinates: it touches the nearest face
         super().__init__(FACES, np.eye(3) / least, ways * (least / lengths)[:, None])

@@ -1,7 +1,7 @@
-"""Sums of zones: a zone that holds every a + b of two, a in one and b in the other (Minkowski's sum).
+"""Sums of zones: a zone that contains the Minkowski sum {a + b} of two zones.
 
-A zone of each shape grows into one of its own shape, of which two the smaller is taken; two
-ellipsoids, and two spheres among them, have the least of a family.              # theory (24)-(25)
+A zone grows into one of its own shape, and the smaller of the two results is taken; the sum of two
+ellipsoids or spheres is the smallest of a family.              # theory (24)-(25)
 """
 
 from math import pi, sqrt
@@ -15,14 +15,14 @@ from closeform.zones.solids import HalfSpaces, Sphere
 from closeform.zones.zone import LEADING, Zone, enclosing, face_normals
 
 VOLUMES = {BALL: 4.0 * pi / 3.0, CUBE: 8.0, CYLINDER: 2.0 * pi}  # of unit shapes
-HALVINGS = 60  # of the logarithm of p: to a double's last digit from any start
+HALVINGS = 60  # of the logarithm of p: full double precision from any start
 
 
 def outer_sum(one: Zone, other: Zone) -> Zone:
-    """A zone that holds the sum of two: of those that are tried the one of least volume.
+    """Return a zone that contains the sum of two: the candidate of the smallest volume.
 
-    Exact for spheres, for ellipsoids of one form, for boxes with the same axes and for cylinders
-    about one axis.  Raises ValueError where the sum has no end in any direction that has a face.
+    Exact for spheres, for ellipsoids of one form, for boxes with the same axes and for cylinders about one
+    axis. Raises ValueError where the sum is unbounded in every direction of a face.
     """
     if FACES in (one.shape, other.shape):
         return _between_planes(one, other)
@@ -30,7 +30,7 @@ def outer_sum(one: Zone, other: Zone) -> Zone:
 
 
 def padded(zone: Zone, metres: float) -> Zone:
-    """A zone of the same shape that holds the sum with a ball of so many metres."""
+    """Return a zone of the same shape that contains the sum with a ball of radius `metres`."""
     ball = Sphere(metres)
     return _between_planes(zone, ball) if zone.shape == FACES else _grown(zone, ball)
 
@@ -40,7 +40,7 @@ def _volume(zone: Zone) -> float:
 
 
 def _grown(zone: Zone, other: Zone) -> Zone:
-    """A zone of the first one's shape that holds the sum: each part of its norm is subadditive."""
+    """Return a zone of the first one's shape that contains the sum: each part of its norm is subadditive."""
     if zone.shape == BALL:
         return _ellipsoid(_half_axes(zone.matrix), _half_axes(enclosing(other)))
     matrix, leading = zone.matrix.copy(), LEADING.get(zone.shape, 0)
@@ -55,7 +55,7 @@ def _half_axes(matrix: Floats) -> Floats:
 
 
 def _ellipsoid(one: Floats, other: Floats) -> Zone:
-    """The ellipsoid of least volume of the family (24) that holds the sum of two, given by half-axes H."""
+    """Return the smallest ellipsoid of the family (24) that contains the sum of two with half-axes H."""
     ratios = np.linalg.svd(np.linalg.solve(one, other), compute_uv=False)
     low, high = 1.0 / ratios[0], 1.0 / ratios[-1]
     for _ in range(HALVINGS):
@@ -65,17 +65,17 @@ def _ellipsoid(one: Floats, other: Floats) -> Zone:
         else:
             high = p
     p = sqrt(low * high)
-    # H H^T of both is never formed: a disc thin by 1e-8 would lose its edge
+    # H H^T of both is never formed: a disc of relative thickness 1e-8 would lose its edge
     half_axes = np.concatenate([sqrt(1.0 + 1.0 / p) * one, sqrt(1.0 + p) * other], axis=1)
     upper = np.asarray(np.linalg.qr(half_axes.T, mode="r"))
     return Zone(BALL, np.linalg.inv(upper.T))
 
 
 def _between_planes(one: Zone, other: Zone) -> Zone:
-    """All that is within the planes along faces of either, each as far out as the sum reaches."""
+    """Return the half-spaces along the faces of either zone that bound their sum."""
     normals = np.concatenate([face_normals(one), face_normals(other)])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     ends = one.support(normals) + other.support(normals)
     if not np.isfinite(ends).any():
-        raise ValueError("the sum of their zones has no end; give one of them an end")
+        raise ValueError("the sum of their zones has no end; give one of them a bounded zone")
     return HalfSpaces(normals[np.isfinite(ends)], ends[np.isfinite(ends)])

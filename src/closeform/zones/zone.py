@@ -1,6 +1,6 @@
-"""Keep-out zones. A zone is a convex set about the origin: its norm is 1 on the surface, below 1 inside.
+"""Keep-out zones: convex sets about the origin, with a norm that is 1 on the surface and below 1 inside.
 
-What a shape is to kernels stands in `shapes`; the zones that users make are in `solids`.
+The kernels of each shape are in `shapes`; the zones that users create are in `solids`.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ from closeform.arrays import Floats, finite, numbers
 from closeform.zones.shapes import BALL, CUBE, CYLINDER, FACES
 
 CORNERS = np.array(list(product((-1.0, 1.0), repeat=3)))
-LEADING = {BALL: 3, CYLINDER: 2}  # axes of the round part of a shape; the rest is flat
-CORNER = {BALL: 1.0, CUBE: sqrt(3.0), CYLINDER: sqrt(2.0)}  # how far the farthest point of a unit shape is
-ROUNDING = 1e-14  # relative: what is left of a direction that faces make up
-ON = 1.0 + 1e-9  # of a zone: a start or an end of a plan that is not beyond counts as inside
-SAME = 1e-12  # relative: normals that differ by less span nothing
-SMALLEST, LARGEST = 1e-9, 1e15  # m, of a zone's lengths: squares of what is far beyond them have no digits
+LEADING = {BALL: 3, CYLINDER: 2}  # axes of the round part of a shape; the other parts are flat
+CORNER = {BALL: 1.0, CUBE: sqrt(3.0), CYLINDER: sqrt(2.0)}  # distance of the farthest point of a unit shape
+ROUNDING = 1e-14  # relative: a smaller remainder of a direction is spanned by the faces
+ON = 1.0 + 1e-9  # norm up to which the start or the end of a plan counts as inside
+SAME = 1e-12  # relative: normals that differ by less are dependent
+SMALLEST, LARGEST = 1e-9, 1e15  # m, lengths of a zone: squares far beyond them lose all digits
 
 
 def positive(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Floats:
-    """An argument as positive numbers of a shape."""
+    """Return an argument as positive numbers of a shape; raise ValueError otherwise."""
     lengths = numbers(name, value)
     if lengths.shape != shape:
         raise ValueError(f"{name}: expected shape {shape}, got {lengths.shape}")
@@ -48,9 +48,9 @@ def lengths_of(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Floats:
 class Zone:
     """A keep-out zone: the relative positions r where the largest part of a shape at M r is at most 1.
 
-    It is the zone *around* a craft: r is the position of the other one less its own.  All but
-    `HalfSpaces` are symmetric, so that who is who does not matter.  Made by `Sphere`, `Ellipsoid`,
-    `Box`, `Cylinder` and `HalfSpaces`.
+    The zone is *around* a spacecraft: r is the position of the other spacecraft relative to it.  All zones
+    but `HalfSpaces` are symmetric, so that the roles may be exchanged.  Zones are created by `Sphere`,
+    `Ellipsoid`, `Box`, `Cylinder` and `HalfSpaces`.
 
     Attributes
     ----------
@@ -58,9 +58,9 @@ class Zone:
         A BALL is |q| <= 1 of zone coordinates q = M r, a CUBE max|q_i| <= 1, a CYLINDER
         max(hypot(q_0, q_1), |q_2|) <= 1, and FACES are f_k . q <= 1 for each k.
     matrix : array of shape (3, 3) [1/m]
-        M, from the path's frame to zone coordinates.
+        Map M from the path's frame to zone coordinates.
     faces : array of shape (F, 3), no unit
-        The rows f_k in zone coordinates; none for the other shapes.
+        Rows f_k in zone coordinates; empty for the other shapes.
 
     References
     ----------
@@ -77,38 +77,38 @@ class Zone:
 
     @property
     def form(self) -> tuple[int, Floats, Floats]:
-        """The zone as kernels take it, numba's `shapes.FORM`: shape, matrix (3, 3) [1/m], faces (F, 3)."""
+        """Zone as kernels accept it, numba's `shapes.FORM`: shape, matrix (3, 3) [1/m], faces (F, 3)."""
         return self.shape, self.matrix, self.faces
 
     @cached_property
     def stretch(self) -> float:
-        """How long a metre can become in zone coordinates [1/m]: the spectral norm of M."""
+        """Greatest length of a metre in zone coordinates [1/m]: the spectral norm of M."""
         return float(np.linalg.norm(self.matrix, 2))
 
     @property
     def symmetric(self) -> bool:
-        """Whether r is in the zone where -r is."""
+        """True if r is in the zone whenever -r is."""
         return self.shape != FACES
 
     def norm(self, position: ArrayLike) -> Any:
-        """Norm of relative positions: 1 on the surface, less inside.
+        """Return the norm of relative positions: 1 on the surface, less inside.
 
-        Of half-spaces it is negative where every face falls away, as far behind a single one.
+        For half-spaces it is negative where every n_k . r is, as far behind a single face.
 
         Parameters
         ----------
         position : array_like of shape (..., 3) [m]
-            Of the other craft less that of the one with the zone, in the path's frame.
+            Position of the other spacecraft relative to the one with the zone, in the path's frame.
 
         Returns
         -------
         float or array of shape (...), no unit
-            The norm of each position.
+            Norm of each position.
 
         Raises
         ------
         ValueError
-            If `position` is not made of finite numbers, or of another shape.
+            If `position` contains numbers that are not finite, or has another shape.
 
         References
         ----------
@@ -117,21 +117,21 @@ class Zone:
         return self._norm(finite("position", position, 3))
 
     def _norm(self, position: Floats) -> Any:
-        """Return the norm of positions (..., 3), NaN of those that are not known."""
+        """Return the norm of positions (..., 3), NaN for unknown ones."""
         return scaled_norm(self, position @ self.matrix.T)
 
     def enlarged(self, factor: float) -> Zone:
-        """The same shape, larger or smaller about the origin.
+        """Return the zone scaled about the origin.
 
         Parameters
         ----------
         factor : float, no unit
-            By which all lengths grow.
+            Factor of all lengths.
 
         Returns
         -------
         Zone
-            Of the same shape.
+            Zone of the same shape.
 
         Raises
         ------
@@ -152,20 +152,21 @@ class Zone:
         return Zone(self.shape, self.matrix / times, self.faces)
 
     def padded(self, margin: float) -> Zone:
-        """A zone of the same shape that holds all within some metres of this one: its sum with a ball.
+        """Return a zone of the same shape that contains all points within a margin: its sum with a ball.
 
-        Exact for spheres.  Faces of boxes, cylinders and half-spaces move out by just as much: their corners
-        are sharp, where the sum's are round.  Of ellipsoids that hold the sum it is that of least volume.
+        Exact for spheres.  Faces of boxes, cylinders and half-spaces move out by the margin: their corners
+        are sharp, where those of the sum are round.  An ellipsoid becomes the smallest
+        one that contains the sum.
 
         Parameters
         ----------
         margin : float [m]
-            The radius of the ball; 0 is the zone itself.
+            Radius of the ball; 0 returns the zone itself.
 
         Returns
         -------
         Zone
-            Of the same shape.
+            Zone of the same shape.
 
         Raises
         ------
@@ -180,19 +181,19 @@ class Zone:
 
         metres = numbers("margin", margin)
         if metres.shape or not 0.0 <= metres < np.inf:
-            raise ValueError(f"margin: metres, 0 or more and finite, got {metres.tolist()}")
+            raise ValueError(f"margin: must be 0 m or more and finite, got {metres.tolist()}")
         return padded(self, float(metres)) if metres > 0.0 else self
 
     @cached_property
     def radius(self) -> float:
-        """Radius [m] of a ball about the origin that holds the zone; inf for a zone without end."""
+        """Radius [m] of a ball about the origin that contains the zone; inf for an unbounded zone."""
         if self.shape == FACES:
             return float(np.linalg.norm(self.extents))
         return float(CORNER[self.shape] / np.linalg.svd(self.matrix, compute_uv=False)[-1])
 
     @property
     def inner_radius(self) -> float:
-        """Radius [m] of the largest ball about the origin that the zone holds."""
+        """Radius [m] of the largest ball about the origin inside the zone."""
         faces = self.faces @ self.matrix if self.shape == FACES else self.matrix[LEADING.get(self.shape, 0) :]
         nearest = np.linalg.norm(faces, axis=1).max(initial=0.0)
         if self.shape in LEADING:
@@ -201,26 +202,26 @@ class Zone:
 
     @property
     def mirrored(self) -> Zone:
-        """The zone of -r: as the other craft of a pair sees it.  Itself where it is symmetric."""
+        """Zone of -r, as the other spacecraft of a pair sees it; the zone itself if it is symmetric."""
         return self if self.symmetric else Zone(self.shape, self.matrix, -self.faces)
 
     def support(self, direction: ArrayLike) -> Any:
-        """How far the zone reaches in some directions: the greatest d . r over all its r.
+        """Return the extent of the zone in given directions: the greatest d . r over all its r.
 
         Parameters
         ----------
         direction : array_like of shape (..., 3), no unit
-            Each d in the path's frame; of any length, by which the answer is multiplied.
+            Directions d in the path's frame; the result scales with their lengths.
 
         Returns
         -------
         float or array of shape (...) [m]
-            Is inf where the zone is unbounded that way.
+            Extents; inf where the zone is unbounded.
 
         Raises
         ------
         ValueError
-            If `direction` is not made of finite numbers, or of another shape.
+            If `direction` contains numbers that are not finite, or has another shape.
 
         References
         ----------
@@ -236,12 +237,12 @@ class Zone:
         return np.sqrt((d[..., :2] ** 2).sum(axis=-1)) + np.abs(d[..., 2])
 
     def _support_of_faces(self, d: Floats) -> Any:
-        """Least sum of l >= 0 with sum l_k f_k = d: some three faces or fewer suffice (duality)."""
+        """Return the minimum sum of l >= 0 with sum l_k f_k = d: three faces or fewer suffice (duality)."""
         least = np.full(d.shape[:-1], np.inf)
         size = np.abs(d).sum(axis=-1)
         for some, inverse in self._bases:
             weights, left = np.zeros(()), -d[..., None, :]
-            for _ in range(2):  # once more, so that what is left of d is rounding, or not of these faces
+            for _ in range(2):  # refined once: the remainder is rounding or not spanned by these faces
                 weights = weights - np.einsum("ski,...si->...sk", inverse, left)
                 left = np.einsum("...sk,ski->...si", weights, self.faces[some]) - d[..., None, :]
             good = (weights >= -SAME * np.abs(weights).sum(axis=-1, keepdims=True)).all(axis=-1)
@@ -252,7 +253,7 @@ class Zone:
 
     @cached_property
     def _bases(self) -> list[tuple[Any, Floats]]:
-        """Sets of one, two and three independent faces (S, k), and what gives their weights (S, k, 3)."""
+        """Sets of up to three independent faces (S, k), and the inverses for their weights (S, k, 3)."""
         found: list[tuple[Any, Floats]] = []
         for k in (1, 2, 3):
             some = np.array(list(combinations(range(len(self.faces)), k)), dtype=np.int64).reshape(-1, k)
@@ -268,7 +269,7 @@ class Zone:
 
     @property
     def bounded(self) -> bool:
-        """Whether the zone ends in every direction."""
+        """True if the zone is bounded in every direction."""
         return bool(np.isfinite(self.extents).all())
 
     @property
@@ -285,9 +286,10 @@ class Zone:
 
     @property
     def extents(self) -> Floats:
-        """Half-widths (3,) [m] of the smallest box along x, y, z about the origin that holds the zone.
+        """Half-widths (3,) [m] of the smallest box along x, y, z about the origin that contains the zone.
 
-        inf where it is unbounded.  For an ellipsoid the roots of the diagonal of P^-1.   # theory 3
+        They are inf where the zone is unbounded, and the roots of the diagonal of P^-1 for an ellipsoid
+        (theory 3).
         """
         ways = np.eye(3)
         widths: Floats = np.maximum(self.support(ways), self.support(-ways))
@@ -295,7 +297,7 @@ class Zone:
 
 
 def scaled_norm(zone: Zone, q: Floats) -> Any:
-    """Norm of positions (..., 3) in zone coordinates, the zone's matrix times those in m."""
+    """Return the norm of positions (..., 3) in zone coordinates (the zone's matrix times metres)."""
     if zone.shape == FACES:
         return (q @ zone.faces.T).max(axis=-1)
     rounded = LEADING.get(zone.shape, 0)
@@ -306,9 +308,9 @@ def scaled_norm(zone: Zone, q: Floats) -> Any:
 
 
 def gradient(zone: Zone, position: Floats) -> Floats:
-    """How the norm rises (..., 3) [1/m] at positions (..., 3) [m]; on edges one of many.
+    """Return the gradient (..., 3) [1/m] of the norm at positions (..., 3) [m]; on edges one of many.
 
-    The zone lies below the plane along which it is constant: at a norm s that is (s - 1)/|gradient| off.
+    The zone lies below the plane of constant norm: at a norm s the plane is (s - 1)/|gradient| away.
     """
     q = position @ zone.matrix.T
     rounded = LEADING.get(zone.shape, 0)
@@ -326,7 +328,7 @@ def gradient(zone: Zone, position: Floats) -> Floats:
 
 
 def face_normals(zone: Zone) -> Floats:
-    """Directions (K, 3) [1/m] out of the flat faces of a zone: n . r = 1 on each."""
+    """Return outward normals (K, 3) [1/m] of the flat faces of a zone, scaled to n . r = 1 on each."""
     if zone.shape == FACES:
         return zone.faces @ zone.matrix
     flat = zone.matrix[LEADING.get(zone.shape, 0) :]
@@ -334,10 +336,10 @@ def face_normals(zone: Zone) -> Floats:
 
 
 def enclosing(zone: Zone) -> Floats:
-    """Matrix E (3, 3) in 1/m with |E r| <= 1 for every r in the zone: an ellipsoid that holds it."""
+    """Return the matrix E (3, 3) [1/m] of an ellipsoid |E r| <= 1 that contains the zone."""
     ratios = {BALL: (1.0, 1.0), CUBE: (3.0, 3.0), CYLINDER: (1.5, 3.0)}  # of its axes, squared
     if zone.shape != FACES:
         side, end = ratios[zone.shape]
         return np.asarray(zone.matrix / np.sqrt([[side], [side], [end]]))
-    widths = zone.extents  # a direction without an end does not count
+    widths = zone.extents  # an unbounded direction does not count
     return np.asarray(np.diag(1.0 / widths) / np.sqrt(max(1, np.isfinite(widths).sum())))
