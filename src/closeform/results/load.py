@@ -194,7 +194,7 @@ def load(directory: str | PathLike[str]) -> LoadedRun | LoadedStudy:
     kind = summary.get("kind")
     if kind in ("screen", "encounter"):
         what = f"was left by closeform {kind}, which has no burns and no scenario"
-        raise FolderError(f"{place}: {what}; give a folder of run or study, and read this one as Parquet")
+        raise FolderError(f"{place}: {what}; give a folder of run or study (screen --cdm writes CDMs)")
     if kind not in ("run", "study"):
         raise FolderError(f"{place}: was left by an earlier version or another command; {AGAIN}")
     scenario = _scenario(place, summary)
