@@ -156,6 +156,13 @@ def test_round_distributions(draw: str, radius) -> None:
     assert abs(np.corrcoef(moved.reshape(4000, 9).T) - np.eye(9)).max() < 0.06  # 4 sigma
 
 
+def test_a_shell_of_equal_radii_is_an_exact_size() -> None:
+    scenario = parse(NARROW.replace('["50 m", "200 m"]', '["70 m", "70 m"]'))
+    moved = drawn(scenario, 3, 0, 1000)[..., :3] - np.array([[0, 0, 0], [0, 0, 0], [10, 0, 0]])
+    np.testing.assert_allclose(np.linalg.norm(moved, axis=-1), 70.0, rtol=1e-14)
+    assert abs(moved.mean(axis=(0, 1))).max() < 4.0 * 70.0 / np.sqrt(3.0 * 3000.0)
+
+
 def test_uniform_and_choice() -> None:
     text = NARROW.replace('{ normal = "5 cm/s" }', '{ choice = ["1 0 0 m/s", "0 2 0 m/s", "0 0 3 m/s"] }')
     states = drawn(parse(text.replace('{ shell = ["50 m", "200 m"] }', '{ uniform = "80 m" }')), 5, 0, 3000)

@@ -6,11 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from ccsds_ndm.ndm_io import NdmIo
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+from scipy.optimize import minimize_scalar
 
 import closeform as cf
 from cdms import FAST, KEYS, SLOW, SLOW_INERTIAL
+from closeform.cli.app import main
 
 
 def written(folder, text, name="case.cdm"):
@@ -360,3 +364,108 @@ def test_a_conjunction_is_checked_when_made(slow):
         replace(slow, miss_distance=-5.0)
     plain = cf.ConjunctionObject("A", "1", "GCRF", first.state, first.covariance)
     assert (plain.radius, plain.catalog, plain.manoeuvrable) == (None, "SATCAT", "N/A")
+
+
+MU = 398600.4418e9
+
+
+def circling(radius, tilt, phase, times):
+    """States (T, 6) on a circle, in closed form."""
+    rate = np.sqrt(MU / radius**3)
+    angle = phase + rate * np.asarray(times, dtype=float)
+    cos, sin = np.cos(angle), np.sin(angle)
+    turn = np.array([[1.0, 0.0, 0.0], [0.0, np.cos(tilt), -np.sin(tilt)], [0.0, np.sin(tilt), np.cos(tilt)]])
+    place = radius * np.stack([cos, sin, 0.0 * cos], axis=-1) @ turn.T
+    return np.concatenate(
+        [place, radius * rate * np.stack([-sin, cos, 0.0 * cos], axis=-1) @ turn.T], axis=-1
+    )
+
+
+def rtn(state):
+    """The radial, transverse and normal axes as rows."""
+    normal = np.cross(state[:3], state[3:])
+    rows = np.array([state[:3], np.cross(normal, state[:3]), normal])
+    return rows / np.linalg.norm(rows, axis=1)[:, None]
+
+
+def test_a_screening_writes_messages_of_its_conflicts(tmp_path, monkeypatch, capsys):
+    """Three circular orbits: identifiers, closest approach, velocity and covariance against closed form."""
+    orbits = {
+        "CHIEF": (7e6, 0.0, -0.3),
+        "ALPHA 1/2": (7e6 + 150.0, 1e-3, -0.2998),
+        "BETA": (7e6 + 140.0, -1e-3, -0.29981),
+    }
+    times = np.arange(0.0, 1201.0, 60.0)
+    sigmas = np.diag([4.0, 400.0, 9.0, 1e-4, 1e-6, 1e-5])
+    for k, (name, orbit) in enumerate(orbits.items(), 1):
+        held = cf.Covariances([0.0, 300.0], [0.5 * sigmas, sigmas], ["RTN", "RTN"])
+        words = name, f"2026-00{k}A", "EARTH", "EME2000", "UTC", "2026-01-01T00:00:00"
+        cf.write_oem(tmp_path / f"{k}.oem", cf.Ephemeris(*words, times, circling(*orbit, times), held))
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("closeform.report.results.drawn", lambda *_: ())
+    screen = ["screen", "1.oem", "2.oem", "3.oem", "--cdm", "--out", "found"]
+    assert main([*screen, "--hard-body", "50 m"]) == 1
+    assert "1 conjunction data message in cdm/" in capsys.readouterr().out
+    (file,) = (tmp_path / "found" / "cdm").iterdir()
+    told, text = cf.read_cdm(file), file.read_text()
+    read = NdmIo().from_path(file)
+    assert [one.metadata.object_name for one in read.body.segment] == ["ALPHA 1/2", "BETA"]
+    assert [one.designator for one in told.objects] == ["2026-002A", "2026-003A"]
+    assert [one.international_designator for one in told.objects] == ["2026-002A", "2026-003A"]
+    assert [one.ephemeris_name for one in told.objects] == ["2.oem", "3.oem"]
+
+    def pair(time):
+        return [circling(*orbits[name], time) for name in ("ALPHA 1/2", "BETA")]
+
+    def apart(time):
+        return np.linalg.norm(np.subtract(*pair(time))[:3])
+
+    tca = minimize_scalar(apart, bounds=(100.0, 500.0), method="bounded", options={"xatol": 1e-7}).x
+    assert told.tca.startswith("2026-01-01T00:0")
+    stated = (np.datetime64(told.tca) - np.datetime64("2026-01-01T00:00:00")) / np.timedelta64(1, "ns") * 1e-9
+    assert stated == pytest.approx(tca, abs=1e-4)
+    first, second = pair(tca)
+    assert told.miss_distance == pytest.approx(apart(tca), abs=1e-4)
+    assert float(read.body.relative_metadata_data.miss_distance.value) == pytest.approx(apart(tca), abs=1e-4)
+    assert told.relative_speed == pytest.approx(np.linalg.norm((second - first)[3:]), rel=1e-6)
+    assert told.hard_body_radius == 100.0
+    assert re.search("COLLISION_PROBABILITY_METHOD", text)
+    # the screening's own closest approach, in arcs of the chief's circle
+    found = cf.common_frame([cf.read_oem(f"{k}.oem") for k in (1, 2, 3)])
+    near = cf.closest_approach(found.paths[1], found.paths[2], cf.Sphere(100.0))
+    assert near.distance == pytest.approx(told.miss_distance, abs=1e-2)
+    assert near.time == pytest.approx(tca, abs=1e-2)
+
+    # the covariance of the latest block, propagated through two-body motion
+    def later(state):
+        def gravity(_, one):
+            return [*one[3:], *(-MU * one[:3] / np.linalg.norm(one[:3]) ** 3)]
+
+        return solve_ivp(gravity, (0.0, tca), state, method="DOP853", rtol=1e-12, atol=1e-6).y[:, -1]
+
+    assert tca < 300.0  # of the second block
+    start = circling(*orbits["ALPHA 1/2"], 0.0)
+    turns = [np.kron(np.eye(2), rtn(state)) for state in (start, first)]
+    steps = np.repeat([10.0, 0.01], 3)
+    moved = [(later(start + step) - later(start - step)) / 2.0 / step.max() for step in np.diag(steps)]
+    whole = turns[1] @ np.transpose(moved) @ turns[0].T
+    np.testing.assert_allclose(
+        told.objects[0].covariance.diagonal(), (whole @ (0.5 * sigmas) @ whole.T).diagonal(), rtol=5e-3
+    )
+
+
+def test_messages_need_covariances(tmp_path, monkeypatch, capsys):
+    times = np.arange(0.0, 601.0, 60.0)
+    for k in (1, 2):
+        words = f"C{k}", f"{k}", "EARTH", "EME2000", "UTC", "2026-01-01T00:00:00"
+        cf.write_oem(tmp_path / f"{k}.oem", cf.Ephemeris(*words, times, circling(7e6, 0.0, 1e-6 * k, times)))
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("closeform.report.results.drawn", lambda *_: ())
+    assert main(["screen", "1.oem", "2.oem", "--cdm", "--sphere", "50 m"]) == 2
+    assert "C1 has no covariance" in capsys.readouterr().err
+    given = ["--covariance", "25 0 400 0 0 25 m^2", "--sigmas", "3", "--out", "found"]
+    assert main(["screen", "1.oem", "2.oem", "--cdm", *given]) == 1
+    (file,) = (tmp_path / "found" / "cdm").iterdir()
+    told = cf.read_cdm(file).objects[1]
+    assert (told.designator, told.catalog, told.covariance_method) == ("2", "SATCAT", "DEFAULT")
+    np.testing.assert_allclose(told.covariance.diagonal(), [25.0, 400.0, 25.0, 0.0, 0.0, 0.0])

@@ -297,7 +297,10 @@ def test_bad_input_is_named():
         (lambda: plots.ratio_matrix(SOME[:1], BALL), "paths: give at least two craft, got 1"),
         (lambda: plots.ratio_matrix(SOME, BALL, ["A"]), "names: 1 names for 3 craft"),
         (lambda: plots.ratio_matrix(SOME, ()), "zones: no two craft have a zone"),
-        (lambda: plots.ratio_matrix(SOME, kept(4, {(0, 3): BALL})), "zones: zones of 4 spacecraft for 3 paths"),
+        (
+            lambda: plots.ratio_matrix(SOME, kept(4, {(0, 3): BALL})),
+            "zones: zones of 4 spacecraft for 3 paths",
+        ),
         (lambda: plots.ratio_matrix(SOME, [BALL] * 2), "zones: 2 zones for 3 spacecraft"),
         (
             lambda: plots.ratio_matrix(SOME, [(BALL, [[0, 1]]), BALL]),
@@ -406,3 +409,22 @@ def test_a_film_of_an_orbit(tmp_path):
 
 
 # What a long coast, a plan that changes nothing and on-off thrusters look like
+
+
+def test_of_many_craft_the_closest_are_drawn():
+    """300 craft in rows 100 m apart, two of which swap places: these and their neighbours have tracks."""
+    count = 300
+    states = np.zeros((count, 6))
+    states[:, 1] = 100.0 * np.arange(count)
+    states[7, 4], states[8, 4] = 100.0 / END, -100.0 / END
+    states[8, 0] = 3.0
+    paths = DEEP.coast(states, END)
+    for zone, told in ((cf.Sphere(10.0), "1 in conflict"), (None, "closest pairs")):
+        figure = plots.formation_paths(paths, paths, zone=zone)
+        axes = figure.axes[0]
+        assert told in figure.get_suptitle()
+        words = " ".join(text.get_text() for text in [*figure.texts, *axes.texts])
+        assert "closest 7 and 8" in words
+        assert 2 <= len(marks(axes, "start")) <= 20
+        assert any("of the others" in text.get_text() for one in figure.legends for text in one.get_texts())
+        assert bool(lines(axes, CONFLICT)) == (zone is not None)

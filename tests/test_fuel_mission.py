@@ -294,7 +294,7 @@ def test_a_choice_that_is_impossible_is_told_with_why():
     (section,) = RunReport(fly(parse(alone(within='"1 orbit"')))).sections
     (told,) = (line for line in section.closing if line.startswith("No "))
     assert re.fullmatch(
-        r"No impulses at both ends: two impulses \S+ s \(1 orbits\) apart miss the position by at least \S+ m", told
+        r"No impulses at both ends: .* \(1 orbits\) apart miss the position by at least \S+ m", told
     )
 
 

@@ -92,7 +92,10 @@ def test_mean_motion_near_zero_is_deep_space():
         ((ORBIT, REST, [1.0, 0, 0, 0, 0, 0], 1e-3, "soon"), 'profile: expected "least time" or "energy"'),
         ((ORBIT, REST, [1.0, 0, 0, 0, 0, 0], [1e-3] * 2, "least time", [0.0] * 3), "batch shapes do not"),
         ((3.0, REST, [1.0, 0, 0, 0, 0, 0], 1e-3), "orbit: expected Orbit"),
-        ((DEEP, REST, [1e-20, 0, 0, 0, 0, 0], 1e10), "max_acceleration: 1e\\+10 m/s\\^2 allows a duration below"),
+        (
+            (DEEP, REST, [1e-20, 0, 0, 0, 0, 0], 1e10),
+            "max_acceleration: 1e\\+10 m/s\\^2 allows a duration below",
+        ),
     ],
 )
 def test_bad_input_is_named(arguments, named):

@@ -78,7 +78,9 @@ def test_beside_a_craft_that_is_known_exactly_its_own_counts():
 
 
 def test_unlike_demands_are_refused_by_name():
-    with pytest.raises(ValueError, match=r"^A and B: covariances of 3 and 2 sigmas; give both the same number"):
+    with pytest.raises(
+        ValueError, match=r"^A and B: covariances of 3 and 2 sigmas; give both the same number"
+    ):
         cf.PairZones.of([cf.CovarianceZone(COVARIANCE, 3.0), cf.CovarianceZone(COVARIANCE, 2.0)], ["A", "B"])
     with pytest.raises(ValueError, match=r"^covariance: must be positive definite"):
         cf.CovarianceZone(np.diag([1.0, -1.0, 1.0]), 3.0)
@@ -193,7 +195,9 @@ def test_screening_adds_covariances():
         assert found.pairs.tolist() == [[0, 1]]
         assert found.ratio == pytest.approx(1.25 / sqrt(2.0))
     assert len(cf.screen(paths, own.zone)) == len(cf.screen(paths, [own, None, own])) == 0
-    with pytest.raises(ValueError, match=r"^zone: expected a zone, one for each spacecraft, or PairZones, got 5"):
+    with pytest.raises(
+        ValueError, match=r"^zone: expected a zone, one for each spacecraft, or PairZones, got 5"
+    ):
         cf.screen(paths, 5.0)
 
 

@@ -255,7 +255,10 @@ BAD = {
         "paths: all must be in one orbit to stack",
     ),
     "stack batches": (lambda: cf.stack([ORBIT.coast(np.zeros((1, 6)), 1.0)]), "paths: stack takes"),
-    "impulses of a batch": (lambda: ORBIT.coast(np.zeros((2, 6)), 1.0).impulses, "impulses: requires one spacecraft"),
+    "impulses of a batch": (
+        lambda: ORBIT.coast(np.zeros((2, 6)), 1.0).impulses,
+        "impulses: requires one spacecraft",
+    ),
 }
 
 

@@ -133,7 +133,7 @@ def spread(draw: Draw, numbers: tuple[Any, ...], random: Floats, size: int) -> A
 
         return np.asarray(numbers[0] * ndtri(some))
     inner, outer = numbers if draw.shell is not None else (0.0, numbers[0])
-    radius = np.cbrt(inner**3 + (outer**3 - inner**3) * random[..., 0])
+    radius = np.cbrt(inner**3 + (outer**3 - inner**3) * random[..., 0]).clip(inner, outer)
     height, longitude = 2.0 * random[..., 1] - 1.0, 2.0 * np.pi * random[..., 2]
     across = np.sqrt(1.0 - height * height)
     direction = np.stack([across * np.cos(longitude), across * np.sin(longitude), height], axis=-1)

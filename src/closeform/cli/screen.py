@@ -38,6 +38,7 @@ def screen(
     hard_body: str | None = None,
     zones: Path | None = None,
     interpolate: str | None = None,
+    cdm: Annotated[bool, Parameter(negative="")] = False,
     out: Path | None = None,
     overwrite: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
@@ -69,6 +70,8 @@ def screen(
         TOML file with a zone for each craft: [craft] with name and keep_out, as in a scenario.
     interpolate
         How far off states may be that are interpolated to common epochs: "1 m".
+    cdm
+        Write a conjunction data message for each conflict into cdm/ of the results.
     out
         Folder for the results; NAME-screen-results next to where you are by default, NAME of the first file,
         and a number behind it where that is taken.
@@ -86,9 +89,14 @@ def screen(
             shapes | {HARD_BODY: hard_body, "covariance": covariance}, axis, sigmas, body, zones
         )
         frame = ephemerides(files, quantity("interpolate", LENGTH, interpolate))
-        held_clear = asked.of_pairs(frame.names)
+        own = asked.of_each(frame.names)
+        held_clear = asked.of_pairs(own, frame.names)
         if asked.sigmas is not None and not any(held is not None for held in frame.covariances):
             raise ValueError("--sigmas: no ephemeris has a covariance; add blocks, or give --covariance")
+        if cdm:
+            from closeform.results.conflict_messages import require_covariances, screening_messages
+
+            require_covariances(frame, own)
     except ScenarioError as error:
         complain(*error.lines)
         return BAD_INPUT
@@ -105,12 +113,15 @@ def screen(
         "body": body,
         "hard-body": hard_body,
     }
-    options |= {"zones": zones, "interpolate": interpolate}
+    options |= {"zones": zones, "interpolate": interpolate, "cdm": cdm}
     command = Command("screen", files, {**shapes, **options}, [zones] if zones is not None else [], out)
 
     def report() -> ScreenReport:
         flight = watch(frame.paths, frame.names, held_clear)
-        return ScreenReport(frame, flight, held_clear, command, uncertain(frame, flight, asked.sigmas))
+        names = [file.name for file in files]
+        messages = tuple(screening_messages(frame, flight, own, names)) if cdm else None
+        known = uncertain(frame, flight, asked.sigmas)
+        return ScreenReport(frame, flight, held_clear, command, known, messages)
 
     return left(report, place, overwrite)
 

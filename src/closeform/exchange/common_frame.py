@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats, number, positive, sequence
+from closeform.arrays import Floats, number, numbers, positive, sequence, shown
 from closeform.exchange.carried_covariance import covariance_at
 from closeform.exchange.ephemeris import SAME_EPOCH, Ephemeris
 from closeform.exchange.epochs import seconds_of
@@ -57,6 +59,8 @@ class CommonFrame(Result):
         In the same frame: as `states`, where somebody fires those before it.
     manoeuvres : tuple of tuple of tuple of float [s, m/s], of N
         Of each craft when its velocity jumps, since `epoch`, and by how much.
+    ephemerides : tuple of tuple of Ephemeris, of N
+        The segments of each object, as given.
     """
 
     names: tuple[str, ...]
@@ -71,6 +75,52 @@ class CommonFrame(Result):
     interpolation_errors: Floats
     arrivals: Floats
     manoeuvres: tuple[tuple[tuple[float, float], ...], ...]
+    ephemerides: tuple[tuple[Ephemeris, ...], ...] = field(repr=False)
+
+    def inertial_states(self, name: str, times: ArrayLike) -> Floats:
+        """Return the inertial states of one object, interpolated in its own ephemeris.
+
+        Parameters
+        ----------
+        name : str
+            One of `names`.
+        times : array_like of shape (T,) [s]
+            Since `epoch`, from the first to the last of `times`.
+
+        Returns
+        -------
+        array of shape (T, 6) [m, m/s]
+            In the frame of the ephemerides; at a manoeuvre the state after it.
+
+        Raises
+        ------
+        ValueError
+            If no object has this name, or a time is outside of the common time.
+
+        References
+        ----------
+        docs/ephemerides.md.
+        """
+        if name not in self.names:
+            raise ValueError(f"name: no ephemeris of {shown(name)}; use one of {', '.join(self.names)}")
+        wanted, (first, last) = numbers("times", times), self.times[[0, -1]]
+        if not ((wanted >= first - SAME_EPOCH) & (wanted <= last + SAME_EPOCH)).all():
+            raise ValueError(f"times: must be from {first:g} to {last:g} s, the common time")
+        k = self.names.index(name)
+        return self._spans[k].states(wanted - self._offsets[k])[0]
+
+    def starts(self, k: int) -> list[float]:
+        """Return when each segment of object k counts from [s], since `epoch`."""
+        return [float(self._offsets[k]) + start for start in self._spans[k].starts]
+
+    @cached_property
+    def _spans(self) -> tuple[Spans, ...]:
+        return tuple(Spans.of(one) for one in self.ephemerides)
+
+    @cached_property
+    def _offsets(self) -> Floats:
+        """When each ephemeris begins to count its time (N,) [s], since `epoch`."""
+        return seconds_of([one[0].epoch for one in self.ephemerides], self.time_system)
 
     @property
     def paths(self) -> Path:
@@ -189,6 +239,7 @@ def common_frame(
         interpolation_errors=errors,
         arrivals=arrivals,
         manoeuvres=tuple(_fired(each, offset, times) for each, offset in zip(spans, offsets, strict=True)),
+        ephemerides=tuple(each.segments for each in spans),
     )
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -144,3 +146,18 @@ def text_rows(stamps: list[str], form: str, values: Floats) -> str:
     for k, column in enumerate(np.asarray(values, dtype=float).T):
         cells[k + 1 :: width] = column.tolist()
     return (f"{form}\n" * len(stamps)) % tuple(cells)
+
+
+def file_names(names: Sequence[str]) -> list[str]:
+    """Return names of files, all different, also where case does not count."""
+    found: list[str] = []
+    taken: set[str] = set()
+    for name in names:
+        plain = re.sub(r"[^A-Za-z0-9._-]+", "_", name).strip("._") or "craft"
+        wanted, count = plain, 1
+        while wanted.lower() in taken:
+            count += 1
+            wanted = f"{plain}-{count}"
+        taken.add(wanted.lower())
+        found.append(wanted)
+    return found

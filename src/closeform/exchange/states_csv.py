@@ -72,7 +72,7 @@ def read_csv(file: str | PathLike[str]) -> tuple[Ephemeris, ...]:
     """
     instance("file", file, str, PathLike)
     with within(file):
-        return tuple(_ephemerides(state_rows(file)))
+        return tuple(ephemerides_of(state_rows(file)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,11 +171,11 @@ def _is_number(cell: str) -> bool:
     return True
 
 
-def _ephemerides(rows: StateRows) -> Iterable[Ephemeris]:
-    """The rows of each craft, cut where two have one time."""
+def ephemerides_of(rows: StateRows, only: str | None = None) -> Iterable[Ephemeris]:
+    """Yield the ephemerides of each craft, or of one `only`, cut where two rows have one time."""
     times, lines, about = rows.times, rows.lines, rows.about
     assert times is not None
-    for name in dict.fromkeys(rows.craft):
+    for name in dict.fromkeys(rows.craft) if only is None else (only,):
         own = np.flatnonzero([one == name for one in rows.craft])
         gaps = np.diff(times[own])
         if (gaps < 0.0).any():

@@ -38,6 +38,7 @@ from closeform.scenario import (
     Transfer,
     load,
 )
+from closeform.scenario.start_state import is_inertial
 
 # Kernels are compiled, or loaded, where they are imported: a stage imports those that it needs.
 
@@ -192,7 +193,7 @@ def in_field(scenario: Scenario, result: StageResult[Any, Any]) -> StageResult[A
 
 
 def coast(start: StageStart, stage: Coast) -> StageResult[Coast, None]:
-    """No craft thrusts, but for the impulses that are given."""
+    """Evaluate natural motion with the given impulses, and the given paths of craft that follow theirs."""
     n, names = start.orbit.mean_motion, start.scenario.names
     duration = stage.length.on(n)
     given: list[list[tuple[float, Floats]]] = [[] for _ in names]
@@ -201,8 +202,14 @@ def coast(start: StageStart, stage: Coast) -> StageResult[Coast, None]:
         if at >= duration:
             raise ValueError(f"burns[{k}].at: {at:.6g} s is not before the end of the stage; fire it earlier")
         given[names.index(burn.craft)].append((at, np.array(burn.delta_v)))
-    flight = start.flight([start.fired(k, own, duration) for k, own in enumerate(given)])
-    return StageResult(start.number, stage, start.time, flight, flight, None)
+    flight = start.flight(
+        [
+            start.followed(k, duration) if name in stage.follow else start.fired(k, own, duration)
+            for k, (name, own) in enumerate(zip(names, given, strict=True))
+        ]
+    )
+    real = tuple(names.index(name) for name in stage.follow if is_inertial(start.scenario, name))
+    return StageResult(start.number, stage, start.time, flight, flight, None, on_ephemerides=real)
 
 
 FLIES: dict[type[StageTable], Callable[[StageStart, Any], StageResult[Any, Any]]] = {

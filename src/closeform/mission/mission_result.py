@@ -22,6 +22,7 @@ from closeform.mission.verdict import (
     conflicts_in,
     thrust_use,
 )
+from closeform.motion.arc import MEAN_MOTION, THRUST
 from closeform.motion.joining import join
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
@@ -74,6 +75,7 @@ class StageResult(Result, Generic[AnyStage, AnyResult]):
     validity: "Validity | None" = None
     commanded: WatchedFlight | None = None
     sun: SunAngle | None = None
+    on_ephemerides: tuple[int, ...] = ()  # craft whose forces between states are no thrust
 
     def _facts(self) -> Iterator[tuple[str, str]]:
         conflicts = f"{len(self.after.conflicts)} conflicts, {len(self.before.conflicts)} before"
@@ -96,10 +98,22 @@ class StageResult(Result, Generic[AnyStage, AnyResult]):
         sun = () if self.sun is None else (self.sun.asked,)
         return *(one for some in judged if some is not None for one in some.asked), *sun
 
+    @property
+    def burning(self) -> Path:
+        """Paths (N,) with the thrust of each craft; of one on its ephemeris with its velocity jumps only."""
+        paths = self.after.paths
+        if not self.on_ephemerides:
+            return paths
+        arcs = paths.arcs.copy()
+        for k in self.on_ephemerides:
+            own = arcs[paths.offsets[k] : paths.offsets[k + 1]]  # cubics have a mean motion of 0
+            own[:, THRUST:], own[:, MEAN_MOTION] = 0.0, paths.orbit.mean_motion
+        return Path(paths.orbit, arcs, paths.offsets, paths.shape)
+
     @cached_property
     def delta_v(self) -> Floats:
         """What each craft spends (N,) [m/s], summed over its thrusters."""
-        spent = np.array(self.after.paths.delta_v)
+        spent = np.array(self.burning.delta_v)
         if self.pulsed is not None:
             who = [self.after.names.index(name) for name in self.pulsed.names]
             spent[who] = self.pulsed.firing.delta_v

@@ -33,7 +33,7 @@ def _of_craft(result: "StageResult[Any, Any]", k: int, burnt: Burnt) -> Iterator
         burns = burns_of_pulses(pulses, who)
         thruster = (pulses.thruster[pulses.craft == who] + 1).tolist()
     else:
-        burns = burns_of(result.after.paths[k])
+        burns = burns_of(result.burning[k])
     so_far = [burnt(k, spent) for spent in np.cumsum(burns.size).tolist()]
     told = burns.telling | (thruster is not None)  # bits of thrusters are as they are
     columns = burns.start, burns.duration, *burns.push.T, burns.size

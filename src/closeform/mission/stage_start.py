@@ -10,6 +10,8 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.conflicts.flight import WatchedFlight, watch
+from closeform.exchange.spans import JUMP
+from closeform.exchange.spans import LEAST as LEAST_JUMP
 from closeform.fuel.thrusters import Thrusters
 from closeform.mission.verdict import Late, thrust_use
 from closeform.motion.arc import IMPULSE
@@ -150,6 +152,21 @@ class StageStart:
         pieces.append(self.orbit.coast(state, duration - at, self.time + at))
         pieces[0].arcs[0, IMPULSE : IMPULSE + 3] = first
         return join(pieces)
+
+    def followed(self, k: int, duration: float) -> Path:
+        """Return craft k's path along the file of its start; a velocity jump at its begin is an impulse."""
+        from closeform.scenario.start_state import along  # whose files nothing else reads
+
+        name = self.scenario.names[k]
+        times, states, arrivals = along(self.scenario, name, self.time, self.time + duration)
+        jump = states[0] - self.states[k]
+        if (apart := float(np.linalg.norm(jump[:3]))) > JUMP:
+            what = f"begins {apart:.4g} m from where {name} is at {self.time:.6g} s"
+            raise ValueError(f"follow: its file {what}; name it in all coasts before, or correct the file")
+        arrivals[0], arrivals[-1, :3] = states[0], states[-1, :3]
+        if np.linalg.norm(jump[3:]) > LEAST_JUMP:
+            arrivals[0, 3:] = self.states[k, 3:]
+        return self.orbit._through(times, states[None], arrivals[None])[0]
 
     def latitude(self, duration: float) -> float:
         """The origin's argument of latitude [rad] after a `duration` [s]."""

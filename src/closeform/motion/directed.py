@@ -177,7 +177,9 @@ def answers_of(
             where = thrusters.unreachable if reason.args[0] == ONE_SIDED else None
             lack = ""
             if where is not None:
-                lack = f", as along {' '.join(f'{x:.3g}' for x in where)} of their frame; add a thruster there"
+                lack = (
+                    f", as along {' '.join(f'{x:.3g}' for x in where)} of their frame; add a thruster there"
+                )
             raise ValueError(
                 f"thrusters: {craft}no firing in {duration:g} s makes the transfer: {reason}{lack}"
             ) from None

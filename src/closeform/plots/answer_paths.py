@@ -63,11 +63,13 @@ def _conjunction(result: Any) -> Flown:
 
 
 def _common_frame(result: Any) -> Flown:
-    return Flown(result.paths, result.paths, result.names)
+    paths = result.paths  # made anew at each look
+    return Flown(paths, paths, result.names)
 
 
 def _mission(result: Any) -> Flown:
-    return Flown(result.paths, result.paths, result.scenario.names, result.scenario.zones)
+    paths = result.paths
+    return Flown(paths, paths, result.scenario.names, result.scenario.zones)
 
 
 def _stage(result: Any) -> Flown:

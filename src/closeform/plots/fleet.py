@@ -22,14 +22,13 @@ from closeform.plots.label_placement import Names
 from closeform.plots.palette import CONFLICT, DIRECTIONS, INK, OTHER, ZONE, colours
 from closeform.plots.panels import framed
 from closeform.plots.style import SMALL, TEXT, WIDTH, Unit, area, dress, headline, legend, length_unit, sheet
-from closeform.plots.tracks import Formation
+from closeform.plots.tracks import NAMED, Formation
 from closeform.plots.views import AXES, FOOT, OBLIQUE, ORBITAL, layered, window
 from closeform.plots.zones_and_tracks import headings, place
 from closeform.zones.combined_zones import OwnZone
 from closeform.zones.outlines import shadow
 from closeform.zones.pair_zones import PairZones
 
-NAMED = 20  # craft up to which names are tried
 HEAD = 0.75  # inches of a view in space for its words
 PLANES = (  # axis to the right and upwards, and the camera that sees them so
     (1, 0, Camera(np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, -1]]))),
@@ -55,7 +54,8 @@ def formation_paths(
     In an orbit in the three planes of its axes, in deep space obliquely, where what is nearer passes over
     what is farther.  A ring is the start of a craft, a dot its end.  With a zone stretches in conflict are
     strong, and the zone of the closest pair is drawn where it is then, around the craft that stays: an
-    obstacle, or who burns less, or whose track is shorter.
+    obstacle, or who burns less, or whose track is shorter.  Of more than 200 craft those of the closest pairs
+    are drawn, at most 20, and a faint sample of the others; stretches in conflict are drawn of all.
 
     Parameters
     ----------
@@ -92,8 +92,12 @@ def formation_paths(
     called = short_names(names, len(crafts("before", before)))
     sides = [("Paths", before)] if same(before, after) else [("Before", before), ("After", after)]
     every = [*called, *(f"obstacle {k}" for k in range(len(others)))]
-    stages = [Formation.of(title, paths, others, zone, every) for title, paths in sides]
-    figure = planes(stages, called) if before.orbit.mean_motion else oblique(stages, called)
+    stages: list[Formation] = []
+    for title, paths in sides:
+        shown = stages[0].shown if stages else None
+        stages.append(Formation.of(title, paths, others, zone, every, shown))
+    named = [called[k] for k in stages[0].shown]
+    figure = planes(stages, named) if before.orbit.mean_motion else oblique(stages, named)
     marks(figure, stages)
     headline(figure, verdict(stages, len(called)))
     return figure
@@ -103,6 +107,8 @@ def verdict(stages: list[Formation], count: int) -> str:
     """How many pairs are in conflict, in one line."""
     craft = f"{count} craft" if count > 1 else "1 craft"
     if not stages[0].pairs:
+        if stages[0].faint:
+            return f"{craft}: the closest pairs"
         return f"{craft}: {'paths before and after' if len(stages) > 1 else 'all paths'}"
     counted = f"{stages[0].pairs} pair{'s' * (stages[0].pairs > 1)}"
     words = [str(stage.conflicts) if stage.conflicts else "none" for stage in stages]
@@ -234,15 +240,18 @@ def in_space(axes: Axes, camera: Camera, stage: Formation, names: Names) -> None
 def around(axes: Axes, camera: Camera, unit: float, stage: Formation, tints: Floats, names: Names) -> None:
     """All but the tracks: obstacles, the zone of the closest pair, conflicts, starts, ends and names."""
     many = len(stage.tracks) > NAMED
+    if stage.faint:
+        lines = [camera(track) / unit for track in stage.faint]
+        axes.add_collection(LineCollection(lines, colors=OTHER, linewidths=0.5, alpha=0.3, zorder=1.2))
     if stage.obstacles:
         lines = [camera(track) / unit for track in stage.obstacles]
         axes.add_collection(LineCollection(lines, colors=OTHER, linewidths=1.2, label="obstacles"))
         axes.plot(*np.array([line[-1] for line in lines]).T, "s", color=OTHER, markersize=4)
     if stage.closest is not None:
-        zone = stage.closest.zone
         centre, other = camera(np.array([stage.closest.centre, stage.closest.other])) / unit
-        filled: dict[str, Any] = {"facecolor": ZONE, "edgecolor": ZONE, "alpha": 0.4, "zorder": 1.5}
-        place(axes, shadow(zone, camera.basis[:2]) / unit, centre, linewidth=1.2, **filled)
+        if (zone := stage.closest.zone) is not None:
+            filled: dict[str, Any] = {"facecolor": ZONE, "edgecolor": ZONE, "alpha": 0.4, "zorder": 1.5}
+            place(axes, shadow(zone, camera.basis[:2]) / unit, centre, linewidth=1.2, **filled)
         axes.plot(*np.array([centre, other]).T, **NEAREST, zorder=4.2)
     stays = [camera(track) / unit for track in stage.stays]
     thick = 2.2 if many else 4.5
@@ -269,7 +278,11 @@ def marks(figure: Figure, stages: list[Formation]) -> None:
         handles.append(Line2D([], [], color=CONFLICT, linewidth=4.5, label="in conflict"))
     if any(stage.closest for stage in stages):
         handles.append(Line2D([], [], **NEAREST, label="closest pair then"))
+    if any(stage.closest and stage.closest.zone for stage in stages):
         handles.append(Patch(facecolor=ZONE, edgecolor=ZONE, alpha=0.4, label="its zone"))
+    if stages[0].faint:
+        label = f"{len(stages[0].faint)} of the others"
+        handles.append(Line2D([], [], color=OTHER, linewidth=1.0, alpha=0.6, label=label))
     if stages[0].obstacles:
         handles.append(Line2D([], [], color=OTHER, linewidth=1.2, label="obstacles"))
     columns = len(handles) if figure.get_figwidth() > 1.6 * len(handles) else 3

@@ -12,10 +12,9 @@ from matplotlib.lines import Line2D
 
 from closeform.arrays import instance
 from closeform.dynamics.simulation_result import Simulation
-from closeform.plots.camera import word
 from closeform.plots.fleet import FLAT, PLANES, SIDE, beside, owned, scaled
-from closeform.plots.fonts import plain, short_names
-from closeform.plots.label_placement import dark
+from closeform.plots.fonts import short_names
+from closeform.plots.label_placement import Names
 from closeform.plots.palette import CONFLICT, INK, colours
 from closeform.plots.style import (
     SMALL,
@@ -94,9 +93,10 @@ def flight_paths(flight: Simulation, names: Sequence[str] | None = None) -> Figu
             axes.plot(*(planned[k][:, pair].T / unit.size), color=tint, linewidth=1.8, zorder=above)
             axes.plot(*flown[-1, k].T, color=CONFLICT, linewidth=0.9)
             axes.plot(*(planned[k, -1, pair] / unit.size), "o", color=tint, markersize=5.0)
-            if count <= NAMED and pair == [1, 2]:
-                spot = planned[k, -1, pair] / unit.size
-                plain(word(axes, spot, called[k], dark(tint), (6, 4), ha="left", va="baseline"))
+        if count <= NAMED and pair == [1, 2]:
+            lines = planned[..., pair].reshape(-1, 2) / unit.size
+            ends = planned[:, -1, pair] / unit.size
+            Names(figure, called).beside(axes, ends, ends, lines, tints)
     handles = [
         Line2D([], [], color=INK, linewidth=1.8),
         Line2D([], [], color=INK, linewidth=0.6, alpha=0.4),

@@ -15,7 +15,7 @@ from matplotlib.patches import Patch
 from closeform.arrays import Floats
 from closeform.motion.path import Path
 from closeform.plots.closest import guarded, ratio_axis
-from closeform.plots.fleet import NAMED, NEAREST, in_space
+from closeform.plots.fleet import NEAREST, in_space
 from closeform.plots.fonts import inches, plain, short_names
 from closeform.plots.label_placement import Names
 from closeform.plots.palette import AFTER, CONFLICT, FAINT, INK, OTHER, ZONE, colours
@@ -36,7 +36,7 @@ from closeform.plots.style import (
     thrust_unit,
     time_axes,
 )
-from closeform.plots.tracks import Formation, closest, together
+from closeform.plots.tracks import NAMED, Formation, closest, together
 from closeform.plots.views import AXES, OBLIQUE, ORBITAL, window
 from closeform.zones.combined_zones import OwnZone
 from closeform.zones.pair_zones import PairZones
@@ -133,7 +133,8 @@ def whole(flights: list[StageFlight], called: list[str]) -> Formation:
     nearest = min(flights, key=lambda flight: round(flight.least, 6))
     near = closest(nearest.pairs, count, called)
     hit = {tuple(pair) for flight in flights for pair in flight.pairs.craft[flight.pairs.hit].tolist()}
-    return Formation("", tracks, stays, [], near, len(hit), len(flights[0].pairs), "")
+    every = list(range(count))
+    return Formation("", tracks, stays, [], near, len(hit), len(flights[0].pairs), "", every, [])
 
 
 def against_time(figure: Figure, zones: bool) -> list[Axes]:

@@ -16,7 +16,7 @@ from closeform.arrays import Floats
 from closeform.motion.path import Path
 from closeform.plots.camera import Camera
 from closeform.plots.closest import ratio_axis
-from closeform.plots.fleet import NAMED, PLANES, beside, owned, scaled
+from closeform.plots.fleet import PLANES, beside, owned, scaled
 from closeform.plots.fonts import plain, short_names
 from closeform.plots.gif import Reel
 from closeform.plots.inputs import crafts, filmed
@@ -25,7 +25,7 @@ from closeform.plots.pairs import Pairs, ratio_text
 from closeform.plots.palette import CONFLICT, FAINT, INK, OTHER, ZONE, colours
 from closeform.plots.panels import framed
 from closeform.plots.style import SMALL, TEXT, WIDTH, area, clock, dress, instants, length_unit, sheet
-from closeform.plots.tracks import stays
+from closeform.plots.tracks import NAMED, stays
 from closeform.plots.views import AXES, FOOT, OBLIQUE, ORBITAL, window
 from closeform.zones.combined_zones import OwnZone
 from closeform.zones.outlines import drawn, shadow

@@ -8,13 +8,15 @@ from typing import Any, Self
 import numpy as np
 
 from closeform.arrays import Floats
+from closeform.conflicts.all_pairs import screen
+from closeform.conflicts.flight import nearest
 from closeform.conflicts.two_paths import Conflict, closest_approach, find_conflicts, nearest_first
 from closeform.motion.joining import stack
 from closeform.motion.path import Path
 from closeform.plots.fonts import short_names
 from closeform.plots.inputs import crafts
 from closeform.zones.made_table import NONE
-from closeform.zones.pair_zones import pair_zones
+from closeform.zones.pair_zones import by_zone, pair_zones
 from closeform.zones.zone import Zone
 
 SURE = 1e-8  # above 1: beyond what a least ratio leaves open, and no conflict
@@ -34,6 +36,29 @@ class Pairs:
     zone: list[Zone]
     ratio: Floats
     time: Floats
+    total: int  # pairs that have a zone, of which there may be more than these
+
+    @classmethod
+    def near(cls, paths: Any, zones: Any, flown: int, name: str) -> Self:
+        """Return the pairs in conflict, or without any the closest ones, of too many craft to look at all.
+
+        Arguments and errors are those of `of`.
+        """
+        batch = stack(crafts("paths", paths))
+        kept = pair_zones(name, zones, flown, len(batch) - flown)
+        craft = np.unique(np.sort(screen(batch, kept).pairs, axis=1), axis=0)
+        if len(craft):
+            which = kept.which(*craft.T)
+            found = [(kept.zones[k], *craft[some].T) for k, some in by_zone(which)]
+        else:
+            found = list(nearest(batch, kept)) if kept.pairs else []
+        chosen = [zone for zone, first, _ in found for _ in range(len(first))]
+        near = [closest_approach(batch[one], batch[other], zone) for zone, one, other in found]
+        craft = np.concatenate([np.empty((0, 2), dtype=int), *(np.stack(pair[1:], axis=1) for pair in found)])
+        ratio, time = (
+            np.concatenate([[], *(getattr(one, part) for one in near)]) for part in ("ratio", "time")
+        )
+        return cls(batch, craft, chosen, ratio, time, kept.pairs)
 
     @classmethod
     def of(cls, paths: Any, zones: Any, flown: int | None = None, name: str = "zones") -> Self:
@@ -56,7 +81,7 @@ class Pairs:
             rows = np.array([one is zone for one in chosen])
             near = closest_approach(batch[craft[rows, 0]], batch[craft[rows, 1]], zone)
             ratio[rows], time[rows] = near.ratio, near.time
-        return cls(batch, craft, chosen, ratio, time)
+        return cls(batch, craft, chosen, ratio, time, len(craft))
 
     def __len__(self) -> int:
         return len(self.craft)

@@ -1,5 +1,6 @@
 """Tracks: where a formation flies, who is in conflict where, and which of the closest pair stays."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,10 +10,13 @@ from closeform.conflicts.flight import stays_rather
 from closeform.motion.path import Path
 from closeform.plots.inputs import crafts
 from closeform.plots.pairs import Pairs, ratio_text
-from closeform.plots.style import instants
+from closeform.plots.style import instants, length
 from closeform.zones.outlines import drawn
+from closeform.zones.solids import Sphere
 from closeform.zones.zone import Zone
 
+MANY, NAMED = 200, 20  # craft beyond which only the closest are shown, and how many of these
+SAMPLE = 150  # of the others, as faint tracks
 ROOM = 48  # letters of a headline for the names of pairs
 
 
@@ -20,7 +24,7 @@ ROOM = 48  # letters of a headline for the names of pairs
 class Closest:
     """The closest pair when it is closest: the `zone` around the craft that stays, and where the other is."""
 
-    zone: Zone
+    zone: Zone | None  # None: no craft has one
     centre: Floats
     other: Floats
     story: str  # which pair that is
@@ -38,50 +42,87 @@ class Formation:
     conflicts: int  # pairs in conflict
     pairs: int  # pairs that have a zone
     named: str  # some of those in conflict
+    shown: list[int]  # the craft of the tracks
+    faint: list[Floats]  # tracks of a sample of the others
 
     @classmethod
-    def of(cls, title: str, paths: Path, others: list[Path], zone: object, called: list[str]) -> "Formation":
-        """Sample the tracks and find what is in conflict."""
+    def of(
+        cls,
+        title: str,
+        paths: Path,
+        others: list[Path],
+        zone: object,
+        called: list[str],
+        shown: list[int] | None = None,
+    ) -> "Formation":
+        """Sample the tracks and find what is in conflict.
+
+        Of many craft `shown` have their tracks, unless given those of the closest pairs.
+        """
         flown = crafts("paths", paths)
-        tracks, passed = (
-            [path.position(instants(path.start, path.end, path)) for path in some] for some in (flown, others)
+        many, lacking = len(flown) > MANY, zone is None or (isinstance(zone, Sequence) and not zone)
+        kept = Sphere(1.0) if many and lacking else zone  # then the closest by their distance
+        pairs = (Pairs.near if many else Pairs.of)([*flown, *others], kept, len(flown), "zone")
+        if shown is None:
+            shown = closest_craft(pairs, len(flown)) if many else list(range(len(flown)))
+        rest = np.setdiff1d(np.arange(len(flown)), shown)
+        rest = rest[np.linspace(0, len(rest) - 1, min(len(rest), SAMPLE)).astype(int)]
+        tracks, passed, faint = (
+            [path.position(instants(path.start, path.end, path)) for path in some]
+            for some in ([flown[k] for k in shown], others, [flown[k] for k in rest])
         )
-        pairs = Pairs.of([*flown, *others], zone, len(flown), "zone")
+        near = closest(pairs, len(flown), called, many and lacking)
+        if many and lacking:
+            return cls(title, tracks, [], passed, near, 0, 0, "", shown, faint)
         stays: list[Floats] = []
         for path, spans in zip(flown, together(pairs, len(flown)), strict=True):
             stays += [path.position(np.linspace(start, end, 60)) for start, end in spans]
-        near = closest(pairs, len(flown), called)
-        return cls(
-            title, tracks, stays, passed, near, int(pairs.hit.sum()), len(pairs), in_words(pairs, called)
-        )
+        words = in_words(pairs, called)
+        return cls(title, tracks, stays, passed, near, int(pairs.hit.sum()), pairs.total, words, shown, faint)
 
     @property
     def points(self) -> Floats:
         """All positions (M, 3), and those that the zone reaches."""
-        every = [*self.tracks, *self.obstacles]
-        if self.closest is not None:
+        every = [*self.tracks, *self.faint, *self.stays, *self.obstacles]
+        if self.closest is not None and self.closest.zone is not None:
             extents = drawn(self.closest.zone).extents[None]
             every += [self.closest.centre + sign * extents for sign in (-1, 1)]
         return np.vstack(every)
 
     @property
     def story(self) -> str:
-        """Which pair comes closest, if any has a zone."""
-        return self.closest.story if self.closest is not None else ""
+        """Which pair comes closest, if any has a zone, and of many craft which are shown."""
+        told = [self.closest.story] if self.closest is not None else []
+        if self.faint:
+            told.append(f"in colour the {len(self.shown)} craft of the closest pairs")
+        return "; ".join(told)
 
 
-def closest(pairs: Pairs, flown: int, called: list[str]) -> Closest | None:
-    """The closest pair, if any two craft that have a zone share a time."""
+def closest_craft(pairs: Pairs, flown: int) -> list[int]:
+    """Return the craft of the closest pairs, in order."""
+    found: dict[int, None] = {}
+    for k in pairs.order:
+        both = [craft for craft in pairs.craft[k].tolist() if craft < flown]
+        if len({*found, *both}) > NAMED:
+            break
+        found |= dict.fromkeys(both)
+    return sorted(found)
+
+
+def closest(pairs: Pairs, flown: int, called: list[str], by_distance: bool = False) -> Closest | None:
+    """The closest pair, if any two craft that have a zone share a time; or `by_distance`, of 1 m zones."""
     if not pairs.order:
         return None
     near = pairs.order[0]
     one, other = pairs.craft[near].tolist()
-    story = f"closest {called[one]} and {called[other]}, {ratio_text(pairs.ratio[near])} × zone"
+    least = pairs.ratio[near]
+    how = length(float(least)) if by_distance else f"{ratio_text(least)} × zone"
+    story = f"closest {called[one]} and {called[other]}, {how}"
     here, there = one, other
     if stays(pairs.paths, flown, other, one):
         here, there = other, one
     centre, away = (pairs.paths[k].position(pairs.time[near]) for k in (here, there))
-    return Closest(pairs.zone[near], centre, away, story)
+    return Closest(None if by_distance else pairs.zone[near], centre, away, story)
 
 
 def in_words(pairs: Pairs, called: list[str]) -> str:

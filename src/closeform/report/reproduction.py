@@ -38,6 +38,7 @@ HOLDS = {  # files of results, in the order in which they are listed
     "pulses.parquet": "what thrusters fire in the field by plan",
     "corrections.parquet": "what thrusters fire beyond that in the worst flight: from when on, and how much",
     "commanded.parquet": "the thrust to command in the field, and what is left out along the plan",
+    "cdm": "a conjunction data message for each conflict",
     "states.parquet": "states in the common frame, at every epoch",
     "events.parquet": "every lock and burn of a gathering",
     "sets.parquet": "who is in which set when a gathering ends",

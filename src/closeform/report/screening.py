@@ -8,8 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from closeform.conflicts.flight import WatchedFlight
+from closeform.exchange.cdm import write_cdm
 from closeform.exchange.common_frame import CommonFrame
+from closeform.exchange.conjunction import Conjunction
 from closeform.exchange.epochs import Epoch
+from closeform.exchange.exported import file_names
 from closeform.mission.verdict import MOST_NAMES, Verdict, conflicts_in
 from closeform.report import conflicts, model, results, uncertain
 from closeform.report.conflicts import APPROACH, CONFLICT, MOST_PAIRS
@@ -33,6 +36,7 @@ EPHEMERIDES = (
     Column("interpolated, off by [m]", "interpolation_error_m", "{:.2g}".format),
     Column("covariance carried for [s]", "covariance_carried_s", "{:.1f}".format),
 )
+CDM = "cdm"  # the folder of conjunction messages
 SURE = (
     "Conflicts, closest approaches",
     "certified for the motion between epochs that is told above; how far craft may be off it is an estimate",
@@ -48,6 +52,7 @@ class ScreenReport:
     zones: PairZones
     command: Command
     uncertain: "UncertainFlight | None" = None
+    messages: tuple[tuple[str, Conjunction, tuple[str, ...]], ...] | None = None  # None: not requested
 
     @property
     def title(self) -> str:
@@ -128,7 +133,10 @@ class ScreenReport:
     @property
     def lines(self) -> tuple[str, ...]:
         """How near samples tell, which zones held, and who is in conflict."""
-        return (*conflicts.between_samples(self.flight), *conflicts.zones(self.flight), *self.found[0])
+        found = (*conflicts.between_samples(self.flight), *conflicts.zones(self.flight), *self.found[0])
+        if self.messages is None:
+            return found
+        return (*found, f"{counted(len(self.messages), 'conjunction data message')} in {CDM}/")
 
     @property
     def stamps(self) -> Stamps:
@@ -247,6 +255,12 @@ class ScreenReport:
         for name, table in tables.items():
             folder.table(name, self.stamps.dated(table).stored)
         folder.table("states", states(frame))
+        if self.messages is not None:
+            place = folder.path / CDM
+            place.mkdir()
+            names = file_names([name for name, _, _ in self.messages])
+            for name, (_, conjunction, comments) in zip(names, self.messages, strict=True):
+                write_cdm(place / f"{name}.cdm", conjunction, comments=comments)
         head = Head(self.title, self.opening[:2], str(self.verdict), self.verdict.ok)
         results.leave(folder, head, self.chapters, self.command.repeated, self.figures, progress, viewer)
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import re
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -10,30 +13,38 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.conflicts.flight import WatchedFlight
 from closeform.conflicts.two_paths import PairConflict
+from closeform.exchange.carried_covariance import covariance_at
 from closeform.exchange.chief import Chief
+from closeform.exchange.common_frame import CommonFrame
+from closeform.exchange.conjunction import INERTIAL as FRAMES
 from closeform.exchange.conjunction import Conjunction, ConjunctionObject
-from closeform.exchange.covariance import axes
+from closeform.exchange.covariance import axes, canonical
+from closeform.exchange.epochs import Epoch
 from closeform.exchange.exported import FileFrame
 from closeform.motion.path import Path
 from closeform.results.export_source import UNKNOWN, Source
 from closeform.uncertainty.errors import Uncertainty
 from closeform.uncertainty.propagated_errors import carried
+from closeform.zones.combined_zones import Body, CovarianceZone, OwnZone
+from closeform.zones.made_table import is_sphere
 from closeform.zones.solids import Sphere
 
 METHOD = "CLOSEFORM-HISTORIES"
-SAMPLES, REFINEMENTS = (
-    200,
-    40,
-)  # instants sampled in a conflict for its closest approach, repeated at most
+SAMPLES, REFINEMENTS = 200, 40  # sampled instants of a conflict, and how often the interval is refined
 ASSUMES = (
     "A CDM assumes a short encounter: straight relative motion and constant covariances.",
-    "This conflict lasts {lasts:.1f} s at {speed:.3g} m/s; a slow encounter violates both assumptions.",
+    "The objects stay within their zone for {lasts:.1f} s at {speed:.3g} m/s; slow encounters violate both.",
 )
-COUNTS = "COLLISION_PROBABILITY is that of ever being within {radius:g} m during the whole stage"
+COUNTS = "COLLISION_PROBABILITY: the objects come within {radius:g} m of each other during the whole stage"
+COUNTS_ABOUT = "COLLISION_PROBABILITY: the objects come within {radius:g} m within {window:.0f} s of TCA"
+DESIGNATOR = re.compile(r"\d{4}-\d{3}[A-Z]{1,3}")  # international, as 1998-067A
 
 
-def messages(source: Source) -> Iterator[tuple[str, Conjunction, tuple[str, ...]]]:
-    """Yield the file name, conjunction and comments of each conflict, before and after avoidance.
+Message = tuple[str, Conjunction, tuple[str, ...]]  # name of its file, and comments
+
+
+def messages(source: Source) -> Iterator[Message]:
+    """Yield a conjunction message for each conflict of a run, before avoidance and after it.
 
     Raises ValueError if there are no covariances or no conflicts.
     """
@@ -67,15 +78,15 @@ def flights(stage: Any) -> Iterator[tuple[str, WatchedFlight]]:
 
 def message(
     source: Source, known: Any, stage: Any, when: str, flight: WatchedFlight, met: PairConflict
-) -> tuple[str, Conjunction, tuple[str, ...]]:
-    """Return the file name, conjunction and comments of one conflict."""
+) -> Message:
+    """Return the message of one conflict."""
     chief, scenario = source.chief, source.scenario
     assert chief is not None  # `file_frame` has checked it
     assert scenario is not None
     pair = (met.first, met.second)
     paths = [flight.path(name) for name in pair]
     errors = [at_start(source, stage, name, known[name]) for name in pair]
-    time = nearest(paths[0], paths[1], met)
+    time = nearest(lambda times: paths[0].position(times) - paths[1].position(times), met)
     bodies = [scenario.craft[scenario.names.index(name)].hard_body for name in pair]
     first, second = (
         conjunction_object(chief, name, path, one.covariance(path, time), time, body)
@@ -103,6 +114,93 @@ def message(
     )
 
 
+def require_covariances(frame: CommonFrame, own: Sequence[OwnZone]) -> None:
+    """Raise ValueError, before a long search, if a CDM cannot describe each object of a screening."""
+    chief = frame.ephemerides[0][0]
+    if canonical(chief.center) != "EARTH" or canonical(chief.frame) not in FRAMES:
+        what = f"CENTER_NAME {chief.center} with REF_FRAME {chief.frame} has no equivalent in a CDM"
+        raise ValueError(f"--cdm: {what}; use EARTH and one of {', '.join(FRAMES)}")
+    for name, segments, zone in zip(frame.names, frame.ephemerides, own, strict=True):
+        if not isinstance(zone, CovarianceZone) and not any(one.covariances for one in segments):
+            remedy = "add a covariance block to its ephemeris, or give --covariance with --sigmas"
+            raise ValueError(f"--cdm: {name} has no covariance, which a CDM must state; {remedy}")
+
+
+def screening_messages(
+    frame: CommonFrame, flight: WatchedFlight, own: Sequence[OwnZone], files: Sequence[str]
+) -> Iterator[Message]:
+    """Yield a conjunction message for each conflict of a screening.
+
+    Object identifiers are those of the ephemerides in `files`, and states are interpolated in them. Bodies
+    are the spheres among the `own` zones.
+    """
+    epoch = Epoch(frame.epoch, frame.time_system)
+    for met in flight.conflicts:
+        pair = (met.first, met.second)
+        states = partial(inertial_pair, frame, pair)
+        time = nearest(lambda times, states=states: np.subtract(*states(times))[:, :3], met)  # type: ignore[misc]
+        objects = [
+            screened_object(frame, frame.names.index(name), time, state[0], own, files)
+            for name, state in zip(pair, states(np.array([time])), strict=True)
+        ]
+        identity = f"{met.first}-{met.second}-{met.start:.0f}s"
+        start, end = epoch.utc([met.start, met.end], 3)
+        told_of = Conjunction(
+            tca=epoch.utc([time])[0].removesuffix("Z"), objects=(objects[0], objects[1]), message_id=identity
+        )
+        zone = f"Within the screening zone from {start} to {end}, down to {met.ratio:.4f} of it"
+        lasts, speed = met.end - met.start, told_of.relative_speed
+        words = [zone, *(line.format(lasts=lasts, speed=speed) for line in ASSUMES)]
+        if (within := told_of.hard_body_radius) is not None:
+            try:
+                about = told_of.encounter()
+                errors = [about.errors, about.other_errors]
+                chance = probability([about.path, about.other], within, errors)
+                told_of = replace(told_of, collision_probability=chance, collision_probability_method=METHOD)
+                words.append(COUNTS_ABOUT.format(radius=within, window=about.path.end))
+            except ValueError as error:
+                words.append(f"No COLLISION_PROBABILITY: {error}")
+        yield identity, told_of, tuple(words)
+
+
+def inertial_pair(frame: CommonFrame, pair: Sequence[str], times: Floats) -> list[Floats]:
+    """Return the inertial states (T, 6) of two objects."""
+    return [frame.inertial_states(name, times) for name in pair]
+
+
+def screened_object(
+    frame: CommonFrame, k: int, time: float, state: Floats, own: Sequence[OwnZone], files: Sequence[str]
+) -> ConjunctionObject:
+    """Return object k of a screening at its closest approach, with the latest covariance of its ephemeris."""
+    segments, zone = frame.ephemerides[k], own[k]
+    known = [(one, start) for one, start in zip(segments, frame.starts(k), strict=True) if one.covariances]
+    if known:
+        one, start = next((pair for pair in reversed(known) if pair[1] <= time), known[0])
+        found = covariance_at(one, time - start, frame.mean_motion**2 * frame.radius**3)
+        assert found is not None  # the segment has covariances
+        turn = np.kron(np.eye(2), axes("RTN", state))
+        covariance = turn @ found[0] @ turn.T
+    else:
+        assert isinstance(zone, CovarianceZone)  # by require_covariances
+        covariance = np.zeros((6, 6))
+        covariance[:3, :3] = zone.covariance
+    first = segments[0]
+    international = DESIGNATOR.fullmatch(first.object_id) is not None
+    return ConjunctionObject(
+        name=first.name,
+        designator=first.object_id,
+        frame=canonical(first.frame),
+        state=state,
+        covariance=0.5 * (covariance + covariance.T),
+        radius=zone.zone.radius if isinstance(zone, Body) and is_sphere(zone.zone) else None,
+        catalog="SATCAT" if first.object_id.isdigit() else UNKNOWN,
+        international_designator=first.object_id if international else UNKNOWN,
+        ephemeris_name=files[k],
+        covariance_method="CALCULATED" if known else "DEFAULT",
+        manoeuvrable="YES" if frame.manoeuvres[k] else "N/A",
+    )
+
+
 def at_start(source: Source, stage: Any, name: str, errors: Uncertainty) -> Uncertainty:
     """Return the uncertainty of a craft at the start of a stage."""
     for earlier in source.results:
@@ -111,12 +209,12 @@ def at_start(source: Source, stage: Any, name: str, errors: Uncertainty) -> Unce
     return errors
 
 
-def nearest(path: Path, other: Path, met: PairConflict) -> float:
-    """Return the time of closest approach of two craft in conflict [s]."""
+def nearest(between: Callable[[Floats], Floats], met: PairConflict) -> float:
+    """Return when two craft in conflict are nearest to each other [s], by the vector `between` them."""
     first, last = met.start, met.end
     for _ in range(REFINEMENTS):
         times = np.linspace(first, last, SAMPLES)
-        apart = np.linalg.norm(path.position(times) - other.position(times), axis=-1)
+        apart = np.linalg.norm(between(times), axis=-1)
         k = int(np.argmin(apart))
         first, last = times[max(k - 1, 0)], times[min(k + 1, SAMPLES - 1)]
         if last - first < 1e-6:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,7 +15,7 @@ from closeform.exchange.aem import aem
 from closeform.exchange.chief import Chief
 from closeform.exchange.czml import czml
 from closeform.exchange.epochs import Epoch
-from closeform.exchange.exported import ROTATING, FileFrame, Track
+from closeform.exchange.exported import ROTATING, FileFrame, Track, file_names
 from closeform.exchange.ocm import ocm
 from closeform.exchange.oem_text import oem, oem_xml, opm
 from closeform.exchange.states_csv import csv_text
@@ -203,21 +202,6 @@ def in_deep_space(to: str, name: str | None, epoch: Epoch) -> FileFrame:
     return FileFrame(name, ORIGIN, epoch, None, still)
 
 
-def file_names(names: Sequence[str]) -> list[str]:
-    """Return a distinct file name for each craft, also on file systems that ignore case."""
-    found: list[str] = []
-    taken: set[str] = set()
-    for name in names:
-        plain = re.sub(r"[^A-Za-z0-9._-]+", "_", name).strip("._") or "craft"
-        wanted, count = plain, 1
-        while wanted.lower() in taken:
-            count += 1
-            wanted = f"{plain}-{count}"
-        taken.add(wanted.lower())
-        found.append(wanted)
-    return found
-
-
 def of_each(suffix: str, text: Callable[[Track, FileFrame], str]) -> Writer:
     """Return a writer of one file per craft with the given text."""
 
@@ -242,7 +226,9 @@ def write_cdm(made: Export, place: Folder) -> None:
     from closeform.exchange.cdm import write_cdm
     from closeform.results.conflict_messages import messages  # imported late: compiles kernels
 
-    for name, conjunction, comments in messages(made.source):
+    found = list(messages(made.source))
+    names = file_names([name for name, _, _ in found])
+    for name, (_, conjunction, comments) in zip(names, found, strict=True):
         write_cdm(place.path / f"{name}.cdm", conjunction, comments=comments)
 
 

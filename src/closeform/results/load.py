@@ -193,8 +193,8 @@ def load(directory: str | PathLike[str]) -> LoadedRun | LoadedStudy:
     summary = summary_of(place)
     kind = summary.get("kind")
     if kind in ("screen", "encounter"):
-        what = f"was written by closeform {kind}, which has no burns and no scenario"
-        raise FolderError(f"{place}: {what}; give a folder of a run or study, and read this one as Parquet")
+        what = f"was left by closeform {kind}, which has no burns and no scenario"
+        raise FolderError(f"{place}: {what}; give a folder of run or study (screen --cdm writes CDMs)")
     if kind not in ("run", "study"):
         raise FolderError(f"{place}: was written by an earlier version or another command; {AGAIN}")
     scenario = _scenario(place, summary)

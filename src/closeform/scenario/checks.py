@@ -17,7 +17,7 @@ from closeform.scenario.flown import in_air, in_field, in_flight, too_blind
 from closeform.scenario.formation import Goal
 from closeform.scenario.scenario import Scenario
 from closeform.scenario.stage_table import Drifting, StageTable, Thrusting
-from closeform.scenario.stages import Avoid, Gather, Joint, Reconfigure, Regather, Scatter, Transfer
+from closeform.scenario.stages import Avoid, Coast, Gather, Joint, Reconfigure, Regather, Scatter, Transfer
 from closeform.scenario.studied import study
 from closeform.search.rounds import MOST_ROUNDS, all_rounds
 
@@ -121,6 +121,8 @@ def stages(scenario: Scenario) -> Iterator[str]:
             for name in names:
                 if name not in scenario.names:
                     yield f"stage[{number}].{key}: no craft {name}; {did_you_mean(name, scenario.names)}"
+        if isinstance(stage, Coast):
+            yield from following(scenario, number, stage)
         if isinstance(stage, Regather):
             yield from as_before(scenario, number, stage.as_before, earlier)
         earlier += [stage.name] if stage.name else []
@@ -144,6 +146,23 @@ def stages(scenario: Scenario) -> Iterator[str]:
         yield from engines(scenario, number, stage)
         if stage.searches:
             yield from searching(scenario)
+
+
+def following(scenario: Scenario, number: int, stage: Coast) -> Iterator[str]:
+    """Yield what keeps craft from following the files of their start."""
+    key = f"stage[{number}].follow"
+    for name in stage.follow:
+        if name not in scenario.names:
+            yield f"{key}: no craft {name}; {did_you_mean(name, scenario.names)}"
+            continue
+        craft = scenario.craft[scenario.names.index(name)]
+        if craft.states is None and (craft.start is None or craft.start.oem is None):
+            remedy = f'give it start = {{ oem = "{name}.oem" }} or states = "states.csv"'
+            yield f"{key}: {name} has no file to follow; {remedy}"
+    if stage.follow and scenario.orbit.field is not None:
+        yield f"{key}: cannot be combined with orbit.field; remove one of them"
+    if stage.follow and scenario.study is not None and scenario.study.draws != "errors":
+        yield f'{key}: a study moves the craft off their files; write draws = "errors", or remove follow'
 
 
 def engines(scenario: Scenario, number: int, stage: StageTable) -> Iterator[str]:

@@ -29,7 +29,9 @@ def stops(scenario: Scenario) -> tuple[str, ...]:
     orbit, time = scenario.orbit.build(), 0.0
     states = scenario.states(orbit)
     for number, stage in enumerate(scenario.stages, 1):
-        if not isinstance(stage, Coast | Moving) or (isinstance(stage, Coast) and stage.burns):
+        if not isinstance(stage, Coast | Moving) or (
+            isinstance(stage, Coast) and (stage.burns or stage.follow)
+        ):
             return ()
         lasts = (stage.length if isinstance(stage, Coast) else stage.within).on(orbit.mean_motion)
         coasted, time = states @ orbit.transition(lasts).T, time + lasts

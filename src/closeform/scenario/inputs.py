@@ -53,17 +53,22 @@ class Inputs:
         """What a result folder keeps of them, by its place there."""
         return {copy_of(name): held for name, held in self.contents.items()}
 
+    def segments(self, name: str) -> "tuple[Ephemeris, ...]":
+        """Return all segments of an OEM. Raises ValueError, with file and line, if it cannot be read."""
+        from closeform.exchange.oem import read_oem_segments  # which most scenarios can spare
+
+        if name not in self._segments:
+            self._segments[name] = read_oem_segments(self.read(name))
+        return self._segments[name]
+
     def ephemeris(self, name: str, epoch: Epoch) -> "Ephemeris":
         """What an OEM holds: of several segments the one at an epoch, of two that a burn parts the second.
 
         Raises ValueError, with file and line, for what is none, and where none of its segments reaches.
         """
         from closeform.exchange.ephemeris import SAME_EPOCH
-        from closeform.exchange.oem import read_oem_segments  # which most scenarios can spare
 
-        if name not in self._segments:
-            self._segments[name] = read_oem_segments(self.read(name))
-        segments = self._segments[name]
+        segments = self.segments(name)
         since = [Epoch(one.epoch, one.time_system).until(epoch) for one in segments]
         there = [
             one

@@ -80,17 +80,22 @@ class AskedZones:
             )
         return cls(None, file, sigmas)
 
-    def of_pairs(self, names: Sequence[str]) -> PairZones:
-        """Who keeps which zone with whom.
+    def of_each(self, names: Sequence[str]) -> list[OwnZone]:
+        """Return the own zone of each craft. Raises ScenarioError for a file that does not fit."""
+        if self.file is not None:
+            return own_zones(self.file, names)
+        assert self.zone is not None  # one of the two is given
+        return [self.zone] * len(names)
+
+    def of_pairs(self, own: Sequence[OwnZone], names: Sequence[str]) -> PairZones:
+        """Return the zone of each pair, by the own zones of the craft.
 
         Raises ValueError, ScenarioError for a file, with one line for each thing that is wrong.
         """
         if self.file is None:
-            return PairZones.of([self.zone] * len(names))
+            return PairZones.of(own)
         try:
-            return PairZones.of(own_zones(self.file, names), names)
-        except ScenarioError:
-            raise
+            return PairZones.of(own, names)
         except ValueError as error:
             raise ScenarioError(str(self.file), [f"craft.keep_out: {error}"]) from None
 

@@ -43,14 +43,21 @@ class Burn(Table):
 
 
 class Coast(Drifting):
-    """No craft thrusts, but for the impulses that are given as `burns`."""
+    """Natural motion of all craft, with given impulses in `burns` and given paths of those that `follow`."""
 
     do: Literal["coast"] = Field(examples=['"coast"'])
     length: Span = Field(alias="for", examples=['"0.5 orbits"'])
     burns: Annotated[tuple[Burn, ...], Field(strict=False)] = Field(
         (), examples=['[{ craft = "F1", at = "10 min", delta_v = "-0.1 0 0 m/s" }]']
     )
+    follow: Names = Field((), examples=['["F1"]'])
     animation: bool = Field(False, examples=["true"])
+
+    def flaws(self) -> Iterator[str]:
+        yield from super().flaws()
+        for burn in self.burns:
+            if burn.craft in self.follow:
+                yield f"burns and follow both move {burn.craft}; keep one"
 
     def moving(self, names: Names) -> Names:
         return tuple(dict.fromkeys(burn.craft for burn in self.burns))

@@ -1,5 +1,6 @@
 """The state at the epoch, in Hill's frame, of a craft that begins inertially or by a file."""
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,16 +12,24 @@ from closeform.exchange.ephemeris import SAME_EPOCH
 from closeform.exchange.epochs import Epoch
 from closeform.exchange.exported import ROTATING
 from closeform.exchange.interpolation import states_of
+from closeform.exchange.spans import Spans
+from closeform.exchange.states_csv import ephemerides_of
 from closeform.motion.frames import relative_from_inertial
 from closeform.scenario.craft import Craft
 from closeform.scenario.errors import did_you_mean
-from closeform.scenario.inputs import Inputs
+from closeform.scenario.inputs import DOUBTFUL, Inputs
 
 if TYPE_CHECKING:
     from closeform.dynamics.field import Field
+    from closeform.scenario.scenario import Scenario
 
 UNKNOWN = "UNKNOWN"  # what a table of states does not tell
+ANY_EPOCH = {
+    "epoch": "2000-01-01T00:00:00",
+    "time_system": "TAI",
+}  # times count from the mission's start
 HILL = (UNKNOWN, "HILL", "RTN", ROTATING)  # how it may call the frame of the scenario itself
+LEAST = 1e-6  # s: an interval between states, shorter ones are rounding of epochs
 FAR = 0.1  # of the orbit's radius: a craft so far from the chief is in another unit or frame
 
 
@@ -48,6 +57,56 @@ def at_start(
     (state,), (error,) = states_of(ephemeris, chief.instant, [0.0])
     inputs.interpolated(start.oem, error)
     return beside(chief, state, field, start.oem, "REF_FRAME", ephemeris.frame)
+
+
+def along(scenario: "Scenario", name: str, start: float, end: float) -> tuple[Floats, Floats, Floats]:
+    """Return times (T,) [s], states (T, 6) and arrivals (T, 6) of a craft along the file of its start.
+
+    States are in Hill's frame, from `start` to `end` of the mission [s]. An arrival differs from the state
+    where the file has a burn. Raises ValueError where the file does not give the whole path.
+    """
+    craft, chief, inputs = scenario.craft[scenario.names.index(name)], scenario.chief, scenario.inputs
+    file = craft.states or (craft.start.oem if craft.start is not None else None)
+    assert file is not None  # of a checked scenario
+    assert inputs is not None
+    if craft.states is not None:
+        rows = inputs.states(file)
+        if rows.times is None:
+            raise ValueError(f"{file}: has no times, so no path; add a column time_s")
+        dated = scenario.epoch is not None and rows.about["epoch"] != UNKNOWN
+        about = rows.about if dated else {**rows.about, **ANY_EPOCH}
+        spans, begin = Spans.of(list(ephemerides_of(replace(rows, about=about), name))), 0.0
+        if scenario.epoch is not None and dated:
+            begin = Epoch(about["epoch"], about["time_system"]).until(scenario.epoch)
+    else:
+        spans = Spans.of(inputs.segments(file))
+        begin = Epoch(spans.first.epoch, spans.first.time_system).until(known(chief).instant)
+    first, last = spans.times[[0, -1]] - begin
+    if first > start + SAME_EPOCH or last < end - SAME_EPOCH:
+        has = f"has states of {name} from {first:.6g} to {last:.6g} s of the mission"
+        raise ValueError(
+            f"{file}: {has}, the stage lasts from {start:.6g} to {end:.6g} s; give a longer file"
+        )
+    times = spans.times - begin
+    times = np.array([start, *times[(times > start + LEAST) & (times < end - LEAST)], end])
+    states, errors = spans.states(times + begin)
+    arrivals = spans.states(times + begin, before=True)[0]
+    if is_inertial(scenario, name):
+        chief = known(chief)
+        states, arrivals = (chief.relative_from_inertial(times, one) for one in (states, arrivals))
+        errors = errors + chief.interpolation_errors(times)
+    if (worst := float(errors.max())) > DOUBTFUL:
+        what = f"{name} may be off by {worst:.3g} m between its states"
+        raise ValueError(f"{file}: {what}; give states closer together")
+    return times, states, arrivals
+
+
+def is_inertial(scenario: "Scenario", name: str) -> bool:
+    """Return whether the file of a craft's start is an ephemeris, not a path in Hill's frame."""
+    craft, inputs = scenario.craft[scenario.names.index(name)], scenario.inputs
+    if craft.states is None or inputs is None:
+        return True
+    return canonical(inputs.states(craft.states).about["frame"]) not in HILL
 
 
 def known(chief: Chief | None) -> Chief:

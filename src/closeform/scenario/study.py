@@ -135,8 +135,8 @@ def draw_error(key: str, draw: Draw) -> str | None:
         numbers = draw.numbers(key)
     except ValueError as error:
         return str(error)
-    if draw.shell is not None and numbers[0] >= numbers[1]:
-        return f"shell {shown(draw.shell)} must grow; write the inner radius first"
+    if draw.shell is not None and numbers[0] > numbers[1]:
+        return f"shell {shown(draw.shell)} shrinks; write the inner radius first"
     return None
 
 
