@@ -293,9 +293,7 @@ def test_a_choice_that_is_impossible_is_told_with_why():
     """Two impulses a whole orbit apart come to where they began, along the track as far as they drift."""
     (section,) = RunReport(fly(parse(alone(within='"1 orbit"')))).sections
     (told,) = (line for line in section.closing if line.startswith("No "))
-    assert re.fullmatch(
-        r"No impulses at both ends: .* \(1 orbits\) apart miss the position by at least \S+ m", told
-    )
+    assert re.fullmatch(r"No impulses at both ends: .* miss the position by at least \S+ m", told)
 
 
 def test_around_a_zone_by_impulses(ran):
