@@ -20,7 +20,7 @@ from closeform.uncertainty.errors import Uncertainty
 from closeform.uncertainty.propagated_errors import carried
 from closeform.zones.solids import Sphere
 
-METHOD = "CLOSEFORM-HISTORIES"
+METHOD = "CLOSEFORM-TRAJECTORY-SAMPLING"
 SAMPLES, REFINEMENTS = (
     200,
     40,
