@@ -141,7 +141,7 @@ def sigmas_of(mean, covariance, radius):
 
 @pytest.mark.slow
 def test_uncertain_ephemerides_against_flown_samples(ephemerides, capsys):
-    """Histories within 15 m, and the spread of samples: Kepler's motion of both craft, in inertial axes."""
+    """Within 15 m, and the spread of samples: Kepler's motion of both craft, in inertial axes."""
     asked = ["screen", "A.oem", "B.oem", "--hard-body", "7.5 m", "--sigmas"]
     assert main([*asked, "3"]) == 1
     printed = capsys.readouterr().out

@@ -133,7 +133,7 @@ PLANES = {
 @pytest.mark.parametrize("mean", MEANS[1:2])
 @pytest.mark.parametrize("plane", PLANES)
 def test_two_numbers_are_integrated(mean, plane):
-    """Histories on a grid of both, weighed; 600 times an orbit, an instant off by 5 s."""
+    """Sampled trajectories on a grid of both, weighed; 600 times an orbit, an instant off by 5 s."""
     edges = np.linspace(-5.0, 5.0, 501)
     number, weight = 0.5 * (edges[1:] + edges[:-1]), np.diff(norm.cdf(edges))
     moved = np.array([expm(hill() * t)[:3] for t in np.linspace(0.0, 2 * PERIOD, 1200)])

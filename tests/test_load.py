@@ -196,7 +196,7 @@ def test_folders_of_others_and_other_versions(moved, tmp_path) -> None:
     summary = json.loads((place / SUMMARY).read_text())
     for changes, words in (
         ({"closeform": 2}, "has format 2, this version reads 1; run it again"),
-        ({"kind": None}, "was left by an earlier version or another command; run it again"),
+        ({"kind": None}, "was written by an earlier version or another command; run it again"),
         ({"versions": {}}, r"summary\.json was not written by closeform; give the folder"),
         ({"stages": [{}]}, "its tables is damaged; run it again"),
     ):

@@ -13,7 +13,7 @@ from scipy.stats import norm
 
 import closeform as cf
 from closeform.uncertainty.columns import columns_of
-from closeform.uncertainty.noisy_trajectories import NoisyHistories
+from closeform.uncertainty.noisy_trajectories import NoisyTrajectories
 from closeform.uncertainty.white_noise import OFF, kicks_of
 from test_probability import AHEAD, DEEP, ORBIT, PERIOD, SLOW, ZONE, N, coasts, hill
 
@@ -177,7 +177,7 @@ def test_noise_is_marched_as_it_is_drawn():
     zone, before = cf.Sphere(30.0), ORBIT.coast([0, 45, 0, 0, 0, 0], 777.0)
     path = cf.join([before, ORBIT.burn(before.state(777.0), [0, -1e-4, 0], 500.0, start=777.0)])
     other = ORBIT.coast(np.zeros(6), 1277.0)
-    seen = NoisyHistories.in_steps(path, other, columns_of(path, cf.Uncertainty(SLOW)), 0.0, zone, 100.0)
+    seen = NoisyTrajectories.in_steps(path, other, columns_of(path, cf.Uncertainty(SLOW)), 0.0, zone, 100.0)
     random = np.random.default_rng(2)
     errors = random.standard_normal((50, len(seen.histories.columns)))
     pushes = random.standard_normal((50, seen.changes, 6)) * np.repeat([1.0, 0.02], 3)

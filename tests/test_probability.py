@@ -16,7 +16,7 @@ from closeform.uncertainty.ball_share import inside
 from closeform.uncertainty.columns import columns_of
 from closeform.uncertainty.mean_entries import rates
 from closeform.uncertainty.relative_errors import relative_errors
-from closeform.uncertainty.sampled_trajectories import Histories
+from closeform.uncertainty.sampled_trajectories import SampledTrajectories
 
 ORBIT, DEEP = cf.Orbit.circular(500e3), cf.Orbit(0.0)
 N, PERIOD = ORBIT.mean_motion, ORBIT.period
@@ -102,7 +102,7 @@ def test_who_is_inside_at_the_start_of_thin_errors(thin):
 
     errors = cf.Uncertainty(np.diag([WIDTH, thin, WIDTH, 1e-2, 1e-2, 1e-2]) ** 2)
     columns, noise = relative_errors(*OFF_CENTRE, ZONE, errors, None)
-    share, _ = inside(Histories.of(*OFF_CENTRE, columns, noise, ZONE), 0.0)
+    share, _ = inside(SampledTrajectories.of(*OFF_CENTRE, columns, noise, ZONE), 0.0)
     assert share == pytest.approx(quad(slice_of, -9.0, 9.0, epsabs=1e-12)[0], rel=1e-6)
     bound = cf.collision_probability(*OFF_CENTRE, ZONE, errors, method="bound")
     assert bound.at_start == share
@@ -238,7 +238,7 @@ def test_rate_is_rices_in_one_dimension():
     covariance[np.ix_([0, 3], [0, 3])] = root @ root.T
     path, other = coasts([mean, 0, 0, speed, 0, 0], 800.0, DEEP)
     columns, _ = relative_errors(path, other, slab(width), cf.Uncertainty(covariance), None)
-    seen = Histories.of(path, other, columns, 0.0, slab(width))
+    seen = SampledTrajectories.of(path, other, columns, 0.0, slab(width))
     times = np.linspace(1.0, 799.0, 9)
     found = rates(seen, times, 4.0)[:, 0]
     for time, rate in zip(times, found, strict=True):
@@ -402,7 +402,7 @@ def test_each_history_is_counted(zone, n):
     mean, covariance = np.array([10.0, 40.0, -5.0, 10.0 * n, -20.0 * n, 10.0 * n]), 4.0 * SLOW
     path, other = coasts(mean, 2.0 * PERIOD, cf.Orbit(n))
     columns, noise = relative_errors(path, other, zone, cf.Uncertainty(covariance), None)
-    histories = Histories.of(path, other, columns, noise, zone)
+    histories = SampledTrajectories.of(path, other, columns, noise, zone)
     errors = np.random.default_rng(3).normal(size=(1000, len(columns)))
     middle, factor = histories.states(np.zeros(1))
     states, times = middle[0] + errors @ factor[0].T, np.linspace(0.0, 2.0 * PERIOD, 2000)

@@ -12,7 +12,7 @@ from closeform.uncertainty import sampled_trajectories as histories_module
 from closeform.uncertainty.drawn_entries import drawn, interval_of_mean, lost_of, strata
 from closeform.uncertainty.mean_entries import expected_entries
 from closeform.uncertainty.relative_errors import relative_errors
-from closeform.uncertainty.sampled_trajectories import Histories
+from closeform.uncertainty.sampled_trajectories import SampledTrajectories
 
 ORBIT = cf.Orbit.circular(500e3)
 PERIOD = ORBIT.period
@@ -29,7 +29,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say():
     """Where 4 % enter twice, of 120 seeds; of 1000 by tools/interval_coverage.py."""
     path, other = coasts(AHEAD, 2 * PERIOD)
     columns, _ = relative_errors(path, other, ZONE, cf.Uncertainty(SLOW), None)
-    seen = Histories.of(path, other, columns, 0.0, ZONE)
+    seen = SampledTrajectories.of(path, other, columns, 0.0, ZONE)
     flux = expected_entries(seen)
     truth, *_ = interval_of_mean(lost_of(seen.counted(drawn(seen, flux, 200_000, 99))))
     held = 0

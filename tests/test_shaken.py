@@ -9,7 +9,7 @@ from scipy.stats import chi2
 import closeform as cf
 from bridge import hill
 from closeform.campaign import case_of, flown
-from closeform.campaign.process_noise import Shaking
+from closeform.campaign.process_noise import ProcessNoise
 from closeform.dynamics.process_noise import STEP, shaken
 from closeform.mission.mission import fly
 from closeform.scenario import parse
@@ -100,7 +100,7 @@ def test_numbers_are_those_of_seed_craft_case_and_interval():
     """A block's own, and how its halves share it, by NumPy's generator; the law of halves by conditioning."""
     craft = told(COASTS).craft[0]
     for level in (0, 1):
-        found = Shaking(3, N, level).pushes(craft, 3, 5, 7)
+        found = ProcessNoise(3, N, level).pushes(craft, 3, 5, 7)
         for case in (5, 6):
 
             def numbers(event, case=case):

@@ -374,7 +374,7 @@ def test_the_slow_encounter_is_that_of_its_message() -> None:
 
 
 def test_a_probability_that_cannot_be_told_is_not_granted(monkeypatch) -> None:
-    """Histories of very many burns are not drawn: who asked for their probability is told so."""
+    """Sampled trajectories of very many burns are not drawn: who asked for their probability is told so."""
     monkeypatch.setattr("closeform.uncertainty.uncertain_flight.MOST_BURNS", 0)
     move = CLOSER.split("[[stage]]")[2]
     known = EXECUTION.replace(', noise = "1e-12 m^2/s^3"', "")

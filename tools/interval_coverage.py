@@ -18,7 +18,7 @@ from closeform.uncertainty.ball_share import inside
 from closeform.uncertainty.drawn_entries import drawn, enough, interval_of_mean, lost_of
 from closeform.uncertainty.mean_entries import expected_entries
 from closeform.uncertainty.relative_errors import relative_errors
-from closeform.uncertainty.sampled_trajectories import Histories
+from closeform.uncertainty.sampled_trajectories import SampledTrajectories
 
 ORBIT = cf.Orbit.circular(500e3)
 ZONE = cf.Sphere(15.0)
@@ -35,7 +35,7 @@ def main() -> int:
         path = ORBIT.coast([0, ahead, 0, 0, 0, 0], 2 * ORBIT.period)
         other = ORBIT.coast(np.zeros(6), 2 * ORBIT.period)
         columns, _ = relative_errors(path, other, ZONE, SLOW, None)
-        seen = Histories.of(path, other, columns, 0.0, ZONE)
+        seen = SampledTrajectories.of(path, other, columns, 0.0, ZONE)
         flux = expected_entries(seen)
         finer = replace(flux, fineness=2.0 * flux.fineness)
         counts = seen.counted(drawn(seen, finer, 1_000_000, seeds))

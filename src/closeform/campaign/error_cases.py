@@ -18,18 +18,18 @@ from closeform.arrays import Floats
 from closeform.campaign.cases import Cases, Columns
 from closeform.campaign.executed_mission import drawn
 from closeform.campaign.flown_cases import FlownCases
-from closeform.campaign.process_noise import Shaking
+from closeform.campaign.process_noise import ProcessNoise
 from closeform.mission.mission import fly
 from closeform.mission.mission_result import Mission
 from closeform.motion.joining import join, stack
 from closeform.motion.path import Path
 from closeform.uncertainty.columns import columns_of
-from closeform.uncertainty.sampled_trajectories import Histories
+from closeform.uncertainty.sampled_trajectories import SampledTrajectories
 from closeform.zones.pair_zones import PairZones, portions
 
 if TYPE_CHECKING:
     from closeform.campaign.chunks import CaseChunks
-    from closeform.uncertainty.noisy_trajectories import NoisyHistories
+    from closeform.uncertainty.noisy_trajectories import NoisyTrajectories
 
 AT_ONCE = 1 << 15  # cases in a chunk
 NUMBERS = 1 << 22  # random numbers of process noise in memory, about
@@ -46,7 +46,7 @@ class Meeting:
     kind: str
     pair: tuple[int, int]
     columns: tuple[int, ...]  # number of error columns of each
-    histories: Histories | NoisyHistories
+    histories: SampledTrajectories | NoisyTrajectories
 
     def counted(self, names: tuple[str, ...], seed: int, first: int, last: int, shaken: Floats) -> Any:
         """Return for each case (C, 2) whether the pair begins inside the zone, and its number of entries.
@@ -60,7 +60,7 @@ class Meeting:
             if count
         ]
         errors = np.ascontiguousarray(np.concatenate([np.empty((last - first, 0)), *draws], axis=1))
-        if isinstance(self.histories, Histories):
+        if isinstance(self.histories, SampledTrajectories):
             return self.histories.counted(errors)
         one, other = self.pair
         return self.histories.counted(errors, shaken[one] - shaken[other])
@@ -81,12 +81,12 @@ class ErrorCases(Cases):
         return fly(self.scenario)
 
     @cached_property
-    def shaking(self) -> Shaking | None:
+    def shaking(self) -> ProcessNoise | None:
         """Process noise of the craft; None without any."""
         flown = self.mission.flown
         if not (self.scenario.noisy and flown):
             return None
-        return Shaking.beside_zones(self.scenario, self.seed, flown[-1].end)
+        return ProcessNoise.beside_zones(self.scenario, self.seed, flown[-1].end)
 
     @cached_property
     def meetings(self) -> tuple[Meeting, ...]:
@@ -171,10 +171,10 @@ def meeting(
     known = stack(every) if every else each[0]
     counts = tuple(0 if one is None else len(one) for one in (columns[k] for k in pair))
     if step is None:
-        return Meeting(kind, pair, counts, Histories.of(paths[i], paths[j], known, 0.0, zone))
-    from closeform.uncertainty.noisy_trajectories import NoisyHistories  # imported late: compiles a kernel
+        return Meeting(kind, pair, counts, SampledTrajectories.of(paths[i], paths[j], known, 0.0, zone))
+    from closeform.uncertainty.noisy_trajectories import NoisyTrajectories  # imported late: compiles a kernel
 
-    return Meeting(kind, pair, counts, NoisyHistories.in_steps(paths[i], paths[j], known, 0.0, zone, step))
+    return Meeting(kind, pair, counts, NoisyTrajectories.in_steps(paths[i], paths[j], known, 0.0, zone, step))
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,7 +20,7 @@ from closeform.campaign.loss_of_thrust import (
     with_losses,
     with_reported_losses,
 )
-from closeform.campaign.process_noise import USUAL, Shaking
+from closeform.campaign.process_noise import USUAL, ProcessNoise
 from closeform.mission.search_stage import gather_flawed
 from closeform.motion.joining import drifting, join
 from closeform.motion.path import Path
@@ -106,7 +106,7 @@ class History:
         """Return a function that adds process noise to a craft's path."""
         if not (self.replanned and scenario.noisy):
             return lambda path, k, since: path
-        shaking = Shaking(self.seed, scenario.orbit.build().mean_motion, USUAL)
+        shaking = ProcessNoise(self.seed, scenario.orbit.build().mean_motion, USUAL)
         return lambda path, k, since: shaking.moved(path, scenario.craft[k], self.case, since)
 
     def flaws(self, scenario: Scenario, result: StageResult[Any, Any]) -> BurnFlaws:
@@ -139,7 +139,7 @@ class History:
     def uncorrected(self, mission: Mission) -> Mission:
         """Return a mission executed as planned, in which no craft corrects its errors."""
         scenario, end = mission.scenario, mission.flown[-1].end
-        shaking = Shaking.beside_zones(scenario, self.seed, end) if scenario.noisy else None
+        shaking = ProcessNoise.beside_zones(scenario, self.seed, end) if scenario.noisy else None
         errors = [
             errors_of(craft, join([result.after.path(craft.name) for result in mission.flown]), self)
             for craft in scenario.craft

@@ -60,8 +60,8 @@ class GatherCases(Cases):
         """Return the cases of a scenario that gathers."""
         (stage,) = scenario.stages
         assert isinstance(stage, Gather)
-        told = scenario.gathering(stage)
-        search, _ = all_rounds(scenario.plan, told["rounds"], told["max_speed"])
+        arguments = scenario.gathering(stage)
+        search, _ = all_rounds(scenario.plan, arguments["rounds"], arguments["max_speed"])
         return cls(scenario, seed, stage, search)
 
     @property
@@ -81,14 +81,14 @@ class GatherCases(Cases):
         pairs = np.stack(np.triu_indices(len(scenario.craft), 1), axis=1)
         states = drawn(scenario, self.seed, first, last)
         apart(scenario, states, pairs, first)
-        told = scenario.gathering(self.stage) | {"errors": searching(scenario, self.seed, first, last)}
+        arguments = scenario.gathering(self.stage) | {"errors": searching(scenario, self.seed, first, last)}
         flown, lost = (scenario.plan, states[..., :3], states[..., 3:]), {}
         if FAILS in varied(scenario):
-            found, fails = gather_failing(*flown, failures(scenario, self.seed, first, last), **told)
+            found, fails = gather_failing(*flown, failures(scenario, self.seed, first, last), **arguments)
             lost = {lost_by(name): fails[:, k] for k, name in enumerate(scenario.names)}
             lost |= {"adrift": found.adrift}
         else:
-            found = gather_cases(*flown, **told)
+            found = gather_cases(*flown, **arguments)
         return {
             "duration_s": np.where(found.leg < 0, np.nan, found.duration),
             "leg": found.leg,
@@ -100,7 +100,7 @@ class GatherCases(Cases):
             "met_known": found.met_known,
             **lost,
             **{KEPT[what]: kept for what, kept in within_limits(scenario, found).items()},
-            **within_sun_limit(scenario, self.search, told["errors"], last - first),
+            **within_sun_limit(scenario, self.search, arguments["errors"], last - first),
         }
 
     def good(self, columns: Columns) -> Any:

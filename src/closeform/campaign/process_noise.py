@@ -40,7 +40,7 @@ BLOCKS = 2  # blocks of random numbers that give the six of a step
 
 
 @dataclass(frozen=True)
-class Shaking:
+class ProcessNoise:
     """Process noise of a study's cases with a `seed`, in steps of a `level`, at a mean motion [rad/s]."""
 
     seed: int
@@ -54,7 +54,7 @@ class Shaking:
         `span`: the duration of the mission [s]. Raises ScenarioError if no allowed step is short enough.
         """
         n, steps = scenario.orbit.build().mean_motion, list[float]()
-        for zone, density in shaken_zones(scenario):
+        for zone, density in noisy_zones(scenario):
             steps.append(step_beside(n, density, zone.inner_radius, span))
             if off_beside(density, steps[-1]) > MOST_OFF * zone.inner_radius:
                 line = (
@@ -103,7 +103,7 @@ def density_of(craft: Craft) -> float:
     return 0.0 if craft.execution is None else craft.execution.noise
 
 
-def shaken_zones(scenario: Scenario) -> Iterator[tuple[Zone, float]]:
+def noisy_zones(scenario: Scenario) -> Iterator[tuple[Zone, float]]:
     """Yield the zone of each pair with noise, hard bodies included, and the sum of both densities."""
     densities = np.array([density_of(craft) for craft in scenario.craft])
     for table in (scenario.zones, scenario.bodies):

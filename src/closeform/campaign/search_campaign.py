@@ -149,14 +149,14 @@ class Campaign(FlownCases):
     @property
     def met(self) -> dict[str, Any]:
         """Cases (C,) in which each requirement is met: to be done, and each clearance and limit."""
-        return {self.told(what): met for what, met in self._settled.met.items()}
+        return {self.requirement_label(what): met for what, met in self._settled.met.items()}
 
     @cached_property
     def good(self) -> Any:
         """Cases (C,) in which all requirements are met, as in a run with exit status 0."""
         return self._settled.good
 
-    def told(self, what: str) -> str:
+    def requirement_label(self, what: str) -> str:
         """Return a requirement in words."""
         return WORDS.get(what, self.done)
 
@@ -184,7 +184,7 @@ class Campaign(FlownCases):
         for what, met in self.tally.met.items():
             if unmet := len(self) - met.count:
                 named = ", ".join(map(str, met.unmet)) + ", ..." * (unmet > len(met.unmet))
-                parts.append(f"{unmet} of {len(self)} cases not {self.told(what)}: {named}")
+                parts.append(f"{unmet} of {len(self)} cases not {self.requirement_label(what)}: {named}")
         return "; ".join(parts) or None
 
     @cached_property

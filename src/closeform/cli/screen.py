@@ -285,7 +285,7 @@ def export(
 
     apart = quantity("step", TIME, step)
     from closeform.results.export import export as write
-    from closeform.results.export import told
+    from closeform.results.export import summary_lines
     from closeform.results.load import LoadedRun, load
     from closeform.storage.result_folder import FolderError
 
@@ -299,6 +299,6 @@ def export(
         raise
     except (ValueError, ImportError) as error:
         raise UsageError(f"{directory}: {error}") from None
-    for line in told(place):
+    for line in summary_lines(place):
         say(stdout(), line)
     return CLEAR

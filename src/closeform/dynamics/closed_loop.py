@@ -158,8 +158,8 @@ class ClosedLoop:
         now = sizes[:, None, None, None] * self.erring
         end, unseen = now[:, -1:], now[:, -1:] - self.late @ now[:, -1 - self.wait, None]
         later = self.left @ end - self.answered @ unseen
-        told = _moved(end - unseen, asked)
-        return _moved(now, asked).sum(axis=0), _moved(later, asked).sum(axis=0), told.sum(axis=0)[0]
+        believed = _moved(end - unseen, asked)
+        return _moved(now, asked).sum(axis=0), _moved(later, asked).sum(axis=0), believed.sum(axis=0)[0]
 
     def _struck(self, errors: Uncertainty, asked: Floats) -> tuple[Floats, Floats, Floats]:
         """Return the same for Gates' errors of impulses; fixed errors act in all directions."""

@@ -15,7 +15,7 @@ from closeform.dynamics.field import Field
 from closeform.dynamics.flown_plan import following, paths_to_fly, spanning
 from closeform.dynamics.infeasible import Grounded
 from closeform.dynamics.timetable import SAME
-from closeform.dynamics.tracking_margins import TrackingMargins, needed_room, tracking_margins
+from closeform.dynamics.tracking_margins import TrackingMargins, required_margins, tracking_margins
 from closeform.dynamics.tube import tube
 from closeform.fuel.thrusters import Thrusters
 from closeform.motion.arc import END, START
@@ -214,16 +214,16 @@ def fit_margin(
         limits = of_each("max_acceleration", limit, len(paths))
         beyond = np.flatnonzero(found.thrust > limits)
         if len(beyond):
-            why = _too_weak(found, np.ravel(paths.peak_thrust), int(beyond[0]), limits)
+            why = _shortfall_message(found, np.ravel(paths.peak_thrust), int(beyond[0]), limits)
             return FittedMargin(plan, found, margin, False, made, why)
         bodies = paths
         if not held and others is not None:
             bodies = stack([paths[k] for k in range(craft)] + [others[k] for k in range(fixed)])
         margin = np.broadcast_to(margin, (craft + fixed, craft + fixed)).copy()
-        pairs, short = needed_room(found, bodies, pair_zones("zones", zones, craft, fixed), craft)
+        pairs, short = required_margins(found, bodies, pair_zones("zones", zones, craft, fixed), craft)
         rises = short > margin[tuple(pairs.T)]
         if not rises.any():
-            return FittedMargin(plan, found, margin, True, made, _told(margin, made))
+            return FittedMargin(plan, found, margin, True, made, _fit_message(margin, made))
         one, other = pairs[rises].T
         margin[one, other] = margin[other, one] = (1.0 + SPARE) * short[rises]
     why = f"no margin fits after {made} plans, the last of {margin.max():.3g} m"
@@ -256,7 +256,7 @@ def _least_radius(zones: OwnZone | PairZones) -> float:
     return min((zone.inner_radius for zone in given.zones), default=np.inf)
 
 
-def _too_weak(found: TrackingMargins, peaks: Floats, craft: int, limits: Floats) -> str:
+def _shortfall_message(found: TrackingMargins, peaks: Floats, craft: int, limits: Floats) -> str:
     """Return a message on the craft whose thrust limit is exceeded, with a limit for planning."""
     has, asked = float(limits[craft]), float(found.thrust[craft])
     within = has - asked + float(peaks[craft])
@@ -264,6 +264,6 @@ def _too_weak(found: TrackingMargins, peaks: Floats, craft: int, limits: Floats)
     return f"craft {craft} requires {asked:.3g} m/s² with feedback, its limit is {has:.3g} m/s²; {remedy}"
 
 
-def _told(margin: Floats, made: int) -> str:
+def _fit_message(margin: Floats, made: int) -> str:
     """Return a message on the margin that fits."""
     return f"a margin of {margin.max():.3g} m fits, in {made} plan{'s' * (made > 1)}"

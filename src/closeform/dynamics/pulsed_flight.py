@@ -205,8 +205,8 @@ def pulsed_ways(
     drag, found = ballistics_of(field.drag, len(paths)), []
     for k, own in enumerate(thrusters):
         pulses = firing.pulses[firing.pulses.craft == k]
-        told = firing.path[k : k + 1], law, None, drag[[k]]
-        commands = commands_of(*told, nozzles=nozzles_of(own, pulses), beside=np.zeros(0))
+        arguments = firing.path[k : k + 1], law, None, drag[[k]]
+        commands = commands_of(*arguments, nozzles=nozzles_of(own, pulses), beside=np.zeros(0))
         frame, holding = commands.frame_in(field), Holding.of(paths[k : k + 1], law)
         found.append(PulsedWay.of(commands, plan[k], holding, pulses, field, frame))
     return commands.table.shown_times, found

@@ -108,9 +108,9 @@ class PulsedPlan(NamedTuple):
             own = self.firing.path[j : j + 1]
             commands = commands_of(own, law, None, expected[[k]], nozzles=nozzles, span=span, beside=none)
             aim = self.led[[k]].state(commands.table.shown_times)
-            told = replace(commands, reference=aim, ballistics=felt[[k]])
-            drawn, frame = draws.of(told, [k], measured, number), commands.frame_in(field)
-            done = flown(told, field, frame, drawn, now[[k]] + drawn.start[0] * (number == 0))
+            own_commands = replace(commands, reference=aim, ballistics=felt[[k]])
+            drawn, frame = draws.of(own_commands, [k], measured, number), commands.frame_in(field)
+            done = flown(own_commands, field, frame, drawn, now[[k]] + drawn.start[0] * (number == 0))
             begun, over = (given_until(pulses, time) for time in span)
             parts.append(each_counts(done, over - begun))
         table = commands.table
@@ -118,8 +118,8 @@ class PulsedPlan(NamedTuple):
             own = self.paths[rest]
             known = own, law, believed._of(rest), expected[rest], self.engines.among(rest)
             plain = commands_of(*known, span=span, beside=none)
-            told = replace(plain, ballistics=felt[rest])
-            drawn, frame = draws.of(told, rest, measured, number), plain.frame_in(field)
-            done = flown(told, field, frame, drawn, now[rest] + drawn.start[0] * (number == 0))
+            own_commands = replace(plain, ballistics=felt[rest])
+            drawn, frame = draws.of(own_commands, rest, measured, number), plain.frame_in(field)
+            done = flown(own_commands, field, frame, drawn, now[rest] + drawn.start[0] * (number == 0))
             parts.append(replace(done, fired=np.zeros((1, len(rest), *parts[0].fired.shape[2:]))))
         return table.shown_times, table.fired_times, in_order(parts, shooters + rest)

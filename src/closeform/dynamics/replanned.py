@@ -68,7 +68,7 @@ class Replanning:
         if draws.errors is not None:
             off += SIGMAS * np.array([np.hypot(one.magnitude, one.pointing) for one in draws.errors])
         pushes = np.where(engines.running, off * paths.peak_thrust, unopposed(paths, fields[1]))
-        room = room_of(draws.sight, law.every, pushes)
+        room = replanning_margin(draws.sight, law.every, pushes)
         if first is not None:
             room += float(np.sort(first.aside)[-2:].sum())
         return cls(paths, zones, room, *fields, law, engines, first)
@@ -192,7 +192,7 @@ def reordered(zones: PairZones, order: Any, moving: int) -> PairZones:
     return PairZones(tuple(found), np.arange(count), table, np.arange(count) < moving)
 
 
-def room_of(sight: Navigation, every: float, pushes: Floats) -> float:
+def replanning_margin(sight: Navigation, every: float, pushes: Floats) -> float:
     """Return the margin [m] for two craft between measurements `every` [s] apart.
 
     It covers 4 sigmas of noise, all constant errors, and unplanned accelerations `pushes` (N,) [m/s^2].

@@ -220,13 +220,13 @@ def tracking_margins(
 
 
 def _of_alike(
-    flight: Followed, sight: Navigation, told: Sequence[Any], bit: Any, many: float
+    flight: Followed, sight: Navigation, of_craft: Sequence[Any], bit: Any, many: float
 ) -> TrackingMargins:
     """Return the margins of craft that all have thrusters, or all have none.
 
-    `told`: bounds of thrust errors, unknown accelerations, and uncertainties of the craft.
+    `of_craft`: bounds of thrust errors, unknown accelerations, and uncertainties of the craft.
     """
-    sizes, unknown, errors = np.array(told[0]), np.array(told[1]), told[2]
+    sizes, unknown, errors = np.array(of_craft[0]), np.array(of_craft[1]), of_craft[2]
     loop, (shift, stretch, *turned) = flight.loop, flight.caused[0]
     steady, more, *turning = flight.brought
     rest, answer = loop.beyond(sizes, unknown, sight, (more, np.stack(turning, axis=-1)))
@@ -245,13 +245,13 @@ def _of_alike(
 
 
 def _of_drifting(
-    paths: Path, field: Field, times: Floats, told: Sequence[Any], many: float
+    paths: Path, field: Field, times: Floats, of_craft: Sequence[Any], many: float
 ) -> TrackingMargins:
     """Return the margins of craft without engines, about their drift.
 
-    `told`: bounds of thrust errors, unknown accelerations, and uncertainties of the craft.
+    `of_craft`: bounds of thrust errors, unknown accelerations, and uncertainties of the craft.
     """
-    sizes, unknown, errors = np.array(told[0]), np.array(told[1]), told[2]
+    sizes, unknown, errors = np.array(of_craft[0]), np.array(of_craft[1]), of_craft[2]
     moved = paths.orbit.transition(times - times[0])
     pushed = np.linalg.norm(moved[:, :3, 3:], 2, axis=(1, 2))
     rest = unknown * float(np.trapezoid(pushed, times))
@@ -273,7 +273,9 @@ def _together(parts: Sequence[TrackingMargins], order: Any) -> TrackingMargins:
     return replace(parts[0], **joined)
 
 
-def needed_room(found: TrackingMargins, paths: Path, zones: PairZones, planned: int) -> tuple[Any, Floats]:
+def required_margins(
+    found: TrackingMargins, paths: Path, zones: PairZones, planned: int
+) -> tuple[Any, Floats]:
     """Return pairs (P, 2) with a zone, and the margin (P,) [m] that each requires where violated, or 0.
 
     `paths` and `zones` are of the N craft and, after them, bodies with exact paths; each pair includes one of
@@ -284,13 +286,13 @@ def needed_room(found: TrackingMargins, paths: Path, zones: PairZones, planned: 
     for zone, some in zones.groups():
         for pair in some[some[:, 0] < planned].tolist():
             i, j = pair
-            off, needed = _room_left(found, zone, pair, found.times, places[i] - places[j])
+            off, needed = _distance_and_margin(found, zone, pair, found.times, places[i] - places[j])
             greatest = needed[off < needed].max(initial=0.0)
             times, left = _dips(found.times, off - needed)
             for _ in range(CLOSER):
                 times = _about_least(times, left)
                 one, other = paths[pair].position(times.ravel())
-                off, needed = _room_left(found, zone, pair, times.ravel(), one - other)
+                off, needed = _distance_and_margin(found, zone, pair, times.ravel(), one - other)
                 left = (off - needed).reshape(times.shape)
                 greatest = max(greatest, needed[off < needed].max(initial=0.0))
             pairs.append(pair)
@@ -314,7 +316,7 @@ def _about_least(times: Floats, left: Floats) -> Floats:
     return np.asarray(begin[:, None] + (end - begin)[:, None] * np.linspace(0.0, 1.0, FINER + 1))
 
 
-def _room_left(
+def _distance_and_margin(
     found: TrackingMargins, zone: Zone, pair: Sequence[int], times: Floats, apart: Floats
 ) -> tuple[Floats, Floats]:
     """Return the distance of a pair from its zone (T,) [m] at `apart` (T, 3), and the required margin."""

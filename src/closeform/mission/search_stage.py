@@ -14,7 +14,7 @@ from closeform.mission.stage_start import StageStart
 from closeform.mission.verdict import SunAngle
 from closeform.motion.arc import END, START
 from closeform.scenario import Gather, Lock, Scenario
-from closeform.search.gather_result import Gathering, GatherStatus, who_is_left
+from closeform.search.gather_result import Gathering, GatherStatus, reason_incomplete
 from closeform.search.imperfect_attitude import OwnTurns
 from closeform.search.schedule import Search
 from closeform.search.search_errors import between, of_each
@@ -88,4 +88,4 @@ def incomplete(scenario: Scenario, found: Gathering) -> str | None:
     """Why a mission cannot go on after a gathering; None where it holds all craft."""
     if found.status is not GatherStatus.INCOMPLETE:
         return None
-    return who_is_left(found.sets, found.lost, found.rounds, scenario.names)
+    return reason_incomplete(found.sets, found.lost, found.rounds, scenario.names)

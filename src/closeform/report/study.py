@@ -65,7 +65,7 @@ class StudyReport(CasesReport):
     @property
     def asked(self) -> list[str]:
         """All that was asked for, in words."""
-        return [self.campaign.told(what) for what in self.campaign.tally.met]
+        return [self.campaign.requirement_label(what) for what in self.campaign.tally.met]
 
     @property
     def hint(self) -> tuple[str, ...]:
@@ -157,7 +157,7 @@ def share_table(campaign: Campaign) -> Table:
 def wanted(campaign: Campaign) -> Iterator[tuple[str, int, Estimate]]:
     """Of all that was asked for: what, and in how many cases it is met; last, all of it."""
     tally = campaign.tally
-    told = {campaign.told(what): met for what, met in tally.met.items()}
+    told = {campaign.requirement_label(what): met for what, met in tally.met.items()}
     for what, met in {**told, "all of it": tally.good}.items():
         yield what, met.count, estimate(met.count, len(campaign))
 

@@ -29,8 +29,11 @@ from closeform.zones.combined_zones import Body, CovarianceZone, OwnZone
 from closeform.zones.made_table import is_sphere
 from closeform.zones.solids import Sphere
 
-METHOD = "CLOSEFORM-HISTORIES"
-SAMPLES, REFINEMENTS = 200, 40  # sampled instants of a conflict, and how often the interval is refined
+METHOD = "CLOSEFORM-TRAJECTORY-SAMPLING"
+SAMPLES, REFINEMENTS = (
+    200,
+    40,
+)  # instants sampled in a conflict for its closest approach, repeated at most
 ASSUMES = (
     "A CDM assumes a short encounter: straight relative motion and constant covariances.",
     "The objects stay within their zone for {lasts:.1f} s at {speed:.3g} m/s; slow encounters violate both.",

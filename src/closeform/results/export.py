@@ -138,7 +138,7 @@ def summary(made: Export, to: str) -> dict[str, Any]:
     }
 
 
-def told(place: FilePath) -> Iterator[str]:
+def summary_lines(place: FilePath) -> Iterator[str]:
     """Yield the lines that describe an export to the user."""
     held = summary_of(place)
     craft = held["craft"]

@@ -21,7 +21,7 @@ from closeform.motion.arc import END, START
 from closeform.motion.orbit import Orbit
 from closeform.result import Result
 from closeform.scenario import Scenario, ScenarioError, StageTable, parse
-from closeform.search.gather_result import Event, EventKind, Gathering, GatherStatus, who_is_left
+from closeform.search.gather_result import Event, EventKind, Gathering, GatherStatus, reason_incomplete
 from closeform.search.schedule import Search
 from closeform.storage import arc_tables
 from closeform.storage.publishing import settle
@@ -347,7 +347,7 @@ class RunTables:
             entry["duration_s"],
             entry["rounds"],
             GatherStatus(entry["status"]),
-            who_is_left(sets, lost, entry["rounds"], adrift=adrift) or None,
+            reason_incomplete(sets, lost, entry["rounds"], adrift=adrift) or None,
             self.scenario.zones,
             self.scenario.search_errors,
             adrift,

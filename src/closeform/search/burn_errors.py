@@ -25,21 +25,21 @@ def gather_flawed(
     positions: ArrayLike,
     velocities: ArrayLike,
     flaws: BurnFlaws,
-    **told: Any,
+    **arguments: Any,
 ) -> Gathering:
     """Return the outcome of a gathering as `planned`, with the `flaws` (1, N) of its burns.
 
-    `told`: the remaining arguments of the plan. The first pair burns as planned, and `totals` are those of
-    the plan, because the flaws are not known in advance.
+    `arguments`: the remaining arguments of the plan. The first pair burns as planned, and `totals` are those
+    of the plan, because the flaws are not known in advance.
     """
     where, speeds = states(positions, velocities, 2)
-    fleet = lost_fleet(search, shape=where.shape[:2], **told)
+    fleet = lost_fleet(search, shape=where.shape[:2], **arguments)
     flight = fleet.fly(where, speeds, [WAYS[planned.burns]], 8 * where.shape[1], flaws=flaws)
     return gathering(fleet, where[0], speeds[0], planned.burns, planned.totals, *flight)
 
 
 def gather_failing(
-    search: Search, positions: ArrayLike, velocities: ArrayLike, shares: Floats, **told: Any
+    search: Search, positions: ArrayLike, velocities: ArrayLike, shares: Floats, **arguments: Any
 ) -> tuple[Gatherings, Floats]:
     """Return gatherings as `gather_cases` does, with losses of thrust, and the times of these (C, N) [s].
 
@@ -47,8 +47,8 @@ def gather_failing(
     nan for such craft and after the end of the case.
     """
     where, speeds = states(positions, velocities, 3)
-    fleet = lost_fleet(search, shape=where.shape[:2], **told)
-    results, ways = flown_least(fleet, where, speeds, told["burns"])
+    fleet = lost_fleet(search, shape=where.shape[:2], **arguments)
+    results, ways = flown_least(fleet, where, speeds, arguments["burns"])
     fails = shares * results[:, END_TIME, None]
     (failing,) = np.nonzero(~np.isnan(fails).all(axis=1))
 

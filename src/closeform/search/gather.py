@@ -29,7 +29,7 @@ from closeform.search.gather_events import (
     TOTAL,
     UNKNOWN,
 )
-from closeform.search.gather_result import Event, EventKind, Gathering, GatherStatus, who_is_left
+from closeform.search.gather_result import Event, EventKind, Gathering, GatherStatus, reason_incomplete
 from closeform.search.gatherings import Gatherings
 from closeform.search.lock_march import in_parts
 from closeform.search.request import Burns, Groups, states
@@ -253,7 +253,7 @@ def gathering(
         duration,
         begun,
         ended if done else GatherStatus.INCOMPLETE,
-        who_is_left(members, lost, begun, adrift=adrift) or None,
+        reason_incomplete(members, lost, begun, adrift=adrift) or None,
         fleet.keep_out,
         None if fleet.errors is None else first_of(fleet.errors),
         adrift,

@@ -267,7 +267,7 @@ class Gathering(Result):
         return self.acquainted(first, second) < number("time", time)
 
 
-def who_is_left(
+def reason_incomplete(
     sets: tuple[tuple[int, ...], ...],
     lost: tuple[int, ...],
     rounds: int,

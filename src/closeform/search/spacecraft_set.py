@@ -152,11 +152,11 @@ def lost_fleet(
             cleared(zone)
     speed = None if max_speed is None else one_positive("max_speed", max_speed)
     flown, drifts = all_rounds(search, int(rounds), speed)
-    told, push, craft = sides(groups, count), 2.0 * (speed or 0.0), np.empty((0, count, 0))
+    own_groups, push, craft = sides(groups, count), 2.0 * (speed or 0.0), np.empty((0, count, 0))
     if errors is not None:
         instance("errors", errors, SearchErrors)
         cases = f" in {shape[0]} cases is (C, N{{}}), (N{{}})" if shape[0] > 1 else " is (N{})"
         asked = f"{count} craft{cases}, or common to all"
-        craft = craft_rows(errors, search.sensor, shape, np.array(told) == "B", asked)
+        craft = craft_rows(errors, search.sensor, shape, np.array(own_groups) == "B", asked)
         errors = of_each(errors, shape)
-    return LostFleet(flown, int(rounds), drifts, told, kept, push, errors, craft)
+    return LostFleet(flown, int(rounds), drifts, own_groups, kept, push, errors, craft)

@@ -23,8 +23,6 @@ from closeform.search.schedule import Search
 
 Volume = Literal["in-plane", "complementary cone"]
 
-# Region of craft i seen from j, if j is seen from i in region I, II, III, IV.  # S04 table 1
-CORRESPONDING_REGION = {1: 3, 2: 4, 3: 1, 4: 2}
 LONGEST = 1e300  # s
 
 

@@ -22,8 +22,6 @@ ARC = (
 )
 TURN = tuple(f"axis_{axis}" for axis in AXES)
 ATTITUDE = tuple(f"body_{body}_{axis}" for axis in AXES for body in AXES)  # the rows of the attitude matrix
-PATHS = ("stage", "when", "craft", *ARC)
-LEGS = ("stage", "start_s", "end_s", "phase", "round", "about", *TURN, "angle_rad", *ATTITUDE)
 
 
 def of_paths(path: Path, names: Sequence[str], stage: int, when: str) -> dict[str, Any]:

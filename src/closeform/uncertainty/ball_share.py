@@ -20,7 +20,7 @@ from scipy.special import ndtr
 
 from closeform.arrays import Floats
 from closeform.uncertainty.quadrature import Integral, integral
-from closeform.uncertainty.sampled_trajectories import Histories
+from closeform.uncertainty.sampled_trajectories import SampledTrajectories
 from closeform.uncertainty.whitened import THINNEST
 
 REACH = 39.0  # standard deviations up to which densities do not underflow
@@ -32,7 +32,7 @@ GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 TOLERANCE = 1e-7
 
 
-def inside(histories: Histories, time: float) -> tuple[float, float]:
+def inside(histories: SampledTrajectories, time: float) -> tuple[float, float]:
     """Return the probability to be within the zone at a time, and its error."""
     mean, factor = histories.states(np.array([time]))
     matrix = histories.zone.matrix

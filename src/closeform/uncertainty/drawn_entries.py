@@ -12,7 +12,7 @@ from closeform.arrays import Floats
 from closeform.confidence import CONFIDENCE, DEVIATIONS
 from closeform.uncertainty.entry_rate import draw_entries
 from closeform.uncertainty.mean_entries import Flux, Unresolved, pool, rules
-from closeform.uncertainty.sampled_trajectories import CORES, Histories
+from closeform.uncertainty.sampled_trajectories import CORES, SampledTrajectories
 
 SEEN = 5  # trajectories with repeated entries that suffice to estimate their reduction
 FEW = 30  # number up to which the interval of Clopper and Pearson is used
@@ -25,7 +25,7 @@ SURE = 1.1  # safety factor on the number from the pilot run
 FINELY = 8  # strata across the surface, and of speeds, if there are enough trajectories
 
 
-def enough(histories: Histories, flux: Flux, at_start: float, off: float, seed: int) -> int:
+def enough(histories: SampledTrajectories, flux: Flux, at_start: float, off: float, seed: int) -> int:
     """Return the number of trajectories for a half-interval of `PRECISION` times the probability.
 
     An independent pilot run determines it, so that the interval stays valid. `off` is the quadrature error.
@@ -48,7 +48,7 @@ def strata(samples: int) -> tuple[Any, Any]:
     return np.arange(samples) * int(np.prod(axes)) // samples, axes
 
 
-def drawn(histories: Histories, flux: Flux, samples: int, seed: int, stream: int = 0) -> Floats:
+def drawn(histories: SampledTrajectories, flux: Flux, samples: int, seed: int, stream: int = 0) -> Floats:
     """Return errors (samples, M) of trajectories that enter, drawn from the rate in all its strata."""
     random = np.random.Generator(np.random.Philox(key=seed, counter=[0, 0, 0, stream]))
     shares = random.uniform(size=(samples, 3))

@@ -15,7 +15,7 @@ from closeform.arrays import Floats, finite, number, numbers, size
 from closeform.conflicts.two_paths import Conflict
 from closeform.motion.path import Path, of_one_craft
 from closeform.uncertainty.covariance import axes_of, into_frame, root_of
-from closeform.uncertainty.search import one_for_each, search_of, stays_of_two
+from closeform.uncertainty.search import one_for_each, search_of, sigma_conflicts_of_two
 from closeform.uncertainty.spread import covariances, spread_of
 from closeform.zones.zone import Zone
 
@@ -236,7 +236,9 @@ class Uncertainty:
     ) -> tuple[Conflict, ...]:
         """Return the conflicts of two craft with errors, for `find_conflicts`."""
         one = spread_of(path, [errors])
-        found = stays_of_two(one, spread_of(other, [other_errors]), zone, path.orbit.mean_motion, sigmas)
+        found = sigma_conflicts_of_two(
+            one, spread_of(other, [other_errors]), zone, path.orbit.mean_motion, sigmas
+        )
         return tuple(Conflict(*map(float, row[1:])) for row in found)
 
     @staticmethod

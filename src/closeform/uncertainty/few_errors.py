@@ -15,7 +15,7 @@ from closeform.arrays import Floats
 from closeform.uncertainty.ball_share import inside
 from closeform.uncertainty.error_lines import ENTRIES, EVER, NOTHING, follow_lines
 from closeform.uncertainty.quadrature import integral
-from closeform.uncertainty.sampled_trajectories import Histories
+from closeform.uncertainty.sampled_trajectories import SampledTrajectories
 
 SAMPLES = 512  # sampled times in an orbit (or a piece, in deep space)
 THIN = 1e-7, 1e-6  # of the greatest effect, and of the zone: rounding of a singular covariance
@@ -37,7 +37,7 @@ class FewErrors:
     off: float
 
     @classmethod
-    def of(cls, histories: Histories, ways: Floats) -> FewErrors:
+    def of(cls, histories: SampledTrajectories, ways: Floats) -> FewErrors:
         """Return the result for one or two orthonormal directions of errors (1 or 2, M), or zeros."""
         if len(ways) == 1:
             at_start, ever, entries = map(float, _followed(histories, ways, plane=False)[0])
@@ -51,13 +51,13 @@ class FewErrors:
         return cls(at_start, min(who.value / np.pi, 1.0), many.value / np.pi, off)
 
 
-def _round(histories: Histories, ways: Floats, what: int, angles: Floats) -> Floats:
+def _round(histories: SampledTrajectories, ways: Floats, what: int, angles: Floats) -> Floats:
     """Return one result of lines through the centre of a plane, at some angles (K,)."""
     along = np.cos(angles)[:, None] * ways[0] + np.sin(angles)[:, None] * ways[1]
     return np.asarray(_followed(histories, along, plane=True)[:, what])
 
 
-def _followed(histories: Histories, ways: Floats, plane: bool) -> Floats:
+def _followed(histories: SampledTrajectories, ways: Floats, plane: bool) -> Floats:
     """Return the results of lines along some directions (K, M): (K, 3)."""
     out = np.empty((len(ways), 3))
     held = histories.times, histories.orders, histories.mean_motion, histories.windows
@@ -65,7 +65,7 @@ def _followed(histories: Histories, ways: Floats, plane: bool) -> Floats:
     return out
 
 
-def few_ways(histories: Histories) -> Floats | None:
+def few_ways(histories: SampledTrajectories) -> Floats | None:
     """Return the directions (1 or 2, M) of all errors that move craft, zeros without any; None for more."""
     moved = _moved(histories)[1].reshape(-1, len(histories.columns))
     _, sizes, directions = np.linalg.svd(moved / np.sqrt(len(moved) / 3), full_matrices=False)
@@ -75,7 +75,7 @@ def few_ways(histories: Histories) -> Floats | None:
     return np.ascontiguousarray(directions[:many]) if many <= 2 else None
 
 
-def _moved(histories: Histories) -> tuple[Floats, Floats]:
+def _moved(histories: SampledTrajectories) -> tuple[Floats, Floats]:
     """Return positions (T, 3) and the effect of each error (T, 3, M) over time, in zone coordinates."""
     n, grid = histories.mean_motion, []
     for begin, end in zip(histories.edges[:-1], histories.edges[1:], strict=True):
@@ -86,7 +86,7 @@ def _moved(histories: Histories) -> tuple[Floats, Floats]:
     return mean[:, :3] @ matrix.T, np.einsum("ij,tjm->tim", matrix, factor[:, :3])
 
 
-def _angles(histories: Histories, ways: Floats) -> Floats:
+def _angles(histories: SampledTrajectories, ways: Floats) -> Floats:
     """Return angles from 0 to pi, including the extremes of those between which lines meet the zone."""
     middle, moved = _moved(histories)
     both = moved @ ways.T  # (T, 3, 2)

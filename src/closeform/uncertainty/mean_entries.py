@@ -12,7 +12,7 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.uncertainty.entry_rate import surface_integrals
 from closeform.uncertainty.quadrature import Integral, integral
-from closeform.uncertainty.sampled_trajectories import CORES, Histories
+from closeform.uncertainty.sampled_trajectories import CORES, SampledTrajectories
 
 TOLERANCE = 1e-4  # relative tolerance of the integral over time
 ROUND = 1e-4  # relative tolerance of a rate over the surface
@@ -68,7 +68,7 @@ def pool() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(CORES)
 
 
-def rates(histories: Histories, times: Floats, fineness: float, farthest: float = np.inf) -> Floats:
+def rates(histories: SampledTrajectories, times: Floats, fineness: float, farthest: float = np.inf) -> Floats:
     """Return the rate of entries and the mean's distance in deviations (T, 2) at some times, on all cores.
 
     The rate is 0 beyond the `farthest` distance.
@@ -90,7 +90,7 @@ def rates(histories: Histories, times: Floats, fineness: float, farthest: float 
     return out
 
 
-def nearest_times(histories: Histories) -> tuple[Floats, Floats]:
+def nearest_times(histories: SampledTrajectories) -> tuple[Floats, Floats]:
     """Return the times at which the mean is closest to the zone, in deviations, and the distances.
 
     These are all local minima that count.
@@ -119,7 +119,7 @@ def nearest_times(histories: Histories) -> tuple[Floats, Floats]:
     return best[counts], reached[counts]
 
 
-def passages(histories: Histories, nearest: Floats) -> Floats:
+def passages(histories: SampledTrajectories, nearest: Floats) -> Floats:
     """Return times between which the rate varies slowly, around each of the closest times."""
     mean, factor = histories.states(nearest)
     matrix = histories.zone.matrix
@@ -137,7 +137,7 @@ def passages(histories: Histories, nearest: Floats) -> Floats:
     return np.unique(np.concatenate([histories.edges, even, about]))
 
 
-def expected_entries(histories: Histories) -> Flux:
+def expected_entries(histories: SampledTrajectories) -> Flux:
     """Integrate the rate over time, with as many nodes on the surface as its largest values require.
 
     Raises Unresolved if the rate cannot be computed.
@@ -171,12 +171,12 @@ def _sampled(parts: Floats) -> Any:
     return np.searchsorted(reached, (np.arange(CHECKED) + 0.5) / CHECKED * reached[-1])
 
 
-def _entries(histories: Histories, fineness: float, farthest: float, times: Floats) -> Floats:
+def _entries(histories: SampledTrajectories, fineness: float, farthest: float, times: Floats) -> Floats:
     """Return the rate of entries at some times."""
     return rates(histories, times, fineness, farthest)[:, 0]
 
 
-def _enough(histories: Histories, times: Floats, few: Floats, level: int) -> tuple[int, float]:
+def _enough(histories: SampledTrajectories, times: Floats, few: Floats, level: int) -> tuple[int, float]:
     """Return the first level at which more nodes hardly change the rates, and the relative change.
 
     `few` are the rates at the given level.

@@ -23,7 +23,7 @@ from closeform.uncertainty.sampled_trajectories import (
     CHUNK,
     CORES,
     Drawn,
-    Histories,
+    SampledTrajectories,
     count_entries,
     fill_windows,
     summed,
@@ -123,7 +123,7 @@ def count_noisy(
 
 
 @dataclass(frozen=True, eq=False)
-class NoisyHistories:
+class NoisyTrajectories:
     """Sampled trajectories with errors and process noise, in windows that end at velocity changes.
 
     `instants` (W,) are the indices of the changes at which windows begin, -1 for none; `natural` (6, 8, 3)
@@ -131,7 +131,7 @@ class NoisyHistories:
     changes, and `off` bounds the error relative to the zone, except with a probability below 1e-13 per step.
     """
 
-    histories: Histories
+    histories: SampledTrajectories
     instants: Any
     natural: Floats
     flows: Floats
@@ -139,7 +139,7 @@ class NoisyHistories:
     off: float
 
     @classmethod
-    def of(cls, path: Path, other: Path, columns: Path, noise: float, zone: Zone) -> NoisyHistories:
+    def of(cls, path: Path, other: Path, columns: Path, noise: float, zone: Zone) -> NoisyTrajectories:
         """Return trajectories in steps so short that the discretization error is a thousandth of the zone.
 
         Raises ValueError if it exceeds a tenth with ten thousand steps.
@@ -156,12 +156,12 @@ class NoisyHistories:
     @classmethod
     def in_steps(
         cls, path: Path, other: Path, columns: Path, noise: float, zone: Zone, step: float
-    ) -> NoisyHistories:
+    ) -> NoisyTrajectories:
         """Return trajectories in steps of a given length [s]."""
         start, orbit = max(path.start, other.start), path.orbit
         span = min(path.end, other.end) - start
         changes = start + step * np.arange(ceil(span / step - SAME))
-        seen = Histories.of(path, other, columns, noise, zone, changes)
+        seen = SampledTrajectories.of(path, other, columns, noise, zone, changes)
         begins = seen.times[:-1]
         places = np.minimum(np.searchsorted(changes, begins), len(changes) - 1)
         instants = np.where(changes[places] == begins, places, -1)

@@ -15,9 +15,9 @@ from closeform.uncertainty.drawn_entries import clopper_pearson, drawn, enough, 
 from closeform.uncertainty.errors import Uncertainty
 from closeform.uncertainty.few_errors import FewErrors, few_ways
 from closeform.uncertainty.mean_entries import Flux, Unresolved, expected_entries
-from closeform.uncertainty.noisy_trajectories import NoisyHistories
+from closeform.uncertainty.noisy_trajectories import NoisyTrajectories
 from closeform.uncertainty.relative_errors import relative_errors
-from closeform.uncertainty.sampled_trajectories import Histories
+from closeform.uncertainty.sampled_trajectories import SampledTrajectories
 from closeform.uncertainty.short_encounter import passes_through
 from closeform.zones.shapes import BALL
 from closeform.zones.zone import Zone
@@ -162,10 +162,10 @@ def collision_probability(
             'errors: "entries" cannot be combined with process noise; use method="monte-carlo" or "bound"'
         )
     if method == "monte-carlo":
-        kind = NoisyHistories if noise else Histories
+        kind = NoisyTrajectories if noise else SampledTrajectories
         random = kind.of(path, other, columns, noise, zone)
         return _monte_carlo(random, HISTORIES if samples is None else samples, seed)
-    histories = Histories.of(path, other, columns, noise, zone)
+    histories = SampledTrajectories.of(path, other, columns, noise, zone)
     if zone.shape != BALL:
         raise ValueError(f'zone: "{method}" requires a sphere or an ellipsoid; use method="monte-carlo"')
     if method == "short-encounter":
@@ -175,7 +175,9 @@ def collision_probability(
     return _by_entries(histories, method, samples, seed)
 
 
-def _by_entries(histories: Histories, method: Method, samples: int | None, seed: int) -> Probability:
+def _by_entries(
+    histories: SampledTrajectories, method: Method, samples: int | None, seed: int
+) -> Probability:
     """Return the probability from the mean rate of entries: a bound, or sampled entries.
 
     For one or two errors it is exact.
@@ -197,16 +199,16 @@ def _by_entries(histories: Histories, method: Method, samples: int | None, seed:
         low = max(at_start, *(inside(histories, time)[0] for time in times))
         high = at_start + flux.value
         nan = float("nan")
-        return _told(high, low, high, off, known, nan, flux, method, 0)
+        return _with_quadrature_error(high, low, high, off, known, nan, flux, method, 0)
     if flux.value == 0.0:
-        return _told(at_start, at_start, at_start, off, known, 0.0, flux, method, 0)
+        return _with_quadrature_error(at_start, at_start, at_start, off, known, 0.0, flux, method, 0)
     if samples is None:
         samples = enough(histories, flux, at_start, off, seed)
     counts = histories.counted(drawn(histories, flux, samples, seed))
     lost = lost_of(counts)
     mean, low, high = interval_of_mean(lost)
     value = at_start + flux.value * (1.0 - mean)
-    return _told(
+    return _with_quadrature_error(
         value,
         at_start + flux.value * (1.0 - high),
         at_start + flux.value * (1.0 - low),
@@ -219,7 +221,7 @@ def _by_entries(histories: Histories, method: Method, samples: int | None, seed:
     )
 
 
-def _told(
+def _with_quadrature_error(
     value: float,
     low: float,
     high: float,
@@ -245,7 +247,7 @@ def _told(
     )
 
 
-def _monte_carlo(histories: Histories | NoisyHistories, samples: int, seed: int) -> Probability:
+def _monte_carlo(histories: SampledTrajectories | NoisyTrajectories, samples: int, seed: int) -> Probability:
     """Return the probability as the share of samples that are ever inside."""
     began, met, entries, again, least, most = histories.drawn(samples, seed)
     low, high = clopper_pearson(least, samples)[0], clopper_pearson(most, samples)[1]

@@ -214,7 +214,7 @@ def summed(chunk: Callable[[int], Floats], count: int) -> Drawn:
 
 
 @dataclass(frozen=True, eq=False)
-class Histories:
+class SampledTrajectories:
     """Relative motion of two craft, and the contribution of each of M independent errors.
 
     `edges` are the times between which all motions are smooth, from the start of the common time to its end.
@@ -240,7 +240,7 @@ class Histories:
         noise: float,
         zone: Zone,
         instants: Floats = NEVER,
-    ) -> Histories:
+    ) -> SampledTrajectories:
         """Return the trajectories of all arcs in windows as long as the march's bounds allow.
 
         At `instants` [s] natural motion is added to them.

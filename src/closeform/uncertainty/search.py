@@ -11,7 +11,7 @@ from closeform.arrays import Floats, shown, size
 from closeform.conflicts.pair_search import COLUMNS
 from closeform.conflicts.tracks import NO_TRACKS, Tracks, follow
 from closeform.motion.path import Path
-from closeform.uncertainty.sigma_conflicts import stays_of_pairs
+from closeform.uncertainty.sigma_conflicts import sigma_conflicts_of_pairs
 from closeform.uncertainty.spread import Spread
 from closeform.uncertainty.tube import tube_for
 from closeform.uncertainty.widths import widened
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from closeform.uncertainty.errors import Uncertainty
 
 
-def stays(
+def sigma_conflicts(
     one: Spread,
     two: Spread,
     first: Any,
@@ -41,7 +41,7 @@ def stays(
     found = [np.empty((0, COLUMNS))]
     while done[0] < len(first):
         before = int(done[0])
-        count = stays_of_pairs(one, two, first, second, before, tube, sigmas, *tracks, rows, done)
+        count = sigma_conflicts_of_pairs(one, two, first, second, before, tube, sigmas, *tracks, rows, done)
         found.append(rows[:count].copy())
         if done[0] == before:  # one pair has more conflicts than there are rows
             rows = np.empty((done[1], COLUMNS))
@@ -64,10 +64,10 @@ def given_errors(name: str, errors: Any, count: int, kind: Any) -> list[Uncertai
     return given
 
 
-def stays_of_two(one: Spread, two: Spread, zone: Zone, mean_motion: float, sigmas: Any) -> Floats:
+def sigma_conflicts_of_two(one: Spread, two: Spread, zone: Zone, mean_motion: float, sigmas: Any) -> Floats:
     """Return the conflicts of two craft, as rows."""
     first = np.zeros(1, dtype=np.int64)
-    return stays(one, two, first, first, zone, mean_motion, size("sigmas", sigmas))
+    return sigma_conflicts(one, two, first, first, zone, mean_motion, size("sigmas", sigmas))
 
 
 def search_of(spread: Spread, zones: Sequence[Zone], mean_motion: float, sigmas: float) -> Any:
@@ -81,7 +81,7 @@ def search_of(spread: Spread, zones: Sequence[Zone], mean_motion: float, sigmas:
 
     def search(zone: Zone, first: Any, second: Any) -> tuple[Any, Floats]:
         near = tracks.get(zone, NO_TRACKS)
-        rows = stays(spread, spread, first, second, zone, mean_motion, sigmas, near)
+        rows = sigma_conflicts(spread, spread, first, second, zone, mean_motion, sigmas, near)
         index = rows[:, 0].astype(np.int64)
         return np.stack([first[index], second[index]], axis=1), rows[:, 1:]
 

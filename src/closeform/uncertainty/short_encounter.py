@@ -6,7 +6,7 @@ import numpy as np
 from scipy.special import ndtr
 
 from closeform.conflicts.two_paths import closest_approach
-from closeform.uncertainty.sampled_trajectories import Histories
+from closeform.uncertainty.sampled_trajectories import SampledTrajectories
 from closeform.uncertainty.whitened import THINNEST
 
 REACH = 39.0  # standard deviations up to which densities do not underflow
@@ -18,7 +18,7 @@ class NotPassing(ValueError):
     """Two craft that are closest at the start or the end of their time, without passing each other."""
 
 
-def passes_through(histories: Histories) -> tuple[float, float]:
+def passes_through(histories: SampledTrajectories) -> tuple[float, float]:
     """Return the probability to pass through an ellipsoid, and its quadrature error: Foster's integral.
 
     In zone coordinates, over the disc of the unit ball seen along the velocity at closest approach.

@@ -174,7 +174,7 @@ def search_window(tube, one, i, first, two, j, second, t, stop, k, inside, entry
 
 
 @kernel()
-def stays_of_pair(tube, one, first, two, second, start, end, k, times, near, m, pair, rows, count):
+def sigma_conflicts_of_pair(tube, one, first, two, second, start, end, k, times, near, m, pair, rows, count):
     """Append the conflicts of one pair to `rows`; return the count, above len(rows) if they do not fit.
 
     `near` marks the intervals of `times` to be searched, from the m-th on; empty for all.
@@ -219,7 +219,7 @@ def stays_of_pair(tube, one, first, two, second, start, end, k, times, near, m, 
         int64[::1],
     )
 )
-def stays_of_pairs(one, two, first, second, pair, tube, k, times, tracks, other_tracks, rows, done):
+def sigma_conflicts_of_pairs(one, two, first, second, pair, tube, k, times, tracks, other_tracks, rows, done):
     """Write the conflicts of pairs from `pair` on: pair, start, end, time and level of the minimum."""
     one, two, tube = lent(one), lent(two), lent(tube)
     times, tracks, other_tracks = borrowed(times), borrowed(tracks), borrowed(other_tracks)
@@ -235,7 +235,7 @@ def stays_of_pairs(one, two, first, second, pair, tube, k, times, tracks, other_
             if count_near(tracks, first[p], other_tracks, second[p], m, last) == 0:
                 continue
             mark_near(tracks, first[p], other_tracks, second[p], m, last, near)
-        total = stays_of_pair(
+        total = sigma_conflicts_of_pair(
             tube, one, first[p], two, second[p], start, end, k, times, near, m, p, rows, count
         )
         if total > len(rows):

@@ -98,7 +98,7 @@ def worst(campaign: Campaign) -> Iterator[tuple[int, str]]:
     """Cases, and why they are worth looking at: what is not met, what took longest, cost and came nearest."""
     for what, met in campaign.tally.met.items():
         for case in met.unmet[:MOST]:
-            yield case, f"not {campaign.told(what)}"
+            yield case, f"not {campaign.requirement_label(what)}"
     if "time [s]" in campaign.spreads:
         time, case = campaign.spreads["time [s]"].worst[0]
         yield case, f"{campaign.done} last, at {time:.1f} s"
