@@ -7,7 +7,7 @@ kernels only.
 numba checks the file of a cached function, but not the files of the functions that it calls.  So
 each kernel has a folder of its own, named by a hash of all code and constants that it is made of:
 an edited kernel, or an edited part of it, has another folder.  Within the folder numba itself
-tells its own versions and processors apart.
+distinguishes its own versions and processors.
 """
 
 import hashlib
