@@ -195,9 +195,9 @@ def test_segments_are_read_one_by_one(tmp_path):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda text: text.replace("2017-01-01T23:59:50", "2016-12-31T23:59:55"), "segment 2: begins 16 s before the one before"),
-        (lambda text: text.replace("DEPUTY", "OTHER"), "segment 2: is of OTHER, the one before of DEPUTY; give two files"),
-        (lambda text: text.replace("UTC", "TAI"), "segment 2: is of TAI, the one before of UTC"),
+        (lambda text: text.replace("2017-01-01T23:59:50", "2016-12-31T23:59:55"), "segment 2: begins 16 s before the previous one"),
+        (lambda text: text.replace("DEPUTY", "OTHER"), "segment 2: is of OTHER, the previous one of DEPUTY; give two files"),
+        (lambda text: text.replace("UTC", "TAI"), "segment 2: is of TAI, the previous one of UTC"),
         (lambda text: text.replace("75.0", "many"), "segment 2: line 31: 'many' is no number"),
     ],
 )  # fmt: skip

@@ -118,7 +118,7 @@ def test_what_cannot_be_interpolated_is_refused():
         common_frame([chief, coarse])
     with pytest.raises(ValueError, match=r"CHIEF, GONE: .*give files that overlap"):
         common_frame([chief, circular("GONE", epoch="2021-01-01T00:00:00")], interpolate=1.0)
-    with pytest.raises(ValueError, match="interpolate: by how much states may be off"):
+    with pytest.raises(ValueError, match="interpolate: must be 0 m or more"):
         common_frame([chief, coarse], interpolate=-1.0)
 
 

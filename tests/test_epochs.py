@@ -110,7 +110,7 @@ def test_only_utc_has_a_sixtieth_second():
 @pytest.mark.parametrize(
     ("system", "message"),
     [
-        ("UT1", "TIME_SYSTEM UT1 follows the turning Earth, as tables tell; use one of GPS, TAI"),
+        ("UT1", "TIME_SYSTEM UT1 requires tables of the Earth's rotation; use one of GPS, TAI"),
         ("MET", "TIME_SYSTEM MET is not supported; use one of GPS, TAI"),
     ],
 )

@@ -87,7 +87,7 @@ def test_gaps_and_jumps_between_segments_are_refused_by_name(mission, tmp_path) 
     first = cf.read_oem_segments(place / "F1.oem")
     parts = cf.read_oem_segments(place / "F3.oem")
     with pytest.raises(
-        ValueError, match=r"^F3: nothing is told for the [\d.]+ s before segment 2; give a file"
+        ValueError, match=r"^F3: has no states for the [\d.]+ s before segment 2; give a file"
     ):
         cf.common_frame([first, [parts[0], parts[2]]])
     moved = parts[1].states + [3.0, 4.0, 0.0, 0.0, 0.0, 0.0]
@@ -96,7 +96,7 @@ def test_gaps_and_jumps_between_segments_are_refused_by_name(mission, tmp_path) 
     }
     other = cf.Ephemeris(**fields, epoch=parts[1].epoch, times=parts[1].times, states=moved)
     with pytest.raises(
-        ValueError, match=r"^F3: segment 2 begins 5 m from where the one before it ends; a man"
+        ValueError, match=r"^F3: segment 2 begins 5 m from the end of the previous one; a man"
     ):
         cf.common_frame([first, [parts[0], other, parts[2]]])
     with pytest.raises(ValueError, match=r"^ephemerides: an object has no segments; leave it out$"):

@@ -1,9 +1,9 @@
-"""Closed-form guidance for close formation flight. The public names are in `__init__.pyi`."""
+"""Closed-form guidance for close formation flight; the public names are in `__init__.pyi`."""
 
 from importlib import import_module
 from typing import Any
 
-# Loaded at first use: `import closeform` costs nothing, and the command line starts at once.
+# Loaded at first use, so that `import closeform` and the command line start at once.
 _NAMES = {
     "motion.orbit": "Orbit",
     "motion.eccentric": "EccentricOrbit",

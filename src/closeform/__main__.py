@@ -1,4 +1,4 @@
-"""`python -m closeform` and the command `closeform`: the command line, which Ctrl-C ends at any moment."""
+"""Entry point of `python -m closeform` and of the command `closeform`, which Ctrl-C stops at any moment."""
 
 import gc
 import signal
@@ -7,24 +7,24 @@ from _thread import interrupt_main
 from threading import Timer
 from typing import Any
 
-AGAIN = 0.05  # [s] after which a Ctrl-C that was lost is repeated
+AGAIN = 0.05  # [s] after which a lost Ctrl-C is repeated
 
 
-_stops: list[int] = []  # Ctrl-C so far: some libraries make another error of the one that it raises
+_stops: list[int] = []  # Ctrl-C so far: some libraries replace its KeyboardInterrupt by another error
 
 
 def stop(number: int, frame: Any) -> None:
-    """What Ctrl-C does."""
+    """Handle Ctrl-C."""
     _stops.append(number)
     raise KeyboardInterrupt
 
 
 def main() -> int:
-    """Run the command line in a process of its own; returns the exit status."""
+    """Run the command line in a process of its own; return the exit status."""
     complain = sys.unraisablehook
 
     def unheard(lost: Any) -> None:
-        """A Ctrl-C in a callback, of a compiler say, is not lost: it comes again."""
+        """Repeat a Ctrl-C that is lost in a callback, for example of a compiler."""
         if issubclass(lost.exc_type, KeyboardInterrupt):
             Timer(AGAIN, interrupt_main).start()
         else:
@@ -42,8 +42,8 @@ def main() -> int:
         print("closeform: stopped by the keyboard; nothing was written", file=sys.stderr)
         return 130
     finally:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)  # what is left is to end
-        gc.freeze()  # without a search for garbage among a million objects: half a second
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # the process is about to end
+        gc.freeze()  # avoids garbage collection of a million objects: half a second
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ kernels only.
 numba checks the file of a cached function, but not the files of the functions that it calls.  So
 each kernel has a folder of its own, named by a hash of all code and constants that it is made of:
 an edited kernel, or an edited part of it, has another folder.  Within the folder numba itself
-tells its own versions and processors apart.
+distinguishes its own versions and processors.
 """
 
 import hashlib
@@ -35,7 +35,7 @@ from platformdirs import user_cache_path
 
 # No fastmath: the certificates need IEEE arithmetic.  Not parallel: callers share chunks out to threads.
 OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
-# Those that define kernels.
+# Sub-packages that define kernels.
 SUB_PACKAGES = (
     "motion",
     "zones",
@@ -94,7 +94,7 @@ class Kernel:
 
     @cached_property
     def dispatcher(self) -> Any:
-        """numba's function, compiled or loaded."""
+        """Function of numba, compiled or loaded."""
         with _compiling:
             if "dispatcher" in vars(self):  # meanwhile, by another thread
                 return vars(self)["dispatcher"]
@@ -208,12 +208,12 @@ def _compile(kernels: list[tuple[str, str]]) -> None:
 
 @cache
 def _loans() -> str:
-    """Return the source of the extensions to numba, of which every kernel may be made."""
+    """Return the source of the extensions to numba that any kernel may use."""
     return Path(__file__).with_name("kernel_loans.py").read_text(encoding="utf-8")
 
 
 def _announce(one: Kernel) -> None:
-    """Say once on standard error that kernels are compiled."""
+    """Announce once on standard error that kernels are compiled."""
     if not _announced:
         print(
             f"closeform: compiling {one.name}, once for this version; closeform compile prepares all kernels",

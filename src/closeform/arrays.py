@@ -1,4 +1,4 @@
-"""What an argument may be: numbers, one number, an object of some kind. If not, ValueError names it."""
+"""Validation of arguments: numbers, one number, or an object of a type; a ValueError names the argument."""
 
 from typing import Any
 
@@ -6,19 +6,19 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Floats = NDArray[np.float64]
-LARGEST = 1e60  # of a number's size: beyond, squares and cubes overflow
-SMALLEST = 1e-30  # of a positive number: quotients by a smaller one leave the range above
+LARGEST = 1e60  # absolute value of a number: beyond, squares and cubes overflow
+SMALLEST = 1e-30  # of a positive number: quotients by a smaller one exceed LARGEST
 
 
 def shown(value: Any) -> str:
-    """An argument in an error, on one line and short."""
+    """Return an argument for an error message, on one line and short."""
     return " ".join(repr(value).split())[:60]
 
 
 def numbers(name: str, value: ArrayLike) -> Floats:
     """Return an argument as an array of floats, which may share memory with it.
 
-    Refuses what NumPy would convert without a word: truth values, masked values, numbers beyond LARGEST.
+    Refuses input that NumPy would convert silently: booleans, masked values, numbers beyond LARGEST.
     """
     parts = value if isinstance(value, list | tuple) else (value,)
     if any(isinstance(one, np.ma.MaskedArray) and np.ma.is_masked(one) for one in parts):
@@ -27,7 +27,7 @@ def numbers(name: str, value: ArrayLike) -> Floats:
         if any(isinstance(one, bool | np.bool_) for one in parts):
             raise TypeError(bool)
         given = np.asarray(value)
-        if given.dtype.kind == "O":  # fractions, decimals; of None NumPy would make nan
+        if given.dtype.kind == "O":  # fractions, decimals; NumPy would convert None to nan
             given = np.array([float(one) for one in given.flat]).reshape(given.shape)
         if given.dtype.kind not in "iuf":
             raise TypeError(given.dtype)
@@ -42,7 +42,7 @@ def numbers(name: str, value: ArrayLike) -> Floats:
 
 
 def finite(name: str, value: ArrayLike, last: int | None = None) -> Floats:
-    """Return an argument as an array of finite floats, with so many along its `last` axis."""
+    """Return an argument as an array of finite floats, with `last` numbers along its last axis."""
     array = numbers(name, value)
     if last is not None and (array.ndim == 0 or array.shape[-1] != last):
         raise ValueError(f"{name}: expected shape (..., {last}), got {array.shape}")
@@ -52,7 +52,7 @@ def finite(name: str, value: ArrayLike, last: int | None = None) -> Floats:
 
 
 def number(name: str, value: ArrayLike) -> float:
-    """An argument as one float."""
+    """Return an argument as one float."""
     array = numbers(name, value)
     if array.shape:
         raise ValueError(f"{name}: expected one number, got shape {array.shape}")
@@ -60,7 +60,7 @@ def number(name: str, value: ArrayLike) -> float:
 
 
 def of_each(name: str, value: ArrayLike, count: int, what: str = "craft") -> Floats:
-    """An argument of one number for all, or of one for each, as one for each of so many (count,)."""
+    """Return an argument of one number for all, or one for each, as an array (count,)."""
     array = numbers(name, value)
     if array.shape not in ((), (count,)):
         wanted = f"one number, or one for each of {count} {what}"
@@ -69,7 +69,7 @@ def of_each(name: str, value: ArrayLike, count: int, what: str = "craft") -> Flo
 
 
 def size(name: str, value: ArrayLike, unit: str = "") -> float:
-    """An argument as a finite float from 0 on; its `unit` as an error says it, like " m"."""
+    """Return an argument as a finite float of at least 0; `unit` is printed in the error, such as " m"."""
     found = number(name, value)
     if not 0.0 <= found < np.inf:
         raise ValueError(f"{name}: must be finite and at least 0{unit}, got {found:g}")
@@ -77,7 +77,7 @@ def size(name: str, value: ArrayLike, unit: str = "") -> float:
 
 
 def positive(name: str, value: ArrayLike, unit: str = "") -> float:
-    """An argument as a finite float above 0; its `unit` as an error says it, like " m"."""
+    """Return an argument as a finite float above 0; `unit` is printed in the error, such as " m"."""
     found = number(name, value)
     if not 0.0 < found < np.inf:
         raise ValueError(f"{name}: must be positive and finite, got {found:g}{unit}")
@@ -85,14 +85,14 @@ def positive(name: str, value: ArrayLike, unit: str = "") -> float:
 
 
 def whole(name: str, value: Any, least: int = 0) -> int:
-    """An argument as a whole number."""
+    """Return an argument as an integer of at least `least`."""
     if not isinstance(value, int | np.integer) or isinstance(value, bool) or value < least:
         raise ValueError(f"{name}: expected a whole number from {least} on, got {shown(value)}")
     return int(value)
 
 
 def instance(name: str, value: Any, *kinds: Any) -> Any:
-    """An argument as it is, of one of the kinds."""
+    """Return an argument of one of the types unchanged; raise ValueError otherwise."""
     if not isinstance(value, kinds):
         wanted = " or ".join(getattr(kind, "__name__", str(kind)) for kind in kinds)
         raise ValueError(f"{name}: expected {wanted}, got {shown(value)}")
@@ -100,7 +100,7 @@ def instance(name: str, value: Any, *kinds: Any) -> Any:
 
 
 def sequence(name: str, value: Any, *kinds: Any) -> list[Any]:
-    """An argument as a list of objects of some kinds; neither a word nor a dictionary is one."""
+    """Return an argument as a list of objects of some types; refuse strings and dictionaries."""
     try:
         if isinstance(value, str | dict):
             raise TypeError(type(value))
@@ -113,7 +113,7 @@ def sequence(name: str, value: Any, *kinds: Any) -> list[Any]:
 
 
 def broadcast(**shapes: tuple[int, ...]) -> tuple[int, ...]:
-    """The batch shape of several arguments; ValueError naming them where there is none."""
+    """Return the batch shape of several arguments; raise a ValueError that names them if there is none."""
     batches = {shape for shape in shapes.values() if shape}
     if len(batches) <= 1:
         return batches.pop() if batches else ()

@@ -1,10 +1,10 @@
-"""Confidence: the interval of a share that was counted, which would hold the true one 19 times in 20."""
+"""Confidence intervals of a share that was counted in samples."""
 
 from dataclasses import dataclass
 from math import sqrt
 
 CONFIDENCE = 0.95
-DEVIATIONS = 1.959963984540054  # between which a normal number lies as often
+DEVIATIONS = 1.959963984540054  # standard deviations of a normal distribution for this confidence
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,7 @@ class Estimate:
 
 
 def estimate(count: int, total: int) -> Estimate:
-    """A share with the interval of Wilson (1927), which holds for 0 cases too."""
+    """Return a share with its Wilson (1927) interval, which also holds for 0 cases."""
     share, turn = count / total, DEVIATIONS**2 / total
     middle = (share + 0.5 * turn) / (1.0 + turn)
     half = sqrt(turn * (share * (1.0 - share) + 0.25 * turn)) / (1.0 + turn)

@@ -1,4 +1,4 @@
-"""Arrays lent to the parts of a kernel: not counted, on its stack, or in named tuples by reference."""
+"""Arrays passed between kernels without reference counts, on the stack, or by reference in tuples."""
 
 from typing import Any
 
@@ -19,7 +19,7 @@ from numba.extending import (
 
 
 def uncounted(context: Any, builder: Any, kind: Any, value: Any) -> Any:
-    """An array without its count of references; anything else as it is."""
+    """Return an array without its reference count; anything else unchanged."""
     if not isinstance(kind, types.Array):
         return value
     for field in ("meminfo", "parent"):
@@ -37,26 +37,26 @@ def _borrowed(typing: Any, array: Any) -> Any:
 
 
 class Lent(types.Type):
-    """A reference to a named tuple of arrays, which are read from it by name, not counted."""
+    """Reference to a named tuple of arrays, which are read by name without reference counts."""
 
     def __init__(self, of: Any) -> None:
         self.of = of
         super().__init__(f"Lent[{of.instance_class.__name__}]")
 
     def can_convert_from(self, typing: Any, given: Any) -> Any:
-        """How well it stands for the tuple itself, which an entry point is given."""
+        """Return how well the type stands for the tuple itself, which an entry point receives."""
         found = typing.can_convert(given, self.of)
         return None if found is None else max(found, Conversion.safe)
 
     @property
     def key(self) -> Any:
-        """What tells two of these types apart."""
+        """Key that distinguishes two of these types."""
         return self.of
 
 
 @register_model(Lent)
 class LentModel(models.PrimitiveModel):
-    """In machine code: a pointer."""
+    """Representation in machine code: a pointer."""
 
     def __init__(self, manager: Any, lent: Lent) -> None:
         super().__init__(manager, lent, manager.lookup(lent.of).get_value_type().as_pointer())
@@ -64,12 +64,12 @@ class LentModel(models.PrimitiveModel):
 
 @infer_getattr
 class LentFields(AttributeTemplate):
-    """The fields of the tuple."""
+    """Fields of the tuple."""
 
     key = Lent
 
     def generic_resolve(self, lent: Lent, name: str) -> Any:
-        """The type of a field."""
+        """Return the type of a field."""
         return lent.of.types[lent.of.fields.index(name)] if name in lent.of.fields else None
 
 
@@ -89,7 +89,7 @@ def refer(lent: Lent, given: Any, c: Any) -> NativeValue:
 
 
 def _fill(kind: Any, given: Any, place: Any, c: Any) -> Any:
-    """Fill a place with a tuple, an array or a number; returns whether there was an error."""
+    """Fill a place with a tuple, an array or a number; return True if there was an error."""
     if isinstance(kind, types.Array):
         word = c.pyapi.voidptr
         adapt = c.pyapi._get_function(ir.FunctionType(ir.IntType(32), [word, word]), "numba_adapt_ndarray")
@@ -114,7 +114,7 @@ def _lent(typing: Any, group: Any) -> Any:
 
 
 def _on_stack(typing: Any, *sizes: Any) -> Any:
-    """An array (size,) or (rows, columns) of floats, of sizes that are written as numbers."""
+    """Return an array (size,) or (rows, columns) of floats, of sizes that are literals."""
     kind = types.Array(types.float64, len(sizes), "C")
     shape = [size.literal_value for size in sizes]
     strides = [8 * int(np.prod(shape[k + 1 :])) for k in range(len(shape))]
@@ -144,16 +144,16 @@ def _matrix(typing: Any, rows: Any, columns: Any) -> Any:
     return _on_stack(typing, rows, columns)
 
 
-# The same array without its count of references: for an entry point's arguments, which outlive the
-# call.  numba counts in every part that an array is passed to, with atomic operations that cores
-# wait for: without them pairs of natural motion are screened 1.7 times as fast.
+# The same array without its reference count, for an entry point's arguments, which outlive the call. numba
+# counts references in every function that receives an array, with atomic operations that block other cores:
+# without them pairs of natural motion are screened 1.7 times as fast.
 borrowed = (lambda array: array) if config.DISABLE_JIT else intrinsic(_borrowed)
 
-# The same named tuple by reference, for an entry point's own tuples.  numba passes all fields of all
-# arrays of a tuple by value, two hundred words for a scene, to every part at every call.
+# The same named tuple by reference, for an entry point's own tuples. numba passes all fields of all arrays of
+# a tuple by value, two hundred words for a scene, to every function at every call.
 lent = (lambda group: group) if config.DISABLE_JIT else intrinsic(_lent)
 
-# Room for a few floats, of a size that is written as a number, as long as the part runs that asks for it.
+# Space for a few floats of literal size, valid while the calling function runs.
 stack_vector = np.empty if config.DISABLE_JIT else intrinsic(prefer_literal=True)(_vector)
 stack_matrix = (
     (lambda *shape: np.empty(shape)) if config.DISABLE_JIT else intrinsic(prefer_literal=True)(_matrix)

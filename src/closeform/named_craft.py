@@ -1,11 +1,11 @@
-"""Words that count craft and thrusters, as arrays do, told as files do: by names, and from 1."""
+"""Replacement of array indices in messages: spacecraft by names, thrusters by numbers from 1."""
 
 import re
 from collections.abc import Sequence
 
 
 def named(text: str, names: Sequence[str]) -> str:
-    """A text that counts, "craft 0 and 3", with names instead."""
+    """Return a text with names in place of indices, as in "craft 0 and 3"."""
 
     def called(found: re.Match[str]) -> str:
         return " and ".join(names[int(number)] for number in re.findall(r"\d+", found[0]))
@@ -14,5 +14,5 @@ def named(text: str, names: Sequence[str]) -> str:
 
 
 def as_listed(text: str, names: Sequence[str]) -> str:
-    """The same, which counts thrusters from 1, too."""
+    """Return a text with names of spacecraft, and with thrusters numbered from 1."""
     return named(re.sub(r"\bthruster (\d+)", lambda one: f"thruster {int(one[1]) + 1}", text), names)

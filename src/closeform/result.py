@@ -1,4 +1,4 @@
-"""Result: an answer that says what it is, in a line or two, as a table in a notebook, and as columns."""
+"""Base classes of results: text, a table in a notebook, and columns."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ import numpy as np
 
 WIDTH = 100  # columns of a line
 MOST_ROWS = 10  # of a table in a notebook
-FEW = 6  # names or numbers that are told one by one
-ENTRY = re.compile(r"^(\w+(?:, \w+)*) : .*\[([^]]*)\](?:, .*)?$", re.MULTILINE)  # of a numpydoc section
+FEW = 6  # names or numbers that are listed one by one
+ENTRY = re.compile(r"^(\w+(?:, \w+)*) : .*\[([^]]*)\](?:, .*)?$", re.MULTILINE)  # entry of a numpydoc section
 UNIT = re.compile(r"\[([^]]*)\]")
-OF_DELTA_V = re.compile(r"(.+), (?:or (.+) of delta-v|of delta-v (.+))")  # of what is least, by its cost
+OF_DELTA_V = re.compile(r"(.+), (?:or (.+) of delta-v|of delta-v (.+))")  # units by cost
 POWER = re.compile(r"\^([23])")
 RAISED = str.maketrans({"2": "²", "3": "³"})
 
 
 class Result:
-    """An answer; `_told` are the attributes that it tells, all of its fields unless given.
+    """Base class of results; `_told` lists the attributes that are printed, by default all fields.
 
-    Units are those that stand in its docstring: of fields under Attributes, of properties in brackets.
+    Units are taken from the docstrings: from the section Attributes for fields, from brackets for properties.
     """
 
     _told: ClassVar[tuple[str, ...]] = ()
@@ -40,11 +40,11 @@ class Result:
 
     @property
     def _brief(self) -> str:
-        """What is said of it where it is a part of something."""
+        """Text for a result that is part of another."""
         return type(self).__name__
 
     def _facts(self) -> Iterator[tuple[str, str]]:
-        """What it tells: names and texts, without what it does not have, or has by default."""
+        """Yield the names and texts of attributes, without those that are absent or have their default."""
         usual = {one.name: one.default for one in fields(self) if one.repr}  # type: ignore[arg-type]  # subclasses are data
         for name in self._told or usual:
             value = getattr(self, name)
@@ -53,7 +53,7 @@ class Result:
                 yield name.replace("_", " "), told(value, self._unit(name))
 
     def _unit(self, name: str) -> str:
-        """The unit of an attribute; where that depends on what is least, the one that holds here."""
+        """Return the unit of an attribute; if it depends on the cost, the one of this result."""
         kind: Any = type(self)
         unit = units(kind).get(name, "")
         either = OF_DELTA_V.fullmatch(unit)
@@ -63,20 +63,21 @@ class Result:
 
 
 class Rows(Result):
-    """An answer of rows; `_columns` are the names of its columns, by the attribute that holds them.
+    """Result with rows; `_columns` maps attributes to the names of their columns.
 
-    An attribute with one axis more than others has a name for each component.
+    An attribute with one axis more than the others has a name for each component.
     """
 
     _columns: ClassVar[dict[str, str]] = {}
 
     def columns(self) -> dict[str, Any]:
-        """The rows as columns, which pandas, polars and pyarrow make a data frame of.
+        """Return the rows as columns, from which pandas, polars and pyarrow make a data frame.
 
         Returns
         -------
         dict of str to array of shape (M,) [s, m, m/s, rad, kg, or no unit, as the names say]
-            By name and unit, as in the Parquet files of a run; of a batch the last index runs fastest.
+            Columns by name and unit, as in the Parquet files of a run; for a batch the last index
+            runs fastest.
 
         References
         ----------
@@ -94,7 +95,7 @@ class Rows(Result):
 
     @property
     def _named(self) -> dict[str, str]:
-        """The names of its columns."""
+        """Names of the columns by attribute."""
         return self._columns
 
     @property
@@ -112,7 +113,7 @@ class Rows(Result):
 
 
 def told(value: Any, unit: str) -> str:
-    """A value in words: numbers with their unit, of many how many there are and between which."""
+    """Return a value as text: numbers with their unit, for several their count and range."""
     value = value.item() if isinstance(value, np.ndarray | np.generic) and value.ndim == 0 else value
     if isinstance(value, Result):
         return value._brief
@@ -132,11 +133,11 @@ def told(value: Any, unit: str) -> str:
 
 
 def _array(values: Any, unit: str) -> str:
-    """An array in words."""
+    """Return an array as text."""
     shape = ", ".join(map(str, values.shape)) + "," * (values.ndim == 1)
     if values.dtype.kind == "b":
         return f"{np.count_nonzero(values)} of {values.size}"
-    if values.dtype.kind not in "iuf" or ", " in unit:  # of states each component has its own
+    if values.dtype.kind not in "iuf" or ", " in unit:  # components of states have different units
         return f"of shape ({shape})"
     if values.ndim == 1 and len(values) <= FEW:
         return _with("[" + ", ".join(f"{one:.6g}" for one in values.tolist()) + "]", unit)
@@ -146,7 +147,7 @@ def _array(values: Any, unit: str) -> str:
 
 
 def _several(values: tuple[Any, ...]) -> str:
-    """A tuple in words: a few words or numbers one by one, of others how many."""
+    """Return a tuple as text: a few words or numbers one by one, otherwise their count."""
     if len(values) <= FEW and all(isinstance(one, str | int | float) for one in values):
         return ", ".join(told(one, "") for one in values)
     kinds = {type(one).__name__ for one in values}
@@ -154,14 +155,14 @@ def _several(values: tuple[Any, ...]) -> str:
 
 
 def _with(text: str, unit: str) -> str:
-    """A number with its unit, powers raised."""
+    """Return a number with its unit and superscript powers."""
     raised = POWER.sub(lambda found: found[1].translate(RAISED), unit)
     return f"{text} {raised}".rstrip()
 
 
 @cache
 def units(kind: type) -> dict[str, str]:
-    """The units of a class's attributes by name, as its docstrings tell them."""
+    """Return the units of a class's attributes by name, from its docstrings."""
     found: dict[str, str] = {}
     for base in reversed(kind.__mro__):
         for names, unit in ENTRY.findall(inspect.cleandoc(base.__doc__ or "")):
@@ -175,7 +176,7 @@ def units(kind: type) -> dict[str, str]:
 
 
 def _table(caption: str, heads: list[str], rows: list[list[str]]) -> str:
-    """A table in HTML; names may hold anything."""
+    """Return a table in HTML, with escaped text."""
     from html import escape
 
     head = "<tr>" + "".join(f"<th>{escape(one)}</th>" for one in heads) + "</tr>" if heads else ""

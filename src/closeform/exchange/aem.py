@@ -1,6 +1,6 @@
-"""The text of an AEM (CCSDS 504.0-B section 4) of a craft that searches, and its quaternions.
+"""The text of an AEM (CCSDS 504.0-B section 4) of a spacecraft's search attitude, and its quaternions.
 
-In version 1.0, whose keywords tell the convention of quaternions.
+The version is 1.0, whose keywords state the convention of quaternions.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ CONVENTION = (
 
 
 def quaternions(attitudes: Any) -> Floats:
-    """Of matrices (T, 3, 3) whose columns are the body axes in the frame: (T, 4), scalar last.
+    """Return quaternions (T, 4), scalar last, of matrices (T, 3, 3) whose columns are the body axes.
 
-    The rotation that turns the frame's axes into the body's (504.0-B-2 annex F2); without jumps of sign.
+    They rotate the frame's axes into the body's (504.0-B-2 annex F2), without jumps of sign.
     """
     from scipy.spatial.transform import Rotation
 
@@ -37,7 +37,7 @@ def quaternions(attitudes: Any) -> Floats:
 
 
 def aem(name: str, object_id: str, frame: FileFrame, turns: list[tuple[Floats, Floats]]) -> str:
-    """In key-value form: of each turn the times (T,) [s] and quaternions (T, 4)."""
+    """Return an AEM in key-value form from the times (T,) [s] and quaternions (T, 4) of each turn."""
     lines = ["CCSDS_AEM_VERS = 1.0", *(f"COMMENT {line}" for line in (*frame.about, *CONVENTION))]
     parts = ["\n".join([*lines, f"CREATION_DATE = {now()}", f"ORIGINATOR = {ORIGINATOR}", ""])]
     for times, values in turns:

@@ -1,4 +1,4 @@
-"""The covariance of an object at a time, from those that its ephemeris holds at others."""
+"""Covariance of an object at a time, propagated from those of its ephemeris."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from closeform.motion.frames import relative_jacobian
 
 
 def covariance_at(ephemeris: Ephemeris, time: float, mu: float) -> tuple[Floats, float] | None:
-    """A covariance (6, 6) [m^2, m^2/s, m^2/s^2] at a time, along inertial axes, and how old it was [s].
+    """Return a covariance (6, 6) [m^2, m^2/s, m^2/s^2] at a time, along inertial axes, and its age [s].
 
-    It is the latest that is not later, else the first, which is carried back; by Hill's equations in the
-    object's own orbit.  None where the ephemeris has none.
+    It is the latest that is not later, else the first, propagated backwards, by Hill's equations in the
+    object's own orbit. None if the ephemeris has no covariance.
     """
     held = ephemeris.covariances
     if held is None or not len(held):
@@ -34,7 +34,7 @@ def covariance_at(ephemeris: Ephemeris, time: float, mu: float) -> tuple[Floats,
 
 
 def state_near(ephemeris: Ephemeris, time: float, mu: float) -> Floats:
-    """Where axes are turned: the state (6,) at a time, by Kepler's motion from the nearest that is known."""
+    """Return the state (6,) at a time, by Keplerian motion from the nearest known state."""
     nearest = int(np.argmin(np.abs(ephemeris.times - time)))
     known, ahead = ephemeris.states[nearest], time - ephemeris.times[nearest]
     if ahead == 0.0:

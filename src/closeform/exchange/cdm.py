@@ -1,6 +1,6 @@
 """CCSDS conjunction data messages (CDM, CCSDS 508.0-B): read and write.
 
-Files hold states in km and km/s, covariances and distances in m; here all is in m and m/s.
+Files contain states in km and km/s, covariances and distances in m; this module returns m and m/s.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from closeform.exchange.message import (
 
 HEADER = ("CREATION_DATE", "ORIGINATOR", "MESSAGE_ID")
 RELATIVE = ("TCA", "MISS_DISTANCE")
-WORDS = {  # of an object, by the field that holds them
+WORDS = {  # keywords of an object, by field
     "designator": "OBJECT_DESIGNATOR",
     "catalog": "CATALOG_NAME",
     "name": "OBJECT_NAME",
@@ -42,38 +42,38 @@ WORDS = {  # of an object, by the field that holds them
 }
 STATE = {"X": "km", "Y": "km", "Z": "km", "X_DOT": "km/s", "Y_DOT": "km/s", "Z_DOT": "km/s"}
 PARTS = ("R", "T", "N", "RDOT", "TDOT", "NDOT")
-SQUARES = ("m**2", "m**2/s", "m**2/s**2")  # by how many of the two are rates
+SQUARES = ("m**2", "m**2/s", "m**2/s**2")  # by how many of the two components are rates
 COVARIANCE = {
     f"C{PARTS[row]}_{PARTS[column]}": SQUARES[int(row > 2) + int(column > 2)]
     for row, column in zip(*LOWER, strict=True)
 }
-# Where messages that are 1.0 tell radii: CARA's and others' COMMENT HBR, COMMENT EXCLUSION_VOLUME_RADIUS.
+# Version 1.0 messages give radii in comments: COMMENT HBR and COMMENT EXCLUSION_VOLUME_RADIUS (CARA, others).
 RADIUS = re.compile(r"(?:HBR|HARD[ _-]?BODY[ _-]?RADIUS)\s*[=:]\s*(\S+)\s*(?:\[(\S+)\])?", re.IGNORECASE)
 EXCLUDED = re.compile(r"EXCLUSION[ _]VOLUME[ _]RADIUS\s*=\s*(\S+)\s*(?:\[(\S+)\])?", re.IGNORECASE)
 RADIUS_WORDS = ("HBR", "HARD_BODY_RADIUS")
 
 
 def read_cdm(file: str | PathLike[str]) -> Conjunction:
-    """The conjunction in a CDM, in key-value or XML form.
+    """Read the conjunction in a CDM, in key-value or XML form.
 
-    Of what the standard has, states, covariances, radii, probability and what names the objects and the
-    message are kept.
+    The result keeps states, covariances, radii, probability, and the identification of the objects and the
+    message.
 
     Parameters
     ----------
     file : str or path-like
-        The file: states in km and km/s, covariances in m**2, m**2/s and m**2/s**2, as the standard has it.
+        File with states in km and km/s, covariances in m**2, m**2/s and m**2/s**2, as in the standard.
 
     Returns
     -------
     Conjunction
-        In m and m/s.
+        Conjunction in m and m/s.
 
     Raises
     ------
     ValueError
-        If the file is absent, damaged or no CDM, lacks what the standard asks for, has other units, frames
-        that are unknown or differ, numbers that are not finite, or a miss distance that is not that of its
+        If the file is absent, damaged or not a CDM, lacks mandatory keywords, has other units, frames
+        that are unknown or differ, numbers that are not finite, or a miss distance that contradicts its
         states; in one line, with file, line or keyword.
 
     References
@@ -114,16 +114,16 @@ def write_cdm(file: str | PathLike[str], conjunction: Conjunction, *, comments: 
     Parameters
     ----------
     file : str or path-like
-        Where to; a file that is there is replaced.
+        Output file; an existing file is replaced.
     conjunction : Conjunction
-        What to write; relative position and velocity are those of its states.
+        Conjunction to write; relative position and velocity are computed from its states.
     comments : sequence of str, optional
         Lines of COMMENT in the header.
 
     Raises
     ------
     ValueError
-        If an argument is of another kind.
+        If an argument is of another type.
 
     References
     ----------
@@ -172,7 +172,7 @@ def _shown(value: Any) -> str:
 
 
 def _parts(entries: Sequence[Entry]) -> list[list[Entry]]:
-    """What stands before the objects, and what of each."""
+    """Split the entries into those before the objects and those of each object."""
     parts: list[list[Entry]] = [[]]
     for entry in entries:
         if entry.keyword == "OBJECT":
@@ -216,14 +216,14 @@ def _finite(entry: Entry, unit: str) -> float:
 
 
 def _radius(entries: Sequence[Entry], found: dict[str, Entry]) -> float | None:
-    """A radius [m] that a keyword or a comment of this part tells."""
+    """Return the radius [m] in a keyword or a comment of this part, or None."""
     told = [quantity(found[keyword], "m") for keyword in RADIUS_WORDS if keyword in found]
     told += [_length(entry, match) for entry, match in _comments(entries, RADIUS)]
     return _told(told[0]) if told else None
 
 
 def _comments(entries: Sequence[Entry], pattern: re.Pattern[str]) -> list[tuple[Entry, re.Match[str]]]:
-    """The comments that tell something, and what they tell."""
+    """Return the comments that match a pattern, and the matches."""
     return [
         (entry, match)
         for entry in entries
@@ -232,7 +232,7 @@ def _comments(entries: Sequence[Entry], pattern: re.Pattern[str]) -> list[tuple[
 
 
 def _length(entry: Entry, match: re.Match[str]) -> float:
-    """What a comment tells [m]."""
+    """Return the length [m] in a comment."""
     return quantity(Entry(entry.line, "COMMENT", match[1], match[2] or ""), "m")
 
 
@@ -241,5 +241,5 @@ def _word(found: dict[str, Entry], keyword: str) -> str | None:
 
 
 def _told(value: float | None) -> float | None:
-    """A number, unless the message leaves it open."""
+    """Return a number, or None if the message leaves it open."""
     return None if value is None or np.isnan(value) else value

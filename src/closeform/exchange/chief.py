@@ -1,4 +1,4 @@
-"""Chief: the orbit of the formation's origin, by which Hill's frame is inertial and seconds are UTC."""
+"""The chief: orbit of the formation's origin, which makes Hill's frame inertial and seconds UTC."""
 
 from __future__ import annotations
 
@@ -21,35 +21,35 @@ from closeform.motion.mean_motion import EARTH_MU, checked
 if TYPE_CHECKING:
     from closeform.motion.orbit import Orbit
 
-ALMOST_CIRCULAR = 1e-3  # eccentricity: beyond, Hill's equations are off by more than flattening makes them
+ALMOST_CIRCULAR = 1e-3  # eccentricity above which Hill's equations have a larger error than oblateness causes
 OFF_BY = 25.0  # m for each metre of separation, orbit and unit of eccentricity, at most: docs/validity.md
 
 
 @dataclass(frozen=True, eq=False)
 class Chief:
-    """The orbit of a formation's origin: an inertial state at an epoch, and Kepler's motion or an ephemeris.
+    """Orbit of a formation's origin: an inertial state at an epoch, and Keplerian motion or an ephemeris.
 
     Parameters
     ----------
     epoch : str
-        The instant from which times count: ISO, as "2026-11-22T12:00:00".
+        Instant from which times count: ISO, as "2026-11-22T12:00:00".
     state : array of shape (6,) [m, m/s]
-        At `epoch`, in `frame` about `center`; anything array_like will do.
+        State at `epoch`, in `frame` about `center`; array_like.
     frame : str, default "EME2000"
-        An inertial frame: EME2000, GCRF, ICRF, J2000, MCI, MOD, TEME or TOD.
+        Inertial frame: EME2000, GCRF, ICRF, J2000, MCI, MOD, TEME or TOD.
     time_system : str, default "UTC"
-        Of `epoch`: GPS, TAI, TCB, TCG, TDB, TT or UTC.
+        Time system of `epoch`: GPS, TAI, TCB, TCG, TDB, TT or UTC.
     center : str, default "EARTH"
-        The body in the frame's origin.
+        Body at the origin of the frame.
     mu : float [m^3/s^2], default that of the Earth
-        Its gravitational parameter.
+        Gravitational parameter of the body.
     ephemeris : Ephemeris, optional
-        What `from_ephemeris` made it of, which it follows instead of Kepler's motion.
+        Ephemeris that the chief follows instead of Keplerian motion, set by `from_ephemeris`.
 
     Raises
     ------
     ValueError
-        If `epoch` is none, a frame or time system is unknown, or the state is not on an ellipse.
+        If `epoch` is invalid, a frame or time system is unknown, or the state is not on an ellipse.
 
     References
     ----------
@@ -91,28 +91,28 @@ class Chief:
         center: str = "EARTH",
         mu: float = EARTH_MU,
     ) -> Self:
-        """The orbit of some elements.
+        """Return the chief with given orbital elements.
 
         Parameters
         ----------
         epoch : str
-            The instant from which times count: ISO.
+            Instant from which times count: ISO.
         elements : array_like of shape (6,) [m, rad, no unit, no unit, rad, rad]
             Elements [a, u, ex, ey, i, O] at `epoch`, as in `inertial_from_elements`.
         frame, time_system, center : str, default "EME2000", "UTC" and "EARTH"
-            As of a `Chief`.
+            Arguments of `Chief`.
         mu : float [m^3/s^2], default that of the Earth
             Gravitational parameter of the body.
 
         Returns
         -------
         Chief
-            On Kepler's orbit.
+            Chief in Keplerian motion.
 
         Raises
         ------
         ValueError
-            If the elements are not six of an ellipse, or as `Chief` itself.
+            If the elements are not those of an ellipse, or an argument is invalid for `Chief`.
 
         References
         ----------
@@ -128,26 +128,26 @@ class Chief:
         time_system: str | None = None,
         mu: float = EARTH_MU,
     ) -> Self:
-        """What an ephemeris says, between its states by interpolation.
+        """Return the chief that follows an ephemeris, with interpolation between its states.
 
         Parameters
         ----------
         ephemeris : Ephemeris
-            In an inertial frame.
+            Ephemeris in an inertial frame.
         epoch, time_system : str, optional
-            The instant from which times count, within its span; its own first one unless given.
+            Instant from which times count, within the span of the ephemeris; by default its first epoch.
         mu : float [m^3/s^2], default that of the Earth
-            Gravitational parameter of the body in its centre.
+            Gravitational parameter of the central body.
 
         Returns
         -------
         Chief
-            Which follows the ephemeris, from its first state to its last.
+            Chief that follows the ephemeris, from its first state to its last.
 
         Raises
         ------
         ValueError
-            If the epoch is outside of its span, its frame turns, or as `Chief` itself.
+            If the epoch is outside of the span, the frame rotates, or an argument is invalid for `Chief`.
 
         References
         ----------
@@ -163,52 +163,52 @@ class Chief:
 
     @cached_property
     def instant(self) -> Epoch:
-        """The epoch in its time system; to count seconds to others."""
+        """Epoch in its time system, which counts seconds to others."""
         return Epoch(self.epoch, self.time_system)
 
     @property
     def elements(self) -> Floats:
-        """Its elements [a, u, ex, ey, i, O] (6,) [m, rad, no unit, no unit, rad, rad] at the epoch."""
+        """Elements [a, u, ex, ey, i, O] (6,) [m, rad, no unit, no unit, rad, rad] at the epoch."""
         return elements_from_inertial(self.state, self.mu)
 
     @cached_property
     def semi_major_axis(self) -> float:
-        """Of its orbit [m]; along an ephemeris the mean of what it is at each state."""
+        """Semi-major axis of the orbit [m]; for an ephemeris the mean over its states."""
         states = self.state if self.ephemeris is None else self.ephemeris.states
         return float(np.mean(elements_from_inertial(states, self.mu)[..., 0]))
 
     @property
     def eccentricity(self) -> float:
-        """Of its orbit at the epoch (no unit)."""
+        """Eccentricity of the orbit at the epoch (no unit)."""
         return float(np.hypot(*self.elements[2:4]))
 
     @property
     def orbit(self) -> Orbit:
-        """The circle that Hill's equations take its orbit for, by its semi-major axis."""
-        from closeform.motion.orbit import Orbit  # whose kernels states alone can spare
+        """Circular orbit of the same semi-major axis, for Hill's equations."""
+        from closeform.motion.orbit import Orbit  # imported here: states alone need no kernels
 
         return Orbit.from_semi_major_axis(self.semi_major_axis, self.mu)
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What its orbit has that Hill's equations leave out."""
+        """Warnings about deviations of the orbit from a circle."""
         e = self.eccentricity
         off = f"off by up to {1e3 * OFF_BY * e:.3g} m for each km of separation and orbit"
         words = f"the chief's eccentricity is {e:.4f}, and Hill's equations are of a circle: {off}"
         return (words,) if e > ALMOST_CIRCULAR else ()
 
     def states(self, times: ArrayLike) -> Floats:
-        """Its inertial states: Kepler's motion, or those of the ephemeris.
+        """Return inertial states of the chief, by Keplerian motion or from its ephemeris.
 
         Parameters
         ----------
         times : array_like of shape (...) [s]
-            Since `epoch`, of any sign; of an ephemeris within its span.
+            Times since `epoch`, of any sign; for an ephemeris within its span.
 
         Returns
         -------
         array of shape (..., 6) [m, m/s]
-            In `frame`.
+            States in `frame`.
 
         Raises
         ------
@@ -222,17 +222,17 @@ class Chief:
         return self._flown(times)[0]
 
     def interpolation_errors(self, times: ArrayLike) -> Any:
-        """How far `states` may be off as those of an ephemeris are interpolated, by estimate.
+        """Return the estimated errors of `states` due to interpolation of an ephemeris.
 
         Parameters
         ----------
         times : array_like of shape (...) [s]
-            Since `epoch`.
+            Times since `epoch`.
 
         Returns
         -------
         float or array of shape (...) [m]
-            Of positions; 0 at its epochs, and without an ephemeris.
+            Position errors; 0 at the epochs of the ephemeris, and without an ephemeris.
 
         Raises
         ------
@@ -248,27 +248,28 @@ class Chief:
     def inertial_from_relative(
         self, times: ArrayLike, relative: ArrayLike, along_track: AlongTrack = "arc"
     ) -> Floats:
-        """Inertial states of craft, from those in the Hill frame that the chief carries.
+        """Return inertial states of spacecraft from states in the chief's Hill frame.
 
         Parameters
         ----------
         times : array_like of shape (...) [s]
-            Since `epoch`; broadcasts with the states.
+            Times since `epoch`; they broadcast with the states.
         relative : array_like of shape (..., 6) [m, m/s]
-            In the chief's Hill frame: radial, along-track, cross-track.
+            States in the chief's Hill frame: radial, along-track, cross-track.
         along_track : "arc" or "straight", default "arc"
-            What y and z are: arcs on the circle of the chief's semi-major axis, as `common_frame` and a
-            screening measure them, or Cartesian components.
+            Meaning of y and z: arcs on the circle of the chief's semi-major axis, as in `common_frame` and
+            screenings, or Cartesian components.
 
         Returns
         -------
         array of shape (..., 6) [m, m/s]
-            In `frame`.
+            States in `frame`.
 
         Raises
         ------
         ValueError
-            If shapes do not fit, a value is not finite, a word is unknown, or a time is off the ephemeris.
+            If shapes do not fit, a value is not finite, `along_track` is unknown, or a time is
+            off the ephemeris.
 
         References
         ----------
@@ -279,26 +280,27 @@ class Chief:
     def relative_from_inertial(
         self, times: ArrayLike, inertial: ArrayLike, along_track: AlongTrack = "arc"
     ) -> Floats:
-        """States of craft in the Hill frame that the chief carries: the inverse of `inertial_from_relative`.
+        """Return states in the chief's Hill frame: the inverse of `inertial_from_relative`.
 
         Parameters
         ----------
         times : array_like of shape (...) [s]
-            Since `epoch`; broadcasts with the states.
+            Times since `epoch`; they broadcast with the states.
         inertial : array_like of shape (..., 6) [m, m/s]
-            In `frame`.
+            Inertial states in `frame`.
         along_track : "arc" or "straight", default "arc"
-            As there.
+            Meaning of y and z, as in `inertial_from_relative`.
 
         Returns
         -------
         array of shape (..., 6) [m, m/s]
-            In the chief's Hill frame: x radial outward, y along the motion, z along the orbit normal.
+            States in the chief's Hill frame: x radial outward, y along the motion, z along the orbit normal.
 
         Raises
         ------
         ValueError
-            If shapes do not fit, a value is not finite, a word is unknown, or a time is off the ephemeris.
+            If shapes do not fit, a value is not finite, `along_track` is unknown, or a time is
+            off the ephemeris.
 
         References
         ----------
@@ -307,17 +309,17 @@ class Chief:
         return relative_from_inertial(*self._beside(times, "inertial", inertial, along_track))
 
     def utc(self, times: ArrayLike) -> list[str]:
-        """Times in UTC, leap seconds counted.
+        """Return times in UTC, with leap seconds.
 
         Parameters
         ----------
         times : array_like of shape (T,) [s]
-            Since `epoch`.
+            Times since `epoch`.
 
         Returns
         -------
         list of str
-            ISO, as "2026-11-22T12:00:00.000000000Z"; to a nanosecond.
+            ISO epochs such as "2026-11-22T12:00:00.000000000Z", to a nanosecond.
 
         Raises
         ------
@@ -331,7 +333,7 @@ class Chief:
         return self.instant.utc(np.ravel(checked("times", times)))
 
     def _flown(self, times: ArrayLike) -> tuple[Floats, Floats]:
-        """Inertial states (..., 6) and how far they may be off (...) [m]."""
+        """Return inertial states (..., 6) and their estimated errors (...) [m]."""
         given = np.asarray(checked("times", times))
         if self.ephemeris is None:
             return inertial_later(self.state, given, self.mu), np.zeros(given.shape)
@@ -339,7 +341,7 @@ class Chief:
         return states.reshape((*given.shape, 6)), errors.reshape(given.shape)
 
     def _beside(self, times: ArrayLike, name: str, states: ArrayLike, along_track: AlongTrack) -> Any:
-        """The chief's states at times, states of craft that fit them, and on what circle arcs are."""
+        """Return the chief's states at times, matching states of spacecraft, and the arguments of arcs."""
         given = checked(name, states, last=6)
         broadcast(**{"times": np.shape(checked("times", times)), name: given.shape[:-1]})
         arcs = isinstance(along_track, str) and along_track == "arc"

@@ -1,4 +1,4 @@
-"""The Hill frame that several ephemerides have in common: that of the first."""
+"""Common Hill frame of several ephemerides: that of the first."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from closeform.motion.path import Path
     from closeform.uncertainty.errors import Uncertainty
 
-# Frames of CCSDS 502.0-B annex B (and the usual J2000) that do not turn with the Earth.  TOD, MOD
-# and TEME follow its pole: below 1e-11 rad/s, nothing beside a mean motion.
+# Frames of CCSDS 502.0-B annex B (and the usual J2000) that do not rotate with the Earth. TOD, MOD and TEME
+# follow its pole: below 1e-11 rad/s, negligible against a mean motion.
 INERTIAL = ("EME2000", "GCRF", "ICRF", "J2000", "MCI", "MOD", "TEME", "TOD")
 
 
@@ -36,29 +36,29 @@ class CommonFrame(Result):
     Attributes
     ----------
     names : tuple of str
-        The objects', the chief's first.
+        Names of the objects, the chief's first.
     epoch : str
-        The ISO time of time 0 in `time_system`: the chief's own.
+        ISO epoch of time 0 in `time_system`: the chief's own.
     time_system : str
-        The one that all have.
+        Time system of all ephemerides.
     times : array of shape (T,) [s]
-        Since `epoch`.
+        Times since `epoch`.
     states : array of shape (N, T, 6) [m, m/s]
-        In the chief's Hill frame; zero for the chief.
+        States in the chief's Hill frame; zero for the chief.
     mean_motion : float [rad/s]
-        Of the circle that the chief's orbit is taken for.
+        Mean motion of the circle that approximates the chief's orbit.
     radius : float [m]
-        Of that circle.
+        Radius of that circle.
     covariances : tuple of array of shape (6, 6) [m^2, m^2/s, m^2/s^2] or None, of N
-        Of each state at the first of `times`, in the chief's Hill frame; None of who has none.
+        Covariance of each state at the first of `times`, in the chief's Hill frame; None if there is none.
     ages : tuple of float [s] or None, of N
-        How long each was carried to that time by Hill's equations, below 0 backwards; None of who has none.
+        Time over which each was propagated to that time by Hill's equations, negative if backwards, or None.
     interpolation_errors : array of shape (N,) [m]
-        By how much positions may be off, by estimate, as states were interpolated; 0 if none was.
+        Estimated position errors due to interpolation; 0 without interpolation.
     arrivals : array of shape (N, T, 6) [m, m/s]
-        In the same frame: as `states`, where somebody fires those before it.
+        States in the same frame: equal to `states`, except before manoeuvres.
     manoeuvres : tuple of tuple of tuple of float [s, m/s], of N
-        Of each craft when its velocity jumps, since `epoch`, and by how much.
+        For each object the times of velocity jumps since `epoch`, and their sizes.
     ephemerides : tuple of tuple of Ephemeris, of N
         The segments of each object, as given.
     """
@@ -124,18 +124,18 @@ class CommonFrame(Result):
 
     @property
     def paths(self) -> Path:
-        """The paths (N,) through all states, in Hill's frame of the circle; manoeuvres are impulses."""
-        from closeform.motion.orbit import Orbit  # with kernels, which states alone can spare
+        """Paths (N,) through all states, in Hill's frame of the circle; manoeuvres are impulses."""
+        from closeform.motion.orbit import Orbit  # imported here: states alone need no kernels
 
         return Orbit(self.mean_motion)._through(self.times, self.states, self.arrivals)
 
     def columns(self) -> dict[str, Any]:
-        """The states as columns, which pandas, polars and pyarrow make a data frame of.
+        """Return the states as columns, from which pandas, polars and pyarrow make a data frame.
 
         Returns
         -------
         dict of str to array of shape (N T,) [s, m, m/s, or no unit, as the names say]
-            Object by object a row for each of `times`, in the chief's Hill frame.
+            One row for each object and time, object by object, in the chief's Hill frame.
 
         References
         ----------
@@ -153,8 +153,8 @@ class CommonFrame(Result):
 
     @property
     def errors(self) -> tuple[Uncertainty | None, ...]:
-        """Of each path from the first of `times` on, by its covariance; None of who has none."""
-        from closeform.uncertainty.errors import Uncertainty  # with kernels, which states alone can spare
+        """Errors of each path from the first of `times` on, from its covariance, or None."""
+        from closeform.uncertainty.errors import Uncertainty  # imported here: states alone need no kernels
 
         return tuple(None if held is None else Uncertainty(held) for held in self.covariances)
 
@@ -165,35 +165,37 @@ def common_frame(
     mu: float = EARTH_MU,
     interpolate: float | None = None,
 ) -> CommonFrame:
-    """The motion of several objects in the Hill frame of the first, at the epochs that all share.
+    """Return the motion of several objects in the Hill frame of the first, at their common epochs.
 
-    Unless that is allowed no state is interpolated.  The chief's orbit is taken for a circle of the mean,
+    States are interpolated only if allowed.  The chief's orbit is approximated by a circle of the mean,
     over the common epochs, of its osculating semi-major axis.
 
     Parameters
     ----------
     ephemerides : sequence of Ephemeris, or of sequences of Ephemeris
-        Two or more, the chief's first; of an object that fires its segments, as from `read_oem_segments`.
+        Two or more, the chief's first; an object with manoeuvres is given by segments, as from
+        `read_oem_segments`.
     along_track : "straight" or "arc", default "arc"
-        As in `relative_from_inertial`; arcs are measured on the chief's circle.
+        Convention of `relative_from_inertial`; arcs are measured on the chief's circle.
     mu : float [m^3/s^2], default that of the Earth
         Gravitational parameter of the body.
     interpolate : float [m], optional
-        By how much positions may be off, by estimate, if states are interpolated to the epochs of whose are
-        densest: by polynomials through six positions and velocities (Hermite's), of degree 11, and never
-        from one segment into another.
+        Accepted estimated position error if states are interpolated to the epochs of the densest ephemeris,
+        by polynomials of degree 11 through six positions and velocities (Hermite), never
+        across the edges of segments.
 
     Returns
     -------
     CommonFrame
-        Times, states and the chief's circle; covariances at the first time where ephemerides have some.
+        Times, states and the chief's circle; covariances at the first time if ephemerides have any.
 
     Raises
     ------
     ValueError
-        If there are fewer than two, equal names, different centres, frames or time systems, a frame that
-        turns with the Earth, fewer than two common epochs, states too far apart to interpolate, gaps or
-        positions that jump between segments, an open orbit, or a `mu` that is not positive; naming objects.
+        If there are fewer than two, equal names, different centres, frames or time systems, a frame
+        that rotates with the Earth, fewer than two common epochs, states too far apart to
+        interpolate, gaps or position jumps between segments, an open orbit, or a `mu` that is not
+        positive; the message names objects.
 
     References
     ----------
@@ -202,7 +204,7 @@ def common_frame(
     spans = _spans(ephemerides)
     positive("mu", mu, " m^3/s^2")
     if interpolate is not None and not number("interpolate", interpolate) >= 0.0:
-        raise ValueError(f"interpolate: by how much states may be off, 0 or more, got {interpolate:g} m")
+        raise ValueError(f"interpolate: must be 0 m or more, got {interpolate:g} m")
     _comparable([each.first for each in spans])
     chief = spans[0].first
     offsets = seconds_of([each.first.epoch for each in spans], chief.time_system)
@@ -244,7 +246,7 @@ def common_frame(
 
 
 def _spans(given: Sequence[Ephemeris | Sequence[Ephemeris]]) -> tuple[Spans, ...]:
-    """Each object's segments. Raises ValueError for what is none."""
+    """Return the segments of each object; raise ValueError for another type."""
     each = [
         one if isinstance(one, Ephemeris) else tuple(sequence("ephemerides", one, Ephemeris))
         for one in sequence("ephemerides", given, Ephemeris, Sequence)
@@ -255,13 +257,13 @@ def _spans(given: Sequence[Ephemeris | Sequence[Ephemeris]]) -> tuple[Spans, ...
 
 
 def _fired(spans: Spans, offset: float, times: Floats) -> tuple[tuple[float, float], ...]:
-    """The manoeuvres of an object within the common time, since the chief's epoch."""
+    """Return the manoeuvres of an object within the common time, since the chief's epoch."""
     moved = [(when + float(offset), size) for when, size in spans.manoeuvres]
     return tuple((when, size) for when, size in moved if times[0] <= when <= times[-1])
 
 
 def _shared(spans: tuple[Spans, ...], offsets: Floats) -> Floats:
-    """Times (T,) [s] at which all have states, after the chief's epoch."""
+    """Return times (T,) [s] after the chief's epoch at which all objects have states."""
     chief = spans[0]
     shared = np.ones(len(chief.times), dtype=bool)
     for each, offset in zip(spans, offsets, strict=True):
@@ -288,7 +290,7 @@ def _shared(spans: tuple[Spans, ...], offsets: Floats) -> Floats:
 
 
 def _densest(spans: tuple[Spans, ...], offsets: Floats) -> Floats:
-    """The epochs (T,) [s] of whose are densest in the common time, and all edges of segments."""
+    """Return the epochs (T,) [s] of the densest ephemeris in the common time, and all edges of segments."""
     start, stop = _common_span(spans, offsets)
 
     def inside(times: Floats) -> Floats:
@@ -298,7 +300,7 @@ def _densest(spans: tuple[Spans, ...], offsets: Floats) -> Floats:
     times = max((inside(each.times + offset) for each, offset in pairs), key=len)
     if len(times) < 2:
         names = ", ".join(each.name for each in spans)
-        raise ValueError(f"{names}: they have less than two epochs in common time; give files that overlap")
+        raise ValueError(f"{names}: fewer than two epochs in common time; give files that overlap")
     edges = inside(np.concatenate([each.edges[2::2] + offset for each, offset in pairs]))
     both = np.union1d(times, edges)
     return both[np.diff(both, prepend=-np.inf) > SAME_EPOCH]
@@ -307,13 +309,13 @@ def _densest(spans: tuple[Spans, ...], offsets: Floats) -> Floats:
 def _states(
     spans: tuple[Spans, ...], offsets: Floats, times: Floats, allowed: float | None
 ) -> tuple[Floats, Floats, Floats]:
-    """States (N, T, 6) of all, the same before manoeuvres, and by how much they may be off (N,) [m]."""
+    """Return states (N, T, 6), the same before manoeuvres, and their estimated errors (N,) [m]."""
     after, before, errors = [], [], []
     for each, offset in zip(spans, offsets, strict=True):
         found, off = each.states(times - offset)
         if (worst := float(off.max())) > (allowed or 0.0):
             what = f"interpolated states may be off by {worst:.3g} m, more than {allowed or 0.0:g} m"
-            raise ValueError(f"{each.name}: {what}; give states closer in time, or allow so much")
+            raise ValueError(f"{each.name}: {what}; give states closer in time, or a larger interpolate")
         after.append(found)
         before.append(each.states(times - offset, before=True)[0] if each.manoeuvres else found)
         errors.append(worst)
@@ -321,7 +323,7 @@ def _states(
 
 
 def _common_span(spans: tuple[Spans, ...], offsets: Floats) -> tuple[float, float]:
-    """From when until when all have states [s]."""
+    """Return the start and the end of the common time [s]."""
     pairs = list(zip(spans, offsets, strict=True))
     begins = max(float(each.times[0] + offset) for each, offset in pairs)
     return begins, min(float(each.times[-1] + offset) for each, offset in pairs)

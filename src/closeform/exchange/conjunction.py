@@ -1,4 +1,4 @@
-"""Conjunction: what a message says of two objects that come close, at their closest approach."""
+"""Conjunction of two objects at their closest approach, as in a message."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from closeform.result import Result
 if TYPE_CHECKING:
     from closeform.uncertainty.encounter import Encounter
 
-# Of the axes of ITRF, about z [rad/s]: IERS Conventions 2010, 1.2.  Their pole stays within 0.6" of it.
+# Rotation rate of the axes of ITRF about z [rad/s]: IERS Conventions 2010, 1.2. Their pole stays within 0.6".
 EARTH_RATE = 7.292115e-5
 INERTIAL = ("EME2000", "GCRF", "ICRF", "TOD", "MOD", "TEME")
-UNIT_SLIP = 10.0  # between the miss distance that is told and that of the states
+UNIT_SLIP = 10.0  # ratio of the miss distances of message and states that indicates wrong units
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -28,24 +28,24 @@ class ConjunctionObject(Result):
     Parameters
     ----------
     name, designator : str
-        OBJECT_NAME and OBJECT_DESIGNATOR.
+        Values of OBJECT_NAME and OBJECT_DESIGNATOR.
     frame : str
-        REF_FRAME: an inertial one, or "ITRF", whose velocities are seen from the turning Earth.
+        REF_FRAME: an inertial one, or "ITRF", whose velocities are relative to the rotating Earth.
     state : array of shape (6,) [m, m/s]
-        In `frame`; anything array_like will do.
+        State in `frame`; array_like.
     covariance : array of shape (6, 6) [m^2, m^2/s, m^2/s^2]
-        Along the object's own radial, along-track (transverse) and cross-track (normal) axes, of its
-        inertial velocity; symmetric.  Anything array_like will do.
+        Covariance along the object's own radial, along-track (transverse) and cross-track (normal) axes, of
+        its inertial velocity; symmetric, array_like.
     radius : float [m], optional
-        Of the object's own body.
+        Radius of the object's own body.
     catalog, international_designator, ephemeris_name, covariance_method, manoeuvrable : str, optional
-        CATALOG_NAME, INTERNATIONAL_DESIGNATOR, EPHEMERIS_NAME, COVARIANCE_METHOD and MANEUVERABLE.
+        Values of CATALOG_NAME, INTERNATIONAL_DESIGNATOR, EPHEMERIS_NAME, COVARIANCE_METHOD and MANEUVERABLE.
 
     Raises
     ------
     ValueError
-        If a word is no text, a shape does not fit, a value is not finite, the covariance is not symmetric, or
-        the frame is unknown.
+        If a text is of another type, a shape does not fit, a value is not finite, the covariance is
+        not symmetric, or the frame is unknown.
 
     References
     ----------
@@ -83,12 +83,12 @@ class ConjunctionObject(Result):
 
     @property
     def turning(self) -> bool:
-        """Whether the frame turns with the Earth."""
+        """True if the frame rotates with the Earth."""
         return canonical(self.frame).startswith("ITRF")
 
     @property
     def inertial_state(self) -> Floats:
-        """The state (6,) [m, m/s] with its inertial velocity, along the axes of `frame` at that instant."""
+        """State (6,) [m, m/s] with its inertial velocity, along the axes of `frame` at that instant."""
         if not self.turning:
             return self.state
         moved = np.cross([0.0, 0.0, EARTH_RATE], self.state[:3])
@@ -96,38 +96,39 @@ class ConjunctionObject(Result):
 
     @property
     def inertial_covariance(self) -> Floats:
-        """The covariance (6, 6) [m^2, m^2/s, m^2/s^2] along the axes of `frame`, of the inertial state."""
+        """Covariance (6, 6) [m^2, m^2/s, m^2/s^2] of the inertial state, along the axes of `frame`."""
         return inertial(self.covariance, "RTN", self.inertial_state)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Conjunction(Result):
-    """Two objects at their closest approach, as a conjunction data message (CDM) tells it.
+    """Two objects at their closest approach, as in a conjunction data message (CDM).
 
     Parameters
     ----------
     tca : str
         Time of closest approach, ISO, UTC.
     objects : tuple of ConjunctionObject, of two
-        Whose operator is warned, then the other; in one frame.  Any sequence will do.
+        The object whose operator is warned, then the other, in one frame; any sequence.
     miss_distance : float [m], optional
-        As the message says; that of the states unless given.
+        Miss distance in the message; by default that of the states.
     hard_body_radius : float [m], optional
-        The sum of the radii of both bodies; unless given the sum of the objects' own, where these are.
+        Sum of the radii of both bodies; by default the sum of the objects' own, if known.
     collision_probability : float, no unit, optional
-        As the message says.
+        Collision probability in the message.
     collision_probability_method : str, optional
-        By which method.
+        Method of the collision probability.
     originator, message_id, creation_date, message_for : str, optional
-        Of the message.
+        Identification of the message.
     exclusion_radii : tuple of float [m], optional
-        Of the volumes that the originator's screening excluded about each object, where a comment says them.
+        Radii of the volumes that the originator's screening excluded about each object, if a comment
+        gives them.
 
     Raises
     ------
     ValueError
-        If there are not two objects, their frames differ, a number is out of its range, a word is no text,
-        or `miss_distance` is ten times that of the states, or a tenth.
+        If there are not two objects, their frames differ, a number is out of its range, a text is of another
+        type, or `miss_distance` is more than ten times that of the states, or less than a tenth.
 
     References
     ----------
@@ -186,39 +187,40 @@ class Conjunction(Result):
 
     @property
     def relative_state(self) -> Floats:
-        """The second's state less the first's, (6,) [m, m/s], along the first's axes; velocities inertial.
+        """State of the second relative to the first, (6,) [m, m/s], along the first's axes.
 
-        Radial, along-track and cross-track, as RELATIVE_POSITION_R ... RELATIVE_VELOCITY_N of a CDM.
+        Velocities are inertial. The axes are radial, along-track and cross-track, as RELATIVE_POSITION_R ...
+        RELATIVE_VELOCITY_N of a CDM.
         """
         first, second = (each.inertial_state for each in self.objects)
         turn = axes("RTN", first)
         return np.concatenate([turn @ (second - first)[:3], turn @ (second - first)[3:]])
 
     def encounter(self, half_window: float | None = None, mu: float = EARTH_MU) -> Encounter:
-        """Paths and errors of both about their closest approach, in the Hill frame of the first.
+        """Return paths and errors of both about their closest approach, in the Hill frame of the first.
 
         Parameters
         ----------
         half_window : float [s], optional
-            As `Encounter.of` has it.
+            Half of the time window, as in `Encounter.of`.
         mu : float [m^3/s^2], default that of the Earth
             Gravitational parameter of the body.
 
         Returns
         -------
         Encounter
-            What `collision_probability` and `clearance_in_sigmas` take; `path` is the second's.
+            Input of `collision_probability` and `clearance_in_sigmas`; `path` is the second's.
 
         Raises
         ------
         ValueError
-            If a covariance is indefinite, naming the object and the least eigenvalue, or as `Encounter.of`.
+            If a covariance is indefinite (the message gives its smallest eigenvalue), or as `Encounter.of`.
 
         References
         ----------
         docs/uncertainty.md.
         """
-        from closeform.uncertainty.encounter import Encounter  # with kernels, which reading can spare
+        from closeform.uncertainty.encounter import Encounter  # imported here: reading needs no kernels
 
         first, second = self.objects
         for each in self.objects:
@@ -228,5 +230,5 @@ class Conjunction(Result):
 
     @property
     def relative_speed(self) -> float:
-        """How fast they pass each other [m/s]."""
+        """Relative speed at the closest approach [m/s]."""
         return float(np.linalg.norm(self.relative_state[3:]))

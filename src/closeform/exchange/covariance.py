@@ -1,4 +1,4 @@
-"""Covariances of a state: as messages hold them, and the axes that they are in."""
+"""Covariances of states in messages, and their axes."""
 
 from __future__ import annotations
 
@@ -18,24 +18,25 @@ J2000 = {"J2000": "EME2000"}
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Covariances(Result):
-    """Covariances of an object's states at some epochs, as an OEM holds them.
+    """Covariances of an object's states at epochs, as in an OEM.
 
     Parameters
     ----------
     times : array of shape (C,) [s]
-        Since the epoch of the ephemeris, rising; may be before its first state.  Anything array_like will do.
+        Times since the epoch of the ephemeris, increasing; may precede its first state.  array_like.
     matrices : array of shape (C, 6, 6) [m^2, m^2/s, m^2/s^2]
-        Of position and velocity, along the axes of its frame, symmetric and without negative eigenvalue;
-        anything array_like will do.
+        Covariances of position and velocity, along the axes of `frames`, symmetric and without negative
+        eigenvalues; array_like.
     frames : tuple of str, of C
-        Of each: "RTN" or "RSW" (radial, along-track, cross-track), "TNW" (along the velocity, in the plane,
-        across), of the object itself, or the frame of the states.  Velocities are inertial in all of
-        them, and only their components along these axes.  Any sequence will do.
+        Frame of each: "RTN" or "RSW" (radial, along-track, cross-track), "TNW" (along the velocity, in plane,
+        cross-track), of the object itself, or the frame of the states.  Velocities are inertial in all
+        frames; only their components are along these axes.  Any sequence.
 
     Raises
     ------
     ValueError
-        If shapes do not fit, times do not rise, or a matrix is none; naming its least eigenvalue.
+        If shapes do not fit, times do not increase, or a matrix is invalid (the message gives its
+        eigenvalue).
 
     References
     ----------
@@ -64,7 +65,7 @@ class Covariances(Result):
 
 
 def covariance_lines(matrices: Floats, stamps: Sequence[str], frames: Sequence[str], own: str) -> list[str]:
-    """The block of an OEM, in km^2, km^2/s and km^2/s^2; frames are named that are not that of the states."""
+    """Return the lines of an OEM block in km^2, km^2/s and km^2/s^2, with frames other than `own`."""
     lines = ["", "COVARIANCE_START"]
     for stamp, matrix, given in zip(stamps, matrices / 1e6, frames, strict=True):
         lines.append(f"EPOCH = {stamp}")
@@ -75,14 +76,14 @@ def covariance_lines(matrices: Floats, stamps: Sequence[str], frames: Sequence[s
 
 
 def from_lower(values: Sequence[float]) -> Floats:
-    """A symmetric matrix (6, 6) of its 21 values from upper left to lower right, row by row."""
+    """Return a symmetric matrix (6, 6) from its 21 lower values, row by row."""
     matrix = np.zeros((6, 6))
     matrix[LOWER] = values
     return matrix + np.tril(matrix, -1).T
 
 
 def check(name: str, matrix: Floats) -> None:
-    """Refuse a matrix (6, 6) that is no covariance, as `Uncertainty` does."""
+    """Raise ValueError for a matrix (6, 6) that is not a covariance, as `Uncertainty` does."""
     from closeform.uncertainty.covariance import (
         root_of,  # with kernels, which a file without blocks can spare
     )
@@ -93,13 +94,13 @@ def check(name: str, matrix: Floats) -> None:
 
 
 def canonical(frame: str) -> str:
-    """A frame's name by which two are compared."""
+    """Return the normalised name of a frame, for comparison."""
     name = frame.strip().upper()
     return J2000.get(name, name)
 
 
 def inertial(matrix: Floats, frame: str, state: Floats) -> Floats:
-    """A covariance (6, 6) along inertial axes, where it is along those of an object of an inertial state."""
+    """Return a covariance (6, 6) along inertial axes, from that along local axes of an object."""
     if canonical(frame) not in LOCAL:
         return matrix
     turn = np.kron(np.eye(2), axes(frame, state))
@@ -107,7 +108,7 @@ def inertial(matrix: Floats, frame: str, state: Floats) -> Floats:
 
 
 def axes(frame: str, state: Floats) -> Floats:
-    """The axes of a local frame as rows (3, 3), of an object of an inertial `state` (6,)."""
+    """Return the axes of a local frame as rows (3, 3), for an object with an inertial `state` (6,)."""
     normal = np.cross(state[:3], state[3:])
     normal /= np.linalg.norm(normal)
     first = state[:3] if canonical(frame) in RADIAL else state[3:]

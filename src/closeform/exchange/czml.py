@@ -1,4 +1,4 @@
-"""CZML: all craft as a globe shows them."""
+"""CZML of all spacecraft, for display on a globe."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from closeform.arrays import Floats
 from closeform.exchange.exported import FileFrame, Track
 from closeform.exchange.nodes import DEGREE
 
-# Okabe and Ito's colours, told apart by everybody; the first is for a dark ground.
+# Okabe and Ito's colours, distinguishable with colour blindness; the first suits a dark background.
 COLOURS = (
     (86, 180, 233),
     (230, 159, 0),
@@ -23,12 +23,12 @@ COLOURS = (
     (0, 114, 178),
     (255, 255, 255),
 )
-SPEED = 60.0  # times the true one, as the globe begins to play
-PIXELS, WIDTH = 8, 1.5  # of a craft's dot and its way
+SPEED = 60.0  # initial playback speed relative to real time
+PIXELS, WIDTH = 8, 1.5  # of a spacecraft's dot and path
 
 
 def czml(tracks: Sequence[Track], frame: FileFrame, title: str) -> str:
-    """Positions in inertial axes, which the globe turns; it interpolates from node to node."""
+    """Return CZML with positions in inertial axes, which the globe rotates and interpolates."""
     first, last = (edge(min(t.span[0] for t in tracks)), edge(max(t.span[1] for t in tracks)))
     begin, end = frame.utc(first)[0], frame.utc(last)[0]
     clock = {"interval": f"{begin}/{end}", "currentTime": begin, "multiplier": SPEED, "range": "LOOP_STOP"}
@@ -40,12 +40,12 @@ def czml(tracks: Sequence[Track], frame: FileFrame, title: str) -> str:
 
 
 def edge(time: float) -> Floats:
-    """One time as an array."""
+    """Return one time as an array."""
     return np.array([time])
 
 
 def packet(track: Track, frame: FileFrame, colour: tuple[int, int, int], whole: str) -> dict[str, Any]:
-    """One craft: a dot with its name and the way that it takes."""
+    """Return the packet of one spacecraft: a dot with its name, and its path."""
     rgba = {"rgba": [*colour, 255]}
     return {
         "id": track.object_id if track.object_id != "UNKNOWN" else track.name,
@@ -60,7 +60,7 @@ def packet(track: Track, frame: FileFrame, colour: tuple[int, int, int], whole: 
 
 
 def interval(times: Floats, states: Floats, frame: FileFrame) -> dict[str, Any]:
-    """Samples of position and velocity of one smooth piece, in which alone they are interpolated."""
+    """Return samples of position and velocity of one smooth piece, within which they are interpolated."""
     first, last = frame.utc(times[[0, -1]])
     samples = np.column_stack([times - times[0], states])
     return {

@@ -1,4 +1,4 @@
-"""Ephemeris: states of one object over time, as a message holds them."""
+"""Ephemeris: states of one object over time, as in a message."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from closeform.arrays import Floats, instance, numbers
 from closeform.exchange.covariance import LOCAL, Covariances, canonical
 from closeform.result import Rows
 
-SAME_EPOCH = 1e-8  # s: a tenth of a millimetre of flight in low orbit
+SAME_EPOCH = 1e-8  # s: a tenth of a millimetre of motion in low orbit
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -21,27 +21,27 @@ class Ephemeris(Rows):
     Parameters
     ----------
     name, object_id : str
-        OBJECT_NAME and OBJECT_ID.
+        Values of OBJECT_NAME and OBJECT_ID.
     center : str
-        CENTER_NAME, the body of the frame's origin.
+        CENTER_NAME, the body at the frame's origin.
     frame : str
         REF_FRAME.
     time_system : str
         TIME_SYSTEM, such as "UTC".
     epoch : str
-        The ISO time of the first state in `time_system`.
+        ISO epoch of the first state in `time_system`.
     times : array of shape (T,) [s]
-        Since `epoch`, rising, T >= 2; anything array_like will do.
+        Times since `epoch`, increasing, T >= 2; array_like.
     states : array of shape (T, 6) [m, m/s]
-        In `frame` about `center`; anything array_like will do.
+        States in `frame` about `center`; array_like.
     covariances : Covariances, optional
-        Of the states, at epochs of their own.
+        Covariances of the states, at their own epochs.
 
     Raises
     ------
     ValueError
-        If a word is no text, shapes do not fit, a value is not finite, times do not rise, or a covariance
-        is in a frame that is neither local nor that of the states.
+        If a text is of another type, shapes do not fit, a value is not finite, times do not increase, or a
+        covariance is in a frame that is neither local nor that of the states.
 
     References
     ----------
@@ -82,7 +82,7 @@ class Ephemeris(Rows):
 
 
 def flaw_of_states(times: Floats, states: Floats) -> tuple[int, str] | None:
-    """The first row that cannot stand, and why."""
+    """Return the index of the first invalid row, and the reason, or None."""
     finite = np.isfinite(times) & np.isfinite(states).all(axis=1)
     if not finite.all():
         return int(np.argmin(finite)), "a value is not finite; remove or correct this state"
@@ -93,7 +93,7 @@ def flaw_of_states(times: Floats, states: Floats) -> tuple[int, str] | None:
 
 
 def flaw_of_frame(frame: str, states: str) -> str | None:
-    """Why a covariance cannot be in a `frame` beside states in theirs."""
+    """Return why a covariance cannot be in a `frame` with states in theirs, or None."""
     if canonical(frame) in (*LOCAL, canonical(states)):
         return None
     return f"{frame} is not supported; give covariances in one of {', '.join(LOCAL)}, {states}"

@@ -1,7 +1,7 @@
-"""Epochs: instants as CCSDS messages write them, the seconds between them, and what they are in UTC.
+"""Epochs in the notation of CCSDS messages, seconds between them, and conversion to UTC.
 
-ERFA counts leap seconds and turns time systems into each other; dates are in two parts, which lose no
-nanosecond.  It is imported when it is first used.
+ERFA provides leap seconds and conversions of time systems; dates have two parts, which keeps
+nanoseconds.  It is imported at first use.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ GPS_BEHIND_TAI = 19.0  # s, for good
 EXAMPLE = "2010-07-27T00:00:00"
 
 EPOCH = re.compile(r"(\d{4}-(?:\d{3}|\d\d-\d\d))T(\d\d):(\d\d):(\d\d(?:\.\d*)?)Z?")
-Dates = tuple[Floats, Floats]  # Julian, in two parts that add
+Dates = tuple[Floats, Floats]  # Julian dates in two parts whose sum is the date
 
 
 class EpochError(ValueError):
-    """What is no epoch; `index`: which of several."""
+    """Invalid epoch; `index` is its position among several."""
 
     def __init__(self, index: int, stamp: str) -> None:
         super().__init__(f"'{stamp}' is no epoch; write it as {EXAMPLE}")
@@ -39,7 +39,7 @@ class EpochError(ValueError):
 
 @dataclass(frozen=True)
 class Epoch:
-    """An instant: how it is written (`stamp`), in which time `system`.  Raises ValueError if it is none."""
+    """An instant: its notation (`stamp`) and time `system`; ValueError if it is invalid."""
 
     stamp: str
     system: str = "UTC"
@@ -49,7 +49,7 @@ class Epoch:
 
     @classmethod
     def of(cls, text: str) -> Epoch:
-        """From "2026-11-22T12:00:00Z", in UTC, or "2026-11-22T12:00:15 TAI"."""
+        """Return an epoch from "2026-11-22T12:00:00Z", in UTC, or "2026-11-22T12:00:15 TAI"."""
         stamp, _, system = text.strip().partition(" ")
         return cls(stamp, system.strip() or "UTC")
 
@@ -61,7 +61,7 @@ class Epoch:
         return dates([self.stamp], self.system)
 
     def until(self, other: Epoch) -> float:
-        """Seconds until another epoch, also of another time system; negative if that was before."""
+        """Return the seconds until another epoch, of any time system; negative if it is earlier."""
         if self.system.upper() == other.system.upper():
             return float(seconds_of([self.stamp, other.stamp], self.system)[1])
         one, two = (tai(each._date, each.system) for each in (self, other))
@@ -78,44 +78,44 @@ class Epoch:
         return (later[0] - own[0]) * DAY, (later[1] - own[1]) * DAY
 
     def stamps(self, times: ArrayLike) -> list[str]:
-        """The epochs that are so many seconds (T,) later, in the same time system, to a nanosecond."""
+        """Return the epochs that are seconds (T,) later, in the same time system, to a nanosecond."""
         later = self._later(times)
         if self.system.upper() != "UTC":
             return written(later, "TAI", 9)
         return written(utc(later), "UTC", 9)
 
     def utc(self, times: ArrayLike, decimals: int = 9) -> list[str]:
-        """The same in UTC, with a Z at the end."""
+        """Return the same in UTC, with a Z at the end."""
         later = utc(tai(self._later(times), self.system))
         return [f"{stamp}Z" for stamp in written(later, "UTC", decimals)]
 
     def _later(self, times: ArrayLike) -> Dates:
-        """Dates so many seconds (T,) later, that count like those of `dates`."""
+        """Return dates that are seconds (T,) later, counted like those of `dates`."""
         day, part = self._date
         whole, rest = np.divmod(np.ravel(numbers("times", times)), DAY)
         return day + whole, part + rest / DAY
 
 
 def now() -> str:
-    """This second in UTC, as CREATION_DATE has it."""
+    """Return the current second in UTC, in the notation of CREATION_DATE."""
     return f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%S}"
 
 
 def seconds_of(stamps: Sequence[str], system: str) -> Floats:
-    """Seconds of ISO epochs after the first of them; leap seconds are counted."""
+    """Return the seconds of ISO epochs after the first of them, with leap seconds."""
     found = dates(stamps, system)
-    return between((found[0][:1], found[1][:1]), found).round(10)  # as written: 20.0
+    return between((found[0][:1], found[1][:1]), found).round(10)  # as in the text: 20.0
 
 
 def between(one: Dates, other: Dates) -> Floats:
-    """Seconds from one date to another; whole days by themselves: weeks hide a tenth of a nanosecond."""
+    """Return the seconds from one date to another; whole days apart, to keep tenths of a nanosecond."""
     return (other[0] - one[0]) * DAY + (other[1] - one[1]) * DAY
 
 
 def dates(stamps: Sequence[str], system: str) -> Dates:
-    """Dates of ISO epochs in days of 86400 s: of UTC those in TAI, else those of the system itself."""
+    """Return dates of ISO epochs in days of 86400 s: for UTC in TAI, else in the system itself."""
     if (known := system.upper()) not in SYSTEMS:
-        why = "follows the turning Earth, as tables tell" if known == "UT1" else "is not supported"
+        why = "requires tables of the Earth's rotation" if known == "UT1" else "is not supported"
         raise ValueError(f"TIME_SYSTEM {system} {why}; use one of {', '.join(SYSTEMS)}")
     import erfa
 
@@ -134,7 +134,7 @@ def dates(stamps: Sequence[str], system: str) -> Dates:
 
 
 def clock(stamp: str, system: str) -> tuple[int, int, int, int, int, float]:
-    """Year, month, day, hour, minute and second of a CCSDS epoch, whichever way its day is written."""
+    """Return year, month, day, hour, minute and second of a CCSDS epoch, in either notation of the day."""
     match = EPOCH.fullmatch(stamp)
     if match is None:
         raise ValueError
@@ -146,7 +146,7 @@ def clock(stamp: str, system: str) -> tuple[int, int, int, int, int, float]:
 
 @lru_cache(maxsize=1000)
 def calendar(text: str) -> date:
-    """A day, with month and day or with the day of the year."""
+    """Return a date from month and day or from the day of the year."""
     year, _, rest = text.partition("-")
     if "-" in rest:
         return date.fromisoformat(text)
@@ -158,7 +158,7 @@ def calendar(text: str) -> date:
 
 @lru_cache(maxsize=1000)
 def leap(day: date, system: str) -> bool:
-    """Whether a day has a second more, of those that are known."""
+    """Return True if a day ends with a known leap second."""
     if system != "UTC":
         return False
     import erfa
@@ -170,7 +170,7 @@ def leap(day: date, system: str) -> bool:
 
 
 def tai(found: Dates, system: str) -> Dates:
-    """Dates of a time system (see `dates`) in TAI."""
+    """Return dates of a time system (see `dates`) in TAI."""
     import erfa
 
     known = system.upper()
@@ -189,12 +189,12 @@ def tai(found: Dates, system: str) -> Dates:
 
 
 def dated(found: tuple[Any, Any]) -> Dates:
-    """Dates as ERFA answers with them, which carries no types."""
+    """Return dates from ERFA, which has no type annotations."""
     return found
 
 
 def utc(found: Dates) -> Dates:
-    """Dates of TAI in UTC, as ERFA counts them: a day with a leap second is a day."""
+    """Return dates of TAI in UTC, as ERFA counts them: a day with a leap second is one day."""
     import erfa
 
     with quiet():
@@ -202,7 +202,7 @@ def utc(found: Dates) -> Dates:
 
 
 def written(found: Dates, scale: str, decimals: int) -> list[str]:
-    """Dates as ISO epochs; "UTC" is the scale with leap seconds."""
+    """Return dates as ISO epochs; "UTC" is the scale with leap seconds."""
     import erfa
 
     with quiet():
@@ -220,7 +220,7 @@ def written(found: Dates, scale: str, decimals: int) -> list[str]:
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """Without ERFA's word on each year for which leap seconds are not known yet."""
+    """Suppress ERFA's warnings about years without known leap seconds."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         yield

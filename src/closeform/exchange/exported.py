@@ -1,4 +1,4 @@
-"""What is exported of a craft: states at nodes along the axes of a file, and its burns."""
+"""Exported data of a spacecraft: states at nodes along the axes of a file, and burns."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from closeform.exchange.chief import Chief
 from closeform.exchange.epochs import Epoch
 from closeform.exchange.nodes import COUNT, DEGREE
 
-ROTATING = "RSW_ROTATING"  # of SANA's registry: radial, along-track, cross-track, turning with the chief
-LARGE = 1e3  # m/s: of a vector that is turned as a velocity, beside which rounding is nothing
+ROTATING = "RSW_ROTATING"  # in SANA's registry: radial, along-track, cross-track, rotating with the chief
+LARGE = 1e3  # m/s: size to which a vector is scaled before it is rotated as a velocity
 
 
 @dataclass(frozen=True, eq=False)
 class FileFrame:
-    """Along whose axes a file is, about which `center`, and which `epoch` time 0 is.
+    """Frame of a file: its axes, `center`, and the `epoch` of time 0.
 
-    Paths are those of Hill's frame that the `chief` carries, or with None in the axes of the file already.
-    `about` says in words what readers should know.
+    Paths are in the Hill frame of the `chief`, or already in the axes of the file if it is None. `about`
+    contains comments for readers.
     """
 
     name: str
@@ -33,22 +33,22 @@ class FileFrame:
     _told: dict[bytes, list[str]] = field(default_factory=dict, repr=False)
 
     def stamps(self, times: Floats) -> list[str]:
-        """Times (T,) [s] as epochs with nine decimals; those that many craft share are written once."""
+        """Return times (T,) [s] as epochs with nine decimals; shared times are converted once."""
         key = times.tobytes()
         if key not in self._told:
             self._told[key] = self.epoch.stamps(times)
         return self._told[key]
 
     def utc(self, times: Floats) -> list[str]:
-        """The same in UTC, with a Z at the end, whatever the time system of the epoch."""
+        """Return the same in UTC, with a Z at the end, for any time system of the epoch."""
         return self.epoch.utc(times)
 
     def states(self, times: Floats, relative: Floats) -> Floats:
-        """States (T, 6) along the file's axes, of those of the paths."""
+        """Return states (T, 6) along the file's axes, from those of the paths."""
         return relative if self.chief is None else self.chief.inertial_from_relative(times, relative)
 
     def vectors(self, times: Floats, relative: Floats, vectors: Floats) -> Floats:
-        """Thrusts or velocity increments (T, 3) along the file's axes, of craft at `relative` (T, 6)."""
+        """Return thrusts or velocity changes (T, 3) along the file's axes, for states `relative` (T, 6)."""
         size = np.abs(vectors).max(initial=0.0)
         if self.chief is None or size == 0.0:
             return vectors
@@ -59,10 +59,10 @@ class FileFrame:
         return turned
 
     def covariances(self, times: Floats, relative: Floats, matrices: Floats) -> Floats:
-        """Covariances (C, 6, 6) along the file's axes, of those of the paths about `relative` (C, 6)."""
+        """Return covariances (C, 6, 6) along the file's axes, from those of paths at `relative` (C, 6)."""
         if self.chief is None:
             return matrices
-        steps = np.diag([1.0, 1.0, 1.0, 1e-3, 1e-3, 1e-3])  # m, m/s, within which the map is straight
+        steps = np.diag([1.0, 1.0, 1.0, 1e-3, 1e-3, 1e-3])  # m, m/s, within which the map is linear
         six = np.repeat(times, 6)
         ahead, behind = (
             self.states(six, (relative[:, None] + sign * steps).reshape(-1, 6)).reshape(-1, 6, 6)
@@ -75,10 +75,10 @@ class FileFrame:
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """A smooth part of a craft's motion, told at `times` (T,) [s], T >= COUNT.
+    """Smooth part of a spacecraft's motion, given at `times` (T,) [s], T >= COUNT.
 
-    `states` (T, 6) [m, m/s] and `thrust` (T, 3) [m/s^2]; `covariances` (C, 6, 6) [m^2, m^2/s, m^2/s^2] at
-    `known` (C,) [s], some of the times, none of a craft without errors.
+    It has `states` (T, 6) [m, m/s] and `thrust` (T, 3) [m/s^2], and `covariances` (C, 6, 6) [m^2, m^2/s,
+    m^2/s^2] at `known` (C,) [s], some of the times; none for a spacecraft without errors.
     """
 
     times: Floats
@@ -90,10 +90,10 @@ class Piece:
 
 @dataclass(frozen=True, eq=False)
 class Shots:
-    """K burns in order of time: `start` and `duration` (K,) [s], 0 of an impulse, `push` (K, 3) [m/s].
+    """K burns in order of time: `start` and `duration` (K,) [s], 0 for an impulse, `push` (K, 3) [m/s].
 
-    The push is the integral of the thrust; `propellant` (K,) [kg] is nan where that is not known; `thruster`
-    (K,) counts from 1, and is 0 where the burn is that of no thruster.
+    The push is the integral of the thrust; `propellant` (K,) [kg] is nan where unknown; `thruster` (K,)
+    counts from 1, and is 0 for a burn that is not assigned to a thruster.
     """
 
     start: Floats
@@ -108,10 +108,10 @@ class Shots:
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """All that is exported of one craft.
+    """Exported data of one spacecraft.
 
-    `pieces` in order of time; `error` [m]: how far Hermite's polynomials through COUNT states of a piece are
-    off, measured.  `mass` [kg] is that at the start, None where it is not known.
+    `pieces` are in order of time; `error` [m] is the measured error of Hermite's polynomials through COUNT
+    states of a piece. `mass` [kg] is that at the start, None if unknown.
     """
 
     name: str
@@ -123,23 +123,23 @@ class Track:
 
     @property
     def span(self) -> tuple[float, float]:
-        """From when until when there are states [s]."""
+        """Start and end of the states [s]."""
         return float(self.pieces[0].times[0]), float(self.pieces[-1].times[-1])
 
     @property
     def count(self) -> int:
-        """How many states there are."""
+        """Number of states."""
         return sum(len(piece.times) for piece in self.pieces)
 
     @property
     def accuracy(self) -> str:
-        """What to say of states between those that are told."""
+        """Statement about the accuracy between states."""
         text = f"between epochs Hermite's polynomials of degree {DEGREE} (through {COUNT} states)"
         return f"{text} are off by up to {self.error:.1e} m, measured against the closed form"
 
 
 def text_rows(stamps: list[str], form: str, values: Floats) -> str:
-    """A line for each stamp and its row of numbers, in one go: `form` is that of a line, its stamp first."""
+    """Return a line for each stamp and its row of numbers; `form` formats a line with its stamp first."""
     width = values.shape[1] + 1
     cells: list[object] = [None] * (len(stamps) * width)
     cells[::width] = stamps

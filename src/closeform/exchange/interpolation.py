@@ -1,4 +1,4 @@
-"""States of an ephemeris between its epochs: polynomials through positions and velocities (Hermite's)."""
+"""Interpolation of an ephemeris by polynomials through positions and velocities (Hermite)."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from closeform.arrays import Floats, numbers
 from closeform.exchange.ephemeris import SAME_EPOCH, Ephemeris
 from closeform.exchange.epochs import Epoch
 
-MOST = 6  # states that one polynomial goes through, of degree 11
+MOST = 6  # states of one polynomial, of degree 11
 
 
 def states_of(ephemeris: Ephemeris, epoch: Epoch, times: ArrayLike) -> tuple[Floats, Floats]:
-    """States (T, 6) of an ephemeris so many seconds (T,) after an epoch, and errors (T,) [m] by estimate.
+    """Return states (T, 6) at times (T,) [s] after an epoch, and their estimated errors (T,) [m].
 
-    Raises ValueError where it does not reach.
+    Raises ValueError outside of the span of the ephemeris.
     """
     own = Epoch(ephemeris.epoch, ephemeris.time_system)
     begin, end = ephemeris.times[0], ephemeris.times[-1]
@@ -33,22 +33,21 @@ def states_of(ephemeris: Ephemeris, epoch: Epoch, times: ArrayLike) -> tuple[Flo
 
 
 def nearest(epochs: Floats, times: Floats) -> Any:
-    """Which (K,) of some epochs (T,), which rise, is nearest to each time (K,); of two the later."""
+    """Return the index (K,) of the increasing epochs (T,) nearest to each time (K,); of two the later."""
     after = np.clip(np.searchsorted(epochs, times), 1, len(epochs) - 1)
     return after - (times - epochs[after - 1] < epochs[after] - times)
 
 
 def interpolated(ephemeris: Ephemeris, times: Floats) -> tuple[Floats, Floats]:
-    """States (K, 6) at `times` (K,) [s] within the span of an ephemeris, and errors (K,) [m] by estimate."""
+    """Return states (K, 6) at `times` (K,) [s] within an ephemeris, and estimated errors (K,) [m]."""
     return hermite(ephemeris.times, ephemeris.states, times)
 
 
 def hermite(epochs: Floats, known: Floats, times: Floats, most: int = MOST) -> tuple[Floats, Floats]:
-    """States (K, 6) at `times` (K,) [s], and errors (K,) [m] by estimate, from those (T, 6) at `epochs` (T,).
+    """Return states (K, 6) at `times` (K,) [s], and estimated errors (K,) [m], from `known` (T, 6).
 
-    Each polynomial goes through the `most` epochs around.  The estimate is the size of the last two terms of
-    Newton's form: what the farthest state adds to the position.  It is 0 at the epochs, where nothing is
-    interpolated.
+    Each polynomial uses the `most` nearest of the `epochs` (T,). The estimate is the size of the last two
+    terms of Newton's form, the contribution of the farthest state to the position. It is 0 at the epochs.
     """
     count = min(most, len(epochs))
     last = len(epochs) - count
@@ -56,7 +55,7 @@ def hermite(epochs: Floats, known: Floats, times: Floats, most: int = MOST) -> t
     index = first[:, None] + np.arange(count)
     unit = epochs[index[:, -1]] - epochs[index[:, 0]]  # keeps differences near positions
     away = np.abs(epochs[index] - times[:, None])
-    index = np.take_along_axis(index, np.argsort(away, axis=1), axis=1)  # so that the farthest is last
+    index = np.take_along_axis(index, np.argsort(away, axis=1), axis=1)  # the farthest is last
     nodes = np.repeat((epochs[index] - times[:, None]) / unit[:, None], 2, axis=1)
     positions = np.repeat(known[index, :3], 2, axis=1)
     rates = known[index, 3:] * unit[:, None, None]
@@ -68,11 +67,11 @@ def hermite(epochs: Floats, known: Floats, times: Floats, most: int = MOST) -> t
         twice = gap == 0.0
         slope = np.diff(differences, axis=1) / np.where(twice, 1.0, gap)[..., None]
         if order == 1:
-            slope[:, ::2] = rates  # of a node that stands twice
+            slope[:, ::2] = rates  # at a double node
         differences = slope
         coefficients.append(differences[:, 0])
     place, rate = np.zeros_like(coefficients[0]), np.zeros_like(coefficients[0])
-    for order in range(2 * count - 1, -1, -1):  # Horner at 0, where the wanted times are
+    for order in range(2 * count - 1, -1, -1):  # Horner's scheme at 0, the wanted time
         ahead = -nodes[:, order, None]
         rate = rate * ahead + place
         place = place * ahead + coefficients[order]

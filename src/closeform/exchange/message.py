@@ -1,4 +1,4 @@
-"""What a CCSDS message holds, one entry after another, in key-value or XML form (502.0-B 7, 508.0-B 6)."""
+"""Entries of a CCSDS message in order, in key-value or XML form (502.0-B 7, 508.0-B 6)."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ BRACKETS = re.compile(r"\s*\[([^\[\]]*)\]$")
 BLOCKS = {
     "metadata": "META",
     "covarianceMatrix": "COVARIANCE",
-}  # of XML, framed by words else
+}  # blocks of XML that key-value form delimits by keywords
 ROW = ("EPOCH", "X", "Y", "Z", "X_DOT", "Y_DOT", "Z_DOT")
 CORRECT = "correct the file or ask its originator for it again"
 
 
 class Entry(NamedTuple):
-    """One line: a keyword with its value and unit, or data without keyword."""
+    """One line: a keyword with its value and unit, or data without a keyword."""
 
     line: int
     keyword: str
@@ -33,7 +33,7 @@ class Entry(NamedTuple):
 
 @contextmanager
 def within(file: str | PathLike[str]) -> Iterator[None]:
-    """Put the file's name before the message of a ValueError, in one line."""
+    """Prefix the message of a ValueError with the file's name, in one line."""
     try:
         yield
     except ValueError as error:
@@ -41,7 +41,7 @@ def within(file: str | PathLike[str]) -> Iterator[None]:
 
 
 def message(file: str | PathLike[str], kind: str) -> list[Entry]:
-    """The entries of a message of a `kind` ("OEM", "CDM"); ValueError for what is no such message."""
+    """Return the entries of a message of a `kind` ("OEM", "CDM"); raise ValueError for another file."""
     one = f"{'an' if kind[0] in 'AEO' else 'a'} {kind}"
     try:
         text = FilePath(file).read_text(encoding="utf-8-sig")
@@ -60,7 +60,7 @@ def message(file: str | PathLike[str], kind: str) -> list[Entry]:
 
 
 def of_key_values(text: str) -> list[Entry]:
-    """Lines of key-value form; those that are blank are left out."""
+    """Return the lines of key-value form that are not blank."""
     entries = []
     for number, raw in enumerate(text.split("\n"), 1):
         line = raw.strip()
@@ -78,7 +78,7 @@ def of_key_values(text: str) -> list[Entry]:
 
 
 def of_xml(text: str, kind: str) -> list[Entry]:
-    """Elements of XML as the lines that they are in key-value form."""
+    """Return the elements of XML as the corresponding lines of key-value form."""
     entries: list[Entry] = []
     opened: list[tuple[int, str, str, list[str]]] = []  # line, tag, unit, text
     leaves: dict[str, str] = {}  # of the state of an ephemeris
@@ -119,12 +119,12 @@ def of_xml(text: str, kind: str) -> list[Entry]:
 
 
 def refuse_entities(*_: Any) -> None:
-    """No message declares entities; a few lines of them can stand for gigabytes."""
+    """Refuse entities: no message needs them, and a few lines of them can expand to gigabytes."""
     raise ValueError(f"declares entities, which no message has; {CORRECT}")
 
 
 def by_keyword(entries: Iterable[Entry], where: str) -> dict[str, Entry]:
-    """Entries by keyword, each once; comments are left out."""
+    """Return entries by keyword without comments; raise ValueError if one occurs twice."""
     found: dict[str, Entry] = {}
     for entry in entries:
         if entry.keyword == "COMMENT":
@@ -136,21 +136,21 @@ def by_keyword(entries: Iterable[Entry], where: str) -> dict[str, Entry]:
 
 
 def require(found: Mapping[str, Entry], keywords: Iterable[str], where: str) -> None:
-    """Refuse what lacks a keyword that the standard asks for."""
+    """Raise ValueError if a mandatory keyword is missing."""
     for keyword in keywords:
         if keyword not in found or not found[keyword].value:
             raise ValueError(f"keyword {keyword} is missing {where}; {CORRECT}")
 
 
 def numbers_in(line: int, words: Sequence[str]) -> list[float]:
-    """Words as numbers, which may be nan or infinite."""
+    """Return words as numbers, which may be nan or infinite."""
     return [number_in(line, word) for word in words]
 
 
 def number_in(line: int, word: str) -> float:
-    """A word as a number."""
+    """Return a word as a number."""
     try:
-        if "_" in word:  # which Python lets stand between digits
+        if "_" in word:  # which Python accepts between digits
             raise ValueError
         return float(word)
     except ValueError:
@@ -158,7 +158,7 @@ def number_in(line: int, word: str) -> float:
 
 
 def quantity(entry: Entry, unit: str) -> float:
-    """A keyword's number in the `unit` of the standard."""
+    """Return a keyword's number in the `unit` of the standard."""
     if entry.unit and entry.unit.replace(" ", "").lower() != unit.lower():
         what = f"{entry.keyword} in [{entry.unit}], where the standard has [{unit}]"
         raise ValueError(f"line {entry.line}: {what}; convert it, or correct the unit")

@@ -1,4 +1,4 @@
-"""Nodes: where states of a path are told, so that polynomials between them give the rest."""
+"""Nodes at which states of a path are exported, for interpolation between them."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from closeform.exchange.interpolation import nearest
 from closeform.motion.arc import END, IMPULSE, START
 from closeform.motion.path import Path, path_of
 
-COUNT = 4  # nodes that one of Hermite's polynomials goes through
+COUNT = 4  # nodes of one Hermite polynomial
 DEGREE = 2 * COUNT - 1
-SMOOTH = 1e-6  # of the greatest thrust: a jump that is rounding, or a piece of saturated thrust
-NEAR = 0.25  # of a step: nodes that are nearer to another node are left out
-SHORTEST = 1e-6  # s: what lasts no longer has no nodes
-APART = 1e-3  # s: kicks of two craft that are nearer are one
+SMOOTH = 1e-6  # of the greatest thrust: a smaller jump is rounding, or a joint of saturated thrust
+NEAR = 0.25  # of a step: nodes that are closer to another node are omitted
+SHORTEST = 1e-6  # s: shorter intervals have no nodes
+APART = 1e-3  # s: impulses of two spacecraft that are closer are treated as simultaneous
 
 
 def smooth_pieces(path: Path) -> list[Path]:
-    """One craft's path cut where its velocity or its thrust jumps."""
+    """Return one spacecraft's path in parts, cut where its velocity or its thrust jumps."""
     arcs = path.arcs
     alone = path_of(path.orbit, arcs, np.arange(len(arcs) + 1), (len(arcs),))
     begun, ended = (alone._evaluate_rows(arcs[:, edge : edge + 1], 3)[:, 0] for edge in (START, END))
@@ -37,22 +37,22 @@ def smooth_pieces(path: Path) -> list[Path]:
 
 
 def edges_of(pieces: Sequence[Path]) -> Floats:
-    """When the pieces of one craft begin and end [s], to a nanosecond."""
+    """Return when the pieces of one spacecraft begin and end [s], to a nanosecond."""
     return np.unique(np.round([[piece.start, piece.end] for piece in pieces], 9))
 
 
 def kicks_of(path: Path) -> Floats:
-    """When the velocity of one craft jumps [s], to a nanosecond."""
+    """Return when the velocity of one spacecraft jumps [s], to a nanosecond."""
     jumps = path.arcs[:, IMPULSE : IMPULSE + 3].any(axis=1)
     times: Floats = np.round(path.arcs[jumps, START], 9)
     return times
 
 
 def common_nodes(edges: Sequence[Floats], kicks: Sequence[Floats], step: float) -> tuple[Floats, Floats]:
-    """Times for everybody: multiples of a step, and between them the edges of all craft; those of all kicks.
+    """Return common nodes: multiples of a step and the edges of all spacecraft; and the times of impulses.
 
-    Nodes much nearer to each other than to the rest make polynomials of rounding, so that only kicks, which a
-    screening needs, may be.
+    Nodes much closer to each other than to the rest amplify rounding in polynomials, so only impulses, which
+    a screening needs, may be so close.
     """
     first, last = min(times[0] for times in edges), max(times[-1] for times in edges)
     fired = spaced(np.unique(np.concatenate([[first, last], *kicks])), APART)
@@ -64,7 +64,7 @@ def common_nodes(edges: Sequence[Floats], kicks: Sequence[Floats], step: float) 
 
 
 def spaced(times: Floats, gap: float) -> Floats:
-    """Of times that rise those that are a gap behind the last that is kept."""
+    """Return increasing times, without those within a gap after the previous one kept."""
     kept: list[float] = []
     for time in times.tolist():
         if not kept or time - kept[-1] > gap:
@@ -73,13 +73,13 @@ def spaced(times: Floats, gap: float) -> Floats:
 
 
 def distance(times: Floats, others: Floats) -> Floats:
-    """How far each time is from the nearest of some others, which rise."""
+    """Return the distance of each time from the nearest of increasing other times."""
     apart: Floats = np.abs(times - others[nearest(others, times)])
     return apart
 
 
 def nodes_of(piece: Path, common: Floats, fired: Floats, step: float) -> Floats:
-    """The nodes of a smooth piece: its ends, and of the common ones those between; COUNT at least."""
+    """Return the nodes of a smooth piece: its ends, and the common ones between; at least COUNT."""
     ends: Floats = np.round([piece.start, piece.end], 9)
     room = np.where(np.isin(common, fired), APART, NEAR * step)
     inside = common[(common > ends[0] + room) & (common < ends[1] - room)]

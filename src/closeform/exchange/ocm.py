@@ -1,4 +1,4 @@
-"""The text of an OCM (CCSDS 502.0-B-3 section 6): the states of a craft, and its thrust at every time."""
+"""The text of an OCM (CCSDS 502.0-B-3 section 6): states of a spacecraft, and its thrust over time."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ UNITS = {"MAN_DURA": "s", MASS: "kg", "ACC_INTERP": "n/a"}
 
 
 def ocm(track: Track, frame: FileFrame) -> str:
-    """In key-value form; times count in seconds from EPOCH_TZERO."""
+    """Return an OCM in key-value form; times count in seconds from EPOCH_TZERO."""
     head = ["CCSDS_OCM_VERS = 3.0", *(f"COMMENT {line}" for line in comments(track, frame))]
     head += [f"CREATION_DATE = {now()}", f"ORIGINATOR = {ORIGINATOR}", "", "META_START"]
     first, last = frame.stamps(np.array(track.span))
@@ -54,17 +54,17 @@ def ocm(track: Track, frame: FileFrame) -> str:
 
 
 def block(name: str, entries: Mapping[str, str], about: Sequence[str] = ()) -> str:
-    """The beginning of a block."""
+    """Return the beginning of a block."""
     return "\n".join([f"\n{name}_START", *(f"COMMENT {line}" for line in about), *keyed(entries), ""])
 
 
 def seconds(times: Floats) -> list[str]:
-    """Times since EPOCH_TZERO, to a nanosecond."""
+    """Return times since EPOCH_TZERO, to a nanosecond."""
     return [f"{time:.9f}" for time in times.tolist()]
 
 
 def manoeuvre(track: Track, frame: FileFrame, kind: str, composition: tuple[str, ...], about: str) -> str:
-    """The beginning of a block of manoeuvres."""
+    """Return the beginning of a block of manoeuvres."""
     speed = {"ACC": "km/s**2", "DV_": "km/s"}
     units = [UNITS.get(word) or speed[word[:3]] for word in composition[1:]]
     told = {
@@ -80,7 +80,7 @@ def manoeuvre(track: Track, frame: FileFrame, kind: str, composition: tuple[str,
 
 
 def impulses(track: Track, frame: FileFrame) -> list[str]:
-    """Jumps of the velocity."""
+    """Return the block of velocity jumps."""
     burns = track.burns
     kicks = np.flatnonzero(burns.duration == 0.0)
     if not len(kicks):
@@ -95,7 +95,7 @@ def impulses(track: Track, frame: FileFrame) -> list[str]:
 
 
 def thrusts(track: Track, frame: FileFrame) -> list[str]:
-    """The acceleration by thrust at every node of a piece that is in a burn, to the next node."""
+    """Return the block of thrust accelerations, at every node of a burn, valid to the next node."""
     rows: list[tuple[str, Floats]] = []
     starts, ends = track.burns.start, track.burns.start + track.burns.duration
     for piece in track.pieces:

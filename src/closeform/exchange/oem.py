@@ -1,6 +1,6 @@
 """CCSDS orbit ephemeris messages (OEM, CCSDS 502.0-B): read and write.
 
-Files hold km and km/s; here all is in m and m/s.
+Files contain km and km/s; this module returns m and m/s.
 """
 
 from __future__ import annotations
@@ -21,25 +21,25 @@ from closeform.exchange.segments import ephemeris_of, segments_of
 
 
 def read_oem(file: str | PathLike[str]) -> Ephemeris:
-    """The ephemeris in an OEM, in key-value or XML form, with one segment.
+    """Read the ephemeris of an OEM, in key-value or XML form, with one segment.
 
-    States outside of USEABLE_START_TIME ... USEABLE_STOP_TIME are left out, as are accelerations.
+    States outside of USEABLE_START_TIME ... USEABLE_STOP_TIME and accelerations are ignored.
 
     Parameters
     ----------
     file : str or path-like
-        The file, in km and km/s as the standard has it.
+        File in km and km/s, as in the standard.
 
     Returns
     -------
     Ephemeris
-        In m and m/s, with the covariances of the file.
+        Ephemeris in m and m/s, with the covariances of the file.
 
     Raises
     ------
     ValueError
         If the file is absent, damaged, not an OEM, of several segments, with fewer than two states, with
-        values that are not finite or epochs that do not rise, with covariances that are incomplete,
+        values that are not finite or epochs that do not increase, with covariances that are incomplete,
         indefinite or in an unknown frame; in one line, with file and line.
 
     References
@@ -56,26 +56,26 @@ def read_oem(file: str | PathLike[str]) -> Ephemeris:
 
 
 def read_oem_segments(file: str | PathLike[str]) -> tuple[Ephemeris, ...]:
-    """The ephemerides in an OEM of several segments, one for each, in order of time.
+    """Read the ephemerides of an OEM with several segments, one for each, in order of time.
 
-    Between two of them, a manoeuvre or a gap, nothing is to be interpolated.  Each counts time from its own
-    first state, and has its own covariances.
+    Two segments are separated by a manoeuvre or a gap, across which nothing may be interpolated.  Each counts
+    time from its own first state, and has its own covariances.
 
     Parameters
     ----------
     file : str or path-like
-        The file, in km and km/s as the standard has it.
+        File in km and km/s, as in the standard.
 
     Returns
     -------
     tuple of Ephemeris
-        In m and m/s.
+        Ephemerides in m and m/s.
 
     Raises
     ------
     ValueError
         As `read_oem`; or if segments are of different objects or time systems, or the useable span of one
-        begins before that of the last has ended.
+        begins before that of the previous one has ended.
 
     References
     ----------
@@ -93,12 +93,12 @@ def read_oem_segments(file: str | PathLike[str]) -> tuple[Ephemeris, ...]:
                 mine, last = getattr(other, field), getattr(one, field)
                 if mine != last:
                     raise ValueError(
-                        f"segment {number}: is of {mine}, the one before of {last}; give two files"
+                        f"segment {number}: is of {mine}, the previous one of {last}; give two files"
                     )
             begins = seconds_of([one.epoch, other.epoch], one.time_system)[1]
             if begins < one.times[-1] - SAME_EPOCH:
                 early = one.times[-1] - begins
-                what = f"begins {early:g} s before the one before it ends; correct the useable spans"
+                what = f"begins {early:g} s before the previous one ends; correct the useable spans"
                 raise ValueError(f"segment {number}: {what}")
         return tuple(found)
 
@@ -115,9 +115,9 @@ def write_oem(
     Parameters
     ----------
     file : str or path-like
-        Where to; a file that is there is replaced.
+        Output file; an existing file is replaced.
     ephemeris : Ephemeris
-        What to write.
+        Ephemeris to write.
     originator : str, default "CLOSEFORM"
         ORIGINATOR in the header.
     comments : sequence of str, optional
@@ -126,7 +126,7 @@ def write_oem(
     Raises
     ------
     ValueError
-        If an argument is of another kind, or `epoch` or `time_system` cannot be read.
+        If an argument is of another type, or `epoch` or `time_system` is invalid.
 
     References
     ----------
@@ -165,6 +165,6 @@ def write_oem(
 
 
 def _stamps(ephemeris: Ephemeris, times: Floats) -> list[str]:
-    """Times [s] as epochs, to a nanosecond."""
+    """Return times [s] as epochs, to a nanosecond."""
     start = Epoch(ephemeris.epoch, ephemeris.time_system)
     return [re.sub(r"\.?0+$", "", stamp) for stamp in start.stamps(times)]

@@ -15,7 +15,7 @@ from closeform.exchange.nodes import DEGREE
 # km, km/s: to a nanometre, and a picometre per second
 STATE = " ".join(["%s"] + ["%.12f"] * 3 + ["%.15f"] * 3)
 NAMES = ("X", "Y", "Z", "X_DOT", "Y_DOT", "Z_DOT")
-RATES = ("km**2", "km**2/s", "km**2/s**2")  # of covariances, by how many velocities are in them
+RATES = ("km**2", "km**2/s", "km**2/s**2")  # of covariances, by the number of velocities in them
 UNITS = ("km", "km", "km", "km/s", "km/s", "km/s")
 ORIGINATOR = "CLOSEFORM"
 COVARIANCES = "covariances are of the craft beside the formation's origin, which is taken as exact"
@@ -23,7 +23,7 @@ SCHEMA = "https://sanaregistry.org/r/ndmxml_unqualified/ndmxml-3.0.0-master-3.0.
 
 
 def whose(track: Track, frame: FileFrame) -> dict[str, str]:
-    """Whose states they are, and in which frame."""
+    """Return the metadata of the object and the frame."""
     return {
         "OBJECT_NAME": track.name,
         "OBJECT_ID": track.object_id,
@@ -34,7 +34,7 @@ def whose(track: Track, frame: FileFrame) -> dict[str, str]:
 
 
 def metadata(track: Track, frame: FileFrame, piece: Piece) -> dict[str, str]:
-    """Of one segment; all of it is useable, as polynomials at its ends take nodes from inside."""
+    """Return the metadata of one segment, which is useable up to its ends."""
     first, last = frame.stamps(piece.times[[0, -1]])
     return whose(track, frame) | {
         "START_TIME": first,
@@ -47,18 +47,18 @@ def metadata(track: Track, frame: FileFrame, piece: Piece) -> dict[str, str]:
 
 
 def keyed(entries: Mapping[str, str]) -> list[str]:
-    """Keywords with their values, a line each."""
+    """Return keywords with their values, one line each."""
     return [f"{keyword} = {value}" for keyword, value in entries.items()]
 
 
 def comments(track: Track, frame: FileFrame) -> list[str]:
-    """What readers should know."""
+    """Return comments for readers."""
     known = (COVARIANCES,) if len(track.pieces[0].known) else ()
     return [*frame.about, f"{track.name}: {track.accuracy}", *known]
 
 
 def oem(track: Track, frame: FileFrame) -> str:
-    """In key-value form, a segment for each smooth piece."""
+    """Return an OEM in key-value form, with a segment for each smooth piece."""
     parts = ["\n".join(["CCSDS_OEM_VERS = 2.0", *(f"COMMENT {line}" for line in comments(track, frame))])]
     parts.append(f"\nCREATION_DATE = {now()}\nORIGINATOR = {ORIGINATOR}\n")
     for piece in track.pieces:
@@ -71,7 +71,7 @@ def oem(track: Track, frame: FileFrame) -> str:
 
 
 def oem_xml(track: Track, frame: FileFrame) -> str:
-    """In XML."""
+    """Return an OEM in XML."""
     about = "".join(f"<COMMENT>{escape(line)}</COMMENT>\n" for line in comments(track, frame))
     parts = [
         '<?xml version="1.0" encoding="UTF-8"?>\n'
@@ -97,7 +97,7 @@ def oem_xml(track: Track, frame: FileFrame) -> str:
 
 
 def covariance_elements(piece: Piece, frame: FileFrame) -> Iterator[str]:
-    """The covariances of a piece in XML."""
+    """Yield the covariances of a piece in XML."""
     for stamp, matrix in zip(frame.stamps(piece.known), piece.covariances / 1e6, strict=True):
         yield f"<covarianceMatrix><EPOCH>{stamp}</EPOCH><COV_REF_FRAME>{frame.name}</COV_REF_FRAME>\n"
         for row, column in zip(*LOWER, strict=True):
@@ -107,7 +107,7 @@ def covariance_elements(piece: Piece, frame: FileFrame) -> Iterator[str]:
 
 
 def opm(track: Track, frame: FileFrame) -> str:
-    """The state at the start, with every burn as a manoeuvre; the mass changes only where it is known."""
+    """Return an OPM: the initial state, and every burn as a manoeuvre; masses only where known."""
     piece = track.pieces[0]
     lines = ["CCSDS_OPM_VERS = 3.0", *(f"COMMENT {line}" for line in frame.about)]
     lines += [f"CREATION_DATE = {now()}", f"ORIGINATOR = {ORIGINATOR}"]
@@ -122,7 +122,7 @@ def opm(track: Track, frame: FileFrame) -> str:
 
 
 def manoeuvres(track: Track, frame: FileFrame) -> Iterator[str]:
-    """The burns of an OPM, along the axes of its state."""
+    """Yield the burns of an OPM, along the axes of its state."""
     burns = track.burns
     yield f"COMMENT {len(burns)} manoeuvres; velocity increments are integrals of thrust along REF_FRAME"
     if track.mass is None and len(burns):

@@ -1,4 +1,4 @@
-"""Segments of an OEM: from the entries of a message to ephemerides, with every flaw named by its line."""
+"""Segments of an OEM: conversion of message entries to ephemerides, with the line of each error."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ class Segment:
 
     metadata: list[Entry] = field(default_factory=list)
     states: list[Entry] = field(default_factory=list)
-    covariances: list[list[Entry]] = field(default_factory=list)  # from each EPOCH on
+    covariances: list[list[Entry]] = field(default_factory=list)  # each starts with an EPOCH
 
 
 def segments_of(entries: Sequence[Entry]) -> list[Segment]:
-    """The message cut into its segments; what stands in the wrong place is refused."""
+    """Return the segments of a message; raise ValueError for entries in the wrong place."""
     segments: list[Segment] = []
     inside = ""
     for entry in entries:
@@ -50,7 +50,7 @@ def segments_of(entries: Sequence[Entry]) -> list[Segment]:
             if word == "META_START":
                 segments.append(Segment())
         elif word == "COMMENT" or not (segments or inside):
-            continue  # of the header nothing is used
+            continue  # the header is not used
         elif inside == "META":
             if word not in REQUIRED and word not in OPTIONAL:
                 what = f"keyword {word}" if word else f"'{entry.value[:30]}'"
@@ -74,7 +74,7 @@ def segments_of(entries: Sequence[Entry]) -> list[Segment]:
 
 
 def ephemeris_of(segment: Segment) -> Ephemeris:
-    """The ephemeris of one segment, in m and m/s."""
+    """Return the ephemeris of one segment, in m and m/s."""
     found = by_keyword(segment.metadata, METADATA)
     require(found, REQUIRED, METADATA)
     header = {keyword: entry.value for keyword, entry in found.items()}
@@ -111,7 +111,7 @@ def ephemeris_of(segment: Segment) -> Ephemeris:
 
 
 def _states(entries: Sequence[Entry]) -> tuple[list[str], Floats]:
-    """Epochs as they are written, and states [m, m/s]."""
+    """Return epochs as in the text, and states [m, m/s]."""
     if len(entries) < 2:
         raise ValueError(f"has {len(entries)} states; at least two are needed")
     stamps, rows = [], []
@@ -126,7 +126,7 @@ def _states(entries: Sequence[Entry]) -> tuple[list[str], Floats]:
 
 
 def _covariances(blocks: Sequence[Sequence[Entry]], epochs: Floats, states: str) -> Covariances:
-    """Covariances [m^2, m^2/s, m^2/s^2] at epochs [s], in the frame of the states unless they say else."""
+    """Return covariances [m^2, m^2/s, m^2/s^2] at epochs [s], by default in the frame of the states."""
     frames, matrices = [], []
     for index, (epoch, *entries) in enumerate(blocks):
         if index and epochs[index] <= epochs[index - 1]:
@@ -145,7 +145,7 @@ def _covariances(blocks: Sequence[Sequence[Entry]], epochs: Floats, states: str)
 
 
 def _lower(epoch: Entry, entries: Sequence[Entry]) -> list[float]:
-    """The 21 values of one covariance, in six rows of key-value form or by name in XML."""
+    """Return the 21 values of one covariance, from six rows of key-value form or by name in XML."""
     if entries and entries[0].keyword:
         found = by_keyword(entries, f"in the covariance of {epoch.value}")
         require(found, NAMED, f"in the covariance of {epoch.value}")

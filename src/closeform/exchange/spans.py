@@ -1,4 +1,4 @@
-"""Spans: the ephemeris of one object in segments; nothing is interpolated across edges, where it fires."""
+"""Ephemeris of one object in segments; nothing is interpolated across manoeuvres at their edges."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from closeform.exchange.ephemeris import SAME_EPOCH, Ephemeris
 from closeform.exchange.epochs import seconds_of
 from closeform.exchange.interpolation import interpolated, nearest
 
-JUMP = 1.0  # m: what a position jumps by is an error in a file, not a manoeuvre
-LEAST = 1e-9  # m/s: a jump of the velocity that is rounding
+JUMP = 1.0  # m: a larger position jump is an error in a file, not a manoeuvre
+LEAST = 1e-9  # m/s: a smaller velocity jump is rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,9 +27,9 @@ class Spans:
 
     @classmethod
     def of(cls, ephemeris: Ephemeris | Sequence[Ephemeris]) -> Spans:
-        """Of one ephemeris or several that follow each other.
+        """Return the spans of one ephemeris or of several that follow each other.
 
-        Raises ValueError for gaps, in which nobody knows the orbit, and positions that jump.
+        Raises ValueError for gaps, in which the orbit is unknown, and for positions that jump.
         """
         segments = (ephemeris,) if isinstance(ephemeris, Ephemeris) else tuple(ephemeris)
         starts = seconds_of([one.epoch for one in segments], segments[0].time_system).tolist()
@@ -37,22 +37,22 @@ class Spans:
         for number, (one, other) in enumerate(itertools.pairwise(range(len(segments))), 2):
             gap = found.edges[2 * other] - found.edges[2 * one + 1]
             if gap > SAME_EPOCH:
-                what = f"nothing is told for the {gap:.6g} s before segment {number}"
+                what = f"has no states for the {gap:.6g} s before segment {number}"
                 raise ValueError(f"{found.name}: {what}; give a file without gaps, or spans apart")
             apart = float(np.linalg.norm((segments[other].states[0] - segments[one].states[-1])[:3]))
             if apart > JUMP:
-                what = f"segment {number} begins {apart:.3g} m from where the one before it ends"
+                what = f"segment {number} begins {apart:.3g} m from the end of the previous one"
                 raise ValueError(f"{found.name}: {what}; a manoeuvre jumps in velocity, correct the file")
         return found
 
     @property
     def first(self) -> Ephemeris:
-        """The first segment, whose words are those of all."""
+        """First segment, whose metadata hold for all."""
         return self.segments[0]
 
     @property
     def name(self) -> str:
-        """Of the object."""
+        """Name of the object."""
         return self.first.name
 
     @cached_property
@@ -70,16 +70,16 @@ class Spans:
 
     @cached_property
     def manoeuvres(self) -> tuple[tuple[float, float], ...]:
-        """When the velocity jumps [s], after the first epoch, and by how much [m/s]."""
+        """Times of velocity jumps [s], after the first epoch, and their sizes [m/s]."""
         pairs = itertools.pairwise(self.segments)
         jumps = [float(np.linalg.norm((other.states[0] - one.states[-1])[3:])) for one, other in pairs]
         whens = self.edges[2::2].tolist()
         return tuple((when, jump) for when, jump in zip(whens, jumps, strict=True) if jump > LEAST)
 
     def states(self, times: Floats, before: bool = False) -> tuple[Floats, Floats]:
-        """States (K, 6) at `times` (K,) [s], and by how much positions may be off (K,) [m], by estimate.
+        """Return states (K, 6) at `times` (K,) [s], and the estimated position errors (K,) [m].
 
-        At a manoeuvre those after it, or `before` it; at an epoch as they are told.
+        At a manoeuvre the states are those after it, or `before` it; at an epoch those of the file.
         """
         starts = self.edges[::2]
         side = -SAME_EPOCH if before else SAME_EPOCH

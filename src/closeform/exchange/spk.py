@@ -24,7 +24,7 @@ K, EB, M0, M1 = 1.657e-3, 1.671e-2, 6.239996, 1.99096871e-7  # of TDB less TT, f
 
 
 def spiceypy() -> Any:
-    """The module of the extra `spice`; ImportError with the remedy where it is missing."""
+    """Return the module of the extra `spice`; raise ImportError with the remedy if it is missing."""
     try:
         return import_module("spiceypy")
     except ImportError:
@@ -32,7 +32,7 @@ def spiceypy() -> Any:
 
 
 def write_spk(file: Path, tracks: Sequence[Track], frame: FileFrame) -> None:
-    """All craft in one kernel, a segment for each smooth piece."""
+    """Write all spacecraft to one kernel, with a segment for each smooth piece."""
     spice = spiceypy()
     handle = spice.spkopn(str(file), "closeform", 0)
     try:
@@ -76,9 +76,9 @@ def on_epochs(piece: Piece, frame: FileFrame) -> tuple[Floats, Floats]:
 
 
 def ephemeris_time(epoch: Epoch, times: Floats) -> tuple[Floats, Floats]:
-    """Return times (T,) [s] after an epoch in seconds of TDB after J2000, as whole days and a rest.
+    """Return times (T,) [s] after an epoch in seconds of TDB after J2000, as whole days and a remainder.
 
-    From any other time system by way of TT and SPICE's own series.
+    Other time systems are converted by TT and SPICE's own series.
     """
     if epoch.system.upper() == "TDB":
         return Epoch(J2000, "TDB").seconds_until(epoch, times)
@@ -88,7 +88,7 @@ def ephemeris_time(epoch: Epoch, times: Floats) -> tuple[Floats, Floats]:
 
 
 def names(tracks: Sequence[Track]) -> str:
-    """A text kernel with the names of all craft and their integers."""
+    """Return a text kernel with the names of all spacecraft and their integers."""
     lines = ["KPL/FK", "", "\\begindata", ""]
     for k, track in enumerate(tracks):
         quoted = track.name.replace("'", "''")

@@ -1,4 +1,4 @@
-"""CSV of states with named columns and units: written, and read from others."""
+"""CSV of states with named columns and units: writing and reading."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ NAMED = re.compile(r"#\s*(center|frame|time_system|epoch)\s*[:=]\s*(.+?)\s*")
 
 
 def csv_text(tracks: Iterable[Track], frame: FileFrame) -> str:
-    """All craft, one row for each state; where a craft burns there are two for one time."""
+    """Return the CSV of all spacecraft, one row for each state; a burn has two rows for one time."""
     told = {"frame": frame.name, "center": frame.center, "time_system": frame.epoch.system}
     told["epoch"] = frame.stamps(np.zeros(1))[0]
     parts = ["\n".join([*(f"# {key} = {value}" for key, value in told.items()), ",".join(HEAD), ""])]
@@ -42,29 +42,29 @@ def csv_text(tracks: Iterable[Track], frame: FileFrame) -> str:
 
 
 def read_csv(file: str | PathLike[str]) -> tuple[Ephemeris, ...]:
-    """States of one craft or several from a table with named columns and units.
+    """Read states of one or several spacecraft from a table with named columns and units.
 
-    The first line that is no comment names the columns, with the unit after the last of `x_m`, `y_km`,
-    `vz_cm_s`, `time_s` or in brackets, as in `x [m]` and `vx [km/s]`, in any order; others are left out.
-    `craft` says whose a row is.  Comments `# frame = EME2000`, `# center = EARTH`, `# time_system = UTC` and
-    `# epoch = 2026-01-01T00:00:00` say what the numbers mean.  Two rows of a craft for one time are a burn: a
-    new ephemeris begins with the second.
+    The first line that is not a comment names the columns.  The unit follows the last underscore, as in
+    `x_m`, `y_km`, `vz_cm_s`, `time_s`, or is in brackets, as in `x [m]` and `vx [km/s]`.  Columns may be in
+    any order; others are ignored.  `craft` names the spacecraft of a row.  Comments `# frame = EME2000`,
+    `# center = EARTH`, `# time_system = UTC` and `# epoch = 2026-01-01T00:00:00` define the numbers.  Two
+    rows of a spacecraft for one time are a burn: a new ephemeris begins with the second.
 
     Parameters
     ----------
     file : str or path-like
-        The file.
+        Input file.
 
     Returns
     -------
     tuple of Ephemeris
-        In m and m/s, one for each craft and span between burns, in the order of the file.
+        Ephemerides in m and m/s, one for each spacecraft and span between burns, in the order of the file.
 
     Raises
     ------
     ValueError
-        If the file is absent, has no such columns, columns without a unit or with an unknown one, cells that
-        are no finite numbers, or times that do not rise; in one line, with file and line.
+        If the file is absent, lacks columns, has columns without a unit or with an unknown one, cells that
+        are not finite numbers, or times that do not increase; in one line, with file and line.
 
     References
     ----------
@@ -77,9 +77,9 @@ def read_csv(file: str | PathLike[str]) -> tuple[Ephemeris, ...]:
 
 @dataclass(frozen=True, eq=False)
 class StateRows:
-    """The rows of a table: whose (R,), `times` (R,) [s], `states` (R, 6) [m, m/s], the `lines` they stand on.
+    """Rows of a table: spacecraft (R,), `times` (R,) [s], `states` (R, 6) [m, m/s], and their `lines`.
 
-    `times` are None of a table without; `about` are its comments, "UNKNOWN" where there is none.
+    `times` is None for a table without times; `about` holds its comments, "UNKNOWN" if absent.
     """
 
     craft: tuple[str, ...]
@@ -90,9 +90,9 @@ class StateRows:
 
 
 def state_rows(file: str | PathLike[str], timed: bool = True) -> StateRows:
-    """What stands in a table of states, with its times unless it may go without and has none.
+    """Return the rows of a table of states; times are optional unless `timed`.
 
-    Raises ValueError, with the line, for what is none.
+    Raises ValueError, with the line, for an invalid table.
     """
     try:
         text = FilePath(file).read_text(encoding="utf-8-sig")
@@ -118,12 +118,12 @@ def state_rows(file: str | PathLike[str], timed: bool = True) -> StateRows:
 
 
 def _columns(names: Sequence[str], timed: bool) -> tuple[dict[str, tuple[int, float]], int | None]:
-    """Where each wanted quantity stands and its unit's size; where the craft's name stands."""
+    """Return the column and unit of each quantity, and the column of the spacecraft's name."""
     found: dict[str, tuple[int, float]] = {}
     for k, name in enumerate(names):
         parts = re.fullmatch(r"\s*([a-z]+)(?:_|\s*\[)?(.*?)\]?\s*", name.lower())
         quantity, unit = (parts[1], parts[2].replace("/", "_")) if parts else ("", "")
-        if quantity not in WANTED or (quantity, unit) == ("time", "utc"):  # which stands beside seconds
+        if quantity not in WANTED or (quantity, unit) == ("time", "utc"):  # in addition to seconds
             continue
         units = WANTED[quantity]
         known = ", ".join(f"{quantity}_{one}" for one in units)
@@ -144,7 +144,7 @@ def _columns(names: Sequence[str], timed: bool) -> tuple[dict[str, tuple[int, fl
 def _numbers(
     rows: Sequence[Sequence[str]], lines: Sequence[int], columns: dict[str, tuple[int, float]], count: int
 ) -> dict[str, Floats]:
-    """Each quantity (R,) in SI."""
+    """Return each quantity (R,) in SI units."""
     for row, line in zip(rows, lines, strict=True):
         if len(row) != count:
             raise ValueError(f"line {line}: has {len(row)} cells, the columns are {count}; correct the row")

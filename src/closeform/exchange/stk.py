@@ -1,4 +1,4 @@
-"""The text of an STK ephemeris (.e) of a craft."""
+"""The text of an STK ephemeris (.e) of a spacecraft."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ FORM = " ".join(["%s"] + ["%.9f"] * 3 + ["%.12f"] * 3)  # m, m/s
 
 
 def stk(track: Track, frame: FileFrame) -> str:
-    """States in metres at seconds after ScenarioEpoch (UTC), segments from boundary to boundary."""
+    """Return states in metres at seconds after ScenarioEpoch (UTC), with segment boundaries."""
     system = SYSTEMS[frame.name.upper()]
     day, _, fraction = frame.utc(np.zeros(1))[0].removesuffix("Z").partition(".")
     epoch = f"{datetime.fromisoformat(day):%d %b %Y %H:%M:%S}.{fraction}"
@@ -37,7 +37,7 @@ def stk(track: Track, frame: FileFrame) -> str:
         f"CentralBody {frame.center.capitalize()}",
         f"CoordinateSystem {system}",
     ]
-    if len(track.pieces) > 1:  # where velocity or thrust jumps, both sides have a state
+    if len(track.pieces) > 1:  # two states where velocity or thrust jumps
         edges = [f"{piece.times[0]:.9f}" for piece in track.pieces[1:]]
         lines += ["BEGIN SegmentBoundaryTimes", *edges, "END SegmentBoundaryTimes"]
     parts = ["\n".join([*lines, "EphemerisTimePosVel", ""])]

@@ -1,4 +1,4 @@
-"""Tracks of craft: their paths told at nodes that are as dense as polynomials between them need."""
+"""Exported tracks of spacecraft: paths sampled at nodes dense enough for polynomials between them."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ if TYPE_CHECKING:
     from closeform.uncertainty.errors import Uncertainty
 
 STEPS = (20.0, 10.0, 5.0, 2.0, 1.0, 0.5, 0.2, 0.1)  # s; with 60 a screening is millimetres off under thrust
-GOAL, COARSE = 1e-6, 1e-3  # m: how far states between nodes are off, of steps that are chosen and given
-LOOKED_AT = 300  # intervals of a piece whose middles say how far polynomials are off
+GOAL, COARSE = 1e-6, 1e-3  # m: error of states between nodes, for automatic and for given steps
+LOOKED_AT = 300  # intervals of a piece in whose middles the error of polynomials is measured
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(16)
 KNOWN = 24  # epochs with covariances in an orbit
-TURN = 0.5  # rad of the frame's turn, within which 16 points of Gauss integrate thrust to the last digits
+TURN = 0.5  # rad of the frame's rotation, within which 16 Gauss points integrate thrust to the last digits
 
 
 @dataclass(frozen=True, eq=False)
 class FlownCraft:
-    """One craft's `path` through all stages, with its `burns` in Hill's frame; its `mass` [kg] if known.
+    """One spacecraft's `path` through all stages, with its `burns` in Hill's frame; its `mass` [kg] if known.
 
-    `spread`: its path stage by stage, with its errors at the beginning of each, where it has any.
+    `spread` holds its path stage by stage, with its errors at the beginning of each, if it has any.
     """
 
     name: str
@@ -43,9 +43,9 @@ class FlownCraft:
 
 
 def tracks(craft: Sequence[FlownCraft], frame: FileFrame, step: float | None = None) -> tuple[Track, ...]:
-    """All craft at common nodes, a `step` [s] apart or the longest that is accurate, and at all their edges.
+    """Return all spacecraft at common nodes, `step` [s] or the longest accurate step apart, and at edges.
 
-    Raises ValueError for a step that leaves more between nodes.
+    Raises ValueError if a given step causes a larger error between nodes.
     """
     pieces = [smooth_pieces(one.path) for one in craft]
     edges, kicks = [edges_of(parts) for parts in pieces], [kicks_of(one.path) for one in craft]
@@ -64,8 +64,8 @@ def tracks(craft: Sequence[FlownCraft], frame: FileFrame, step: float | None = N
         if max(errors) <= GOAL:
             break
     if step is not None and max(errors) > COARSE:
-        off = f"leaves states between nodes up to {max(errors):.2g} m off, more than {COARSE:g} m"
-        raise ValueError(f"step: {step:g} s {off}; give less, or leave it out")
+        off = f"causes errors between nodes of up to {max(errors):.2g} m, more than {COARSE:g} m"
+        raise ValueError(f"step: {step:g} s {off}; reduce it, or leave it out")
     return tuple(
         Track(
             one.name,
@@ -82,7 +82,7 @@ def tracks(craft: Sequence[FlownCraft], frame: FileFrame, step: float | None = N
 def told(
     piece: Path, times: Floats, frame: FileFrame, spread: Sequence[tuple[Path, Uncertainty]] = ()
 ) -> Piece:
-    """States and thrust of a piece at its nodes, and covariances at some of them."""
+    """Return states and thrust of a piece at its nodes, and covariances at some of them."""
     relative, thrust = rows(piece, times), rows(piece, times, 3)
     found = Piece(times, frame.states(times, relative), frame.vectors(times, relative, thrust))
     if not spread:
@@ -94,16 +94,16 @@ def told(
 
 
 def sparse(times: Floats, mean_motion: float) -> Any:
-    """Which of the nodes (T,) of a piece have covariances, the first always, the last never.
+    """Return the indices of the nodes (T,) of a piece with covariances, always the first, never the last.
 
-    At a burn that is the first of the next piece, after it.
+    A covariance at a burn belongs to the next piece, after the burn.
     """
     whole = 2.0 * np.pi / mean_motion if mean_motion > 0.0 else times[-1] - times[0]
     return np.unique(np.searchsorted(times[:-1], np.arange(times[0], times[-2], whole / KNOWN)))
 
 
 def covariances(spread: Sequence[tuple[Path, Uncertainty]], times: Floats) -> Floats:
-    """Of a craft's state (C, 6, 6) at rising times, in the frame of its paths; at an impulse after it."""
+    """Return covariances (C, 6, 6) at increasing times, in the frame of the paths, after impulses."""
     begins = np.array([path.start for path, _ in spread])
     stage = np.maximum(np.searchsorted(begins, times, side="right") - 1, 0)
     found = np.empty((len(times), 6, 6))
@@ -113,7 +113,7 @@ def covariances(spread: Sequence[tuple[Path, Uncertainty]], times: Floats) -> Fl
 
 
 def error(piece: Path, times: Floats, frame: FileFrame) -> float:
-    """How far polynomials through the nodes of a piece are off [m], in the middle between two nodes."""
+    """Return the error of polynomials through the nodes of a piece [m], in the middle between two nodes."""
     which = np.unique(np.linspace(0, len(times) - 2, LOOKED_AT).astype(int))
     middles = 0.5 * (times[which] + times[which + 1])
     truth, states = (frame.states(some, rows(piece, some)) for some in (middles, times))
@@ -122,13 +122,13 @@ def error(piece: Path, times: Floats, frame: FileFrame) -> float:
 
 
 def rows(piece: Path, times: Floats, columns: int = 6) -> Floats:
-    """States (T, 6), or thrusts (T, 3), of one craft; at an end of its path those on this side."""
+    """Return states (T, 6), or thrusts (T, 3), of one spacecraft; at an end of its path those inside it."""
     found: Floats = piece._evaluate_rows(times[None], columns)[0]
     return found
 
 
 def turned(craft: FlownCraft, frame: FileFrame) -> Shots:
-    """The burns of a craft along the axes of the file: of a long one its integral along them."""
+    """Return the burns of a spacecraft along the axes of the file; a long burn is integrated along them."""
     burns, path = craft.burns, craft.path
     if frame.chief is None or not len(burns):
         return burns
@@ -140,7 +140,7 @@ def turned(craft: FlownCraft, frame: FileFrame) -> Shots:
 
 
 def integral(path: Path, start: float, duration: float, frame: FileFrame) -> Floats:
-    """Of the thrust over a burn along the axes of the file (3,) [m/s], by Gauss's rule."""
+    """Return the integral of thrust over a burn along the axes of the file (3,) [m/s], by Gauss's rule."""
     inside = path.arcs[:, START]
     inside = inside[(inside > start) & (inside < start + duration)]
     edges = np.concatenate([[start], inside, [start + duration]])

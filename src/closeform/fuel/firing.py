@@ -166,9 +166,9 @@ def fire_thrusters(
     ]
     columns: Any = np.array(values).T
     deviation, limit, lost, spent, burned = columns if path.shape else columns[:, 0].tolist()
-    flies = stack(real) if path.shape else real[0]
+    fired = stack(real) if path.shape else real[0]
     return ThrusterFiring(
-        flies,
+        fired,
         stack(planned) if path.shape else planned[0],
         tuple(order.thrusters for order in orders),
         one_table([order.pulses for order in orders]),
@@ -178,7 +178,7 @@ def fire_thrusters(
         lost,
         spent,
         burned,
-        _conflicts(flies, zone, obstacles),
+        _conflicts(fired, zone, obstacles),
     )
 
 

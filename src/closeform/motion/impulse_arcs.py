@@ -15,7 +15,7 @@ from closeform.motion.reduced import COUNT, FIRST
 
 
 @kernel(void(float64, float64[:, ::1], float64[:, ::1], float64[:, ::1], float64[:, :, ::1], int64[::1]))
-def fly_answers(n: float, rows: Floats, finals: Floats, answers: Floats, arcs: Floats, counts: Any) -> None:
+def fill_arcs(n: float, rows: Floats, finals: Floats, answers: Floats, arcs: Floats, counts: Any) -> None:
     """Fill `arcs` (P, 8, 30) and their `counts` (P,) from the `answers` and the states of `rows` (P, 30)."""
     for p in range(len(rows)):
         row, answer = rows[p], answers[p]
@@ -57,6 +57,6 @@ def fly_answers(n: float, rows: Floats, finals: Floats, answers: Floats, arcs: F
 def flown_arcs(mean_motion: float, arcs: Floats, finals: Floats, found: Floats) -> tuple[Floats, Any]:
     """Return the arcs of plans from their answers, and the offsets of each plan's arcs."""
     flown, offsets = np.zeros((len(arcs), MOST + 2, ARC)), np.zeros(len(arcs) + 1, dtype=np.int64)
-    fly_answers(mean_motion, arcs, finals, found, flown, offsets[1:])
+    fill_arcs(mean_motion, arcs, finals, found, flown, offsets[1:])
     used = np.arange(MOST + 2) < offsets[1:, None]
     return flown[used], offsets.cumsum()

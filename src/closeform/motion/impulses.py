@@ -40,9 +40,9 @@ from closeform.motion.reduced import (
     TOUCHING,
     UNIQUE,
     UPPER,
+    keep_bound,
     natural,
     newton,
-    settle,
     weigh,
 )
 
@@ -62,7 +62,7 @@ def try_constant(n, metric, g, start, table, grid, times, columns, costs, weight
     """Try a primer of constant length: keep its bound, and a plan along it if there is one."""
     c, y = stack_vector(6), stack_vector(6)
     worth, constant = constant_primer(n, start, c)
-    settle(answer, c, worth)
+    keep_bound(answer, c, worth)
     if not constant:
         return
     for i in range(5, -1, -1):

@@ -33,7 +33,7 @@ FALLS = 1e-14  # relative decrease of the bound that counts as rounding
 
 
 @kernel()
-def fly(n, metric, y, g, times, weights, active, count, answer):
+def keep_plan(n, metric, y, g, times, weights, active, count, answer):
     """Correct impulses of these weights along p so that they make the transfer; keep them if cheaper."""
     rows, rest, aim = stack_vector(18), stack_vector(6), stack_vector(6)
     normal, columns = stack_matrix(6, 6), stack_matrix(MOST, 9)
@@ -83,7 +83,7 @@ def natural(metric, y, c):
 
 
 @kernel()
-def settle(answer, c, worth):
+def keep_bound(answer, c, worth):
     """Keep a primer that proves a higher bound."""
     if worth > answer[LOWER]:
         answer[LOWER] = worth
@@ -120,7 +120,7 @@ def weigh(n, metric, y, g, times, size, columns, costs, weights, active, answer)
     for k in range(size):
         along(n, times[k], metric, y, rows, columns[k])
     count = nonnegative(columns, size, g, costs, weights, active)
-    fly(n, metric, y, g, times, weights, active, count, answer)
+    keep_plan(n, metric, y, g, times, weights, active, count, answer)
     return count
 
 
@@ -186,7 +186,7 @@ def newton(n, metric, g, y, times, squares, columns, bent, costs, weights, activ
         for i in range(6):
             c[i] *= scale
             y[i] *= scale
-        settle(answer, c, dot(g, y))
+        keep_bound(answer, c, dot(g, y))
         if dot(g, y) < (1.0 - FALLS) * proved:
             share *= 0.5
             for i in range(6):

@@ -97,7 +97,7 @@ def begin_arc(n, row, start, end, before):
 
 
 @kernel()
-def fly(n, duration, origin, c, low, e, limit, rows, first):
+def lay_arcs(n, duration, origin, c, low, e, limit, rows, first):
     """Fill `rows` from row `first` on with arcs under the thrust of the primer that starts at `c`.
 
     Returns the row after the last, or -1 where there is no space.
@@ -172,8 +172,8 @@ def within(g, noise):
 
 
 @kernel()
-def meet(n, duration, origin, final, noise, scale, c, hessian, free, low, e, limit, rows, first):
-    """Do what `fly` does, and correct `c` until the path ends in `final` (6,), up to `noise` if possible.
+def meet_end(n, duration, origin, final, noise, scale, c, hessian, free, low, e, limit, rows, first):
+    """Do what `lay_arcs` does; correct `c` until the path ends in `final` (6,), up to `noise` if possible.
 
     Where thrust of size (|p| - 1) / e rounds, an optimal thrust of relative size 1e-9 corrects the remainder;
     `free` (6, 6) maps such thrust to the change that it makes.
@@ -183,7 +183,7 @@ def meet(n, duration, origin, final, noise, scale, c, hessian, free, low, e, lim
         nothing[k] = 0.0
     last, before = -1, inf
     for _ in range(8):
-        last = fly(n, duration, origin, c, low, e, limit, rows, first)
+        last = lay_arcs(n, duration, origin, c, low, e, limit, rows, first)
         if last < 0:
             return last
         x, y, z, vx, vy, vz = state_at(rows[last - 1], rows[last - 1, END])
@@ -282,7 +282,7 @@ def limit_thrust(n, arcs, finals, limits, sparing, rows, offsets, facts):
         if status != DONE:
             facts[p, NEEDED] = UNDECIDED
             break
-        last = meet(
+        last = meet_end(
             n, duration, arc, finals[p], noise, scale, c, hessian, free, low, e, limit, rows, offsets[p]
         )
         offsets[p + 1] = last

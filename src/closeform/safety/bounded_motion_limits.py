@@ -9,7 +9,7 @@ from math import acos, atan2, inf, pi, sqrt
 from closeform._jit import kernel
 from closeform.safety.failure_cells import FROM, SIDE, column_of, single
 from closeform.safety.failure_family import GENERATORS, OTHER, open_window
-from closeform.safety.failure_motion import aim, fly, note
+from closeform.safety.failure_motion import aim, note, propagate
 from closeform.zones.shapes import FACES
 
 BESIDE = 1e-3  # of a cell: distance from a failure without drift at which the direction of drifts is sampled
@@ -69,7 +69,7 @@ def drift_at(one, two, cell, width, far, n, form, room):
 
 
 @kernel()
-def stand_still(one, two, cell, width, far, n, form, slow, count, room):
+def remove_drift(one, two, cell, width, far, n, form, slow, count, room):
     """Move `shares` of a cell, one after another, to a failure without drift; return True if there is one."""
     drift = drift_at(one, two, cell, width, far, n, form, room)
     for k in range(count):
@@ -98,7 +98,7 @@ def stand_still(one, two, cell, width, far, n, form, slow, count, room):
 
 
 @kernel()
-def stand_still_at(one, two, cell, width, far, n, form, slow, k, share, room):
+def remove_drift_at(one, two, cell, width, far, n, form, slow, k, share, room):
     """Move the other of two `shares` to a failure without drift; return True if there is one."""
     m = 1 - k
     room.shares[k], room.shares[m] = share, 0.0
@@ -145,7 +145,7 @@ def limit_ahead(one, two, t, width, n, form, tube, way, room, best):
         end = begin + 2.0 * (behind if k == 0 else pi - behind) / n
         if end > begin:
             seen = tube if (way > 0.0) == (k == 0) else form
-            best = fly(one, two, point, width, begin, end, n, seen, room, best)[0]
+            best = propagate(one, two, point, width, begin, end, n, seen, room, best)[0]
         begin = end
     return best
 
@@ -174,7 +174,7 @@ def limit_of(one, two, cell, width, slow, far, n, form, tube, count, room, best)
 
     Where they drift in only one sense, only the region ahead counts.
     """
-    if not stand_still(one, two, cell, width, far, n, form, slow, count, room):
+    if not remove_drift(one, two, cell, width, far, n, form, slow, count, room):
         return inf
     forward, backward = ways_from(one, two, cell, width, far, n, form, slow, count, room)
     t, turn = cell[FROM], cell[FROM] + 2.0 * pi / n
@@ -182,7 +182,7 @@ def limit_of(one, two, cell, width, slow, far, n, form, tube, count, room, best)
         return inf
     if forward != backward:
         return limit_ahead(one, two, t, width, n, form, tube, 1.0 if forward else -1.0, room, best)
-    return fly(one, two, room.point[0], width, t, turn, n, tube, room, best)[0]
+    return propagate(one, two, room.point[0], width, t, turn, n, tube, room, best)[0]
 
 
 @kernel()
@@ -200,8 +200,8 @@ def limit_downhill(one, two, cell, width, slow, far, n, form, tube, room, best):
         here, step = (room.point[1, column_of(one, width, k)] - low) / (high - low), 0.1
         while abs(step) > LEAST_STEP:
             share, least = min(max(here + step, 0.0), 1.0), inf
-            if share != here and stand_still_at(one, two, cell, width, far, n, form, slow, k, share, room):
-                least = fly(one, two, room.point[0], width, t, turn, n, tube, room, best)[0]
+            if share != here and remove_drift_at(one, two, cell, width, far, n, form, slow, k, share, room):
+                least = propagate(one, two, room.point[0], width, t, turn, n, tube, room, best)[0]
             if least < best:
                 best, here = least, share
                 note(room, room.point[0])

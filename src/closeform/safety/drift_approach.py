@@ -16,7 +16,7 @@ from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
 from closeform.result import Rows
 from closeform.safety.drift_end import FAILURES, checked_end, drift_end, forgiven, last_times, soon_after
-from closeform.safety.failure_cells import FLIES, KIND, LOW, MISSED, PIECE, SIDE, STUCK, WEAK, Side
+from closeform.safety.failure_cells import INTACT, KIND, LOW, MISSED, PIECE, SIDE, STUCK, WEAK, Side
 from closeform.safety.failure_motion import MEETS
 from closeform.safety.failures import Failure, ThrustLost
 from closeform.safety.many_unknowns import worst_of_many
@@ -202,14 +202,14 @@ def _checked(path: Path, other: Path, zone: Zone, until: float, failure: Any, fa
         raise ValueError(f"failing: expected 'path', 'other', 'either' or 'both', got {shown(failing)}")
     end = drift_end(until, path.orbit)
     fails = {"path": (True, False), "other": (False, True)}.get(failing, (True, True))
-    flies = {"path": (False, True), "other": (True, False), "either": (True, True)}.get(
+    continuing = {"path": (False, True), "other": (True, False), "either": (True, True)}.get(
         failing, (False, False)
     )
-    for name, one, fail, fly in zip(("path", "other"), (path, other), fails, flies, strict=True):
+    for name, one, fail, continues in zip(("path", "other"), (path, other), fails, continuing, strict=True):
         if fail:
             checked_end(name, one, end, failure)
         if (
-            fly
+            continues
             and last_times(one).min(initial=np.inf) < end < np.inf
             and (one.end < end - forgiven(one)).any()
         ):
@@ -310,6 +310,6 @@ def failed_at(side: Side, failures: Floats, craft: Any) -> Floats:
             if len(weak):
                 instants[k] = side.burns[first + weak[0], 0, START]
         return instants
-    if kind == FLIES:
+    if kind == INTACT:
         return np.full(len(failures), np.nan)
     return np.where(pieces % 2 == 1, side.arcs[pieces // 2, START], failures[:, LOW])

@@ -115,11 +115,11 @@ def drift_screen(
     for_ever, both = end == np.inf, failing == "both"
     soon = soon_after(batch, batch) if for_ever else end
     fails = side_of(batch, failure, soon, carry_on=True)
-    flies = fails if both else side_of(batch, None, soon, carry_on=True)
+    intact = fails if both else side_of(batch, None, soon, carry_on=True)
 
     def search(job: tuple[Zone, Any, Any]) -> tuple[Any, ...]:
         one, first, second = job
-        sides = own(fails), own(flies)
+        sides = own(fails), own(intact)
         pair = first, second, soon, batch.orbit
         unsafe, rows = worst_drifts(sides, *pair, one, ENOUGH, for_ever)
         craft = first[unsafe], second[unsafe]

@@ -3,7 +3,7 @@
 from math import sqrt
 
 from closeform._jit import kernel
-from closeform.safety.failure_cells import BURN, BURNS, FLIES, KIND, LOST, MISSED, STUCK
+from closeform.safety.failure_cells import BURN, BURNS, INTACT, KIND, LOST, MISSED, STUCK
 from closeform.safety.failure_family import GENERATORS, OTHER, next_seen
 from closeform.zones.shapes import norm
 
@@ -29,7 +29,7 @@ def find_edges(one, two, room, window):
                     edges[count, axis] = places[first + j, axis]
                 edges[count, 3] = room.drifts[first + j]
                 count += 1
-        elif kind != FLIES:
+        elif kind != INTACT:
             for k in range(1 if kind == LOST else 2):
                 corner = base + (3 if k == 0 else (8 if kind == STUCK else 4))
                 for axis in range(3):

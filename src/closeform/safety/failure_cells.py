@@ -24,7 +24,7 @@ from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, START, STATE, state_
 from closeform.motion.hill import coast, pushed
 from closeform.safety.remainders import lost_remainder, stuck_remainder, thrust_derivatives
 
-FLIES, LOST, WEAK, STUCK, MISSED = 0, 1, 2, 3, 4
+INTACT, LOST, WEAK, STUCK, MISSED = 0, 1, 2, 3, 4
 KIND, FIRST, LAST, BURN, BURNS = 0, 1, 2, 3, 4  # indices of a side's `now`
 MEASURE, HELD, ACCELERATION = 0, 1, 2  # indices of a side's `numbers`
 FROM, SIDE = 0, 1  # first columns of a cell
@@ -61,7 +61,7 @@ def parameter_count(side):
     kind = side.now[KIND]
     if kind == MISSED:
         return side.now[BURNS] - side.now[BURN]
-    return 0 if kind == FLIES else (1 if kind == LOST else 2)
+    return 0 if kind == INTACT else (1 if kind == LOST else 2)
 
 
 @kernel()
@@ -129,7 +129,7 @@ def stuck_thrust(side, piece, at, n, u):
 def single(side, cell, o, n, rows):
     """Fill the first row with the motion at the low ends of a cell's side."""
     kind = side.now[KIND]
-    if kind == FLIES or kind == MISSED:
+    if kind == INTACT or kind == MISSED:
         return
     u = stack_matrix(7, 3)
     piece, at = int(cell[o + PIECE]), cell[o + LOW]
@@ -205,7 +205,7 @@ def span_cell(side, cell, o, n, rows):
     The four numbers are bounds in position, in velocity and constant ones, and the epoch of the cell's start.
     """
     kind = side.now[KIND]
-    if kind == FLIES or kind == MISSED:
+    if kind == INTACT or kind == MISSED:
         return 0.0, 0.0, 0.0, cell[FROM]
     piece, low, high = int(cell[o + PIECE]), cell[o + LOW], cell[o + HIGH]
     arc = side.arcs[piece // 2]
@@ -254,7 +254,7 @@ def first_cells(side, o, n, cells):
     Cells beyond the last row are counted only.
     """
     kind, count = side.now[KIND], 0
-    if kind == FLIES or kind == MISSED:
+    if kind == INTACT or kind == MISSED:
         if len(cells) > 0:
             cells[0, o + PIECE] = 2.0 * side.now[FIRST]
             for k in range(side.now[BURNS] - side.now[BURN]):
@@ -292,7 +292,7 @@ def first_cells(side, o, n, cells):
 def earliest(side, cell, o):
     """Return the time from which the motions of a cell's side are valid."""
     kind = side.now[KIND]
-    if kind == FLIES or kind == MISSED:
+    if kind == INTACT or kind == MISSED:
         return side.arcs[side.now[FIRST], START]
     piece = int(cell[o + PIECE])
     s = side.arcs[piece // 2, START] if piece % 2 == 1 else cell[o + LOW]

@@ -19,8 +19,8 @@ from closeform.safety.failure_cells import (
     BURN,
     BURNS,
     FIRST,
-    FLIES,
     HIGH,
+    INTACT,
     KIND,
     LAST,
     LOST,
@@ -114,7 +114,7 @@ def see_burns(side, cell, o, arc, t, order, sign, room, base, first):
 def see_side(side, cell, o, rows, count, i, t, order, sign, room, base, first):
     """Fill the motions of one side at time t, in metres; `i` is the arc of its path."""
     kind, motions = side.now[KIND], room.motions
-    if kind == FLIES or kind == MISSED:
+    if kind == INTACT or kind == MISSED:
         see(side.arcs[i], t, order, 1.0, motions[base], True)
         if kind == MISSED:
             see_burns(side, cell, o, side.arcs[i], t, order, sign, room, base, first)

@@ -10,9 +10,9 @@ from closeform.motion.hill import oscillation
 from closeform.safety.active_faces import EDGES, mixed_normal
 from closeform.safety.edges import make_edges, nearest, place_at, widest
 from closeform.safety.failure_cells import (
-    FLIES,
     FROM,
     HIGH,
+    INTACT,
     KIND,
     LOW,
     MISSED,
@@ -47,7 +47,7 @@ def target_below(best, certain):
 
 
 @kernel()
-def fly(one, two, cell, width, begin, end, n, form, room, best):
+def propagate(one, two, cell, width, begin, end, n, form, room, best):
     """Return the minimum norm over [begin, end] at a cell's low ends, if below `best`, and its time."""
     shape, _, faces = form
     single(one, cell, SIDE, n, room.rows[0])
@@ -74,7 +74,7 @@ def fly(one, two, cell, width, begin, end, n, form, room, best):
 def is_instant(side, cell, o):
     """Return True if a cell's first parameter is the time at which thrust fails."""
     kind = side.now[KIND]
-    return kind != FLIES and kind != MISSED and int(cell[o + PIECE]) % 2 == 0
+    return kind != INTACT and kind != MISSED and int(cell[o + PIECE]) % 2 == 0
 
 
 @kernel()
@@ -204,7 +204,7 @@ def descend(one, two, width, when, end, n, form, room, best):
             begin, until = around(one, two, cell, width, when, end, n)
             least, time = best, when
             if at != worst[o + LOW] and begin <= end:
-                least, time = fly(one, two, cell, width, begin, until, n, form, room, best)
+                least, time = propagate(one, two, cell, width, begin, until, n, form, room, best)
             if least < best:
                 best, when = least, time
                 note(room, cell)

@@ -13,7 +13,7 @@ from closeform._jit import kernel
 from closeform.safety.active_faces import EDGES
 from closeform.safety.bounded_motion_limits import along_track, drift_range, is_tube, limit_downhill, limit_of
 from closeform.safety.failure_cells import FROM, parameter_count, span_both
-from closeform.safety.failure_motion import NEAR, cut, fly, near_by, note, target_below
+from closeform.safety.failure_motion import NEAR, cut, near_by, note, propagate, target_below
 from closeform.safety.planes import EITHER_WAY, march
 from closeform.zones.shapes import BALL
 
@@ -117,7 +117,7 @@ def search_tail(one, two, top, width, far, n, form, scale, tube, floor, certain,
         begin, stop = near_by(one, two, cell, width, t, near, far, n, count, room)
         if not is_tube(tube):  # it only decreases towards that time
             begin = max(begin, near - NEAR / n)
-        least, time = fly(one, two, room.point[0], width, begin, stop, n, form, room, best)
+        least, time = propagate(one, two, room.point[0], width, begin, stop, n, form, room, best)
         if least < best:
             best, when = least, time
             note(room, room.point[0])

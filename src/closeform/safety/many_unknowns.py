@@ -22,10 +22,10 @@ from closeform.safety.search import (
     RETRIED,
     begin_pair,
     calm_from,
+    continue_search,
     divide,
-    go_on,
     sample,
-    tell,
+    store_result,
     visit,
 )
 from closeform.zones.shapes import FACES, FORM
@@ -143,5 +143,7 @@ def worst_of_many(one, two, first, second, ends, n, form, scale, certain, most, 
         )
         found = ratio, when, known
         if far > 0.0 and ratio > -inf and (certain > 0.0 or when != when):
-            found = go_on(one, two, found, width, end, far, n, form, scale, tube, floor, certain, room)
-        tell(one, two, found, end, n, form, floor, room, out[p])
+            found = continue_search(
+                one, two, found, width, end, far, n, form, scale, tube, floor, certain, room
+            )
+        store_result(one, two, found, end, n, form, floor, room, out[p])

@@ -35,11 +35,11 @@ from closeform.safety.failure_motion import (
     around,
     cut,
     descend,
-    fly,
     glance,
     has_extent,
     near_by,
     note,
+    propagate,
     target_below,
 )
 from closeform.safety.infinite_horizon import search_tail
@@ -94,7 +94,7 @@ def sample(one, two, top, width, end, n, form, room):
     if near != near:
         return inf, nan
     begin, stop = around(one, two, room.point[0], width, near, end, n)
-    best, when = fly(one, two, room.point[0], width, begin, stop, n, form, room, inf)
+    best, when = propagate(one, two, room.point[0], width, begin, stop, n, form, room, inf)
     return descend(one, two, width, when, end, n, form, room, best)
 
 
@@ -142,7 +142,7 @@ def visit(one, two, cell, width, calm, end, n, form, tube, scale, target, best, 
         if clear:
             return True, t, end, best, nan
     begin, stop = near_by(one, two, cell, width, t, near, end, n, count, room)
-    least, time = fly(one, two, room.point[0], width, begin, stop, n, form, room, best)
+    least, time = propagate(one, two, room.point[0], width, begin, stop, n, form, room, best)
     return False, t, stop, least, time
 
 
@@ -212,24 +212,24 @@ def search(one, two, top, width, end, n, form, scale, tube, certain, most, room)
 
 
 @kernel()
-def begin_pair(one, two, first, second, end, n, room, told):
+def begin_pair(one, two, first, second, end, n, room, result):
     """Choose a pair and fill its cells; return their number, 0 without a common time, -1 without space."""
     width = (room.cells.shape[1] - SIDE) // 2
     choose(one, first)
     choose(two, second)
     begin = max(one.arcs[one.now[1], START], two.arcs[two.now[1], START])
-    told[TIME], told[RATIO], told[LOWER] = nan, inf, inf
+    result[TIME], result[RATIO], result[LOWER] = nan, inf, inf
     if begin > end:
         return 0
     top = fill_cells(one, two, begin, width, n, room.cells)
     if 2 * top > len(room.cells):
-        told[TIME], told[RATIO] = top, -inf
+        result[TIME], result[RATIO] = top, -inf
         return -1
     return top
 
 
 @kernel()
-def go_on(one, two, found, width, end, far, n, form, scale, tube, floor, certain, room):
+def continue_search(one, two, found, width, end, far, n, form, scale, tube, floor, certain, room):
     """Return minimum norm, time and accuracy of what was `found` and of the drift from `end` to `far`."""
     ratio, when, known = found
     top = fill_cells(one, two, end, width, n, room.cells)
@@ -242,12 +242,12 @@ def go_on(one, two, found, width, end, far, n, form, scale, tube, floor, certain
 
 
 @kernel()
-def tell(one, two, found, end, n, form, floor, room, told):
+def store_result(one, two, found, end, n, form, floor, room, result):
     """Fill the columns of a pair with its worst failure, `room.point[1]`, if there is one."""
     ratio, when, known = found
     width = (room.cells.shape[1] - SIDE) // 2
     if ratio == -inf or (ratio == 1.0 and when != when):  # too little space, or undecided
-        told[TIME], told[RATIO] = when, ratio
+        result[TIME], result[RATIO] = when, ratio
     if ratio == -inf or when != when:
         return
     worst = room.point[1]
@@ -256,11 +256,11 @@ def tell(one, two, found, end, n, form, floor, room, told):
     seen = when if when < inf else end
     open_window(one, two, worst, width, seen, end, n, 1, seen, form, room)
     lower = ratio - known * max(abs(ratio), 1.0)
-    told[TIME], told[RATIO], told[LOWER] = when, ratio, max(lower, floor)
+    result[TIME], result[RATIO], result[LOWER] = when, ratio, max(lower, floor)
     for axis in range(3):
-        told[PLACE + axis] = room.motions[0, 0, axis]
+        result[PLACE + axis] = room.motions[0, 0, axis]
     for c in range(len(worst)):
-        told[FAILURE + c] = worst[c]
+        result[FAILURE + c] = worst[c]
 
 
 @kernel(
@@ -302,5 +302,7 @@ def worst_failures(one, two, first, second, ends, n, form, scale, certain, most,
         ratio, when, known = search(one, two, top, width, end, n, form, scale, tube, certain, most, room)
         found = ratio, when, known
         if far > 0.0 and ratio > -inf and (certain > 0.0 or when != when):
-            found = go_on(one, two, found, width, end, far, n, form, scale, tube, floor, certain, room)
-        tell(one, two, found, end, n, form, floor, room, out[p])
+            found = continue_search(
+                one, two, found, width, end, far, n, form, scale, tube, floor, certain, room
+            )
+        store_result(one, two, found, end, n, form, floor, room, out[p])

@@ -9,8 +9,8 @@ from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, START, STATE, THRUST
 from closeform.motion.path import Path, path_of
 from closeform.safety.failure_cells import (
     ACCELERATION,
-    FLIES,
     HELD,
+    INTACT,
     LOST,
     MEASURE,
     MISSED,
@@ -29,7 +29,7 @@ NO_BURNS = np.empty((0, 2, WIDTH))
 
 def side_of(path: Path, failure: Failure | None, until: float, carry_on: bool = False) -> Side:
     """Return a path that fails, or continues if `failure` is None, as a side of the search."""
-    kind = FLIES if failure is None else KINDS[type(failure)]
+    kind = INTACT if failure is None else KINDS[type(failure)]
     numbers = np.array([0.0, -1.0, 0.0, 0.0, 0.0])
     if isinstance(failure, MissedBurns | DegradedThrust):
         numbers[MEASURE] = failure.least
@@ -39,7 +39,7 @@ def side_of(path: Path, failure: Failure | None, until: float, carry_on: bool = 
             numbers[HELD] = np.linalg.norm(failure.acceleration)
             numbers[ACCELERATION:] = failure.acceleration
     arcs, offsets = path.arcs, path.offsets
-    if kind in (WEAK, MISSED) or (kind == FLIES and carry_on):
+    if kind in (WEAK, MISSED) or (kind == INTACT and carry_on):
         arcs, offsets = carried_on(path, until)
     burns, burn_offsets = NO_BURNS, np.zeros_like(offsets)
     if kind == MISSED:
