@@ -1,5 +1,6 @@
 """Searches with errors, against bodies that turn for themselves, sampled; and the perfect case."""
 
+from itertools import pairwise
 from math import inf, pi, radians
 
 import numpy as np
@@ -130,6 +131,33 @@ def test_a_craft_that_never_answers_is_never_found():
     np.testing.assert_allclose(found.time[75:], perfect.time[75:], rtol=0.0, atol=1e-6)
 
 
+def test_a_craft_with_outages_locks_between_them():
+    """Against bodies that turn for themselves, looked for in each interval in which both work."""
+    count, wide = 8, radians(70.0)
+    sensor = cf.Sensor(wide, 7.5, 700.0)
+    search = cf.Search.modified(sensor, RATE, radians(89))
+    r, v = drawn(count, 6)
+    perfect = cf.lock_times(search, r, v).time
+    begin = generator(3).uniform(-200.0, 100.0, (count, 2, 2)) + np.nan_to_num(perfect)[:, None, None]
+    outages = np.stack([begin, begin + generator(4).uniform(50.0, 900.0, begin.shape)], axis=-1)
+    outages[0], outages[1, 0, 1] = inf, [0.0, inf]  # none, and one that lasts for ever
+    found = cf.lock_times(search, r, v, cf.SearchErrors(outages=outages))
+    for k in range(count):
+        bodies = [Body(turns("modified", wide), group) for group in "AB"]
+        cuts = np.unique(np.append(outages[k].ravel(), [0.0, 1e9]).clip(0.0, 1e9))
+        truth = np.nan
+        for start, end in pairwise(cuts):
+            working = ~((outages[k, ..., 0] <= start) & (start < outages[k, ..., 1])).any()
+            when = first_lock(*bodies, sensor, r[k], v[k], start) if working else np.nan
+            if when < end:
+                truth = when
+                break
+        assert found.time[k] == pytest.approx(truth, rel=0.0, abs=1e-6, nan_ok=True)
+    assert found.time[0] == pytest.approx(perfect[0], abs=1e-6, nan_ok=True)
+    assert (found.time > perfect + 1.0).sum() > 1
+    assert found.leg[1] == -1
+
+
 @pytest.mark.parametrize(
     ("given", "told"),
     [
@@ -204,6 +232,12 @@ def test_a_run_has_the_errors_that_its_file_gives(tmp_path):
     assert found == pytest.approx([truth], rel=0.0, abs=1e-6)
     file.write_text(RUN.replace('start_offset = ["0 s", "30 s"]', "silent = [false, true]"))
     assert "never lock" in str(cf.run(file).verdict)
+    quiet = f'silent = [false, "0 s to {truth + 60.0} s, 2 h to end"]'
+    file.write_text(RUN.replace("slew_rate_error", f"{quiet}\nslew_rate_error"))
+    assert cf.run(file).results[0].result.locks.time >= truth + 60.0 - 1e-6
+    file.write_text(RUN.replace("slew_rate_error", 'silent = "5 min"\nslew_rate_error'))
+    with pytest.raises(ValueError, match="neither true, false nor intervals"):
+        cf.run(file)
 
 
 STUDY = """

@@ -74,7 +74,8 @@ def searching(scenario: Scenario, seed: int, first: int, last: int) -> SearchErr
         of("sensor.half_angle") - scenario.sensor.half_angle,
         of("sensor.range") if ranged else None,
         of("craft.slew_acceleration") if "craft.slew_acceleration" in keys else scenario.ramps,
-        of("craft.silent"),
+        of("craft.silent") if "craft.silent" in keys else scenario.silent,
+        scenario.outages,
     )
 
 

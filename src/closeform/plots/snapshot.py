@@ -90,7 +90,10 @@ class Moment:
         gap = sensors[pairs[:, 1]] - sensors[pairs[:, 0]]
         distance = np.linalg.norm(gap, axis=1)
         ranges = np.full(len(look), sensor.range) if self.errors.range is None else self.errors.range
-        reach = np.where(self.errors.silent, 0.0, ranges)[pairs].min(axis=1)
+        mute = self.errors.silent
+        if (outages := self.errors.outages) is not None:
+            mute = mute | ((outages[..., 0] <= self.time) & (self.time < outages[..., 1])).any(axis=-1)
+        reach = np.where(mute, 0.0, ranges)[pairs].min(axis=1)
         both = distance <= reach * (1.0 + SEEN)
         cosines = np.cos(self.half_angles)
         for one, way in ((pairs[:, 0], 1.0), (pairs[:, 1], -1.0)):

@@ -5,7 +5,7 @@ from math import hypot, inf, nan, pi
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import BeforeValidator, Field, PrivateAttr
+from pydantic import BeforeValidator, Field, PlainValidator, PrivateAttr
 
 from closeform.arrays import Floats
 from closeform.fuel.falling_mass import STANDARD_GRAVITY
@@ -28,6 +28,7 @@ from closeform.scenario.quantity import (
     TIME,
     TURNING,
     Reader,
+    shown,
 )
 from closeform.scenario.table import FileName, Length, Name, Position, Table, Vector, Velocity
 from closeform.scenario.uncertainty import Covariance, Execution, as_errors
@@ -38,7 +39,25 @@ if TYPE_CHECKING:
     from closeform.uncertainty.errors import Uncertainty
 
 Matrix = tuple[Vector, Vector, Vector]
+Intervals = tuple[tuple[float, float], ...]
 MOST_TURN = pi / 2.0  # rad, of a body: more is no error of its pointing
+
+
+def as_silence(value: Any) -> bool | Intervals:
+    """Return whether a craft is silent all along, or the intervals [s] in which it is."""
+    if isinstance(value, bool):
+        return value
+    time, found = Reader(TIME, least="zero"), list[tuple[float, float]]()
+    try:
+        for text in value.split(",") if isinstance(value, str) else value:
+            begin, end = (part.strip() for part in text.split(" to "))
+            found.append((time.numbers(begin)[0], inf if end == "end" else time.numbers(end)[0]))
+    except (AttributeError, TypeError, ValueError):
+        found = []
+    if not found or any(begin >= end for begin, end in found):
+        example = 'write for example "10 min to 20 min, 1 h to end"'
+        raise ValueError(f"{shown(value)} is neither true, false nor intervals that rise; {example}")
+    return tuple(found)
 
 
 class Craft(Engine):
@@ -81,7 +100,7 @@ class Craft(Engine):
     slew_acceleration: Annotated[float, BeforeValidator(Reader(TURNING, least="positive"))] | None = Field(
         None, examples=['"0.01 deg/s^2"']
     )
-    silent: bool = Field(False, examples=["false"])
+    silent: Annotated[bool | Intervals, PlainValidator(as_silence)] = Field(False, examples=["false"])
     _place: tuple[int, int] = PrivateAttr((0, 1))  # in a formation at the start, and of how many
     _known: Floats | None = PrivateAttr(None)  # state (6,) at the start, where it is inertial or in a file
 

@@ -258,9 +258,28 @@ class Scenario:
             return self.astray
         from closeform.search.search_errors import SearchErrors
 
-        keys = ("pointing_error", "slew_rate_error", "start_offset", "silent")
-        pointing, slew_rate, start, silent = (self.given(f"craft.{key}") for key in keys)
-        return SearchErrors(pointing, slew_rate, start, slew_acceleration=self.ramps, silent=silent)
+        keys = ("pointing_error", "slew_rate_error", "start_offset")
+        pointing, slew_rate, start = (self.given(f"craft.{key}") for key in keys)
+        return SearchErrors(
+            pointing,
+            slew_rate,
+            start,
+            slew_acceleration=self.ramps,
+            silent=self.silent,
+            outages=self.outages,
+        )
+
+    @property
+    def silent(self) -> list[bool]:
+        """Whether each craft is silent all along in a search."""
+        return [craft.silent is True for craft in self.craft]
+
+    @property
+    def outages(self) -> Floats | None:
+        """Begin and end [s] of the intervals in which craft are silent (N, K, 2); None without any."""
+        each = [() if isinstance(craft.silent, bool) else craft.silent for craft in self.craft]
+        most = max(map(len, each))
+        return np.array([[*own, *[(inf, inf)] * (most - len(own))] for own in each]) if most else None
 
     @property
     def ramps(self) -> tuple[float, ...]:

@@ -26,6 +26,7 @@ from closeform.search.search_errors import (
     COSINE,
     LATE,
     LONGEST,
+    OUTAGES,
     PACE,
     SearchErrors,
     craft_rows,
@@ -190,6 +191,18 @@ def lock_between(a, b, t, end, position, velocity, offset, cosines, longest):
 
 
 @kernel()
+def outage(craft, t):
+    """Return whether a craft has an outage at time t, and when one begins or ends next."""
+    out, change = False, inf
+    for k in range(OUTAGES, len(craft), 2):
+        if craft[k] <= t < craft[k + 1]:
+            out, change = True, min(change, craft[k + 1])
+        elif craft[k] > t:
+            change = min(change, craft[k])
+    return out, change
+
+
+@kernel()
 def imperfect_lock(turns, t, position, velocity, offset, one, other, swings):
     """Return the first lock of two craft from time t on: (time, leg of the first), or (inf, NEVER)."""
     a, b = swings[0], swings[1]
@@ -206,6 +219,12 @@ def imperfect_lock(turns, t, position, velocity, offset, one, other, swings):
         end = min(a[END], b[END])
         if end == inf:
             return inf, NEVER
+        out_a, change_a = outage(one, t)
+        out_b, change_b = outage(other, t)
+        end = min(end, change_a, change_b)
+        if out_a or out_b:
+            t = end
+            continue
         cosines = one[COSINE], other[COSINE]
         when, locked = lock_between(a, b, t, end, position, velocity, offset, cosines, longest)
         if locked:

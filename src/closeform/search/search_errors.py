@@ -13,9 +13,10 @@ from closeform.arrays import Floats, broadcast, numbers, shown
 from closeform.search.sensor import Sensor
 
 MOST_TURN = pi / 2.0  # rad, bound of a pointing error
-FIELDS = ("pointing", "slew_rate", "start", "half_angle", "range", "slew_acceleration", "silent")
-# columns of a craft's row in kernels
-BODY, PACE, LATE, COSINE, LONGEST, ACCELERATION, COLUMNS = 0, 3, 4, 5, 6, 7, 8
+FIELDS = ("pointing", "slew_rate", "start", "half_angle", "range", "slew_acceleration", "silent", "outages")
+AXES = {"pointing": 1, "outages": 2}  # array axes that a field has for one craft; other fields are numbers
+# columns of a craft's row in kernels; from the last one on the begin and end [s] of each outage
+BODY, PACE, LATE, COSINE, LONGEST, ACCELERATION, OUTAGES = 0, 3, 4, 5, 6, 7, 8
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -41,6 +42,9 @@ class SearchErrors:
         Acceleration at the start and end of a turn, which prolongs it by the rate over this value.
     silent : array_like of bool of shape (...), default False
         True if the craft never responds, so that no other locks with it.
+    outages : array_like of shape (..., K, 2) [s], optional
+        Start and end of intervals in which the sensor or radio of the craft does not work, so that it does
+        not lock. An end may be inf; (inf, inf) fills rows with fewer intervals. Default: none.
 
     Raises
     ------
@@ -59,6 +63,7 @@ class SearchErrors:
     range: Floats | None
     slew_acceleration: Floats
     silent: Any
+    outages: Floats | None
 
     def __init__(
         self,
@@ -69,6 +74,7 @@ class SearchErrors:
         range: ArrayLike | None = None,
         slew_acceleration: ArrayLike = inf,
         silent: ArrayLike = False,
+        outages: ArrayLike | None = None,
     ) -> None:
         turn, mute = numbers("pointing", pointing), np.asarray(silent)
         if turn.shape[-1:] != (3,):
@@ -83,6 +89,7 @@ class SearchErrors:
             range=None if range is None else _positive("range", range),
             slew_acceleration=_positive("slew_acceleration", slew_acceleration),
             silent=mute,
+            outages=None if outages is None else _intervals("outages", outages),
         )
         _within("pointing", np.linalg.norm(turn, axis=-1), -1.0, MOST_TURN)
         broadcast(**self._shapes)
@@ -91,7 +98,7 @@ class SearchErrors:
     def _shapes(self) -> dict[str, tuple[int, ...]]:
         """Shape of each field, without the axis of vector components."""
         shapes = {name: np.shape(getattr(self, name)) for name in FIELDS}
-        return shapes | {"pointing": self.pointing.shape[:-1]}
+        return {name: shape[: len(shape) - AXES.get(name, 0)] for name, shape in shapes.items()}
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -101,13 +108,14 @@ class SearchErrors:
     def _of_each(self, name: str, shape: tuple[int, ...]) -> Any:
         """Return a field for each craft of a shape; None if it is not given."""
         values = getattr(self, name)
-        return None if values is None else np.broadcast_to(values, (*shape, *(3,) * (name == "pointing")))
+        own = () if values is None else values.shape[values.ndim - AXES.get(name, 0) :]
+        return None if values is None else np.broadcast_to(values, (*shape, *own))
 
 
 def craft_rows(
     errors: SearchErrors, sensor: Sensor, shape: tuple[int, ...], second: Any, asked: str, some: Any = ...
 ) -> Floats:
-    """Return the kernels' rows (..., 8) of `some` craft of a shape, those of B (`second`) in axes of A.
+    """Return the kernels' rows (..., 8 + 2 K) of `some` craft of a shape, those of B (`second`) in axes of A.
 
     Raises ValueError for errors of another shape, which `asked` describes, or that leave no cone.
     """
@@ -116,11 +124,15 @@ def craft_rows(
         try:
             return errors._of_each(name, shape)[some]
         except ValueError:
-            fits = asked.replace("{}", ", 3" if name == "pointing" else "")
+            own = {"pointing": ", 3", "outages": ", K, 2"}
+            fits = asked.replace("{}", own.get(name, ""))
             raise ValueError(f"errors: {name} of {fits}; got {getattr(errors, name).shape}") from None
 
     body = body_axis(of_craft("pointing"), 2)
-    out = np.empty((*body.shape[:-1], COLUMNS))
+    count = 0 if errors.outages is None else 2 * errors.outages.shape[-2]
+    out = np.empty((*body.shape[:-1], OUTAGES + count))
+    if errors.outages is not None:
+        out[..., OUTAGES:] = of_craft("outages").reshape(*body.shape[:-1], count)
     out[..., BODY : BODY + 3] = body
     out[..., BODY + 1 : BODY + 3] *= np.where(second, -1.0, 1.0)[..., None]  # B's axes y and z are opposite
     out[..., PACE] = 1.0 + of_craft("slew_rate")
@@ -142,11 +154,11 @@ def between(errors: SearchErrors, pairs: Any) -> SearchErrors:
     shape = errors.shape
 
     def of_pairs(name: str) -> Any:
-        values, vector = getattr(errors, name), name == "pointing"
-        if np.ndim(values) == vector:
+        values, own = getattr(errors, name), AXES.get(name, 0)
+        if values is None or np.ndim(values) == own:
             return values  # common to all
         craft = errors._of_each(name, shape)
-        return np.take(craft, pairs, axis=len(shape) - 1).reshape(-1, 2, *(3,) * vector)
+        return np.take(craft, pairs, axis=len(shape) - 1).reshape(-1, 2, *craft.shape[craft.ndim - own :])
 
     return SearchErrors(**{name: of_pairs(name) for name in FIELDS})
 
@@ -189,4 +201,13 @@ def _positive(name: str, value: ArrayLike) -> Floats:
     array = numbers(name, value)
     if not (array > 0.0).all():
         raise ValueError(f"{name}: must be positive, got {array[~(array > 0.0)].flat[0]:g}")
+    return array
+
+
+def _intervals(name: str, value: ArrayLike) -> Floats:
+    array = numbers(name, value)
+    if array.ndim < 2 or array.shape[-1] != 2:
+        raise ValueError(f"{name}: expected shape (..., K, 2), got {array.shape}")
+    if not (array[..., 0] <= array[..., 1]).all():
+        raise ValueError(f"{name}: an interval ends before it begins; give begin and end in s")
     return array
