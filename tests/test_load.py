@@ -197,8 +197,8 @@ def test_folders_of_others_and_other_versions(moved, tmp_path) -> None:
     for changes, words in (
         ({"closeform": 2}, "has format 2, this version reads 1; run it again"),
         ({"kind": None}, "was written by an earlier version or another command; run it again"),
-        ({"versions": {}}, r"summary\.json was not written by closeform; give the folder"),
-        ({"stages": [{}]}, "its tables is damaged; run it again"),
+        ({"versions": {}}, r"summary\.json was not written by closeform; give the result folder"),
+        ({"stages": [{}]}, "a table is damaged; run it again"),
     ):
         (place / SUMMARY).write_text(json.dumps(summary | changes))
         with pytest.raises(FolderError, match=words):

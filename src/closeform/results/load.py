@@ -204,7 +204,7 @@ def load(directory: str | PathLike[str]) -> LoadedRun | LoadedStudy:
             cases = arc_tables.together([table(place, summary, name) for name in names])
         return LoadedStudy(scenario, cases, summary)
     orbit = Orbit(summary["mean_motion_rad_s"])
-    with intact(place, "its tables"):
+    with intact(place, "a table"):
         stages = tuple(RunTables(place, scenario, orbit, summary).stages)
         lost = tuple(LostThrust.of(one) for one in summary.get("lost", ()))
         return LoadedRun(scenario, orbit, stages, summary, lost)

@@ -24,7 +24,7 @@ CLIMBS = 6  # greatest number of climbs, each from the counterexamples of the pr
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LongestLock(Result):
-    """Latest first lock found in a box of initial states, and the proof that goes with it.
+    """Latest first lock found in a box of initial states, and its proof.
 
     Attributes
     ----------

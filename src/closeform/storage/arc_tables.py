@@ -10,7 +10,7 @@ from closeform.motion.path import Path
 from closeform.search.leg import Leg
 
 AXES = "xyz"
-# The columns of an arc in order, see `motion/arc.py`; u is the optimal thrust, p the polynomial thrust.
+# The columns of an arc in order, see `motion/arc.py`; u is the optimal thrust, p the additional one.
 ARC = (
     ("start_s", "end_s", "mean_motion_rad_s")
     + tuple(f"jump_{axis}_m_s" for axis in AXES)
