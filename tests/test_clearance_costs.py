@@ -171,7 +171,7 @@ def test_what_keeps_sigmas_from_being_more():
     assert (free.reason, free.sigmas) == ("10 000 sigmas bring nobody together", 10_000.0)
     exact = cf.max_clearance(PATH, OTHER, cf.Sphere(1.0), 2.0 * PATH.energy, errors=cf.Uncertainty())
     assert (exact.status, exact.sigmas) == (ClearanceStatus.NEVER_NEAR, 10_000.0)
-    with pytest.raises(ValueError, match=r"^other_errors: of a formation; give them in errors"):
+    with pytest.raises(ValueError, match=r"^other_errors: not for a formation; append them to errors"):
         cf.max_clearance(FORMATION, (), ZONE, 1.0, other_errors=KNOWN)
 
 
@@ -196,7 +196,7 @@ def test_costs_of_many_sizes():
         ((PATH, OTHER, ZONE, 0.0), "^budget: must be positive and finite, got 0.0"),
         ((PATH, OTHER, ZONE, np.inf), "^budget: must be positive and finite, got inf"),
         ((PATH, (), ZONE, 1.0), "^obstacles: give at least one path"),
-        ((FORMATION, (), [None] * 8, 1.0), "^zone: no two craft keep one; give at least one"),
+        ((FORMATION, (), [None] * 8, 1.0), "^zone: no pair has a zone; give at least one"),
         ((FORMATION[None], OTHER, ZONE, 1.0), "^path: of one craft or of shape"),
     ],
 )

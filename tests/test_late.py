@@ -118,7 +118,7 @@ def test_hopeless_thrust_is_given_up_after_a_time_that_is_said(place: str, stage
     most = 100.0 * asked if place == "deep space" else ASKED / 0.04
     found = re.search(
         r"insp needs (\S+) N in (\S+) s, its max_thrust is 5e-08 N; "
-        r"no longer is tried, and (\S+) s take (\S+) N: give it more$",
+        r"no longer is tried, and (\S+) s take (\S+) N: raise the limit$",
         mission.stopped,
     )
     last, longest, shortest, first = map(float, found.groups())

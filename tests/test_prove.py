@@ -175,10 +175,10 @@ def test_a_single_contact_with_a_sphere_is_proven_without_a_search():
 
 def test_clear_formations_are_proven_and_time_is_not_negative():
     path, stones = passage(0)
-    with pytest.raises(ValueError, match="prove: seconds, 0 or more"):
+    with pytest.raises(ValueError, match="prove: must be 0 s or more"):
         cf.avoid(path, stones, cf.Sphere(20.0), prove=-1.0)
     task = four(0, SPACE, 360.0)
-    with pytest.raises(ValueError, match="prove: seconds, 0 or more"):
+    with pytest.raises(ValueError, match="prove: must be 0 s or more"):
         cf.reconfigure(**task.arguments, prove=float("nan"))
     clear = cf.reconfigure(**{**task.arguments, "zone": cf.Sphere(0.01)}, prove=1.0)
     assert clear.proven

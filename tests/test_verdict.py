@@ -269,7 +269,7 @@ def test_a_clear_path_beyond_the_limit() -> None:
     ("obstacle", "arguments", "remedy"),
     [
         (DEEP.coast(np.zeros(6), 1000.0), {}, "give more time, or obstacles that are known beyond 1000 s"),
-        (DEEP.coast(np.zeros(6), 1050.0), {}, "give it more"),  # not beyond what is known of the obstacle
+        (DEEP.coast(np.zeros(6), 1050.0), {}, "raise the limit"),  # not beyond what is known of the obstacle
         (LONG, {"longer": False}, "allow longer, or give more time"),
     ],
 )
@@ -283,12 +283,12 @@ def test_avoid_says_that_it_cannot(obstacle: cf.Path, arguments: dict, remedy: s
     assert weak.weak.limit == limit
     assert weak.weak.needed > limit
     first = cf.avoid(PATH, LONG, BALL).path.peak_thrust
-    longest = f"no longer is tried, and 1000 s take {first:.4g} m/s²: " if remedy == "give it more" else ""
+    longest = f"no longer is tried, and 1000 s take {first:.4g} m/s²: " if remedy == "raise the limit" else ""
     assert weak.reason == (
         f"path needs {weak.weak.needed:.4g} m/s² in {weak.weak.duration:.6g} s, "
         f"its limit is {limit:.4g} m/s²; {longest}{remedy}"
     )
-    assert weak.weak.duration == pytest.approx(1050.0 if remedy == "give it more" else 1000.0)
+    assert weak.weak.duration == pytest.approx(1050.0 if remedy == "raise the limit" else 1000.0)
 
 
 @pytest.mark.parametrize("wrong", [0.0, -1.0, np.nan, [1.0, 2.0], "much"])

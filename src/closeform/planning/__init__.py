@@ -1,1 +1,1 @@
-"""The way around: a formation's cheapest paths, certified clear."""
+"""Path planning: minimum-cost paths of a formation, certified clear of all keep-out zones."""

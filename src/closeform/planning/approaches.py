@@ -1,7 +1,7 @@
-"""Where the paths of a formation come close: a quick look between the certified ones.
+"""Approximate search for close approaches between certified searches.
 
-Samples find the minima of every pair's norm, which are then followed to their lowest point.  One
-that is missed costs a round of planning, not safety: the march has the last word.
+Samples locate the minima of every pair's norm, which are then refined.  A minimum that is missed costs a
+round of planning, not safety: the certified march has the last word.
 """
 
 from math import inf, nan, sqrt
@@ -19,17 +19,18 @@ from closeform.planning.rounding import norm_rate, rounded_norm
 from closeform.planning.scene import BLOCKS, INDICES, NUMBERS, ROWS
 from closeform.zones.shapes import BALL, norm
 
-LEVEL = 1e-13  # slope times width, in zones, at which a minimum is known
-NEWTON, STRIDE = 8, 0.1  # steps to a minimum, and how long one may be, of the time that is searched
-EVEN = 1e-12  # of a step between samples, by which two are not one
-ABSENT = 1e150  # coordinate of a body at a time when it is not there
+LEVEL = 1e-13  # slope times width, in zones, at which a minimum has converged
+NEWTON, STRIDE = 8, 0.1  # maximum steps to a minimum, and maximum step as a share of the interval
+EVEN = 1e-12  # of a step between samples: larger differences are different steps
+ABSENT = 1e150  # coordinate of a body while it is absent
 
 
 @kernel()
 def sample_body(arcs, first, last, times, states):
-    """States (T, 6) of one body at `times`; the first number is inf where it is not there.
+    """Fill the states (T, 6) of one body at `times`; the first number is inf where it is absent.
 
-    Along an arc they go on from sample to sample, by steps that are worked out once where they are even.
+    Along an arc the states are propagated from sample to sample, with transition matrices that are
+    reused for equal steps.
     """
     row, step, transforms = -1, inf, inverse_transforms(0.0, 0.0)
     state = thrust = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -53,14 +54,14 @@ def sample_body(arcs, first, last, times, states):
 
 @kernel(void(ROWS, INDICES, NUMBERS, BLOCKS))
 def sample_bodies(arcs, offsets, times, states):
-    """States (B, T, 6) of all bodies at `times`."""
+    """Fill the states (B, T, 6) of all bodies at `times`."""
     for body in range(len(offsets) - 1):
         sample_body(arcs, offsets[body], offsets[body + 1], times, states[body])
 
 
 @kernel()
 def spread(states, places):
-    """Positions (3, T) axis by axis, for loops that become vector instructions; the greatest speed."""
+    """Fill positions (3, T) axis by axis, for vectorised loops; return the maximum speed."""
     fastest = 0.0
     for k in range(len(states)):
         present = states[k, 0] < inf
@@ -74,7 +75,7 @@ def spread(states, places):
 
 @kernel()
 def nearest_sample(one, other, squares):
-    """Least squared distance of two bodies over the samples."""
+    """Fill the squared distances of two bodies at the samples; return their minimum."""
     for k in range(len(squares)):
         x, y, z = one[0, k] - other[0, k], one[1, k] - other[1, k], one[2, k] - other[2, k]
         squares[k] = x * x + y * y + z * z
@@ -86,7 +87,7 @@ def nearest_sample(one, other, squares):
 
 @kernel()
 def apart(scene, kind, one, other):
-    """Norm of two bodies' relative position, its edges not rounded, and its speed in zones a second."""
+    """Return the norm of two bodies' relative position without rounded edges, and its speed in zones/s."""
     if one[0] == inf or other[0] == inf:
         return inf, 0.0
     matrix = scene.matrices[kind]
@@ -101,7 +102,7 @@ def apart(scene, kind, one, other):
 
 @kernel()
 def norm_at(scene, arcs, offsets, which, t, motion):
-    """Norm of a pair at time t; fills its relative motion."""
+    """Return the norm of a pair at time t; fill its relative motion."""
     relative_motion(scene, arcs, offsets, which, t, motion)
     kind = scene.kinds[which]
     faces = scene.faces[scene.face_offsets[kind] : scene.face_offsets[kind + 1]]
@@ -112,7 +113,7 @@ def norm_at(scene, arcs, offsets, which, t, motion):
 
 @kernel()
 def rate_at(scene, arcs, offsets, which, t, motion, work):
-    """Rate of a pair's norm at time t; fills its relative motion, spoils `work`."""
+    """Return the rate of a pair's norm at time t; fill its relative motion and overwrite `work`."""
     relative_motion(scene, arcs, offsets, which, t, motion)
     kind = scene.kinds[which]
     faces = scene.faces[scene.face_offsets[kind] : scene.face_offsets[kind + 1]]
@@ -121,13 +122,13 @@ def rate_at(scene, arcs, offsets, which, t, motion, work):
 
 @kernel()
 def minimum_between(scene, arcs, offsets, which, a, b, falling, rising, fine, motion, work):
-    """Time of the least norm between a, where it falls, and b, where it rises: false position (Illinois)."""
+    """Return the time of the minimum norm between a (falling) and b (rising), by the Illinois method."""
     side, t, span = 0, a, b - a
     for k in range(60):
         if b - a <= fine * span:
             break
         t = (a * rising - b * falling) / (rising - falling)
-        if k % 4 == 3 or not a < t < b:  # rates jump where parts take over from each other
+        if k % 4 == 3 or not a < t < b:  # bisect: rates jump where another part of the zone is nearest
             t = a + 0.5 * (b - a)
         slope = rate_at(scene, arcs, offsets, which, t, motion, work)
         if abs(slope) * (b - a) < LEVEL:
@@ -145,9 +146,9 @@ def minimum_between(scene, arcs, offsets, which, a, b, falling, rising, fine, mo
 
 @kernel()
 def descend(scene, arcs, offsets, which, t, low, high, fine, motion):
-    """The time of a ball's locally least norm near t, within [low, high], by Newton's steps on its rate.
+    """Return the time of a ball's local minimum norm near t, within [low, high], by Newton's method.
 
-    nan where they do not settle; fills the relative motion there.
+    Returns nan where the method does not converge; fills the relative motion there.
     """
     for _ in range(NEWTON):
         relative_motion(scene, arcs, offsets, which, t, motion)
@@ -156,7 +157,7 @@ def descend(scene, arcs, offsets, which, t, low, high, fine, motion):
             square += motion[0, i] * motion[0, i]
             slope += motion[0, i] * motion[1, i]
             bend += motion[1, i] * motion[1, i] + motion[0, i] * motion[2, i]
-        bend -= slope * slope / square  # of the norm, times the norm
+        bend -= slope * slope / square  # second derivative of the norm, times the norm
         if not bend > 0.0:
             return nan
         step = -slope / bend
@@ -170,7 +171,7 @@ def descend(scene, arcs, offsets, which, t, low, high, fine, motion):
 
 @kernel()
 def slide(scene, arcs, offsets, which, t, fine, motion, work):
-    """The time of the pair's locally least norm downhill from t, within the pair's window."""
+    """Return the time of the pair's local minimum norm downhill from t, within the pair's window."""
     start, end = scene.windows[which, 0], scene.windows[which, 1]
     if scene.shapes[scene.kinds[which]] == BALL:
         settled = descend(scene, arcs, offsets, which, t, start, end, fine * (end - start), motion)
@@ -196,7 +197,7 @@ def slide(scene, arcs, offsets, which, t, fine, motion, work):
 
 @kernel()
 def sample_craft(scene, arcs, offsets, contacts, count, states, places, speeds):
-    """States, positions axis by axis and greatest speeds of all craft; of those not pushed as known."""
+    """Fill states, positions axis by axis and maximum speeds of all craft; copy those without forces."""
     pushed = np.zeros(len(states), dtype=np.bool_)
     for k in range(count):
         if contacts.multipliers[k] != 0.0:
@@ -217,8 +218,8 @@ def sample_craft(scene, arcs, offsets, contacts, count, states, places, speeds):
 def find_minima(scene, arcs, offsets, states, places, speeds, found):
     """Fill `found` with rows (pair, time, norm as a share of the aim) of minima below the aim.
 
-    Returns how many there are; more than there are rows are counted, not kept.  A rounded zone is
-    sampled as it is without rounding, whose norm is less.
+    Returns the number of minima, including those for which `found` has no row.  A zone with rounded edges
+    is sampled without rounding, where its norm is smaller.
     """
     times = scene.times
     count, last, widest = 0, len(times) - 1, 0.0
@@ -237,7 +238,7 @@ def find_minima(scene, arcs, offsets, states, places, speeds, found):
         for k in range(len(times)):
             before, here, pace = here, after, speed
             after = inf
-            if k < last and squares[k + 1] <= reach * reach:  # from beyond no minimum is in reach
+            if k < last and squares[k + 1] <= reach * reach:  # no minimum is in reach from farther away
                 after, speed = apart(scene, kind, states[i, k + 1], states[j, k + 1])
             if here == inf or here > before or here > after or here - pace * widest > aim:
                 continue

@@ -1,4 +1,4 @@
-"""`avoid`: the cheapest path of one craft around obstacles that do not give way."""
+"""Collision avoidance of one craft: `avoid` plans the path of minimum cost around given obstacles."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from closeform.zones.pair_zones import PairZones
 if TYPE_CHECKING:
     from closeform.uncertainty.errors import Uncertainty
 
-BOTH = "bounds thrust in any direction, which thrusters do not have; leave it out, they have their own"
+BOTH = "cannot be combined with thrusters, which have limits of their own; omit it"
 
 
 def avoid(
@@ -50,76 +50,78 @@ def avoid(
     sigmas: float = 3.0,
     margin: Any = 0.0,
 ) -> Avoidance:
-    """The cheapest path found between the same states and times that stays out of every zone.
+    """Plan the path of minimum cost found between the same states and times that stays out of every zone.
 
-    A path that is clear is returned as it is.  Whatever is returned is certified clear of the zone
-    itself, or the status says why there is none: its start or end inside a zone, or no clear path found.
+    A path that is already clear is returned unchanged.  Every returned path is certified clear of the zones
+    themselves.  Otherwise the status is the reason: a start or end inside a zone, or no clear path found.
 
     Parameters
     ----------
     path : Path
-        Of one craft: its end states and times are kept.
+        Path of one craft; its end states and times are kept.
     obstacles : Path or sequence of Path
-        One path, a Path of shape (M,) or M paths, in the same orbit: coasting, thrusting or sampled.
+        One path, a Path of shape (M,) or M paths in the same orbit: coasting, thrusting or sampled.
     zone : Zone, CovarianceZone, Body, sequence of these, or PairZones
-        One for all, or one for each obstacle, which the craft keeps out of as a point that is known exactly.
-        Where it has a zone of its own, `PairZones` of craft and obstacles.
+        One for all, or one for each obstacle; the craft itself is a point whose position is known exactly.
+        If the craft has a zone of its own, use `PairZones` of the craft and the obstacles.
     method : "exact" or "sauter-palmer", default "exact"
-        "exact": least energy, by forces at contacts; the sides on which zones are passed are searched.
+        "exact": minimum energy with active constraints at contacts; the planner searches over passing sides.
         "sauter-palmer": one deviation point for each conflict, perpendicular to the cost's gradients; not
-        in deep space.
+        available in deep space.
     max_acceleration : float [m/s^2], optional
-        Bounds the thrust; impulses are beyond any limit.  A path beyond it takes the shortest longer
-        duration that was found to respect it, with the same final state.
+        Limit of the thrust acceleration; impulses exceed any limit.  If a path exceeds it, the planner uses
+        the shortest longer duration it finds that respects the limit, with the same final state.
     longer : bool, default True
-        Whether it may: in an orbit up to ten orbits, or twice its duration, in deep space up to a hundred
-        times; but no longer than any obstacle that is there when `path` ends, as nobody knows where that
-        goes on to.  Where that does not help the status is TOO_WEAK, and `weak` says by how much.
+        Allow a longer duration: up to ten orbits or twice the duration, in deep space up to a hundred times,
+        but not beyond the end of any obstacle that is present when `path` ends.  Otherwise the status is
+        TOO_WEAK, and `weak` holds the shortfall.
     budget : int, optional
-        Candidates that are examined at most, each solved to its local optimum; by how many zones are touched
-        unless given.
+        Maximum number of candidates, each solved to its local optimum.  The default depends on the number of
+        zones in contact.
     prove : float [s], default 0
-        For so long at most, branch and bound over all sides raises the lower bound until it is within 0.1 %,
-        and takes a cheaper path where it finds one (not with `max_acceleration`).
+        Time limit for branch and bound over all passing sides.  It raises the lower bound until the
+        optimality gap is 0.1 %, and replaces the path if it finds one of lower cost (not with
+        `max_acceleration`).
     names : sequence of str, optional
-        The obstacles', for reasons; "obstacle 0" and so on unless given.
+        Names of the obstacles, for use in reasons; "obstacle 0" and so on by default.
     cost : "energy" or "delta-v", default "energy"
-        What is least.  With "delta-v" the path has impulses, few but where it slides along a zone, with
-        `max_acceleration` burns within it; `budget` counts starts, and `prove` and "sauter-palmer" are not
-        for it.
+        The minimised cost.  With "delta-v" the path has impulses, or burns within `max_acceleration`: few,
+        except where it slides along a zone.  `budget` then counts starting points; "delta-v" cannot be
+        combined with `prove` or "sauter-palmer".
     thrusters : Thrusters, optional
-        Only these push, with cost "delta-v", which is summed over them: two that fire at once spend what both
-        do.  Also a clear path is planned anew then.  With `drift` and an acceleration a plan around zones is
-        of the pulses that fire it, none below its `minimum_bit`.  Not with `max_acceleration`.
+        Thrusters of the craft.  They require cost "delta-v", which is then summed over the thrusters: two
+        that fire at once both count.  A clear path is replanned for them.  With `drift` and a given
+        acceleration, a plan around zones consists of pulses, none below `minimum_bit`.  Cannot be combined
+        with `max_acceleration`.
     drift : float [s], optional
-        The path is to be passively safe: whenever its thrust is lost for good, the craft keeps out of every
-        zone until so long after the path's end.  Obstacles must be known until then.  Not with `prove`
-        or "sauter-palmer".
+        Passive-safety horizon.  If thrust is permanently lost at any time, the craft stays clear of every
+        zone until this long after the path's end.  Obstacles must be known until then.  Cannot be combined
+        with `prove` or "sauter-palmer".
     errors : Uncertainty or None, default None
-        Of the craft, from the path's start on: no error within `sigmas` standard deviations is to bring it
-        into a zone.  Errors of thrust are those of the path that is found.  Not with `drift`, `prove` or
-        "sauter-palmer".
+        Uncertainty of the craft from the path's start.  No error within `sigmas` standard deviations causes a
+        conflict.  Execution errors are those of the planned path.  Cannot be combined with `drift`, `prove`
+        or "sauter-palmer".
     other_errors : Uncertainty, sequence of these, or None, default None
-        Of the obstacles, independent: one for all, or one for each.
+        Independent uncertainty of the obstacles: one for all, or one for each.
     sigmas : float, no unit, default 3
-        How many standard deviations are kept clear.
+        Number of standard deviations that are kept clear.
     margin : float, Tube or array_like of shape (1 + M, 1 + M) [m], default 0
-        By how much every zone is padded (`Zone.padded`): how far path and obstacle may be off together.  Of a
-        tube the sum of two, as if obstacles flew under feedback too; `Tube.radius` where they are known.
-        The array is of the path and, after it, obstacles.
+        Keep-out margin added to each zone (`Zone.padded`): the combined deviation of craft and obstacle.  A
+        tube counts twice, as if obstacles were under feedback as well; use `Tube.radius` where obstacles are
+        known exactly.  An array holds the margins of all pairs of the path followed by the obstacles.
 
     Returns
     -------
     Avoidance
-        With a certified lower bound of what any path costs.
+        The path with a certified lower bound of its cost.
 
     Raises
     ------
     ValueError
-        If `path` is a batch, an obstacle is in another orbit, zones or names are not as many as obstacles,
-        a limit is not positive, a budget below 1, a time negative, a drift not finite or beyond the end of an
-        obstacle, sigmas or a margin negative, a word unknown, an argument of another kind, or the thrusters
-        cannot make the transfer, whatever is in the way.
+        If `path` is a batch, an obstacle is in another orbit, the number of zones or names differs from that
+        of obstacles, a limit is not positive, a budget is below 1, a time is negative, a drift is not finite
+        or ends after an obstacle, sigmas or a margin is negative, a keyword is unknown, an argument has the
+        wrong type, or the thrusters cannot perform the transfer.
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""The two ways around one obstacle, each at its own least energy: SP11's figure 2."""
+"""The two passing sides of one obstacle, each at its own minimum energy: SP11's figure 2."""
 
 import numpy as np
 
@@ -12,11 +12,11 @@ from closeform.zones.zone import Zone
 
 
 def ways_around(path: Path, obstacle: Path, zone: Zone) -> list[Path]:
-    """Clear paths between the ends of `path` on either side of the obstacle, the cheaper first.
+    """Return clear paths between the ends of `path` on either side of the obstacle, the cheaper first.
 
-    The cheapest path found, and the cheapest of those that pass on the other side.  A side on which none is
-    found is left out, such as one from which paths slide around the zone to the cheaper side; there is none
-    where the unconstrained path is clear.
+    The second path is the cheapest found on the other side.  A side without a path of its own is omitted,
+    for example where paths slide around the zone to the cheaper side.  The list is empty where the
+    unconstrained path is clear.
     """
     problem = Problem.of(stack([transfer_of(path)]), stack([obstacle]), [(zone, np.array([[0, 1]]))])
     search = Search(problem, MARGINS[0])
@@ -35,7 +35,7 @@ def ways_around(path: Path, obstacle: Path, zone: Zone) -> list[Path]:
 
 
 def _side(solution: Solution, zone: Zone) -> np.ndarray:
-    """Where the hardest contact pushes, in metres."""
+    """Return the direction of the strongest contact's force, in metres."""
     hardest = int(np.argmax(solution.contacts.multipliers))
     push: np.ndarray = zone.matrix.T @ solution.contacts.normals[hardest]
     return push

@@ -1,4 +1,4 @@
-"""From contacts to a solution that the march certifies clear: rounded zones first, then as they are."""
+"""Certified solutions from contacts: the local solver with rounded edges first, then with the zones."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
@@ -14,23 +14,23 @@ from closeform.planning.qp import is_definite
 from closeform.planning.scene import Contacts, Scene
 from closeform.zones.shapes import BALL
 
-BLUNT = ((8.0, 2.0 ** (1.0 / 8.0)), (4.0, 1.0))  # powers of norms that stand in for edges at first; sizes
-SHARPER = 32.0, 512.0  # and after that, where the zones themselves are not reached at once
-ROUNDED = 1.02  # how much dearer a path may be that touches the zone itself, not a ball that holds it
-FINER = 3  # times that the march may find what samples missed
-ROOM = 8, 24  # contacts, and for each craft
-CROWDED = 8  # contacts, beyond which edges are not tried at once
+BLUNT = ((8.0, 2.0 ** (1.0 / 8.0)), (4.0, 1.0))  # powers of the norms that round edges at first; sizes
+SHARPER = 32.0, 512.0  # next powers, where the zones themselves are not solved directly
+ROUNDED = 1.02  # cost ratio up to which exact zones are preferred to rounded ones
+FINER = 3  # maximum rounds with conflicts that samples missed
+ROOM = 8, 24  # contacts of a workspace: constant, and for each craft
+CROWDED = 8  # contacts beyond which exact edges are not tried directly
 LARGE = 150  # contacts beyond which convexity is not examined
 PROVEN = 1e-9  # tolerance of the proof
-AHEAD = np.array([1.0, 0.0, 0.0])  # a side like any other, where two craft meet
+AHEAD = np.array([1.0, 0.0, 0.0])  # arbitrary side where two craft meet
 
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """Paths that are certified clear, or not (`clear`), and the contacts that shape them.
+    """Paths that are certified clear, or not (`clear`), and their contacts.
 
-    Those that cost more than was asked for are looked at between the samples by nobody.
-    `energy` is that beyond the unconstrained optima [m^2/s^3], inf where not clear; `optimal`: the
+    A solution that costs more than the given bar is not certified between the samples.  `energy` is
+    the energy beyond the unconstrained optima [m^2/s^3], inf where not clear; `optimal` is True where the
     conditions of optimality hold to rounding.
     """
 
@@ -47,11 +47,11 @@ class Solution:
 
     @property
     def planned(self) -> Flown:
-        """The same without the drift after the last arrival."""
+        """The paths of all bodies up to the last arrival, without the drift after it."""
         return self.flown if self.problem.drift is None else self.problem.planned(self.contacts)
 
     def same(self, other: "Solution") -> bool:
-        """Whether both have the same contacts on the same sides."""
+        """Return whether both solutions have the same contacts on the same sides."""
         return (
             self.contacts.number == other.contacts.number
             and abs(self.energy - other.energy) <= 1e-7 * self.energy
@@ -60,7 +60,7 @@ class Solution:
 
 
 class LocalSolver:
-    """Solves one problem from any start, with its zones `margin` times as large."""
+    """Solver of one problem from any start, with its zones enlarged by the factor `margin`."""
 
     def __init__(self, problem: Problem, margin: float) -> None:
         self.problem = problem
@@ -69,7 +69,7 @@ class LocalSolver:
         self._workspace: Workspace | None = None
 
     def aimed(self, power: float, rounding: float) -> Scene:
-        """The scene with its edges rounded by a power, to balls that are `rounding` times as large."""
+        """Return the scene with edges rounded by a power norm, and rounded zones enlarged by `rounding`."""
         if self.problem.round:
             return self.scene._replace(aims=np.full(len(self.scene.shapes), self.margin))
         edged = self.scene.shapes != BALL
@@ -77,9 +77,9 @@ class LocalSolver:
         return self.scene._replace(powers=powers, aims=np.where(edged, self.margin * rounding, self.margin))
 
     def solve(self, start: Contacts, sides: Sides, bar: float = inf, blunt: int = 0) -> Solution:
-        """The cheapest certified solution that a start leads to; given up well above the energy `bar`.
+        """Return the cheapest certified solution found from a start; stop well above the energy `bar`.
 
-        `blunt`: which of the roundings sides are chosen around, where zones have edges.
+        `blunt` selects the rounding with which sides are chosen, where zones have edges.
         """
         sharp = self.aimed(inf, 1.0)
         if self.problem.round:
@@ -94,7 +94,7 @@ class LocalSolver:
         if best is not None:
             return best
         holding: list[Solution] = []
-        for power in SHARPER:  # balls that hold three parts at a corner, ever closer to it
+        for power in SHARPER:  # rounded zones that contain a corner of three faces, ever closer to it
             finer = self.relaxed(self.aimed(power, 3.0 ** (1.0 / power)), rough.contacts, sides, bar)
             if finer.clear:
                 rough = finer
@@ -105,7 +105,7 @@ class LocalSolver:
         return self.cheapest([last, *holding], bar) or replace(last, clear=False, energy=inf)
 
     def cheapest(self, found: list[Solution], bar: float) -> Solution | None:
-        """The cheapest of some solutions that is clear; what costs more than `bar` need not be certified."""
+        """Return the cheapest clear solution; those that cost more than `bar` are not certified."""
         for one in sorted(found, key=lambda one: one.energy):
             last = self.certified(one, bar)
             if last.clear:
@@ -113,7 +113,7 @@ class LocalSolver:
         return None
 
     def workspace(self, scene: Scene, count: int) -> Workspace:
-        """TrackingMargins for as many contacts and more, used again and again."""
+        """Return a workspace for at least `count` contacts, which is reused."""
         room, samples = self._workspace, len(scene.times)
         if room is None or room.states.shape[1] != samples or len(room.gaps) < 2 * count:
             room = Workspace.of(scene, ROOM[0] + ROOM[1] * self.problem.count + 2 * count)
@@ -121,7 +121,7 @@ class LocalSolver:
         return room
 
     def relaxed(self, scene: Scene, start: Contacts, sides: Sides, bar: float) -> Solution:
-        """What the local solver comes to."""
+        """Return the solution of the local solver, not yet certified."""
         workspace = self.workspace(scene, start.number)
         for column, given in zip(workspace.hand, start, strict=True):
             column[: start.number] = given
@@ -130,7 +130,7 @@ class LocalSolver:
         return Solution(self.problem, kept, energy, ended != BLOCKED, ended == OPTIMAL)
 
     def certified(self, solution: Solution, bar: float) -> Solution:
-        """A solution that the march finds clear too; what samples missed becomes a contact."""
+        """Return a solution that the march certifies; conflicts missed by samples become contacts."""
         for turn in range(FINER + 1):
             if not solution.clear or solution.energy > bar:
                 return solution
@@ -146,7 +146,7 @@ class LocalSolver:
         return replace(solution, clear=False, energy=inf)
 
     def nearest(self, flown: Flown, contacts: Contacts) -> Contacts:
-        """The contacts on the sides on which paths pass."""
+        """Return the contacts with normals on the sides on which the paths pass."""
         places = self.problem.motions(flown, contacts)[:, 0]
         sizes = np.linalg.norm(places, axis=1, keepdims=True)
         return contacts._replace(
@@ -154,7 +154,7 @@ class LocalSolver:
         )
 
     def proven(self, solution: Solution) -> bool:
-        """Whether no paths that are clear at the times of a solution's contacts can cost less.
+        """Return True if no path that is clear at the contact times costs less.
 
         The solution minimises |d|^2 / 2 subject to |q + d| >= aim at each contact, d in the span of the
         kernel.  Where the multipliers are so weak that the Lagrangian is convex, it is the global optimum of
@@ -175,17 +175,17 @@ class LocalSolver:
 
 
 def nearer(problem: Problem) -> Sides:
-    """New contacts on the nearer side, always."""
+    """Return the rule that places all new contacts on the nearer side."""
     return Sides(np.zeros((len(problem.direct[1]) - 1, 3)), -inf, False)
 
 
 def shifted(problem: Problem, seed: int, depth: float, size: float) -> Sides:
-    """New contacts below the norm `depth` as though bodies were shifted; even seeds along the motion."""
+    """Return the rule that shifts bodies at random for norms below `depth`; even seeds along the motion."""
     shifts = size * directions(seed, len(problem.direct[1]) - 1)
     return Sides(shifts, depth, seed % 2 == 0 and depth >= 1.0)
 
 
 @lru_cache(maxsize=64)
 def directions(seed: int, count: int) -> Floats:
-    """Random vectors (count, 3)."""
+    """Return normally distributed random vectors (count, 3)."""
     return np.random.default_rng(seed).normal(size=(count, 3))

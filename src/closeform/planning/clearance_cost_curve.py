@@ -1,4 +1,4 @@
-"""What zones of other sizes cost: a plan for each size."""
+"""Cost of clearance: plans for zones of several sizes."""
 
 from __future__ import annotations
 
@@ -27,24 +27,24 @@ Zoned = OwnZone | Sequence[OwnZone | None] | PairZones
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ClearanceCostCurve(Rows):
-    """What zones of D sizes cost.
+    """Costs of plans for zones of D sizes.
 
     Attributes
     ----------
     factor : array of shape (D,), no unit
-        All zones are so many times as large as they were given.
+        Factor by which all zones are enlarged.
     metres : array of shape (D,) [m]
-        And larger by so much at least in every direction.
+        Minimum growth of the zones in any direction.
     spent : array of shape (D,) [m^2/s^3, or m/s of delta-v]
-        What is least; nan where no plan was found.
+        Minimised cost; nan where no plan was found.
     slope : array of shape (D,) [m^2/s^3, or m/s of delta-v]
-        By which that rises for each 1 of the factor, from the plan's `prices`; nan where not known.
+        Slope of the cost per unit of the factor, from the plan's `prices`; nan if unknown.
     free : float [m^2/s^3, or m/s of delta-v]
-        What it costs with nothing in the way; nan where no plan was found.
+        Cost without any zone; nan where no plan was found.
     plans : tuple of Avoidance or Plan
-        For each size.
+        Plan for each size.
     cost : "energy" or "delta-v"
-        What is least.
+        Minimised cost.
     """
 
     factor: Floats
@@ -71,35 +71,35 @@ def clearance_cost_curve(
     thrusters: Thrusters | None = None,
     names: Sequence[str] | None = None,
 ) -> ClearanceCostCurve:
-    """What plans around zones of many sizes cost.
+    """Return the costs of plans around zones of several sizes.
 
     Parameters
     ----------
     path : Path
-        Of one craft, or of a formation, shape (N,): end states and times are kept.
+        Path of one craft, or of a formation, shape (N,); end states and times are kept.
     obstacles : Path or sequence of Path
-        As of `max_clearance`.
+        As for `max_clearance`.
     zone : Zone, CovarianceZone, Body, None, sequence of these, or PairZones
-        As of `max_clearance`.
+        As for `max_clearance`.
     factors : array_like of shape (D,), no unit
-        By which all zones are enlarged.
+        Factors by which all zones are enlarged.
     cost : "energy" or "delta-v", default "energy"
-        What is least.
+        Minimised cost.
     thrusters : Thrusters, optional
-        As of `avoid`.
+        As for `avoid`.
     names : sequence of str, optional
-        As of `max_clearance`.
+        As for `max_clearance`.
 
     Returns
     -------
     ClearanceCostCurve
-        In the order of the factors; each is a plan of its own.
+        In the order of the factors, with one independent plan for each.
 
     Raises
     ------
     ValueError
-        If a factor is not positive and finite, there is none, or another argument is refused by `avoid` or
-        `reconfigure`.
+        If `factors` is empty, a factor is not positive and finite, or `avoid` or `reconfigure` rejects
+        another argument.
 
     References
     ----------
@@ -124,10 +124,10 @@ def clearance_cost_curve(
 
 @dataclass(frozen=True, eq=False)
 class Sizes:
-    """One craft or a formation, and the zones around which it is planned in many sizes."""
+    """Planning task of one craft or a formation as a function of the size of its zones."""
 
-    first: ClassVar[float] = 1.0  # factor that is tried first
-    least: ClassVar[float] = 1e-6  # and between which factors are looked at
+    first: ClassVar[float] = 1.0  # first factor tried
+    least: ClassVar[float] = 1e-6  # range of the factors
     most: ClassVar[float] = 1e6
     none, more, never = "at every size", "hardly larger", "a million times as large they are in nobody's way"
 
@@ -137,7 +137,7 @@ class Sizes:
     cost: Cost
     thrusters: Thrusters | None
     names: Sequence[str] | None
-    smallest: float  # radius of the largest ball that all zones of pairs hold [m]
+    smallest: float  # radius of the largest ball inside every zone [m]
 
     @classmethod
     def of(
@@ -149,7 +149,7 @@ class Sizes:
         thrusters: Thrusters | None,
         names: Sequence[str] | None,
     ) -> Sizes:
-        """Raises ValueError naming the argument that does not fit."""
+        """Return the task for the arguments of `max_clearance`; raise ValueError naming a bad argument."""
         if len(instance("path", path, Path).shape) > 1:
             raise ValueError(f"path: of one craft or of shape (N,), got shape {path.shape}; index it")
         others = obstacle_batch(path.orbit, obstacles)
@@ -161,28 +161,28 @@ class Sizes:
         else:
             groups = zones_around(cast(Any, zone), extra)
         if not groups:
-            raise ValueError("zone: no two craft keep one; give at least one")
+            raise ValueError("zone: no pair has a zone; give at least one")
         smallest = min(zone.inner_radius for zone, _ in groups)
         return cls(path, obstacles, zone, cost, thrusters, names, smallest)
 
     def metres(self, factor: Floats | float) -> Floats:
-        """By how much zones so many times as large are larger in every direction."""
+        """Return the minimum growth [m] in any direction of zones enlarged by `factor`."""
         return np.asarray((np.asarray(factor) - 1.0) * self.smallest)
 
     def told(self, factor: float) -> tuple[float, float, float]:
-        """Factor, metres and sigmas of an answer; nan sigmas without errors."""
+        """Return factor, metres and sigmas of a result; sigmas are nan without errors."""
         return factor, float(self.metres(factor)), nan
 
     def plan(self, factor: float) -> Avoidance | Plan:
-        """The plan for zones so many times as large."""
+        """Return the plan for zones enlarged by `factor`."""
         return self.planned(resized(self.zone, factor))
 
     def slope(self, plan: Avoidance | Plan, factor: float) -> float:
-        """By how much a plan's cost rises for each 1 of the factor; nan where not known."""
+        """Return the slope of a plan's cost per unit of the factor; nan if unknown."""
         return slope(plan, factor)
 
     def planned(self, zone: Any, **kept: Any) -> Avoidance | Plan:
-        """The plan around zones; `kept`: beside them."""
+        """Return the plan around zones, with further arguments of the planner."""
         if not self.path.shape:
             return avoid(
                 transfer_of(self.path),
@@ -211,7 +211,7 @@ class Sizes:
 
 
 def resized(zone: Zoned, factor: float) -> Zoned:
-    """Own zones or zones of pairs, so many times as large."""
+    """Return the zones enlarged by a factor."""
     if isinstance(zone, PairZones):
         return replace(zone, zones=tuple(one.enlarged(factor) for one in zone.zones))
     if isinstance(zone, OwnZone):
@@ -220,10 +220,10 @@ def resized(zone: Zoned, factor: float) -> Zoned:
 
 
 def free_cost(plan: Avoidance | Plan) -> float:
-    """What a plan would cost with nothing in the way."""
+    """Return the cost of a plan without any zone."""
     return plan.lower_bound if plan.cost == "delta-v" else plan.energy - plan.extra_energy
 
 
 def slope(plan: Avoidance | Plan, factor: float) -> float:
-    """By how much a plan's cost rises for each 1 of the factor, which its zones have; nan where not known."""
+    """Return the slope of a plan's cost per unit of the `factor` of its zones; nan if unknown."""
     return sum(one.per_factor for one in plan.prices) / factor if plan.ok and plan.priced else nan

@@ -1,4 +1,4 @@
-"""Contacts between rounds: where they slide to, which become one, which are new, and on which side."""
+"""Update of contacts between rounds: sliding, merging, new contacts, and the choice of passing sides."""
 
 from typing import NamedTuple
 
@@ -13,17 +13,17 @@ from closeform.planning.rounding import gradient, rounded_norm
 from closeform.planning.scene import CONTACTS, INDICES, ROWS, SCENE
 from closeform.zones.shapes import BALL, norm
 
-SAME = 1e-3  # of the time in which a pair can give way: contacts that are closer are one
-SLID = 1e-10  # of that time, to which a contact's instant is known between rounds
-HELD = 0.9  # of a zone: how far out along its normal a pair is where its plane counts as kept
-MEET = 1e-9  # norm below which two craft meet and no side of the zone is nearer
+SAME = 1e-3  # of a pair's window: contacts closer than this are merged
+SLID = 1e-10  # of a pair's window: accuracy of a contact's instant between rounds
+HELD = 0.9  # position along the normal, in zones, from which a plane holds
+MEET = 1e-9  # norm below which two craft meet, so that no side is nearer
 
 
 class Sides(NamedTuple):
-    """On which side a contact begins that no start gives: the nearer one, unless its norm is below `depth`.
+    """Rule for the side of a new contact: the nearer side, unless its norm is below `depth`.
 
-    Then as though every body were shifted a little, so that the choices for all pairs agree: across the
-    motion, or `along` it, to pass before or behind by being early or late.
+    Below it, every body is treated as shifted a little, so that the choices for all pairs agree: across the
+    relative motion, or `along` it, to pass earlier or later.
     """
 
     shifts: Floats  # (N + M, 3) in zones
@@ -36,7 +36,7 @@ SIDES = Lent(types.NamedTuple((ROWS, float64, types.boolean), Sides))
 
 @kernel()
 def turn_normal(scene, which, motion, out):
-    """The zone's outward normal at a relative motion; `out` stays where two craft meet."""
+    """Fill the zone's outward normal at a relative motion; leave `out` unchanged where two craft meet."""
     kind = scene.kinds[which]
     faces = scene.faces[scene.face_offsets[kind] : scene.face_offsets[kind + 1]]
     shape, power = scene.shapes[kind], scene.powers[kind]
@@ -46,10 +46,10 @@ def turn_normal(scene, which, motion, out):
 
 @kernel(void(SCENE, ROWS, INDICES, CONTACTS, float64, ROWS))
 def turn_normals(scene, arcs, offsets, contacts, least, normals):
-    """Turn `normals` (K, 3) of contacts to where their pairs are.
+    """Update the `normals` (K, 3) of contacts to the positions of their pairs.
 
-    Left are those of a norm of `least` or below, and planes of flat faces that hold: another face
-    would be no nearer, and taken in turns with it.
+    Normals where the norm is at most `least` stay, and so do flat faces whose planes hold: another face
+    would be no nearer, and the two would alternate.
     """
     motion = stack_matrix(8, 3)
     for k in range(len(contacts.times)):
@@ -67,7 +67,7 @@ def turn_normals(scene, arcs, offsets, contacts, least, normals):
 
 @kernel()
 def choose_side(scene, sides, which, motion, out):
-    """Fill the normal of a new contact at a relative motion, which is spoilt."""
+    """Fill the normal of a new contact at a relative motion, which is overwritten."""
     kind = scene.kinds[which]
     faces = scene.faces[scene.face_offsets[kind] : scene.face_offsets[kind + 1]]
     shape, power = scene.shapes[kind], scene.powers[kind]
@@ -101,12 +101,12 @@ def copy_contact(source, k, target, m):
 
 @kernel()
 def merge(scene, source, k, target, count):
-    """Add contact k of `source` to `target`, or to the one of its pair that it has come together with."""
+    """Add contact k of `source` to `target`, or merge it with the nearby contact of its pair."""
     span = scene.windows[source.which[k], 1] - scene.windows[source.which[k], 0]
     for m in range(count):
         if target.which[m] == source.which[k] and abs(target.times[m] - source.times[k]) < SAME * span:
             push = target.multipliers[m]
-            if source.multipliers[k] > push:  # the time of the hardest pressed
+            if source.multipliers[k] > push:  # keep the time of the largest multiplier
                 copy_contact(source, k, target, m)
                 target.multipliers[m] += push
             else:
@@ -120,7 +120,7 @@ def merge(scene, source, k, target, count):
 
 @kernel()
 def slide_all(scene, arcs, offsets, contacts, count, slid):
-    """Fill `slid` with the contacts where their pairs now come closest: how far the farthest has moved."""
+    """Fill `slid` with the contacts at their pairs' current closest approaches; return the largest change."""
     motion, work = stack_matrix(3, 3), stack_vector(3)
     moved = 0.0
     for k in range(count):
@@ -140,7 +140,7 @@ def slide_all(scene, arcs, offsets, contacts, count, slid):
 
 @kernel()
 def next_contacts(scene, arcs, offsets, contacts, count, slid, turned, following):
-    """The contacts of the next round: where they have slid to, and old times that are far from there."""
+    """Fill the contacts of the next round: the new instants, and old instants that are far from them."""
     motion = stack_matrix(3, 3)
     total = 0
     for k in range(count):
@@ -159,7 +159,7 @@ def next_contacts(scene, arcs, offsets, contacts, count, slid, turned, following
 
 @kernel()
 def add_fresh(scene, sides, arcs, offsets, found, number, following, count):
-    """Add contacts without force at minima that no contact is near: how many contacts there are then."""
+    """Add contacts without force at minima that have no contact nearby; return the number of contacts."""
     motion = stack_matrix(3, 3)
     total = count
     for row in range(number):
@@ -181,7 +181,7 @@ def add_fresh(scene, sides, arcs, offsets, found, number, following, count):
 
 @kernel()
 def copy_contacts(source, count, target):
-    """Copy the first `count` contacts that push."""
+    """Copy those of the first `count` contacts that have positive multipliers."""
     total = 0
     for k in range(count):
         if source.multipliers[k] > 0.0:

@@ -1,4 +1,4 @@
-"""What is tried, openly, where no clear plan was found or a plan asks for more thrust than there is."""
+"""Fallbacks of `reconfigure`: further attempts where no clear plan is found or a thrust limit is exceeded."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -13,7 +13,7 @@ from closeform.planning.request import Request
 
 Fallback = Literal["more sides", "longer", "stagger"]
 FALLBACKS: tuple[Fallback, ...] = ("more sides", "longer", "stagger")
-Attempt = Callable[[Request, bool], Plan]  # plans what is asked; with True in more ways
+Attempt = Callable[[Request, bool], Plan]  # plans a request; with True it examines more candidates
 
 STRETCHES = (1.25, 1.6, 2.0, 3.0)  # of all durations
 WAITS = (0.25, 0.5, 1.0)  # of the longest duration, for the craft that starts last
@@ -22,7 +22,10 @@ WAITS = (0.25, 0.5, 1.0)  # of the longest duration, for the craft that starts l
 def tried_openly(
     request: Request, plan: Plan, attempt: Attempt, if_blocked: Sequence[Fallback]
 ) -> tuple[Request, Plan]:
-    """The first plan that works, and what it answers; else the one given.  `measures`: what was tried."""
+    """Return the request and plan of the first fallback that succeeds, else the given ones.
+
+    `measures` of the plan lists the fallbacks that were tried.
+    """
     done: list[str] = []
     for fallback in if_blocked:
         for changed, words in _changes(request, fallback):
@@ -49,9 +52,9 @@ def _changes(request: Request, fallback: Fallback) -> Iterator[tuple[Request, st
 
 
 def within_limits(request: Request, plan: Plan, attempt: Attempt, longer: bool) -> tuple[Request, Plan]:
-    """A plan that respects the thrust limits: the shortest stretch of all durations that was found to.
+    """Return the request and plan with the shortest durations found that respect the thrust limits.
 
-    TOO_WEAK where none does, or where `longer` is not allowed.
+    The status is TOO_WEAK where no stretch does, or where `longer` is False.
     """
     limits = request.limits
     if limits is None:
@@ -60,7 +63,7 @@ def within_limits(request: Request, plan: Plan, attempt: Attempt, longer: bool) 
     excess = peaks / limits
     if excess.max() <= FULL:
         return request, plan
-    if not plan.measures:  # else craft take longer for another reason
+    if not plan.measures:  # otherwise a fallback has already changed the durations
         plan = replace(plan, punctual=peaks)
 
     proven = 0.0 if plan.weak is None else plan.weak.proven
@@ -75,13 +78,13 @@ def within_limits(request: Request, plan: Plan, attempt: Attempt, longer: bool) 
         return too_weak(plan, weak, request.names[worst])
 
     if not longer:
-        return request, refused('allow "longer", or give more time', least=proven)
+        return request, refused('allow "longer", or increase the duration', least=proven)
 
     def attempted(factor: float) -> tuple[Plan, Floats] | None:
         other = attempt(request.longer(factor), False)
         return (other, _peaks(request, other) / limits) if other.ok or other.weak is not None else None
 
-    def free(factor: float) -> Floats:  # of least energy: burns of least delta-v are told by planning them
+    def free(factor: float) -> Floats:  # of minimum energy; minimum delta-v requires planning
         sparing = request.cost == "delta-v"
         return np.zeros(1) if sparing else np.asarray(request.longer(factor).direct.peak_thrust / limits)
 
@@ -90,12 +93,12 @@ def within_limits(request: Request, plan: Plan, attempt: Attempt, longer: bool) 
     later = stretched(excess, free, attempted, most)
     measures = *plan.measures, later.measure
     if later.found is None:
-        return request, replace(refused("give it more", later.excess, later.factor), measures=measures)
+        return request, replace(refused("raise the limit", later.excess, later.factor), measures=measures)
     return request.longer(later.factor), replace(later.found, measures=measures, punctual=plan.punctual)
 
 
 def _peaks(request: Request, plan: Plan) -> Floats:
-    """Peak thrust (N,) [m/s^2], or what the one who lacks most needs and 0 of others; 0 without paths."""
+    """Return peak thrusts (N,) [m/s^2]: for a shortfall only that of its craft, 0 without paths."""
     peaks = np.zeros(len(request.initial))
     if plan.weak is not None:
         peaks[plan.weak.craft] = plan.weak.needed

@@ -1,4 +1,4 @@
-"""What engines and tanks allow: longer plans under a thrust limit, propellant."""
+"""Thrust and propellant limits: longer plans under a thrust limit, and the propellant of a delta-v."""
 
 from __future__ import annotations
 
@@ -14,31 +14,31 @@ from closeform.fuel.shortest import REACH
 from closeform.motion.mean_motion import checked
 from closeform.motion.orbit import Orbit
 
-FAR = 100.0  # times the duration, which is what is looked for in deep space
-LEAST_STEP, LARGEST_STEP = 1.02, 2.0  # by which durations are stretched at a time to respect a thrust limit
-STRETCHINGS = 16  # times at most
-HALVINGS = 5  # and how often the last stretch is halved
+FAR = 100.0  # times the duration: longest duration tried in deep space
+LEAST_STEP, LARGEST_STEP = 1.02, 2.0  # factors of one stretch of the durations
+STRETCHINGS = 16  # at most
+HALVINGS = 5  # bisections of the last stretch
 FULL = 1 + 1e-9  # of a limit
 
 Planned = TypeVar("Planned")
 
 
 def propellant(mass: ArrayLike, delta_v: ArrayLike, specific_impulse: ArrayLike) -> Any:
-    """Propellant that a craft burns for a velocity change, by Tsiolkovsky's equation.
+    """Return the propellant that a velocity change requires, by Tsiolkovsky's equation.
 
     Parameters
     ----------
     mass : array_like of shape (...) [kg]
-        Before the burns, propellant included.
+        Mass before the burns, including propellant.
     delta_v : array_like of shape (...) [m/s]
-        At least 0.
+        Velocity change, at least 0.
     specific_impulse : array_like of shape (...) [s]
-        Times 9.80665 m/s^2 the exhaust speed; all arguments broadcast.
+        Exhaust speed divided by 9.80665 m/s^2; all arguments broadcast.
 
     Returns
     -------
     float or array of shape (...) [kg]
-        It is mass (1 - exp(-delta_v / exhaust speed)).
+        Propellant mass (1 - exp(-delta_v / exhaust speed)).
 
     Raises
     ------
@@ -58,9 +58,10 @@ def propellant(mass: ArrayLike, delta_v: ArrayLike, specific_impulse: ArrayLike)
 
 
 def longest(orbit: Orbit, duration: float) -> float:
-    """The longest duration [s] that is tried for a thrust limit where a `duration` [s] was asked for.
+    """Return the longest duration [s] to try for a thrust limit where a `duration` [s] was requested.
 
-    Ten orbits, or twice the duration; in deep space a hundred times, where thrust falls to a ten-thousandth.
+    It is ten orbits or twice the duration, in deep space a hundred times the duration, over which thrust
+    falls to a ten-thousandth.
     """
     if not orbit.mean_motion:
         return FAR * duration
@@ -68,7 +69,7 @@ def longest(orbit: Orbit, duration: float) -> float:
 
 
 class Stretched(NamedTuple, Generic[Planned]):
-    """What was found at a `factor` of all durations, or None; `excess` (N,): thrust over its limit."""
+    """Plan at a `factor` of all durations, or None; `excess` (N,) is its thrust divided by the limits."""
 
     factor: float
     found: Planned | None
@@ -76,7 +77,7 @@ class Stretched(NamedTuple, Generic[Planned]):
 
     @property
     def measure(self) -> str:
-        """What was tried, and what came of it."""
+        """Description of the durations tried and of the outcome."""
         if self.found is None:
             return f"longer, up to {self.factor:.4g} times the duration: the thrust limit is not kept"
         return f"longer, {self.factor:.6g} times the duration: the thrust limit is kept"
@@ -88,10 +89,11 @@ def stretched(
     attempt: Callable[[float], tuple[Planned, Floats] | None],
     most: float,
 ) -> Stretched[Planned]:
-    """The shortest stretch of all durations that was found to keep thrust limits, of `most` at most.
+    """Return the plan with the smallest factor of all durations found to keep the thrust limits.
 
-    `excess` (N,) is peak thrust over its limit of what was planned without one, `free` (N,) that of
-    the direct paths at a factor, and `attempt` plans at a factor: None where it finds no clear plan.
+    `excess` (N,) is the peak thrust of the unlimited plan divided by its limits.  `free` returns the same
+    for the direct paths at a factor, and `attempt` plans at a factor: it returns None without a clear plan.
+    The factor is at most `most`.
     """
     short = long = weak = 1.0
     found = None

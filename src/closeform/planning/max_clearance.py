@@ -1,4 +1,4 @@
-"""The largest zones, or most sigmas, that a budget of energy or delta-v affords: Newton within a bracket."""
+"""Maximum zone size, or number of sigmas, within a budget of energy or delta-v: bracketed Newton's method."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from closeform.planning.clearance_cost_curve import Sizes, Zoned, free_cost
 from closeform.planning.plan import UNITS, Avoidance, Cost, Plan, Status
 from closeform.result import Result
 
-ROUNDING = 1e-12  # of a budget: a cost that exceeds it by less equals it, whatever the processor rounds
-FINE = 1e-6  # of what a budget leaves for clearance, that may be left of it
-NARROW = 1e-7  # of a factor: how near the greatest that is affordable it is known, where the cost jumps there
-GROWTH = 2.0  # of the factor at most from one plan to the next
-PLANS, TRUSTED = 60, 12  # at most; and those after which every other one halves the bracket
+ROUNDING = 1e-12  # of a budget: a cost that exceeds it by less counts as equal on any processor
+FINE = 1e-6  # of the budget available for clearance: accepted remainder
+NARROW = 1e-7  # of a factor: accuracy where the cost jumps
+GROWTH = 2.0  # maximum growth of the factor from one plan to the next
+PLANS, TRUSTED = 60, 12  # maximum plans, and plans after which every other one halves the bracket
 
 
 class ClearanceStatus(StrEnum):
-    """What keeps zones from being larger, or sigmas from being more.
+    """Reason why zones, or sigmas, cannot be larger.
 
-    - `BUDGET`: it is spent.
-    - `NO_WAY`: for zones that are hardly larger no clear plan is found, or none within the budget, as the
-      cost jumps where a side on which to pass is closed.
-    - `END_INSIDE`: two craft would be in conflict where neither can give way, at the start or the end.
-    - `TOO_LITTLE`: the budget is below what it costs with nothing in the way; there is no plan.
-    - `NEVER_NEAR`: nothing; a million times as large they are in nobody's way, nor are 10 000 sigmas.
+    - `BUDGET`: the budget is spent.
+    - `NO_WAY`: no clear plan within the budget was found for slightly larger zones, because the cost jumps
+      where a passing side is closed.
+    - `END_INSIDE`: two craft would be in conflict at a start or end that the plan cannot change.
+    - `TOO_LITTLE`: the budget is below the cost without zones; there is no plan.
+    - `NEVER_NEAR`: even zones a million times as large, or 10 000 sigmas, cause no conflict.
     """
 
     BUDGET = "budget spent"
@@ -42,28 +42,28 @@ class ClearanceStatus(StrEnum):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class MaxClearance(Result):
-    """The most enlarged zones that a budget affords, or the most sigmas of errors around them.
+    """Largest zones that a budget allows, or the largest number of sigmas of errors around them.
 
     Attributes
     ----------
     factor : float, no unit
-        All zones are so many times as large as they were given; nan without a plan, 1 with errors.
+        Factor by which all zones are enlarged; nan without a plan, 1 with errors.
     metres : float [m]
-        And larger by so much at least in every direction, below 0 where they are smaller.
+        Minimum growth of the zones in any direction; negative for smaller zones.
     plan : Avoidance, Plan or None
-        For zones of that size or so many sigmas, within the budget: of one craft an `Avoidance`, of a
-        formation a `Plan`.
+        Plan for this size or number of sigmas, within the budget: an `Avoidance` for one craft, a `Plan` for
+        a formation.
     status : ClearanceStatus
-        Why they are not larger.
+        Reason why the zones cannot be larger.
     reason : str
         The same in words.
     budget : float [m^2/s^3, or m/s of delta-v]
-        As it was given.
+        Given budget.
     tried : int
-        How many plans were made.
+        Number of plans made.
     sigmas : float, no unit
-        With errors, how many standard deviations of these the plan keeps clear of the zones as they were
-        given; nan without.
+        With errors, the number of standard deviations that the plan keeps clear of the given zones; nan
+        without errors.
     """
 
     factor: float
@@ -93,49 +93,49 @@ def max_clearance(
     errors: Any = None,
     other_errors: Any = None,
 ) -> MaxClearance:
-    """The most enlarged zones around which a budget leads, or with errors the most sigmas, and the plan.
+    """Find the largest zones, or with errors the most sigmas, that a budget allows, and the plan.
 
     Parameters
     ----------
     path : Path
-        Of one craft, or of a formation, shape (N,): end states and times are kept.
+        Path of one craft, or of a formation, shape (N,); end states and times are kept.
     obstacles : Path or sequence of Path
-        That do not give way, as of `avoid`; () for a formation without any.
+        Fixed paths, as for `avoid`; () for a formation without obstacles.
     zone : Zone, CovarianceZone, Body, None, sequence of these, or PairZones
-        As of `avoid`, for a formation as of `reconfigure`; all are enlarged by one factor, of an
-        `Uncertainty` its sigmas.
+        As for `avoid`, for a formation as for `reconfigure`.  All zones are enlarged by one factor, which
+        scales the sigmas of a `CovarianceZone`.
     budget : float [m^2/s^3, or m/s of delta-v]
-        What the plan may cost, of all craft together.
+        Maximum cost of the plan, summed over all craft.
     cost : "energy" or "delta-v", default "energy"
-        What is least, and what the budget is of.
+        Minimised cost, to which the budget applies.
     thrusters : Thrusters, optional
-        As of `avoid`.
+        As for `avoid`.
     names : sequence of str, optional
-        Of the obstacles, for a formation of craft and obstacles, for reasons.
+        Names of the obstacles, for a formation of craft and obstacles, for use in reasons.
     errors : Uncertainty, sequence of these, or None, default None
-        As of `avoid`, for a formation as of `reconfigure`.  Zones stay as they are, and the plan keeps as
-        many standard deviations clear of them as the budget affords.
+        As for `avoid`, for a formation as for `reconfigure`.  The zones then stay fixed, and the plan keeps
+        the largest number of standard deviations clear that the budget allows.
     other_errors : Uncertainty, sequence of these, or None, default None
-        As of `avoid`; for a formation those of obstacles stand in `errors`.
+        As for `avoid`; for a formation, include those of obstacles in `errors`.
 
     Returns
     -------
     MaxClearance
-        Its plan costs all but a millionth of what the budget leaves for clearance, or its `status` says what
-        keeps zones from being larger, or sigmas from being more.
+        The plan leaves at most a millionth of the budget available for clearance; otherwise `status` is the
+        reason why the zones or sigmas cannot be larger.
 
     Raises
     ------
     ValueError
-        If `budget` is not positive and finite, `other_errors` are given for a formation, or another argument
-        is refused by `avoid` or `reconfigure`.
+        If `budget` is not positive and finite, `other_errors` are given for a formation, or `avoid` or
+        `reconfigure` rejects another argument.
 
     Notes
     -----
-    The least cost rises with the size of zones, at the rate that a plan's `prices` tell, and jumps where a
-    side on which to pass is closed.  Newton's method on the root of what clearance costs meets the budget in
-    a few plans; a bracket that is halved where it fails ends at a jump too.  Plans are the best that were
-    found, so that a larger zone may be affordable where a cheaper plan exists.
+    The minimum cost rises with the size of the zones at the rate given by a plan's `prices`, and jumps
+    where a passing side is closed.  Newton's method on the square root of the cost of clearance meets the
+    budget in a few plans; where it fails, the bracket is halved, which also converges to a jump.  Plans are
+    the best found, so a larger zone may be affordable where a cheaper plan exists.
 
     References
     ----------
@@ -148,7 +148,7 @@ def max_clearance(
     if errors is not None or other_errors is not None:
         sizes = SigmaCounts(**vars(sizes), errors=errors, other_errors=other_errors)
         if path.shape and other_errors is not None:
-            raise ValueError("other_errors: of a formation; give them in errors, behind those of its craft")
+            raise ValueError("other_errors: not for a formation; append them to errors, after its craft")
     low, high, factor, tried = 0.0, inf, sizes.first, 0
     best: Avoidance | Plan | None = None
     beyond: Avoidance | Plan | None = None
@@ -176,7 +176,7 @@ def max_clearance(
 
 @dataclass(frozen=True, eq=False)
 class SigmaCounts(Sizes):
-    """The same with errors, of which more and more standard deviations are kept: the factor is how many."""
+    """Planning task with errors as a function of the number of standard deviations kept clear."""
 
     first: ClassVar[float] = 0.0
     least: ClassVar[float] = -1.0
@@ -187,25 +187,26 @@ class SigmaCounts(Sizes):
     other_errors: Any
 
     def told(self, factor: float) -> tuple[float, float, float]:
-        """Zones stay as they are."""
+        """Return factor, metres and sigmas of a result; the zones stay fixed."""
         return 1.0, 0.0, factor
 
     def plan(self, factor: float) -> Avoidance | Plan:
-        """The plan that keeps so many sigmas."""
+        """Return the plan that keeps `factor` sigmas clear."""
         others = {} if self.path.shape else {"other_errors": self.other_errors}
         return self.planned(self.zone, errors=self.errors, sigmas=factor, **others)
 
     def slope(self, plan: Avoidance | Plan, factor: float) -> float:
-        """By how much a plan's cost rises for each sigma."""
+        """Return the slope of a plan's cost per sigma."""
         return sum(one.per_sigma for one in plan.prices) if plan.ok and plan.priced else nan
 
 
 def next_factor(
     factor: float, plan: Avoidance | Plan, rise: float, limit: float, low: float, high: float
 ) -> float:
-    """Newton's step from a plan to where the budget is spent, or half-way where that leaves the bracket.
+    """Return the Newton step to where the budget is spent, or the midpoint where that leaves the bracket.
 
-    Past one contact the cost of clearance is a square, so its root is nearly straight; `rise`: its slope.
+    With one contact the cost of clearance is quadratic, so its root is nearly straight.  `rise` is the slope
+    of the cost.
     """
     most = max(GROWTH * factor, 1.0)
     if rise > 0.0:
@@ -219,7 +220,7 @@ def next_factor(
 
 
 def is_spent(plan: Avoidance | Plan, limit: float) -> bool:
-    """Whether a plan leaves next to nothing of a budget for clearance, or there is nothing to leave."""
+    """Return whether a plan spends the budget to rounding, or nothing is available for clearance."""
     left = limit * (1.0 + ROUNDING) - free_cost(plan)
     return plan.ok and (left < 0.0 or 0.0 <= limit * (1.0 + ROUNDING) - plan.spent <= FINE * left)
 
@@ -227,7 +228,10 @@ def is_spent(plan: Avoidance | Plan, limit: float) -> bool:
 def in_words(
     sizes: Sizes, best: Avoidance | Plan | None, beyond: Avoidance | Plan | None, limit: float
 ) -> tuple[ClearanceStatus, str]:
-    """Why zones are not larger than those of the `best` plan; `beyond`: what larger ones come to."""
+    """Return the status and reason why zones are not larger than for the `best` plan.
+
+    `beyond` is the plan for larger zones.
+    """
     unit = UNITS[sizes.cost]
     if best is not None and is_spent(best, limit):
         return ClearanceStatus.BUDGET, f"{best.spent:.6g} of {limit:.6g} {unit} spent; {best.reason}"

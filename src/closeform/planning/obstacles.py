@@ -1,4 +1,4 @@
-"""Obstacles: paths that do not give way, as one batch, with names and zones, and ends inside of these."""
+"""Obstacles of a plan as one batch of paths, with their names, zones, and conflicts at a path's ends."""
 
 from collections.abc import Iterable, Sequence
 from typing import Any
@@ -15,20 +15,20 @@ from closeform.zones.padding import Padding, Short
 from closeform.zones.pair_zones import PairZones, pair_zones
 from closeform.zones.zone import ON, Zone
 
-Zones = tuple[tuple[Zone, Any], ...]  # each with the pairs (M, 2) that it holds for
+Zones = tuple[tuple[Zone, Any], ...]  # each with its pairs (M, 2)
 
 
 def obstacle_batch(orbit: Orbit, obstacles: Path | Sequence[Path] | None) -> Path | None:
-    """A Path of shape (M,) from one path, a batch or a sequence of paths; None of none.
+    """Return a Path of shape (M,) from one path, a batch or a sequence of paths; None without obstacles.
 
-    Raises ValueError for what is no path, for another shape, or another orbit.
+    Raises ValueError for other objects, another shape, or another orbit.
     """
     some = [obstacles] if isinstance(obstacles, Path) else () if obstacles is None else obstacles
     some = list(some) if isinstance(some, Iterable) else [some]
     if not all(isinstance(one, Path) for one in some):
         raise ValueError(f"obstacles: expected paths, got {shown(obstacles)}")
     if any(one.orbit.mean_motion != orbit.mean_motion for one in some):
-        raise ValueError("obstacles: must be in the orbit of paths that are planned")
+        raise ValueError("obstacles: must be in the same orbit as the planned paths")
     if len(some) == 1 and len(some[0].shape) == 1:
         return some[0] if len(some[0]) else None
     if wrong := next((one.shape for one in some if one.shape), None):
@@ -37,7 +37,7 @@ def obstacle_batch(orbit: Orbit, obstacles: Path | Sequence[Path] | None) -> Pat
 
 
 def obstacle_names(names: Sequence[str] | None, count: int) -> tuple[str, ...]:
-    """What each of `count` obstacles is called: "obstacle k" unless given.
+    """Return the names of `count` obstacles: "obstacle k" unless given.
 
     Raises ValueError for another number of names.
     """
@@ -50,7 +50,7 @@ def obstacle_names(names: Sequence[str] | None, count: int) -> tuple[str, ...]:
 
 
 def end_inside(problem: Problem) -> tuple[str, float, int] | None:
-    """An end of the one craft's path inside a zone: "start" or "end", its norm, which obstacle; else None."""
+    """Return the end of the single craft's path inside a zone: "start" or "end", ratio, obstacle; or None."""
     start, end = problem.windows[1].T
     ends = np.array([[problem.first], [problem.arrival]])
     end_of, which = np.nonzero((start <= ends) & (ends <= end))
@@ -65,7 +65,7 @@ def end_inside(problem: Problem) -> tuple[str, float, int] | None:
 def short_of(
     problem: Problem, padding: Padding | None, zones: Zones, pair: tuple[int, int], time: float
 ) -> Short | None:
-    """What a pair lacks of its margin at a time before anybody gives way; None without one."""
+    """Return a pair's shortfall of keep-out margin in the unconstrained paths at a time; None without one."""
     if padding is None:
         return None
     one, other = problem.bodies(problem.direct)._at(np.array(pair), np.full(2, time))[:, :3]
@@ -73,7 +73,10 @@ def short_of(
 
 
 def zones_around(zone: OwnZone | Sequence[OwnZone] | PairZones, count: int) -> Zones:
-    """Zones of a craft, which has none unless given, and `count` obstacles, each with its pairs."""
+    """Return the zones between one craft and `count` obstacles, each with its pairs.
+
+    The craft has no zone of its own unless `PairZones` are given.
+    """
     if isinstance(zone, PairZones):
         return tuple(pair_zones("zone", zone, 1, count).groups())
     given = [zone] * count if isinstance(zone, OwnZone) else list(zone) if isinstance(zone, Sequence) else []

@@ -1,4 +1,4 @@
-"""What a plan answers: certified paths, where they touch, what they cost, or why there are none."""
+"""Results of planning: certified paths with their contacts and costs, or the reason why there are none."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ UNITS: dict[Cost, str] = {"energy": "m²/s³", "delta-v": "m/s"}
 
 
 class Status(StrEnum):
-    """How a plan ended.
+    """Outcome of planning.
 
-    - `CLEAR`: the unconstrained optima are in nobody's way; fly them.
-    - `AVOIDED`: paths around the zones, certified clear; fly them.
-    - `END_INSIDE`: two craft are in conflict where or when neither can give way, at the start or the end;
-      move that state or its time.
-    - `END_UNSAFE`: without any thrust from a plan's start, or after its end, a craft drifts into a zone, or
-      to where another has arrived: no plan between these states is passively safe; move that state, or ask
-      for less `drift`.
-    - `NOT_FOUND`: none of the candidates was clear, which proves nothing; raise `budget`, or give more time.
-    - `TOO_WEAK`: beyond `max_acceleration` for every duration that was allowed; give more thrust or time.
-      `weak` says by how much.
-    - `NO_MARGIN`: clear, but not by the margin that its own flight in a field needs, in a stage whose margin
-      is "auto"; give a length, measure better, or give more time.
+    - `CLEAR`: the unconstrained optima have no conflict.
+    - `AVOIDED`: the paths avoid the zones and are certified clear.
+    - `END_INSIDE`: two craft are in conflict at a start or end that the plan cannot change; move that
+      state or its time.
+    - `END_UNSAFE`: a craft without thrust from the plan's start, or after its end, drifts into a zone; no
+      plan between these states is passively safe.  Move that state, or reduce `drift`.
+    - `NOT_FOUND`: no examined candidate is clear, which does not prove that none exists; raise `budget`, or
+      allow more time.
+    - `TOO_WEAK`: the plan exceeds `max_acceleration` for every allowed duration; allow more thrust or time.
+      `weak` holds the shortfall.
+    - `NO_MARGIN`: the plan is clear, but not by the keep-out margin that its own simulation requires, in a
+      stage with margin "auto"; give a length, improve the navigation, or allow more time.
     """
 
     CLEAR = "clear already"
@@ -45,30 +45,30 @@ class Status(StrEnum):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Contact(Result):
-    """Where two paths of a plan touch the zone between them.
+    """Point where two paths of a plan touch the zone between them.
 
     Attributes
     ----------
     time : float [s]
-        Of the touch.
+        Time of contact.
     first, second : int
-        The two craft by index; N + k is obstacle k of a plan of N craft.
+        Indices of the two craft; N + k is obstacle k of a plan of N craft.
     position : array of shape (3,) [m]
-        The first's, in the rotating frame.
+        Position of the first craft in the rotating frame.
     normal : array of shape (3,), no unit
-        Of the zone, of length 1, pointing from second to first, in the rotating frame.
+        Unit normal of the zone in the rotating frame, pointing from second to first.
     multiplier : float [m/s^3]
-        A jump of the thrust's rate: of the first along the normal, of the second against it.  For a single
-        contact it is twice the extra energy per metre of push.  Obstacles do not feel it, nor, planned one
-        after another, does the second.
+        Lagrange multiplier of the contact: the jump of the thrust's rate, of the first craft along the
+        normal, of the second against it.  For a single contact it is twice the extra energy per metre of
+        displacement.  It does not act on obstacles nor, in sequential planning, on the second craft.
     reach : float [m]
-        How far the zone reaches along the normal: so far beyond the second the first is, but for the margin.
+        Extent of the zone along the normal: the distance of the craft along it, without `clearance_ratio`.
     failed_at : float [s]
-        When the first lost its thrust, if it touches only then, drifting since; nan: it is under way as
-        planned.  It feels the force as its thrust stops, carried back there by natural motion.
+        Time of the first craft's loss of thrust, if the contact occurs in the free drift after it; nan in the
+        nominal plan.  The multiplier then acts at the loss of thrust, propagated there by natural motion.
     sigma : float [m]
-        Standard deviation, along the normal, of where the two are to each other; so many of it as were asked
-        for are kept beyond `reach`.  0 where no errors were given.
+        Standard deviation of the relative position along the normal; the requested number of these is kept
+        beyond `reach`.  0 without `errors`.
     """
 
     time: float
@@ -84,26 +84,26 @@ class Contact(Result):
 
 @dataclass(frozen=True, repr=False)
 class ThrustShortfall(Result):
-    """The craft that misses its thrust limit by most.
+    """The craft that exceeds its thrust limit by the largest factor.
 
     Attributes
     ----------
     craft : int
-        By index.
+        Index of the craft.
     needed : float [m/s^2]
-        Peak thrust in the duration that was tried last; of a plan of least delta-v a limit that is enough.
+        Peak thrust for the last duration tried; for a plan of minimum delta-v, a sufficient limit.
     limit : float [m/s^2]
-        What is allowed.
+        Given thrust limit.
     duration : float [s]
-        That was tried last.
+        Last duration tried.
     remedy : str
-        What would help, in words.
+        Suggested remedy.
     shortest : float [s]
-        Duration that was tried first; the same where no longer one was.
+        First duration tried; equal to `duration` if no longer one was tried.
     first : float [m/s^2]
-        Peak thrust in that.
+        Peak thrust for the first duration.
     proven : float [m/s^2]
-        It is proven that less than this does not do, in the duration that was tried last; 0 where nothing is.
+        Proven lower bound of the thrust needed in the last duration tried; 0 without a proof.
     """
 
     craft: int
@@ -117,7 +117,7 @@ class ThrustShortfall(Result):
 
 
 def weakness(weak: ThrustShortfall, name: str, mass: float | None = None) -> str:
-    """The same in words: in m/s^2, or in newtons for a craft of `mass` [kg]."""
+    """Return a description of a thrust shortfall in m/s^2, or in newtons for a craft of `mass` [kg]."""
     size, unit, has = (1.0, "m/s²", "its limit is") if mass is None else (mass, "N", "its max_thrust is")
     tried = ""
     if weak.duration > weak.shortest:
@@ -130,7 +130,7 @@ def weakness(weak: ThrustShortfall, name: str, mass: float | None = None) -> str
 
 
 class Costed(Result):
-    """What the answers for one craft and for many have in common."""
+    """Common part of the results for one craft and for many."""
 
     status: Status
     energy: float
@@ -143,85 +143,83 @@ class Costed(Result):
 
     @property
     def ok(self) -> bool:
-        """Whether there are clear paths."""
+        """Whether clear paths were found."""
         return self.status in (Status.CLEAR, Status.AVOIDED)
 
     @property
     def spent(self) -> float:
-        """What is least: the energy [m^2/s^3] or delta-v [m/s], by `cost`; nan where not ok."""
+        """Minimised cost: the energy [m^2/s^3] or delta-v [m/s], by `cost`; nan where not ok."""
         return self.delta_v if self.cost == "delta-v" else self.energy
 
     @property
     def gap(self) -> float:
-        """By how much the cost exceeds the lower bound, as a share of it, no unit; nan where not ok."""
+        """Optimality gap: relative excess of the cost over the lower bound, no unit; nan where not ok."""
         return gap(self.spent, self.lower_bound)
 
     @property
     def prices(self) -> tuple[ShadowPrice, ...]:
-        """What more clearance costs: a ShadowPrice for each pair in contact, the dearest by the metre first.
+        """Shadow prices of clearance, one for each pair in contact, the highest per metre first.
 
-        None where not `priced`.  Where the least cost has a kink, as at an edge or that of impulses may, the
-        slopes for more and for less clearance differ: it is that for more, of impulses one between them.
+        Empty where not `priced`.  At a kink of the minimum cost, such as at a zone's edge, the slopes for
+        more and for less clearance differ: the price is the slope for more, with impulses a value between.
         """
         return prices_of(self.contacts, self.clearance_ratio) if self.priced else ()
 
     @property
     def price(self) -> float:
-        """What a metre more of all zones costs [m/s^3, of delta-v 1/s]; nan where not ok or not `priced`."""
+        """Cost of one metre more of all zones [m/s^3, of delta-v 1/s]; nan where not ok or not `priced`."""
         return sum((one.per_metre for one in self.prices), 0.0) if self.ok and self.priced else nan
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Avoidance(Costed):
-    """A path around obstacles, or why there is none.
+    """Path of one craft around obstacles, or the reason why there is none.
 
     Attributes
     ----------
     path : Path or None
         Certified clear of every zone; None where not `ok`.
     energy : float [m^2/s^3]
-        Half the integral of |thrust|^2 of the path; nan where not ok.
+        Control energy of the path, half the integral of the squared thrust acceleration; nan where not ok.
     extra_energy : float [m^2/s^3]
-        Beyond that of the unconstrained optimum between its end states; nan where not ok.
+        Energy beyond that of the unconstrained optimum between the same end states; nan where not ok.
     delta_v : float [m/s]
-        Of the path; nan where not ok.  Planned for thrusters it is what they spend together: where several
-        fire at once more than the path's, whose impulses are their sums.
+        Delta-v of the path; nan where not ok.  With thrusters it is the sum over all thrusters, which exceeds
+        the path's own where several fire at once, because the path's impulses are vector sums.
     lower_bound : float [m^2/s^3, or m/s of delta-v]
-        No clear path between these states and times has less energy.
+        Certified lower bound of the cost of every clear path between these states and times.
     contacts : tuple of Contact
-        In order of time; the craft is 0, obstacle k is k + 1.
+        Contacts in order of time; the craft is 0, obstacle k is k + 1.
     status : Status
-        How it ended.
+        Outcome of planning.
     reason : str
-        The same in words.
+        Outcome in words.
     clearance_ratio : float, no unit
-        For which the path was made: with zones so many times as large.
+        Factor by which the zones were enlarged for planning.
     proven : bool
-        Whether the energy is the lower bound, to rounding; else the path is the best of those tried.
+        Whether the cost equals the lower bound to rounding; otherwise the path is the best candidate.
     tried : int
-        How many candidates were examined.
+        Number of candidates examined.
     measures : tuple of str
-        What was done to keep a thrust limit.
+        Measures taken to respect a thrust limit.
     weak : ThrustShortfall or None
-        By how much a thrust limit is missed.
+        Shortfall of thrust, where a limit is exceeded.
     punctual : float or None [m/s^2]
-        Peak thrust of a clear path over the duration asked for, where that is beyond the limit: with it the
-        path would take no longer.
+        Peak thrust of a clear path over the requested duration, where that exceeds the limit: with this
+        limit the path would need no longer duration.
     cost : "energy" or "delta-v"
-        What is least: `lower_bound`, `proven` and `gap` are of it, in m/s of delta-v.  With "delta-v" the
-        path has impulses, its energy is inf, and multipliers of contacts are delta-v per metre of push
-        [1/s].
+        Minimised cost, in which `lower_bound`, `proven` and `gap` are expressed.  With "delta-v" the path has
+        impulses, its energy is inf, and multipliers are delta-v per metre of displacement [1/s].
     priced : bool
-        Whether multipliers of contacts are the slopes of what is least, as `prices` need them: not by
-        "sauter-palmer", nor of a path of least energy where delta-v was asked for.
+        Whether the multipliers are slopes of the minimised cost, as `prices` requires.  False for
+        "sauter-palmer", and for a path of minimum energy where delta-v was requested.
     drift : float or None [s]
-        Whenever thrust is lost the craft stays clear until so long after the path's end, certified; None: not
-        asked for.
+        Certified passive-safety horizon after the path's end; None if not requested.
     sigmas : float, no unit
-        How many standard deviations of all errors are kept clear, certified; 0: of nobody errors were given.
+        Number of standard deviations of all errors that are certified clear; 0 without `errors`.
     padding : float or array of shape (1 + M, 1 + M) [m]
-        What was asked for as `margin`: certified clear are zones that are padded by so much, and with them
-        the zones themselves.  Contacts are with those.
+        Requested keep-out `margin`.  The zones enlarged by it are certified clear, and the contacts are with
+        these.
     """
 
     path: Path | None
@@ -247,60 +245,59 @@ class Avoidance(Costed):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Plan(Costed):
-    """The paths of N craft from their initial to their final states, or why there are none.
+    """Paths of N craft from their initial to their final states, or the reason why there are none.
 
     Attributes
     ----------
     paths : Path or None
-        Of shape (N,), from the earliest start to the latest end, coasting outside of the craft's own time;
-        every pair is certified clear.  None where not `ok`.
+        Shape (N,), from the earliest start to the latest end, with coasts before and after each craft's own
+        transfer.  Every pair is certified clear.  None where not `ok`.
     direct : Path
         The unconstrained optima over the same times.
     slots : array of int of shape (N,)
-        The final state that each craft flies to.
+        Index of each craft's final state.
     starts, durations : array of shape (N,) [s]
-        As flown, which differ from those asked for where `measures` says so.
+        Planned values, which differ from the requested ones where `measures` says so.
     energy : float [m^2/s^3]
-        Half the integral of |thrust|^2, of all craft; nan where not ok.
+        Control energy of all craft, half the integral of the squared thrust acceleration; nan where not ok.
     delta_v : float [m/s]
-        Of all craft; nan where not ok.  Planned for thrusters it is what they spend together, as of an
+        Delta-v of all craft; nan where not ok.  With thrusters it is the sum over all thrusters, as for an
         `Avoidance`.
     lower_bound : float [m^2/s^3, or m/s of delta-v]
-        No clear plan over these times has less energy, nor, where craft were assigned to slots, has any
-        other assignment.
+        Certified lower bound of the cost of every clear plan over these times and, where craft were assigned
+        to slots, of every other assignment.
     contacts : tuple of Contact
-        In order of time.
+        Contacts in order of time.
     status : Status
-        How it ended.
+        Outcome of planning.
     reason : str
-        The same in words.
+        Outcome in words.
     blocked : tuple of int, or None
-        The two craft that stand in the way, N + k for obstacle k.
+        The two craft whose conflict could not be resolved; N + k for obstacle k.
     measures : tuple of str
-        What was tried openly, in order.
+        Fallbacks and measures tried, in order.
     clearance_ratio : float, no unit
-        For which the plan was made: with zones so many times as large.
+        Factor by which the zones were enlarged for planning.
     proven : bool
-        Whether the energy is proven the least for these slots and times; else the plan is the best of
-        those tried.
+        Whether the cost is proven minimal for these slots and times; otherwise the plan is the best found.
     tried : int
-        How many candidates were examined.
+        Number of candidates examined.
     weak : ThrustShortfall or None
-        Who misses its thrust limit, and by how much.
+        Craft with the largest shortfall of thrust, where a limit is exceeded.
     punctual : array of shape (N,), or None [m/s^2]
-        Peak thrusts of a clear plan over the durations asked for, where they are beyond a limit: with these
-        none would take longer.
+        Peak thrusts of a clear plan over the requested durations, where they exceed a limit: with these
+        limits no craft would need a longer duration.
     cost : "energy" or "delta-v"
-        What is least, as of an `Avoidance`.
+        Minimised cost, as for an `Avoidance`.
     priced : bool
-        As of an `Avoidance`; not of craft that planned one after another.
+        As for an `Avoidance`; False for sequential planning.
     drift : float or None [s]
-        Whenever a craft loses its thrust, and the others fly on, it stays clear until so long after the
-        plan's end, certified; None: not asked for.
+        Certified passive-safety horizon after the plan's end, for the loss of thrust of any one craft while
+        the others complete their plans; None if not requested.
     sigmas : float, no unit
-        As of an `Avoidance`.
+        As for an `Avoidance`.
     padding : float or array of shape (N + M, N + M) [m]
-        As of an `Avoidance`.
+        As for an `Avoidance`.
     """
 
     paths: Path | None
@@ -329,12 +326,12 @@ class Plan(Costed):
 
     @property
     def extra_energy(self) -> float:
-        """What the plan costs beyond the unconstrained optima [m^2/s^3]; nan where not ok."""
+        """Energy of the plan beyond the unconstrained optima [m^2/s^3]; nan where not ok."""
         return self.energy - float(self.direct.energy.sum())
 
 
 def too_weak(plan: Answer, weak: ThrustShortfall, name: str) -> Answer:
-    """The same without paths, for want of thrust of the craft `name`."""
+    """Return a result without paths, for the thrust shortfall of the craft `name`."""
     paths: dict[str, Any] = (
         {"path": None, "extra_energy": nan} if isinstance(plan, Avoidance) else {"paths": None}
     )
@@ -343,7 +340,7 @@ def too_weak(plan: Answer, weak: ThrustShortfall, name: str) -> Answer:
 
 
 def gap(energy: float, bound: float) -> float:
-    """By how much an energy exceeds its lower bound, as a share of it."""
+    """Return the excess of an energy over its lower bound, as a fraction of the bound."""
     if not bound > 0.0:
         return 0.0 if energy == bound else nan
     return energy / bound - 1.0

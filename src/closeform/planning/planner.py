@@ -1,4 +1,4 @@
-"""The one planner: a problem's paths, certified clear, at the least energy found."""
+"""The planner: checks of the options, choice of the search, and its outcome as contacts in metres."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -21,15 +21,15 @@ from closeform.zones.pair_zones import TWICE, PairZones, counts_covariances
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """Clear paths and where they touch, or None and the pair that is deepest in conflict.
+    """Outcome of a search: clear paths with their contacts, or None with the pair in the deepest conflict.
 
-    `extra` is the energy beyond the unconstrained optima; `margin`: the paths were made for zones so many
-    times as large.
-    `order`: that in which craft planned one after another, where it is not the one asked for.
-    `delta_v` [m/s] is told where it was least, summed over thrusters.  `enough` (N,) [m/s^2]: thrust of clear
-    paths, where none was found within limits; `limited`: there are paths without them.
-    `priced`: multipliers of contacts are the slopes of what was to be least.  `nearest`: the norm to which
-    the best come where none are clear, 0 if it is not known; `unfired`: of pulses, where impulses are clear.
+    `extra` is the energy beyond the unconstrained optima, and `margin` the factor by which the zones were
+    enlarged.  `order` is the planning order of sequential planning, if it differs from the requested one.
+    `delta_v` [m/s] is set where it was minimised, summed over thrusters.  `enough` (N,) [m/s^2] is the thrust
+    of clear paths where none was found within limits; `limited` is True if clear paths exist without limits.
+    `priced` is True if the multipliers are slopes of the minimised cost.  `nearest` is the largest closest
+    approach ratio found where no path is clear, 0 if unknown; `unfired` is True if impulses are clear but
+    pulses are not.
     """
 
     flown: Flown | None
@@ -49,7 +49,7 @@ class Outcome:
 
     @property
     def near_miss(self) -> str:
-        """How near the best come where none are clear, in words; none where it is not known."""
+        """Description of the largest closest approach found where no path is clear; empty if unknown."""
         if self.unfired:
             pulses = "by impulses there are some, by these thrusters' pulses"
             if self.nearest >= 1.0:
@@ -59,10 +59,10 @@ class Outcome:
 
 
 def solve(problem: Problem, budget: int | None = None, more: bool = False, waiting: bool = True) -> Outcome:
-    """The best of a number of candidates: `budget` at most, by how many pairs are in contact unless given.
+    """Return the best of at most `budget` candidates; the default budget depends on the pairs in contact.
 
-    Zones are enlarged by no more than rounding needs; by more only where nothing was found so.  `waiting`:
-    passively safe paths, where none are found, are blended from a two-impulse plan with waits.
+    Zones are enlarged only by what rounding requires, and by more only if no clear path is found.  With
+    `waiting`, passively safe paths are otherwise blended from a two-impulse plan with waits.
     """
     if problem.drift is not None:
         from closeform.planning.passive_search import PassiveSearch
@@ -97,45 +97,45 @@ def check_effort(budget: int | None, prove: float) -> None:
     if budget is not None:
         whole("budget", budget, least=1)
     if not number("prove", prove) >= 0.0:
-        raise ValueError(f"prove: seconds, 0 or more, got {prove}")
+        raise ValueError(f"prove: must be 0 s or more, got {prove}")
 
 
 def check_method(method: str, *known: str) -> None:
-    """Raise ValueError for an unknown method, before it is compared with anything."""
+    """Raise ValueError for an unknown method."""
     if not isinstance(method, str) or method not in known:
-        raise ValueError(f"method: {' or '.join(map(repr, known))}, not {shown(method)}")
+        raise ValueError(f"method: must be {' or '.join(map(repr, known))}, got {shown(method)}")
 
 
 def check_cost(cost: str, thrusters: Any, **energy_only: bool) -> None:
-    """Raise ValueError for an unknown cost, or for what one of them does without but was asked for."""
+    """Raise ValueError for an unknown cost, or for an option that the cost does not support."""
     if not isinstance(cost, str) or cost not in ("energy", "delta-v"):
-        raise ValueError(f"cost: 'energy' or 'delta-v', not {shown(cost)}")
+        raise ValueError(f"cost: must be 'energy' or 'delta-v', got {shown(cost)}")
     if cost == "energy" and thrusters is not None:
-        raise ValueError("thrusters: go with cost 'delta-v'; ask for that, or leave them out")
+        raise ValueError("thrusters: require cost 'delta-v'; set it, or omit thrusters")
     if cost == "delta-v" and (asked := [name for name, given in energy_only.items() if given]):
-        raise ValueError(f"{asked[0]}: goes with cost 'energy'; with 'delta-v' leave it out")
+        raise ValueError(f"{asked[0]}: cannot be combined with cost 'delta-v'; omit it, or set cost 'energy'")
 
 
 def check_drift(drift: float | None, prove: float, method: str, exact: str) -> float | None:
-    """A drift [s] after a plan as a float; raises ValueError for one that cannot be planned for."""
+    """Return the passive-safety horizon [s] as a float; raise ValueError for an unsupported one."""
     if drift is None:
         return None
     seconds = number("drift", drift)
     if seconds == inf:
-        raise ValueError("drift: must be finite; plan for a finite one, and ask passively_safe about inf")
+        raise ValueError("drift: must be finite; plan with a finite one, and check inf with passively_safe")
     if not seconds >= 0.0:
-        raise ValueError(f"drift: seconds after the plan's end, 0 or more, got {shown(drift)}")
+        raise ValueError(f"drift: must be 0 s or more, got {shown(drift)}")
     if method != exact:
-        raise ValueError(f"drift: goes with method {exact!r}, not {shown(method)}")
+        raise ValueError(f"drift: requires method {exact!r}, got {shown(method)}")
     if prove > 0.0:
-        raise ValueError("prove: goes without drift; leave one of them out")
+        raise ValueError("prove: cannot be combined with drift; remove one of them")
     return seconds
 
 
 def check_errors(
     given: Sequence[Any], zone: Any, prove: float, other_method: bool, drift: float | None
 ) -> bool:
-    """Whether any errors are given; raises ValueError for what does without them but was asked for."""
+    """Return whether any errors are given; raise ValueError for options that do not support them."""
     if all(one is None for one in given):
         return False
     own = zone if isinstance(zone, list | tuple) else [zone]
@@ -146,23 +146,23 @@ def check_errors(
         raise ValueError(TWICE)
     wrong = {"prove": prove > 0.0, "method": other_method, "drift": drift is not None}
     if asked := [name for name, has in wrong.items() if has]:
-        raise ValueError(f"{asked[0]}: goes without errors; leave one of them out")
+        raise ValueError(f"{asked[0]}: cannot be combined with errors; remove one of them")
     return True
 
 
 def check_obstacles(obstacles: Path | None, until: float, names: Sequence[str]) -> None:
-    """Raise ValueError for an obstacle that is not known until the drift ends."""
+    """Raise ValueError for an obstacle whose path ends before the passive-safety horizon."""
     ends = np.atleast_1d(obstacles.end) if obstacles is not None else np.empty(0)
     if len(short := np.flatnonzero(ends < until)):
         name, end = names[short[0]], ends[short[0]]
         raise ValueError(
-            f"obstacles: {name} ends at {end:.6g} s, the drift at {until:.6g} s; give it until then, or "
-            "drift less"
+            f"obstacles: {name} ends at {end:.6g} s, the drift at {until:.6g} s; extend the obstacle's "
+            "path, or reduce drift"
         )
 
 
 def is_passive(problem: Problem, path: Path) -> bool:
-    """Whether one craft's path is safe when its thrust is lost; of a problem without drift nobody asks."""
+    """Return whether one craft's path is passively safe; True for a problem without `drift`."""
     if problem.drift is None:
         return True
     from closeform.planning.passive_search import failures
@@ -171,7 +171,7 @@ def is_passive(problem: Problem, path: Path) -> bool:
 
 
 def outcome(found: Found) -> Outcome:
-    """Of a search."""
+    """Return the outcome of a search."""
     best = found.best
     if not best.clear:
         conflicts = best.problem.conflicts(best.flown)
@@ -182,7 +182,7 @@ def outcome(found: Found) -> Outcome:
 
 
 def joined(problem: Problem, alone: Outcome, before: Outcome) -> Outcome:
-    """What craft found one after another, shaped jointly on the same sides; else the outcome `before`."""
+    """Return sequentially planned paths re-optimised jointly on the same sides, or the outcome `before`."""
     tried = before.tried + alone.tried
     if alone.flown is None:
         return replace(before, tried=tried)
@@ -195,14 +195,14 @@ def joined(problem: Problem, alone: Outcome, before: Outcome) -> Outcome:
 
 
 def contacts_of(problem: Problem, contacts: Contacts, flown: Flown) -> tuple[Contact, ...]:
-    """Contacts in metres, in order of time."""
+    """Return the contacts in metres, in order of time."""
     if not contacts.number:
         return ()
     contacts = contacts.some(np.argsort(contacts.times, kind="stable"))
     pairs, kinds = problem.pairs[contacts.which], problem.kinds[contacts.which]
     pushes = (contacts.normals[:, None] @ problem.bare.matrices[kinds])[:, 0]
     sizes = np.sqrt((pushes * pushes).sum(axis=1))
-    second = contacts.drifts[:, 1] > 0.0  # who fails goes first
+    second = contacts.drifts[:, 1] > 0.0  # the craft without thrust is listed first
     pairs = np.where(second[:, None], pairs[:, ::-1], pairs)
     pushes[second] *= -1.0
     drifts = contacts.drifts.max(axis=1)
@@ -213,7 +213,7 @@ def contacts_of(problem: Problem, contacts: Contacts, flown: Flown) -> tuple[Con
     places = problem.path(flown)._at(pairs[:, 0], lost)
     if failed.any():
         places[failed] = (problem.orbit.transition(drifts[failed]) @ places[failed, :, None])[..., 0]
-    # normals are means of gradients of the norm, of which a zone reaches 1 along each where they meet
+    # normals are means of gradients of the norm; along each gradient a zone's extent is 1
     forces = contacts.multipliers * sizes
     columns = contacts.times, *pairs.T, forces, reaches, np.where(failed, lost, nan), spread
     rows = zip(*(column.tolist() for column in columns), places[:, :3], ways, strict=True)
@@ -224,7 +224,7 @@ def contacts_of(problem: Problem, contacts: Contacts, flown: Flown) -> tuple[Con
 
 
 def once(contacts: tuple[Contact, ...]) -> tuple[Contact, ...]:
-    """Contacts as they are told: those that are the same as one, which pushes as they do together."""
+    """Return the contacts without duplicates, whose multipliers are added."""
     found: dict[Any, Contact] = {}
     for one in contacts:
         failed = None if one.failed_at != one.failed_at else round(one.failed_at, 6)

@@ -1,4 +1,4 @@
-"""What is planned: craft on their unconstrained optima, obstacles, the zones of pairs, and all times."""
+"""Planning problem: unconstrained optima of the craft, obstacles, zones of all pairs, and times."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -24,10 +24,10 @@ from closeform.zones.shapes import BALL
 from closeform.zones.zone import Zone, scaled_norm
 
 MARGIN = 1e-7  # of a craft's duration: contacts keep this far from its ends
-SAMPLES = 64  # of a craft's time, between which a minimum may be missed until the march finds it
-A_TURN, A_DRIFT = 16, 32  # samples of each turn of the orbit, where that is more; where thrust may be lost
+SAMPLES = 64  # of a craft's time; a minimum that they miss is found by the certified march
+A_TURN, A_DRIFT = 16, 32  # samples per revolution, where that is more; second: with `drift`
 
-Flown = tuple[Floats, Any]  # arcs of all bodies, and where each one's begin
+Flown = tuple[Floats, Any]  # arcs of all bodies, and the offset of each body's first arc
 PairRow = tuple[tuple[int, int], Floats]  # a pair, and its conflict: start, end, time, ratio
 
 
@@ -35,10 +35,10 @@ PairRow = tuple[tuple[int, int], Floats]  # a pair, and its conflict: start, end
 class Problem:
     """N base arcs (the unconstrained optima), M obstacles after them, and the zone of every pair.
 
-    Bodies are numbered craft first; `pairs` (P, 2), i < j, hold a craft at least, `kinds` (P,) tells
-    the zone of each among `zones`.  Paths are flown from `first` to `last`: craft coast
-    before and after their own arcs.  With a `drift` they are to be safe for so long after the last of them
-    has arrived even where one of them loses its thrust; `last` is the end of that.
+    The bodies are numbered from the first craft to the last obstacle.  `pairs` (P, 2), i < j, contain at
+    least one craft each, and `kinds` (P,) are the indices of their zones in `zones`.  Paths extend from
+    `first` to `last`, with coasts before and after each craft's own arcs.  With a `drift` [s], paths must
+    be passively safe for that long after the last arrival; `last` is the end of this horizon.
     """
 
     orbit: Orbit
@@ -60,7 +60,10 @@ class Problem:
         groups: Iterable[tuple[Zone, Any]],
         drift: float | None = None,
     ) -> "Problem":
-        """Of N unconstrained optima and a batch of obstacles; `groups`: each zone with its pairs (M, 2)."""
+        """Return the problem of N unconstrained optima and a batch of obstacles.
+
+        `groups` holds each zone with its pairs (M, 2).
+        """
         base = direct.arcs
         arcs, offsets = np.empty((0, WIDTH)), np.zeros(1, dtype=np.int64)
         if obstacles is not None:
@@ -82,17 +85,17 @@ class Problem:
 
     @property
     def arrival(self) -> float:
-        """When the last craft arrives: the end of the plan."""
+        """Time of the last arrival, which is the end of the plan."""
         return float(self.base[:, END].max())
 
     @property
     def without_drift(self) -> "Problem":
-        """The same up to the last arrival, with thrust that nobody loses."""
+        """The problem without loss of thrust, up to the last arrival."""
         return self if self.drift is None else replace(self, last=self.arrival, drift=None)
 
     @property
     def count(self) -> int:
-        """How many craft are planned."""
+        """Number of planned craft."""
         return len(self.base)
 
     @cached_property
@@ -102,8 +105,8 @@ class Problem:
 
     @cached_property
     def windows(self) -> tuple[Floats, Floats]:
-        """When contacts of each pair can lie, one of it can give way, and when both are there (P, 2)."""
-        times = np.empty((self.count + len(self.other_offsets) - 1, 4))  # as `there` and `gone` below
+        """Times (P, 2) when a contact can act on each pair, and times when both bodies are present."""
+        times = np.empty((self.count + len(self.other_offsets) - 1, 4))  # (start, -end): present, controlled
         own, others = times[: self.count], times[self.count :]
         own[:, 0], own[:, 1] = self.first, -self.last
         own[:, 2:] = self.base[:, [START, END]] * (1.0, -1.0)
@@ -127,18 +130,18 @@ class Problem:
         return self.bodies((self.others, self.other_offsets))
 
     def bodies(self, flown: Flown) -> Path:
-        """The paths of all bodies, of shape (N + M,)."""
+        """Return the paths of all bodies, of shape (N + M,)."""
         return path_of(self.orbit, *flown, (len(flown[1]) - 1,))
 
     def with_obstacles(self, arcs: Floats, offsets: Any) -> Flown:
-        """The craft's arcs and, after them, the obstacles'."""
+        """Return the craft's arcs followed by the obstacles'."""
         return np.concatenate([arcs, self.others]), np.concatenate(
             [offsets, offsets[-1] + self.other_offsets[1:]]
         )
 
     @cached_property
     def bare(self) -> Scene:
-        """What kernels see, but for the unconstrained paths."""
+        """Kernel arguments of this problem, without the unconstrained paths."""
         inverses = np.empty((self.count, 6, 6))
         invert_responses(self.base, inverses)
         faces = [zone.faces for zone in self.zones]
@@ -168,21 +171,21 @@ class Problem:
 
     @cached_property
     def seen(self) -> Scene:
-        """What kernels see, its zones as they are."""
+        """Kernel arguments of this problem with the zones at their own size."""
         arcs, offsets = self.direct
         own = np.ascontiguousarray(offsets[: self.count + 1])
         direct = np.ascontiguousarray(arcs[: own[-1]])
         return self.sampled(self.bare._replace(direct=direct, direct_offsets=own), self.samples())
 
     def sampled(self, scene: Scene, times: Floats) -> Scene:
-        """A scene with all bodies' states at times."""
+        """Return a scene with the states of all bodies at `times`."""
         arcs, offsets = self.direct
         states = np.empty((len(offsets) - 1, len(times), 6))
         sample_bodies(arcs, offsets, times, states)
         return scene._replace(times=times, states=states)
 
     def samples(self) -> Floats:
-        """Times that cover every craft's own time, and every turn of the orbit."""
+        """Return sample times that cover every craft's own time and every revolution of the orbit."""
         spans = sorted({*map(tuple, self.base[:, [START, END]].tolist()), (self.first, self.last)})
         a_turn = (A_TURN if self.drift is None else A_DRIFT) * self.orbit.mean_motion / (2.0 * pi)
         grids = [
@@ -192,29 +195,32 @@ class Problem:
         return np.unique(np.concatenate(grids)) if len(grids) > 1 else grids[0]
 
     def flown(self, contacts: Contacts) -> Flown:
-        """The paths of all bodies under the contacts' multipliers."""
+        """Return the paths of all bodies under the contacts' multipliers."""
         return self.fly(self.bare, contacts) if contacts.number else self.direct
 
     def fly(self, scene: Scene, contacts: Contacts) -> Flown:
-        """The paths of all bodies in a scene."""
+        """Return the paths of all bodies in a scene."""
         arcs, offsets = room_for(scene, contacts)
         number = fly(scene, contacts, arcs, offsets)
         return self.with_obstacles(arcs[:number], offsets)
 
     def planned(self, contacts: Contacts) -> Flown:
-        """The same, but of the craft only up to the last arrival, not for the drift after it."""
+        """Return the paths under the contacts' multipliers, only up to the last arrival."""
         return self.fly(self.bare._replace(span=np.array([self.first, self.arrival])), contacts)
 
     def motions(self, flown: Flown, contacts: Contacts) -> Floats:
-        """Relative position, velocity and acceleration (K, 3, 3) at the contacts, in zone coordinates."""
+        """Return relative position, velocity and acceleration (K, 3, 3) at contacts, in zone coordinates."""
         return self._look(flown, contacts, np.empty((0, 0)))
 
     def kernel(self, contacts: Contacts) -> Floats:
-        """What unit forces at contacts do to positions there (3K, 3K), in zone coordinates.  # theory (12)"""
+        """Return the response (3K, 3K) of positions to unit forces at contacts, in zone coordinates.
+
+        Theory (12).
+        """
         return self.unconstrained(contacts)[1]
 
     def unconstrained(self, contacts: Contacts) -> tuple[Floats, Floats]:
-        """`motions` of the unconstrained optima at contacts, and the `kernel` there."""
+        """Return `motions` of the unconstrained optima at contacts, and the `kernel` there."""
         gram = np.empty((3 * contacts.number, 3 * contacts.number))
         return self._look(self.direct, contacts, gram), gram
 
@@ -225,7 +231,7 @@ class Problem:
         return motions
 
     def normals(self, flown: Flown, contacts: Contacts, least: float) -> Floats:
-        """The normals (K, 3) of contacts where their pairs are, but those of a norm of `least` or below."""
+        """Return the normals (K, 3) at the pairs' positions; unchanged where the norm is at most `least`."""
         arcs, offsets = flown
         normals = contacts.normals.copy()
         turn_normals(self.bare, arcs, offsets[: self.count + 1], contacts, least, normals)
@@ -233,28 +239,28 @@ class Problem:
 
     @property
     def sigmas(self) -> float:
-        """How many sigmas of errors are kept clear: here all is known exactly."""
+        """Number of standard deviations kept clear: 0, because all states are known exactly."""
         return 0.0
 
     def depth(self, ratio: float) -> str:
-        """How near two come at an end, in words."""
+        """Return a description of the clearance ratio at an end."""
         return f"{ratio:.2f} x zone"
 
     def deviations(self, flown: Flown, contacts: Contacts, directions: Floats) -> Floats:
-        """Standard deviations (K,) [m] of pairs at contacts, along directions (K, 3) of length 1."""
+        """Return standard deviations (K,) [m] of pairs at contacts, along unit directions (K, 3)."""
         return np.zeros(len(directions))
 
     def insides(self, contacts: Contacts, directions: Floats) -> Floats | None:
-        """Ellipsoids (K, 3, 3) in what is kept clear at contacts; None where it is the zone."""
+        """Return ellipsoids (K, 3, 3) inside the keep-out regions at contacts; None where zones are used."""
         return None
 
     def with_path(self, *paths: Path) -> Flown:
-        """Other paths of the craft, one for each, with the obstacles."""
+        """Return other paths of the craft, one for each, followed by the obstacles."""
         both = stack(paths)
         return self.with_obstacles(both.arcs, both.offsets)
 
     def energy(self, flown: Flown) -> float:
-        """Of all craft together."""
+        """Return the control energy [m^2/s^3] of all craft together."""
         arcs, offsets = flown
         own = offsets[: self.count + 1]
         each = np.empty(self.count)
@@ -262,27 +268,27 @@ class Problem:
         return float(each.sum())
 
     def path(self, flown: Flown) -> Path:
-        """The craft's paths, of shape (N,)."""
+        """Return the craft's paths, of shape (N,)."""
         arcs, offsets = flown
         own = offsets[: self.count + 1]
         return path_of(self.orbit, np.ascontiguousarray(arcs[: own[-1]]), own, (self.count,))
 
     @cached_property
     def index(self) -> dict[tuple[int, int], int]:
-        """Where each pair stands among `pairs`."""
+        """Index of each pair in `pairs`."""
         return {(i, j): k for k, (i, j) in enumerate(self.pairs.tolist())}
 
     def at(self, pair: tuple[int, int], time: float) -> Contacts:
-        """One contact of a pair, without normal and multiplier."""
+        """Return one contact of a pair, without normal and multiplier."""
         return Contacts.at(np.array([self.index[pair]]), np.array([time]))
 
     def met(self, conflicts: Sequence[PairRow]) -> Contacts:
-        """Where conflicts are deepest, without normals and multipliers."""
+        """Return the closest approaches of conflicts as contacts, without normals and multipliers."""
         which = np.array([self.index[pair] for pair, _ in conflicts], dtype=np.int64)
         return Contacts.at(which, np.array([row[2] for _, row in conflicts], dtype=float))
 
     def touched(self, contacts: Sequence[Contact]) -> Contacts:
-        """Where a plan touches, without normals and multipliers."""
+        """Return the contacts of a plan in the planner's form, without normals and multipliers."""
         pairs = [(min(one.first, one.second), max(one.first, one.second)) for one in contacts]
         which = np.array([self.index[pair] for pair in pairs], dtype=np.int64)
         drifts = np.zeros((len(contacts), 2))
@@ -292,22 +298,22 @@ class Problem:
         return Contacts.at(which, np.array([one.time for one in contacts], dtype=float), drifts)
 
     def ratios(self, flown: Flown, which: Any, times: Floats) -> Floats:
-        """Norm (K,) of some of the pairs, each at an instant."""
+        """Return the clearance ratios (K,) of pairs, each at one time."""
         places = self.motions(flown, Contacts.at(which, times))[:, 0]
         each = [scaled_norm(self.zones[kind], q) for kind, q in zip(self.kinds[which], places, strict=True)]
         return np.array(each)
 
     def ratio(self, flown: Flown, pair: tuple[int, int], time: float) -> float:
-        """Norm of a pair at one instant."""
+        """Return the clearance ratio of a pair at one time."""
         return float(self.ratios(flown, np.array([self.index[pair]]), np.array([time]))[0])
 
     @cached_property
     def pairs_by_kind(self) -> list[Any]:
-        """The pairs (2, P) that each zone holds for."""
+        """The pairs (2, P) of each zone."""
         return [np.ascontiguousarray(self.pairs[self.kinds == kind].T) for kind in range(len(self.zones))]
 
     def direct_conflicts(self, factor: float) -> list[PairRow]:
-        """Those of the unconstrained optima, looked for once for zones `factor` times as large."""
+        """Return the conflicts of the unconstrained optima with zones `factor` times as large (cached)."""
         if factor not in self._of_direct:
             self._of_direct[factor] = self.conflicts(self.direct, factor)
         return self._of_direct[factor]
@@ -317,9 +323,9 @@ class Problem:
         return {}
 
     def conflicts(self, flown: Flown, factor: float = 1.0) -> list[PairRow]:
-        """Every conflict of a pair with its zone `factor` times as large: pair and (start, end, time, ratio).
+        """Return every conflict with zones enlarged by `factor`: pair and (start, end, time, ratio).
 
-        Certified, see `find_conflicts`.
+        The result is certified, see `find_conflicts`.
         """
         found = []
         for zone, pairs in zip(self.zones, self.pairs_by_kind, strict=True):
@@ -330,19 +336,19 @@ class Problem:
 
 
 def deepest(conflicts: Iterable[PairRow]) -> PairRow:
-    """The conflict of least ratio."""
+    """Return the conflict with the smallest clearance ratio."""
     return min(conflicts, key=lambda one: one[1][3])
 
 
 def is_optimum(path: Path) -> bool:
-    """Whether one craft's path is the unconstrained optimum: one arc, its thrust a natural motion."""
+    """Return whether one craft's path is the unconstrained optimum: one arc of natural motion and thrust."""
     arc = path.arcs[0]
     other = arc[IMPULSE : IMPULSE + 3].any() or arc[PUSH:].any()
     return len(path.arcs) == 1 and arc[MEAN_MOTION] == path.orbit.mean_motion and not other
 
 
 def transfer_of(path: Path, factor: float = 1.0) -> Path:
-    """The unconstrained optimum between the end states of a path, in so many times its duration."""
+    """Return the unconstrained optimum between the end states of a path, over `factor` times its duration."""
     if factor == 1.0 and is_optimum(path):
         return path
     return path.orbit.transfer(*ends_of(path), factor * (path.end - path.start), path.start)

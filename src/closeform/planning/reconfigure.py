@@ -1,4 +1,4 @@
-"""Reconfiguration: many craft move at once, every pair certified clear, at the least energy found."""
+"""Reconfiguration of a formation: all paths at once, each pair certified clear, at minimum cost found."""
 
 from __future__ import annotations
 
@@ -70,88 +70,91 @@ def reconfigure(
     sigmas: float = 3.0,
     margin: Any = 0.0,
 ) -> Plan:
-    """Paths of N craft from initial to final states, every pair certified clear of its zone.
+    """Plan the paths of N spacecraft from initial to final states, each pair certified clear of its zone.
 
     Parameters
     ----------
     orbit : Orbit
-        In whose rotating frame all states are.
+        Reference orbit; all states are in its rotating frame.
     initial : array_like of shape (N, 6) [m, m/s]
-        In the rotating frame, each at the craft's `start`; earlier it coasts.
+        States at each spacecraft's `start`.  Before it the spacecraft coasts.
     final : array_like of shape (N, 6) [m, m/s]
-        In the rotating frame, each a `duration` later; then it coasts.  With `assign` slots of shape (S, 6),
-        S >= N.
+        States a `duration` after each `start`; then the spacecraft coasts.  With `assign`, the states of S
+        slots, shape (S, 6), S >= N.
     duration : array_like of shape (N,) [s]
-        Of each craft's move; one number for all.
+        Duration of each transfer; one number for all.
     zone : Zone, CovarianceZone, Body, None, sequence of these, or PairZones
-        One for all, or one for each craft and, after them, obstacle (None: none of its own).  Of two regions
-        the larger holds, covariances and bodies add; `PairZones` tell it themselves.
+        One for all, or one for each spacecraft followed by one for each obstacle (None: no zone of its own).
+        For a pair, the larger of two regions holds; covariances and bodies add.  `PairZones` defines the
+        zone of each pair explicitly.
     assign : bool, default False
-        Whether craft go to the slots of least total cost, instead of each to its own.
+        Assign the spacecraft to the slots of minimum total cost, instead of each to its own.
     start : array_like of shape (N,) [s], default 0
-        Of each craft's move; one number for all.
+        Start of each transfer; one number for all.
     obstacles : Path or sequence of Path, default none
-        Paths that do not give way, and are gone when they end.
+        Paths that the plan does not change.  An obstacle is absent after its path ends.
     max_acceleration : array_like of shape (N,) [m/s^2], optional
-        Bounds the thrust, one number for all.  A plan beyond it takes the shortest longer duration that was
-        found to respect it, of up to ten orbits or twice the duration, in deep space of a hundred times.
+        Limit of the thrust acceleration; one number for all.  If a plan exceeds it, the planner stretches all
+        durations by the smallest factor it finds that respects the limit: up to ten orbits or twice the
+        duration, in deep space up to a hundred times the duration.
     if_blocked : sequence of "more sides", "longer" or "stagger", default all
-        What is tried, in order, where no clear plan is found; without "longer" no plan takes longer for a
-        thrust limit either.
+        Fallbacks, in order, for when no clear plan is found.  Without "longer", durations are not stretched
+        for a thrust limit either.
     method : "joint" or "sequential", default "joint"
-        "joint": all paths are deflected together, by forces between pairs.  "sequential": craft plan one by
-        one, and those before do not give way.
+        "joint": all paths are optimised together.  "sequential": the spacecraft are planned one by one, and
+        earlier paths are obstacles for later ones.
     order : sequence of int, optional
-        Of craft, by index, with "sequential"; 0, 1, ... unless given.
+        Planning order of the spacecraft, by index, for "sequential"; 0, 1, ... by default.
     names : sequence of str, optional
-        Of craft, or of craft and obstacles, for reasons.
+        Names of the spacecraft, or of the spacecraft and obstacles, for use in reasons.
     budget : int, optional
-        Candidates that are examined at most, each solved to its local optimum: sides on which pairs pass each
-        other.  By how many pairs are in contact unless given, down to one beyond 200.
+        Maximum number of candidates, each a choice of passing sides solved to its local optimum.  The default
+        depends on the number of pairs in contact and falls to one beyond 200.
     prove : float [s], default 0
-        For so long at most, branch and bound over all sides raises the lower bound until it is within 0.1 %,
-        and takes a cheaper plan where it finds one (not with `max_acceleration`).
+        Time limit for branch and bound over all passing sides.  It raises the lower bound until the
+        optimality gap is 0.1 %, and replaces the plan if it finds one of lower cost (not with
+        `max_acceleration`).
     cost : "energy" or "delta-v", default "energy"
-        What is least.  With "delta-v" craft fire impulses, few but where they slide along a zone, with
-        `max_acceleration` burns within it; `budget` counts starts, and `prove` and "sequential" are not for
-        it.
+        The minimised cost.  With "delta-v" the spacecraft fire impulses, or burns within `max_acceleration`:
+        few, except where a path slides along a zone.  `budget` then counts starting points; "delta-v" cannot
+        be combined with `prove` or "sequential".
     thrusters : Thrusters, or sequence of Thrusters or None, optional
-        Of all craft, or of each (None: it pushes where it likes).  Only these push, with cost "delta-v",
-        which is summed over them: two that fire at once spend what both do.  With `drift`, and an
-        acceleration of all, a plan around zones is of the pulses that fire it, none below its
-        `minimum_bit`.  Their `max_acceleration` is inf.
+        Thrusters of all spacecraft, or of each (None: thrust in any direction).  They require cost "delta-v",
+        which is then summed over the thrusters: two that fire at once both count.  With `drift` and a given
+        acceleration of all thrusters, a plan around zones consists of pulses, none below `minimum_bit`.  For
+        these spacecraft `max_acceleration` must be inf.
     drift : float [s], optional
-        The plan is to be passively safe: whenever any one craft loses its thrust for good, while the others
-        fly on and then coast, it keeps out of every zone until so long after the last arrival.  Obstacles
-        must be known until then.  Not with `prove` or "sequential".
+        Passive-safety horizon.  If any one spacecraft permanently loses thrust at any time, while the others
+        complete their plans and coast, it stays clear of every zone until this long after the last arrival.
+        Obstacles must be known until then.  Cannot be combined with `prove` or "sequential".
     errors : Uncertainty, sequence of these, or None, default None
-        One for all, or one for each craft and, after them, obstacle, independent, each from the start of its
-        path in the plan on: no errors within `sigmas` standard deviations are to bring two into their zone.
-        Not with `drift`, `prove` or "sequential".
+        Uncertainty of all, or of each spacecraft followed by each obstacle, independent, from the start of
+        its path in the plan.  No errors within `sigmas` standard deviations cause a conflict.  Cannot be
+        combined with `drift`, `prove` or "sequential".
     sigmas : float, no unit, default 3
-        How many standard deviations are kept clear.
+        Number of standard deviations that are kept clear.
     margin : float, Tube or array_like of shape (N + M, N + M) [m], default 0
-        By how much zones are padded (`Zone.padded`): how far the two of a pair may be off their paths
-        together.  A tube is of all craft and obstacles, or of each; of N craft it leaves obstacles on
-        their paths.  The array is of all pairs of craft and, after them, obstacles.
+        Keep-out margin added to each zone (`Zone.padded`): the combined deviation of a pair from its paths.
+        A tube of N spacecraft assumes that obstacles follow their paths exactly; a tube of all spacecraft
+        and obstacles does not.  An array holds the margins of all pairs of spacecraft followed by obstacles.
 
     Returns
     -------
     Plan
-        With a certified lower bound of what any plan costs; its `status` says how it ended.
+        The plan with a certified lower bound of its cost.  Its `status` is the outcome.
 
     Raises
     ------
     ValueError
-        If shapes do not fit, a number is not finite, slots are fewer than craft, a duration or limit is not
-        positive, an obstacle is in another orbit, zones make none for a pair, names are not as many as craft,
-        `order` is no order or given with "joint", a budget is below 1, a time or margin negative, a drift not
-        finite or beyond the end of an obstacle, a word unknown, an argument of another kind, or a craft's
-        thrusters cannot make its transfer, whoever is in the way.
+        If shapes do not match, a number is not finite, there are fewer slots than spacecraft, a duration or
+        limit is not positive, an obstacle is in another orbit, the zones do not define a zone for a pair, the
+        number of names is wrong, `order` is invalid or given with "joint", a budget is below 1, a time or
+        margin is negative, a drift is not finite or ends after an obstacle, a keyword is unknown, an argument
+        has the wrong type, or a spacecraft's thrusters cannot perform its transfer.
 
     References
     ----------
-    docs/theory.md section 4, many craft; "sequential" is as in SP11 (Sauter and Palmer 2011).
+    docs/theory.md section 4, many craft; "sequential" follows SP11 (Sauter and Palmer 2011).
     """
     instance("assign", assign, bool, np.bool_)
     check_effort(budget, prove)
@@ -185,11 +188,13 @@ def reconfigure(
 
         request = replace(request, kept=Margin.among(count, obstructed, errors, sigmas))
     if unknown := [word for word in sequence("if_blocked", if_blocked, str) if word not in FALLBACKS]:
-        raise ValueError(f"if_blocked: {', '.join(map(repr, FALLBACKS))}, not {unknown[0]!r}")
+        raise ValueError(f"if_blocked: must be {', '.join(map(repr, FALLBACKS))}, got {unknown[0]!r}")
     if order is not None:
         order = sequence("order", order, int, np.integer)
     if order is not None and (method == "joint" or sorted(order) != list(range(count))):
-        raise ValueError(f"order: with method 'sequential' each of 0 to {count - 1} once, got {order}")
+        raise ValueError(
+            f"order: requires method 'sequential' and each of 0 to {count - 1} once, got {order}"
+        )
     attempt = _attempts(method, range(count) if order is None else order, budget)
     if not assign:
         return _bounded(*_followed(request, attempt(request, False), attempt, if_blocked), prove)
@@ -201,7 +206,7 @@ def reconfigure(
 def _followed(
     request: Request, plan: Plan, attempt: Attempt, if_blocked: Sequence[Fallback]
 ) -> tuple[Request, Plan]:
-    """A plan after what is to be done where it is blocked or beyond a limit, and what it answers."""
+    """Return the request and plan after the fallbacks and thrust limits have been applied."""
     if plan.status in (Status.NOT_FOUND, Status.END_UNSAFE):
         request, plan = tried_openly(request, plan, attempt, if_blocked)
     if (plan.ok or plan.weak is not None) and request.limits is not None:
@@ -210,7 +215,7 @@ def _followed(
 
 
 def _attempts(method: str, order: Sequence[int], budget: int | None) -> Attempt:
-    """How one set of times and slots is planned; with True, more candidates are examined."""
+    """Return the function that plans one request; called with True, it examines more candidates."""
 
     def attempt(request: Request, more: bool) -> Plan:
         problem = request.problem()
@@ -244,7 +249,7 @@ def _attempts(method: str, order: Sequence[int], budget: int | None) -> Attempt:
 
 
 def _planned(plan: Plan, problem: Problem, found: Outcome, names: Sequence[str]) -> Plan:
-    """A plan with what was found."""
+    """Return the plan completed with the paths of an outcome."""
     assert found.flown is not None
     paths = problem.path(found.flown)
     ways = f"the best of {found.tried} way{'s' * (found.tried != 1)} tried"
@@ -269,7 +274,7 @@ def _planned(plan: Plan, problem: Problem, found: Outcome, names: Sequence[str])
 
 
 def _fired(plan: Plan, problem: Problem, request: Request, budget: int | None, more: bool) -> Plan:
-    """A plan of least delta-v, if one is found."""
+    """Return the plan completed with a solution of minimum delta-v, or with the reason why there is none."""
     names, limits = request.names, request.limits
     try:
         found, free = solve_impulses(problem, request.thrusters, names, budget, more, limits)
@@ -287,7 +292,7 @@ def _fired(plan: Plan, problem: Problem, request: Request, budget: int | None, m
         reason = _blocked(names, found.blocked, found.tried)
         if problem.drift is not None:
             reason += found.near_miss
-            reason += "" if limits is None or found.limited else ", and without thrust limits, too"
+            reason += "" if limits is None or found.limited else ", also without thrust limits"
             reason += unseparated(problem, names)
         return replace(plan, blocked=found.blocked, reason=reason)
     paths, contacts, spent = problem.path(found.flown), once(found.contacts), found.delta_v
@@ -312,12 +317,12 @@ def _fired(plan: Plan, problem: Problem, request: Request, budget: int | None, m
 
 
 def _beside(plan: Plan, problem: Problem, free: Spent) -> Plan:
-    """A plan of least delta-v beside what craft cost alone."""
+    """Return the plan with the unconstrained optima of delta-v as its direct paths and lower bound."""
     return replace(plan, direct=problem.path(free.flown), lower_bound=free.least, cost="delta-v")
 
 
 def _bounded(request: Request, plan: Plan, seconds: float) -> Plan:
-    """A plan with its lower bound, or a cheaper one that was found on the way."""
+    """Return the plan with its proven lower bound, or a plan of lower cost found during the proof."""
     if not plan.contacts or plan.cost == "delta-v":
         return plan
     problem = request.problem()
@@ -332,6 +337,6 @@ def _bounded(request: Request, plan: Plan, seconds: float) -> Plan:
 
 
 def _blocked(names: Sequence[str], pair: tuple[int, int] | None, tried: int) -> str:
-    """Why no plan was found."""
+    """Return the reason why no plan was found."""
     who = f"{names[pair[0]]} and {names[pair[1]]}" if pair else "craft"
     return f"{who} are in each other's way in {f'all of {tried} ways' if tried != 1 else 'the one way'} tried"

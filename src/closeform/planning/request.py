@@ -1,4 +1,4 @@
-"""What a reconfiguration is asked, checked: craft, slots, times, zones, obstacles and limits."""
+"""Validated inputs of a reconfiguration: spacecraft, slots, times, zones, obstacles and limits."""
 
 from __future__ import annotations
 
@@ -29,11 +29,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Request:
-    """N craft with `initial` states (N, 6) at their `starts`, to be in their slots after their `durations`.
+    """Validated inputs of `reconfigure` for N spacecraft.
 
-    `places` (S, 6) are all slots, `slots` (N,) tells which is whose; craft arrive `early` (N,) [s], and
-    coast into them.  `zones` as from `PairZones.groups`.  With `assign` the slots are those of least `cost`.
-    `thrusters` are each craft's, None where it pushes freely.
+    `initial` (N, 6) are the states at `starts` (N,).  Each spacecraft reaches its slot after its entry of
+    `durations` (N,).  `places` (S, 6) are the states of all slots, and `slots` (N,) are the indices of the
+    assigned ones.  A spacecraft arrives `early` (N,) [s] before the slot's epoch and coasts into the slot.
+    `zones` are the groups of `PairZones.groups`.  With `assign`, the slots are those of minimum `cost`.
+    `thrusters` holds one set for each spacecraft, or None where thrust can point in any direction.
     """
 
     orbit: Orbit
@@ -71,11 +73,13 @@ class Request:
         thrusters: Thrusters | Sequence[Thrusters | None] | None = None,
         drift: float | None = None,
     ) -> Request:
-        """Raises ValueError naming the argument that does not fit."""
+        """Return the request for the arguments of `reconfigure`; raise ValueError naming a bad argument."""
         begins, places = _states("initial", initial), _states("final", final)
         count = len(begins)
         if assign and len(places) < count:
-            raise ValueError(f"final: {len(places)} slots are fewer than {count} craft; give one for each")
+            raise ValueError(
+                f"final: {len(places)} slots are fewer than {count} craft; give at least one slot for each"
+            )
         if not assign and len(places) != count:
             raise ValueError(
                 f"final: {len(places)} states for {count} craft; give one for each, or assign=True for more"
@@ -102,8 +106,8 @@ class Request:
         for k, called_so in enumerate(called[:count]):
             if own[k] is not None and limits is not None and limits[k] < np.inf:
                 raise ValueError(
-                    f"max_acceleration: {called_so}: bounds thrust in any direction, which thrusters do not "
-                    "have; leave it out, or give inf for craft with thrusters, which have their own"
+                    f"max_acceleration: {called_so}: cannot be combined with thrusters, which have limits "
+                    "of their own; omit it, or give inf for craft with thrusters"
                 )
         return cls(
             orbit,
@@ -125,14 +129,14 @@ class Request:
 
     @property
     def direct(self) -> Path:
-        """The unconstrained optima, over each craft's own time."""
+        """The unconstrained optima, each over the spacecraft's own time."""
         before = self.orbit.transition(-self.early)
         finals = (before @ self.places[self.slots][:, :, None])[..., 0]
         return self.orbit.transfer(self.initial, finals, self.durations, self.starts)
 
     @property
     def costs(self) -> Floats:
-        """What all ways of craft to slots cost at least (N, S), whoever is in the way."""
+        """Minimum costs (N, S) of every spacecraft to every slot, without any keep-out zone."""
         finals = self.places @ self.orbit.transition(-self.early).transpose(0, 2, 1)
         if any(own is not None for own in self.thrusters):
             given = self.orbit, self.initial, finals, self.durations, self.starts
@@ -147,22 +151,22 @@ class Request:
 
     @property
     def longest(self) -> float:
-        """How many times as long all may take, with obstacles that must be known until the drift ends."""
+        """Largest factor of all durations for which the obstacles remain known until the horizon ends."""
         if self.drift is None or self.others is None:
             return np.inf
         last = float(np.min(self.others.end)) - self.drift
         return float(((last - self.starts) / self.durations).min())
 
     def problem(self) -> Problem:
-        """What is to be planned."""
+        """Return the planning problem of this request."""
         zones = self.zones if self.padding is None else self.padding.groups(self.zones)
         plain = Problem.of(self.direct, self.others, zones, self.drift)
         return plain if self.kept is None else self.kept.problem(plain)
 
     def least_slots(self) -> tuple[Any, float]:
-        """Slots (N,) of least unconstrained cost, and that cost.
+        """Return the slots (N,) of minimum unconstrained cost, and that cost.
 
-        Raises ValueError where thrusters bring too few craft to some of them.
+        Raises ValueError if the thrusters cannot bring every spacecraft to a slot of its own.
         """
         from scipy.optimize import linear_sum_assignment
 
@@ -170,25 +174,28 @@ class Request:
         try:
             craft, slots = linear_sum_assignment(costs)
         except ValueError:
-            raise ValueError("thrusters: they do not bring all craft to slots, each to its own") from None
+            raise ValueError(
+                "thrusters: they cannot bring every craft to a slot of its own; give other slots or thrusters"
+            ) from None
         return slots, float(costs[craft, slots].sum())
 
     def cheapest(self) -> Request:
-        """The same with the slots of least unconstrained cost, where they are not given."""
+        """Return the request with the slots of minimum unconstrained cost, if they are to be assigned."""
         return replace(self, slots=self.least_slots()[0]) if self.assign else self
 
     def assigned(self, slots: Any) -> Request:
-        """The same with other slots."""
+        """Return the request with other slots (N,)."""
         return replace(self, slots=slots)
 
     def longer(self, factor: float) -> Request:
-        """The same with longer durations; the final states hold at the later ends."""
+        """Return the request with `factor` times the durations; the final states hold at the later ends."""
         return replace(self, durations=factor * self.durations).cheapest()
 
     def staggered(self, share: float) -> Request:
-        """Craft coast in turn before they start, the last for `share` of the longest duration.
+        """Return the request with staggered starts: the last waits for `share` of the longest duration.
 
-        The final states hold when the last has waited: those who are there before coast into them.
+        The spacecraft coast until they start.  The final states hold when the last has arrived, and the
+        spacecraft that arrive before coast into them.
         """
         longest = share * self.durations.max()
         waits = np.linspace(0.0, longest, len(self.initial))
@@ -205,7 +212,7 @@ def _states(name: str, value: ArrayLike) -> Floats:
 
 
 def _each(name: str, value: ArrayLike, count: int, least: float = 0.0, greatest: float = LARGEST) -> Floats:
-    """One number for each craft, above `least` and below `greatest`."""
+    """Return one number for each spacecraft, above `least` and at most `greatest`."""
     values = of_each(name, value, count)
     if not ((values > least) & (values <= greatest)).all():
         raise ValueError(f"{name}: must be finite{' and positive' * (least == 0.0)}, got {values.tolist()}")

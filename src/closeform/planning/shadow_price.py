@@ -1,9 +1,9 @@
-"""What clearance costs: the slope of a plan's cost by the size of its zones, from contacts' multipliers.
+"""Shadow prices of clearance: slopes of a plan's cost with the size of its zones, from the multipliers.
 
-At a contact the path keeps the plane a . (r_i - r_j) >= h(a) that supports the zone, h(a) being how far the
-zone reaches along the normal a.  By the envelope theorem the least cost rises with h(a) at the rate of the
-contact's multiplier, whatever else the plan changes.  A zone that grows by d in every direction reaches
-h + d, one that is enlarged by a factor reaches factor times h.                                # theory (21b)
+At a contact the path keeps the supporting plane a . (r_i - r_j) >= h(a) of the zone, with h(a) the zone's
+extent along the normal a.  By the envelope theorem the minimum cost rises with h(a) at the rate of the
+contact's multiplier, whatever else the plan changes.  A zone that grows by d in every direction has the
+extent h + d, and one enlarged by a factor has factor times h.                                 # theory (21b)
 """
 
 from __future__ import annotations
@@ -20,21 +20,21 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, repr=False)
 class ShadowPrice(Result):
-    """What more clearance between two craft costs: how fast a plan's cost rises with the size of their zone.
+    """Shadow price of the clearance between two craft: slope of a plan's cost with the size of their zone.
 
-    Other zones stay as they are, as do states and times at the ends; all paths give way as is cheapest.
+    Other zones, end states and times stay fixed; all paths adapt at minimum cost.
 
     Attributes
     ----------
     first, second : int
-        The two craft by index; N + k is obstacle k of a plan of N craft.
+        Indices of the two craft; N + k is obstacle k of a plan of N craft.
     per_metre : float [m/s^3, of delta-v 1/s]
-        For each metre by which the zone grows in every direction: of energy m^2/s^3, of delta-v m/s.
+        Cost per metre by which the zone grows in every direction, in m^2/s^3 or m/s of delta-v per metre.
     per_factor : float [m^2/s^3, of delta-v m/s]
-        For a zone enlarged about its origin, for each 1 by which the factor grows: a hundredth of it for a
+        Cost per unit of the factor by which the zone is enlarged about its origin: a hundredth of it for a
         zone that is 1 % larger.
     per_sigma : float [m^2/s^3, of delta-v m/s]
-        For each standard deviation of the errors more that is kept clear; 0 where no errors were given.
+        Cost per additional standard deviation of the errors that is kept clear; 0 without errors.
     """
 
     first: int
@@ -45,9 +45,9 @@ class ShadowPrice(Result):
 
 
 def prices_of(contacts: Sequence[Contact], margin: float) -> tuple[ShadowPrice, ...]:
-    """The price of each pair that some contacts keep apart, the dearest by the metre first.
+    """Return the shadow price of each pair in contact, the highest per metre first.
 
-    `margin`: the plan was made for zones so many times as large, which grow by as much more.
+    `margin` is the factor by which the zones were enlarged for planning.
     """
     found: dict[tuple[int, int], tuple[float, float, float]] = {}
     for one in contacts:

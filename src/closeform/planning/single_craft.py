@@ -1,4 +1,4 @@
-"""What one craft keeps clear of, how it plans its way around, and within which thrust limit."""
+"""Avoidance by one craft: its obstacles and zones, the choice of planner, and the thrust limit."""
 
 from __future__ import annotations
 
@@ -41,13 +41,13 @@ if TYPE_CHECKING:
     from closeform.planning.sigma_problem import Margin
 
 ROUNDING = 1e-9  # of a duration
-DEEP = 1.0 - 1e-6  # ratio with a zone that is larger by the least margin, below which it is one with the zone
-CHEAPER = 1e-6  # of its delta-v: by less, a clear path is left as it is
+DEEP = 1.0 - 1e-6  # ratio to the slightly enlarged zone, below which the zone itself is violated
+CHEAPER = 1e-6  # of its delta-v: smallest saving for which a clear path is replaced
 
 
 @dataclass(frozen=True, eq=False)
 class Around:
-    """What one craft keeps clear of, and how it plans."""
+    """Obstacles, zones and planning options of one craft."""
 
     obstacles: Path
     zones: Zones
@@ -56,7 +56,7 @@ class Around:
     budget: int | None
     cost: Cost = "energy"
     thrusters: Thrusters | None = None
-    limit: float | None = None  # [m/s^2], with cost "delta-v": within it every plan is
+    limit: float | None = None  # [m/s^2], of every plan with cost "delta-v"
     drift: float | None = None
     kept: Margin | None = None
     padding: Padding | None = None
@@ -73,7 +73,7 @@ class Around:
         cost: Cost = "energy",
         thrusters: Thrusters | None = None,
     ) -> Self:
-        """Raises ValueError naming the argument of `avoid` that does not fit."""
+        """Return the task for the arguments of `avoid`; raise ValueError naming an invalid argument."""
         batch = obstacle_batch(orbit, obstacles)
         if batch is None:
             raise ValueError("obstacles: give at least one path")
@@ -81,23 +81,23 @@ class Around:
         return cls(batch, zones, called, method, budget, cost, thrusters)
 
     def keeping(self, path: Path, errors: Any, other_errors: Any, sigmas: Any) -> Self:
-        """The same that keeps sigmas of errors too; raises ValueError for errors that do not fit."""
+        """Return the task that also keeps `sigmas` of errors clear; raise ValueError for invalid errors."""
         from closeform.planning.sigma_problem import Margin
 
         return replace(self, kept=Margin.around(path, errors, self.obstacles, other_errors, sigmas))
 
     def padded(self, margin: Any) -> Self:
-        """The same with zones that are padded; raises ValueError for a margin that does not fit."""
+        """Return the task with a keep-out margin; raise ValueError for an invalid margin."""
         return replace(self, padding=Padding.of(margin, 1, len(self.obstacles)))
 
     def problem(self, direct: Path) -> Problem:
-        """What is to be planned."""
+        """Return the planning problem of this task."""
         zones = self.zones if self.padding is None else self.padding.groups(self.zones)
         plain = Problem.of(direct, self.obstacles, zones, self.drift)
         return plain if self.kept is None else self.kept.problem(plain)
 
     def hopeless(self, problem: Problem) -> tuple[Status, str] | None:
-        """Why no plan between these states is clear, in words; None where one may be."""
+        """Return the status and reason why no clear plan between these states exists; else None."""
         if inside := end_inside(problem):
             end, ratio, which = inside
             time = problem.first if end == "start" else problem.arrival
@@ -115,9 +115,9 @@ class Around:
         return None
 
     def plan(self, path: Path, prove: float = 0.0, fixed: bool = False) -> Avoidance:
-        """The way around for a path, or the path itself where it is clear.
+        """Return the avoidance for a path, or the path itself where it is clear.
 
-        `fixed`: no cheaper path is taken while proving.
+        With `fixed`, the proof does not replace the path by one of lower cost.
         """
         found = self._way(path, prove, fixed)
         return found if self.padding is None else replace(found, padding=self.padding.told)
@@ -126,10 +126,10 @@ class Around:
         optimum = transfer_of(path)
         problem = self.problem(stack([optimum]))
         by_delta_v = self.cost == "delta-v"
-        met = problem.direct_conflicts(MARGINS[0]) if path is optimum else []  # the planner's, too
+        met = problem.direct_conflicts(MARGINS[0]) if path is optimum else []  # which the planner uses again
         deep = bool(met) and deepest(met)[1][3] < DEEP
         clear = not deep and not problem.conflicts(problem.with_path(path)) and is_passive(problem, path)
-        fires = by_delta_v and self.thrusters is not None  # `path` is not of these thrusters
+        fires = by_delta_v and self.thrusters is not None  # `path` was not planned for these thrusters
         if (fires or not clear) and (hopeless := self.hopeless(problem)):
             free = unconstrained(problem, (self.thrusters,), ("",)) if by_delta_v else None
             if free is None or self.drift is not None or not free.checked.clear:
@@ -141,7 +141,7 @@ class Around:
             return impulsive(path if clear and within else None, problem, self)
         if clear:
             energy, bound = path.energy, min(float(optimum.energy), path.energy)
-            extra = max(energy - optimum.energy, 0.0)  # rounding, where it is the optimum itself
+            extra = max(energy - optimum.energy, 0.0)  # the optimum itself may round below 0
             proven = is_proven(energy, bound)
             return Avoidance(
                 *(path, energy, extra, path.delta_v, bound, (), Status.CLEAR, "no conflict"),
@@ -156,7 +156,7 @@ class Around:
     def keep(
         self, max_acceleration: float, direct: Callable[[float], Path], longer: bool, prove: float = 0.0
     ) -> Avoidance:
-        """The way around within a thrust limit; `direct` is the path that takes so many times as long."""
+        """Return the avoidance within a thrust limit; `direct(factor)` is the path over a longer duration."""
         limit = numbers("max_acceleration", max_acceleration)
         if limit.shape or not limit > 0.0:
             raise ValueError(f"max_acceleration: one positive number [m/s^2], got {shown(max_acceleration)}")
@@ -169,8 +169,7 @@ class Around:
 def within_limit(
     task: Around, direct: Callable[[float], Path], limit: float, longer: bool, prove: float
 ) -> Avoidance:
-    """A way around that keeps a thrust limit [m/s^2], in the shortest longer duration found where it must."""
-
+    """Return an avoidance within a thrust limit [m/s^2], over a longer duration where necessary."""
     sparing = task.cost == "delta-v"
 
     def excess(found: Avoidance) -> Floats:
@@ -182,15 +181,15 @@ def within_limit(
         found = task.plan(direct(factor))
         return (found, excess(found)) if found.ok or found.weak is not None else None
 
-    def free(factor: float) -> Floats:  # of least energy: burns of least delta-v are told by planning them
+    def free(factor: float) -> Floats:  # of minimum energy; minimum delta-v requires planning
         return np.array([0.0 if sparing else beyond(direct(factor), limit)])
 
     path = direct(1.0)
-    # the optimum is another path, of less thrust, where `path` is none and clear
+    # a clear `path` that is not the optimum may need more thrust than the optimum
     for way in (path,) if sparing else dict.fromkeys((path, transfer_of(path))):
         plan = task.plan(way, prove, fixed=True)
         over = excess(plan)
-        if over <= FULL:  # as of no path
+        if over <= FULL:  # also where no path was found
             return plan
     first, proven = float(over[0]) * limit, 0.0 if plan.weak is None else plan.weak.proven
     asked = float(path.end - path.start)
@@ -209,19 +208,19 @@ def within_limit(
         return refused(remedy, least=proven)
     later = stretched(over, free, attempt, most)
     if later.found is None:
-        tried = refused("give it more", float(later.excess[0]) * limit, later.factor * asked)
+        tried = refused("raise the limit", float(later.excess[0]) * limit, later.factor * asked)
         return replace(tried, measures=(later.measure,))
     found = task.plan(direct(later.factor), prove, fixed=True) if prove else later.found
     return replace(found, measures=(later.measure,), punctual=plan.punctual)
 
 
 def beyond(path: Path, limit: float) -> float:
-    """Peak thrust over a limit."""
+    """Return the peak thrust of a path divided by a limit."""
     return inf if path.impulses else float(path.peak_thrust / limit)
 
 
 def impulsive(clear: Path | None, problem: Problem, task: Around) -> Avoidance:
-    """`avoid` by least delta-v; a `clear` path is left as it is where none found is cheaper."""
+    """Return the avoidance of minimum delta-v; a `clear` path is kept unless a cheaper one is found."""
     limits = None if task.limit is None else np.array([task.limit])
     try:
         found, free = solve_impulses(problem, (task.thrusters,), ("",), task.budget, limits=limits)

@@ -1,4 +1,4 @@
-"""Slots of least unconstrained cost, revised where avoidance makes others cheaper."""
+"""Revision of the slot assignment of minimum unconstrained cost where avoidance makes another cheaper."""
 
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -9,11 +9,11 @@ from closeform.arrays import Floats
 from closeform.planning.plan import Plan
 from closeform.planning.request import Request
 
-REVISIONS = 12  # other assignments that are planned
+REVISIONS = 12  # maximum number of other assignments planned
 
 
 def revised(request: Request, plan: Plan, attempt: Callable[[Request], Plan]) -> Plan:
-    """The cheapest plan among those with one exchange of slots after another that could be cheaper."""
+    """Return the cheapest plan found by successive exchanges of slots that could lower the cost."""
     costs = request.costs
     seen = {tuple(plan.slots)}
     left = REVISIONS
@@ -36,7 +36,7 @@ def revised(request: Request, plan: Plan, attempt: Callable[[Request], Plan]) ->
 
 
 def exchanges(slots: Any, costs: Floats, bar: float) -> Iterator[Any]:
-    """Assignments one exchange away whose unconstrained cost is below `bar`, cheapest first."""
+    """Yield assignments one exchange away with an unconstrained cost below `bar`, cheapest first."""
     count, places = costs.shape
     craft = np.arange(count)
     total = costs[craft, slots].sum()

@@ -1,4 +1,4 @@
-"""Targets: relative orbits that people name, and where a formation can go, as states (N, 6) in m and m/s."""
+"""Target states (N, 6) [m, m/s]: named relative orbits, and destinations of a formation's manoeuvres."""
 
 from closeform.planning.dispersal import (
     added_member,
