@@ -10,7 +10,6 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
-from matplotlib.colors import to_hex
 
 from closeform.arrays import Floats
 from closeform.motion.path import Path
@@ -18,12 +17,12 @@ from closeform.plots.camera import Camera
 from closeform.plots.closest import ratio_axis
 from closeform.plots.fleet import PLANES, beside, owned, scaled
 from closeform.plots.fonts import plain, short_names
-from closeform.plots.gif import Reel
 from closeform.plots.inputs import crafts, filmed
 from closeform.plots.label_placement import dark
 from closeform.plots.pairs import Pairs, ratio_text
-from closeform.plots.palette import CONFLICT, FAINT, INK, OTHER, ZONE, colours
+from closeform.plots.palette import CONFLICT, INK, OTHER, ZONE, colours
 from closeform.plots.panels import framed
+from closeform.plots.reel import Reel
 from closeform.plots.style import SMALL, TEXT, WIDTH, area, clock, dress, instants, length_unit, sheet
 from closeform.plots.tracks import NAMED, stays
 from closeform.plots.views import AXES, FOOT, OBLIQUE, ORBITAL, window
@@ -322,6 +321,4 @@ def reel(
     waits[-1] = LAST
     moments = list(zip(scene.times.tolist(), waits.tolist(), strict=True))
     pixels = WIDE if len(scene.called) <= NAMED else NARROW
-    firm = ["#ffffff", INK, OTHER, FAINT, ZONE, CONFLICT, "#f9e7bf", "#f4d48c"]  # zones on white, too
-    firm += [*(to_hex(tint) for tint in scene.tints[:12])]
-    return Reel(scene.figure, lambda: scene.artists, scene.show, moments, firm, pixels)
+    return Reel(scene.figure, lambda: scene.artists, scene.show, moments, pixels)
