@@ -1,14 +1,10 @@
 """Pictures drawn in processes of their own are those that one draws, whatever becomes of these."""
 
-from io import BytesIO
 from socket import socketpair
 
-import numpy as np
 import pytest
-from PIL import Image
 
 import closeform as cf
-from closeform.plots.png import png
 from closeform.report import drawing
 from closeform.report.picture import Film, Picture
 from closeform.storage.result_folder import Folder
@@ -113,10 +109,3 @@ def test_what_cannot_be_drawn_is_heard(tmp_path, others, place):
     pictures.insert(place, Picture("wrong", "", "distances", (PATH, OTHER, "no zone")))
     with pytest.raises(ValueError, match="zone"):
         draw(tmp_path, pictures)
-
-
-def test_a_png_holds_the_pixels():
-    pixels = np.random.default_rng(4).integers(0, 256, (37, 53, 4), dtype=np.uint8)
-    with Image.open(BytesIO(png(pixels))) as read:
-        assert read.mode == "RGB"
-        assert (np.asarray(read) == pixels[..., :3]).all()

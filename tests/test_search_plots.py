@@ -298,7 +298,7 @@ def test_animation(tmp_path):
     canvas.draw()
     anew = np.asarray(canvas.buffer_rgba(), dtype=float)[..., :3]
     assert anew.shape == last.shape
-    assert np.abs(anew - last).mean() < 1.5  # of 255: the palette has 64 colours
+    assert np.abs(anew - last).mean() < 1.5  # of 255: the palette has 128 colours
     assert tuple(last[1, 1]) == (255, 255, 255)
 
 

@@ -18,7 +18,7 @@ from closeform.plots.fonts import short_names
 from closeform.plots.inputs import crafts
 from closeform.plots.label_placement import Names
 from closeform.plots.palette import AFTER, FAINT, INK, colours
-from closeform.plots.style import SMALL, clock, column, dress, headline, sheet, speed, speed_unit, time_axes
+from closeform.plots.style import SMALL, chart, clock, headline, speed, speed_unit, time_axes
 
 NARROWEST = 1.0 / 400.0  # of the time: thinner bars are not seen
 LETTERED = 8  # larger burns in a row up to which each has its size beside it
@@ -65,9 +65,7 @@ def burns(paths: Path | Sequence[Path] | ThrusterFiring, names: Sequence[str] | 
     )
     start, end = min(path.start for path in flown), max(path.end for path in flown)
     ticks, greatest = clock(flown[0], start, end), max(float(one.size.max(initial=0.0)) for one in every)
-    figure = sheet(2.4 + 0.55 * count if count > 1 else 3.6)
-    (axes,) = column(figure, [1.0])
-    dress(axes)
+    figure, axes = chart(2.4 + 0.55 * count if count > 1 else 3.6)
     bars = []
     for row, (one, tint) in enumerate(zip(every, colours(count) if count > 1 else [AFTER], strict=True)):
         level = count - 1.0 - row

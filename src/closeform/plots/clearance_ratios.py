@@ -17,21 +17,19 @@ from closeform.conflicts.two_paths import closest_approach, nearest_first
 from closeform.motion.path import Path
 from closeform.plots.fonts import short_names
 from closeform.plots.inputs import crafts, one_craft
-from closeform.plots.palette import AFTER, BEFORE, CONFLICT, INK, ZONE
+from closeform.plots.palette import AFTER, BEFORE, CONFLICT
 from closeform.plots.style import (
     DASHED,
     SMALL,
-    TEXT,
     Clock,
+    chart,
     clock,
-    column,
     common_time,
-    dress,
     headline,
     instants,
     legend,
-    sheet,
     time_axes,
+    zone_band,
 )
 from closeform.zones.zone import Zone
 
@@ -107,11 +105,8 @@ def ratios(
     now = Nearness.of(after, others, zone)
     then = now if before is after else Nearness.of(before, others, zone)
 
-    figure = sheet(5.9)
-    (axes,) = column(figure, [1.0], 1.05)
-    dress(axes)
-    axes.axhspan(0, 1, color=ZONE, alpha=0.2, linewidth=0)
-    axes.axhline(1, color=ZONE, linewidth=1.6)
+    figure, axes = chart(5.9, 1.05)
+    zone_band(axes)
     if len(others) > 1:
         axes.plot(ticks(now.times), now.norms.T, color=AFTER, linewidth=0.8, alpha=0.45)
     curves: list[tuple[Nearness, tuple[str, Any, str]]] = []
@@ -122,7 +117,7 @@ def ratios(
     legend(figure, lines, words, ncols=len(lines))
     axes.set_ylim(0, ceiling(then, now))
     axes.yaxis.set_major_locator(MaxNLocator(6, integer=True))
-    axes.set_ylabel("nearest craft [× zone]", fontsize=TEXT, color=INK)
+    axes.set_ylabel("nearest craft [× zone]")
     axes.text(0.008, 0.03, "keep-out zone", transform=axes.transAxes, fontsize=SMALL, color="#9a6a00")
     time_axes([axes], ticks, start, end)
     change = "" if then is now else f"Before {then.ratio:.2f} × zone, after "

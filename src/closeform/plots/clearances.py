@@ -17,12 +17,9 @@ from closeform.plots.style import (
     DOTTED,
     HALO,
     SMALL,
-    TEXT,
     Unit,
-    column,
-    dress,
+    chart,
     headline,
-    sheet,
     signed_percent,
     speed_unit,
 )
@@ -76,9 +73,7 @@ def clearance(found: ClearanceCostCurve, most: MaxClearance | None = None) -> Fi
     highest = max(float(np.nanmax(costs)), 0.0 if most is None else most.budget)
     up = speed_unit(highest) if found.cost == "delta-v" else energy_unit(highest)
 
-    figure = sheet(5.2)
-    (axes,) = column(figure, [1.0], beside=0.3 if not found.free > 0.0 else 1.0)
-    dress(axes)
+    figure, axes = chart(5.2, beside=0.3 if not found.free > 0.0 else 1.0)
     axes.axvline(1.0, color=FAINT, linewidth=2.0)
     axes.axhline(found.free / up.size, color=BEFORE, linestyle=DASHED, linewidth=1.2)
     seen = np.flatnonzero(np.isfinite(costs))
@@ -122,8 +117,8 @@ def show_most(axes: Any, most: MaxClearance, up: Unit) -> None:
 
 def scales(figure: Figure, axes: Any, found: ClearanceCostCurve, up: Unit) -> None:
     """What stands at the axes: factor and metres, the cost and by how much it is above the least of all."""
-    axes.set_xlabel("zones so many times as large", fontsize=TEXT, color=INK)
-    axes.set_ylabel(f"least {found.cost} [{up.name}]", fontsize=TEXT, color=INK)
+    axes.set_xlabel("zones so many times as large")
+    axes.set_ylabel(f"least {found.cost} [{up.name}]")
     others = []
     metre = float(np.ptp(found.metres) / np.ptp(found.factor)) if np.ptp(found.factor) > 0.0 else 0.0
     if metre > 0.0:

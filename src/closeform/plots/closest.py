@@ -15,22 +15,23 @@ from closeform.arrays import Floats, whole
 from closeform.motion.path import Path
 from closeform.plots.fonts import plain
 from closeform.plots.pairs import SURE, Pairs, asked, ratio_text, title
-from closeform.plots.palette import AFTER, ALONG, ALTERNATIVE, BEFORE, CONFLICT, CROSS, INK, ZONE
+from closeform.plots.palette import AFTER, ALONG, ALTERNATIVE, BEFORE, CONFLICT, CROSS, INK
 from closeform.plots.style import (
     ABOVE,
     DOTTED,
     SMALL,
     TEXT,
     Clock,
+    chart,
     clock,
     column,
-    dress,
     headline,
     instants,
     legend,
     say_scale,
     sheet,
     time_axes,
+    zone_band,
 )
 from closeform.zones.combined_zones import OwnZone
 from closeform.zones.pair_zones import PairZones
@@ -106,15 +107,14 @@ def in_one(
     """All curves on one axis, with a legend."""
     columns = 2 if max(map(len, words)) <= 52 else 1
     below = LOW + 0.25 * -(-len(shown) // columns)
-    figure = sheet(5.5 + below)
-    (axes,) = column(figure, [1.0], below)
-    guarded(axes)
+    figure, axes = chart(5.5 + below, below)
+    zone_band(axes)
     lines = [
         line(axes, row, ticks, pairs, k, word, *curve)
         for row, (k, word, curve) in enumerate(zip(shown, words, curves, strict=True))
     ]
     ratio_axis(axes, float(pairs.ratio[shown[0]]), max(float(norms.max()) for _, norms in curves))
-    axes.set_ylabel("ratio [× zone]", fontsize=TEXT, color=INK)
+    axes.set_ylabel("ratio [× zone]")
     axes.annotate(
         "keep-out zone",
         (0.008, 1.0),
@@ -137,7 +137,7 @@ def in_panels(
     panels = column(figure, [1.0] * len(shown), LOW, BESIDE)
     least, most = float(pairs.ratio[shown[0]]), max(float(norms.max()) for _, norms in curves)
     for axes, k, word, curve in zip(panels, shown, words, curves, strict=True):
-        guarded(axes)
+        zone_band(axes)
         stays, (called, _, told) = pairs.stays[k], word.partition(": ")
         often = [f"{len(stays)} conflict{'s' * (len(stays) != 1)}"] if stays else []
         beside: dict[str, Any] = {"xycoords": "axes fraction", "textcoords": "offset points", "va": "center"}
@@ -167,13 +167,6 @@ def band(axes: Axes, period: float, ticks: Clock, times: Floats, norms: Floats) 
     edges = ticks(np.append(times[begins], times[-1]))
     axes.fill_between(edges, np.append(low, low[-1]), np.append(high, high[-1]), step="post", color=BAND)
     axes.step(edges, np.append(low, low[-1]), where="post", color=AFTER, linewidth=1.5, zorder=3)
-
-
-def guarded(axes: Axes) -> None:
-    """Axes of ratios with the zone."""
-    dress(axes)
-    axes.axhspan(-1, 1, color=ZONE, alpha=0.2, linewidth=0)
-    axes.axhline(1, color=ZONE, linewidth=1.6)
 
 
 def curve(pairs: Pairs, k: int) -> Curve:

@@ -13,19 +13,7 @@ from closeform.motion.path import Path
 from closeform.plots.fonts import plain
 from closeform.plots.inputs import one_craft
 from closeform.plots.palette import AFTER, ALTERNATIVE, CONFLICT, INK
-from closeform.plots.style import (
-    DASHED,
-    TEXT,
-    Clock,
-    clock,
-    column,
-    dress,
-    headline,
-    legend,
-    plain_unit,
-    sheet,
-    time_axes,
-)
+from closeform.plots.style import DASHED, Clock, clock, column, headline, legend, plain_unit, sheet, time_axes
 from closeform.uncertainty.probability import Probability
 
 FAR = 5.0  # times all that is shown, from which on a limit has no room
@@ -85,15 +73,13 @@ def collision(
 
     figure = sheet(7.2)
     above, below = column(figure, [1.0, 1.0], 1.05)
-    for axes in (above, below):
-        dress(axes)
     unit = ticks.unit.name.removesuffix("s") if ticks.unit.name == "orbits" else ticks.unit.name
     size, power = scaled(float(rates.max()) * ticks.unit.size)
     rate = rates * ticks.unit.size / size
     above.fill_between(ticks(times), rate, color=CONFLICT, alpha=0.18, linewidth=0)
     above.plot(ticks(times), rate, color=CONFLICT, linewidth=2.0)
     above.set_ylim(0.0, None)
-    above.set_ylabel(f"entries per {unit}{power}", fontsize=TEXT, color=INK)
+    above.set_ylabel(f"entries per {unit}{power}")
 
     most = max(so_far[-1], found.high)
     size, power = scaled(most)
@@ -118,7 +104,7 @@ def collision(
         words.append(f"asked: at most {limit:g}")
         most = max(most, limit) if limit < FAR * most else most
     below.set_ylim(0.0, 1.12 * most / size)
-    below.set_ylabel(f"probability{power}", fontsize=TEXT, color=INK)
+    below.set_ylabel(f"probability{power}")
     time_axes([above, below], ticks, start, end)
     legend(figure, handles, words, ncols=len(words), columnspacing=1.4)
     lead = f"{what}: p" if what else "P"

@@ -9,17 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from closeform.arrays import Floats, instance
-from closeform.plots.camera import (
-    GROUP_COLOURS,
-    ROMAN,
-    Camera,
-    arrow,
-    fill,
-    solid,
-    stage,
-    to_sun,
-    word,
-)
+from closeform.plots.camera import GROUP_COLOURS, ROMAN, Camera, arrow, fill, solid, stage, to_sun, word
 from closeform.plots.palette import AFTER, ALTERNATIVE, FAINT, INK, OTHER, ZONE
 from closeform.plots.style import SMALL, TEXT, headline, sheet
 from closeform.search.leg import SUN

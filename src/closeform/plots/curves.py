@@ -8,19 +8,8 @@ from matplotlib.figure import Figure
 
 from closeform.arrays import Floats
 from closeform.plots.fonts import plain, short_names
-from closeform.plots.palette import INK, colours
-from closeform.plots.style import (
-    DASHED,
-    SMALL,
-    TEXT,
-    Clock,
-    column,
-    dress,
-    headline,
-    plain_unit,
-    sheet,
-    time_axes,
-)
+from closeform.plots.palette import colours
+from closeform.plots.style import DASHED, SMALL, Clock, chart, headline, plain_unit, time_axes
 
 NAMED = 12  # craft up to which each curve has a name, at its end
 
@@ -35,9 +24,7 @@ def curves(
 ) -> Figure:
     """Values (N, T) at times (T,) [s], none below 0, of N craft; those `planned` (N, T) are dashed."""
     called, ticks = short_names(names, len(values)), Clock(plain_unit(float(times[-1] - times[0])), None)
-    figure = sheet(5.2)
-    (axes,) = column(figure, [1.0], beside=1.1)
-    dress(axes)
+    figure, axes = chart(5.2, beside=1.1)
     for k, tint in enumerate(colours(len(values))):
         axes.plot(ticks(times), values[k], color=tint, linewidth=1.8)
         if planned is not None:
@@ -46,7 +33,7 @@ def curves(
             place = (float(ticks(times[-1])), float(values[k, -1]))
             plain(axes.annotate(called[k], place, (5, -4), textcoords="offset points", fontsize=SMALL))
     axes.set_ylim(0.0, None)
-    axes.set_ylabel(what, fontsize=TEXT, color=INK)
+    axes.set_ylabel(what)
     time_axes([axes], ticks, float(times[0]), float(times[-1]))
     plain(headline(figure, said))
     return figure

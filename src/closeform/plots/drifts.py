@@ -13,23 +13,21 @@ from closeform.arrays import Floats, instance, sequence, shown
 from closeform.conflicts.two_paths import closest_approach
 from closeform.motion.path import Path
 from closeform.plots.inputs import crafts, one_craft, texts
-from closeform.plots.palette import AFTER, ALONG, ALTERNATIVE, BEFORE, CONFLICT, CROSS, INK, ZONE
+from closeform.plots.palette import AFTER, ALONG, ALTERNATIVE, BEFORE, CONFLICT, CROSS, INK
 from closeform.plots.style import (
     DASHED,
     DOTTED,
     HALO,
     SMALL,
-    TEXT,
     Unit,
+    chart,
     clock,
-    column,
-    dress,
     headline,
     instants,
     legend,
     plain_unit,
-    sheet,
     time_axes,
+    zone_band,
 )
 from closeform.safety.drift_approach import DriftApproach, drift_approach
 from closeform.zones.zone import Zone
@@ -148,11 +146,8 @@ def drift_ratios(
     ticks = clock(fail[0], float(start), float(end))
 
     rows = len(found) + (direct is not None)
-    figure = sheet(5.6 + 0.3 * rows)
-    (axes,) = column(figure, [1.0], 0.85 + 0.3 * rows)
-    dress(axes)
-    axes.axhspan(0, 1, color=ZONE, alpha=0.2, linewidth=0)
-    axes.axhline(1, color=ZONE, linewidth=1.6)
+    figure, axes = chart(5.6 + 0.3 * rows, 0.85 + 0.3 * rows)
+    zone_band(axes)
     lines, words = [], []
     for k, (one, name) in enumerate(zip(found, called, strict=True)):
         tint, dashes = COLOURS[k % len(COLOURS)], DASHES[k % len(DASHES)]
@@ -169,11 +164,11 @@ def drift_ratios(
         words.append(f"by the direct path: {told(direct, ticks)}")
     most = max(float(one.ratios.max()) for one in found)
     axes.set_ylim(0, min(1.06 * most, MOST * max(1.0, *(one.worst.ratio for one in found))))
-    axes.set_ylabel("nearest in the drift [× zone]", fontsize=TEXT, color=INK)
+    axes.set_ylabel("nearest in the drift [× zone]")
     text = axes.text(0.992, 0.03, "keep-out zone", transform=axes.transAxes, fontsize=SMALL, color="#9a6a00")
     text.set(ha="right", path_effects=HALO)
     time_axes([axes], ticks, float(start), float(end))
-    axes.set_xlabel(f"thrust is lost at [{ticks.unit.name}]", fontsize=TEXT, color=INK)
+    axes.set_xlabel(f"thrust is lost at [{ticks.unit.name}]")
     legend(figure, lines, words, ncols=1)
     without = "" if direct is None else f", {number(direct.worst.ratio)} by the direct path"
     headline(figure, verdict(found) + without)

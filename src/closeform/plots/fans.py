@@ -210,6 +210,6 @@ def span(found: Failed, failed_at: float, met: float) -> Floats:
 
 def labelled(axes: Axes, plane: tuple[int, int], unit: str) -> None:
     """Names of the axes."""
-    axes.set_xlabel(f"{DIRECTIONS[plane[0]].name} [{unit}]", fontsize=TEXT, color=INK)
-    axes.set_ylabel(f"{DIRECTIONS[plane[1]].name} [{unit}]", fontsize=TEXT, color=INK)
+    axes.set_xlabel(f"{DIRECTIONS[plane[0]].name} [{unit}]")
+    axes.set_ylabel(f"{DIRECTIONS[plane[1]].name} [{unit}]")
     dress(axes)

@@ -145,9 +145,7 @@ def oblique(stages: list[Formation], called: list[str]) -> Figure:
 def planes(stages: list[Formation], called: list[str]) -> Figure:
     """The three planes of each stage at one scale; beside those of one alone a view in space."""
     points = np.vstack([stage.points for stage in stages])
-    low, top = points.min(axis=0), points.max(axis=0)
-    middle, span = (low + top) / 2, 1.16 * np.maximum(top - low, FLAT * ((top - low).max() or 1.0))
-    unit = length_unit(float(span.max()))
+    middle, span, unit = extent(points, 1.16)
     lone = len(stages) == 1
     size, (wide, high), corners = (beside if lone else below)(span)
     figure = sheet(high, wide)
@@ -157,12 +155,9 @@ def planes(stages: list[Formation], called: list[str]) -> Figure:
         titled(figure, SIDE + left, stage, lone)
         for (across, up, camera), (x, y) in zip(PLANES, corners, strict=True):
             pair = [across, up]
-            axes = area(figure, left + x, y, *(size * span[pair]))
-            limits = (middle[pair] + np.array([[-0.5], [0.5]]) * span[pair]) / unit.size
-            axes.set(xlim=limits[:, 0], ylim=limits[:, 1])
-            dress(axes)
             left_most, lowest = owned((x, y), corners)
-            scaled(axes, pair, unit, size * span[pair], (left_most and k == 0, lowest))
+            place_of = left + x, y, *(size * span[pair])
+            axes = plane(figure, place_of, pair, middle, span, unit, (left_most and k == 0, lowest))
             draw(axes, camera, unit.size, stage, names)
         if lone:
             space = area(figure, corners[2][0], corners[1][1], size * span[2], size * span[2])
@@ -170,6 +165,57 @@ def planes(stages: list[Formation], called: list[str]) -> Figure:
             framed(space, "")
             in_space(space, ORBITAL, stage, names)
     return figure
+
+
+def extent(points: Floats, room: float) -> tuple[Floats, Floats, Unit]:
+    """Middle (3,) and span (3,) [m] of points (M, 3), no axis much shorter than the longest, and the unit."""
+    low, top = points.min(axis=0), points.max(axis=0)
+    span = room * np.maximum(top - low, FLAT * ((top - low).max() or 1.0))
+    return (low + top) / 2, span, length_unit(float(span.max()))
+
+
+def plane(
+    figure: Figure,
+    place: tuple[float, ...],
+    pair: list[int],
+    middle: Floats,
+    span: Floats,
+    unit: Unit,
+    own: tuple[bool, bool],
+) -> Axes:
+    """Axes of one plane at a place in inches: the `pair` of directions to the right and up."""
+    axes = area(figure, *place)
+    limits = (middle[pair] + np.array([[-0.5], [0.5]]) * span[pair]) / unit.size
+    axes.set(xlim=limits[:, 0], ylim=limits[:, 1])
+    dress(axes)
+    scaled(axes, pair, unit, np.asarray(place[2:]), own)
+    return axes
+
+
+def three_planes(
+    points: Floats, room: float, below: float = 0.0
+) -> tuple[Figure, Unit, list[tuple[Axes, Camera, list[int]]]]:
+    """A figure with the three planes that hold points (M, 3), each with its camera and directions.
+
+    `below` them are inches for more; the square in the lower right corner is free.
+    """
+    middle, span, unit = extent(points, room)
+    size, (wide, high), corners = beside(span)
+    figure = sheet(high + below, wide)
+    made = []
+    for (across, up, camera), corner in zip(PLANES, corners, strict=True):
+        pair, (x, y) = [across, up], corner
+        inches = (x, y + below, *(size * span[pair]))
+        made.append((plane(figure, inches, pair, middle, span, unit, owned(corner, corners)), camera, pair))
+    return figure, unit, made
+
+
+def space_corner(figure: Figure, upper: Axes, lower: Axes) -> Axes:
+    """A square below the `upper` right plane, beside the `lower` left one."""
+    wide, high = figure.get_size_inches()
+    left, _, across, _ = upper.get_position(original=True).bounds
+    low = lower.get_position(original=True).y0
+    return area(figure, left * wide, low * high, across * wide, across * wide)
 
 
 def beside(span: Floats) -> tuple[float, tuple[float, float], Corners]:

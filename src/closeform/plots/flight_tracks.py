@@ -12,21 +12,11 @@ from matplotlib.lines import Line2D
 
 from closeform.arrays import instance
 from closeform.dynamics.simulation_result import Simulation
-from closeform.plots.fleet import FLAT, PLANES, SIDE, beside, owned, scaled
+from closeform.plots.fleet import SIDE, three_planes
 from closeform.plots.fonts import short_names
 from closeform.plots.label_placement import Names
 from closeform.plots.palette import CONFLICT, INK, colours
-from closeform.plots.style import (
-    SMALL,
-    area,
-    dress,
-    headline,
-    legend,
-    length,
-    length_unit,
-    rounded_down,
-    sheet,
-)
+from closeform.plots.style import SMALL, headline, legend, length, rounded_down
 
 DRAWN, FEW = 60, 4  # flights beside the worst at most, the first ones, and of long ones
 POINTS, A_TURN = 240, 48  # of each line, at least, and for each orbit
@@ -73,18 +63,9 @@ def flight_paths(flight: Simulation, names: Sequence[str] | None = None) -> Figu
     gain = _gain(SHARE * most, float(np.abs(off).max()))
     shown = planned + gain * off
     every = np.concatenate([planned.reshape(-1, 3), shown.reshape(-1, 3)])
-    low, top = every.min(axis=0), every.max(axis=0)
-    middle, span = (low + top) / 2, 1.2 * np.maximum(top - low, FLAT * most)
-    unit = length_unit(float(span.max()))
-    size, (across, high), corners = beside(span)
-    figure = sheet(high, across)
-    for (right, up, _), corner in zip(PLANES, corners, strict=True):
-        pair = [right, up]
-        axes = area(figure, *corner, *(size * span[pair]))
-        limits = (middle[pair] + np.array([[-0.5], [0.5]]) * span[pair]) / unit.size
-        axes.set(xlim=limits[:, 0], ylim=limits[:, 1])
-        dress(axes)
-        scaled(axes, pair, unit, size * span[pair], owned(corner, corners))
+    figure, unit, panels = three_planes(every, 1.2)
+    across, high = figure.get_size_inches()
+    for axes, _, pair in panels:
         flown = shown[..., pair] / unit.size
         for k, tint in enumerate(tints):
             pale = [*tint[:3], 0.18]

@@ -28,8 +28,8 @@ from closeform.plots.style import (
     WIDTH,
     Clock,
     area,
+    chart,
     clock,
-    column,
     dress,
     headline,
     legend,
@@ -39,6 +39,7 @@ from closeform.plots.style import (
     speed,
     speed_unit,
     time_axes,
+    zone_band,
 )
 from closeform.zones.pair_zones import PairZones
 from closeform.zones.zone import Zone
@@ -92,9 +93,7 @@ def flight_deviations(
         lasts = float(flight.times[-1] - flight.times[0])
         radius = float(np.max(tube.containment(lasts, craft=flight.states.shape[1])))
     unit = length_unit(max(float(off.max()), radius))
-    figure = sheet(5.8)
-    (axes,) = column(figure, [1.0], 1.1)
-    dress(axes)
+    figure, axes = chart(5.8, 1.1)
     _all(axes, ticks, flight.times, off / unit.size, seed)
     if tube is not None:
         axes.axhline(radius / unit.size, color=ZONE, linewidth=2.0, linestyle=DASHED)
@@ -102,7 +101,7 @@ def flight_deviations(
         said = f"{share} stay below {length(radius)}"
         plain(word(axes, corner, said, shift=(6, -16), ha="left", va="baseline"))
     axes.set_ylim(0.0, 1.12 * max(float(off.max()), radius) / unit.size or 1.0)
-    axes.set_ylabel(f"off the plan [{unit.name}]", fontsize=TEXT, color=INK)
+    axes.set_ylabel(f"off the plan [{unit.name}]")
     time_axes([axes], ticks, float(flight.times[0]), float(flight.times[-1]))
     name = f"{_which(flight, seed)}{called[craft]}"
     _dot(axes, ticks, flight.times[step], off[seed, step] / unit.size, name, 8)
@@ -159,8 +158,7 @@ def flight_ratios(flight: Simulation, zone: Zone | PairZones, names: Sequence[st
     top, close = _two(figure)
     for axes in (top, close):
         dress(axes)
-        axes.axhspan(-1.0, 1.0, color=ZONE, alpha=0.25, linewidth=0)
-        axes.axhline(1.0, color=ZONE, linewidth=1.6)
+        zone_band(axes)
         axes.set_ylabel("least of all pairs [× zone]", fontsize=SMALL, color=INK)
     _all(top, ticks, flight.times, least, seed)
     top.plot(ticks(flight.times), planned, color=INK, linewidth=1.4, linestyle=DASHED)

@@ -15,16 +15,7 @@ from closeform.arrays import instance, number
 from closeform.plots.camera import GROUP_COLOURS, triad
 from closeform.plots.fonts import plain, short_names
 from closeform.plots.palette import INK, OTHER
-from closeform.plots.panels import (
-    DIRECTIONS,
-    STYLES,
-    SUN_VIEW,
-    CloseUp,
-    Overview,
-    Strip,
-    style_of,
-    tint,
-)
+from closeform.plots.panels import DIRECTIONS, STYLES, SUN_VIEW, CloseUp, Overview, Strip, style_of, tint
 from closeform.plots.snapshot import Knots, Moment, clock_text
 from closeform.plots.style import SMALL, TEXT, sheet
 from closeform.plots.views import OBLIQUE

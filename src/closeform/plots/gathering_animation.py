@@ -9,17 +9,13 @@ from typing import IO
 import numpy as np
 
 from closeform.arrays import instance
-from closeform.plots.camera import GROUP_COLOURS, SUN_COLOUR
 from closeform.plots.formation import ThreeViews
-from closeform.plots.gif import Reel
 from closeform.plots.inputs import filmed
-from closeform.plots.palette import FAINT, INK, OTHER
-from closeform.plots.panels import FEW, STYLES
+from closeform.plots.panels import FEW
+from closeform.plots.reel import Reel
 from closeform.search.gather_result import EventKind, Gathering
 
 WIDE, NARROW = 900, 720  # pixels across, for few and for many craft: many moving lines fill a file
-FIRM = ["#ffffff", INK, OTHER, FAINT, SUN_COLOUR, *GROUP_COLOURS.values()]
-FIRM += [face for _, _, face in STYLES.values() if face not in ("white", INK)]
 PLAY, HOLD, LAST = 80, 1200, 3000  # ms that a frame stays: in motion, at a lock, at the end
 STOPS = 12_000  # ms for the locks together
 
@@ -74,7 +70,7 @@ def reel(
     views = ThreeViews(gathering, craft, names)
     pixels = WIDE if len(gathering.groups) <= FEW else NARROW
     moments = schedule(gathering, frames)
-    return Reel(views.figure, lambda: views.artists, views.show, moments, FIRM, pixels)
+    return Reel(views.figure, lambda: views.artists, views.show, moments, pixels)
 
 
 def schedule(gathering: Gathering, frames: int) -> list[tuple[float, int]]:

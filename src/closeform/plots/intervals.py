@@ -9,8 +9,8 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from closeform.plots.fonts import plain
-from closeform.plots.palette import AFTER, INK
-from closeform.plots.style import SMALL, TEXT, area, dress, headline, sheet
+from closeform.plots.palette import AFTER
+from closeform.plots.style import SMALL, area, dress, headline, sheet
 
 MOST = 40  # rows that are shown
 WORDS, BESIDE, ROW = 2.6, 0.4, 0.34  # inches for names, right of the axes, and of a row
@@ -32,6 +32,6 @@ def intervals(
     for words in axes.get_yticklabels():
         plain(words)
     axes.set_ylim(-0.6, len(rows) - 0.4)
-    axes.set_xlabel(what, fontsize=TEXT, color=INK)
+    axes.set_xlabel(what)
     plain(headline(figure, said))
     return figure

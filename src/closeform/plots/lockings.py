@@ -98,8 +98,8 @@ def binned(times: Binned, search: Search | None = None, what: str = "pairs lock"
         phases(axes, search, unit, times.inside, end)
     axes.stairs(counts, edges / unit.size, baseline=0.7, fill=True, color=OTHER, zorder=3)
     by_then(axes, times, unit, end)
-    axes.set_xlabel(f"time [{unit.name}]", fontsize=TEXT, color=INK)
-    axes.set_ylabel(f"{what.partition(' ')[0]} [1 per {bin:g} s]", fontsize=TEXT, color=INK)
+    axes.set_xlabel(f"time [{unit.name}]")
+    axes.set_ylabel(f"{what.partition(' ')[0]} [1 per {bin:g} s]")
     headline(figure, counted(times.every, times.at_once + times.later, times.later, what))
     return figure
 

@@ -14,7 +14,7 @@ from matplotlib.patches import Patch
 
 from closeform.arrays import Floats
 from closeform.motion.path import Path
-from closeform.plots.closest import guarded, ratio_axis
+from closeform.plots.closest import ratio_axis
 from closeform.plots.fleet import NEAREST, in_space
 from closeform.plots.fonts import inches, plain, short_names
 from closeform.plots.label_placement import Names
@@ -23,7 +23,6 @@ from closeform.plots.panels import framed
 from closeform.plots.stage_flights import Lock, StageFlight, asked, impulses, pairs_found
 from closeform.plots.style import (
     SMALL,
-    TEXT,
     WIDTH,
     Clock,
     area,
@@ -35,6 +34,7 @@ from closeform.plots.style import (
     speed,
     thrust_unit,
     time_axes,
+    zone_band,
 )
 from closeform.plots.tracks import NAMED, Formation, closest, together
 from closeform.plots.views import AXES, OBLIQUE, ORBITAL, window
@@ -220,7 +220,7 @@ def rows(axes: Axes, flights: list[StageFlight], ticks: Clock, called: list[str]
     for word in axes.get_yticklabels():
         plain(word)
     if not few:
-        axes.set_ylabel(f"{count} craft", fontsize=TEXT, color=INK)
+        axes.set_ylabel(f"{count} craft")
     return handles
 
 
@@ -258,7 +258,7 @@ def meetings(
 
 def nearness(axes: Axes, flights: list[StageFlight], ticks: Clock) -> None:
     """The least ratio of any pair against time, with a dot where it is least in each stage."""
-    guarded(axes)
+    zone_band(axes)
     curves = [flight.nearness() for flight in flights]
     for flight, (times, least) in zip(flights, curves, strict=True):
         axes.plot(ticks(times), least, color=AFTER, linewidth=1.8, zorder=3)
@@ -268,7 +268,7 @@ def nearness(axes: Axes, flights: list[StageFlight], ticks: Clock) -> None:
         dot: dict[str, Any] = {"color": AFTER, "markeredgecolor": "white", "markersize": 7, "zorder": 5}
         axes.plot(ticks(flight.pairs.time[near]), flight.pairs.ratio[near], "o", clip_on=False, **dot)
     ratio_axis(axes, min(flight.least for flight in flights), max(float(least.max()) for _, least in curves))
-    axes.set_ylabel("closest [× zone]", fontsize=TEXT, color=INK)
+    axes.set_ylabel("closest [× zone]")
 
 
 def marks(figure: Figure, flown: Formation, shown: list[Any]) -> None:

@@ -10,21 +10,20 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
-from matplotlib.colors import to_hex
 
 from closeform.arrays import Floats
 from closeform.motion.path import Path
 from closeform.plots.camera import Camera
 from closeform.plots.closest import ratio_axis
-from closeform.plots.fleet import PLANES, beside, owned, scaled
+from closeform.plots.fleet import space_corner, three_planes
 from closeform.plots.fonts import plain, short_names
-from closeform.plots.gif import Reel
 from closeform.plots.inputs import crafts, filmed
 from closeform.plots.label_placement import dark
 from closeform.plots.pairs import Pairs, ratio_text
-from closeform.plots.palette import CONFLICT, FAINT, INK, OTHER, ZONE, colours
+from closeform.plots.palette import CONFLICT, INK, OTHER, ZONE, colours
 from closeform.plots.panels import framed
-from closeform.plots.style import SMALL, TEXT, WIDTH, area, clock, dress, instants, length_unit, sheet
+from closeform.plots.reel import Reel
+from closeform.plots.style import SMALL, TEXT, WIDTH, area, clock, dress, instants, sheet
 from closeform.plots.tracks import NAMED, stays
 from closeform.plots.views import AXES, FOOT, OBLIQUE, ORBITAL, window
 from closeform.zones.combined_zones import OwnZone
@@ -166,23 +165,12 @@ class Flying:
     def in_orbit(self) -> list[View]:
         """The three planes, and a view in space."""
         points = self.points
-        low, top = points.min(axis=0), points.max(axis=0)
-        middle, span = (low + top) / 2, 1.1 * np.maximum(top - low, 0.33 * ((top - low).max() or 1.0))
-        unit = length_unit(float(span.max()))
-        size, (wide, high), corners = beside(span)
-        lifted = tuple((x, y + STRIP + 0.35) for x, y in corners)
-        self.figure = sheet(high + STRIP + 0.35, wide)
+        self.figure, unit, panels = three_planes(points, 1.1, STRIP + 0.35)
         views = []
-        for (across, up, camera), corner in zip(PLANES, lifted, strict=True):
-            pair = [across, up]
-            axes = area(self.figure, *corner, *(size * span[pair]))
-            limits = (middle[pair] + np.array([[-0.5], [0.5]]) * span[pair]) / unit.size
-            axes.set(xlim=limits[:, 0], ylim=limits[:, 1])
-            dress(axes)
-            scaled(axes, pair, unit, size * span[pair], owned(corner, lifted))
+        for axes, camera, pair in panels:
             named = len(self.called) <= CALLED or (pair == [1, 2] and len(self.called) <= NAMED)
             views.append(View(axes, camera, unit.size, self, named))
-        axes = area(self.figure, lifted[2][0], lifted[1][1], size * span[2], size * span[2])
+        axes = space_corner(self.figure, panels[2][0], panels[1][0])
         window(axes, ORBITAL(points), ORBITAL, AXES, 0.1)
         framed(axes, "")
         return [*views, View(axes, ORBITAL, 1.0, self, False)]
@@ -204,7 +192,7 @@ class Flying:
         axes = area(self.figure, 1.0, UNDER, wide - 1.25, STRIP)
         dress(axes)
         axes.set_xlim(self.ticks(start), self.ticks(end))
-        axes.set_xlabel(f"time [{self.ticks.unit.name}]", fontsize=TEXT, color=INK)
+        axes.set_xlabel(f"time [{self.ticks.unit.name}]")
         if len(self.pairs):
             fine = min(4 * len(self.times), max(len(self.times), MOST // len(self.pairs)))
             some = self.pairs.time[self.pairs.order[:50]]
@@ -322,6 +310,4 @@ def reel(
     waits[-1] = LAST
     moments = list(zip(scene.times.tolist(), waits.tolist(), strict=True))
     pixels = WIDE if len(scene.called) <= NAMED else NARROW
-    firm = ["#ffffff", INK, OTHER, FAINT, ZONE, CONFLICT, "#f9e7bf", "#f4d48c"]  # zones on white, too
-    firm += [*(to_hex(tint) for tint in scene.tints[:12])]
-    return Reel(scene.figure, lambda: scene.artists, scene.show, moments, firm, pixels)
+    return Reel(scene.figure, lambda: scene.artists, scene.show, moments, pixels)

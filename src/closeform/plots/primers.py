@@ -23,14 +23,11 @@ from closeform.plots.style import (
     DASHED,
     HALO,
     SMALL,
-    TEXT,
+    chart,
     clock,
-    column,
-    dress,
     headline,
     instants,
     plain_unit,
-    sheet,
     speed,
     speed_unit,
     time_axes,
@@ -174,9 +171,7 @@ def _drawn(
 ) -> Figure:
     """The curve, and a dot with its size for each impulse."""
     start, end, ticks = path.start, path.end, clock(path, path.start, path.end)
-    figure = sheet(4.6)
-    (axes,) = column(figure, [1.0])
-    dress(axes)
+    figure, axes = chart(4.6)
     axes.axhline(1.0, color=ZONE, linewidth=1.6)
     axes.plot(ticks(times), lengths, color=AFTER, linewidth=2.0)
     burns = burns_of(path)
@@ -203,7 +198,7 @@ def _drawn(
     low = 1.1 * min([0.0, *heights, *lengths])
     room = (24 + 13 * rows) / (axes.get_window_extent().height * 72 / figure.dpi)  # of the words above 1
     axes.set_ylim(low, max(1.35, 1.1 * float(lengths.max(initial=0.0)), (1.0 - room * low) / (1.0 - room)))
-    axes.set_ylabel(named, fontsize=TEXT, color=INK)
+    axes.set_ylabel(named)
     time_axes([axes], ticks, start, end)
     return figure
 
@@ -260,9 +255,7 @@ def trade(
     durations, costs, slots = found.duration[order], found.delta_v[order], found.slot[order]
     across, up = plain_unit(float(durations[-1])), speed_unit(float(costs[-1]))
 
-    figure = sheet(4.6)
-    (axes,) = column(figure, [1.0])
-    dress(axes)
+    figure, axes = chart(4.6)
     axes.axhline(costs.min() / up.size, color=BEFORE, linestyle=DASHED, linewidth=1.2)
     axes.plot(durations / across.size, costs / up.size, "o-", color=AFTER, linewidth=1.6, markersize=4)
     if costs.min() > 0.0 and costs.max() > STEEP * costs.min():
@@ -298,8 +291,8 @@ def trade(
             below = near and delta_v == low
             place = lasts / across.size, delta_v / up.size
             axes.annotate(name, place, (9, -8 if below else 8), va="center", **look)
-    axes.set_xlabel(f"duration [{across.name}]", fontsize=TEXT, color=INK)
-    axes.set_ylabel(f"least delta-v [{up.name}]", fontsize=TEXT, color=INK)
+    axes.set_xlabel(f"duration [{across.name}]")
+    axes.set_ylabel(f"least delta-v [{up.name}]")
     ends = [
         f"{cost / up.size:.4g} {up.name} in {duration / across.size:.4g} {across.name}"
         for cost, duration in ((costs[0], durations[0]), (costs[-1], durations[-1]))

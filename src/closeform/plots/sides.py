@@ -177,8 +177,8 @@ def in_orbit(axes: Axes, planned: Passage, ways: Sequence[Passage], zone: Zone) 
     flown = [obstacle, path, *(way.path for way in ways)]
     tracks = [one.position(instants(one.start, one.end, one)) for one in flown]
     headings(axes, lambda points: points @ show.T, tracks, [OTHER, BEFORE, *(side[0] for side in SIDES)])
-    axes.set_xlabel(f"{DIRECTIONS[plane[0]].name} [{unit.name}]", fontsize=TEXT, color=INK)
-    axes.set_ylabel(f"{DIRECTIONS[plane[1]].name} [{unit.name}]", fontsize=TEXT, color=INK)
+    axes.set_xlabel(f"{DIRECTIONS[plane[0]].name} [{unit.name}]")
+    axes.set_ylabel(f"{DIRECTIONS[plane[1]].name} [{unit.name}]")
     axes.set_title("in the orbit's frame", fontsize=TEXT, color=INK)
     dress(axes)
 
@@ -215,8 +215,8 @@ def from_obstacle(axes: Axes, planned: Passage, ways: Sequence[Passage], zone: Z
         plain(words)
     farthest = max(size, *(float(np.linalg.norm(one.gap[:3])) for one in (planned, *ways)))
     square(axes, (0, 0), 1.6 * farthest / unit.size)
-    axes.set_xlabel(f"along the relative motion [{unit.name}]", fontsize=TEXT, color=INK)
-    axes.set_ylabel(f"aside of it [{unit.name}]", fontsize=TEXT, color=INK)
+    axes.set_xlabel(f"along the relative motion [{unit.name}]")
+    axes.set_ylabel(f"aside of it [{unit.name}]")
     dress(axes)
 
 

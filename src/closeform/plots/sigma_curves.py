@@ -15,19 +15,8 @@ from closeform.plots.closest import COLOURS, DASHES
 from closeform.plots.deviations import Deviations
 from closeform.plots.fonts import plain
 from closeform.plots.inputs import crafts, texts
-from closeform.plots.palette import CONFLICT, INK, ZONE
-from closeform.plots.style import (
-    SMALL,
-    TEXT,
-    clock,
-    column,
-    dress,
-    headline,
-    legend,
-    say_scale,
-    sheet,
-    time_axes,
-)
+from closeform.plots.palette import CONFLICT
+from closeform.plots.style import SMALL, chart, clock, headline, legend, say_scale, time_axes, zone_band
 from closeform.uncertainty.clearance import clearance_in_sigmas
 from closeform.uncertainty.errors import Uncertainty
 from closeform.zones.zone import Zone
@@ -87,9 +76,7 @@ def sigmas(
         raise ValueError("errors: nobody has any; there are no sigmas to show")
     called = [f"pair {k}" for k in range(count)] if names is None else texts("names", names, count, "pairs")
 
-    figure = sheet(5.9)
-    (axes,) = column(figure, [1.0], 1.05)
-    dress(axes)
+    figure, axes = chart(5.9, 1.05)
     pairs = list(zip(firsts, seconds, zones, *own, strict=True))
     start = min(max(one.start, two.start) for one, two, *_ in pairs)
     end = max(min(one.end, two.end) for one, two, *_ in pairs)
@@ -115,8 +102,7 @@ def sigmas(
         )
     scale(axes, [values for *_, values in known], asked)
     if asked is not None:
-        axes.axhspan(0.0, asked, color=ZONE, alpha=0.2, linewidth=0)
-        axes.axhline(asked, color=ZONE, linewidth=1.6)
+        zone_band(axes, asked)
         axes.text(
             0.008,
             asked,
@@ -126,7 +112,7 @@ def sigmas(
             fontsize=SMALL,
             color="#9a6a00",
         )
-    axes.set_ylabel("clear by [sigma]", fontsize=TEXT, color=INK)
+    axes.set_ylabel("clear by [sigma]")
     time_axes([axes], ticks, start, end)
     legend(figure, lines, words, ncols=min(2, count))
     least, who, _ = min(finite, key=lambda one: one[0].sigmas)

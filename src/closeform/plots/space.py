@@ -13,27 +13,16 @@ from matplotlib.figure import Figure
 from closeform.arrays import Floats, instance
 from closeform.conflicts.two_paths import Approach, closest_approach, find_conflicts
 from closeform.motion.path import Path
-from closeform.plots.fleet import beside, owned, scaled
+from closeform.plots.fleet import space_corner, three_planes
 from closeform.plots.fonts import short_names
 from closeform.plots.inputs import crafts, one_craft, same
 from closeform.plots.label_placement import Names
 from closeform.plots.palette import AFTER, BEFORE, CONFLICT, INK, OTHER, ZONE
 from closeform.plots.panels import framed
-from closeform.plots.style import (
-    DASHED,
-    Unit,
-    area,
-    common_time,
-    dress,
-    headline,
-    instants,
-    legend,
-    length_unit,
-    sheet,
-)
+from closeform.plots.style import DASHED, common_time, headline, instants, legend
 from closeform.plots.views import AXES, ORBITAL, window
 from closeform.plots.zones_and_tracks import headings, place
-from closeform.zones.outlines import PLANES, drawn, shadow
+from closeform.zones.outlines import drawn, shadow
 from closeform.zones.zone import Zone
 
 TOUCHED = 1.001  # ratio up to which the path after counts as passing along a zone
@@ -72,13 +61,6 @@ class Scene:
         """The tracks whose direction is shown, and their colours."""
         flown = [self.before] if self.after is None else [self.before, self.after]
         return [*self.obstacles, *flown], [OTHER] * len(self.obstacles) + [BEFORE, AFTER][: len(flown)]
-
-    @property
-    def centre_and_reach(self) -> tuple[Floats, Floats]:
-        """Middle of all tracks and zones, and half of what they span along each axis."""
-        points = np.vstack(self.points)
-        low, high = points.min(axis=0), points.max(axis=0)
-        return (low + high) / 2, 1.06 * (high - low) / 2
 
 
 def before_after(
@@ -127,19 +109,10 @@ def before_after(
     called = short_names(names, len(others), "obstacles") if names is not None else [""] * len(others)
     after = before if same(before, after) else after
     scene = compose(before, after, others, zone, called)
-    centre, reach = scene.centre_and_reach
-    unit = length_unit(float(2 * reach.max()))
-    reach = np.maximum(reach, 0.5 * reach.max()) / unit.size
-    centre = centre / unit.size
-
-    size, whole, corners = beside(2.0 * reach)
-    figure = sheet(whole[1] - 0.2, whole[0])
-    for corner, plane in zip(corners, PLANES, strict=True):
-        axes = area(figure, *corner, *(2.0 * size * reach[list(plane)]))
-        plane_panel(figure, axes, plane, scene, unit, centre, reach)
-        scaled(axes, list(plane), unit, 2.0 * size * reach[list(plane)], owned(corner, corners))
-    side = 2.0 * size * reach[2]
-    space_panel(area(figure, corners[2][0], corners[1][1], side, side), scene)
+    figure, unit, panels = three_planes(np.vstack(scene.points), 1.06)
+    for axes, camera, _ in panels:
+        plane_panel(figure, axes, camera.basis[:2] / unit.size, scene)
+    space_panel(space_corner(figure, panels[2][0], panels[1][0]), scene)
     handles, words = figure.axes[0].get_legend_handles_labels()
     unique = dict(zip(words, handles, strict=True))
     legend(figure, list(unique.values()), list(unique), ncols=6, columnspacing=1.4, handlelength=1.8)
@@ -191,19 +164,8 @@ def guards(flown: list[Path], others: list[Path], zone: Zone, names: list[str]) 
     return found or ([nearest[1]] if nearest else [])
 
 
-def plane_panel(
-    figure: Figure,
-    axes: Axes,
-    plane: tuple[int, int],
-    scene: Scene,
-    unit: Unit,
-    centre: Floats,
-    reach: Floats,
-) -> None:
-    """One plane: `plane` holds the axis to the right and the axis upwards."""
-    pick = list(plane)
-    basis = np.eye(3)[pick] / unit.size
-    dress(axes)
+def plane_panel(figure: Figure, axes: Axes, basis: Floats, scene: Scene) -> None:
+    """Draw one plane, of which `basis` (2, 3) has the directions to the right and up."""
     for track in scene.obstacles:
         axes.plot(*(basis @ track.T), color=OTHER, linewidth=1.1, alpha=0.8, label="obstacles")
     outline = shadow(scene.zone, basis)
@@ -235,10 +197,8 @@ def plane_panel(
     first, last = scene.before[0], scene.before[-1]
     for point, face in ((first, "white"), (last, INK)):
         axes.plot(*(basis @ point), "o", color=INK, markerfacecolor=face, markersize=6, zorder=6)
-    right, up = pick
-    axes.set_xlim(centre[right] - reach[right], centre[right] + reach[right])
-    axes.set_ylim(centre[up] - reach[up], centre[up] + reach[up])
-    closed = float(np.linalg.norm(basis @ (last - first))) < 0.03 * reach.max()
+    widest = max(np.ptp(axes.get_xlim()), np.ptp(axes.get_ylim()))
+    closed = float(np.linalg.norm(basis @ (last - first))) < 0.015 * widest
     said = [("start, end", first)] if closed else [("start", first), ("end", last)]
     said += [(guard.name, guard.centre) for guard in scene.guards if guard.name]
     shown = [track for track in (scene.before, scene.after, *scene.stays) if track is not None]

@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 
 from closeform.arrays import Floats
 from closeform.plots.fonts import plain
-from closeform.plots.palette import AFTER, CONFLICT, INK, ZONE
-from closeform.plots.style import SMALL, TEXT, Clock, column, dress, headline, plain_unit, sheet, time_axes
+from closeform.plots.palette import AFTER, CONFLICT, INK
+from closeform.plots.style import SMALL, Clock, chart, headline, plain_unit, time_axes, zone_band
 
 NAMED = 6  # of the least, whose names stand beside them
 APART = (0.08, 0.06)  # of the axes: dots that are nearer share the name of the least
@@ -49,16 +49,13 @@ def spans(told: Spans, said: str) -> Figure:
         np.asarray(part, dtype=float)[known] for part in (told.start, told.time, told.end, told.height)
     )
     rows = np.flatnonzero(known)
-    figure = sheet(5.2)
-    (axes,) = column(figure, [1.0])
-    dress(axes)
+    figure, axes = chart(5.2)
     first, last = (float(start.min()), float(end.max())) if len(time) else (0.0, 1.0)
     first, last = (first, last) if last > first else (first - 0.5, last + 0.5)
     ticks = Clock(plain_unit(last - first), None)
     tint = AFTER if told.edge is None else np.where(height < told.edge, CONFLICT, AFTER)
     if told.edge is not None:
-        axes.axhspan(0.0, told.edge, color=ZONE, alpha=0.2, linewidth=0)
-        axes.axhline(told.edge, color=ZONE, linewidth=1.6)
+        zone_band(axes, told.edge)
     if len(time):
         lines = np.stack([np.stack([ticks(start), height], 1), np.stack([ticks(end), height], 1)], 1)
         axes.add_collection(LineCollection(list(lines), colors=tint, linewidths=2.0, alpha=0.6))
@@ -77,7 +74,7 @@ def spans(told: Spans, said: str) -> Figure:
         look: dict[str, Any] = {"textcoords": "offset points", "fontsize": SMALL, "color": INK, "ha": side[1]}
         place = (float(ticks(time[k])), float(height[k]))
         plain(axes.annotate(told.called(int(rows[k])), place, (side[0], 5), **look))
-    axes.set_ylabel(told.what, fontsize=TEXT, color=INK)
+    axes.set_ylabel(told.what)
     room = MARGIN * (last - first)
     time_axes([axes], ticks, first - room, last + room)
     plain(headline(figure, said))

@@ -16,7 +16,7 @@ from closeform.motion.arc import START
 from closeform.motion.path import Path
 from closeform.plots.fonts import plain
 from closeform.plots.inputs import one_craft
-from closeform.plots.palette import CONFLICT, FAINT, INK, OTHER
+from closeform.plots.palette import CONFLICT, FAINT, INK, OTHER, ZONE
 
 WIDTH, DPI = 10.6, 150  # inches and dots per inch: 1590 pixels
 LEFT, ABOVE, GAP = 1.0, 0.92, 0.14  # inches: left of axes, above them for words, between two
@@ -133,7 +133,10 @@ def sheet(height: float, width: float = WIDTH) -> Figure:
 def area(figure: Figure, left: float, bottom: float, wide: float, high: float) -> Axes:
     """Axes at a place in inches."""
     across, up = figure.get_size_inches()
-    return figure.add_axes((left / across, bottom / up, wide / across, high / up))
+    axes = figure.add_axes((left / across, bottom / up, wide / across, high / up))
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.label.set(fontsize=TEXT, color=INK)
+    return axes
 
 
 def column(figure: Figure, shares: Sequence[float], below: float = 0.7, beside: float = 0.3) -> list[Axes]:
@@ -146,9 +149,22 @@ def column(figure: Figure, shares: Sequence[float], below: float = 0.7, beside: 
         tall = room * share / sum(shares)
         axes = area(figure, LEFT, top - tall, wide - LEFT - beside, tall)
         axes.yaxis.set_label_coords(-0.72 / (wide - LEFT - beside), 0.5)
+        dress(axes)
         found.append(axes)
         top -= tall + GAP
     return found
+
+
+def chart(height: float, below: float = 0.7, beside: float = 0.3) -> tuple[Figure, Axes]:
+    """A figure of one panel, with `below` and `beside` it inches for words."""
+    figure = sheet(height)
+    return figure, column(figure, [1.0], below, beside)[0]
+
+
+def zone_band(axes: Axes, edge: float = 1.0) -> None:
+    """Shade what is below an edge, the keep-out zone of a clearance ratio."""
+    axes.axhspan(min(-1.0, -edge), edge, color=ZONE, alpha=0.2, linewidth=0)
+    axes.axhline(edge, color=ZONE, linewidth=1.6)
 
 
 def headline(figure: Figure, text: str) -> Text:
@@ -224,7 +240,7 @@ def time_axes(column: list[Axes], ticks: Clock, start: float, end: float) -> Non
     for axes in column:
         axes.set_xlim(ticks(start), ticks(end))
         axes.tick_params(labelbottom=axes is column[-1])
-    column[-1].set_xlabel(f"time [{ticks.unit.name}]", fontsize=TEXT, color=INK)
+    column[-1].set_xlabel(f"time [{ticks.unit.name}]")
     if ticks.other is not None:
         factor = ticks.unit.size / ticks.other.size
 

@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 
 from closeform.arrays import instance, numbers, sequence
 from closeform.plots.fonts import fonts, inches, plain
-from closeform.plots.palette import INK, colours
-from closeform.plots.style import SMALL, TEXT, WIDTH, area, dress, headline, legend, sheet
+from closeform.plots.palette import colours
+from closeform.plots.style import SMALL, WIDTH, area, dress, headline, legend, sheet
 
 MOST, LONG = 12, 40  # lines that are drawn, letters of a name
 BESIDE = 0.9  # inches of a legend beside each name
@@ -85,8 +85,8 @@ def sweep(
         lines.append(axes.errorbar(where, middle, bars, transform=axes.transData + aside, **look))
     axes.update_datalim(np.column_stack([np.tile(where, shown.size // len(where)), shown.ravel()]))
     axes.autoscale_view()
-    axes.set_xlabel(what, fontsize=TEXT, color=INK)
-    axes.set_ylabel("cases in which all is met [%]", fontsize=TEXT, color=INK)
+    axes.set_xlabel(what)
+    axes.set_ylabel("cases in which all is met [%]")
     if rows:
         legend(figure, lines, words, ncols=across)
     least, most = 100.0 * float(parts["share"].min()), 100.0 * float(parts["share"].max())

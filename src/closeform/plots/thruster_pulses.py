@@ -27,7 +27,6 @@ from closeform.plots.style import (
     Unit,
     clock,
     column,
-    dress,
     headline,
     instants,
     legend,
@@ -87,7 +86,6 @@ def pulses(firing: ThrusterFiring, craft: int = 0, name: str | None = None) -> F
     figure = sheet(2.3 + 1.9 * len(rows))
     panels = column(figure, [1.0] * len(rows), 1.05)
     for axes, (one, other) in zip(panels, rows, strict=True):
-        dress(axes)
         label, colour = _name(thrusters, one, other)
         reach = [0.0, 0.0]
         for side, (thruster, sign) in enumerate(((one, 1.0), (other, -1.0))):

@@ -24,7 +24,6 @@ from closeform.plots.style import (
     Unit,
     clock,
     column,
-    dress,
     headline,
     instants,
     legend,
@@ -85,7 +84,6 @@ def thrust(paths: Path | Sequence[Path], labels: Sequence[str], mass: float | No
     panels = column(figure, [1.25, 1, 1, 1], beside=0.95 if greatest else 0.3)
     names = [("magnitude", INK), *((d.name, d.colour) for d in DIRECTIONS)]
     for axes, (name, colour) in zip(panels, names, strict=True):
-        dress(axes)
         if axes is not panels[0]:
             axes.axhline(0, color=INK, linewidth=0.8)
         axes.set_ylabel(f"{name} [{unit.name}]", fontsize=SMALL, color=colour)
@@ -230,9 +228,8 @@ def vector(name: str, given: ArrayLike, count: int) -> Floats:
 
 def scaled(axes: Axes, words: str, top: float) -> None:
     """An axis from zero to a little above `top`."""
-    dress(axes)
     axes.set_ylim(0.0, 1.08 * top if top > 0.0 else 1.0)
-    axes.set_ylabel(words, fontsize=TEXT, color=INK)
+    axes.set_ylabel(words)
 
 
 def limited(axes: Axes, limit: float, words: str) -> None:

@@ -20,7 +20,6 @@ from closeform.plots.style import (
     clock,
     column,
     common_time,
-    dress,
     headline,
     instants,
     length_unit,
@@ -108,7 +107,6 @@ def distance_panel(axes: Axes, axis: int, times: Floats, gap: Floats, reach: Flo
     extent = float(known.max(initial=0.0))
     unit = length_unit(max(float(np.abs(gap).max()), extent))
     edge = extent / unit.size
-    dress(axes)
     edge_lines(axes, reach / unit.size)
     axes.plot(times, gap / unit.size, color=direction.colour, linewidth=2.2)
     if np.abs(gap).max() > FAR * extent > 0.0:
@@ -166,7 +164,6 @@ def bars(
 
 def bar_panel(axes: Axes, rows: list[tuple[str, str, Sequence[Conflict]]], ticks: Clock) -> None:
     """Timelines, one row each; the edge line keeps the shortest stay visible."""
-    dress(axes)
     axes.grid(visible=False, axis="y")
     for row, (name, colour, stays) in enumerate(rows):
         axes.axhline(row, color=OTHER, linewidth=0.7, zorder=1)

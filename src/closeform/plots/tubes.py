@@ -16,10 +16,10 @@ from closeform.arrays import Floats, instance, number
 from closeform.motion.path import Path
 from closeform.plots.camera import Camera
 from closeform.plots.deviations import Deviations
-from closeform.plots.fleet import FLAT, PLANES, SIDE, beside, owned, scaled
+from closeform.plots.fleet import SIDE, three_planes
 from closeform.plots.fonts import short_names
 from closeform.plots.palette import AFTER, CONFLICT, INK, ZONE
-from closeform.plots.style import SMALL, area, clock, dress, headline, legend, length_unit, sheet
+from closeform.plots.style import SMALL, clock, headline, legend
 from closeform.plots.zones_and_tracks import headings, place
 from closeform.uncertainty.clearance import SigmaApproach, clearance_in_sigmas
 from closeform.uncertainty.errors import Uncertainty
@@ -86,18 +86,10 @@ def tube(
     reach = np.where(np.isfinite(zone_reach), zone_reach, 0.0)
     low = np.minimum((track - wide).min(axis=0), -reach[3:])
     top = np.maximum((track + wide).max(axis=0), reach[:3])
-    middle, span = (low + top) / 2, 1.12 * np.maximum(top - low, FLAT * (top - low).max())
-    unit = length_unit(float(span.max()))
-    size, (across, high), corners = beside(span)
-    figure = sheet(high, across)
+    figure, unit, panels = three_planes(np.stack([low, top]), 1.12)
+    across, high = figure.get_size_inches()
     some = np.unique(np.linspace(0, len(track) - 1, MOST).astype(int))
-    for (right, up, camera), corner in zip(PLANES, corners, strict=True):
-        pair = [right, up]
-        axes = area(figure, *corner, *(size * span[pair]))
-        limits = (middle[pair] + np.array([[-0.5], [0.5]]) * span[pair]) / unit.size
-        axes.set(xlim=limits[:, 0], ylim=limits[:, 1])
-        dress(axes)
-        scaled(axes, pair, unit, size * span[pair], owned(corner, corners))
+    for axes, camera, _ in panels:
         swept(axes, camera, unit.size, found, many, some, nearest)
         outline = shadow(zone, camera.basis[:2]) / unit.size
         place(axes, outline, (0.0, 0.0), facecolor=ZONE, edgecolor=ZONE, alpha=0.4, linewidth=1.2, zorder=4)

@@ -27,7 +27,7 @@ AHEAD = (  # what pictures of most stages need; no scenario, no tables
     "closeform.plots.fleet",
     "closeform.plots.closest",
     "closeform.plots.missions",
-    "closeform.plots.png",
+    "PIL.PngImagePlugin",
     "closeform.plots.space",
     "closeform.plots.timelines",
     "closeform.report.picture",

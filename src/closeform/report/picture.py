@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
-    from closeform.plots.gif import Reel
+    from closeform.plots.reel import Reel
     from closeform.storage.result_folder import Folder
 
 Progress = Callable[[str], None]

@@ -13,14 +13,7 @@ from closeform.campaign.flown_cases import FlownCases
 from closeform.campaign.spread import QUANTILES, Spread
 from closeform.confidence import Estimate, estimate
 from closeform.report import model, scenario_summary, search, worst
-from closeform.report.cases import (
-    SHARES,
-    SUBJECTS,
-    Subject,
-    percent,
-    published,
-    shown,
-)
+from closeform.report.cases import SHARES, SUBJECTS, Subject, percent, published, shown
 from closeform.report.cases_report import CasesReport, Replays
 from closeform.report.picture import Picture
 from closeform.report.section import Section
