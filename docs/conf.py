@@ -31,7 +31,7 @@ CONTENTS = {
         "choose lost_craft robustness conflicts avoidance formation targets fuel passive_safety uncertainty "
         "ephemerides export epochs field evidence campaigns motion elements python pictures viewer"
     ),
-    "reference": "scenario command-line api messages",
+    "reference": "scenario command-line api messages glossary",
     "background": "certified theory validity benchmarks peers",
 }
 
