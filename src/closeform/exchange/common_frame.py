@@ -110,7 +110,22 @@ class CommonFrame(Result):
         return self._spans[k].states(wanted - self._offsets[k])[0]
 
     def starts(self, k: int) -> list[float]:
-        """Return when each segment of object k counts from [s], since `epoch`."""
+        """Return the time 0 of each segment of an object.
+
+        Parameters
+        ----------
+        k : int
+            Index of the object.
+
+        Returns
+        -------
+        list of float [s]
+            One time for each segment, since `epoch`.
+
+        References
+        ----------
+        docs/ephemerides.md.
+        """
         return [float(self._offsets[k]) + start for start in self._spans[k].starts]
 
     @cached_property
@@ -119,7 +134,7 @@ class CommonFrame(Result):
 
     @cached_property
     def _offsets(self) -> Floats:
-        """When each ephemeris begins to count its time (N,) [s], since `epoch`."""
+        """Time 0 of each ephemeris (N,) [s], since `epoch`."""
         return seconds_of([one[0].epoch for one in self.ephemerides], self.time_system)
 
     @property
