@@ -61,8 +61,8 @@ def simulate(
         states, by `reconfigure`, in pulses with `thrusters`; "open": the commanded thrust without feedback.
     feedback : Feedback, optional
         Interval, horizon and kind of feedback. Default: every 60 s with a horizon of 600 s and continuous
-        thrust; for impulses or thrusters every 300 s with six impulses in 1800 s; for "replan" every 300 s with
-        a horizon of 900 s.
+        thrust; for impulses or thrusters every 300 s with six impulses in 1800 s; for "replan" every 300 s
+        with a horizon of 900 s.
     navigation : Navigation, optional
         Navigation accuracy. Default: exact.
     zones : Zone or PairZones, optional
