@@ -14,8 +14,7 @@ from PIL import Image
 
 import closeform as cf
 from answers import NAMES, answers
-from closeform.plots.answer_paths import FLYING
-from closeform.plots.answers import PICTURES
+from closeform.plots.answers import FLYING, PICTURES
 from closeform.plots.palette import CONFLICT
 
 # what users give, and parts of answers that are seen in the picture of the whole

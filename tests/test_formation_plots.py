@@ -8,9 +8,9 @@ from PIL import Image
 
 import closeform as cf
 from closeform import plots
+from closeform.plots.camera import OBLIQUE
 from closeform.plots.moving_formation import Flying
 from closeform.plots.palette import COLOURS, CONFLICT
-from closeform.plots.views import OBLIQUE
 
 DEEP = cf.Orbit(0.0)
 ORBIT = cf.Orbit.circular(500e3)

@@ -14,8 +14,7 @@ from bodies import Body
 from closeform import plots
 from closeform.plots.camera import GROUP_COLOURS, Camera, hull, ring
 from closeform.plots.cones import half_rim
-from closeform.plots.formation import ThreeViews
-from closeform.plots.gathering_animation import schedule
+from closeform.plots.gathering_views import ThreeViews, schedule
 from closeform.plots.hyperbola import CAMERA, Meeting
 from closeform.plots.panels import OBLIQUE, SUN_VIEW
 from closeform.plots.snapshot import Knots, Moment

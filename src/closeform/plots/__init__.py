@@ -8,7 +8,7 @@ from typing import Any
 
 # Loaded at first use: some need kernels, and those of a search are compiled for a search only.
 _HOMES = {
-    "animation": "gathering_animation",
+    "animation": "gathering_views",
     "before_after": "space",
     "burns": "burning",
     "clearance": "clearances",
@@ -20,7 +20,7 @@ _HOMES = {
     "drift_ratios": "drifts",
     "flight_costs": "flights",
     "flight_deviations": "flights",
-    "flight_paths": "flight_tracks",
+    "flight_paths": "flights",
     "flight_ratios": "flights",
     "formation_animation": "moving_formation",
     "formation_paths": "fleet",
@@ -36,7 +36,7 @@ _HOMES = {
     "ratio_matrix": "matrix",
     "ratios": "clearance_ratios",
     "sigmas": "sigma_curves",
-    "three_views": "formation",
+    "three_views": "gathering_views",
     "sweep": "sweeps",
     "thrust": "thrusting",
     "trade": "primers",

@@ -12,12 +12,12 @@ from closeform.plots.distributions import distribution as distribution
 from closeform.plots.drifts import drift_ratios as drift_ratios
 from closeform.plots.fans import drift_fan as drift_fan
 from closeform.plots.fleet import formation_paths as formation_paths
-from closeform.plots.flight_tracks import flight_paths as flight_paths
 from closeform.plots.flights import flight_costs as flight_costs
 from closeform.plots.flights import flight_deviations as flight_deviations
+from closeform.plots.flights import flight_paths as flight_paths
 from closeform.plots.flights import flight_ratios as flight_ratios
-from closeform.plots.formation import three_views as three_views
-from closeform.plots.gathering_animation import animation as animation
+from closeform.plots.gathering_views import animation as animation
+from closeform.plots.gathering_views import three_views as three_views
 from closeform.plots.hyperbola import lemma_2 as lemma_2
 from closeform.plots.lockings import histogram as histogram
 from closeform.plots.matrix import ratio_matrix as ratio_matrix

@@ -1,19 +1,117 @@
-"""The picture of each kind of answer that does not fly: least ratios, locks, bounds, probabilities."""
+"""The picture of each kind of answer: the paths of those that move, and charts of those that do not."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
+from closeform.motion.joining import stack
+from closeform.motion.path import Path, ends_of
+from closeform.plots.charts import Spans, curves, intervals, spans
+from closeform.plots.inputs import crafts
+
 Drawer = Callable[..., Figure]
 RATIO = "least ratio [× zone]"
 
 
+@dataclass(frozen=True)
+class Flown:
+    """What flies: paths `before` avoidance and `after` it, with what the answer knows of names and zones."""
+
+    before: Path
+    after: Path
+    names: Sequence[str] | None = None
+    zone: Any = None
+
+
+def _path(path: Any) -> Flown:
+    batch = stack(crafts("result", path))
+    return Flown(batch, batch)
+
+
+def _avoidance(result: Any) -> Flown:
+    if result.path is None:
+        raise ValueError(f"result: a plan without a path, {result.reason}")
+    after, orbit = result.path, result.path.orbit
+    least = orbit.impulsive if result.cost == "delta-v" else orbit.transfer
+    before = least(*ends_of(after), after.end - after.start, after.start)
+    return Flown(stack([before]), stack([after]))
+
+
+def _plan(result: Any) -> Flown:
+    if result.paths is None:
+        raise ValueError(f"result: a plan without paths, {result.reason}; plot its direct")
+    return Flown(result.direct, result.paths)
+
+
+def _most_clearance(result: Any) -> Flown:
+    if result.plan is None:
+        raise ValueError(f"result: without a plan, {result.reason}")
+    return FLYING[type(result.plan).__name__](result.plan)
+
+
+def _firing(result: Any) -> Flown:
+    before, after = (stack(crafts("result", path)) for path in (result.planned, result.path))
+    return Flown(before, after)
+
+
+def _encounter(result: Any) -> Flown:
+    both = stack([result.other, result.path])
+    return Flown(both, both, ("primary", "secondary"))
+
+
+def _conjunction(result: Any) -> Flown:
+    met = _encounter(result.encounter())
+    return Flown(met.before, met.after, [one.name for one in result.objects])
+
+
+def _common_frame(result: Any) -> Flown:
+    paths = result.paths  # made anew at each look
+    return Flown(paths, paths, result.names)
+
+
+def _mission(result: Any) -> Flown:
+    paths = result.paths
+    return Flown(paths, paths, result.scenario.names, result.scenario.zones)
+
+
+def _stage(result: Any) -> Flown:
+    return Flown(result.before.paths, result.after.paths, result.after.names)
+
+
+def _formation(result: Any) -> Flown:
+    return Flown(result.paths, result.paths, result.names)
+
+
+def _worst(result: Any) -> Flown:
+    """Of many flights in a field the one in which craft come nearest."""
+    paths = result.path(result.worst)
+    return Flown(paths, paths)
+
+
+FLYING: dict[str, Callable[[Any], Flown]] = {
+    "Path": _path,
+    "Avoidance": _avoidance,
+    "Plan": _plan,
+    "MaxClearance": _most_clearance,
+    "ThrusterFiring": _firing,
+    "Encounter": _encounter,
+    "Conjunction": _conjunction,
+    "CommonFrame": _common_frame,
+    "Mission": _mission,
+    "LoadedRun": _mission,
+    "StageResult": _stage,
+    "LoadedStage": _stage,
+    "WatchedFlight": _formation,
+    "Simulation": _worst,
+}
+
+
 def _conflicts(result: Any) -> Figure:
-    from closeform.plots.spans import Spans, spans
 
     those = result if isinstance(result, list | tuple) else [result]
     start, end, time, ratio = (
@@ -28,14 +126,12 @@ def _conflicts(result: Any) -> Figure:
 
 
 def _screening(result: Any, names: Any = None) -> Figure:
-    from closeform.plots.spans import Spans, spans
 
     told = Spans(result.start, result.time, result.end, result.ratio, _pairs(result, names), RATIO)
     return spans(told, _met(result.ratio))
 
 
 def _drift_screening(result: Any, names: Any = None) -> Figure:
-    from closeform.plots.spans import Spans, spans
 
     failed = result.failed_at if result.failed_at.ndim == 1 else result.failed_at.min(axis=1)
     told = Spans(failed, result.time, result.time, result.ratio, _pairs(result, names), RATIO)
@@ -63,7 +159,6 @@ def _pairs(result: Any, names: Any) -> Callable[[int], str]:
 
 def _least(start: Any, time: Any, least: Any, what: str, edge: float | None) -> Figure:
     """The least of one pair, or of each of a batch."""
-    from closeform.plots.spans import Spans, spans
 
     shape = np.shape(least)
     begin, when, height = (np.ravel(np.asarray(part, dtype=float)) for part in (start, time, least))
@@ -95,7 +190,6 @@ def _sigma_approach(result: Any) -> Figure:
 
 
 def _pulses(result: Any) -> Figure:
-    from closeform.plots.spans import Spans, spans
     from closeform.plots.style import speed
 
     end = result.start + result.duration
@@ -114,7 +208,6 @@ def _fired(result: Any, names: Any = None) -> Figure:
 
 def _probability(result: Any) -> Figure:
     from closeform import plots
-    from closeform.plots.intervals import intervals
 
     if len(result.rate_times) > 1 and result.mean_entries > 0.0:
         return plots.collision(result)
@@ -123,7 +216,6 @@ def _probability(result: Any) -> Figure:
 
 
 def _bound(result: Any) -> Figure:
-    from closeform.plots.intervals import intervals
     from closeform.plots.primers import primer_length
     from closeform.plots.style import speed
 
@@ -137,7 +229,6 @@ def _bound(result: Any) -> Figure:
 
 
 def _margins(result: Any) -> Figure:
-    from closeform.plots.intervals import intervals
 
     degrees = np.degrees(result.margins)
     names = [f"leg {k}" for k in range(len(degrees))]
@@ -147,7 +238,6 @@ def _margins(result: Any) -> Figure:
 
 
 def _proof(result: Any) -> Figure:
-    from closeform.plots.intervals import intervals
 
     volume = [result.proven, result.open]
     said = f"Proven but for {result.open:.3g} of the box" if not result.ok else "Every pair of the box locks"
@@ -203,7 +293,6 @@ def _loaded_study(result: Any) -> Figure:
 def _shares(names: list[str], counts: Any, cases: int, what: str, said: str) -> Figure:
     """Shares of cases with their intervals."""
     from closeform.confidence import estimate
-    from closeform.plots.intervals import intervals
 
     found = [estimate(int(count), cases) for count in counts]
     value, low, high = ([getattr(one, part) for one in found] for part in ("share", "low", "high"))
@@ -239,7 +328,6 @@ def _gathering(result: Any, names: Any = None) -> Figure:
 
 
 def _validity(result: Any, names: Any = None) -> Figure:
-    from closeform.plots.curves import curves
 
     off = np.linalg.norm(result.deviations[..., :3], axis=-1)
     said = f"In {result.field} craft end up to {off[:, -1].max():.3g} m off, played as planned"
@@ -247,7 +335,6 @@ def _validity(result: Any, names: Any = None) -> Figure:
 
 
 def _commanded(result: Any, names: Any = None) -> Figure:
-    from closeform.plots.curves import curves
     from closeform.plots.style import speed, thrust_unit
 
     unit = thrust_unit(float(result.peak_thrust.max()))
@@ -266,7 +353,6 @@ def _flight(result: Any, zone: Any = None, names: Any = None) -> Figure:
 
 
 def _tube(result: Any) -> Figure:
-    from closeform.plots.intervals import intervals
 
     parts = {"in all": result.radius, "model": result.model, "thrust": result.thrust}
     worst = {name: float(np.max(part)) for name, part in parts.items()}
@@ -277,7 +363,6 @@ def _tube(result: Any) -> Figure:
 
 
 def _room(result: Any, names: Any = None) -> Figure:
-    from closeform.plots.curves import curves
 
     said = f"Craft stay within {result.greatest.max():.3g} m of this plan, at {result.sigmas:g} sigmas"
     return curves(result.times, result.radius, "off the plan at most [m]", said, names)
@@ -290,7 +375,6 @@ def _fitted(result: Any, names: Any = None) -> Figure:
 
 
 def _retargeted(result: Any) -> Figure:
-    from closeform.plots.intervals import intervals
     from closeform.plots.style import speed
 
     spent, asked = (float(np.linalg.norm(one, axis=1).sum()) for one in (result.impulse, result.planned))

@@ -15,15 +15,13 @@ from matplotlib.ticker import MaxNLocator
 
 from closeform.arrays import Floats
 from closeform.motion.path import Path
-from closeform.plots.camera import Camera
+from closeform.plots.camera import AXES, FOOT, OBLIQUE, ORBITAL, Camera, framed, layered, window
 from closeform.plots.fonts import plain, short_names
 from closeform.plots.inputs import crafts, one_path, same
 from closeform.plots.label_placement import Names
 from closeform.plots.palette import CONFLICT, DIRECTIONS, INK, OTHER, ZONE, colours
-from closeform.plots.panels import framed
 from closeform.plots.style import SMALL, TEXT, WIDTH, Unit, area, dress, headline, legend, length_unit, sheet
 from closeform.plots.tracks import NAMED, Formation
-from closeform.plots.views import AXES, FOOT, OBLIQUE, ORBITAL, layered, window
 from closeform.plots.zones_and_tracks import headings, place
 from closeform.zones.combined_zones import OwnZone
 from closeform.zones.outlines import shadow

@@ -14,12 +14,12 @@ from matplotlib.patches import Patch
 
 from closeform.arrays import Floats
 from closeform.motion.path import Path
+from closeform.plots.camera import AXES, OBLIQUE, ORBITAL, framed, window
 from closeform.plots.closest import ratio_axis
 from closeform.plots.fleet import NEAREST, in_space
 from closeform.plots.fonts import inches, plain, short_names
 from closeform.plots.label_placement import Names
 from closeform.plots.palette import AFTER, CONFLICT, FAINT, INK, OTHER, ZONE, colours
-from closeform.plots.panels import framed
 from closeform.plots.stage_flights import Lock, StageFlight, asked, impulses, pairs_found
 from closeform.plots.style import (
     SMALL,
@@ -37,7 +37,6 @@ from closeform.plots.style import (
     zone_band,
 )
 from closeform.plots.tracks import NAMED, Formation, closest, together
-from closeform.plots.views import AXES, OBLIQUE, ORBITAL, window
 from closeform.zones.combined_zones import OwnZone
 from closeform.zones.pair_zones import PairZones
 

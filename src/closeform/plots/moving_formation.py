@@ -13,7 +13,7 @@ from matplotlib.collections import LineCollection, PolyCollection
 
 from closeform.arrays import Floats
 from closeform.motion.path import Path
-from closeform.plots.camera import Camera
+from closeform.plots.camera import AXES, FOOT, OBLIQUE, ORBITAL, Camera, framed, window
 from closeform.plots.closest import ratio_axis
 from closeform.plots.fleet import space_corner, three_planes
 from closeform.plots.fonts import plain, short_names
@@ -21,11 +21,9 @@ from closeform.plots.inputs import crafts, filmed
 from closeform.plots.label_placement import dark
 from closeform.plots.pairs import Pairs, ratio_text
 from closeform.plots.palette import CONFLICT, INK, OTHER, ZONE, colours
-from closeform.plots.panels import framed
 from closeform.plots.reel import Reel
 from closeform.plots.style import SMALL, TEXT, WIDTH, area, clock, dress, instants, sheet
 from closeform.plots.tracks import NAMED, stays
-from closeform.plots.views import AXES, FOOT, OBLIQUE, ORBITAL, window
 from closeform.zones.combined_zones import OwnZone
 from closeform.zones.outlines import drawn, shadow
 from closeform.zones.pair_zones import PairZones

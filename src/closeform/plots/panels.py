@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 from matplotlib.artist import Artist
-from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.transforms import blended_transform_factory
@@ -14,9 +13,11 @@ from matplotlib.transforms import blended_transform_factory
 from closeform.arrays import Floats
 from closeform.plots.camera import (
     GROUP_COLOURS,
+    OBLIQUE,
     SUN_COLOUR,
     Camera,
     beside,
+    framed,
     framing,
     ring,
     scale_bar,
@@ -28,8 +29,7 @@ from closeform.plots.camera import (
 from closeform.plots.fonts import plain
 from closeform.plots.palette import BEFORE, FAINT, INK, OTHER
 from closeform.plots.snapshot import Knots, Moment, clock_text
-from closeform.plots.style import DASHED, HALO, SMALL, TEXT
-from closeform.plots.views import OBLIQUE
+from closeform.plots.style import DASHED, SMALL
 from closeform.search.gather_result import EventKind, Gathering
 from closeform.search.leg import SPELLED, SUN
 from closeform.search.sets import FORMATION, LOST
@@ -321,20 +321,3 @@ def tint(colour: str, share: float) -> tuple[float, float, float, float]:
     """A colour as red, green, blue and opacity."""
     red, green, blue = (int(colour[k : k + 2], 16) / 255.0 for k in (1, 3, 5))
     return red, green, blue, share
-
-
-def framed(axes: Axes, title: str) -> None:
-    """A thin frame with a title in its upper left corner."""
-    axes.set_axis_on()
-    axes.set_xticks([])
-    axes.set_yticks([])
-    for spine in axes.spines.values():
-        spine.set_color(OTHER)
-    look: dict[str, Any] = {
-        "ha": "left",
-        "va": "top",
-        "fontsize": TEXT,
-        "fontweight": "bold",
-        "path_effects": HALO,
-    }
-    plain(axes.text(0.015, 0.985, title, transform=axes.transAxes, color=INK, **look))

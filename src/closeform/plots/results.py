@@ -12,8 +12,7 @@ from matplotlib.figure import Figure
 from closeform.arrays import shown
 from closeform.motion.joining import stack
 from closeform.motion.path import Path
-from closeform.plots.answer_paths import FLYING
-from closeform.plots.answers import PICTURES, Drawer
+from closeform.plots.answers import FLYING, PICTURES, Drawer
 from closeform.plots.inputs import crafts
 from closeform.zones.combined_zones import OwnZone
 from closeform.zones.pair_zones import PairZones

@@ -13,14 +13,13 @@ from matplotlib.figure import Figure
 from closeform.arrays import Floats, instance
 from closeform.conflicts.two_paths import Approach, closest_approach, find_conflicts
 from closeform.motion.path import Path
+from closeform.plots.camera import AXES, ORBITAL, framed, window
 from closeform.plots.fleet import space_corner, three_planes
 from closeform.plots.fonts import short_names
 from closeform.plots.inputs import crafts, one_craft, same
 from closeform.plots.label_placement import Names
 from closeform.plots.palette import AFTER, BEFORE, CONFLICT, INK, OTHER, ZONE
-from closeform.plots.panels import framed
 from closeform.plots.style import DASHED, common_time, headline, instants, legend
-from closeform.plots.views import AXES, ORBITAL, window
 from closeform.plots.zones_and_tracks import headings, place
 from closeform.zones.outlines import drawn, shadow
 from closeform.zones.zone import Zone

@@ -15,10 +15,10 @@ from matplotlib.patches import Patch
 from closeform.arrays import Floats, instance, number
 from closeform.motion.path import Path
 from closeform.plots.camera import Camera
-from closeform.plots.deviations import Deviations
 from closeform.plots.fleet import SIDE, three_planes
 from closeform.plots.fonts import short_names
 from closeform.plots.palette import AFTER, CONFLICT, INK, ZONE
+from closeform.plots.sigma_curves import Deviations
 from closeform.plots.style import SMALL, clock, headline, legend
 from closeform.plots.zones_and_tracks import headings, place
 from closeform.uncertainty.clearance import SigmaApproach, clearance_in_sigmas

@@ -1,9 +1,10 @@
-"""A gathering in three views: from the sun, obliquely, and one craft from near by (H03 figures 9 to 11)."""
+"""A gathering in three views, still or moving: from the sun, obliquely, and one craft (H03 figures 9-11)."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
+from os import PathLike
+from typing import IO, Any
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -12,17 +13,21 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from closeform.arrays import instance, number
-from closeform.plots.camera import GROUP_COLOURS, triad
+from closeform.plots.camera import GROUP_COLOURS, OBLIQUE, triad
 from closeform.plots.fonts import plain, short_names
+from closeform.plots.inputs import filmed
 from closeform.plots.palette import INK, OTHER
-from closeform.plots.panels import DIRECTIONS, STYLES, SUN_VIEW, CloseUp, Overview, Strip, style_of, tint
+from closeform.plots.panels import DIRECTIONS, FEW, STYLES, SUN_VIEW, CloseUp, Overview, Strip, style_of, tint
+from closeform.plots.reel import Reel
 from closeform.plots.snapshot import Knots, Moment, clock_text
 from closeform.plots.style import SMALL, TEXT, sheet
-from closeform.plots.views import OBLIQUE
 from closeform.search.gather_result import Event, EventKind, Gathering
 from closeform.search.sets import FORMATION, LOST
 
 SET_NAMES = {LOST: "lost", FORMATION: "formation set"}
+WIDE, NARROW = 900, 720  # pixels across, for few and for many craft: many moving lines fill a file
+PLAY, HOLD, LAST = 80, 1200, 3000  # ms that a frame stays: in motion, at a lock, at the end
+STOPS = 12_000  # ms for the locks together
 
 
 class ThreeViews:
@@ -181,3 +186,66 @@ def three_views(
     views = ThreeViews(gathering, craft, names)
     views.show(time)
     return views.figure
+
+
+def animation(
+    gathering: Gathering,
+    file: str | PathLike[str] | IO[bytes],
+    craft: int = 0,
+    names: Sequence[str] | None = None,
+    *,
+    frames: int = 150,
+    progress: Callable[[int, int], object] | None = None,
+) -> None:
+    """Write a gathering in three views as an animated GIF: what H03's simulation showed.
+
+    Parameters
+    ----------
+    gathering : Gathering
+        What is shown.
+    file : str, path-like or file of bytes
+        Where to; a file that is there is replaced.
+    craft : int, default 0
+        Which is shown from near by, as in `three_views`.
+    names : sequence of str, optional
+        Of the craft; their indices unless given.
+    frames : int, default 150
+        At least 2, spread evenly over the gathering's time, with one more at each lock, where the film stops
+        for a moment, as it does at the end.
+    progress : callable of int and int, optional
+        Called with the frames done and all frames.
+
+    Raises
+    ------
+    ValueError
+        If `frames` is below 2, the craft is not there, names are not as many as the craft, or an argument is
+        of another kind.
+
+    References
+    ----------
+    H03 (Hadaegh, Scharf and Ploen 2003) figures 9 to 11.
+    """
+    filmed(file, frames, progress)
+    found = reel(gathering, craft, names, frames=frames)
+    found.save(file, found.frames(slice(None), progress))
+
+
+def reel(
+    gathering: Gathering, craft: int = 0, names: Sequence[str] | None = None, *, frames: int = 150
+) -> Reel:
+    """The film of `animation`, to be drawn."""
+    instance("gathering", gathering, Gathering)
+    views = ThreeViews(gathering, craft, names)
+    pixels = WIDE if len(gathering.groups) <= FEW else NARROW
+    moments = schedule(gathering, frames)
+    return Reel(views.figure, lambda: views.artists, views.show, moments, pixels)
+
+
+def schedule(gathering: Gathering, frames: int) -> list[tuple[float, int]]:
+    """Times [s] of the frames, and how long each stays [ms]."""
+    locks = np.unique([event.time for event in gathering.events if event.kind == EventKind.LOCK])
+    times = np.unique(np.concatenate([np.linspace(0.0, gathering.duration, frames), locks]))
+    stop = min(HOLD, STOPS // max(1, len(locks)) // 10 * 10)
+    stays = np.where(np.isin(times, locks), max(stop, PLAY), PLAY)
+    stays[-1] = LAST
+    return list(zip(times.tolist(), stays.tolist(), strict=True))

@@ -1,24 +1,65 @@
-"""Answers against time: a dot for each, a line over the time that it lasts."""
+"""Charts of plain numbers: curves of each spacecraft, spans of time, and intervals."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
+from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats
-from closeform.plots.fonts import plain
-from closeform.plots.palette import AFTER, CONFLICT, INK
-from closeform.plots.style import SMALL, Clock, chart, headline, plain_unit, time_axes, zone_band
+from closeform.plots.fonts import plain, short_names
+from closeform.plots.palette import AFTER, CONFLICT, INK, colours
+from closeform.plots.style import (
+    DASHED,
+    SMALL,
+    Clock,
+    area,
+    chart,
+    dress,
+    headline,
+    plain_unit,
+    sheet,
+    time_axes,
+    zone_band,
+)
 
-NAMED = 6  # of the least, whose names stand beside them
+ENDS_NAMED = 12  # craft up to which each curve has a name, at its end
+LEAST_NAMED = 6  # of the least, whose names stand beside them
 APART = (0.08, 0.06)  # of the axes: dots that are nearer share the name of the least
 MARGIN = 0.03  # of the time, before and after it
 FAR = 30.0  # times the least or the zone: farther ones have a logarithmic axis
+MOST = 40  # rows that are shown
+WORDS, BESIDE, ROW = 2.6, 0.4, 0.34  # inches for names, right of the axes, and of a row
+
+
+def curves(
+    times: Floats,
+    values: Floats,
+    what: str,
+    said: str,
+    names: Sequence[str] | None = None,
+    planned: Floats | None = None,
+) -> Figure:
+    """Values (N, T) at times (T,) [s], none below 0, of N craft; those `planned` (N, T) are dashed."""
+    called, ticks = short_names(names, len(values)), Clock(plain_unit(float(times[-1] - times[0])), None)
+    figure, axes = chart(5.2, beside=1.1)
+    for k, tint in enumerate(colours(len(values))):
+        axes.plot(ticks(times), values[k], color=tint, linewidth=1.8)
+        if planned is not None:
+            axes.plot(ticks(times), planned[k], color=tint, linewidth=1.2, linestyle=DASHED)
+        if len(values) <= ENDS_NAMED:
+            place = (float(ticks(times[-1])), float(values[k, -1]))
+            plain(axes.annotate(called[k], place, (5, -4), textcoords="offset points", fontsize=SMALL))
+    axes.set_ylim(0.0, None)
+    axes.set_ylabel(what)
+    time_axes([axes], ticks, float(times[0]), float(times[-1]))
+    plain(headline(figure, said))
+    return figure
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +106,7 @@ def spans(told: Spans, said: str) -> Figure:
         axes.set_yscale("symlog", linthresh=2.0 * told.edge)
     axes.set_ylim(0.0, 1.12 * most)
     late, taken = first + 0.8 * (last - first), np.empty((0, 2))
-    for k in np.argsort(height, kind="stable")[:NAMED].tolist():
+    for k in np.argsort(height, kind="stable")[:LEAST_NAMED].tolist():
         spot = np.array([(time[k] - first) / (last - first), height[k] / most])
         if (np.abs(taken - spot) < APART).all(axis=1).any():
             continue
@@ -77,5 +118,26 @@ def spans(told: Spans, said: str) -> Figure:
     axes.set_ylabel(told.what)
     room = MARGIN * (last - first)
     time_axes([axes], ticks, first - room, last + room)
+    plain(headline(figure, said))
+    return figure
+
+
+def intervals(
+    names: Sequence[str], values: ArrayLike, low: ArrayLike, high: ArrayLike, what: str, said: str
+) -> Figure:
+    """A row for each of the first 40 names: a dot at its value, a line from `low` to `high`."""
+    value, below, above = (np.ravel(np.asarray(part, dtype=float))[:MOST] for part in (values, low, high))
+    rows = np.arange(len(value))[::-1]
+    figure = sheet(1.9 + ROW * max(2, len(rows)))
+    wide, tall = figure.get_size_inches()
+    axes = area(figure, WORDS, 0.7, wide - WORDS - BESIDE, tall - 0.7 - 0.7)
+    dress(axes)
+    axes.hlines(rows, below, above, color=AFTER, linewidth=5.0, alpha=0.35)
+    axes.plot(value, rows, "o", color=AFTER, markersize=7, linestyle="")
+    axes.set_yticks(rows, list(names)[: len(rows)], fontsize=SMALL)
+    for words in axes.get_yticklabels():
+        plain(words)
+    axes.set_ylim(-0.6, len(rows) - 0.4)
+    axes.set_xlabel(what)
     plain(headline(figure, said))
     return figure
