@@ -84,7 +84,7 @@ class ImpulseSolver:
         drift[: offsets[problem.count], THRUST : THRUST + 6] = 0.0
         self.drift = drift, offsets[: problem.count + 1]  # coasting craft
         never = np.full((len(problem.other_offsets) - 1, 2), inf)
-        self.free = np.concatenate([base[:, [START, END]], never])[problem.pairs]  # controllable time of each body
+        self.free = np.concatenate([base[:, [START, END]], never])[problem.pairs]  # controllable times
         self.span = np.array([problem.first, problem.arrival])
 
     def unconstrained(self) -> Spent:
