@@ -426,12 +426,12 @@ def refusals():
     rock = SPACE.coast(np.zeros(6), 1000.0)
     return {
         "batch": (lambda: cf.avoid(batch, other, zone), r"^path: requires one spacecraft, got shape \(2,\)"),
-        "method": (lambda: cf.avoid(path, other, zone, method="best"), "^method: 'exact' or 'sauter-palmer'"),
-        "orbit": (lambda: cf.avoid(path, elsewhere, zone), "^obstacles: must be in the orbit of path"),
-        "orbits": (lambda: cf.avoid(path, [elsewhere], [zone]), "^obstacles: must be in the orbit of path"),
+        "method": (lambda: cf.avoid(path, other, zone, method="best"), "^method: must be 'exact' or"),
+        "orbit": (lambda: cf.avoid(path, elsewhere, zone), "^obstacles: must be in the same orbit"),
+        "orbits": (lambda: cf.avoid(path, [elsewhere], [zone]), "^obstacles: must be in the same orbit"),
         "generator": (
             lambda: cf.avoid(path, (p for p in [elsewhere]), zone),
-            "^obstacles: must be in the orbit",
+            "^obstacles: must be in the same orbit",
         ),
         "zones": (lambda: cf.avoid(path, [other, other], [zone]), "^zone: .* 2 obstacles, not 1"),
         "grid": (

@@ -1,8 +1,8 @@
-"""Burns of least delta-v within thrust limits that keep all pairs clear: in slots, cut where thrust begins.
+"""Burns of minimum delta-v within thrust limits that keep all pairs clear, on adaptive time slots.
 
-As with impulses, but a craft's time is cut into slots, in each of which it may thrust within its limit,
-constantly.  Where a slot is used in part it is cut there for the next round, where it is used it is cut
-fine, so that thrust comes to be full or none, along the primer.                              # theory 6
+As with impulses, but a craft's time is divided into slots with constant thrust within the limit.  A
+slot that is used in part is cut for the next round, and used slots are refined, so that the thrust converges
+to full or zero along the primer.                                                             # theory 6
 """
 
 from collections.abc import Sequence
@@ -31,22 +31,22 @@ from closeform.planning.impulse_local import FEWER, FIRED, IDLE, LAST, WIDEST, I
 from closeform.planning.problem import Problem
 from closeform.planning.scene import Contacts
 
-SLOTS, A_TURN = 24, 60  # of a craft's time, and more of them for each orbit
-FINE = 0.03  # rad of the orbit: slots in which thrust is to follow a primer that turns
-FINEST = 1.0 / 64.0  # of a craft's time, of which they are no more
+SLOTS, A_TURN = 24, 60  # of a craft's time, and additional ones for each orbit
+FINE = 0.03  # rad of the orbit: maximum slot with thrust along a turning primer
+FINEST = 1.0 / 64.0  # of a craft's time: upper limit of these slots
 BRIEFEST = 1e-6  # of a craft's time: no slot is shorter
-USED, FULL = 1e-6, 0.98  # of what a slot allows: more is thrust, or all of it
-BESIDE = 0.1  # of a burn: the slots next to it
-TOUCHING = 1e-9  # of a craft's time: burns no further apart are one
-FURTHER = 1e-5  # of a zone: planes moved out, that fewer slots are clear of it
-ALONE = 8  # rounds in which burns settle where nothing is in the way
-ROOMY = 1.05  # times as long as at the limit are burns about impulses, that they have room to change
-SHORT = 1e-4  # of a craft's time: burns no longer are as good as impulses
-LEVELS, CLOSER = 14, 1.07  # limits that are tried on the way to a limit, and how close together at least
+USED, FULL = 1e-6, 0.98  # of a slot's maximum: above these a slot is used, or full
+BESIDE = 0.1  # of a burn: length of the slots next to it
+TOUCHING = 1e-9  # of a craft's time: burns no further apart are merged
+FURTHER = 1e-5  # of a zone: distance by which planes move out so that fewer slots stay clear
+ALONE = 8  # rounds without keep-out zones
+ROOMY = 1.05  # duration of burns relative to full thrust, which leaves a reserve
+SHORT = 1e-4  # of a craft's time: shorter burns are as good as impulses
+LEVELS, CLOSER = 14, 1.07  # intermediate limits tried, and the minimum ratio between them
 
 
 class BurnSolver(ImpulseSolver):
-    """Solves one problem from any contacts, by burns within limits (N,) [m/s^2], where inf by impulses."""
+    """Solver of one problem by burns within limits (N,) [m/s^2], with impulses where a limit is inf."""
 
     def __init__(
         self,
@@ -58,7 +58,7 @@ class BurnSolver(ImpulseSolver):
     ) -> None:
         super().__init__(problem, thrusters, names, failures)
         self.limits = np.where(np.isfinite(limits), limits, 0.0)
-        self.enough = inf  # times these limits, within which safe burns were found on the way to the limits
+        self.enough = inf  # smallest factor of the limits with which safe burns were found
         spans = problem.base[:, [START, END]]
         self.times = np.ptp(spans, axis=1)
         turns = problem.orbit.mean_motion * self.times / (2.0 * pi)
@@ -72,10 +72,10 @@ class BurnSolver(ImpulseSolver):
         ]
 
     def unconstrained(self) -> Spent:
-        """The least delta-v of each craft by itself within its limit, whatever is in the way.
+        """Return the minimum delta-v of each craft alone within its limit, without keep-out zones.
 
-        Raises TooLittleThrust for a craft whose limit is shown to be too low, and ValueError for one whose
-        thrusters cannot make its transfer.
+        Raises TooLittleThrust for a craft whose limit is proven to be too low, and ValueError for one whose
+        thrusters cannot perform its transfer.
         """
         problem, paths, least = self.problem, [], 0.0
         for i, limit in enumerate(self.limits):
@@ -103,7 +103,7 @@ class BurnSolver(ImpulseSolver):
         return Spent(flown, spent, least, checked, Contacts.none(), 1.0, none, impulses, none)
 
     def alone(self) -> Spent | None:
-        """The same by slots, with the bound of impulses, where the limit is not shown to be enough."""
+        """Return the unconstrained optimum on slots, with the bound of impulses; None without one."""
         found = self.priced(self.grid, Contacts.none(), WIDEST, inf)
         for _ in range(ALONE):
             if found is None:
@@ -112,10 +112,10 @@ class BurnSolver(ImpulseSolver):
         return found and replace(found, least=super().unconstrained().least)
 
     def tightened(self, safe: Spent) -> Spent | None:
-        """Clear burns within the limits near to safe paths by impulses, or by what burns the limits allow.
+        """Return clear burns within the limits near safe impulsive paths; None without any.
 
-        Where those about impulses are not safe, and no step makes them so, limits come down to what they are
-        from where they are, the way there being halved until it leads on.  `enough` tells how far they came.
+        Where burns at the impulses are not safe and cannot be made so by short steps, the limits are reduced
+        gradually from higher ones, with bisection.  `enough` is set to the smallest factor that was reached.
         """
         sizes = [own[own > 0.0] for own in sizes_of(safe.impulses)]
         short = [own.max(initial=0.0) / (SHORT * time) for own, time in zip(sizes, self.times, strict=True)]
@@ -138,15 +138,15 @@ class BurnSolver(ImpulseSolver):
         return None
 
     def within(self, factor: float) -> Self:
-        """The same within so many times the limits."""
+        """Return the solver for `factor` times the limits."""
         other = copy(self)
         other.limits = factor * self.limits
         return other
 
     def about(self, paths: Spent) -> Spent | None:
-        """Paths whose impulses or burns are burns a little below the limits about the same times.
+        """Return paths with burns slightly below the limits at the times of given impulses or burns.
 
-        Burns in each other's way are moved apart by as little as it takes; None where time is too short.
+        Overlapping burns are moved apart by as little as necessary; None where the time is too short.
         """
         moments, pushes = [], []
         for i, (own, given) in enumerate(zip(paths.fired(0.0), paths.impulses, strict=True)):
@@ -169,12 +169,12 @@ class BurnSolver(ImpulseSolver):
         return self.fired_at(moments, pushes_table(pushes), paths)
 
     def fine(self, i: int) -> float:
-        """How long slots of a craft are at most where it burns [s]."""
+        """Return the maximum duration [s] of slots in which a craft burns."""
         n = self.problem.orbit.mean_motion
         return float(min(FINEST * self.times[i], FINE / n) if n > 0.0 else FINEST * self.times[i])
 
     def following(self, found: Spent) -> list[Moments]:
-        """The slots of the next round, cut where thrust begins and ends."""
+        """Return the slots of the next round, cut where burns begin and end."""
         sizes, following = sizes_of(found.impulses), super().following(found)
         for i, slots in enumerate(found.moments):
             if self.limits[i]:
@@ -184,7 +184,7 @@ class BurnSolver(ImpulseSolver):
         return following
 
     def cut(self, i: int, burns: Floats) -> Floats:
-        """The edges (J + 1,) of a craft's slots, fine in and beside its `burns` (B, 2)."""
+        """Return the edges (J + 1,) of a craft's slots, refined in and beside its `burns` (B, 2)."""
         whole, brief = self.times[i], BRIEFEST * self.times[i]
         first, last = self.edges[i][[0, -1]]
         fine = self.fine(i)
@@ -201,11 +201,11 @@ class BurnSolver(ImpulseSolver):
         return kept
 
     def focused(self, best: Spent) -> Spent:
-        """As it is: what rounds come to is full or none."""
+        """Return the solution unchanged: the rounds already converge to full or zero thrust."""
         return best
 
     def fewest(self, best: Spent) -> Spent:
-        """The same without burns hardly used, where that is clear; what these did the others do longer."""
+        """Return the solution without insignificant burns, where that is clear; longer burns replace them."""
         for share, further in product((FIRED, IDLE), (0.0, FURTHER)):
             used, start = self.with_neighbours(best, share), replace(best, margin=best.margin + further)
 
@@ -218,7 +218,7 @@ class BurnSolver(ImpulseSolver):
         return best
 
     def with_neighbours(self, best: Spent, share: float) -> list[Moments]:
-        """When each craft fires more than a share of all, with the slots next to those; they are one burn."""
+        """Return each craft's slots with more than a `share` of the delta-v, and the slots next to them."""
         large = sizes_of(best.impulses) > share * best.delta_v
         near = large.copy()
         near[:, 1:] |= large[:, :-1]
@@ -226,14 +226,14 @@ class BurnSolver(ImpulseSolver):
         return some_of_each(best.moments, np.where(self.limits[:, None] > 0.0, near, large))
 
     def settled(self, best: Spent) -> Contacts:
-        """The contacts with the multipliers of the last round, whose slots are fine where craft burn."""
+        """Return the contacts with the multipliers of the last round, whose slots are already fine."""
         return best.contacts
 
 
 def burn_times(slots: Moments, shares: Floats, peaks: Floats) -> Floats:
-    """Where a craft burns (B, 2): slots as far as they are used, on the side of their neighbour.
+    """Return the burns (B, 2) in slots: used parts, next to a used neighbour.
 
-    Without one about the time, of `peaks`, when its primer is longest.
+    Without such a neighbour a burn is centred on a maximum of the primer in `peaks`.
     """
     around = np.pad(shares, 1)
     found = []
@@ -252,9 +252,9 @@ def burn_times(slots: Moments, shares: Floats, peaks: Floats) -> Floats:
 
 
 def apart(begins: Floats, lengths: Floats, weights: Floats, first: float, last: float) -> Floats:
-    """When burns (B,) of some lengths begin so that none is in the way of another, nor before the first time.
+    """Return the start times (B,) of burns without overlap, after `first` and before `last`.
 
-    Near to `begins`, in the mean square by weights; all of them fit.
+    They are nearest to `begins` in the weighted mean square; all burns fit.
     """
     from scipy.optimize import isotonic_regression  # half a second to import
 
@@ -267,7 +267,7 @@ def apart(begins: Floats, lengths: Floats, weights: Floats, first: float, last: 
 
 
 def without_gaps(burns: Floats, apart: float) -> list[list[Any]]:
-    """Burns (B, 2) in order, those no further apart as one."""
+    """Return the burns (B, 2) in order, with those merged that are at most `apart` apart."""
     found: list[list[Any]] = []
     for start, end in burns:
         if found and start - found[-1][1] <= apart:

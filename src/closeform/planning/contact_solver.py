@@ -1,11 +1,11 @@
-"""The local solver: contacts are relaxed until the paths are clear at the least energy on their sides.
+"""Local solver: contacts are relaxed until the paths are clear at minimum energy on their sides.
 
 A round solves the quadratic program of the known contacts (the zones' supporting planes there),
-deflects all paths by its forces, and lets every contact slide to where its two paths now come
-closest.  A contact that slid far keeps its old time beside the new one, which damps the
-rounds.  Once paths are nearly clear, Newton's method takes the contacts to the conditions of
-optimality; where a path hugs a zone for a while it has no single contact to go to, and the planes
-are raised by the little that is missing.  The cheapest clear solution is never lost.        # theory 4
+deflects all paths by its forces, and moves every contact to the current closest approach of its paths.
+A contact that moved far also keeps its old time, which damps the rounds.  Once the paths are nearly
+clear, Newton's method solves the conditions of optimality.  A path that slides along a zone has no single
+contact to converge to; its planes are raised by the remaining shortfall.  The cheapest clear solution is
+never lost.                                                                                    # theory 4
 """
 
 from math import inf
@@ -25,22 +25,22 @@ from closeform.planning.qp import solve_qp
 from closeform.planning.relative_motion import relative_motion
 from closeform.planning.scene import BLOCKS, CONTACTS, INDICES, NUMBERS, ROWS, SCENE, Contacts, Scene
 
-ROUNDS, HOPELESS = 60, 15  # rounds, and those without getting nearer to clear that are waited for
-SOFT, FADE = 1e-2, 0.3  # how far contacts give way at first, and how fast that fades: normals turn meanwhile
-CLOSE = 0.05  # how little normals and times change in a round before Newton's method is tried
-NEARLY = 1e-2  # how deep inside the zone paths may be to be raised out of it
+ROUNDS, HOPELESS = 60, 15  # maximum rounds, in total and without progress towards clear paths
+SOFT, FADE = 1e-2, 0.3  # initial softness of contacts, and its decay per round, while normals turn
+CLOSE = 0.05  # change of normals and times in a round below which Newton's method is tried
+NEARLY = 1e-2  # shortfall, in zones, up to which planes are raised
 ENOUGH, STEADY = 1e-6, 1e-6  # depth and relative change of energy at which rounds end
 RAISES = 4
 GIVEN_UP = 1.5  # times the energy to beat
-PACE = 10  # rounds as good as the last, in which the energy to beat must come within reach
-TOO_FAR = 1e5  # zones that a contact alone would push its craft
-LEFT = 1e-9  # what Newton's method may leave of a minimum below the aim
-HUGGING = 16  # contacts for each craft, beyond which paths hug zones and have no single ones to go to
-BLOCKED, CLEAR, OPTIMAL = 0, 1, 2  # how it ended; optimal: the conditions of optimality hold to rounding
+PACE = 10  # rounds at the last rate of progress, within which the energy must reach the bar
+TOO_FAR = 1e5  # displacement in zones by one contact: more is an incompatible set
+LEFT = 1e-9  # accepted shortfall of Newton's method
+HUGGING = 16  # contacts for each craft, beyond which paths slide along zones
+BLOCKED, CLEAR, OPTIMAL = 0, 1, 2  # status; optimal: the conditions of optimality hold to rounding
 
 
 class Bodies(NamedTuple):
-    """All bodies at a problem's sample times: states (B, T, 6), positions (B, 3, T), greatest speeds (B,)."""
+    """All bodies at a problem's sample times: states (B, T, 6), positions (B, 3, T), maximum speeds (B,)."""
 
     states: Floats
     places: Floats
@@ -48,7 +48,7 @@ class Bodies(NamedTuple):
 
 
 class Workspace(NamedTuple):
-    """TrackingMargins for one problem's local solver: its samples, K contacts, their compliance and paths."""
+    """Arrays of the local solver: its samples, K contacts, their compliance and the paths."""
 
     states: Floats
     places: Floats
@@ -68,7 +68,7 @@ class Workspace(NamedTuple):
 
     @classmethod
     def of(cls, scene: Scene, count: int) -> "Workspace":
-        """For as many contacts."""
+        """Return an empty workspace for `count` contacts."""
         bodies, samples, craft = len(scene.states), len(scene.times), len(scene.base)
         return cls(
             np.empty((bodies, samples, 6)),
@@ -103,9 +103,9 @@ WORKSPACE = Lent(
 
 @kernel()
 def solve_multipliers(scene, contacts, count, gram, gaps, lift, give, work):
-    """Multipliers that keep the paths `lift` times the aim away, and the energy of that.
+    """Fill the multipliers that keep the paths `lift` times the aim away; return their energy.
 
-    inf where contacts ask for what cannot be together: their forces grow beyond all bounds.
+    Returns inf for incompatible contacts, whose forces grow without bound.
     """
     active, target = np.empty(count, dtype=np.bool_), np.empty(count)
     for k in range(count):
@@ -124,7 +124,7 @@ def solve_multipliers(scene, contacts, count, gram, gaps, lift, give, work):
 
 @kernel()
 def shortfall(found, number):
-    """By how much the deepest of the minima misses the aim, as a share of it."""
+    """Return the largest shortfall of the minima below the aim, as a share of it."""
     short = 0.0
     for row in range(number):
         short = max(short, 1.0 - found[row, 2])
@@ -133,7 +133,7 @@ def shortfall(found, number):
 
 @kernel()
 def look(scene, arcs, offsets, contacts, count, samples, found):
-    """Minima below the aim of the paths that contacts shape: rows of `found`, and how many."""
+    """Fill `found` with minima below the aim of the paths under the contacts; return the number of rows."""
     sample_craft(scene, arcs, offsets, contacts, count, samples.states, samples.places, samples.speeds)
     number = find_minima(scene, arcs, offsets, samples.states, samples.places, samples.speeds, found)
     return min(number, len(found))
@@ -141,7 +141,7 @@ def look(scene, arcs, offsets, contacts, count, samples, found):
 
 @kernel()
 def fill_gaps(scene, contacts, count, gaps):
-    """How far the unconstrained paths fall short of the aim along the contacts' normals."""
+    """Fill the shortfalls of the unconstrained paths below the aim along the contacts' normals."""
     motion = stack_matrix(3, 3)
     for k in range(count):
         which, t = contacts.which[k], contacts.times[k]
@@ -153,7 +153,7 @@ def fill_gaps(scene, contacts, count, gaps):
 
 @kernel()
 def raise_planes(scene, contacts, count, short, gram, gaps, work, factors, paths, samples, found):
-    """Clear paths with the contacts where they are, aimed a little higher: their energy, inf without."""
+    """Raise the planes at fixed contacts until the paths are clear; return the energy, or inf."""
     arcs, offsets = paths
     lift = 1.0
     for _ in range(RAISES):
@@ -172,7 +172,7 @@ def raise_planes(scene, contacts, count, short, gram, gaps, work, factors, paths
 
 @kernel()
 def polish(scene, contacts, count, factors, gram, paths, samples, found):
-    """Take contacts to the conditions of optimality: the energy there, inf where that fails."""
+    """Solve the conditions of optimality from the contacts; return the energy, or inf on failure."""
     arcs, offsets = paths
     if not newton(scene, contacts, count, factors, arcs, offsets):
         return inf
@@ -188,10 +188,10 @@ def polish(scene, contacts, count, factors, gram, paths, samples, found):
 
 @kernel(types.Tuple((int64, int64, float64))(SCENE, SIDES, int64, float64, WORKSPACE))
 def solve_local(scene, sides, count, bar, room):
-    """Relax the first `count` contacts in hand, and those that turn up: (how it ended, contacts, energy).
+    """Relax the first `count` contacts in `hand` and new ones; return (status, contacts, energy).
 
-    `best` is filled with the contacts of the cheapest clear solution; BLOCKED: with those it came to.
-    Given up where it costs well above `bar` when nearly clear.
+    Fills `best` with the contacts of the cheapest clear solution, for BLOCKED with the last ones.  Stops
+    where the energy is well above `bar` when nearly clear.
     """
     best, contacts = lent(room.best), lent(room.hand)
     samples = lent(Bodies(room.states, room.places, room.speeds))
@@ -230,7 +230,7 @@ def solve_local(scene, sides, count, bar, room):
             if total == settled and (moved < close or closing):
                 copy_contacts(following, settled, trial)
                 polished = polish(scene, trial, settled, factors, gram, paths, samples, found)
-                if polished < inf and polished <= least_energy * (1.0 + STEADY):  # its touches are exact
+                if polished < inf and polished <= least_energy * (1.0 + STEADY):  # exact contacts
                     return OPTIMAL, copy_contacts(trial, settled, best), polished
                 if polished < inf:
                     return CLEAR, kept, least_energy
@@ -248,7 +248,7 @@ def solve_local(scene, sides, count, bar, room):
             if least_energy < inf and short < ENOUGH and steady:
                 if closing or settled > HUGGING * len(scene.base):
                     return CLEAR, kept, least_energy
-                closing = True  # Newton's method has the last word, however far contacts still move
+                closing = True  # finish with Newton's method, even if contacts still move
             before = energy
         contacts, following = following, contacts
         count = total

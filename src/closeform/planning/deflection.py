@@ -1,24 +1,24 @@
-"""How forces at contacts deflect paths with fixed ends: the reproducing kernel of a formation.
+"""Deflection of paths with fixed ends by forces at contacts: the reproducing kernel of a formation.
 
-Paths of a craft between fixed end states form a Hilbert space with energy as its norm.  A force f at
-time s, felt as a jump f of the thrust rate, deflects the least-energy path by K(t, s) f, where
+Paths of a craft between fixed end states form a Hilbert space with the energy as its norm.  A force f at
+time s, a jump f of the thrust rate, deflects the minimum-energy path by K(t, s) f, where
 
     K(t, s) = A(t) B(s)  for t <= s,   K(t, s) = K(s, t)^T                        # theory (12)
 
-with A(t) the position's response to a start thrust and thrust rate, and B(s) = -F(T)^-1 F_w(T - s) what
-the force adds to these; F(T) is the response of the whole state at the end, F_w its columns of the thrust
-rate.  No Gramian is inverted in Palmer's coordinates, so nothing cancels as n T -> 0.
+with A(t) the position's response to the initial thrust and thrust rate, and B(s) = -F(T)^-1 F_w(T - s) the
+change of these by the force; F(T) is the response of the whole state at the end, F_w its columns of the
+thrust rate.  No Gramian is inverted in Palmer's coordinates, so there is no cancellation as n T -> 0.
 
-A contact of craft i and j pushes both with one force, opposite in sign.  So the answer of one contact
-to another is a signed sum over the craft that they share, and nothing where they share none.  Each
-contact keeps, for either craft, A, A', B^T and B'^T in its zone's coordinates: `factors` (2, 4, 3, 6).
+A contact of craft i and j pushes both with one force, opposite in sign.  The response of one contact to
+another is therefore a signed sum over the craft that they share.  Each contact stores A, A', B^T and B'^T
+in its zone's coordinates for either craft: `factors` (2, 4, 3, 6).
 
-A craft whose thrust was lost at s answers at t through its state at s, which flies on by itself:
+A craft whose thrust was lost at s responds at t through its state at s, followed by free drift:
 
     A = E Phi(t - s) F(s),    B = -F(T)^-1 F(T - s) J,    J = Phi(s - t) [0 I]^T              # theory (71)
 
-J is the force's jump of thrust rate, carried back to s by natural motion, as all primers move: at s the
-thrust itself jumps too.  A' is then its rate in t alone, and B' has no meaning.
+J is the force's jump of thrust rate, propagated back to s by natural motion like any primer; at s the
+thrust itself jumps as well.  A' is then the rate in t alone, and B' has no meaning.
 """
 
 from typing import Any
@@ -54,13 +54,13 @@ def invert_responses(base, inverses):
 
 @kernel()
 def is_controllable(scene, body, t):
-    """Whether a body answers to a force at time t: obstacles do not, nor craft that coast."""
+    """Return whether a force at time t deflects a body; obstacles and coasting craft are not deflected."""
     return body < len(scene.base) and scene.base[body, START] < t < scene.base[body, END]
 
 
 @kernel()
 def carry(n, drift, ahead, left):
-    """Turn the responses until thrust is lost, and after it, to those of a position met a `drift` later.
+    """Transform the responses for a contact that occurs a `drift` after the loss of thrust.
 
     `ahead`: F(s) to Phi(drift) F(s); `left`: the last columns of F(T - s) to F(T - s) J.    # theory (71)
     """
@@ -84,14 +84,14 @@ def carry(n, drift, ahead, left):
 
 @kernel()
 def felt_at(scene, contacts, k, craft):
-    """When a craft feels the force of a contact: there, or as its thrust stops."""
+    """Return the time when a contact's force acts on a craft: the contact, or the loss of thrust."""
     side = 0 if scene.pairs[contacts.which[k], 0] == craft else 1
     return contacts.times[k] - contacts.drifts[k, side]
 
 
 @kernel()
 def fill_factors(scene, contacts, count, factors):
-    """The factors (count, 2, 4, 3, 6) of contacts; zero for bodies that do not answer."""
+    """Fill the factors (count, 2, 4, 3, 6) of contacts; zero for bodies that are not controllable."""
     ahead, left = stack_matrix(6, 6), stack_matrix(6, 6)
     both = np.empty((4, 3, 6))
     for k in range(count):
@@ -135,7 +135,7 @@ def fill_factors(scene, contacts, count, factors):
 
 @kernel()
 def fill_gram(scene, contacts, count, factors, gram):
-    """Fill `gram` (count, count): how far a force along one normal moves another contact along its own."""
+    """Fill `gram` (count, count): displacement of contacts along their normals by unit forces at others."""
     ahead, back = np.zeros((count, 2, 6)), np.zeros((count, 2, 6))
     for k in range(count):
         for side in range(2):
@@ -163,9 +163,9 @@ def fill_gram(scene, contacts, count, factors, gram):
 
 @kernel()
 def add_block(scene, contacts, factors, k, m, of, by, out):
-    """Fill `out` (3, 3): what a force at contact m does to the position (`of` 0) or velocity (1) at k.
+    """Fill `out` (3, 3): response of the position (`of` 0) or velocity (1) at k to a force at contact m.
 
-    Or the rate of that in the time of m (`by` 1).
+    With `by` 1 it is the derivative of the response with respect to the time of m.
     """
     out[:] = 0.0
     for a in range(2):
@@ -185,7 +185,7 @@ def add_block(scene, contacts, factors, k, m, of, by, out):
 
 @kernel()
 def coast_arc(n, start, end, state, row):
-    """An arc of natural motion."""
+    """Fill a row with an arc of natural motion."""
     row[:] = 0.0
     row[START], row[END], row[MEAN_MOTION] = start, end, n
     for i in range(6):
@@ -196,7 +196,7 @@ def coast_arc(n, start, end, state, row):
 def deflect(scene, contacts, count, factors, arcs, offsets):
     """Fill `arcs` and `offsets` (N + 1,) with all craft's paths under the contacts' multipliers.
 
-    One arc more than a craft has contacts that push it, and the coasts before and after its own time.
+    A craft has one arc more than contacts that act on it, and the coasts before and after its own time.
     """
     row = 0
     own, push = np.empty(count, dtype=np.int64), stack_vector(3)
@@ -259,14 +259,14 @@ def deflect(scene, contacts, count, factors, arcs, offsets):
 
 
 def room_for(scene: Scene, contacts: Contacts) -> tuple[Floats, Any]:
-    """TrackingMargins for the craft's arcs under contacts."""
+    """Return empty arrays for the craft's arcs under contacts."""
     craft = len(scene.base)
     return np.zeros((3 * craft + 2 * contacts.number, WIDTH)), np.zeros(craft + 1, dtype=np.int64)
 
 
 @kernel(int64(SCENE, CONTACTS, ROWS, INDICES))
 def fly(scene, contacts, arcs, offsets):
-    """`deflect` for Python: fills the paths and returns how many arcs there are."""
+    """Fill the paths of `deflect` for Python; return the number of arcs."""
     factors = np.empty((len(contacts.times), 2, 4, 3, 6))
     fill_factors(scene, contacts, len(contacts.times), factors)
     deflect(scene, contacts, len(contacts.times), factors, arcs, offsets)
@@ -277,7 +277,7 @@ def fly(scene, contacts, arcs, offsets):
 def look_at(scene, arcs, offsets, contacts, motions, gram):
     """Fill the relative motions (K, 3, 3) of pairs at contacts, and their kernel (3K, 3K) there.
 
-    Without room in `gram` it is left out.
+    An empty `gram` is not filled.
     """
     count = len(contacts.times)
     factors, block = np.empty((count, 2, 4, 3, 6)), stack_matrix(3, 3)

@@ -1,4 +1,4 @@
-"""Where a formation can go from where it is: apart, back, without a drift, with one more member."""
+"""Targets of a formation relative to its current states: dispersal, return, no drift, one more member."""
 
 from __future__ import annotations
 
@@ -15,32 +15,32 @@ from closeform.motion.palmer import palmer_from_state, state_from_palmer
 from closeform.planning.relative_orbits import orbiting, scalar
 from closeform.zones.solids import Sphere
 
-TOGETHER = 1e-9  # of the formation's size: closer craft are at one place
-EQUAL = 1e-6  # of a distance
-CROWDED = 0.25  # of the least spacing: a place in a ring is at least half of it from everybody
+TOGETHER = 1e-9  # of the formation's size: closer craft have the same position
+EQUAL = 1e-6  # of a distance: smaller differences are ties
+CROWDED = 0.25  # of the minimum spacing: required distance of a place in a ring
 
 
 def without_eccentricity(orbit: Orbit, states: ArrayLike) -> Floats:
-    """The same states with no eccentricity difference to the origin, and no other change.
+    """Return the states without eccentricity relative to the origin and otherwise unchanged.
 
-    The craft keeps its mean place along-track and its drift, and swings radially no longer.
+    The craft keeps its mean along-track position and its drift, without the radial oscillation.
 
     Parameters
     ----------
     orbit : Orbit
-        Of the origin.
+        Orbit of the origin.
     states : array_like of shape (..., 6) [m, m/s]
-        In the rotating frame.
+        States in the rotating frame.
 
     Returns
     -------
     array of shape (..., 6) [m, m/s]
-        In the rotating frame; of Palmer's coordinates only (e1, e2) become 0.
+        States in the rotating frame; of Palmer's coordinates only (e1, e2) become 0.
 
     Raises
     ------
     ValueError
-        If `orbit` is deep space, the shape another, or a number not finite.
+        If `orbit` is deep space, the shape is wrong, or a number is not finite.
 
     References
     ----------
@@ -50,26 +50,26 @@ def without_eccentricity(orbit: Orbit, states: ArrayLike) -> Floats:
 
 
 def without_altitude_difference(orbit: Orbit, states: ArrayLike) -> Floats:
-    """The same states with no difference of mean altitude to the origin, and no other change.
+    """Return the states without a mean altitude difference to the origin and otherwise unchanged.
 
-    The craft drifts no longer; its position changes by 2 d radially.
+    The craft stops drifting; its position changes by 2 d radially.
 
     Parameters
     ----------
     orbit : Orbit
-        Of the origin.
+        Orbit of the origin.
     states : array_like of shape (..., 6) [m, m/s]
-        In the rotating frame.
+        States in the rotating frame.
 
     Returns
     -------
     array of shape (..., 6) [m, m/s]
-        In the rotating frame; of Palmer's coordinates only d becomes 0.
+        States in the rotating frame; of Palmer's coordinates only d becomes 0.
 
     Raises
     ------
     ValueError
-        If `orbit` is deep space, the shape another, or a number not finite.
+        If `orbit` is deep space, the shape is wrong, or a number is not finite.
 
     References
     ----------
@@ -79,34 +79,34 @@ def without_altitude_difference(orbit: Orbit, states: ArrayLike) -> Floats:
 
 
 def added_member(orbit: Orbit, states: ArrayLike) -> Floats:
-    """A state for one more craft in a formation.
+    """Return a state for one more craft in a formation.
 
     Parameters
     ----------
     orbit : Orbit
-        Of the origin.
+        Orbit of the origin.
     states : array_like of shape (N, 6) [m, m/s]
-        Of the members, in the rotating frame.
+        States of the members in the rotating frame.
 
     Returns
     -------
     array of shape (6,) [m, m/s]
-        In the rotating frame.
+        State in the rotating frame.
 
     Raises
     ------
     ValueError
-        If no place that continues the formation is clear of all members (a single craft without a relative
-        orbit), the shape is another, or a number not finite.
+        If no candidate is clear of all members (a single craft without a relative orbit), the shape is wrong,
+        or a number is not finite.
 
     Notes
     -----
-    In an orbit, the places on the relative orbits of the members are tried: for each the one half-way
-    to the next phase that is taken (on a ring these are the middles of its gaps).  The one
-    furthest from all members, by the least distance over one orbit, is taken, if that is more than a
-    quarter of the members' own.  Otherwise the formation is a string, a pendulum, a line: each
-    member's step away from its nearest neighbour is repeated, and of these places the one furthest
-    from all members is taken, of equal ones that of the last.  In deep space distances are those now.
+    In an orbit, the first candidates are on the relative orbits of the members, each half-way to the next
+    occupied phase (on a ring, the middles of its gaps).  The candidate with the largest minimum distance from
+    all members over one orbit is chosen, if that exceeds a quarter of the members' own.  Otherwise the
+    formation is a string, a pendulum or a line: each member's step away from its nearest neighbour is
+    repeated, and the candidate farthest from all members is chosen, of equal ones that of the last member.
+    In deep space the distances are those of the given states.
 
     References
     ----------
@@ -129,37 +129,36 @@ def added_member(orbit: Orbit, states: ArrayLike) -> Floats:
 
 
 def scattered(orbit: Orbit, states: ArrayLike, duration: float, factor: float) -> Floats:
-    """Final states at which every pair is at least some factor farther apart than at the start.
+    """Return final states at which every pair's distance is at least `factor` times the initial one.
 
     Parameters
     ----------
     orbit : Orbit
-        Of the origin.
+        Orbit of the origin.
     states : array_like of shape (N, 6) [m, m/s]
-        At the start, in the rotating frame.
+        Initial states in the rotating frame.
     duration : float [s]
-        From then to arrival.
+        Time to arrival.
     factor : float, no unit
-        At least 1.
+        Factor of the distances, at least 1.
 
     Returns
     -------
     array of shape (N, 6) [m, m/s]
-        At arrival, in the rotating frame.
+        States at arrival, in the rotating frame.
 
     Raises
     ------
     ValueError
-        If a pair is at one place, at the start or, by coasting, at arrival (no scale parts it), `duration` is
-        not positive, `factor` below 1, the shape another, or a number not finite.
+        If a pair has the same position, initially or after coasting to arrival (no scale separates it),
+        `duration` is not positive, `factor` is below 1, the shape is wrong, or a number is not finite.
 
     Notes
     -----
-    The states to which the craft would coast are enlarged about their centroid, positions and
-    velocities alike, by the least scale, but at least 1, that keeps the promise for every pair.
-    The relative motion afterwards is that of coasting, enlarged by the same scale: a formation
-    that does not drift does not drift then, and no pair is ever closer than by coasting.  About no
-    other centre does the same scale cost less energy in sum.
+    The states after coasting are enlarged about their centroid, positions and velocities alike, by the
+    smallest scale, at least 1, that fulfils the requirement for every pair.  The subsequent relative motion
+    is that of coasting, enlarged by the same scale: a formation without drift does not start to drift, and
+    no pair is ever closer than by coasting.  For a given scale, the centroid minimises the total energy.
 
     References
     ----------
@@ -185,38 +184,37 @@ def scattered(orbit: Orbit, states: ArrayLike, duration: float, factor: float) -
 def scattered_from(
     orbit: Orbit, states: ArrayLike, duration: float, point: ArrayLike, distance: float
 ) -> Floats:
-    """Final states at which every craft is at least some distance from a fixed point.
+    """Return final states at which every craft is at least `distance` from a fixed point.
 
     Parameters
     ----------
     orbit : Orbit
-        Of the origin.
+        Orbit of the origin.
     states : array_like of shape (N, 6) [m, m/s]
-        At the start, in the rotating frame.
+        Initial states in the rotating frame.
     duration : float [s]
-        From then to arrival.
+        Time to arrival.
     point : array_like of shape (3,) [m]
-        In the rotating frame.
+        Point in the rotating frame.
     distance : float [m]
-        From it, at arrival.
+        Minimum distance from the point at arrival.
 
     Returns
     -------
     array of shape (N, 6) [m, m/s]
-        At arrival, in the rotating frame; where all are far enough already those to which they coast.
+        States at arrival, in the rotating frame; the coasted states where these are far enough.
 
     Raises
     ------
     ValueError
-        If coasting would bring a craft to the point itself, `duration` or `distance` is not positive, a shape
-        another, or a number not finite.
+        If coasting brings a craft to the point itself, `duration` or `distance` is not positive, a shape is
+        wrong, or a number is not finite.
 
     Notes
     -----
-    From the states to which they would coast all craft move straight away from the point by one length,
-    the least that brings the nearest to `distance`; so no pair is closer at arrival than by coasting.  In
-    an orbit the speed along-track changes by -2 n times the radial move: d stays, and nobody drifts more
-    than before.
+    From the coasted states all craft move away from the point by the same length, the smallest that brings
+    the nearest to `distance`; no pair is closer at arrival than by coasting.  In an orbit the along-track
+    speed changes by -2 n times the radial move, so that d, and with it the drift, stays the same.
 
     References
     ----------
@@ -234,7 +232,7 @@ def scattered_from(
     if length[nearest] >= wanted:
         return final
     if length[nearest] <= TOGETHER * max(wanted, float(length.max())):
-        raise ValueError(f"point: coasting brings craft {nearest} to it, so there is no way that leads away")
+        raise ValueError(f"point: coasting brings craft {nearest} to it, so no direction leads away; move it")
     move = (wanted - length[nearest]) * away / length[:, None]
     final[:, :3] += move
     final[:, 4] -= 2.0 * orbit.mean_motion * move[:, 0]
@@ -242,28 +240,28 @@ def scattered_from(
 
 
 def regathered(orbit: Orbit, states: ArrayLike, elapsed: float) -> Floats:
-    """The relative orbits that craft had, some time later.
+    """Return earlier relative orbits of craft at a later time.
 
-    Each takes the place at which it would be had it coasted ever since.
+    Each craft returns to the state that it would have after coasting since then.
 
     Parameters
     ----------
     orbit : Orbit
-        Of the origin.
+        Orbit of the origin.
     states : array_like of shape (..., 6) [m, m/s]
-        Which they had, in the rotating frame.
+        Earlier states in the rotating frame.
     elapsed : float [s]
-        From then to arrival, at least 0.
+        Time to arrival, at least 0.
 
     Returns
     -------
     array of shape (..., 6) [m, m/s]
-        At arrival, in the rotating frame.
+        States at arrival, in the rotating frame.
 
     Raises
     ------
     ValueError
-        If `elapsed` is negative, the shape another, or a number not finite.
+        If `elapsed` is negative, the shape is wrong, or a number is not finite.
 
     References
     ----------
@@ -293,7 +291,7 @@ def _coasted(orbit: Orbit, states: Floats, duration: float) -> Floats:
 
 
 def _least_distances(orbit: Orbit, places: Floats, members: Floats) -> Floats:
-    """Least distance (M, N) of each place from each member over one orbit; in deep space, now."""
+    """Return the minimum distance (M, N) of places from members over one orbit; in deep space, now."""
     if not orbit.mean_motion:
         return np.asarray(np.linalg.norm(places[:, None, :3] - members[:, :3], axis=-1))
     ahead = orbit.coast(places, orbit.period)
@@ -303,7 +301,7 @@ def _least_distances(orbit: Orbit, places: Floats, members: Floats) -> Floats:
 
 
 def _half_way_to_next(orbit: Orbit, members: Floats) -> Floats:
-    """The members with an eccentricity, each moved on along its own relative orbit (d and l stay)."""
+    """Return the members with an eccentricity, each advanced on its own relative orbit (d and l stay)."""
     palmer = palmer_from_state(members, orbit.mean_motion)
     lengths = np.hypot(palmer[:, 0], palmer[:, 1])
     palmer = palmer[lengths > TOGETHER * np.abs(palmer).max(initial=0.0)]

@@ -1,7 +1,7 @@
-"""A certified lower bound of what craft must spend beyond their unconstrained optima.
+"""Certified lower bound of the energy of clear plans beyond the unconstrained optima.
 
 Let q_r be linear functions of the deviation of all paths: `places` without it, and `gram` = G the Gram
-matrix of the kernel (12) between them.  Whatever pairs and times are looked at, every clear plan satisfies
+matrix of the kernel (12) between them.  For any pairs and times, every clear plan satisfies
 
     squares   |q_g|^2 >= 1      for groups g of rows: outside a ball of a zone at some time
     halves    q_c >= floor_c    for the rows after them: beyond a plane, where one was chosen
@@ -11,9 +11,9 @@ over the rows of the squares and v = R (places + G_sh n),
 
     extra energy >= sum(l) / 2 + n (floor - places) - n G_hh n / 2 - v S^-1 v / 2        # theory (21a)
 
-No inverse of G is taken, so times may coincide.  The right side is concave; Newton's method climbs it
-with barriers on S, l and n.  Nothing of the climb is trusted: what is returned is worked out anew, with
-G enlarged (paths that give way more easily are cheaper) and S certified definite.
+No inverse of G is taken, so times may coincide.  The right side is concave; Newton's method maximises it
+with barriers on S, l and n.  The returned bound does not rely on this: it is recomputed with G enlarged
+(more compliant paths are cheaper) and S certified definite.
 """
 
 from math import inf, log, sqrt
@@ -24,24 +24,24 @@ from numba import float64, int64
 from closeform._jit import kernel
 from closeform.motion.linear import copy
 
-DEFINITE = 1e-9  # certified smallest eigenvalue of S: far above rounding, and costs as much of the bound
+DEFINITE = 1e-9  # certified smallest eigenvalue of S: far above rounding, and a loss of this share
 ENLARGED = 1e-12  # of G's diagonal, for each row: above the rounding of the kernel
 ROUNDING = 1e-13  # of the terms of the bound, for each row
 STEPS = 200  # of Newton's method, at most
-FINE = 1e-9  # of the bound, to which it is climbed where `enough` is in sight
-FIRST = 1.0  # barrier to start with, of the mean multiplier's part of the bound
-CENTRED, SHRINK = 2.0, 0.12  # decrement, in barriers, at which the barrier is lowered, and by how much
-STIFFEST = 1e-12  # compliance, of the greatest, below which a multiplier begins no higher
-BACK = 0.7  # of the multipliers to start with, while S is not definite
-INSIDE = 0.9  # of the way to where a multiplier vanishes
-CLIMBING = 0.3  # of the rise that the slope promises
-SHORTEST = 1e-9  # step that still climbs
-RETREAT = 10.0 * DEFINITE  # of the multipliers at the top, where S is hardly definite
+FINE = 1e-9  # of the bound: accuracy where `enough` is within reach
+FIRST = 1.0  # initial barrier, relative to the mean multiplier's part of the bound
+CENTRED, SHRINK = 2.0, 0.12  # decrement, in barriers, at which the barrier is reduced, and the factor
+STIFFEST = 1e-12  # of the largest compliance: lower limit that bounds initial multipliers
+BACK = 0.7  # factor of the initial multipliers while S is not definite
+INSIDE = 0.9  # of the distance to where a multiplier vanishes
+CLIMBING = 0.3  # of the rise predicted by the slope
+SHORTEST = 1e-9  # minimum step length
+RETREAT = 10.0 * DEFINITE  # of the multipliers at the maximum, where S is nearly singular
 
 
 @kernel()
 def invert(matrix, size):
-    """A symmetric matrix becomes its inverse; returns the log of its determinant, -inf where indefinite."""
+    """Invert a symmetric matrix in place; return the log of its determinant, -inf where indefinite."""
     total = 0.0
     row = np.empty(size)
     for k in range(size):
@@ -62,7 +62,7 @@ def invert(matrix, size):
             else:
                 matrix[k, i] = row[i] / pivot
         matrix[k, k] = -1.0 / pivot
-    for i in range(size):  # what Gauss and Jordan left is the negative upper half
+    for i in range(size):  # Gauss-Jordan leaves the negative upper half
         for j in range(i, size):
             matrix[i, j] *= -1.0
             matrix[j, i] = matrix[i, j]
@@ -71,7 +71,7 @@ def invert(matrix, size):
 
 @kernel()
 def weigh(places, gram, offsets, floors, multipliers, larger, less, roots, aims, matrix):
-    """Fill R, v and S, with G enlarged and S made smaller; returns the bound but for v S^-1 v / 2."""
+    """Fill R, v and S, with G enlarged and S reduced; return the bound without the term v S^-1 v / 2."""
     groups = len(offsets) - 1
     size = offsets[groups]
     total = 0.0
@@ -97,7 +97,7 @@ def weigh(places, gram, offsets, floors, multipliers, larger, less, roots, aims,
 
 @kernel()
 def times(matrix, vector, size, out):
-    """Fill `out` with the product; returns its scalar product with the vector."""
+    """Fill `out` with the product; return its scalar product with the vector."""
     total = 0.0
     for i in range(size):
         out[i] = 0.0
@@ -109,7 +109,7 @@ def times(matrix, vector, size, out):
 
 @kernel()
 def certified(places, gram, offsets, floors, multipliers):
-    """The bound of given multipliers, rounding included; -inf where S is not definite."""
+    """Return the bound of given multipliers, rounding included; -inf where S is not definite."""
     size, rows = offsets[len(offsets) - 1], len(places)
     roots, aims, x, product = np.empty(size), np.empty(size), np.empty(size), np.empty(size)
     matrix, inverse = np.empty((size, size)), np.empty((size, size))
@@ -130,9 +130,9 @@ def certified(places, gram, offsets, floors, multipliers):
 
 @kernel()
 def slopes(places, gram, offsets, floors, multipliers, roots, x, inverse, barrier, slope, hessian):
-    """Gradient and negative Hessian of the bound with its barriers, in shares of the multipliers.
+    """Fill gradient and negative Hessian of the bound with its barriers, in shares of the multipliers.
 
-    `x` = S^-1 v: of the roots times the places at which the Lagrangian is least.
+    `x` = S^-1 v: the roots times the rows at which the Lagrangian is minimal.
     """
     groups, halves = len(offsets) - 1, len(floors)
     size = offsets[groups]
@@ -177,14 +177,14 @@ def slopes(places, gram, offsets, floors, multipliers, roots, x, inverse, barrie
 
 @kernel()
 def begin(places, gram, offsets, floors, multipliers, roots, aims, inverse):
-    """Multipliers to start from: what each alone could be, scaled until S is definite."""
+    """Fill initial multipliers, scaled until S is definite."""
     groups = len(offsets) - 1
     size = offsets[groups]
     softest = 0.0
     for r in range(len(places)):
         softest = max(softest, gram[r, r])
     for g in range(groups):
-        own = STIFFEST * softest  # what hardly gives way, at an end of its craft's time, asks for no more
+        own = STIFFEST * softest  # limits multipliers of stiff rows at an end of a craft's time
         for r in range(offsets[g], offsets[g + 1]):
             own += gram[r, r]
         multipliers[g] = 1.0 / own
@@ -205,14 +205,14 @@ def begin(places, gram, offsets, floors, multipliers, roots, aims, inverse):
     )
 )
 def dual_bound(places, gram, offsets, floors, enough, tolerance, multipliers, forces):
-    """A certified bound of the extra energy, climbed until it is `enough` or cannot become it.
+    """Return a certified bound of the extra energy, maximised until it reaches `enough` or cannot.
 
-    It is known to `tolerance`, or to this share of what is missing to `enough`.  G must not vanish.
+    Its accuracy is `tolerance`, relative to the bound or to what is missing to `enough`.  G must not vanish.
 
     `places` (m,), `gram` (m, m); rows offsets[g] to offsets[g + 1] are the squares of group g, the last
-    len(floors) rows the halves.  `multipliers`, of groups and then halves, are kept where they are enough, as
-    a plan's may be, and become those of the bound; `forces` (m,) become those under which its Lagrangian
-    is least: then the rows are places + gram forces.
+    len(floors) rows the halves.  `multipliers`, of groups and then halves, are kept where they suffice, as a
+    plan's may, and are replaced by those of the bound otherwise.  `forces` (m,) are filled with the forces
+    that minimise its Lagrangian: then the rows are places + gram forces.
     """
     groups = len(offsets) - 1
     size, count = offsets[groups], groups + len(floors)
@@ -243,7 +243,7 @@ def dual_bound(places, gram, offsets, floors, enough, tolerance, multipliers, fo
             if barrier == 0.0:
                 barrier = FIRST * total / count
             elif length == 1.0 and decrement < CENTRED * barrier:
-                left = barrier * (size + count)  # to the top, from the middle
+                left = barrier * (size + count)  # distance from the centre to the maximum
                 scale = abs(level) if enough == inf else max(abs(level), enough - level)
                 if left < FINE * abs(level) or (left < tolerance * scale and level + left < enough):
                     break

@@ -1,4 +1,4 @@
-"""The sides on which a zone can be passed."""
+"""Exit directions: the sides on which a zone can be passed."""
 
 import numpy as np
 
@@ -15,11 +15,11 @@ CUBE_NORMALS = np.concatenate([AXES, *(np.roll(EDGES, k, axis=1) / 2.0 for k in 
 def exit_normals(
     shape: int, faces: Floats, aim: float, position: Floats, velocity: Floats, compliance: Floats
 ) -> list[tuple[float, Floats]]:
-    """Ways out of a zone: (rough cost, outward normal), cheapest first, all in zone coordinates.
+    """Return exits of a zone, (rough cost, outward normal), cheapest first, in zone coordinates.
 
-    A cube has six faces and twelve edges, a cylinder two ends and its side, half-spaces a way out each.
-    A ball, and a cylinder's side, is left along the softest axes across the motion, and along the
-    motion itself (by being late or early).
+    A cube has exits at six faces and twelve edges, a cylinder at two ends and its side, half-spaces at each
+    face.  Exits of a ball, and of a cylinder's side, are along the most compliant axes across the motion,
+    and along the motion itself (later or earlier).
     """
     if shape == CUBE:
         normals = CUBE_NORMALS
@@ -37,7 +37,7 @@ def exit_normals(
 
 
 def ranked_exits(problem: Problem, flown: Flown, contacts: Contacts) -> list[tuple[float, int, Floats]]:
-    """All ways out of zones from where pairs are at contacts, cheapest first: (rough cost, which, normal)."""
+    """Return all exits of zones from the positions at contacts: (rough cost, which, normal), sorted."""
     found = []
     for k, motion in enumerate(problem.motions(flown, contacts)):
         zone, compliance = problem.zones[problem.kinds[contacts.which[k]]], problem.kernel(contacts.some([k]))
@@ -47,7 +47,7 @@ def ranked_exits(problem: Problem, flown: Flown, contacts: Contacts) -> list[tup
 
 
 def round_normals(aim: float, position: Floats, velocity: Floats, compliance: Floats) -> Floats:
-    """Normals of a ball where rays from the position leave it, along the softest axes across the motion."""
+    """Return the normals where rays from the position leave a ball, along the most compliant axes."""
     square = velocity @ velocity
     across = np.eye(len(position))
     if square > 0.0:

@@ -1,9 +1,9 @@
-"""Where craft whose thrust is lost come near others: for every instant of failure, the drift after it.
+"""Close approaches of craft after a loss of thrust: for every instant of failure, the free drift after it.
 
     r(t; s) = E Phi(t - s) x(s) - r_other(t),    t >= s                                       # theory (44)
 
-Instants s of failure and times t are sampled; each local minimum over t is followed to its lowest point.
-One that is missed costs a round of planning, not safety: the certified search has the last word.
+Instants s of failure and times t are sampled; each local minimum over t is refined.  A minimum that is
+missed costs a round of planning, not safety: the certified search has the last word.
 """
 
 import numpy as np
@@ -21,12 +21,12 @@ from closeform.planning.rounding import norm_rate, rounded_norm
 from closeform.planning.scene import CONTACTS, INDICES, NUMBERS, ROWS, SCENE
 from closeform.zones.shapes import BALL, norm
 
-STEPS = 4  # of Newton's method to a minimum
-LOWER = 0.3  # of the fall to a sample from those beside it: how much lower the minimum may be
-FINE = 1e-9  # of all time, within which a minimum is known
-BEYOND = 1e100  # square of a norm, of bodies that are not there
-SETTLED = 1e-7  # of all time, within which an instant of failure is
-STRIDE, DAMPED = 0.01, 1e-3  # of all time, how long a step over failures may be; how it is damped
+STEPS = 4  # maximum steps of Newton's method to a minimum
+LOWER = 0.3  # of the fall to a sample from its neighbours: possible further fall to the minimum
+FINE = 1e-9  # of all time: accuracy of a minimum
+BEYOND = 1e100  # squared norm above which a body is absent
+SETTLED = 1e-7  # of all time: accuracy of an instant of failure
+STRIDE, DAMPED = 0.01, 1e-3  # maximum step, of all time; damping of a step
 
 
 @kernel()
@@ -39,7 +39,7 @@ def fill_clock(n, start, times, clock):
 
 @kernel()
 def lost_state(scene, arcs, offsets, craft, s, out):
-    """Fill `out` (6,) with the natural motion of a craft that loses its thrust at s, at the first time."""
+    """Fill `out` (6,) with the state at the first time of the free drift after a loss of thrust at s."""
     arc = arcs[locate(arcs, offsets[craft], offsets[craft + 1], s)]
     n, x = arc[MEAN_MOTION], state_at(arc, s)
     back = coast(n, scene.span[0] - s, x[0], x[1], x[2], x[3], x[4], x[5])
@@ -49,7 +49,10 @@ def lost_state(scene, arcs, offsets, craft, s, out):
 
 @kernel()
 def fill_gaps(n, lost, clock, matrix, other, first, gaps):
-    """Fill `gaps` (3, T), in zone coordinates, from another body to a natural motion, from `first` on."""
+    """Fill `gaps` (3, T) with the relative positions of a natural motion to another body, from `first` on.
+
+    They are in zone coordinates.
+    """
     x, y, z, vx, vy, vz = lost[0], lost[1], lost[2], lost[3], lost[4], lost[5]
     ax = n * (3.0 * n * x + 2.0 * vy)
     for k in range(first, clock.shape[1]):
@@ -77,7 +80,7 @@ def fill_squares(scene, kind, sign, gaps, first, squares):
 
 @kernel()
 def drifting_motion(scene, arcs, offsets, which, side, lost, t, out):
-    """Relative motion of a pair in zone coordinates, one of it on a natural motion from the first time."""
+    """Fill the relative motion of a pair with one body on a natural motion, in zone coordinates."""
     sign = 1.0 if side == 0 else -1.0
     out[:] = 0.0
     add_coasting(scene.base[0, MEAN_MOTION], t - scene.span[0], lost, out, sign)
@@ -87,7 +90,7 @@ def drifting_motion(scene, arcs, offsets, which, side, lost, t, out):
 
 @kernel()
 def lowest(scene, arcs, offsets, which, side, lost, t, low, high, motion):
-    """The time of the least norm near t, within [low, high]; fills the relative motion there."""
+    """Return the time of the minimum norm near t, within [low, high]; fill the relative motion there."""
     kind, work = scene.kinds[which], stack_vector(3)
     faces = scene.faces[scene.face_offsets[kind] : scene.face_offsets[kind + 1]]
     fine = FINE * (scene.span[1] - scene.span[0])
@@ -113,7 +116,7 @@ def lowest(scene, arcs, offsets, which, side, lost, t, low, high, motion):
 
 @kernel()
 def pair_norm(scene, which, motion):
-    """A pair's norm, its edges rounded, as a share of the aim."""
+    """Return a pair's norm with rounded edges, as a share of the aim."""
     kind = scene.kinds[which]
     faces = scene.faces[scene.face_offsets[kind] : scene.face_offsets[kind + 1]]
     x, y, z = motion[0, 0], motion[0, 1], motion[0, 2]
@@ -122,7 +125,7 @@ def pair_norm(scene, which, motion):
 
 @kernel()
 def add_minima(scene, arcs, offsets, which, side, s, lost, squares, first, reach, contacts, norms, count):
-    """Add the local minima over t of one failure that are within reach: how many there are then."""
+    """Add the local minima over t of one failure within reach; return the number of contacts."""
     motion, last = stack_matrix(3, 3), len(squares) - 1
     times = scene.times
     for k in range(first, last + 1):
@@ -149,10 +152,10 @@ def add_minima(scene, arcs, offsets, which, side, s, lost, squares, first, reach
 
 @kernel(int64(SCENE, ROWS, INDICES, ROWS, ROWS, float64, CONTACTS, NUMBERS))
 def find_failures(scene, arcs, offsets, moments, shifts, reach, contacts, norms):
-    """Fill `contacts` with the local minima over time after failures at `moments` (N, S): how many there are.
+    """Fill `contacts` with local minima over time after failures at `moments` (N, S); return their number.
 
-    Those within `reach` aims, and their `norms`.
-    `shifts` (N + M, 6) are added to the bodies as natural motions from the first time on.
+    Minima are those within `reach` aims; `norms` receives their norms.  `shifts` (N + M, 6) are added to the
+    bodies as natural motions, given as states at the first time.
     """
     arcs, offsets = borrowed(arcs), borrowed(offsets)
     craft, count, times = len(scene.base), 0, scene.times
@@ -191,7 +194,7 @@ def find_failures(scene, arcs, offsets, moments, shifts, reach, contacts, norms)
 
 @kernel()
 def fill_turns(scene, arcs, offsets, which, side, t, drift, out):
-    """How a pair's position, after a failure, changes with its instant s: d/ds, d2/dsdt, d2/ds2, as rows.
+    """Fill derivatives of a pair's position after a failure at s: rows d/ds, d2/dsdt, d2/ds2.
 
     In zone coordinates.                                                                 # theory (44)
     """
@@ -209,7 +212,7 @@ def fill_turns(scene, arcs, offsets, which, side, t, drift, out):
 
 @kernel()
 def slide_failure(scene, arcs, offsets, contacts, k, side, motion, turns):
-    """Take contact k to where, over the instant of failure and time, its pair comes closest, by Newton."""
+    """Move contact k to its pair's closest approach over failure instant and time, by Newton's method."""
     which, span = contacts.which[k], scene.span[1] - scene.span[0]
     craft = scene.base[scene.pairs[which, side]]
     margin = 1e-7 * (craft[END] - craft[START])
@@ -224,9 +227,9 @@ def slide_failure(scene, arcs, offsets, contacts, k, side, motion, turns):
             ss += turns[0, i] * turns[0, i] + q * turns[2, i]
             st += turns[0, i] * moving + q * turns[1, i]
             tt += moving * moving + q * motion[2, i]
-        if t >= scene.span[1] and gt < 0.0:  # at the end of all: in s alone
+        if t >= scene.span[1] and gt < 0.0:  # at the last time: a step in s alone
             gt, st, tt = 0.0, 0.0, 1.0
-        if not (tt > 0.0 and ss * tt > st * st):  # as though both went straight
+        if not (tt > 0.0 and ss * tt > st * st):  # not convex: treat both motions as straight
             ss, st, tt = 0.0, 0.0, 0.0
             for i in range(3):
                 ss, tt = ss + turns[0, i] * turns[0, i], tt + motion[1, i] * motion[1, i]
@@ -247,9 +250,10 @@ def slide_failure(scene, arcs, offsets, contacts, k, side, motion, turns):
 
 @kernel(void(SCENE, ROWS, INDICES, CONTACTS, ROWS, NUMBERS))
 def slide_failures(scene, arcs, offsets, contacts, turned, norms):
-    """Take contacts to where their pairs now come closest, with the normals there; some edges stay in place.
+    """Move contacts to their pairs' current closest approaches, with the normals there.
 
-    Fills the normals `turned` (K, 3) where they were before, and their norms (K,) as a share of the aim.
+    Contacts with edged zones keep their failure instants.  Fills the normals `turned` (K, 3) at the previous
+    times, and the norms (K,) as a share of the aim.
     """
     motion, turns, work, before = stack_matrix(3, 3), stack_matrix(3, 3), stack_vector(3), stack_vector(3)
     for k in range(len(contacts.times)):

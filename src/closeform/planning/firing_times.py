@@ -1,4 +1,4 @@
-"""The moments at which a craft may fire: a time, and which of its directions, each."""
+"""Moments at which a craft may fire, each with a time and one of its thrust directions."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple, Self
@@ -8,13 +8,13 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.fuel.thrusters import Thrusters
 
-SLIVER = 1e-15  # of times: slots no longer are rounding
+SLIVER = 1e-15  # of times: shorter slots are rounding
 
 
 class Moments(NamedTuple):
-    """Times (J,) in order, and which direction (J,) an impulse has there; the only one is free.
+    """Times (J,) in order, and the index (J,) of an impulse's direction; 0 where the direction is free.
 
-    Where `widths` (J,) [s] are above 0 it is a burn that begins then.
+    Where `widths` (J,) [s] are positive, the moment is a burn that begins at its time.
     """
 
     times: Floats
@@ -23,25 +23,25 @@ class Moments(NamedTuple):
 
     @classmethod
     def instants(cls, times: Floats, which: Any) -> Self:
-        """Of impulses."""
+        """Return moments of impulses."""
         return cls(times, which, np.zeros(len(times)))
 
     @classmethod
     def slots(cls, edges: Floats) -> Self:
-        """Of burns in any direction between edges (J + 1,), each up to the next."""
+        """Return burns in any direction between edges (J + 1,), each up to the next."""
         return cls(edges[:-1], np.zeros(len(edges) - 1, dtype=np.int64), np.diff(edges))
 
     @classmethod
     def every(cls, times: Floats, count: int) -> Self:
-        """All of `count` directions at each time."""
+        """Return moments of all `count` directions at each time."""
         return cls.instants(np.repeat(times, count), np.tile(np.arange(count), len(times)))
 
     def some(self, chosen: Any) -> "Moments":
-        """Those at places or in a mask."""
+        """Return the moments at indices or in a mask."""
         return Moments(*(column[chosen] for column in self))
 
     def joined(self, *others: "Moments") -> "Moments":
-        """All of them, in order, each once."""
+        """Return the union with other moments, in order."""
         every = Moments(*map(np.concatenate, zip(self, *others, strict=True)))
         order = np.lexsort((every.which, every.times))
         times, which = every.times[order], every.which[order]
@@ -50,12 +50,12 @@ class Moments(NamedTuple):
         return every.some(order[new])
 
     def burns(self, brief: float) -> Floats:
-        """When each begins and ends (J, 2); an impulse is a burn from so long before its time to after it."""
+        """Return start and end (J, 2) of each moment; an impulse begins and ends `brief` from its time."""
         about = np.where(self.widths > 0.0, 0.0, brief)
         return np.stack([self.times - about, self.times + self.widths + about], axis=1)
 
     def crossed(self, other: "Moments") -> "Moments":
-        """Those of both; slots are cut where either set's begin and end."""
+        """Return the union of both, with slots cut at the edges of either."""
         if not (self.widths.any() or other.widths.any()):
             return self.joined(other)
         ends = [own.times + own.widths for own in (self, other)]
@@ -64,7 +64,7 @@ class Moments(NamedTuple):
         return cut.some(cut.shares(self).any(axis=1) | cut.shares(other).any(axis=1))
 
     def shares(self, other: "Moments") -> Floats:
-        """How much (J, K) of each of the `other` moments falls into each of these."""
+        """Return the share (J, K) of each of the `other` moments that overlaps each of these."""
         if not self.widths.any():
             same = (self.times[:, None] == other.times) & (self.which[:, None] == other.which)
             return np.where(same, 1.0, 0.0)
@@ -74,9 +74,9 @@ class Moments(NamedTuple):
         return found
 
     def merged(self, peaks: "Moments", apart: float, fixed: bool) -> "Moments":
-        """Those that stand for all no further apart, of one direction: the peaks where there are some.
+        """Return moments that replace groups closer than `apart` in one direction, at `peaks` if possible.
 
-        In a fixed direction two stand for the time between them, so that all stay, peaks among them.
+        With `fixed` directions two impulses are equivalent to one between them, so all moments are kept too.
         """
         if not len(self.times):
             return peaks
@@ -91,7 +91,7 @@ class Moments(NamedTuple):
 
 
 def table_of(moments: Sequence[Moments]) -> tuple[Moments, Any]:
-    """Those of N craft as one table (N, J), and how many (N,) of each row are valid."""
+    """Return the moments of N craft as one table (N, J), and the number (N,) of valid ones in each row."""
     counts = np.array([len(own.times) for own in moments])
     shape = len(counts), int(counts.max())
     table = Moments(np.zeros(shape), np.zeros(shape, dtype=np.int64), np.zeros(shape))
@@ -102,7 +102,7 @@ def table_of(moments: Sequence[Moments]) -> tuple[Moments, Any]:
 
 
 def pushes_table(pushes: Sequence[Floats]) -> Floats:
-    """Impulses (J, 3) of N craft as one table (N, J, 3), which ends in zeros where others have more."""
+    """Return impulses (J, 3) of N craft as one table (N, J, 3), padded with zeros."""
     table = np.zeros((len(pushes), max(map(len, pushes)), 3))
     for row, given in zip(table, pushes, strict=True):
         row[: len(given)] = given
@@ -110,20 +110,20 @@ def pushes_table(pushes: Sequence[Floats]) -> Floats:
 
 
 def sizes_of(impulses: Floats) -> Floats:
-    """Those (N, J) of impulses (N, J, 3)."""
+    """Return the sizes (N, J) of impulses (N, J, 3)."""
     sizes: Floats = np.sqrt((impulses * impulses).sum(axis=2))
     return sizes
 
 
 def some_of_each(moments: Sequence[Moments], chosen: Any) -> list[Moments]:
-    """Those of each craft in a mask (N, J), whose rows may be longer than its moments are many."""
+    """Return each craft's moments in a mask (N, J), whose rows may be longer than its moments."""
     return [own.some(row[: len(own.times)]) for own, row in zip(moments, chosen, strict=True)]
 
 
 def blended(
     moments: tuple[list[Moments], list[Moments]], impulses: tuple[Floats, Floats], share: float
 ) -> tuple[list[Moments], Floats]:
-    """Moments (N) and impulses (N, J, 3) a `share` of the way from the first paths to the second."""
+    """Return moments (N) and impulses (N, J, 3) a `share` of the way from the first paths to the second."""
     fired = [sizes_of(given) > 0.0 for given in impulses]
     used = list(map(some_of_each, moments, fired))
     every = list(map(Moments.crossed, *used))
@@ -135,9 +135,10 @@ def blended(
 
 
 class Pushes(NamedTuple):
-    """Where N craft push: `directions` (N, M, 3) at time 0, the first of the `counts` (N,) zero where free.
+    """Thrust directions of N craft: `directions` (N, M, 3) at time 0, the first `counts` (N,) of each valid.
 
-    They turn back with the `spins` (N,) [rad/s], those that are fixed in inertial axes.
+    A craft with free direction has one zero vector.  Directions fixed in inertial axes rotate backwards with
+    `spins` (N,) [rad/s].
     """
 
     directions: Floats
@@ -146,7 +147,7 @@ class Pushes(NamedTuple):
 
     @classmethod
     def of(cls, thrusters: Sequence[Thrusters | None], mean_motion: float) -> Self:
-        """Of each craft's thrusters; None: free."""
+        """Return the directions of each craft's thrusters; None is free direction."""
         counts = np.array([1 if own is None else len(own) for own in thrusters])
         directions, spins = np.zeros((len(counts), counts.max(), 3)), np.zeros(len(counts))
         for i, own in enumerate(thrusters):
@@ -157,11 +158,11 @@ class Pushes(NamedTuple):
 
     @property
     def fixed(self) -> Any:
-        """Which craft (N,) do not push where they like."""
+        """Mask (N,) of the craft without free direction."""
         return self.directions.any(axis=(1, 2))
 
     def nearest(self, times: Floats, impulses: Floats) -> Any:
-        """Which direction (N, J) of its craft is that of each impulse (N, J, 3)."""
+        """Return the index (N, J) of the craft's direction nearest to each impulse (N, J, 3)."""
         every = np.arange(self.directions.shape[1])
         shape = *times.shape, len(every)
         each, when = np.broadcast_to(every, shape), np.broadcast_to(times[..., None], shape)
@@ -169,7 +170,7 @@ class Pushes(NamedTuple):
         return (ways @ impulses[..., None])[..., 0].argmax(axis=-1)
 
     def along(self, which: Any, times: Floats) -> Floats:
-        """Directions (N, J, 3) in the orbit's axes, of one for each craft (N, J) at finite times (N, J)."""
+        """Return directions (N, J, 3) in the orbit's axes for indices (N, J) at finite times (N, J)."""
         if not self.directions.any():
             return np.zeros((*which.shape, 3))
         found: Floats = self.directions[np.arange(len(which))[:, None], which]

@@ -1,4 +1,4 @@
-"""What impulses cost craft that nothing is in the way of, with the thrusters that they have."""
+"""Minimum delta-v of single craft without keep-out zones, with their thrusters."""
 
 from collections.abc import Sequence
 from math import inf
@@ -20,14 +20,14 @@ def answers_alone(
     thrusters: Sequence[Thrusters | None],
     names: Sequence[str],
 ) -> Floats:
-    """Answers (P, 34) to one transfer of each craft, as of `impulses.answers`.
+    """Return the solutions (P, 34) of one transfer of each craft, as `impulses.answers` does.
 
-    Raises ValueError that names the craft whose thrusters cannot make its own, and why.
+    Raises ValueError that names the craft whose thrusters cannot perform its transfer, with the reason.
     """
     free = np.array([own is None for own in thrusters])
     if free.all():
         return answers(mean_motion, arcs, finals)
-    # Here: who has no thrusters loads no linear programs.
+    # Imported here, because only thrusters need linear programs.
     from closeform.motion.directed import answers_of
 
     found = np.empty((len(arcs), ANSWER))
@@ -49,10 +49,10 @@ def costs_alone(
     thrusters: Sequence[Thrusters | None],
     names: Sequence[str],
 ) -> Floats:
-    """What it costs at least (N, S) to bring each craft to each of its final states (N, S, 6).
+    """Return the minimum delta-v (N, S) from each craft to each of its final states (N, S, 6).
 
-    inf where its thrusters do not.
-    Raises ValueError for a craft that can go to none.
+    It is inf where the thrusters cannot perform the transfer.
+    Raises ValueError for a craft that can reach none of its states.
     """
     given = orbit.mean_motion, initial[:, None], finals, durations[:, None], starts[:, None]
     arcs, ends = arcs_between(*given)

@@ -1,4 +1,4 @@
-"""What paths of impulses are asked: whether they are clear, and stay so where thrust may be lost."""
+"""Checks of impulsive paths: conflicts with thrust, and after a loss of thrust."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -12,12 +12,12 @@ from closeform.planning.firing_times import Moments, sizes_of, some_of_each
 from closeform.planning.problem import Flown, PairRow, Problem
 from closeform.planning.scene import Contacts
 
-ASTRAY = 1e-6  # of how far away ends are, or of a metre: by more nobody has arrived
-WEAK = 1e-3  # of the mean multiplier: planes that hardly push
+ASTRAY = 1e-6  # of the distance of the ends, or of a metre: larger errors are misses
+WEAK = 1e-3  # of the mean multiplier: smaller ones are insignificant
 
 
 class Checked(NamedTuple):
-    """Conflicts of paths, and where craft that lost their thrust come near others; the least norm there."""
+    """Conflicts of paths, close approaches after a loss of thrust, and the smallest norm of these."""
 
     missed: list[PairRow]
     lost: Contacts
@@ -25,78 +25,78 @@ class Checked(NamedTuple):
 
     @property
     def clear(self) -> bool:
-        """Whether there is no conflict, with thrust or without."""
+        """Whether there is no conflict, with thrust or after its loss."""
         return not self.missed and self.nearest >= 1.0
 
     @property
     def worst(self) -> float:
-        """The least norm of all conflicts, at most 1."""
+        """Smallest norm of all conflicts, at most 1."""
         return min([1.0, self.nearest, *(float(row[3]) for _, row in self.missed)])
 
 
 @dataclass(frozen=True, eq=False)
 class Spent:
-    """What one round came to: paths, their delta-v [m/s], conflicts left, and what it was found with.
+    """Result of one round: paths, their delta-v [m/s], remaining conflicts, and the program's solution.
 
-    Delta-v is the sum of the sizes of all `impulses`: of two thrusters that fire at once, of both.
+    Delta-v is the sum of the sizes of all `impulses`; two thrusters that fire at once both count.
     """
 
     flown: Flown
     delta_v: float
-    least: float  # [m/s]: nothing that keeps these planes costs less, fired at any time; certified
+    least: float  # [m/s]: certified lower bound for these planes and any firing times
     checked: Checked
     contacts: Contacts
-    margin: float  # of the zones, to which planes were moved out
+    margin: float  # distance of the planes, in zones
     moments: list[Moments]  # of each craft
     impulses: Floats  # (N, J, 3)
-    peaks: list[Moments]  # when each craft's primer is longest, or most along one of its thrusters
+    peaks: list[Moments]  # maxima of each craft's primer, or of its part along a thruster
 
     @property
     def pushing(self) -> Any:
-        """Which contacts (K,) push their pairs apart."""
+        """Mask (K,) of the contacts with significant multipliers."""
         return pushing(self.contacts)
 
     def fired(self, share: float) -> list[Moments]:
-        """When each craft fires more than a share of all."""
+        """Return the moments of each craft at which it fires more than a `share` of the delta-v."""
         return some_of_each(self.moments, sizes_of(self.impulses) > share * self.delta_v)
 
 
 class Failures(Protocol):
-    """What lost thrust leads to, for plans that are to be passively safe."""
+    """Conditions for a loss of thrust, for plans that are to be passively safe."""
 
-    holding: bool  # planes that push, although paths have left them
+    holding: bool  # keep active planes although paths have left them
 
     def checked(self, flown: Flown, known: Contacts) -> Checked:
-        """Conflicts of paths, and where failed craft come near others, at `known` instants among others."""
+        """Return conflicts of paths and close approaches of failed craft, also from `known` contacts."""
 
     def starts(self, margin: float = ...) -> Iterator[Contacts]:
-        """Contacts of other plans that are safe, to begin with, for zones larger by a margin."""
+        """Yield contacts of other safe plans as starts, for zones enlarged by a margin."""
 
     def merged(
         self, contacts: Contacts, before: list[Moments], impulses: Floats, after: list[Moments]
     ) -> Contacts:
-        """The contacts for fewer moments `after`, each of which stands for those of `before` near it."""
+        """Return the contacts for fewer moments `after`, each of which replaces those of `before` near it."""
 
     def touching(self, flown: Flown, contacts: Contacts) -> tuple[Contacts, bool]:
-        """Those that are touched, amid impulses where their chords are, and whether all of them are."""
+        """Return the contacts that paths touch, moved onto the chords of impulses, and whether all touch."""
 
     def brief(self, flown: Flown) -> Flown:
-        """The same paths, their impulses as brief burns, in the midst of which thrust may be lost."""
+        """Return the paths with impulses as brief burns, amid which thrust may be lost."""
 
 
 def arrive(problem: Problem, flown: Flown, finals: Floats) -> bool:
-    """Whether craft come to their final states (N, 6), as few impulses along few directions may not."""
+    """Return whether craft reach their final states (N, 6), which few fixed directions may not allow."""
     paths, ends = problem.path(flown), problem.base[:, END]
     off = np.abs(np.stack([paths[i].state(end) for i, end in enumerate(ends)]) - finals)[:, :3].max()
     return bool(off <= ASTRAY * np.abs(finals[:, :3]).max(initial=1.0))
 
 
 def pushing(contacts: Contacts) -> Any:
-    """Which contacts (K,) push their pairs apart."""
+    """Return the mask (K,) of the contacts with significant multipliers."""
     pushes = contacts.multipliers
     return pushes > WEAK * pushes.sum() / max(len(pushes), 1)
 
 
 def drifting(contacts: Contacts) -> Any:
-    """Which contacts (K,) are of a craft that lost its thrust before."""
+    """Return the mask (K,) of the contacts after a loss of thrust."""
     return contacts.drifts.any(axis=1)

@@ -1,8 +1,9 @@
-"""From clear paths to cheaper ones, and to clear ones from near by: steps that stay, or come, clear.
+"""Descent from clear impulsive paths to cheaper ones, and steps from nearly clear paths to clear ones.
 
-Planes of failures are those of the paths at hand, which keep them.  Paths part of the way to the cheapest
-that keep these planes cost less, and are clear as far as the planes stand for what is near: where none
-is, planes are moved out, so that the way leads off the zones at first.                     # theory (74)
+The planes of failures are placed at the current paths, which satisfy them.  Paths part of the way to the
+cheapest that satisfy these planes cost less, and are clear as far as the planes represent all nearby
+failures.  Where none is clear, the planes are moved out, so that the first steps lead away from the
+zones.                                                                                      # theory (74)
 """
 
 from collections.abc import Callable
@@ -13,18 +14,19 @@ from closeform.planning.impulse_checks import Spent
 from closeform.planning.impulse_local import LAST, SAFER, SETTLED, ImpulseSolver
 from closeform.planning.scene import Contacts
 
-ROUNDS, COMING = 20, 12  # to cheaper paths, and to clear ones, at most
-LIFTS = 0.0, 1e-3, 1e-2  # zones by which planes are moved out
-SHARES = 0.5, 0.25, 0.125  # of the way to what keeps the planes
-GAINED = 1e-4  # of the cost: a round that gains less is the last
-CUTS = 8  # times that planes are joined, which the cheapest paths break that keep the others
-MOST = 250  # planes, beyond which no more are joined
+ROUNDS, COMING = 20, 12  # maximum rounds to cheaper paths, and to clear ones
+LIFTS = 0.0, 1e-3, 1e-2  # distances in zones by which planes are moved out
+SHARES = 0.5, 0.25, 0.125  # of the way to paths that satisfy the planes
+GAINED = 1e-4  # of the cost: minimum saving for another round
+CUTS = 8  # maximum rounds that add violated planes
+MOST = 250  # maximum planes
 
 
 def descended(solver: ImpulseSolver, best: Spent) -> Spent:
-    """Clear paths that are no dearer than clear ones, fired when these are.
+    """Return clear paths of no higher cost than the given ones, fired at the same moments.
 
-    Or when primers ask for it, which is more often, where that is cheaper by more than few impulses may cost.
+    Moments at the maxima of the primers, which are more, are used where they save more than few impulses may
+    cost.
     """
     few = at_rest(solver, best, lambda found: found.moments)
     many = at_rest(solver, few, solver.following)
@@ -32,7 +34,7 @@ def descended(solver: ImpulseSolver, best: Spent) -> Spent:
 
 
 def at_rest(solver: ImpulseSolver, best: Spent, moments: Callable[[Spent], list[Moments]]) -> Spent:
-    """What rounds come to from clear paths, fired at `moments` of those before."""
+    """Return the last of the rounds from clear paths, each fired at the `moments` of the one before."""
     for _ in range(ROUNDS):
         better = step_down(solver, best, moments(best))
         if better is None:
@@ -46,9 +48,9 @@ def at_rest(solver: ImpulseSolver, best: Spent, moments: Callable[[Spent], list[
 def cleared(
     solver: ImpulseSolver, near: Spent, moments: Callable[[Spent], list[Moments]] | None = None
 ) -> Spent | None:
-    """Clear paths to which steps lead from near ones, fired at their moments; None where they do not.
+    """Return clear paths reached by steps from nearly clear ones at their moments; None without any.
 
-    Or at `moments` of those before.
+    With `moments`, each step is fired at these moments of the paths before.
     """
     here: Spent | None = near
     for _ in range(COMING):
@@ -59,9 +61,9 @@ def cleared(
 
 
 def step_down(solver: ImpulseSolver, here: Spent, moments: list[Moments]) -> Spent | None:
-    """Clear paths fired at moments that cost less than clear ones; None where there are none.
+    """Return clear paths fired at moments that cost less than clear ones; None without any.
 
-    The cheapest that keep planes which these keep, those that paths on the way break among them.
+    They satisfy planes that the clear paths satisfy; planes violated on the way are added.
     """
     contacts, least = solver.turned(here), None
     solver.aim = solver.least
@@ -84,7 +86,7 @@ def step_down(solver: ImpulseSolver, here: Spent, moments: list[Moments]) -> Spe
 
 
 def kept_by(solver: ImpulseSolver, clear: Spent, found: Spent) -> Contacts:
-    """The contacts of conflicts of paths that were found, turned to where clear ones are: these keep them."""
+    """Return the contacts of conflicts of paths that were found, with normals that clear paths satisfy."""
     problem, lost, met = solver.problem, found.checked.lost, solver.problem.met(found.checked.missed)
     if solver.failures is not None:
         lost = lost._replace(normals=problem.normals(solver.failures.brief(clear.flown), lost, -inf))
@@ -92,7 +94,7 @@ def kept_by(solver: ImpulseSolver, clear: Spent, found: Spent) -> Contacts:
 
 
 def step_near(solver: ImpulseSolver, here: Spent, moments: list[Moments]) -> Spent | None:
-    """Paths fired at moments that are clear, or come nearest to it from some that are not; None without."""
+    """Return paths fired at moments that are clear or nearest to it; None without any."""
     contacts, best = solver.turned(here), None
     for lift in LIFTS:
         solver.aim = solver.least + lift

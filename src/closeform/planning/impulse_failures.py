@@ -1,8 +1,9 @@
-"""Where craft that lost their thrust between impulses, or amid one, come near others.
+"""Close approaches of craft that lost their thrust between impulses or during one.
 
-Between impulses a path is one natural motion, whenever thrust is lost there: a plane for its start, from
-which on nothing more is fired, and one for its end, before which all is.  Amid an impulse the failures are a
-chord; an impulse is taken to be a brief burn, so that each of them has an instant of its own.  # theory (74)
+Between impulses a path is one natural motion, whenever thrust is lost there.  It has a plane for its
+start, from which on nothing more is fired, and one for its end, before which everything is.  During an
+impulse the failures form a chord; the impulse is treated as a brief burn, so that each failure has an instant
+of its own.                                                                                 # theory (74)
 """
 
 from collections.abc import Iterator
@@ -25,20 +26,20 @@ from closeform.planning.side_search import MARGINS
 from closeform.zones.shapes import BALL
 from closeform.zones.zone import scaled_norm
 
-ROOM = 600  # minima, and for each pair
-STARTS, MORE_STARTS = 16, 64  # from which least energy is looked for, and where that found fewer than ENOUGH
-ENOUGH, ANOTHER = 4, 0.01  # paths, and by how much of their energy two are not one
-TOUCHING = 1.02  # zones: a plane that is kept farther away is no contact
+ROOM = 600  # capacity for minima, for each pair
+STARTS, MORE_STARTS = 16, 64  # starts for minimum energy, and where these give fewer than ENOUGH paths
+ENOUGH, ANOTHER = 4, 0.01  # paths, and the relative energy difference of distinct ones
+TOUCHING = 1.02  # zones: a plane that is farther away is no contact
 REACH = 1.4  # zones, within which a minimum becomes a plane
 AMID = (np.arange(32) + 0.5) / 32  # shares of an impulse after which thrust is lost
-OPEN = 1e-3  # share of a chord from its ends on: nearer is one of them
-INSIDE = 1.0 - 1e-12  # norm that is certainly inside
-BESIDE = np.array([0.02, 0.05])  # of a craft's time: instants and times of planes that stand for known ones
-CELLS = np.array([0.01, 0.02])  # and those that are one, the nearest
+OPEN = 1e-3  # share of a chord near its ends that counts as the end
+INSIDE = 1.0 - 1e-12  # largest norm that counts as inside
+BESIDE = np.array([0.02, 0.05])  # of a craft's time: tolerances of instants and times for a replacement
+CELLS = np.array([0.01, 0.02])  # cells of which only the nearest plane is kept
 
 
 class ImpulseFailures:
-    """Of one problem; `holding` planes that push where no other takes their place, or leaving them."""
+    """Loss of thrust in one problem; `holding` keeps active planes without a replacement."""
 
     holding = False
 
@@ -50,7 +51,7 @@ class ImpulseFailures:
         self.lengths = problem.base[:, END] - problem.base[:, START]
 
     def checked(self, flown: Flown, known: Contacts) -> Checked:
-        """Conflicts of paths, and where failed craft come near others, at `known` instants among others.
+        """Return conflicts of paths and close approaches of failed craft, also from `known` contacts.
 
         Certified where there are none.
         """
@@ -68,7 +69,7 @@ class ImpulseFailures:
         return Checked(missed, lost, nearest)
 
     def touching(self, flown: Flown, contacts: Contacts) -> tuple[Contacts, bool]:
-        """Those that are touched, amid impulses where their chords are, and whether all of them are."""
+        """Return the contacts that paths touch, moved onto the chords of impulses, and whether all touch."""
         wide = self.brief(flown)
         lasting = np.ptp(wide[0][self.rows_of(wide, contacts), START : END + 1], axis=1)
         amid = np.flatnonzero(drifting(contacts) & (lasting < 3.0 * BRIEF * self.lengths.max()))
@@ -81,7 +82,7 @@ class ImpulseFailures:
         return contacts.some(np.flatnonzero(touched)), bool(touched.all())
 
     def starts(self, margin: float = MARGINS[0]) -> Iterator[Contacts]:
-        """Contacts of passively safe paths of least energy, for zones larger by a margin."""
+        """Yield contacts of passively safe paths of minimum energy, for zones enlarged by a margin."""
         search, known = PassiveSearch(self.problem, margin, None, False), np.empty(0)
         for number in range(MORE_STARTS + STARTS):
             walking = number >= MORE_STARTS
@@ -93,7 +94,7 @@ class ImpulseFailures:
                 yield found.contacts
 
     def brief(self, flown: Flown) -> Flown:
-        """The same paths, their impulses as brief burns, in the midst of which thrust may be lost."""
+        """Return the paths with impulses as brief burns, amid which thrust may be lost."""
         arcs, offsets = flown
         own = [
             widened(self.problem.orbit, arcs[offsets[i] : offsets[i + 1]], BRIEF * self.lengths[i])
@@ -103,9 +104,9 @@ class ImpulseFailures:
         return self.problem.with_obstacles(np.concatenate(own), starts)
 
     def near(self, flown: Flown, known: Contacts) -> tuple[Contacts, float]:
-        """Planes where failed craft come near others, and the least norm.
+        """Return planes at close approaches of failed craft, and the smallest norm.
 
-        Where it is `holding` them with the `known` ones that none of these stands for.
+        With `holding`, `known` planes that no new one replaces are included.
         """
         wide = arcs, offsets = self.brief(flown)
         own = offsets[: self.problem.count + 1]
@@ -125,10 +126,10 @@ class ImpulseFailures:
         return planes, nearest
 
     def planes(self, wide: Flown, found: Contacts, norms: Floats) -> tuple[Contacts, float]:
-        """Planes of failures that were found, for the coasts and impulses in which they are."""
+        """Return planes for the coasts and impulses of the failures found, and the smallest norm."""
         arcs, rows, side, lost = wide[0], self.rows_of(wide, found), side_of(found), lost_at(found)
         start, end, burning = arcs[rows, START], arcs[rows, END], arcs[rows, PUSH : PUSH + 3].any(axis=1)
-        over = found.times > end  # before it flies as planned
+        over = found.times > end  # contact after the arc in which thrust was lost
         later, amid = over & ~burning, over & burning
         middle = later & (np.abs(lost - 0.5 * (start + end)) < 1e-9 * (end - start))
         first, last, chords = found.some(middle), found.some(middle), found.some(amid)
@@ -149,17 +150,17 @@ class ImpulseFailures:
         return planes.some(order[once]), float(nearest)
 
     def unlike(self, known: Contacts, planes: Contacts) -> Any:
-        """Which known contacts (K,) none of the planes stands for."""
+        """Return the mask (K,) of known contacts that no plane replaces."""
         same = (known.which[:, None] == planes.which) & (side_of(known)[:, None] == side_of(planes))
         apart = np.abs(self.instants(known)[:, None] - self.instants(planes))
         return ~(same & (apart < BESIDE).all(axis=2)).any(axis=1)
 
     def instants(self, contacts: Contacts) -> Floats:
-        """When thrust was lost and when it touches (K, 2), in shares of a craft's time."""
+        """Return the times (K, 2) of loss of thrust and contact, in units of the longest duration."""
         return np.column_stack([lost_at(contacts), contacts.times]) / float(self.lengths.max())
 
     def placed(self, wide: Flown, found: Contacts) -> tuple[Contacts, Floats]:
-        """Failures amid burns where their chords come nearest at the same time, and their norms there."""
+        """Return failures amid burns, moved to the nearest points of their chords, and the norms there."""
         rows, side = self.rows_of(wide, found), side_of(found)
         start, end = wide[0][rows, START], wide[0][rows, END]
         ball = self.scene.shapes[self.problem.kinds[found.which]] == BALL
@@ -182,9 +183,9 @@ class ImpulseFailures:
     def merged(
         self, contacts: Contacts, before: list[Moments], impulses: Floats, after: list[Moments]
     ) -> Contacts:
-        """The contacts for fewer moments `after`, each of which stands for those of `before` nearest to it.
+        """Return the contacts for fewer moments `after`, each of which replaces the nearest of `before`.
 
-        Thrust that was lost among some of these is lost amid the one, after as much of it.
+        A loss of thrust among the replaced moments becomes one amid their replacement, after the same share.
         """
         craft, drifts = self.failed(contacts), contacts.drifts.copy()
         for k in np.flatnonzero(contacts.drifts.any(axis=1)):
@@ -209,11 +210,11 @@ class ImpulseFailures:
         return contacts._replace(drifts=drifts)
 
     def failed(self, contacts: Contacts) -> Any:
-        """Which body (K,) lost its thrust."""
+        """Return the body (K,) that lost its thrust."""
         return self.problem.pairs[contacts.which, side_of(contacts)]
 
     def rows_of(self, wide: Flown, found: Contacts) -> Any:
-        """In which arc (K,) of the craft that failed its thrust was lost."""
+        """Return the arc (K,) of the failed craft in which its thrust was lost."""
         arcs, offsets = wide
         craft, lost = self.failed(found), lost_at(found)
         rows = np.empty(found.number, dtype=np.int64)
@@ -224,18 +225,18 @@ class ImpulseFailures:
 
 
 def side_of(contacts: Contacts) -> Any:
-    """Which (K,) of a pair failed."""
+    """Return which body (K,) of each pair failed."""
     return np.argmax(contacts.drifts, axis=1)
 
 
 def lost_at(contacts: Contacts) -> Floats:
-    """When (K,) its thrust was lost."""
+    """Return the times (K,) of loss of thrust."""
     lost: Floats = contacts.times - contacts.drifts.max(axis=1)
     return lost
 
 
 def widened(orbit: Orbit, rows: Floats, brief: float) -> Floats:
-    """Arcs of one craft whose impulses are burns from so long before their time to so long after it."""
+    """Return arcs of one craft with impulses as burns of duration 2 `brief` about their times."""
     found: list[Floats] = []
     for row in rows:
         push, state, at = row[IMPULSE : IMPULSE + 3], row[STATE : STATE + 6], row[START]

@@ -1,4 +1,4 @@
-"""From impulses at many times to paths with few: ends met to rounding, no more impulses than they need."""
+"""Paths from optimal impulses: end states met to rounding, with no more impulses than necessary."""
 
 from math import inf
 
@@ -21,24 +21,24 @@ from closeform.planning.impulse_scene import (
 )
 from closeform.planning.scene import BLOCKS, INDICES, ROWS
 
-REPAIRS = 3  # of the ends, which rounding leaves open
-NOTHING, ROUNDING = 1e-9, 1e-4  # left of terms that add up to none, and of their weights in that
-DEPENDENT = 1e-12  # of the greatest pivot: a column is the sum of others
-SLIGHT = 1e-16  # of the square of what a natural motion comes to: impulses do not change it
+REPAIRS = 3  # corrections of the ends for rounding
+NOTHING, ROUNDING = 1e-9, 1e-4  # tolerance of terms that add up to zero, and the weight of their scale
+DEPENDENT = 1e-12  # of the largest pivot: below it columns are dependent
+SLIGHT = 1e-16  # of the squared scale of a natural motion: below it impulses have no effect
 
 
 @kernel()
 def repair(fleet, i, impulses):
-    """Change the sizes of a craft's impulses, where they are free also their directions, to reach its end.
+    """Correct a craft's impulses to reach its end: sizes, and directions where these are free.
 
-    By as little as does it, the large ones first.
+    The correction is minimal, and larger for large impulses.
     """
     n, lasts = fleet.base[i, MEAN_MOTION], fleet.base[i, END] - fleet.base[i, START]
     matrix, left, psi = stack_matrix(6, 6), stack_vector(6), stack_matrix(3, 6)
-    away = lasts if n * lasts < 1.0 else 1.0 / n  # how far a speed of 1 leads
+    away = lasts if n * lasts < 1.0 else 1.0 / n  # displacement by a speed of 1
     for _ in range(REPAIRS):
         total = 0.0
-        gain(fleet, i, left)  # less the sum of Psi^T v, by theory (27)
+        gain(fleet, i, left)  # minus the sum of Psi^T v, theory (27)
         for a in range(6):
             for b in range(6):
                 matrix[a, b] = 0.0
@@ -55,11 +55,11 @@ def repair(fleet, i, impulses):
                     left[a] -= psi[axis, a] * v[axis]
                     for b in range(6):
                         matrix[a, b] += weight * psi[axis, a] * psi[axis, b]
-        for a in range(6):  # two impulses half an orbit apart change less than six things
+        for a in range(6):  # two impulses half an orbit apart control fewer than six components
             if matrix[a, a] < SLIGHT * total * (1.0 if a < 3 else away * away):
                 for b in range(6):
                     matrix[a, b] = matrix[b, a] = 0.0
-        triangle(matrix, 6)  # what these impulses do not change stays as it is
+        triangle(matrix, 6)  # uncontrolled components stay as they are
         for a in range(6):
             for b in range(a):
                 left[a] -= matrix[a, b] * left[b]
@@ -88,14 +88,14 @@ def repair(fleet, i, impulses):
 
 @kernel()
 def clear(row):
-    """Let an arc be nothing yet."""
+    """Fill an arc with zeros."""
     for k in range(len(row)):
         row[k] = 0.0
 
 
 @kernel()
 def begin_arc(n, row, start, end, state):
-    """Set times, mean motion and first state of an arc."""
+    """Set times, mean motion and initial state of an arc."""
     row[START], row[END], row[MEAN_MOTION] = start, end, n
     for a in range(6):
         row[STATE + a] = state[a]
@@ -103,7 +103,7 @@ def begin_arc(n, row, start, end, state):
 
 @kernel(int64(FLEET, BLOCKS, ROWS, INDICES))
 def fly_impulses(fleet, impulses, arcs, offsets):
-    """Fill the craft's paths, their ends repaired, over all the time flown; returns how many arcs."""
+    """Fill the craft's paths with repaired ends over the whole time span; return the number of arcs."""
     row, state = 0, stack_vector(6)
     for i in range(len(fleet.base)):
         offsets[i] = row
@@ -146,7 +146,7 @@ def fly_impulses(fleet, impulses, arcs, offsets):
 
 @kernel()
 def null_vector(matrix, size, columns, z, order):
-    """Fill `z` so that the matrix times it is 0, by elimination with complete pivoting; it is spoilt."""
+    """Fill `z` with a null vector of the matrix, by elimination with complete pivoting; overwrite it."""
     for c in range(columns):
         order[c] = c
     rank, first = 0, 0.0
@@ -180,11 +180,11 @@ def null_vector(matrix, size, columns, z, order):
 
 @kernel(void(FLEET, PLANES, BLOCKS))
 def keep_fewest(fleet, planes, impulses):
-    """Leave each craft no more impulses than ends and planes need, with the same effect on them, for no more.
+    """Reduce each craft's impulses to as many as ends and planes require, without a higher sum of sizes.
 
-    What many impulses along fixed directions do is a sum in few dimensions, so that some of them can be
-    made up for by others (Caratheodory), in the direction in which the sum of sizes does not grow.  Of burns
-    within a limit few are left that are neither nothing nor the most they can be.
+    The effect of many impulses along fixed directions is a sum in few dimensions, so that some can be
+    replaced by others (Caratheodory), in the direction in which the sum of sizes does not grow.  Of burns
+    within a limit, few remain that are neither zero nor at the limit.
     """
     number, most = len(planes.times), fleet.times.shape[1]
     effects, work = np.empty((6 + number, most)), np.empty((6 + number, 7 + number))
@@ -235,7 +235,7 @@ def keep_fewest(fleet, planes, impulses):
 
 @kernel()
 def scale_rows(matrix, size, used, count):
-    """Bring rows of different units to one size."""
+    """Scale rows of different units to the same size."""
     for a in range(size):
         largest = 0.0
         for c in range(count):
@@ -246,7 +246,7 @@ def scale_rows(matrix, size, used, count):
 
 @kernel()
 def is_null(matrix, size, used, columns, z):
-    """Whether columns of a matrix, its rows of one size, add up to rounding when weighted by z."""
+    """Return whether the columns of a matrix with scaled rows add up to zero when weighted by z."""
     weight = 0.0
     for c in range(columns):
         weight += abs(z[c])
@@ -262,7 +262,7 @@ def is_null(matrix, size, used, columns, z):
 
 @kernel()
 def drop_one(impulses, sizes, most, used, columns, z):
-    """Change sizes along z, or against it, whichever makes their sum no larger, until one is zero or most."""
+    """Change sizes along z or against it, without a larger sum, until one is zero or at its limit."""
     total = 0.0
     for c in range(columns):
         total += z[c]

@@ -1,4 +1,4 @@
-"""Fewer impulses: which are joined with the next one or left out, in order of what that costs about."""
+"""Reduction of the number of impulses: joins and omissions, in order of their approximate cost."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -10,7 +10,7 @@ from closeform.planning.firing_times import Moments
 
 
 class Step(NamedTuple):
-    """One impulse less of a `craft`: what that costs about [m/s], and the moments that are left."""
+    """One impulse less of a `craft`: its approximate cost [m/s], and the remaining moments."""
 
     loss: float
     craft: int
@@ -20,9 +20,9 @@ class Step(NamedTuple):
 def steps_to_fewer(
     fired: Sequence[Moments], sizes: Sequence[Floats], rates: Floats, most: float
 ) -> list[Step]:
-    """Of all craft, those of least cost first, up to `most` [m/s] each; those of one craft in order.
+    """Return the steps of all craft, cheapest first, up to `most` [m/s] each; those of one craft in order.
 
-    `sizes` are those of what is `fired`, and `rates` (N,) [rad/s] say how fast each craft's motion turns.
+    `sizes` are those of the `fired` moments, and `rates` (N,) [rad/s] the rates of each craft's motion.
     """
     every = [
         step
@@ -33,10 +33,11 @@ def steps_to_fewer(
 
 
 def steps_of(craft: int, moments: Moments, sizes: Floats, rate: float, most: float) -> list[Step]:
-    """Of one craft.
+    """Return the steps of one craft.
 
-    Two impulses of one direction, of sizes q and r and t apart, are one about their centroid, for about
-    q r / (q + r) (rate t)^2: second moments differ.  One that is far from all others is left out, for q.
+    Two impulses of one direction, of sizes q and r and t apart, are joined at their centroid for about
+    q r / (q + r) (rate t)^2, the difference of second moments.  An impulse far from all others is omitted
+    for q.
     """
     order = np.lexsort((moments.times, moments.which))
     times, which, q = moments.times[order], moments.which[order], sizes[order]

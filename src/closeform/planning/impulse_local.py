@@ -1,10 +1,10 @@
-"""Impulses of least delta-v that keep all pairs clear: planes at contacts, turned and moved until they hold.
+"""Impulses of minimum delta-v that keep all pairs clear: planes at contacts, updated until they hold.
 
-A round prices the planes of the contacts (`joint_dual`), flies the impulses, and looks for conflicts.
-Each plane is then turned to where its pair is, and pairs that are still in conflict get one more.  What is
-clear stays clear when planes turn, and becomes cheaper.  Craft may fire at the times of a grid, at the
-maxima of their primers, and when they last did; in the end only when they must.            # theory 6
-Thrusters have moments of their own each: a time, and the direction of one of them.
+A round solves the program for the planes of the contacts (`joint_dual`), propagates the impulses, and
+searches for conflicts.  Each plane is then turned to its pair's position, and pairs still in conflict get
+another one.  Clear paths stay clear when planes turn, and become cheaper.  Craft may fire at the times of a
+grid, at the maxima of their primers, and when they last did; at the end only at necessary times.
+Each thruster has moments of its own: a time and its direction.                               # theory 6
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -32,33 +32,33 @@ from closeform.planning.primer_maxima import find_peaks
 from closeform.planning.problem import Flown, Problem
 from closeform.planning.scene import Contacts
 
-LEAST, A_TURN = 12, 12  # times at which craft may fire, and more of them for each orbit
-LEVEL, ROOM = 0.9, 32  # length of a primer from which a maximum becomes a time to fire, and how many
-FIRED, IDLE = 1e-3, 1e-5  # of all delta-v: an impulse whose time counts, and one that is none
-NEAR = 1.05  # norm: planes that hardly push, farther away, are left
-APART = 0.02  # of a craft's duration: impulses no further apart become one
-AIM = 1.0 + 1e-6  # of a zone: planes are this far out, that what moves between rounds stays clear
-ALIKE = 0.002  # of the time in which a pair can give way: planes no further apart are one
-NEARLY = 0.99  # norm from which on planes are moved out by what is missing
-TURNED = 0.3  # norm from which on a plane is turned to where the pair is
-WIDEST, LAST = 1e-2, 1e-5  # relative gap of the first round, and of the last
-FINER = 0.2  # and how much smaller it is from one to the next
-TURNING = 1e-3  # above it planes still turn, by which paths become cheaper than the bar that they are above
-WORTH = 1e-4  # of the cost: by less no other start is looked at to its end, most lead to where one has been
-ROUNDS, FOCUSING = 30, 8  # at most, with times to choose from, and with few
-STEPS, SHARE = 60, 0.5  # rounds in short steps to a first plan, and how much of the way one is at most
-SETTLED = 1e-5  # of the cost: clear rounds that differ by less are the last
-PATIENCE = 3  # clear rounds that are dearer than the best one, as planes come and go
+LEAST, A_TURN = 12, 12  # times at which craft may fire, and additional ones for each orbit
+LEVEL, ROOM = 0.9, 32  # primer length above which a maximum becomes a firing time; capacity
+FIRED, IDLE = 1e-3, 1e-5  # of all delta-v: significant impulses, and negligible ones
+NEAR = 1.05  # norm beyond which insignificant planes are dropped
+APART = 0.02  # of a craft's duration: closer impulses are merged
+AIM = 1.0 + 1e-6  # of a zone: distance of planes, so that moving contacts stay clear
+ALIKE = 0.002  # of a pair's window: closer planes are merged
+NEARLY = 0.99  # norm above which planes are moved out by the shortfall
+TURNED = 0.3  # norm above which a plane is turned to its pair's position
+WIDEST, LAST = 1e-2, 1e-5  # relative gap of the first and of the last round
+FINER = 0.2  # factor of the gap from round to round
+TURNING = 1e-3  # gap above which turning planes may still lower the cost below the bar
+WORTH = 1e-4  # of the cost: minimum saving for which another start is completed
+ROUNDS, FOCUSING = 30, 8  # maximum rounds, on the grid and with few times
+STEPS, SHARE = 60, 0.5  # maximum rounds of short steps to a first plan; maximum share of the way
+SETTLED = 1e-5  # of the cost: change of clear rounds below which they end
+PATIENCE = 3  # clear rounds without a lower cost
 ROUNDING = 1e-12  # of a bound
-PRICINGS, PRICED = 6, 1e-7  # of planes that stay, and how far primers may be above 1 then
-INSIDE = 1.0 - 1e-6  # of thrust limits: that meeting the ends to rounding keeps them
-DEARER, SAFER = 1.0002, 1.005  # times the cost, that few impulses may cost, and where thrust may be lost
-FEWER = 1e-4  # of the cost, that even fewer may cost beyond that
-COARSE = 8  # of all steps to fewer, within one part in so many of which the fewest are found
+PRICINGS, PRICED = 6, 1e-7  # rounds with fixed planes, and the tolerance of primers above 1
+INSIDE = 1.0 - 1e-6  # of thrust limits: reserve for the repair of the ends
+DEARER, SAFER = 1.0002, 1.005  # cost ratio allowed for few impulses; with loss of thrust
+FEWER = 1e-4  # of the cost: additional cost allowed for even fewer
+COARSE = 8  # bisection of the steps to fewer ends at this fraction of them
 
 
 class ImpulseSolver:
-    """Solves one problem from any contacts, by impulses."""
+    """Solver of one problem from any contacts, by impulses."""
 
     def __init__(
         self,
@@ -70,9 +70,9 @@ class ImpulseSolver:
         self.problem, self.thrusters, self.names, self.failures = problem, thrusters, names, failures
         self.pushes = Pushes.of(thrusters, problem.orbit.mean_motion)
         self.limits = np.zeros(problem.count)  # [m/s^2], of burns
-        self.needed = inf  # times these limits, where burns within them were shown to be too weak
-        self.aim = self.least = AIM  # of a zone: how far out planes are, and at least as rounds go on
-        self.nearest = 0.0  # the least norm of the paths that came nearest to being clear
+        self.needed = inf  # factor of these limits that is proven necessary
+        self.aim = self.least = AIM  # of a zone: distance of planes, and its minimum
+        self.nearest = 0.0  # largest closest-approach norm of paths that are not clear
         base = problem.base
         turns = problem.orbit.mean_motion * float((base[:, END] - base[:, START]).max()) / (2.0 * pi)
         times = np.linspace(base[:, START], base[:, END], LEAST + ceil(A_TURN * turns), axis=1)
@@ -82,15 +82,15 @@ class ImpulseSolver:
         self.finals = np.stack([optima[i].state(base[i, END]) for i in range(problem.count)])
         drift = arcs.copy()
         drift[: offsets[problem.count], THRUST : THRUST + 6] = 0.0
-        self.drift = drift, offsets[: problem.count + 1]  # who coasts on until its time is over
+        self.drift = drift, offsets[: problem.count + 1]  # coasting craft
         never = np.full((len(problem.other_offsets) - 1, 2), inf)
-        self.free = np.concatenate([base[:, [START, END]], never])[problem.pairs]  # when who can give way
+        self.free = np.concatenate([base[:, [START, END]], never])[problem.pairs]  # controllable times
         self.span = np.array([problem.first, problem.arrival])
 
     def unconstrained(self) -> Spent:
-        """The least delta-v of each craft by itself, whatever is in the way.
+        """Return the minimum delta-v of each craft alone, without keep-out zones.
 
-        Raises ValueError for a craft whose thrusters cannot make its transfer.
+        Raises ValueError for a craft whose thrusters cannot perform its transfer.
         """
         base = self.problem.base
         given = self.problem.orbit.mean_motion, base, self.finals, self.thrusters, self.names
@@ -108,13 +108,13 @@ class ImpulseSolver:
         fleet = self.fleet(fired)
         impulses = np.ascontiguousarray(impulses[:, : fleet.times.shape[1]])
         flown, least = self.flown(fleet, impulses), float(found[:, LOWER].sum())
-        spent, none = float(sizes_of(impulses).sum()), Contacts.none()  # as they are flown
+        spent, none = float(sizes_of(impulses).sum()), Contacts.none()  # after the repair of the ends
         return Spent(flown, spent, least, self.checked(flown, none), none, 1.0, fired, impulses, fired)
 
     def solve(self, contacts: Contacts, bar: float = inf, stride: float = inf) -> Spent | None:
-        """The cheapest clear paths that a start leads to; None where there are none well below `bar`.
+        """Return the cheapest clear paths found from a start; None without any well below `bar`.
 
-        Of rounds that are not clear only a step is taken, by which no pair moves farther than `stride` zones.
+        From rounds that are not clear only a step is taken, in which no pair moves more than `stride` zones.
         """
         best, before, self.aim, tolerance, last, idle = None, None, self.least, WIDEST, inf, 0
         moments = self.grid
@@ -139,30 +139,30 @@ class ImpulseSolver:
         return best
 
     def stepped(self, before: Spent, found: Spent, stride: float) -> Spent:
-        """Paths part of the way from those before to those found: no pair moves by more than `stride`."""
+        """Return paths part of the way from `before` to `found`, so that no pair moves more than `stride`."""
         known = before.checked.lost.joined(found.contacts)
         here, there = (self.problem.motions(one.flown, known)[:, 0] for one in (before, found))
         farthest = float(np.linalg.norm(there - here, axis=1).max(initial=0.0))
         return self.part_way(before, found, SHARE if farthest * SHARE <= stride else stride / farthest)
 
     def part_way(self, before: Spent, found: Spent, share: float) -> Spent:
-        """Paths a `share` of the way from those before to those found, by few impulses."""
+        """Return paths a `share` of the way from `before` to `found`, by few impulses."""
         moments, impulses = blended((before.moments, found.moments), (before.impulses, found.impulses), share)
         keep_fewest(self.fleet(moments), self.planes(found.contacts).some(found.pushing), impulses)
         return self.fired_at(moments, impulses, found)
 
     def fired_at(self, moments: list[Moments], impulses: Floats, known: Spent) -> Spent:
-        """What impulses at moments come to, checked where the contacts of `known` paths are."""
+        """Return the result of impulses at moments, checked at the contacts of `known` paths."""
         flown = self.flown(self.fleet(moments), impulses)
         spent, checked = float(sizes_of(impulses).sum()), self.checked(flown, known.contacts)
         return replace(known, flown=flown, delta_v=spent, checked=checked, moments=moments, impulses=impulses)
 
     def following(self, found: Spent) -> list[Moments]:
-        """When each craft may fire in the round after one."""
+        """Return the moments at which each craft may fire in the next round."""
         return list(map(Moments.joined, self.grid, found.peaks, found.fired(FIRED)))
 
     def focused(self, best: Spent) -> Spent:
-        """The same fired at few times, those at which primers peak, if that costs hardly more."""
+        """Return the solution fired at few times near maxima of the primers, if that costs hardly more."""
         apart = APART * (self.problem.base[:, END] - self.problem.base[:, START])
         for share in (FIRED, IDLE):
 
@@ -172,7 +172,7 @@ class ImpulseSolver:
             few, dearer = None, DEARER if self.failures is None else SAFER
             for found in self.refired(best, near_peaks, dearer, steady=False):
                 gained = (few or best).delta_v - found.delta_v
-                still = abs(gained) if found.margin == AIM else inf  # planes that are far out come nearer
+                still = abs(gained) if found.margin == AIM else inf  # distant planes still move back
                 level = (gained if few else still) < SETTLED * found.delta_v
                 few = found if few is None or gained > 0.0 else few
                 if level:
@@ -182,7 +182,7 @@ class ImpulseSolver:
         return best
 
     def fewest(self, best: Spent) -> Spent:
-        """The same with impulses joined or left out, as many as cost hardly more: all that may, or some."""
+        """Return the solution with as many impulses joined or omitted as possible at hardly more cost."""
         base, most = self.problem.base, (1.0 + FEWER) * best.delta_v
         sizes = [row[row > 0.0] for row in sizes_of(best.impulses)]
         rates = np.maximum(self.problem.orbit.mean_motion, pi / (base[:, END] - base[:, START]))
@@ -207,9 +207,9 @@ class ImpulseSolver:
     def refired(
         self, best: Spent, moments: Callable[[Spent], list[Moments]], dearer: float, steady: bool
     ) -> Iterator[Spent]:
-        """Clear paths, fired at `moments` of the round before, that cost at most `dearer` times as much.
+        """Yield clear paths, fired at `moments` of the round before, of at most `dearer` times the cost.
 
-        `steady`: conflicts become planes, and none is moved further out than the best paths' were.
+        With `steady`, conflicts become planes, and no plane is farther out than those of the best paths.
         """
         found, self.aim = best, best.margin
         for _ in range(FOCUSING):
@@ -225,7 +225,7 @@ class ImpulseSolver:
                 yield found
 
     def settled(self, best: Spent) -> Contacts:
-        """The contacts with the multipliers of craft that may fire at any time, not only when these do."""
+        """Return the contacts with the multipliers for firing at any time, not only at the chosen moments."""
         contacts, planes = best.contacts, self.planes(best.contacts)
         moments = list(map(Moments.joined, self.grid, best.peaks, best.fired(IDLE)))
         for _ in range(PRICINGS):
@@ -241,9 +241,9 @@ class ImpulseSolver:
     def priced(
         self, moments: list[Moments], contacts: Contacts, tolerance: float, bar: float
     ) -> Spent | None:
-        """The least delta-v that keeps the planes of contacts, fired at moments; None where above `bar`.
+        """Return the minimum delta-v that satisfies the contacts' planes at moments; None above `bar`.
 
-        Once paths are nearly clear, planes are moved out from round to round by what is missing.
+        Once paths are nearly clear, planes are moved out from round to round by the shortfall.
         """
         aim, fleet, planes = self.aim, self.fleet(moments), self.planes(contacts)
         found = self.dual(fleet, planes, tolerance, bar)
@@ -264,13 +264,13 @@ class ImpulseSolver:
         return Spent(flown, spent, least, checked, contacts, aim, moments, impulses, found.peaks)
 
     def checked(self, flown: Flown, contacts: Contacts) -> Checked:
-        """Conflicts of paths that `contacts` led to, with thrust and where it may be lost without."""
+        """Return conflicts of paths, with thrust and after a loss of thrust."""
         if self.failures is None:
             return Checked(self.problem.conflicts(flown), Contacts.none(), 1.0)
         return self.failures.checked(flown, contacts.some(pushing(contacts) & drifting(contacts)))
 
     def dual(self, fleet: Fleet, planes: Planes, tolerance: float, bar: float) -> Priced | None:
-        """What it costs at least to keep planes and fire at the fleet's moments; None where above `bar`."""
+        """Return the minimum cost of satisfying the planes at the fleet's moments; None above `bar`."""
         count = self.problem.count
         dual = Dual(np.zeros((count, 6)), np.zeros(len(planes.times)))
         impulses = np.zeros((*fleet.times.shape, 3))
@@ -286,7 +286,7 @@ class ImpulseSolver:
         return Priced(cost, dual.multipliers, impulses, longest, peaks)
 
     def fleet(self, moments: list[Moments]) -> Fleet:
-        """All craft, with moments at which they may fire."""
+        """Return all craft with the moments at which they may fire."""
         (times, which, widths), counts = table_of(moments)
         most = np.full(times.shape, inf)
         if self.limits.any():
@@ -296,13 +296,13 @@ class ImpulseSolver:
         return Fleet(*given, *self.pushes)
 
     def planes(self, contacts: Contacts) -> Planes:
-        """The planes of contacts, and by how much craft that coast on miss them."""
+        """Return the planes of contacts with the shortfalls of coasting craft."""
         planes = Planes.room(contacts.number)
         fill_planes(self.problem.bare, *self.drift, contacts, self.free, self.aim, planes)
         return planes
 
     def turned(self, found: Spent, nearer: float = NEAR) -> Contacts:
-        """The contacts that push or are nearer, turned to where their pairs are, and those of conflicts."""
+        """Return active and near contacts, turned to their pairs' positions, and those of conflicts."""
         problem, contacts, kept = self.problem, found.contacts, found.pushing
         if self.failures is not None:
             undrifting = ~drifting(contacts)
@@ -320,13 +320,13 @@ class ImpulseSolver:
                 contacts = contacts._replace(times=np.where(same, row[2], contacts.times))
             else:
                 near = np.flatnonzero(contacts.which == one.which[0])
-                if len(near):  # begin with its other plane
+                if len(near):  # start from the pair's other plane
                     one.normals[0] = contacts.normals[near[np.argmin(when[near])]]
                 contacts = contacts.joined(beside(problem, found.flown, one))
         return contacts.joined(found.checked.lost)
 
     def flown(self, fleet: Fleet, impulses: Floats) -> Flown:
-        """The paths of all bodies under impulses."""
+        """Return the paths of all bodies under impulses."""
         count = self.problem.count
         arcs = np.empty((count * (2 * fleet.times.shape[1] + 2), WIDTH))
         offsets = np.empty(count + 1, dtype=np.int64)
@@ -335,6 +335,6 @@ class ImpulseSolver:
 
 
 def beside(problem: Problem, flown: Flown, contacts: Contacts) -> Contacts:
-    """New contacts, on the sides on which paths pass; ahead where two craft meet."""
+    """Return contacts with normals on the sides on which paths pass; ahead where two craft meet."""
     normals = problem.normals(flown, contacts, -inf)
     return contacts._replace(normals=np.where(normals.any(axis=1, keepdims=True), normals, AHEAD))

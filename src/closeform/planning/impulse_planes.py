@@ -1,4 +1,4 @@
-"""Planes between craft that fire: by how much those who coast on miss them."""
+"""Planes for craft with impulses: shortfalls of coasting craft."""
 
 from numba import float64, void
 
@@ -11,10 +11,10 @@ from closeform.planning.scene import BLOCKS, CONTACTS, INDICES, ROWS, SCENE
 
 @kernel(void(SCENE, ROWS, INDICES, CONTACTS, BLOCKS, float64, PLANES))
 def fill_planes(scene, arcs, offsets, contacts, spans, aim, planes):
-    """Fill the planes of contacts, `aim` zones out; `arcs` are those of craft that coast on.
+    """Fill the planes of contacts at distance `aim`; `arcs` are those of coasting craft.
 
-    `spans` (P, 2, 2) are when each of a pair can give way.  An impulse in which thrust may be lost is a brief
-    burn.                                                                                # theory (38), (74)
+    `spans` (P, 2, 2) are the controllable times of each pair.  An impulse in which thrust may be lost is a
+    brief burn.                                                                          # theory (38), (74)
     """
     arcs, offsets, spans = borrowed(arcs), borrowed(offsets), borrowed(spans)
     motion, drifts = stack_matrix(3, 3), stack_vector(2)
@@ -26,7 +26,7 @@ def fill_planes(scene, arcs, offsets, contacts, spans, aim, planes):
             planes.cuts[k, side], drifts[side] = cut, 0.0
             if contacts.drifts[k, side] > 0.0:
                 brief = BRIEF * (end - start)
-                drifts[side] = t - min(cut, 0.5 * (start + end))  # who coasts is where it would be, whenever
+                drifts[side] = t - min(cut, 0.5 * (start + end))  # any instant of a coast is the same
                 start, end = start - brief, end + brief
             body = scene.pairs[which, side] if start < cut < end else -1
             if side == 0:

@@ -1,4 +1,4 @@
-"""What kernels see of craft that fire impulses, and of the planes that they keep."""
+"""Kernel arguments for craft with impulses and the planes that they must satisfy."""
 
 from typing import Any, NamedTuple
 
@@ -14,20 +14,21 @@ from closeform.motion.primer import functional, position_rows
 from closeform.planning.firing_times import Moments
 from closeform.planning.scene import BLOCKS, INDICES, NUMBERS, ROWS
 
-# Four points of Gauss and their weights on [0, 1]: over a tenth of a radian exact to rounding.
+# Gauss points and weights on [0, 1]: exact to rounding over a tenth of a radian.
 POINTS: tuple[float, ...] = (0.06943184420297371, 0.33000947820757187)
 POINTS += (0.6699905217924281, 0.9305681557970263)
 WEIGHTS: tuple[float, ...] = (0.17392742256872692, 0.3260725774312731)
 WEIGHTS += (0.3260725774312731, 0.17392742256872692)
-BRIEF = 1e-7  # of a craft's time, before and after an impulse, in which its thrust may be lost
+BRIEF = 1e-7  # of a craft's time: half the duration of the burn that stands for an impulse
 
 
 class Fleet(NamedTuple):
-    """N craft that fire at some of their moments: mean motion, base arcs, final states, what is gained.
+    """N craft that fire at some of their moments: base arcs, final states, moments and directions.
 
-    `times` (N, J) are in order, `counts` (N,) of them valid; an impulse is `along` (N, J, 3), a unit vector,
-    or free in direction where that is zero.  It is a burn of constant thrust that begins then where `widths`
-    (N, J) [s] are above 0, and `most` (N, J) [m/s] at most.  `span` (2,) is the time that is flown.
+    `times` (N, J) are in order, the first `counts` (N,) of each valid.  An impulse is along the unit vector
+    `along` (N, J, 3), or free in direction where that is zero.  Where `widths` (N, J) [s] are positive, it is
+    a burn of constant thrust that begins at its time, of at most `most` (N, J) [m/s].  `span` (2,) are the
+    first and last time of the paths.
     """
 
     base: Floats  # (N, 21): a row with each craft's times and initial state
@@ -44,10 +45,10 @@ class Fleet(NamedTuple):
 
 
 class Planes(NamedTuple):
-    """K planes: when, along which rows [1/m], what unforced paths miss, and whose they are.
+    """K planes: times, rows [1/m], shortfalls of unforced paths, and bodies.
 
-    `first` and `second` (K,) are craft that can still give way, or -1.  What they fire from their `cuts`
-    (K, 2) on is not felt: where thrust is lost that is before the plane's time.
+    `first` and `second` (K,) are craft that are still controllable, or -1.  Impulses from the `cuts` (K, 2)
+    on have no effect: after a loss of thrust the cut is earlier than the plane's time.
     """
 
     times: Floats
@@ -59,24 +60,24 @@ class Planes(NamedTuple):
 
     @classmethod
     def room(cls, count: int) -> "Planes":
-        """TrackingMargins for `count` planes."""
+        """Return empty arrays for `count` planes."""
         (times, misses), (first, second) = np.empty((2, count)), np.empty((2, count), dtype=np.int64)
         return cls(times, np.empty((count, 3)), misses, first, second, np.empty((count, 2)))
 
     def some(self, chosen: Any) -> "Planes":
-        """Those of a mask."""
+        """Return the planes in a mask."""
         return Planes(*(column[chosen] for column in self))
 
 
 class Dual(NamedTuple):
-    """A point of the dual: primers as natural motions, and what their planes add."""
+    """Point of the dual: primers as natural motions, and the multipliers of the planes."""
 
     starts: Floats  # (N, 6): c of each craft
     multipliers: Floats  # (K,)
 
 
 class Priced(NamedTuple):
-    """The dual of planes: what it costs, by which multipliers and impulses, and where primers are longest."""
+    """Solution of the dual: cost, multipliers, impulses, and maxima of the primers."""
 
     cost: float  # [m/s]
     multipliers: Floats  # (K,)
@@ -96,7 +97,7 @@ DUAL = Lent(types.NamedTuple((ROWS, NUMBERS), Dual))
 
 @kernel()
 def gain(fleet, i, g):
-    """Fill `g` (6,) with what the craft's end states are worth to a primer.                # theory (27)"""
+    """Fill `g` (6,) with the gradient of the dual with respect to a craft's primer; theory (27)."""
     n, t = fleet.base[i, MEAN_MOTION], fleet.base[i, END] - fleet.base[i, START]
     f = fleet.finals[i]
     x, y, z, vx, vy, vz = coast(n, -t, f[0], f[1], f[2], f[3], f[4], f[5])
@@ -106,7 +107,7 @@ def gain(fleet, i, g):
 
 @kernel()
 def mean_rows(n, t, width, psi):
-    """Fill `psi` (3, 6): Psi at time t, or its mean over a `width` from there on."""
+    """Fill `psi` (3, 6): Psi at time t, or its mean over the `width` after it."""
     if width == 0.0:
         position_rows(n, t, psi)
         return
@@ -123,16 +124,16 @@ def mean_rows(n, t, width, psi):
 
 @kernel()
 def cut_of(planes, k, i):
-    """Until when what craft i fires is felt at plane k."""
+    """Return the time until which impulses of craft i affect plane k."""
     return planes.cuts[k, 0 if planes.first[k] == i else 1]
 
 
 @kernel()
 def forces(fleet, planes, k, i, j, psi, out):
-    """Fill `out` (3,): Phi_rv(dt)^T a, what a push of plane k adds to craft i's primer at its moment j.
+    """Fill `out` (3,): Phi_rv(dt)^T a, the effect of plane k on craft i's primer at its moment j.
 
-    In the mean over a burn, in which the plane or its cut may come.  An impulse is cut as though it were
-    brief and thrust constant.                                                          # theory (38), (74)
+    It is the mean over a burn, in which the plane or its cut may lie.  An impulse is cut like a brief burn of
+    constant thrust.                                                                    # theory (38), (74)
     """
     n, t, width = fleet.base[i, MEAN_MOTION], fleet.times[i, j], fleet.widths[i, j]
     brief = BRIEF * (fleet.base[i, END] - fleet.base[i, START])
@@ -151,13 +152,13 @@ def forces(fleet, planes, k, i, j, psi, out):
 
 @kernel()
 def is_free(along):
-    """Whether an impulse may have any direction."""
+    """Return whether an impulse may have any direction."""
     return along[0] == 0.0 and along[1] == 0.0 and along[2] == 0.0
 
 
 @kernel()
 def project(along, psi):
-    """Leave of `psi` (3, 6) what an impulse can make use of."""
+    """Project `psi` (3, 6) onto the direction of an impulse, if that is fixed."""
     if is_free(along):
         return
     for a in range(6):
@@ -168,6 +169,6 @@ def project(along, psi):
 
 @kernel()
 def coast_state(n, t, s, out):
-    """Fill `out` (6,) with the state `s` after time t; they may be one."""
+    """Fill `out` (6,) with the state `s` after time t; both may be the same array."""
     x, y, z, vx, vy, vz = coast(n, t, s[0], s[1], s[2], s[3], s[4], s[5])
     out[0], out[1], out[2], out[3], out[4], out[5] = x, y, z, vx, vy, vz

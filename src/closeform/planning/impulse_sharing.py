@@ -1,4 +1,4 @@
-"""Impulses in any direction shared among thrusters: the same paths, for √3 times as much by six at most."""
+"""Allocation of impulses in any direction to thrusters: same paths, up to √3 times the delta-v with six."""
 
 import numpy as np
 
@@ -9,11 +9,11 @@ from closeform.planning.firing_times import Moments, pushes_table, some_of_each
 from closeform.planning.impulse_checks import Spent
 from closeform.planning.impulse_local import ImpulseSolver
 
-NOTHING = 1e-12  # of the greatest impulse
+NOTHING = 1e-12  # of the largest impulse: smaller ones are zero
 
 
 def shared(solver: ImpulseSolver, free: Spent) -> Spent | None:
-    """The same paths by the thrusters that craft have; None where an impulse is not theirs to give."""
+    """Return the same paths with the craft's thrusters; None where they cannot produce an impulse."""
     fired = np.linalg.norm(free.impulses, axis=2) > 0.0
     every = some_of_each(free.moments, fired)
     moments, pushes = [], []
@@ -32,11 +32,11 @@ def shared(solver: ImpulseSolver, free: Spent) -> Spent | None:
 def allotted(
     own: Moments, pushes: Floats, thrusters: Thrusters, mean_motion: float
 ) -> tuple[Moments, Floats] | None:
-    """One craft's impulses `pushes` (J, 3) as such of one thruster each, at the least sum."""
+    """Return one craft's impulses `pushes` (J, 3) as impulses of single thrusters with the minimum sum."""
     allocation = Allocation.of(thrusters.directions)
     angles = mean_motion * own.times * (thrusters.frame == "inertial")
     c, s, x, y = np.cos(angles), np.sin(angles), pushes[:, 0], pushes[:, 1]
-    turned = np.column_stack([c * x - s * y, s * x + c * y, pushes[:, 2]])  # to axes that thrusters keep
+    turned = np.column_stack([c * x - s * y, s * x + c * y, pushes[:, 2]])  # to the thrusters' axes
     nothing = NOTHING * float(np.linalg.norm(pushes, axis=1).max(initial=0.0))
     facets = allocation.facets(turned, nothing)
     amounts, which = allocation.amounts(facets, turned).ravel(), allocation.corners[facets].ravel()
