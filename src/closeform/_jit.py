@@ -80,10 +80,10 @@ class Kernel:
     @cached_property
     def folder(self) -> Path:
         """Folder in the cache, named by all that the kernel is made of."""
-        made_of = [
-            repr((numba.__version__, llvmlite.__version__, sys.version_info, self.signature)),
-            _loans(),
-        ]
+        file = self.py_func.__code__.co_filename
+        stamp = file, Path(file).stat().st_mtime_ns  # numba compiles again for another file, or a newer one
+        versions = numba.__version__, llvmlite.__version__, sys.version_info
+        made_of = [repr((versions, self.signature, stamp)), _loans()]
         made_of += sorted(_sources(self.py_func, {}).values())
         return cache_folder() / f"{self.name}-{hashlib.sha256(''.join(made_of).encode()).hexdigest()[:20]}"
 
