@@ -53,6 +53,9 @@ OBJECTS = [
 ]
 MEETING = cf.Conjunction("2020-01-01T00:00:00", OBJECTS)
 LOW = cf.Chief("2020-01-01T00:00:00", CHIEF)
+WORDS = "UNKNOWN", "EARTH", "GCRF", "TAI", "2020-01-01T00:00:00", [0.0, 60.0]
+ROWS = LOW.states([0.0, 60.0])
+TOGETHER = cf.common_frame([cf.Ephemeris("A", *WORDS, ROWS), cf.Ephemeris("B", *WORDS, ROWS + 10.0)])
 AIR = cf.Drag(5e-13, 5e5, 6e4, ballistic=0.02, chief=0.01)
 BLOCK = cf.Covariances([0.0], MESSAGE[None], ["RTN"])
 
@@ -263,6 +266,7 @@ CALLS = {
         range=[1e3, 2e3],
         slew_acceleration=[1e-4, 2e-4],
         silent=[False, True],
+        outages=[[[60.0, 120.0]], [[300.0, 1e9]]],
     ),
     "lock_margins": turned(search=SEARCH, position=PLACE, velocity=SPEED),
     "prove_locks": turned(
@@ -318,6 +322,7 @@ CALLS = {
     "Chief.from_ephemeris": turned(
         ephemeris=TABLE, epoch="2020-01-01T00:00:30", time_system="UTC", mu=4e14
     ),
+    "CommonFrame.inertial_states": turned(self=TOGETHER, name="A", times=np.array([0.0, 50.0])),
     "Chief.states": turned(self=LOW, times=np.array([[0.0, 60.0]])),
     "Chief.interpolation_errors": turned(self=LOW, times=np.array([0.0, 60.0])),
     "Chief.inertial_from_relative": turned(

@@ -9,6 +9,8 @@ from scipy.integrate import solve_ivp
 
 import closeform as cf
 from closeform.exchange.states_csv import state_rows
+from closeform.motion.elements import inertial_from_elements
+from closeform.motion.frames import relative_from_inertial
 from closeform.report.run import states as flown_states
 from closeform.scenario import parse
 from test_epoch_scenario import CIRCLE, MEETING, chief, scenario
@@ -127,8 +129,8 @@ def oblate(_, state):
 
 def test_craft_follow_their_ephemerides(tmp_path):
     """In eccentric orbits about an oblate Earth, the closest approach is that of the ephemerides."""
-    first = cf.inertial_from_elements([6.93e6, 0.3, 2e-3, 1e-3, 1.7, 0.5])
-    second = cf.inertial_from_elements([6.93e6 + 20.0, 0.3 + 4e-5, 2.02e-3, 1.02e-3, 1.70002, 0.5 + 1e-5])
+    first = inertial_from_elements([6.93e6, 0.3, 2e-3, 1e-3, 1.7, 0.5])
+    second = inertial_from_elements([6.93e6 + 20.0, 0.3 + 4e-5, 2.02e-3, 1.02e-3, 1.70002, 0.5 + 1e-5])
     span = {"t_eval": np.arange(0.0, 4501.0, 60.0), "dense_output": True, "rtol": 1e-12, "atol": 1e-7}
     paths = [solve_ivp(oblate, (0.0, 4500.0), one, method="DOP853", **span) for one in (first, second)]
     for name, path in zip("AB", paths, strict=True):
@@ -152,7 +154,7 @@ def test_craft_follow_their_ephemerides(tmp_path):
     assert near.distance == pytest.approx(screened, abs=1e-3)
     assert 0.0 < near.time < 3600.0
     assert mission.delta_v.max() == 0.0  # no velocity jumps in the ephemerides
-    end = cf.relative_from_inertial(*(path.sol(4230.0) for path in paths))
+    end = relative_from_inertial(*(path.sol(4230.0) for path in paths))
     found = mission.results[1].after.path("B").state(3600.0)
     np.testing.assert_allclose(found[:3], end[:3], atol=2.5e-3 * np.linalg.norm(end[:3]))
     hill, _ = closest(FOLLOWING.replace('follow = ["A", "B"]', ""))

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats, number, numbers, positive, sequence, shown
+from closeform.arrays import Floats, instance, number, numbers, positive, sequence, shown
 from closeform.exchange.carried_covariance import covariance_at
 from closeform.exchange.ephemeris import SAME_EPOCH, Ephemeris
 from closeform.exchange.epochs import seconds_of
@@ -101,31 +101,17 @@ class CommonFrame(Result):
         ----------
         docs/ephemerides.md.
         """
-        if name not in self.names:
+        if instance("name", name, str) not in self.names:
             raise ValueError(f"name: no ephemeris of {shown(name)}; use one of {', '.join(self.names)}")
         wanted, (first, last) = numbers("times", times), self.times[[0, -1]]
-        if not ((wanted >= first - SAME_EPOCH) & (wanted <= last + SAME_EPOCH)).all():
-            raise ValueError(f"times: must be from {first:g} to {last:g} s, the common time")
+        fits = (wanted >= first - SAME_EPOCH) & (wanted <= last + SAME_EPOCH)
+        if wanted.ndim != 1 or not fits.all():
+            raise ValueError(f"times: expected shape (T,), from {first:g} to {last:g} s, the common time")
         k = self.names.index(name)
         return self._spans[k].states(wanted - self._offsets[k])[0]
 
-    def starts(self, k: int) -> list[float]:
-        """Return the time 0 of each segment of an object.
-
-        Parameters
-        ----------
-        k : int
-            Index of the object.
-
-        Returns
-        -------
-        list of float [s]
-            One time for each segment, since `epoch`.
-
-        References
-        ----------
-        docs/ephemerides.md.
-        """
+    def _starts(self, k: int) -> list[float]:
+        """Return when each segment of object k counts from [s], since `epoch`."""
         return [float(self._offsets[k]) + start for start in self._spans[k].starts]
 
     @cached_property

@@ -176,7 +176,7 @@ def screened_object(
 ) -> ConjunctionObject:
     """Return object k of a screening at its closest approach, with the latest covariance of its ephemeris."""
     segments, zone = frame.ephemerides[k], own[k]
-    known = [(one, start) for one, start in zip(segments, frame.starts(k), strict=True) if one.covariances]
+    known = [(one, start) for one, start in zip(segments, frame._starts(k), strict=True) if one.covariances]
     if known:
         one, start = next((pair for pair in reversed(known) if pair[1] <= time), known[0])
         found = covariance_at(one, time - start, frame.mean_motion**2 * frame.radius**3)
