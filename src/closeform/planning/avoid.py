@@ -89,7 +89,8 @@ def avoid(
         for it.
     thrusters : Thrusters, optional
         Only these push, with cost "delta-v", which is summed over them: two that fire at once spend what both
-        do.  Also a clear path is planned anew then.  With `drift` and an acceleration a plan around zones is
+        do.  Also a clear path is planned anew then.  No impulse is below its `minimum_bit` where such a path
+        is found; otherwise the reason says so.  With `drift` and an acceleration a plan around zones is
         of the pulses that fire it, none below its `minimum_bit`.  Not with `max_acceleration`.
     drift : float [s], optional
         The path is to be passively safe: whenever its thrust is lost for good, the craft keeps out of every

@@ -10,6 +10,7 @@ Thrusters have moments of their own each: a time, and the direction of one of th
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from math import ceil, inf, pi
+from typing import Any
 
 import numpy as np
 
@@ -54,6 +55,7 @@ PRICINGS, PRICED = 6, 1e-7  # of planes that stay, and how far primers may be ab
 INSIDE = 1.0 - 1e-6  # of thrust limits: that meeting the ends to rounding keeps them
 DEARER, SAFER = 1.0002, 1.005  # times the cost, that few impulses may cost, and where thrust may be lost
 FEWER = 1e-4  # of the cost, that even fewer may cost beyond that
+LIGHTER = 1.01  # times the minimum bit: a pulse gives up to 1 % more once that share of the mass is burned
 COARSE = 8  # of all steps to fewer, within one part in so many of which the fewest are found
 
 
@@ -223,6 +225,22 @@ class ImpulseSolver:
             found = again
             if found.checked.clear:
                 yield found
+
+    def bits(self, i: int, own: Moments) -> Floats:
+        """Return the minimum impulse bit (J,) [m/s] of a spacecraft's thrusters at its moments."""
+        thrusters = self.thrusters[i]
+        if thrusters is None:
+            return np.zeros(len(own.times))
+        found: Floats = LIGHTER * thrusters.minimum_bit[own.which]
+        return found
+
+    def below_bit(self, found: Spent) -> Any:
+        """Return which impulses (N, J) are below the minimum bit of their thruster."""
+        least = np.zeros(found.impulses.shape[:2])
+        for i, own in enumerate(found.moments):
+            least[i, : len(own.times)] = self.bits(i, own)
+        sizes = sizes_of(found.impulses)
+        return (sizes > 0.0) & (sizes < least)
 
     def settled(self, best: Spent) -> Contacts:
         """The contacts with the multipliers of craft that may fire at any time, not only when these do."""

@@ -117,7 +117,8 @@ def reconfigure(
         it.
     thrusters : Thrusters, or sequence of Thrusters or None, optional
         Of all craft, or of each (None: it pushes where it likes).  Only these push, with cost "delta-v",
-        which is summed over them: two that fire at once spend what both do.  With `drift`, and an
+        which is summed over them: two that fire at once spend what both do.  No impulse is below its
+        `minimum_bit` where such a plan is found; otherwise the reason says so.  With `drift`, and an
         acceleration of all, a plan around zones is of the pulses that fire it, none below its
         `minimum_bit`.  Their `max_acceleration` is inf.
     drift : float [s], optional
@@ -222,6 +223,9 @@ def _attempts(method: str, order: Sequence[int], budget: int | None) -> Attempt:
         if request.padding is not None:
             plan = replace(plan, padding=request.padding.told)
         if none := hopeless(problem, request):
+            if request.cost == "energy" and problem.drift is None and not problem.conflicts(problem.direct):
+                clear = Outcome(problem.direct, (), 0.0, 1.0, True, 0)  # by less than rounding needs
+                return _planned(plan, problem, clear, request.names)
             status, pair, reason = none
             if request.cost == "delta-v":
                 plan = _beside(plan, problem, unconstrained(problem, request.thrusters, request.names))
@@ -306,7 +310,7 @@ def _fired(plan: Plan, problem: Problem, request: Request, budget: int | None, m
         clearance_ratio=found.margin,
         proven=is_proven(spent, bound),
         status=Status.AVOIDED if changed else Status.CLEAR,
-        reason=f"{best if changed else 'no conflict'}, {near}",
+        reason=f"{best if changed else 'no conflict'}, {near}{found.unfireable}",
         priced=found.priced,
     )
 
