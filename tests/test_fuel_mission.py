@@ -554,6 +554,24 @@ def test_burns_that_overlap_stop_the_mission_with_a_reason():
     assert fly(parse(TIGHT.replace("0.1 mN", "1 mN"))).clear  # where impulses beside each other are one burn
 
 
+def test_arrival_beyond_its_tolerance_is_not_met():
+    """The pulses of 60 s end beside the target: by how much is what an integrator finds."""
+    keys = ON_OFF.replace('"30 s"', '"900 s"')
+    text = alone(keys, cost='"energy"').replace('cost = "energy"', 'cost = "energy"\nTOLERANCE')
+    fine = 'arrival = { position = "1 mm", velocity = "0.001 mm/s" }'
+    strict, loose = (
+        fly(parse(text.replace("TOLERANCE", one)))
+        for one in (fine, 'arrival = { position = "1 km", velocity = "1 m/s" }')
+    )
+    assert not strict.verdict.ok
+    assert strict.verdict.status == 1
+    assert "arrival off by" in str(strict.verdict)
+    assert loose.verdict.ok
+    (result,) = strict.results
+    off = result.after.paths[0].state(result.end) - GOAL
+    assert np.allclose(result.pulsed.off[0], [np.linalg.norm(off[:3]), np.linalg.norm(off[3:])], rtol=1e-6)
+
+
 def test_zones_are_larger_by_no_more_than_pulses_need():
     """Pearls 50 m apart with zones of 45 m: five centimetres are missing, and 5 m more have no plan."""
     mission = fly(parse(TIGHT.replace("0.1 mN", "2 mN")))

@@ -701,3 +701,19 @@ def test_bad_input_is_refused():
         with pytest.raises(ValueError, match=words) as refusal:
             cf.reconfigure(**{**line_abreast(), **changes})
         assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize("cost", ["energy", "delta-v"])
+def test_clear_paths_that_end_beside_a_zone_are_kept(cost):
+    """A tenth of a nanometre per metre outside is clear; as much inside is not."""
+    space = cf.Orbit(0.0)
+    near, sphere = space.coast(np.zeros(6), 1000.0), (None, cf.Sphere(20.0))
+
+    def planned(end):
+        ends = [[0, 200.0, 0, 0, 0, 0]], [[0, end, 0, 0, 0, 0]]
+        return cf.reconfigure(space, *ends, 1000.0, sphere, obstacles=near, cost=cost)
+
+    kept = planned(20.0 * (1.0 + 1e-10))
+    assert kept.status is Status.CLEAR
+    assert kept.paths[0].position(1000.0)[1] > 20.0
+    assert planned(20.0 * (1.0 - 1e-7)).status is Status.END_INSIDE

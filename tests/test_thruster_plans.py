@@ -228,3 +228,35 @@ def test_box_in_deep_space_is_passed_on_its_best_side():
     assert plan.ok
     assert plan.delta_v <= 1.001 * plan.lower_bound
     assert not cf.find_conflicts(plan.path, other, box)
+
+
+def test_impulses_are_at_least_a_minimum_bit():
+    """Four spacecraft widen their circle; without those below 20 mm/s two would end 248 m off."""
+    duration = 0.6 * ORBIT.period
+    given = {"cost": "delta-v"}
+    ends = [cf.targets.projected_circular(ORBIT, 4, radius) for radius in (60.0, 150.0)]
+    six = cf.Thrusters.rtn(acceleration=0.5 / 12.0, minimum_bit=0.02)
+    free = cf.reconfigure(ORBIT, *ends, duration, cf.Sphere(20.0), thrusters=SIX, **given)
+    plan = cf.reconfigure(ORBIT, *ends, duration, cf.Sphere(20.0), thrusters=six, **given)
+    for k in range(4):
+        x = ends[0][k]
+        before = 0.0
+        for t, push in plan.paths[k].impulses:
+            assert np.abs(push[push != 0.0]).min() >= 0.02
+            x = expm(rates(ORBIT.mean_motion) * (t - before)) @ x + np.concatenate([np.zeros(3), push])
+            before = t
+        off = expm(rates(ORBIT.mean_motion) * (duration - before)) @ x - ends[1][k]
+        assert np.abs(off[:3]).max() < 1e-5
+    assert cf.screen(plan.paths, cf.Sphere(20.0)).conflicts == ()
+    assert free.lower_bound * (1.0 - 1e-6) <= plan.delta_v < 1.1 * free.delta_v
+    assert not len(cf.fire_thrusters(plan, six).dropped)
+
+
+def test_thrusters_too_coarse_for_a_plan_are_named():
+    """A metre takes millimetres per second: no plan in bits of 50 m/s, and the reason says why."""
+    coarse = cf.Thrusters.rtn(minimum_bit=50.0)
+    given = {"cost": "delta-v", "thrusters": coarse}
+    ends = np.zeros((1, 6)), [[0, 0, 1.0, 0, 0, 0]]
+    move = cf.reconfigure(ORBIT, *ends, 0.4 * ORBIT.period, (None,), **given)
+    assert move.ok
+    assert "minimum_bit" in move.reason

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property, partial
 from math import expm1, nan
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar, cast
 
 import numpy as np
 
@@ -96,7 +96,8 @@ class StageResult(Result, Generic[AnyStage, AnyResult]):
         """What it asks for beside clearance as planned."""
         judged = self.uncertain, self.passive
         sun = () if self.sun is None else (self.sun.asked,)
-        return *(one for some in judged if some is not None for one in some.asked), *sun
+        arrival = () if self.pulsed is None else (self.pulsed.arrival(self.number, cast(Any, self.stage)),)
+        return *arrival, *(one for some in judged if some is not None for one in some.asked), *sun
 
     @property
     def burning(self) -> Path:

@@ -35,12 +35,14 @@ PHASES, A_DEGREE = 36_000, 100  # of a relative orbit, among which the cheapest 
 class BurnRoom:
     """What a plan leaves for the burns of thrusters: zones so many times `larger`, coasts at both ends [s].
 
-    A burn about an impulse at an end of a plan begins before it, or ends after it.
+    A burn about an impulse at an end of a plan begins before it, or ends after it.  `whole`: impulses of the
+    plan are at least the minimum bit of their thruster.
     """
 
     before: float = 0.0
     after: float = 0.0
     larger: float = 1.0
+    whole: bool = False
 
     @property
     def time(self) -> float:
@@ -205,7 +207,8 @@ class StageStart:
 
     def thrusters(self, k: int, cost: Cost) -> Thrusters | None:
         """Those that a plan for craft k is made for: with least delta-v its own, if it has some."""
-        return self.scenario.craft[k].fired(float(self.shares[k])) if cost == "delta-v" else None
+        own = self.scenario.craft[k].fired(float(self.shares[k])) if cost == "delta-v" else None
+        return own if own is None or self.room.whole else replace(own, minimum_bit=0.0)
 
     def limit(self, k: int) -> float:
         """What craft k's engine gives the mass that is left [m/s^2]; inf without a limit."""
@@ -219,6 +222,8 @@ class StageStart:
         task = self.states[k], self.goal(target, duration), duration, self.time
         thrusters = self.thrusters(k, cost)
         try:
+            if thrusters is not None and thrusters.minimum_bit.any():
+                return self.in_whole_bits(task, thrusters)
             if thrusters is not None:
                 return self.orbit.impulsive(*task, thrusters)
             limit = self.limit(k) if self.scenario.craft[k].limited else None
@@ -227,6 +232,16 @@ class StageStart:
             what, _, words = str(error).partition(": ")
             error.args = (f"{what}: {self.scenario.names[k]}: {words}",)
             raise
+
+    def in_whole_bits(self, task: tuple[Floats, Floats, float, float], thrusters: Thrusters) -> Path:
+        """Return the transfer of minimum delta-v whose impulses keep the minimum bit, where there is one."""
+        from closeform.planning.reconfigure import reconfigure  # whose kernels only this needs
+
+        initial, final, duration, time = task
+        goal = initial[None], final[None], duration
+        plan = reconfigure(self.orbit, *goal, (None,), start=time, cost="delta-v", thrusters=thrusters)
+        assert plan.paths is not None
+        return plan.paths[0]
 
     def mixed(self, who: list[int], paths: Path) -> WatchedFlight:
         """The `paths` of the craft `who`; the others coast meanwhile."""

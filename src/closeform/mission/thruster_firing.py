@@ -6,11 +6,14 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
+from closeform.arrays import Floats
 from closeform.conflicts.flight import WatchedFlight
 from closeform.mission.mission_result import StageResult
 from closeform.mission.stage_start import BurnRoom, StageStart
+from closeform.mission.verdict import Asked
 from closeform.named_craft import as_listed
 from closeform.scenario import Avoid, Joint
+from closeform.scenario.stage_table import Thrusting
 
 if TYPE_CHECKING:
     from closeform.fuel.firing import ThrusterFiring
@@ -31,14 +34,32 @@ class Pulsed:
     """A stage whose craft `names` fire pulses: the `firing` counts them in this order.
 
     `planned` is the flight that the pulses follow, in the `room` that it leaves them; `short`: where that is
-    not enough, which room there is no plan for, and why.
+    not enough, which room there is no plan for, and why.  `off` (N, 2): distance [m] and speed [m/s] between
+    the state of each spacecraft at the end of the stage and its target.
     """
 
     names: tuple[str, ...]
     firing: "ThrusterFiring"
     planned: WatchedFlight
     room: BurnRoom
+    off: Floats
     short: str | None = None
+
+    def arrival(self, number: int, stage: Thrusting) -> Asked:
+        """Return whether the spacecraft reach their targets within the tolerance of the stage."""
+        limits = np.array([stage.arrival.position, stage.arrival.velocity])
+        shares = (self.off / limits).max(axis=1)
+        k = int(np.argmax(shares))
+        distance, speed = self.off[k]
+        words = f"arrival off by {distance:.3g} m and {1e3 * speed:.3g} mm/s ({self.names[k]})"
+        broken = (
+            f"{words} in stage {number} ({stage.verb}), allowed {limits[0]:g} m and {1e3 * limits[1]:g} mm/s"
+        )
+        if dropped := int((self.firing.dropped.craft == k).sum()):
+            broken += (
+                f": pulses below its minimum_bit are not fired ({dropped}); give more time or finer thrusters"
+            )
+        return Asked(words, broken, bool(shares[k] <= 1.0), 1.0 - float(shares[k]), "arrival")
 
 
 def pulsed(start: StageStart, plan: Callable[[StageStart], Result]) -> Result:
@@ -48,13 +69,17 @@ def pulsed(start: StageStart, plan: Callable[[StageStart], Result]) -> Result:
     thrust is lost, ask for room: the plan is made anew within coasts, or for larger zones.  Where there is
     none, conflicts remain, or drifts that are not safe.
     """
-    room = BurnRoom()
+    stage = start.scenario.stages[start.number - 1]
+    room = BurnRoom(whole=getattr(stage, "drift", None) is not None)  # such a plan is one of pulses
     kept: Result | None = None
+    resized = False  # impulses, as those below the minimum bit would end too far from the target
     clearest, planned = -1.0, 1.0  # the least norm of what is kept, and for which zones there was a plan last
     for _ in range(TRIES):
         later = start.leaving(room)
         found = plan(later)
         if found.failure is not None:
+            if kept is not None and resized:
+                return kept
             if kept is None or room.larger - planned < FINEST:
                 return without(kept, found, room, found.failure)
             room = replace(room, larger=0.5 * (planned + room.larger))
@@ -66,6 +91,8 @@ def pulsed(start: StageStart, plan: Callable[[StageStart], Result]) -> Result:
         try:
             names, shot = fired(start, found.after, shooting)
         except Overlap as overlap:
+            if kept is not None and resized:
+                return kept
             failure = f"{str(overlap).partition(': ')[2].partition(';')[0]}; {REMEDY}"
             return without(kept, found, room, failure)
         end = found.after.end + room.after
@@ -80,10 +107,14 @@ def pulsed(start: StageStart, plan: Callable[[StageStart], Result]) -> Result:
         flight = shooting_flight(start, found.after, names, shot, end)
         norm = min(nearest(flight, found.after), adrift(later, found.stage, flight))
         if norm > clearest:
-            flies_now = Pulsed(names, shot, found.after, room)
+            flies_now = Pulsed(names, shot, found.after, room, missed(start, found.after, names, shot, end))
             kept, clearest = replace(found, start=start.time, after=flight, pulsed=flies_now), norm
         if kept is not None and norm > 1.0:
-            return kept
+            small = kept.pulsed is not None and len(kept.pulsed.firing.dropped) > 0
+            if room.whole or not small or found.stage.cost != "delta-v" or all(one.met for one in kept.asked):
+                return kept
+            room, resized, clearest = replace(room, whole=True), True, -1.0
+            continue
         planned = room.larger
         room = replace(room, larger=min(1.0 + GROWTH * (planned - norm), planned + LEAP))
     return without(kept, found, room, f"{TRIES} plans are not enough; {REMEDY}")
@@ -140,6 +171,20 @@ def shooting_flight(
     flies = dict(zip(names, [shot.path[k] for k in range(len(names))], strict=True))
     paths = [flies.get(name, planned.path(name)) for name in planned.names]
     return start.flight([extended(path, start.time, end) for path in paths])
+
+
+def missed(
+    start: StageStart, planned: WatchedFlight, names: tuple[str, ...], shot: "ThrusterFiring", end: float
+) -> Floats:
+    """Return distance [m] and speed [m/s] (N, 2) of each fired path from its target at the end."""
+    from closeform.fuel.pulses import extended
+
+    coast = start.orbit.transition(end - planned.end)
+    targets = [coast @ planned.path(name).state(planned.end) for name in names]
+    fired = [extended(shot.path[k], start.time, end).state(end) for k in range(len(names))]
+    off = (np.array(fired) - targets).reshape(len(names), 2, 3)
+    found: Floats = np.linalg.norm(off, axis=2)
+    return found
 
 
 def nearest(flight: WatchedFlight, planned: WatchedFlight) -> float:

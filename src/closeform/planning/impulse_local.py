@@ -10,6 +10,7 @@ Each thruster has moments of its own: a time and its direction.                 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from math import ceil, inf, pi
+from typing import Any
 
 import numpy as np
 
@@ -54,6 +55,7 @@ PRICINGS, PRICED = 6, 1e-7  # rounds with fixed planes, and the tolerance of pri
 INSIDE = 1.0 - 1e-6  # of thrust limits: reserve for the repair of the ends
 DEARER, SAFER = 1.0002, 1.005  # cost ratio allowed for few impulses; with loss of thrust
 FEWER = 1e-4  # of the cost: additional cost allowed for even fewer
+LIGHTER = 1.01  # times the minimum bit: a pulse gives up to 1 % more as propellant is used
 COARSE = 8  # bisection of the steps to fewer ends at this fraction of them
 
 
@@ -223,6 +225,22 @@ class ImpulseSolver:
             found = again
             if found.checked.clear:
                 yield found
+
+    def bits(self, i: int, own: Moments) -> Floats:
+        """Return the minimum impulse bit (J,) [m/s] of a spacecraft's thrusters at its moments."""
+        thrusters = self.thrusters[i]
+        if thrusters is None:
+            return np.zeros(len(own.times))
+        found: Floats = LIGHTER * thrusters.minimum_bit[own.which]
+        return found
+
+    def below_bit(self, found: Spent) -> Any:
+        """Return which impulses (N, J) are below the minimum bit of their thruster."""
+        least = np.zeros(found.impulses.shape[:2])
+        for i, own in enumerate(found.moments):
+            least[i, : len(own.times)] = self.bits(i, own)
+        sizes = sizes_of(found.impulses)
+        return (sizes > 0.0) & (sizes < least)
 
     def settled(self, best: Spent) -> Contacts:
         """Return the contacts with the multipliers for firing at any time, not only at the chosen moments."""

@@ -17,7 +17,7 @@ from closeform.planning.exit_directions import ranked_exits
 from closeform.planning.firing_times import Moments
 from closeform.planning.impulse_checks import Spent
 from closeform.planning.impulse_descent import at_rest, descended, step_near
-from closeform.planning.impulse_local import AIM, WIDEST, ImpulseSolver, beside
+from closeform.planning.impulse_local import AIM, NEAR, WIDEST, ImpulseSolver, beside
 from closeform.planning.impulse_sharing import shared
 from closeform.planning.limits import FULL
 from closeform.planning.passive_planes import TOGETHER
@@ -121,7 +121,10 @@ def solved(
     """The same of one solver, `by_energy` being the paths of least energy, `near` others that are clear."""
     problem, free = solver.problem, solver.unconstrained()
     if free.checked.clear:
-        return Outcome(free.flown, (), 0.0, 1.0, True, 0, delta_v=free.delta_v), free
+        alone = in_bits(solver, free) or free
+        small = int(solver.below_bit(alone).sum())
+        found = Outcome(alone.flown, (), 0.0, 1.0, True, 0, delta_v=alone.delta_v, below_bit=small)
+        return found, free
     best, begun = searched(solver, free, by_energy, budget, more, near)
     tried, safe = len(begun), best is not None
     if best is not None and fires(solver):
@@ -134,13 +137,27 @@ def solved(
             touched = touched.some(touched.multipliers > FELT * best.delta_v)
             touched, priced = solver.failures.touching(at, touched)
             at = solver.failures.brief(at)
+        elif (whole := in_bits(solver, best)) is not None:
+            best, at, priced = whole, whole.flown, False
+            places = problem.motions(at, touched)[:, 0]
+            touched = touched.some((touched.normals * places).sum(axis=1) < NEAR)
         answer = best.flown, contacts_of(problem, touched, at), nan, best.margin, False, tried
-        return Outcome(*answer, delta_v=best.delta_v, priced=priced), free
+        small = int(solver.below_bit(best).sum())
+        return Outcome(*answer, delta_v=best.delta_v, priced=priced, below_bit=small), free
     if solver.pushes.fixed.any():
         blocking = blocked(solver, free)
         return Outcome(None, (), nan, 1.0, False, tried, blocking, nearest=solver.nearest, unfired=safe), free
     other = thrusting(problem, by_energy())
     return replace(other, tried=tried + other.tried, nearest=solver.nearest), free
+
+
+def in_bits(solver: ImpulseSolver, found: Spent) -> Spent | None:
+    """Return clear paths without an impulse below its minimum bit, where `found` has some; None without."""
+    if solver.failures is not None or solver.limits.any() or not solver.below_bit(found).any():
+        return None
+    from closeform.planning.impulse_bits import in_whole_bits  # which only thrusters with a bit need
+
+    return in_whole_bits(solver, found)
 
 
 def searched(

@@ -46,6 +46,14 @@ class Outcome:
     limited: bool = False
     nearest: float = 0.0
     unfired: bool = False
+    below_bit: int = 0  # impulses that thrusters cannot give, where no clear plan without any was found
+
+    @property
+    def unfireable(self) -> str:
+        """Return in words how many impulses are below the minimum bit, empty without any."""
+        return f"; no plan found without the {self.below_bit} impulses below minimum_bit" * (
+            self.below_bit > 0
+        )
 
     @property
     def near_miss(self) -> str:

@@ -29,7 +29,6 @@ from closeform.planning.scene import Contacts
 REPAIRS, MET = 8, 1e-13  # of the ends, as pulses become longer or shorter, and what of delta-v may be missing
 WITHIN = 1e-9  # of a craft's time: so far inside it pulses begin and end, that rounding does not leave it
 DEPENDENT = 1e-9  # of the greatest singular value: pulses do not change that
-LIGHTER = 1.01  # times a bit, that it is one when propellant is spent, too
 ROOM = 1e-3  # of a zone, which planes leave to what pulses become as propellant is spent
 LEFT_OUT = 40  # times that some of those below a bit are left out
 PART = 3  # of those below a bit one in so many is left out at a time
@@ -59,7 +58,7 @@ class PulseSolver(ImpulseSolver):
         found = self.cleared(safe, sizes_of(safe.impulses) > 0.0)
         found = None if found is None else at_rest(self, found, lambda one: one.moments)
         for _ in range(LEFT_OUT):
-            if found is None or not (small := self.below(found)).any():
+            if found is None or not (small := self.below_bit(found)).any():
                 return found
             found = self.without(found, small)
         return None
@@ -69,14 +68,6 @@ class PulseSolver(ImpulseSolver):
         some = self.some(found, left)
         few = cleared(self, some)
         return few if few is not None else cleared(self, some, self.following)
-
-    def below(self, found: Spent) -> Any:
-        """Which pulses (N, J) are below their bits."""
-        bits = np.zeros(found.impulses.shape[:2])
-        for row, own, thrusters in zip(bits, found.moments, self.fired_by, strict=True):
-            row[: len(own.times)] = LIGHTER * thrusters.minimum_bit[own.which]
-        sizes = sizes_of(found.impulses)
-        return (sizes > 0.0) & (sizes < bits)
 
     def without(self, found: Spent, small: Any) -> Spent | None:
         """Clear pulses without some of the small ones, or without one of them; None where there are none."""

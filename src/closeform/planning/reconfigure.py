@@ -120,7 +120,8 @@ def reconfigure(
         be combined with `prove` or "sequential".
     thrusters : Thrusters, or sequence of Thrusters or None, optional
         Thrusters of all spacecraft, or of each (None: thrust in any direction).  They require cost "delta-v",
-        which is then summed over the thrusters: two that fire at once both count.  With `drift` and a given
+        which is then summed over the thrusters: two that fire at once both count.  No impulse is below
+        `minimum_bit` where such a plan is found; otherwise the reason says so.  With `drift` and a given
         acceleration of all thrusters, a plan around zones consists of pulses, none below `minimum_bit`.  For
         these spacecraft `max_acceleration` must be inf.
     drift : float [s], optional
@@ -227,6 +228,9 @@ def _attempts(method: str, order: Sequence[int], budget: int | None) -> Attempt:
         if request.padding is not None:
             plan = replace(plan, padding=request.padding.told)
         if none := hopeless(problem, request):
+            if request.cost == "energy" and problem.drift is None and not problem.conflicts(problem.direct):
+                clear = Outcome(problem.direct, (), 0.0, 1.0, True, 0)  # by less than rounding needs
+                return _planned(plan, problem, clear, request.names)
             status, pair, reason = none
             if request.cost == "delta-v":
                 plan = _beside(plan, problem, unconstrained(problem, request.thrusters, request.names))
@@ -311,7 +315,7 @@ def _fired(plan: Plan, problem: Problem, request: Request, budget: int | None, m
         clearance_ratio=found.margin,
         proven=is_proven(spent, bound),
         status=Status.AVOIDED if changed else Status.CLEAR,
-        reason=f"{best if changed else 'no conflict'}, {near}",
+        reason=f"{best if changed else 'no conflict'}, {near}{found.unfireable}",
         priced=found.priced,
     )
 

@@ -258,7 +258,7 @@ def impulsive(clear: Path | None, problem: Problem, task: Around) -> Avoidance:
         lower_bound=bound,
         contacts=contacts,
         status=Status.AVOIDED if changed else Status.CLEAR,
-        reason=f"{best}, {closeness(spent, bound, 'delta-v', limits is not None)}",
+        reason=f"{best}, {closeness(spent, bound, 'delta-v', limits is not None)}{found.unfireable}",
         clearance_ratio=found.margin if changed else 1.0,
         proven=is_proven(spent, bound),
         tried=found.tried,

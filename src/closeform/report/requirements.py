@@ -120,9 +120,16 @@ def of_stage(mission: Mission, result: StageResult[Any, Any]) -> Iterator[tuple[
             "likelihood": "probability of collision",
             "sun": "body x within the sun limit in every turn, with the errors of the craft",
             "drift": f"passively safe {getattr(stage, 'lasting', '')}",
+            "arrival": f"arrives within {tolerance(stage)}",
         }[one.kind]
         met = None if one.kind == "likelihood" else one.shown  # without a limit
         yield f"{where}: {what}", str(one), met
+
+
+def tolerance(stage: Any) -> str:
+    """Return the tolerance of arrival of a stage, empty of a stage without a target."""
+    allowed = getattr(stage, "arrival", None)
+    return f"{allowed.position:g} m and {1e3 * allowed.velocity:g} mm/s" if allowed is not None else ""
 
 
 def row(result: StageResult[Any, Any]) -> tuple[Any, ...]:

@@ -4,12 +4,13 @@ from collections.abc import Iterator
 from math import inf
 from typing import Annotated, ClassVar, Literal
 
-from pydantic import Field
+from pydantic import BeforeValidator, Field
 
 from closeform.safety.failures import DegradedThrust, Failure, MissedBurns, StuckOnThrust, ThrustLost
 from closeform.scenario.engine import Engine
 from closeform.scenario.formation import Goal, Target
-from closeform.scenario.table import Drift, Name, Names, Share, Span, Table
+from closeform.scenario.quantity import SPEED, Reader
+from closeform.scenario.table import Drift, Length, Name, Names, Share, Span, Table
 
 Cost = Literal["energy", "delta-v"]
 Failed = Literal["thrust lost", "burns missed", "thrust weak", "thrust stuck"]
@@ -77,9 +78,26 @@ class Drifting(StageTable):
         return ThrustLost()
 
 
+class ArrivalTolerance(Table):
+    """Greatest miss of a target that pulses of thrusters may leave.
+
+    Relative navigation by satellite signals resolves a decimetre and a tenth of a millimetre per second, so
+    that smaller misses than these say little.  Along the track 1 mm/s drifts 17 m an orbit at 500 km.
+    """
+
+    position: Length = Field(1.0, examples=['"1 m"'])
+    velocity: Annotated[float, BeforeValidator(Reader(SPEED, least="positive"))] = Field(
+        1e-3, examples=['"1 mm/s"']
+    )
+
+
 class Thrusting(Engine, Drifting):
     """What stages share in which craft thrust: what is least, by which engine, and what may fail."""
 
+    arrival: ArrivalTolerance = Field(
+        default_factory=lambda: ArrivalTolerance.model_validate({}),
+        examples=['{ position = "1 m", velocity = "1 mm/s" }'],
+    )
     cost: Cost = Field("energy", examples=['"delta-v"'])
     failure: Failed | None = Field(None, examples=['"thrust lost"'])
     least: Share | None = Field(None, examples=['"90 %"'])
