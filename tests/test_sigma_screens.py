@@ -7,7 +7,7 @@ import pytest
 
 import closeform as cf
 from closeform.conflicts.tracks import follow
-from closeform.uncertainty.search import stays
+from closeform.uncertainty.search import sigma_conflicts
 from closeform.uncertainty.spread import spread_of
 from closeform.uncertainty.widths import widened
 from closeform.zones.zone import enclosing
@@ -80,7 +80,7 @@ def test_what_is_excluded_has_no_stay(zone):
     found = cf.screen(paths, zone, errors=errors, sigmas=3.0)
     first, second = (index.astype(np.int64) for index in np.triu_indices(len(paths), 1))
     spread = spread_of(paths, errors)
-    rows = stays(spread, spread, first, second, zone, N, 3.0)
+    rows = sigma_conflicts(spread, spread, first, second, zone, N, 3.0)
     index = rows[:, 0].astype(int)
     assert len(rows) > 30
     np.testing.assert_array_equal(found.pairs, np.stack([first[index], second[index]], axis=1))

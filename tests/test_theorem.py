@@ -12,7 +12,6 @@ from closeform.search.locks import lock_times
 from closeform.search.schedule import Search
 from closeform.search.sensor import Sensor
 from closeform.search.theorem import (
-    CORRESPONDING_REGION,
     cone_crossings,
     cone_regions,
     regions_searched,
@@ -25,6 +24,8 @@ S04 = Search.modified(Sensor(radians(70)), RATE, LIMIT)
 COUNTEREXAMPLE = [2.08, 25.2, -305.6], [0.0, 0.0, 0.0831]  # S04 section V
 HALF_ANGLES = [45.5, 50.0, 60.0, 70.0, 80.0, 89.0]
 ENDS = {("IPS", 1): 2160.0, ("mOPS", 1): 4283.0, ("IPS", 2): 6443.0, ("mOPS", 2): 8566.0}  # s, theory 5
+# Region of craft i seen from j, if j is seen from i in region I, II, III, IV.  # S04 table 1
+CORRESPONDING_REGION = {1: 3, 2: 4, 3: 1, 4: 2}
 CASES = ["1", "2.a.i", "2.a.ii", "2.b.i", "2.b.ii", "3.a.i", "3.a.ii", "3.b.i", "3.b.ii.A", "3.b.ii.B"]
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 import closeform as cf
-from closeform.uncertainty.search import stays
+from closeform.uncertainty.search import sigma_conflicts
 from closeform.uncertainty.spread import spread_of
 from peers.sigmas import drawn, on_grid
 from sections.probability import CASES, ORBIT, PERIOD, N
@@ -66,7 +66,7 @@ def one_pair(name: str, zone: cf.Zone, pairs: int, repeats: int) -> tuple[float,
     first, second = np.arange(pairs), np.zeros(pairs, dtype=np.int64)
 
     def verdict() -> None:
-        assert len(stays(one, two, first, second, zone, N, 0.9 * k)) == 0
+        assert len(sigma_conflicts(one, two, first, second, zone, N, 0.9 * k)) == 0
 
     least, _ = timed(lambda: cf.clearance_in_sigmas(path, other, zone, errors), repeats)
     judged, _ = timed(verdict, repeats)
