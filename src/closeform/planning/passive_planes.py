@@ -21,9 +21,10 @@ ALONE, TOGETHER = 1e5, 30.0  # maximum displacement in zones by one plane, and b
 def press(scene, contacts, lift, give, stride, most, arcs, offsets):
     """Fill the multipliers that keep failed craft beyond all planes at `lift` aims, and the paths.
 
-    Returns the energy.  The initial active set are the contacts with positive multipliers.  Each plane gives
-    way by `give` of its own compliance.  Where a displacement exceeds `stride` zones, all are reduced.  Returns
-    inf for incompatible planes, or where one moves a craft by more than `most` zones.       # theory (72)
+    Returns the energy.  The initial active set are the contacts with positive multipliers.  Each plane
+    gives way by `give` of its own compliance.  Where a displacement exceeds `stride` zones, all are reduced.
+    Returns inf for incompatible planes, or where one moves a craft by more than `most` zones.
+                                                                                         # theory (72)
     """
     arcs, offsets, count = borrowed(arcs), borrowed(offsets), len(contacts.times)
     factors, motion = np.empty((count, 2, 4, 3, 6)), stack_matrix(3, 3)

@@ -125,7 +125,7 @@ class Rounds:
     def stepped(self, held: Contacts, planes: Contacts, loose: float = HARD) -> tuple[Relaxed, Contacts]:
         """Return safe paths reached by short steps from those of the `held` contacts, and their planes.
 
-        Each step starts with most of the previous multipliers, for nearly safe paths with an increasing share,
+        Each step starts with most of the previous multipliers, for nearly safe paths with a growing share,
         and moves these slightly out of the zones.  Planes have initial softness `loose`.
         """
         keep, short = HELD, inf
