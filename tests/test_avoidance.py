@@ -220,7 +220,7 @@ def test_energy_is_that_of_brute_force(case):
 def test_energy_is_never_above_the_papers(case):
     path, obstacles, zones, found, _ = case
     if path.orbit.mean_motion == 0.0:
-        with pytest.raises(ValueError, match="'sauter-palmer' needs an orbit"):
+        with pytest.raises(ValueError, match="'sauter-palmer' requires an orbit"):
             cf.avoid(path, obstacles, zones, method="sauter-palmer")
         return
     paper = cf.avoid(path, obstacles, zones, method="sauter-palmer")

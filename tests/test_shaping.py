@@ -170,7 +170,7 @@ def test_end_gradients_refuse_what_is_not_optimal(kind):
         "two_impulse": lambda: orbit.two_impulse(INITIAL, FINAL, 500.0),
         "sampled": lambda: orbit.sampled([0.0, 300.0], [INITIAL, FINAL]),
     }[kind]()
-    with pytest.raises(ValueError, match="path: the gradients are those of an energy-optimal path"):
+    with pytest.raises(ValueError, match="path: must be energy-optimal"):
         cf.papers.end_gradients(path)
 
 

@@ -324,7 +324,7 @@ TWINS = np.array([RING[0], RING[1], RING[2], RING[1]])
 MEETING = np.array([[0, 0, 0, 1.0, 0, 0], [0, 50, 0, 0, 0, 0], [200.0, 0, 0, -1.0, 0, 0]])
 
 REFUSED = {
-    "orbit: safety_ellipse has no meaning in deep space": lambda: targets.safety_ellipse(DEEP, 3, 1.0, 1.0),
+    "orbit: safety_ellipse is undefined in deep space": lambda: targets.safety_ellipse(DEEP, 3, 1.0, 1.0),
     "orbit: separated_ring has": lambda: targets.separated_ring(DEEP, 3, 1.0, 1.0),
     "orbit: projected_circular has": lambda: targets.projected_circular(DEEP, 3, 1.0),
     "orbit: string_of_pearls has": lambda: targets.string_of_pearls(DEEP, 3, 1.0),
@@ -335,7 +335,7 @@ REFUSED = {
     "radial: must be positive": lambda: targets.safety_ellipse(ORBIT, 3, -1.0, 1.0),
     "cross_track: must be positive": lambda: targets.pendulum(ORBIT, 3, 1.0, 0.0),
     "radius: expected one number": lambda: targets.projected_circular(ORBIT, 3, [1.0, 2.0]),
-    "inclination: 0 leaves": lambda: targets.separated_ring(ORBIT, 3, 1.0, 0.0),
+    "inclination: 0 gives": lambda: targets.separated_ring(ORBIT, 3, 1.0, 0.0),
     "phase: every number must be finite": lambda: targets.separated_ring(ORBIT, 3, 1.0, 1.0, np.nan),
     "direction: expected one vector": lambda: targets.line(3, 1.0, [0, 0, 0]),
     "states: expected shape \\(N, 6\\)": lambda: targets.scattered(ORBIT, RING[0], 100.0, 2.0),

@@ -66,7 +66,7 @@ def fill_gaps(n, lost, clock, matrix, other, first, gaps):
 
 @kernel()
 def fill_squares(scene, kind, sign, gaps, first, squares):
-    """The square of a zone's norm at all samples; of absent bodies beyond all reach."""
+    """Fill the squares of a zone's norm at all samples, with a sign; beyond any for absent bodies."""
     shape = scene.shapes[kind]
     if shape == BALL:
         for k in range(first, len(squares)):

@@ -1,4 +1,4 @@
-"""The search over passing sides by impulses: from which contacts least delta-v is looked for."""
+"""Search over passing sides by impulses: choice of the contacts from which minimum delta-v is sought."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -28,18 +28,18 @@ from closeform.planning.scene import Contacts
 from closeform.planning.side_search import FEW
 from closeform.planning.two_impulse_plans import HOPS, two_impulse_plans
 
-ONE, MANY = 6, 1  # starts that are looked at, of one craft and of many
-ALONE = 200  # of one craft with neither a limit nor a drift, each of which costs a few ms; most end sooner
-LEAST = 1.0 + 1e-6  # times the bound: no other start gains more than rounding
-FELT = 1e-6  # of delta-v, for a zone twice as large: a contact that costs less is none
-MORE = 4  # times as many where none of those is clear
-STRIDE = 1.0  # zones, by which a pair moves in a step: farther away other failures are the near ones
-# Of the free delta-v: safe impulses that cost more are looked for with so many zones of room, too, and of
-# what is found so many are followed down.
+ONE, MANY = 6, 1  # starts examined for one craft and for many
+ALONE = 200  # for one craft without limit or drift, at a few ms each; most searches end sooner
+LEAST = 1.0 + 1e-6  # times the bound: further starts save no more than rounding
+FELT = 1e-6  # of delta-v, for a zone twice as large: cheaper contacts are dropped
+MORE = 4  # factor of the starts where none of these is clear
+STRIDE = 1.0  # zones, maximum displacement of a pair in a step: other failures become critical farther away
+# Of the free delta-v: above it, planes are also moved out by these distances in zones, and the cheapest
+# results are followed down.
 COSTLY, ROOMS, CHEAPEST = 1.2, (0.1, 0.2, 0.3), 12
-AGAIN, GAINING = 3, 0.99  # times that steps lead on from few impulses, as long as they cost so much less
-ABOUT = 5  # safe paths by impulses, near to which pulses are looked for
-DEAR = 1.1  # times the delta-v of safe paths of least energy: dearer impulses are not worth being few
+AGAIN, GAINING = 3, 0.99  # further steps from few impulses, while the cost falls by this factor
+ABOUT = 5  # safe impulsive paths near which pulses are sought
+DEAR = 1.1  # times the delta-v of safe paths of minimum energy: impulses above it are rejected
 
 
 def solve_impulses(
@@ -50,12 +50,12 @@ def solve_impulses(
     more: bool = False,
     limits: Floats | None = None,
 ) -> tuple[Outcome, Spent]:
-    """The paths of least delta-v found, and the unconstrained optima; `budget`: starts at most.
+    """Return the best paths of minimum delta-v, and the unconstrained optima; `budget` limits the starts.
 
-    By burns within `limits` (N,) [m/s^2] where there are some.  Where no impulses are clear, of craft
-    without thrusters the paths of least energy, which cost delta-v too.
-    Raises ValueError for a craft, by its name, that thrusters cannot bring where it is to go, and
-    TooLittleThrust for one whose limit cannot.
+    Burns are within `limits` (N,) [m/s^2], if given.  Where no impulses are clear, craft without thrusters
+    get the paths of minimum energy, with their delta-v.
+    Raises ValueError naming a craft whose thrusters cannot reach its final state, and TooLittleThrust for a
+    craft whose limit is too low.
     """
     by_energy, failures = cache(lambda: solve(problem, more=more, waiting=False)), None
     if problem.drift is not None:
@@ -72,7 +72,7 @@ def solve_impulses(
             return None if best is None else shared(impulses, best)
 
         return solved(impulses, by_energy, budget, more, in_any_direction if fixed else None)
-    from closeform.planning.burn_local import BurnSolver  # which plans without limits can spare
+    from closeform.planning.burn_local import BurnSolver  # only with limits
 
     burns = BurnSolver(problem, limits, thrusters, names, failures)
     safe: list[Spent] = []
@@ -88,7 +88,7 @@ def solve_impulses(
         if (peaks <= FULL * limits).all():
             return found, free
     known = np.isfinite(limits)
-    times = inf if found.flown is None else float((peaks[known] / limits[known]).max())  # of least energy
+    times = inf if found.flown is None else float((peaks[known] / limits[known]).max())  # of minimum energy
     times = min(times, burns.enough)
     enough = None if times == inf else np.where(known, times * limits, 0.0)
     none = Outcome(
@@ -107,7 +107,7 @@ def solve_impulses(
 
 
 def unconstrained(problem: Problem, thrusters: Sequence[Thrusters | None], names: Sequence[str]) -> Spent:
-    """The least delta-v of each craft by itself, whatever is in the way; raises as `solve_impulses`."""
+    """Return the minimum delta-v of each craft alone, without keep-out zones; raise as `solve_impulses`."""
     return ImpulseSolver(problem, thrusters, names).unconstrained()
 
 
@@ -118,7 +118,10 @@ def solved(
     more: bool = False,
     near: Callable[[], Spent | None] | None = None,
 ) -> tuple[Outcome, Spent]:
-    """The same of one solver, `by_energy` being the paths of least energy, `near` others that are clear."""
+    """Return the result of one solver.
+
+    `by_energy` returns the paths of minimum energy, and `near` other clear paths.
+    """
     problem, free = solver.problem, solver.unconstrained()
     if free.checked.clear:
         alone = in_bits(solver, free) or free
@@ -168,7 +171,7 @@ def searched(
     more: bool,
     near: Callable[[], Spent | None] | None = None,
 ) -> tuple[Spent | None, list[Contacts]]:
-    """The cheapest clear paths that starts lead to, and the starts that were examined."""
+    """Return the cheapest clear paths found, and the starts that were examined."""
     if free.checked.clear:
         return free, []
     most = budget or (ONE if solver.problem.count == 1 else MANY) * (MORE if more or solver.failures else 1)
@@ -182,7 +185,7 @@ def searched(
         for holding, stride in ways_on(solver):
             if solver.failures is not None:
                 solver.failures.holding = holding
-            # planes turn: of the first start neither way is left for what it costs before it is clear
+            # planes turn, so that both options of the first start are completed whatever they cost
             bar = inf if best is None or not begun else best.delta_v
             found = solver.solve(start, bar, stride)
             if found is not None and solver.failures is not None and strayed(solver.problem, free, found):
@@ -217,16 +220,16 @@ def two_impulses(solver: ImpulseSolver, free: Spent) -> Spent | None:
 
 
 def fewest(solver: ImpulseSolver, best: Spent) -> Spent:
-    """Clear paths with few impulses that are no dearer, or hardly."""
+    """Return clear paths with few impulses at hardly more cost."""
     best = solver.fewest(solver.focused(best))
     return best if solver.failures is None else solver.fewest(descended(solver, best))
 
 
 def roomier(solver: ImpulseSolver, free: Spent, begun: list[Contacts], best: Spent | None) -> Spent | None:
-    """The cheapest safe paths, of those that planes further out lead to, and from there down to the zones.
+    """Return the cheapest safe paths found with planes farther out, after descent to the zones.
 
-    Where thrust may be lost, rounds come to rest at one of many costs, and a hair decides at which; with room
-    to spare more of them come to safe paths at all.
+    With a loss of thrust, rounds converge to one of many costs, and small changes decide which.  With planes
+    farther out, more of them reach safe paths at all.
     """
     found = [*([] if best is None else [best]), *with_room(solver, free, begun)]
     found = sorted(found, key=lambda one: one.delta_v)[:CHEAPEST]
@@ -235,7 +238,7 @@ def roomier(solver: ImpulseSolver, free: Spent, begun: list[Contacts], best: Spe
     if cheapest is None or (best is not None and not cheapest.delta_v < best.delta_v):
         return best
     best = fewest(solver, cheapest)
-    for _ in range(AGAIN):  # few impulses are other paths, beside which planes further out may cost less
+    for _ in range(AGAIN):  # near the changed paths, planes farther out may cost less
         there = step_near(solver, best, solver.following(best))
         if there is None or not (there.checked.clear and there.delta_v < GAINING * best.delta_v):
             break
@@ -244,7 +247,7 @@ def roomier(solver: ImpulseSolver, free: Spent, begun: list[Contacts], best: Spe
 
 
 def with_room(solver: ImpulseSolver, free: Spent, begun: list[Contacts]) -> Iterator[Spent]:
-    """Safe paths to which planes further out lead, the nearer ones first."""
+    """Yield safe paths found with planes farther out, the nearer planes first."""
     assert solver.failures is not None
     for room in ROOMS:
         solver.least = AIM + room
@@ -258,7 +261,7 @@ def with_room(solver: ImpulseSolver, free: Spent, begun: list[Contacts]) -> Iter
 
 
 def fires(solver: ImpulseSolver) -> bool:
-    """Whether thrust may be lost, and all craft have thrusters that are told how strong they are."""
+    """Return whether thrust may be lost, and the acceleration of all craft's thrusters is known."""
     strong = all(own is not None and own.acceleration is not None for own in solver.thrusters)
     return solver.failures is not None and strong
 
@@ -266,8 +269,8 @@ def fires(solver: ImpulseSolver) -> bool:
 def pulses_near(
     solver: ImpulseSolver, free: Spent, begun: list[Contacts], best: Spent
 ) -> tuple[ImpulseSolver, Spent | None]:
-    """Safe pulses near to safe impulses, to the best ones if there are some there, and what solved that."""
-    from closeform.planning.pulse_local import PulseSolver  # which only thrusters that fire need
+    """Return a pulse solver, and safe pulses near safe impulses, preferably the best; None without any."""
+    from closeform.planning.pulse_local import PulseSolver  # only for pulsed thrusters
 
     pulses = PulseSolver.of(solver)
     every = map(pulses.nearby, islice(chain([best], with_room(solver, free, begun)), ABOUT))
@@ -275,28 +278,28 @@ def pulses_near(
 
 
 def ways_on(solver: ImpulseSolver) -> tuple[tuple[bool, float], ...]:
-    """How rounds go on from a start: whether planes that press are held, and how far a step leads."""
+    """Return the options of the rounds: whether active planes are held, and the maximum step."""
     if solver.failures is None:
         return ((False, inf),)
     held = (False, inf), (True, inf)
-    return held if solver.limits.any() else (*held, (False, STRIDE))  # steps would cut slots ever finer
+    return held if solver.limits.any() else (*held, (False, STRIDE))  # steps would refine slots without end
 
 
 def strayed(problem: Problem, free: Spent, found: Spent) -> bool:
-    """Whether contacts push anybody so far from where it would be alone that no plan comes of it."""
+    """Return whether contacts displace a craft so far from its unconstrained path that no plan results."""
     there, here = (problem.motions(one.flown, found.contacts)[:, 0] for one in (free, found))
     pushed = (found.contacts.normals * (here - there)).sum(axis=1)
     return bool((np.abs(pushed) > TOGETHER).any())
 
 
 def thrusting(problem: Problem, found: Outcome) -> Outcome:
-    """Paths of least energy as an answer of delta-v."""
+    """Return an outcome of minimum energy as one of delta-v."""
     spent = nan if found.flown is None else float(np.sum(problem.path(found.flown).delta_v))
     return replace(found, proven=False, delta_v=spent, priced=False)
 
 
 def cheaper(solver: ImpulseSolver, best: Spent, by_energy: Callable[[], Outcome]) -> Outcome | None:
-    """Safe paths of least energy where impulses are far dearer, and who flies may thrust so."""
+    """Return safe paths of minimum energy where impulses cost far more and thrust is not fixed; else None."""
     if solver.pushes.fixed.any():
         return None
     found = thrusting(solver.problem, by_energy())
@@ -308,7 +311,7 @@ def cheaper(solver: ImpulseSolver, best: Spent, by_energy: Callable[[], Outcome]
 
 
 def shortage(problem: Problem, limits: Floats, shown: TooLittleThrust | Floats) -> ThrustShortfall:
-    """Who lacks most thrust, by what was shown of the first that does, or by what would be enough (N,)."""
+    """Return the largest shortfall of thrust, as proven for one craft, or from sufficient thrusts (N,)."""
     peaks = problem.path(problem.direct).peak_thrust
     if isinstance(shown, TooLittleThrust):
         craft, proven = shown.which, shown.needed
@@ -317,15 +320,15 @@ def shortage(problem: Problem, limits: Floats, shown: TooLittleThrust | Floats) 
         craft = int(np.argmax(shown / limits))
         needed, proven = float(shown[craft]), 0.0
     duration = float(problem.base[craft, END] - problem.base[craft, START])
-    remedy = "give it more, or more time"
+    remedy = "raise the limit, or allow more time"
     return ThrustShortfall(craft, needed, float(limits[craft]), duration, remedy, duration, needed, proven)
 
 
 def starts(solver: ImpulseSolver, free: Spent, by_energy: Callable[[], Outcome]) -> Iterator[Contacts]:
-    """Contacts to begin with: sides of other plans, the nearer ones, and each way out of a conflict.
+    """Yield contacts as starts: sides of other plans, the nearer sides, and each exit of a conflict.
 
-    Of many craft, or within a limit, the plan of least energy; for thrusters, or of one craft within a
-    limit, that of impulses in any direction.  Where thrust may be lost, safe plans of least energy.
+    The other plans are: for many craft or within a limit, that of minimum energy; for thrusters, or one craft
+    within a limit, that of impulses in any direction; with a loss of thrust, safe plans of minimum energy.
     """
     problem, limited = solver.problem, solver.limits.any()
     if solver.failures is not None:
@@ -348,7 +351,7 @@ def starts(solver: ImpulseSolver, free: Spent, by_energy: Callable[[], Outcome])
 def turns(solver: ImpulseSolver, best_of: Callable[[], Spent | None]) -> Iterator[Contacts]:
     """Yield the contacts of the best plan with one obstacle passed on another side, cheaper ones first.
 
-    Of a better plan, once one of these leads to it, until none does.
+    Continue from a better plan as soon as one is found, until none is.
     """
     before = None
     while (best := best_of()) is not None and best is not before:
@@ -370,14 +373,14 @@ def turns(solver: ImpulseSolver, best_of: Callable[[], Spent | None]) -> Iterato
 
 
 def blocked(solver: ImpulseSolver, free: Spent) -> tuple[int, int]:
-    """The pair that is deepest in conflict where craft fly as though alone."""
+    """Return the pair in the deepest conflict on the unconstrained paths."""
     if free.checked.missed:
         return deepest(free.checked.missed)[0]
-    first, second = solver.problem.pairs[free.checked.lost.which[:1].sum()]  # the first, if none is known
+    first, second = solver.problem.pairs[free.checked.lost.which[:1].sum()]
     return int(first), int(second)
 
 
 def touched(problem: Problem, found: Outcome) -> Iterator[Contacts]:
-    """Where another plan touches, if it does."""
+    """Yield the contacts of another plan, if it has any."""
     if found.flown is not None and found.contacts:
         yield beside(problem, found.flown, problem.touched(found.contacts))

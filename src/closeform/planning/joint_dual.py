@@ -1,4 +1,4 @@
-"""The least delta-v of impulses that keep planes between craft: one dual of all craft, and its paths.
+"""Minimum delta-v of impulses that satisfy planes between craft: one dual program of all craft.
 
 Of N craft with times at which they may fire, and K planes a_k . (r_i - r_j)(t_k) >= s_k,
 
@@ -6,15 +6,15 @@ Of N craft with times at which they may fire, and K planes a_k . (r_i - r_j)(t_k
                or d . p_i <= 1 where the impulse is along d
     p_i(t) = Psi(t) c_i + sum over t_k > t of +- m_k Phi_rv(t_k - t)^T a_k                    # theory (38)
 
-or of burns within a limit, V at most of each, which cost V (|p_i| - 1) where that is positive, p_i in the
-mean over the burn.  f_k is what the unforced paths miss of the plane.  The primer p_i is a natural motion
-between its planes, at which its rate jumps.  Primers and impulses go together along the centres of
-logarithmic barriers, where
+or of burns within a limit V each, which cost V (|p_i| - 1) where that is positive, with p_i the mean
+over the burn.  f_k is the shortfall of the unforced paths from the plane.  The primer p_i is a natural motion
+between its planes, at which its rate jumps.  Primers and impulses follow the centres of logarithmic
+barriers, where
 
     v_i(t) = 2 tau p_i / (1 - |p_i|^2)   or   tau d / (1 - d . p_i)                          # theory (39)
 
-by Mehrotra's steps: where a step to the end would lead tells how near to it the next centre is, and how
-the way there bends.  The last of them is met as a centre: a face of equal optima is left in its middle.
+by Mehrotra's predictor-corrector steps.  The last centre is solved accurately, so that a face of equal
+optima is left at its centre.
 """
 
 from math import ceil, inf, log, sqrt
@@ -31,25 +31,25 @@ from closeform.planning.primer_rows import begin, fill_members, fill_rows, norma
 from closeform.planning.scene import BLOCKS
 
 STEPS = 100  # at most
-BEGUN = 0.3  # of the first tau: none below is aimed at while impulses do not reach the ends
-LEAST = 1e-13  # of the first tau, where nothing is to be gained
-INSIDE = 0.95  # of the way out of the cones
-NEAR = 2.0  # times the last tau: from there on it is met as a centre
-RUNGS, APART = 1.0 / 0.3, 12.0  # the last tau is one of these: rounds that are alike end alike
-EXACT = 1e-6  # square of the last step, after which next to none is left
-BEYOND = 1.0 + 1e-9  # times what limits allow: more is no rounding
-HOPELESS = 1e9  # units of delta-v: nothing that is to be flown costs that
+BEGUN = 0.3  # of the first tau: minimum target while impulses do not reach the ends
+LEAST = 1e-13  # of the first tau: lower limit
+INSIDE = 0.95  # of the distance to the cones' boundary
+NEAR = 2.0  # times the last tau: below it the last centre is the target
+RUNGS, APART = 1.0 / 0.3, 12.0  # discrete values of the last tau, so that similar rounds end alike
+EXACT = 1e-6  # squared length of the last step
+BEYOND = 1.0 + 1e-9  # times the limits: above it the excess is not rounding
+HOPELESS = 1e9  # units of delta-v: above any real plan
 
 
 @kernel()
 def rung(tau):
-    """The greatest of RUNGS, RUNGS / APART, RUNGS / APART^2, ... that is no more than `tau`."""
+    """Return the largest of RUNGS, RUNGS / APART, RUNGS / APART^2, ... that is at most `tau`."""
     return RUNGS * APART ** -ceil(log(RUNGS / max(tau, LEAST)) / log(APART))
 
 
 @kernel()
 def barrier_terms(fleet, number):
-    """How many terms the barriers of all moments and planes have, and the degree of their cones."""
+    """Return the number of barrier terms of all moments and planes, and the degree of their cones."""
     terms = degrees = 1.0 * number
     for i in range(len(fleet.counts)):
         for j in range(fleet.counts[i]):
@@ -61,7 +61,7 @@ def barrier_terms(fleet, number):
 
 @kernel()
 def follow(program, terms, degrees, tolerance, bar, cones, planes, x):
-    """Follow the centres to a relative gap; returns the bound, and how many times the limits are needed."""
+    """Follow the centres to a relative gap; return the bound, and the necessary factor of the limits."""
     craft, number, width = len(program.counts), len(planes), x.shape[1]
     program, x = lent(program), borrowed(x)
     cones, planes = borrowed(cones), borrowed(planes)
@@ -97,7 +97,7 @@ def follow(program, terms, degrees, tolerance, bar, cones, planes, x):
 
 @kernel()
 def place_cones(program, multipliers, cones, planes, x):
-    """Begin with primers by the planes alone, and impulses on the centre of tau = 1 for these."""
+    """Fill initial primers from the planes alone, and impulses on the centre of tau = 1 for these."""
     for k in range(len(planes)):
         for a in range(ROW):
             planes[k, a] = 0.0
@@ -126,10 +126,10 @@ def place_cones(program, multipliers, cones, planes, x):
 
 @kernel(types.UniTuple(float64, 2)(FLEET, PLANES, float64, float64, DUAL, BLOCKS))
 def price(fleet, planes, tolerance, bar, dual, impulses):
-    """The least delta-v of a fleet that keeps planes, at its times, to a relative `tolerance`.
+    """Return the minimum delta-v of a fleet that satisfies planes, to a relative `tolerance`.
 
-    Fills `impulses` (N, J, 3) and the `dual`.  inf where it is above `bar`, or no impulses keep the planes.
-    Second is how many times their limits all craft need for that at least, as far as that was seen.
+    Fills `impulses` (N, J, 3) and the `dual`.  inf where it is above `bar`, or the planes are infeasible.
+    The second number is a lower bound of the factor of the limits that all craft need, as far as known.
     """
     craft, number = len(fleet.base), len(planes.times)
     sizes, members = np.empty(craft, dtype=np.int64), np.empty((craft, number), dtype=np.int64)
@@ -148,7 +148,7 @@ def price(fleet, planes, tolerance, bar, dual, impulses):
         for a in range(6):
             total += gains[i, a] ** 2
     for k in range(number):
-        if pulls[k] == inf:  # nobody can give way
+        if pulls[k] == inf:  # no controllable craft
             pulls[k] = 1.0
         total += (planes.misses[k] * pulls[k]) ** 2
     if total == 0.0:

@@ -1,6 +1,6 @@
-"""Steps of all craft together: each by its own six unknowns, all by one system of their planes.
+"""Steps of the joint dual program: six unknowns of each craft, and one system of all planes.
 
-A plane's multiplier m and by how much the plane is kept are a cone of one number and its dual.
+The multiplier m of a plane and the plane's slack form a cone of one number and its dual.
 """
 
 from math import inf
@@ -30,14 +30,14 @@ from closeform.planning.primer_cones import (
 )
 
 ROOT = 1e-14  # of the diagonal, added
-BEYOND = 2.0  # of a step: farther nobody looks whether it stays in its cones
+BEYOND = 2.0  # of a step: upper limit of the search for the boundary
 
 
 class Program(NamedTuple):
-    """The dual of N craft and K planes, in a unit of delta-v of its own.
+    """Dual program of N craft and K planes, in its own unit of delta-v.
 
-    Primers are `rows` (N, J, 3, 6 + M) times each craft's unknowns, the multipliers of its `members` among
-    them; where the impulse is `along` a direction the first of the three is d . p.
+    Primers are `rows` (N, J, 3, 6 + M) times each craft's unknowns, including the multipliers of its
+    `members`.  Where the impulse is `along` a direction, the first of the three rows is d . p.
     """
 
     rows: Floats
@@ -52,7 +52,7 @@ class Program(NamedTuple):
 
 @kernel()
 def weigh(rows, along, cones, count, size, hessian):
-    """Scale a craft's cones; fill how what its impulses do grows with its unknowns."""
+    """Scale a craft's cones; fill the Hessian of its unknowns."""
     for a in range(size):
         row = hessian[a]
         for b in range(size):
@@ -79,7 +79,7 @@ def weigh(rows, along, cones, count, size, hessian):
 
 @kernel()
 def eliminate(hessian, size):
-    """Factorise for a craft's own six unknowns; what is left after them is for the planes."""
+    """Factorise a craft's own six unknowns; the remainder is the Schur complement of its planes."""
     for k in range(6):
         hessian[k, k] += ROOT * (1.0 + hessian[k, k])  # which may be zero
         for i in range(k + 1, size):
@@ -90,7 +90,7 @@ def eliminate(hessian, size):
 
 @kernel()
 def weigh_all(program, cones, planes, hessians, schur):
-    """Factorise the system of a step: of each craft, and of all planes."""
+    """Factorise the system of a step, for each craft and for all planes."""
     number, sizes = len(planes), program.sizes
     for k in range(number):
         scale(planes[k])
@@ -111,7 +111,7 @@ def weigh_all(program, cones, planes, hessians, schur):
 
 @kernel()
 def solve(hessians, schur, members, sizes, x, multipliers):
-    """Solve the system of a step in place: of each craft (N, 6 + M), and of all planes (K,)."""
+    """Solve the system of a step in place: for each craft (N, 6 + M), and for all planes (K,)."""
     for i in range(len(sizes)):
         for k in range(6):
             share = x[i, k] / hessians[i, k, k]
@@ -131,7 +131,7 @@ def solve(hessians, schur, members, sizes, x, multipliers):
 
 @kernel()
 def measure(program, cones, planes, x):
-    """The bound, what is gained before limits are paid for, most of V |p| in sum, and the gap."""
+    """Return the bound, the gain without the cost of limits, the sum of V |p|, and the gap."""
     gained, spent, length, gap = 0.0, 0.0, 0.0, 0.0
     for k in range(len(planes)):
         gained += program.misses[k] * planes[k, PRIMER]
@@ -150,10 +150,10 @@ def measure(program, cones, planes, x):
 
 @kernel()
 def step_towards(program, cones, planes, hessians, schur, tau, correction, changes, ahead):
-    """Fill how all change towards the centre of `tau`.
+    """Fill the changes of all unknowns and cones towards the centre of `tau`.
 
-    By a `correction` of so much of the product of the changes before.  Returns how far the primers can go
-    there, and the impulses, and the square of the way.
+    `correction` is the share of the second-order term of the previous changes.  Returns the maximum step of
+    the primers, that of the impulses, and the squared length of the step.
     """
     p, first, second, left = stack_vector(3), BEYOND, BEYOND, 0.0
     for k in range(len(planes)):
@@ -191,7 +191,7 @@ def step_towards(program, cones, planes, hessians, schur, tau, correction, chang
 
 @kernel()
 def go(program, cones, planes, x, changes, first, second):
-    """Go a share of the changes: the `first` of the primers', the `second` of the impulses'."""
+    """Apply shares of the changes: `first` of the primers', `second` of the impulses'."""
     for k in range(len(planes)):
         advance(planes[k], False, first, second)
     for i in range(len(program.counts)):

@@ -1,4 +1,4 @@
-"""What `avoid` answers of least energy: the best path around that was found, or why there is none."""
+"""Avoidance of minimum energy: the best path found around the zones, or the reason why there is none."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -14,13 +14,13 @@ from closeform.planning.prove import closeness, is_proven
 from closeform.planning.prove import prove as prove_bound
 from closeform.planning.side_search import MARGINS, Found
 
-TOO_DEAR = 1e8  # times the optimum: no plan to fly
+TOO_DEAR = 1e8  # times the optimum: not a practical plan
 
 
 def shaped(
     problem: Problem, budget: int | None, seconds: float, fixed: bool, names: Sequence[str]
 ) -> Avoidance:
-    """`avoid` by method "exact"."""
+    """Return the avoidance of method "exact"."""
     found = solve(problem, budget)
     optimum, duration = problem.energy(problem.direct), problem.arrival - problem.first
     ways = f"{found.tried} candidate{'s' * (found.tried != 1)} examined"
@@ -29,10 +29,10 @@ def shaped(
         if problem.drift is not None:
             reason = f"no passively safe path among {ways}{unseparated(problem, names)}"
         return refused(problem, Status.NOT_FOUND, reason, found.tried)
-    # rest to rest over one zone in a hundredth of the time costs 1e6 of these
+    # a transfer from rest to rest over one zone in a hundredth of the time costs 1e6 of these
     zone = 1.0 / max(np.abs(one.matrix).max() for one in problem.zones)
     if found.extra > TOO_DEAR * (optimum + 6.0 * zone**2 / duration**3):
-        reason = f"the cheapest of {ways} costs {found.extra:.3g} m²/s³ more; give it a longer transfer"
+        reason = f"the cheapest of {ways} costs {found.extra:.3g} m²/s³ more; allow a longer transfer"
         return refused(problem, Status.NOT_FOUND, reason, found.tried)
     proof = prove_bound(problem, found.contacts, found.extra, optimum + found.extra, seconds, fixed=fixed)
     if proof.better is not None:
@@ -64,7 +64,7 @@ def shaped(
 def refused(
     problem: Problem, status: Status, reason: str, tried: int = 0, least: float | None = None
 ) -> Avoidance:
-    """An avoidance without a path; `least`: what any costs at least, where that is delta-v [m/s]."""
+    """Return an avoidance without a path; `least` is the lower bound of delta-v [m/s], if minimised."""
     none = Avoidance(None, nan, nan, nan, nan, (), status, reason, tried=tried)
     none = replace(none, drift=problem.drift, sigmas=problem.sigmas)
     if least is not None:

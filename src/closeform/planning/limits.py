@@ -79,7 +79,7 @@ class Stretched(NamedTuple, Generic[Planned]):
     def measure(self) -> str:
         """Description of the durations tried and of the outcome."""
         if self.found is None:
-            return f"longer, up to {self.factor:.4g} times the duration: the thrust limit is not kept"
+            return f"longer, up to {self.factor:.4g} times the duration: the thrust limit is exceeded"
         return f"longer, {self.factor:.6g} times the duration: the thrust limit is kept"
 
 

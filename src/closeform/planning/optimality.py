@@ -6,9 +6,9 @@ the zone's norm, or passes an edge and touches two, A as it falls and B as it ri
     one part     A(q) = aim,               f along A's gradient,                  f . q' = 0
     an edge      A(q) = B(q) = aim,        f in the plane of both gradients,      f . q' = 0
 
-A corner, three parts at one instant, is never better than the edge of the part that holds the path
-before and the part that holds it after, so there is no third kind.  The path is linear in all forces, so the
-unknowns are the forces and times alone: four for each contact.
+A corner, three parts at one instant, is never better than the edge of the active parts before and after,
+so there is no third kind.  The path is linear in all forces, so the unknowns are the forces and times
+alone: four for each contact.
 """
 
 from math import sqrt
@@ -25,14 +25,14 @@ from closeform.zones.shapes import part
 
 STEPS = 12
 TOUCHING = 1e-11  # error left in the norm
-ALONG, STEADY = 1e-9, 1e-8  # and in the force's direction, and in the norm's rate times the craft's duration
+ALONG, STEADY = 1e-9, 1e-8  # errors in the force's direction, and in the norm's rate times the duration
 LARGEST = 60  # contacts of one group, whose conditions are solved at once
-FAR = 10.0  # error beyond which the steps lead nowhere
+FAR = 10.0  # error beyond which the method diverges
 
 
 @kernel()
 def part_at(scene, kind, index, motion, out):
-    """Value of one part of a zone's norm at a relative motion, its gradient in `out`; -1: all, rounded."""
+    """Return one part of a zone's norm at a relative motion, its gradient in `out`; -1: all, rounded."""
     faces = scene.faces[scene.face_offsets[kind] : scene.face_offsets[kind + 1]]
     shape, power = scene.shapes[kind], scene.powers[kind]
     x, y, z = motion[0, 0], motion[0, 1], motion[0, 2]
@@ -46,7 +46,7 @@ def part_at(scene, kind, index, motion, out):
 
 @kernel()
 def shares(force, gradients, count, out):
-    """How a force is made of the active parts' gradients, as nearly as can be: their multipliers."""
+    """Fill the least-squares multipliers of a force in terms of the active parts' gradients."""
     aa, ab, bb, af, bf = 0.0, 0.0, 0.0, 0.0, 0.0
     for i in range(3):
         a, b = gradients[0, i], gradients[1, i]
@@ -60,7 +60,7 @@ def shares(force, gradients, count, out):
 
 @kernel()
 def across(gradients, count, out):
-    """Fill `out` (2, 3) with the directions in which a force has no share: two, on an edge one."""
+    """Fill `out` (2, 3) with the directions orthogonal to the gradients: two, on an edge one."""
     if count == 2:
         a, b = gradients[0], gradients[1]
     else:
@@ -81,7 +81,7 @@ def across(gradients, count, out):
 
 @kernel()
 def choose_parts(scene, arcs, offsets, contacts, count, active, parts):
-    """Which parts each contact touches: fills `active` (count, 2) and how many in `parts` (count,)."""
+    """Fill the parts that each contact touches, `active` (count, 2), and their number in `parts` (count,)."""
     motion, values, gradients = stack_matrix(3, 3), stack_vector(2), stack_matrix(2, 3)
     for k in range(count):
         which = contacts.which[k]
@@ -95,16 +95,16 @@ def choose_parts(scene, arcs, offsets, contacts, count, active, parts):
 
 @kernel()
 def is_pinned(scene, which, t):
-    """Whether a contact is at an end of the time in which it can lie: given, whatever the speed."""
+    """Return whether a contact is at an end of its window, where its time is fixed at any speed."""
     return t <= scene.windows[which, 0] or t >= scene.windows[which, 1]
 
 
 @kernel()
 def conditions_of(scene, contacts, k, arcs, offsets, active, parts, motion, rows, lines, rhs):
-    """The conditions of one contact: their errors in `rhs` (4,); the greatest, inf for a wrong solution.
+    """Fill one contact's errors of the conditions in `rhs` (4,); return the largest, inf if wrong.
 
-    Fills its relative `motion`, and `rows` (3, 3), what its position does to the first three.  Wrong: a
-    part that pulls, or a contact where the path is farthest, not closest, in time.
+    Fills its relative `motion`, and `rows` (3, 3), the derivatives of the first three by position.  Wrong
+    means a part that pulls, or a contact at a maximum of the distance in time.
     """
     values, gradients, weights, bend = (
         stack_vector(2),
@@ -138,7 +138,7 @@ def conditions_of(scene, contacts, k, arcs, offsets, active, parts, motion, rows
             rhs[a] = scene.aims[kind] - values[a]
             error = max(error, abs(rhs[a]))
             wrong = wrong or weights[a] <= 0.0
-        else:  # no share of the force across the gradients, which turn with the position
+        else:  # no component of the force orthogonal to the gradients, which turn with the position
             line = lines[a - count]
             for i in range(3):
                 rows[a, i] = 0.0
@@ -157,7 +157,7 @@ def conditions_of(scene, contacts, k, arcs, offsets, active, parts, motion, rows
 
 @kernel()
 def fill_block(scene, contacts, factors, k, m, motion, rows, jacobian, row, column):
-    """What the force and time of contact m do to the conditions of contact k: 4 x 4 of the matrix."""
+    """Fill the 4 x 4 derivatives of the conditions of contact k by the force and time of contact m."""
     place, place_rate, speed, speed_rate = (
         stack_matrix(3, 3),
         stack_matrix(3, 3),
@@ -192,9 +192,10 @@ def fill_block(scene, contacts, factors, k, m, motion, rows, jacobian, row, colu
 
 @kernel()
 def fill_conditions(scene, contacts, group, size, factors, arcs, offsets, active, parts, jacobian, rhs):
-    """The linearised conditions (4 size equations) of the first contacts of a `group`: the greatest error.
+    """Fill the linearised conditions (4 size equations) of the first contacts of a `group`.
 
-    inf for a wrong solution.  The contacts' normals are forces here, their multipliers 1.
+    Returns the largest error, inf for a wrong solution.  The contacts' normals are forces here, their
+    multipliers 1.
     """
     motion, rows, lines = stack_matrix(3, 3), stack_matrix(3, 3), stack_matrix(2, 3)
     error = 0.0
@@ -216,7 +217,7 @@ def fill_conditions(scene, contacts, group, size, factors, arcs, offsets, active
 
 @kernel()
 def group_contacts(scene, contacts, count, labels):
-    """Fill `labels` (count,): equal for contacts that share a craft, or are tied by others that do."""
+    """Fill `labels` (count,), equal for contacts that are connected by shared craft."""
     for k in range(count):
         labels[k] = k
         for m in range(k):
@@ -234,7 +235,7 @@ def group_contacts(scene, contacts, count, labels):
 
 @kernel()
 def members(labels, count, label, group):
-    """Fill `group` with the contacts of a label: how many they are."""
+    """Fill `group` with the contacts of a label; return their number."""
     size = 0
     for k in range(count):
         if labels[k] == label:
@@ -245,7 +246,7 @@ def members(labels, count, label, group):
 
 @kernel()
 def take_step(scene, contacts, group, size, rhs):
-    """Add a step to the forces and times of a group; False where a time leaves its window."""
+    """Add a step to the forces and times of a group; return False where a time leaves its window."""
     for a in range(size):
         k = group[a]
         for i in range(3):
@@ -268,7 +269,7 @@ def as_forces(contacts, count):
 
 @kernel()
 def as_normals(scene, arcs, offsets, contacts, count, active, parts):
-    """Back to normals, the means of the active parts' gradients, and multipliers."""
+    """Convert forces back to normals, the means of the active parts' gradients, and multipliers."""
     motion, gradients, weights = stack_matrix(3, 3), stack_matrix(2, 3), stack_vector(2)
     for k in range(count):
         which = contacts.which[k]
@@ -283,10 +284,10 @@ def as_normals(scene, arcs, offsets, contacts, count, active, parts):
 
 @kernel()
 def newton(scene, contacts, count, factors, arcs, offsets):
-    """Take contacts, all of them pressed, to the conditions of optimality: whether they come to meet them.
+    """Solve the conditions of optimality of active contacts; return whether the method converges.
 
-    Group by group, of those that no craft ties to others.  `arcs` and `offsets` hold the paths that the
-    contacts shape, before and after.
+    Connected groups are solved one by one.  `arcs` and `offsets` hold the paths under the contacts, before
+    and after.
     """
     active, parts = np.empty((count, 2), dtype=np.int64), np.empty(count, dtype=np.int64)
     labels, group = np.empty(count, dtype=np.int64), np.empty(count, dtype=np.int64)

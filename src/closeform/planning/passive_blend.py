@@ -1,9 +1,9 @@
-"""From a safe two-impulse plan to a safe path of low energy, where the search among planes finds none.
+"""Blending from a safe two-impulse plan to a safe path of low energy, where the search among planes fails.
 
-The impulses are spread over burns.  A step then keeps the planes of all failures of the safe paths at hand,
-which is a convex program (theory 72), and goes part of the way to its solution.  Paths on that way keep the
-same planes, so that they are safe as far as the planes stand for all failures; the step is halved until the
-sampled failures are clear.  Motion is linear in thrust, so that a part of the way is a weighted sum of arcs.
+The impulses are spread over burns.  A step then satisfies the planes of all failures of the current paths,
+which is a convex program (theory 72), and covers part of the way to its solution.  Paths on that way satisfy
+the same planes, and are safe as far as the planes represent all failures; the step is halved until the
+sampled failures are clear.  Motion is linear in thrust, so that part of the way is a weighted sum of arcs.
 """
 
 from itertools import islice
@@ -22,11 +22,11 @@ from closeform.planning.scene import Contacts
 from closeform.planning.two_impulse_plans import HOPS, two_impulse_plans
 
 SPREADS = 0.25, 0.1, 0.03, 0.01, 1e-3  # of the drift between two impulses, over which each is spread
-STEPS, CUTS = 16, 4  # steps, and times that planes are joined which the program's paths break
-GIVING = 1e-7  # of their own compliance, by which planes give way: many are almost one
-SHORTEST = 2.0**-8  # of the way: shorter steps gain nothing
-STEADY = 1e-3  # of the energy: a step that gains less is the last
-ROUNDING = 1e-12  # of all time: arcs no longer are none
+STEPS, CUTS = 16, 4  # maximum steps, and rounds that add violated planes
+GIVING = 1e-7  # softness of planes, of their compliance: many are nearly equal
+SHORTEST = 2.0**-8  # of the way: minimum step
+STEADY = 1e-3  # of the energy: minimum saving for another step
+ROUNDING = 1e-12  # of all time: shorter arcs are dropped
 
 
 def blended_plan(problem: Problem, margin: float) -> Flown | None:
@@ -75,7 +75,7 @@ def burned(problem: Problem, i: int, first: float, last: float, share: float) ->
 
 
 def stepped(rounds: Rounds, arcs: Floats, offsets: Any) -> Flown | None:
-    """Return safe paths part of the way to the cheapest that keep the planes of some; None without any."""
+    """Return safe paths part of the way to the cheapest that satisfy the planes of some; None without any."""
     problem, planes = rounds.problem, rounds.failures(arcs, offsets, Contacts.none())[0]
     for _ in range(CUTS):
         energy, toward, begins = rounds.pressed(planes, 1.0 + BEYOND, GIVING, most=inf)
@@ -99,7 +99,7 @@ def stepped(rounds: Rounds, arcs: Floats, offsets: Any) -> Flown | None:
 
 
 def missed(rounds: Rounds, arcs: Floats, offsets: Any) -> Contacts:
-    """Return where failures lead into a zone, or paths do without one: as sampled, and if none, certified."""
+    """Return sampled failures inside zones; without any, conflicts and certified failures."""
     problem, found = rounds.problem, rounds.inside(arcs, offsets, Contacts.none())[0]
     if found.number:
         return found

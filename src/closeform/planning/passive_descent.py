@@ -1,9 +1,9 @@
-"""From safe paths down to the least energy beside them: planes are turned ahead, and kept after all failures.
+"""Descent from safe paths to minimum energy nearby: planes are turned ahead and satisfied after all failures.
 
-Planes that touch a zone are outside it whatever path they are turned to, so that whoever keeps them after all
-failures is safe.  Turned to the paths at hand they give way by little where failures touch the zone in a
-whole row of instants; so a step turns them to where the last two steps lead, farther ahead as long as that
-pays.                                                                                    # theory (75)
+Planes that support a zone lie outside it whatever their direction, so that paths that satisfy them after
+all failures are safe.  Planes turned to the current paths yield little where failures touch the zone over a
+range of instants.  A step therefore turns them to an extrapolation of the last two steps, farther as long
+as that lowers the cost.                                                                 # theory (75)
 """
 
 from math import inf
@@ -14,17 +14,17 @@ from closeform.planning.passive_rounds import BEYOND, FORGOTTEN, Relaxed, Rounds
 from closeform.planning.scene import Contacts
 
 STEPS = 60
-STEADY, IDLE = 1e-5, 3  # share of all energy, by which so many steps in a row gain less at the end
-AHEAD, FARTHEST = 0.5, 32.0  # steps, by which planes are turned ahead of the paths at first, and at most
-FARTHER, NEARER = 2.0, 0.25  # times as far where that has paid, and where it has not
-GIVING = 1e-7  # of their own compliance, by which planes give way: many that are almost one share their force
-ADDED, MOST = 12, 150  # times that planes are added in a step, and how many there may be
-LASTLY = 2  # times as often and as many before planes are raised
-COARSE, FINE = 1e-4, 1e-5  # zones, by which failures are left inside on the way, and before planes are raised
+STEADY, IDLE = 1e-5, 3  # minimum relative saving, and the number of steps below it that end the descent
+AHEAD, FARTHEST = 0.5, 32.0  # extrapolation in steps, initial and maximum
+FARTHER, NEARER = 2.0, 0.25  # factors of the extrapolation after success and failure
+GIVING = 1e-7  # softness of planes, of their compliance: nearly equal ones share their force
+ADDED, MOST = 12, 150  # maximum rounds that add planes in a step, and maximum planes
+LASTLY = 2  # factor of both before planes are raised
+COARSE, FINE = 1e-4, 1e-5  # accepted shortfall in zones on the way, and before planes are raised
 
 
 def settled(rounds: Rounds, safe: Relaxed) -> Relaxed:
-    """What safe paths come to; these, where nothing is cheaper."""
+    """Return the safe paths of the descent, or the given ones if none is cheaper."""
     now, before, ahead, idle, planes, short = safe, Contacts.none(), 0.0, 0, safe.contacts, 0.0
     for _ in range(STEPS):
         there = rounds.flown(extrapolated(now.contacts, before, ahead))
@@ -48,16 +48,16 @@ def settled(rounds: Rounds, safe: Relaxed) -> Relaxed:
 
 
 def held(rounds: Rounds, arcs: Floats, offsets: Any, known: Contacts, farther: float = 0.0) -> Relaxed:
-    """The safe paths of least energy that keep planes of some paths, `known` ones among them.
+    """Return the safe paths of minimum energy for the planes of some paths and `known` ones.
 
-    And some zones `farther` out, than they are raised to be safe.
+    Planes are raised by `farther` zones beyond the shortfall.
     """
     planes, energy, short = kept(rounds, arcs, offsets, known, FINE, most=LASTLY)
     return rounds.raised(planes, short + farther) if energy < inf else Relaxed(pressing(planes), inf)
 
 
 def extrapolated(now: Contacts, before: Contacts, ahead: float) -> Contacts:
-    """Contacts that shape paths farther ahead, by so many times the last step."""
+    """Return contacts of paths extrapolated by `ahead` times the last step."""
     if not ahead:
         return now
     there = now._replace(multipliers=(1.0 + ahead) * now.multipliers)
@@ -73,10 +73,10 @@ def kept(
     bar: float = inf,
     most: int = 1,
 ) -> tuple[Contacts, float, float]:
-    """Planes of some paths, that keep all failures outside: with what energy, and what is still inside.
+    """Return planes of some paths that keep all failures outside, their energy, and the shortfall left.
 
-    The energy is inf where planes ask for what cannot be together, for more than the `bar`, or for more and
-    more planes: `most` times as many as otherwise.
+    The energy is inf for incompatible planes, above the `bar`, or for too many planes: `most` times the usual
+    number.
     """
     pushing = known.some(known.multipliers > FORGOTTEN * known.multipliers.max(initial=0.0))
     planes, short = rounds.failures(arcs, offsets, pushing)[0], inf

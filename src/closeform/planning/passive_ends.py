@@ -1,4 +1,4 @@
-"""Ends of a plan that are not passively safe by themselves, and ends beside them that would do."""
+"""Ends of a plan that are not passively safe by themselves, and suggested alternatives."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,14 +14,14 @@ from closeform.planning.problem import Problem
 from closeform.zones.shapes import BALL
 from closeform.zones.zone import ON, Zone
 
-ROOMY = 1.3  # zones that are left around an end that is named as one that would do
+ROOMY = 1.3  # clearance ratio of suggested ends
 
 
 @dataclass(frozen=True, eq=False)
 class UnsafeEnd:
-    """Two bodies (i < j) that come to `ratio` of their zone, a time `after` one end, without any thrust.
+    """Conflict of two bodies (i < j) in free drift from an end of a plan: `ratio`, time `after` it.
 
-    Or one `stayed` where it began, without thrust, while the other, of which it fails, has arrived.
+    `stayed` is the body without thrust from its start, if the other one has arrived.
     """
 
     pair: tuple[int, int]
@@ -31,7 +31,7 @@ class UnsafeEnd:
     stayed: int | None = None
 
     def reason(self, problem: Problem, names: Sequence[str]) -> str:
-        """What is wrong with it, and an end that would do."""
+        """Return the reason why the end is unsafe, with a safe alternative."""
         i, j = self.pair
         if self.stayed is not None:
             i, j = (i, j) if self.stayed == i else (j, i)
@@ -48,10 +48,10 @@ class UnsafeEnd:
 
 
 def unsafe_end(problem: Problem) -> UnsafeEnd | None:
-    """The end of a plan at which two bodies come nearest without thrust, where that is inside their zone.
+    """Return the end of a plan with the closest approach in free drift, if that is a conflict; else None.
 
-    At the start a craft alone may fail to thrust, and who is planned beside it is under way until it arrives;
-    at the end nobody thrusts.
+    At the start one craft alone may lose its thrust, while another planned craft continues until it arrives;
+    at the end no craft thrusts.
     """
     direct, others = problem.path(problem.direct), problem.obstacles
     start, end = problem.base[:, START], problem.base[:, END]
@@ -76,14 +76,14 @@ def unsafe_end(problem: Problem) -> UnsafeEnd | None:
 
 
 def adrift(path: Path, since: float, until: float) -> Path:
-    """The natural motion from a state of a path on."""
+    """Return the natural motion from a state of a path."""
     return path.orbit.coast(path.state(since), until - since, since)
 
 
 def separation(problem: Problem, craft: int, other: int) -> float:
-    """How far apart, in zones, a craft's arrival is from an obstacle for a slow drift of any length.
+    """Return the separation of a craft's arrival from an obstacle for a slow drift of any length, in zones.
 
-    Across the track, by eccentricity and inclination.                                     # theory (73)
+    It is across the track, by eccentricity and inclination.                                 # theory (73)
     """
     pair = problem.index[craft, other]
     zone, arrived = problem.zones[problem.kinds[pair]], float(problem.base[craft, END])
@@ -94,9 +94,9 @@ def separation(problem: Problem, craft: int, other: int) -> float:
 
 
 def shadow(zone: Zone) -> Floats:
-    """The matrix (3, 2) that takes x and z to coordinates of a zone's shadow along the track.
+    """Return the matrix (3, 2) from x and z to coordinates of a zone's projection along the track.
 
-    Of a zone with edges that of the ball that holds it.
+    A zone with edges is replaced by its circumscribed ball.
     """
     if zone.shape != BALL:
         return np.eye(3)[:, ::2] / zone.radius
@@ -105,7 +105,7 @@ def shadow(zone: Zone) -> Floats:
 
 
 def remedy(problem: Problem, pair: tuple[int, int], end: str, names: Sequence[str]) -> str:
-    """An end that is safe by eccentricity and inclination, in words."""
+    """Return a description of an end that is safe by eccentricity and inclination."""
     zone = problem.zones[problem.kinds[problem.index[pair]]]
     if not problem.orbit.mean_motion or not zone.bounded:
         return f"move that {end}, or ask for less drift"
@@ -117,7 +117,7 @@ def remedy(problem: Problem, pair: tuple[int, int], end: str, names: Sequence[st
 
 
 def unseparated(problem: Problem, names: Sequence[str]) -> str:
-    """What to try, in words: an end for who arrives without separation across the track, or else more."""
+    """Return suggestions: another end for an arrival without cross-track separation, else more time."""
     found = (
         [(separation(problem, i, j), (i, j)) for i, j in problem.pairs.tolist() if problem.count <= j]
         if problem.orbit.mean_motion

@@ -1,4 +1,4 @@
-"""The program of planes that failed craft are to keep: the least energy, and the paths that it shapes."""
+"""Convex program of the planes for failed craft: minimum energy, and the resulting paths."""
 
 from math import inf
 from typing import Any
@@ -14,16 +14,16 @@ from closeform.planning.qp import solve_qp
 from closeform.planning.relative_motion import motion_after
 from closeform.planning.scene import CONTACTS, INDICES, ROWS, SCENE, Contacts, Scene
 
-ALONE, TOGETHER = 1e5, 30.0  # zones that one plane, and all of them, may push a craft: no plan comes of more
+ALONE, TOGETHER = 1e5, 30.0  # maximum displacement in zones by one plane, and by all
 
 
 @kernel(float64(SCENE, CONTACTS, float64, float64, float64, float64, ROWS, INDICES))
 def press(scene, contacts, lift, give, stride, most, arcs, offsets):
-    """Multipliers that keep failed craft beyond all planes at `lift` aims: the energy; fills the paths.
+    """Fill the multipliers that keep failed craft beyond all planes at `lift` aims, and the paths.
 
-    It begins with the contacts that push.  Each gives way by `give` of its own compliance.  Where a push is
-    farther than `stride` zones all are shorter.  inf where planes ask for what cannot be together, or where
-    one moves a craft by more than `most` zones.
+    Returns the energy.  The initial active set are the contacts with positive multipliers.  Each plane
+    gives way by `give` of its own compliance.  Where a displacement exceeds `stride` zones, all are reduced.
+    Returns inf for incompatible planes, or where one moves a craft by more than `most` zones.
                                                                                          # theory (72)
     """
     arcs, offsets, count = borrowed(arcs), borrowed(offsets), len(contacts.times)
@@ -60,6 +60,6 @@ def press(scene, contacts, lift, give, stride, most, arcs, offsets):
 def press_in(
     scene: Scene, planes: Contacts, lift: float, give: float, stride: float, most: float = TOGETHER
 ) -> tuple[float, Floats, Any]:
-    """`press` with room for the craft's arcs: the energy and these."""
+    """Return the energy of `press`, and the craft's arcs and offsets."""
     arcs, offsets = room_for(scene, planes)
     return press(scene, planes, lift, give, stride, most, arcs, offsets), arcs, offsets

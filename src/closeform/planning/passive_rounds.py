@@ -1,10 +1,10 @@
-"""The rounds of a passively safe plan: planes are kept and turned until no failed craft enters a zone.
+"""Rounds of a passively safe plan: planes are satisfied and turned until no failed craft enters a zone.
 
-A round solves the program of the known planes (the zones' supporting planes where failed craft come
-near), deflects all paths, and looks at all failures of the new paths: their minima over time become planes,
-and so do the places to which those that press slide, where over the instant of failure and time craft come
-closest.  In the beginning planes give way, while their normals turn.  All planes are those of the
-paths at hand, so that safe paths stay safe and get cheaper.                                       # theory 4
+A round solves the program of the known planes (the zones' supporting planes at close approaches of failed
+craft), deflects all paths, and samples all failures of the new paths.  Their minima over time become planes,
+and so do the closest approaches over failure instant and time near active planes.  At first the planes are
+soft, while their normals turn.  All planes are those of the current paths, so that safe paths stay safe and
+become cheaper.                                                                                # theory 4
 """
 
 from math import inf
@@ -21,37 +21,40 @@ from closeform.planning.problem import MARGIN, Problem
 from closeform.planning.scene import Contacts
 from closeform.zones.shapes import BALL
 
-ROUNDS, BLIND, HOPELESS = 40, 12, 6  # rounds at most, to a first plan, and to a better one
-SOFT, FADE, HARD = 0.1, 0.5, 1e-9  # how far planes give way at first, how fast that fades, and in the end
-# Zones, within which a sampled minimum becomes a plane, and slides to the lowest beside it.
+ROUNDS, BLIND, HOPELESS = 40, 12, 6  # maximum rounds, in total, to a first plan, and without improvement
+SOFT, FADE, HARD = 0.1, 0.5, 1e-9  # softness of planes: initial, decay per round, and final
+# Zones, within which a sampled minimum becomes a plane, and is refined to the nearest minimum.
 REACH, NEAR = 1.8, 1.4
-MOMENTS = 48  # instants of failure that are sampled, of each craft; of each orbit where that is more
-EARLY = 1e-4, 1e-3, 4e-3  # of a craft's time: more of them near its ends
-SAME = 0.25  # of the time between them: contacts that are closer are one
-NEARLY = 1e-2  # how deep inside the zone failed craft may be for planes to be raised by as much
-DEAR = 10.0  # shares of its energy, which a plan is taken to cost more for each zone that it falls short
+MOMENTS = 48  # sampled instants of failure of each craft, or of each orbit where that is more
+EARLY = 1e-4, 1e-3, 4e-3  # of a craft's time: additional instants near its ends
+SAME = 0.25  # of the time between them: closer contacts are merged
+NEARLY = 1e-2  # shortfall in zones up to which planes are raised
+DEAR = 10.0  # penalty of a plan, as a share of its energy, for each zone of shortfall
 STEADY = 1e-3  # relative change of energy at which rounds end
-RAISES, BEYOND = 4, 1e-9  # times that planes are raised, by more than is missing
-ROOM = 400  # minima, and for each pair
-POWER = 32.0  # of norms whose balls stand in for zones with edges, and hold them
+RAISES, BEYOND = 4, 1e-9  # maximum raises, and their excess over the shortfall
+ROOM = 400  # capacity for minima, for each pair
+POWER = 32.0  # of the norms whose balls enclose zones with edges
 GIVEN_UP = 2.0  # times the energy to beat
-CHEAP = 0.2  # of the unconstrained energy: plans that add less are not looked for as long
-STEPS, STRIDE = 60, 0.3  # short steps of a formation, and how long one is, in zones
-HELD, FORGOTTEN = 0.95, 1e-3  # shares of pushes that the next step begins with, and below which they end
-OUTWARD = 1.002  # zones, to which nearly safe paths step
-LOOSE, LOOSER = 3.0, 0.7  # how far planes give way in the first step, and how fast that fades
-SETTLING = 1e-2  # and in the first round after the last of them
+CHEAP = 0.2  # of the unconstrained energy: bar below which the rounds are fewer
+STEPS, STRIDE = 60, 0.3  # maximum short steps of a formation, and their length in zones
+HELD, FORGOTTEN = (
+    0.95,
+    1e-3,
+)  # share of the multipliers kept in the next step, and below which they are dropped
+OUTWARD = 1.002  # zones: target of steps from nearly safe paths
+LOOSE, LOOSER = 3.0, 0.7  # softness of planes in the first step, and its decay
+SETTLING = 1e-2  # softness in the first round after the steps
 
 
 class Relaxed(NamedTuple):
-    """What rounds came to: contacts that press, and their energy; inf where craft are not safe."""
+    """Result of rounds: active contacts, and their energy; inf where craft are not safe."""
 
     contacts: Contacts
     energy: float
 
 
 class Rounds:
-    """Of one problem, with zones `margin` times as large."""
+    """Rounds of one problem, with zones enlarged by the factor `margin`."""
 
     def __init__(self, problem: Problem, margin: float) -> None:
         self.problem, scene = problem, problem.seen
@@ -73,12 +76,12 @@ class Rounds:
         self.norms = np.empty(self.room.number)
 
     def shifted(self, shifts: Floats) -> Contacts:
-        """Planes to begin with: those of the unconstrained paths, shifted in thought by natural motions."""
+        """Return initial planes: those of the unconstrained paths, shifted by natural motions."""
         direct = self.scene.direct, self.scene.direct_offsets
         return self.sampled(*direct, shifts)[0]
 
     def relaxed(self, planes: Contacts, bar: float = inf, soft: float = SOFT) -> Relaxed:
-        """What planes come to, that give way by `soft` at first; given up well above the energy `bar`."""
+        """Return the result of rounds from planes with initial softness `soft`; stop well above `bar`."""
         best, before, least, latest = None, inf, inf, 0
         for turn in range(ROUNDS):
             energy, arcs, offsets = self.pressed(planes, 1.0, max(soft * FADE**turn, HARD))
@@ -97,7 +100,7 @@ class Rounds:
         return self.raised(*best) if best is not None else Relaxed(pressing(planes), inf)
 
     def raised(self, planes: Contacts, short: float) -> Relaxed:
-        """The planes raised by the little that is missing."""
+        """Return the result with planes raised by the remaining shortfall."""
         lift = 1.0
         for _ in range(RAISES):
             lift += 1.5 * short + BEYOND
@@ -112,7 +115,7 @@ class Rounds:
         return Relaxed(pressing(planes), inf)
 
     def walked(self, planes: Contacts, bar: float = inf) -> Relaxed:
-        """The same by rounds from paths that short steps make safe; else these."""
+        """Return the result of rounds from paths made safe by short steps, or these paths if cheaper."""
         safe, planes = self.stepped(Contacts.none(), planes, LOOSE)
         if not safe.energy < inf:
             return safe
@@ -120,10 +123,10 @@ class Rounds:
         return best if best.energy < safe.energy else safe
 
     def stepped(self, held: Contacts, planes: Contacts, loose: float = HARD) -> tuple[Relaxed, Contacts]:
-        """Safe paths, in short steps from those of contacts that are `held` to the next; and their planes.
+        """Return safe paths reached by short steps from those of the `held` contacts, and their planes.
 
-        Each step begins with most of what the ones before have pushed, of nearly safe paths with more and
-        more of it, and leads these a little out of the zones.  Planes give way by `loose` at first.
+        Each step starts with most of the previous multipliers, for nearly safe paths with a growing share,
+        and moves these slightly out of the zones.  Planes have initial softness `loose`.
         """
         keep, short = HELD, inf
         for turn in range(STEPS):
@@ -146,20 +149,21 @@ class Rounds:
         return Relaxed(held, inf), planes
 
     def flown(self, contacts: Contacts) -> tuple[Floats, Any]:
-        """The craft's arcs under the contacts' multipliers."""
+        """Return the craft's arcs under the contacts' multipliers."""
         arcs, offsets = room_for(self.scene, contacts)
         return arcs[: fly(self.scene, contacts, arcs, offsets)], offsets
 
     def pressed(
         self, planes: Contacts, lift: float, give: float, most: float = TOGETHER
     ) -> tuple[float, Floats, Any]:
-        """The energy with which planes are kept, which fills their multipliers, and the craft's arcs then."""
+        """Fill the planes' multipliers; return their energy and the craft's arcs."""
         return press_in(self.scene, planes, lift, give, inf, most)
 
     def failures(self, arcs: Floats, offsets: Any, known: Contacts) -> tuple[Contacts, float]:
-        """Planes where failed craft of some paths come near others, and what the nearest misses of the aim.
+        """Return planes at close approaches of failed craft of some paths, and the largest shortfall.
 
-        At sampled failures, where the near ones and `known` contacts slide to, and where these were.
+        They are sampled failures, closest approaches near these and the `known` contacts, and the previous
+        places of the known contacts.
         """
         fresh, norms = self.sampled(arcs, offsets, self.unshifted)
         slid, stayed, ratios = self.slid(arcs, offsets, known.joined(fresh.some(norms < NEAR)))
@@ -169,9 +173,9 @@ class Rounds:
         return both.some(self.once(both)).joined(fresh), max(1.0 - float(nearest), 0.0)
 
     def inside(self, arcs: Floats, offsets: Any, known: Contacts) -> tuple[Contacts, float]:
-        """Where failed craft of some paths are inside, once each, and what the nearest misses of the aim.
+        """Return the failures of some paths inside zones, without duplicates, and the largest shortfall.
 
-        At sampled failures, and where the near ones and `known` contacts slide to.
+        They are the closest approaches near sampled failures and the `known` contacts.
         """
         fresh, norms = self.sampled(arcs, offsets, self.unshifted)
         slid, _, ratios = self.slid(arcs, offsets, known.joined(fresh.some(norms < NEAR)))
@@ -179,31 +183,31 @@ class Rounds:
         return found.some(self.once(found)), max(1.0 - float(ratios.min(initial=inf)), 0.0)
 
     def turned(self, arcs: Floats, offsets: Any, contacts: Contacts) -> Contacts:
-        """Contacts with the normals of some paths, and without force."""
+        """Return contacts with the normals of some paths, and without force."""
         _, turned, _ = self.slid(arcs, offsets, contacts)
         return turned._replace(multipliers=np.zeros(turned.number))
 
     def slid(self, arcs: Floats, offsets: Any, contacts: Contacts) -> tuple[Contacts, Contacts, Floats]:
-        """Contacts where their pairs now come closest, and where they were, with norms (K,) of the first."""
+        """Return contacts at their closest approaches, at their old times, and norms (K,) of the first."""
         slid, stayed = contacts.some(np.arange(contacts.number)), contacts.first(contacts.number)
         ratios = np.empty(contacts.number)
         slide_failures(self.scene, arcs, offsets, slid, stayed.normals, ratios)
         return slid, stayed, ratios
 
     def once(self, contacts: Contacts) -> Any:
-        """Indices of contacts of which none is the same as another, the first ones."""
+        """Return the indices of distinct contacts, the first of each."""
         cells = np.rint(np.column_stack([contacts.times, contacts.drifts]) / self.same)
         order = np.lexsort((*cells.T[::-1], contacts.which))
         rows = np.column_stack([contacts.which, cells])[order]
         return order[np.append(True, (rows[1:] != rows[:-1]).any(axis=1))[: len(order)]]
 
     def sampled(self, arcs: Floats, offsets: Any, shifts: Floats) -> tuple[Contacts, Floats]:
-        """The minima within REACH after sampled failures, and their norms, as though bodies were shifted."""
+        """Return the minima within REACH after sampled failures of shifted bodies, and their norms."""
         given = self.scene, arcs, offsets, self.moments, shifts, REACH, self.room, self.norms
         count = find_failures(*given)
         return self.room.first(count), self.norms[:count].copy()
 
 
 def pressing(planes: Contacts) -> Contacts:
-    """Those that push."""
+    """Return the planes with positive multipliers."""
     return planes.some(planes.multipliers > 0.0)

@@ -1,4 +1,4 @@
-"""The search for passively safe plans: starts that lead to other sides, and what certifies a plan."""
+"""Search for passively safe plans: starts on different sides, and the certification of a plan."""
 
 from collections.abc import Iterator
 from math import inf
@@ -21,16 +21,16 @@ from closeform.safety.search import TIME
 from closeform.safety.sides import side_of
 
 STARTS = 24  # examined at most
-PATIENCE = 8  # starts without a better plan: the search ends
-FORMATION, STARTS_OF_MANY = 4, 2  # from so many craft on so few starts: in short steps, then in long ones
-FARTHER = 1e-5  # zones, by which the least energy is raised where samples missed some; then ten times as far
-FINER = 4  # times that the certified search may find what samples missed
-SIZE = 1.2  # of the zone: the swings of natural motions that shift a start
+PATIENCE = 8  # starts without a better plan that end the search
+FORMATION, STARTS_OF_MANY = 4, 2  # number of craft from which the starts are few, and their number
+FARTHER = 1e-5  # zones, by which planes are raised where samples missed failures; then ten times as far
+FINER = 4  # maximum rounds with failures that samples missed
+SIZE = 1.2  # of the zone: amplitudes of the natural motions that shift a start
 DRIFT = 0.2  # and their change of the semi-major axis
 
 
 def failures(problem: Problem, planned: Path, flown: Path) -> Contacts:
-    """Of every pair, and each craft of it that may fail, where it comes deepest into the zone; none if safe.
+    """Return the deepest conflict after a loss of thrust of each pair and failing craft; empty if safe.
 
     `planned` (N,) are the craft's paths until they arrive, `flown` (N + M,) all bodies' with the drift.
     """
@@ -50,7 +50,7 @@ def failures(problem: Problem, planned: Path, flown: Path) -> Contacts:
 
 
 def shifts(problem: Problem, seed: int) -> Floats:
-    """Natural motions (N + M, 6) of about one zone's size, for the craft; obstacles stay."""
+    """Return random natural motions (N + M, 6) of about one zone's size for the craft; zero for obstacles."""
     draws = np.random.default_rng(seed).uniform(size=(problem.count, 6))
     size = max((float(zone.radius) for zone in problem.zones), default=0.0)
     moved = np.zeros((problem.count + len(problem.other_offsets) - 1, 6))
@@ -75,7 +75,7 @@ def shifts(problem: Problem, seed: int) -> Floats:
 
 
 class PassiveSearch:
-    """One search among starts: the first is not shifted, the others are, by what seeds draw."""
+    """Search among starts: the first without a shift, the others with random shifts by seed."""
 
     def __init__(self, problem: Problem, margin: float, budget: int | None, more: bool) -> None:
         self.problem = problem
@@ -90,14 +90,14 @@ class PassiveSearch:
         self.tried = 0
 
     def run(self) -> Found:
-        """Examine starts until no better plan turns up, or the budget is over."""
+        """Examine starts until no better plan is found, or the budget is spent."""
         improved = 0
         for seed, walking in self.starts():
             found = self.examine(seed, walking)
             self.tried += 1
             if self.best is None or found.energy < self.best.energy:
                 self.best, improved = found, self.tried
-                if found.clear and not found.contacts.number:  # nothing costs less than what craft fly alone
+                if found.clear and not found.contacts.number:  # the unconstrained paths are the cheapest
                     break
             elif self.best.clear and self.tried - improved >= self.patience:
                 break
@@ -105,7 +105,7 @@ class PassiveSearch:
         return Found(self.settled(self.best), self.margin, False, self.tried)
 
     def starts(self) -> Iterator[tuple[int, bool]]:
-        """Seeds, and whether paths are walked from there: a formation's, and where nothing else led on."""
+        """Yield seeds, and whether short steps are used: for a formation, and where other starts fail."""
         if self.few:
             yield from ((seed, False) for seed in range(self.budget))
             if not self.limited and not (self.best is not None and self.best.clear):
@@ -115,7 +115,7 @@ class PassiveSearch:
             yield from every[: self.budget]
 
     def examine(self, seed: int, walking: bool = False) -> Solution:
-        """What a start leads to, certified; what samples missed becomes a contact."""
+        """Return the certified solution from a start; failures missed by samples become contacts."""
         bar = self.best.energy if self.best is not None else inf
         planes = self.rounds.shifted(shifts(self.problem, seed) if seed else self.rounds.unshifted)
         relaxed = (self.rounds.walked if walking else self.rounds.relaxed)(planes, bar)
@@ -133,7 +133,7 @@ class PassiveSearch:
         return Solution(self.problem, relaxed.contacts, inf, False, False)
 
     def settled(self, best: Solution) -> Solution:
-        """What the best paths come to, certified; what samples missed becomes a contact."""
+        """Return the certified solution of the descent from the best paths."""
         if not (best.clear and best.contacts.number and self.few):
             return best
         relaxed = settled(self.rounds, Relaxed(best.contacts, best.energy))
@@ -151,7 +151,7 @@ class PassiveSearch:
         return best
 
     def missed(self, solution: Solution) -> Contacts:
-        """Where, for all that samples say, craft meet after a failure or without one."""
+        """Return conflicts, with thrust or after its loss, that the samples have missed."""
         bodies = self.problem.bodies(solution.flown)
         met = self.problem.met(self.problem.conflicts(solution.flown))
         return met.joined(failures(self.problem, self.problem.path(solution.planned), bodies))

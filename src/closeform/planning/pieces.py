@@ -1,12 +1,12 @@
-"""The outside of a zone, cut into pieces: in each of them a plane bounds the relative position.
+r"""Pieces that cover the outside of a zone: in each of them a plane bounds the relative position.
 
-Of a round surface, with the corners v of a piece on it, the plane through the nearest corner
+For a round surface with the corners v of a piece on it, the plane through the nearest corner
 
             v1 .-----. v0
-              /   ^a  \\           a . q >= c = min a . v      and still |q| >= 1
-             /    |    \\
+              /   ^a  \           a . q >= c = min a . v      and still |q| >= 1
+             /    |    \
 
-cuts off what is outside and toward the piece.  A flat face is a piece by itself, and exact.
+cuts off the outside on the side of the piece.  A flat face is a piece by itself, and exact.
 """
 
 from dataclasses import dataclass
@@ -18,14 +18,14 @@ from closeform.zones.shapes import BALL, CUBE, CYLINDER, FACES
 from closeform.zones.zone import Zone
 
 SQUARE = np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
-FINEST = 1.0 - 1e-6  # distance of its plane, beyond which a piece is not cut
+FINEST = 1.0 - 1e-6  # distance of the plane above which a piece is not cut
 
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """Where a pair may be, in zone coordinates: |rows q| >= 1, and beyond a plane: normal . q >= floor.
+    """Part of a pair's possible positions, in zone coordinates: |rows q| >= 1, and normal . q >= floor.
 
-    `corners` (2 or 4, 3) are those of a piece of a round surface; `exact`: |rows q| >= 1 says all there is.
+    `corners` (2 or 4, 3) are those of a piece of a round surface; `exact`: |rows q| >= 1 is all outside.
     """
 
     rows: Floats
@@ -36,20 +36,20 @@ class Piece:
 
     @property
     def whole(self) -> bool:
-        """Whether it is all of the outside."""
+        """Whether the piece is the whole outside."""
         return self.normal is None
 
     @property
     def can_be_cut(self) -> bool:
-        """Whether pieces of it know more."""
+        """Whether smaller pieces give a tighter bound."""
         return self.whole or (self.corners is not None and self.floor < FINEST)
 
     def missing(self, place: Floats) -> float:
-        """How far the square of a place misses 1: all of it, where 1 would not yet be outside."""
+        """Return the shortfall of a place's square from 1, or 1 where the piece is not exact."""
         return 1.0 - float(np.sum((self.rows @ place) ** 2)) if self.exact else 1.0
 
     def halves(self) -> list["Piece"]:
-        """A round piece, cut across its longest edge."""
+        """Return the halves of a round piece, cut across its longest edge."""
         v = self.corners
         assert v is not None
         ahead = np.roll(v, -1, axis=0)
@@ -65,26 +65,26 @@ class Piece:
 
 
 def round_piece(rows: Floats, corners: Floats) -> Piece:
-    """The piece of a ball, or of a cylinder's side, between corners on it."""
+    """Return the piece of a ball, or of a cylinder's side, between corners on it."""
     middle = corners.sum(axis=0)
     middle /= np.linalg.norm(middle)
     return Piece(rows, middle, float((corners @ middle).min()), corners)
 
 
 def outside(zone: Zone) -> Piece:
-    """All of the outside of a zone: that of the largest ball in it, which is exact for a ball alone."""
+    """Return the outside of a zone's largest inscribed ball, which is exact for a ball."""
     return Piece(inner_curvature(zone) * np.eye(3), exact=zone.shape == BALL)
 
 
 def inner_curvature(zone: Zone) -> float:
-    """One over the radius of the largest ball in a zone, in its coordinates."""
+    """Return the inverse radius of the largest ball in a zone, in its coordinates."""
     return float(np.linalg.norm(zone.faces, axis=1).max()) if zone.shape == FACES else 1.0
 
 
 def pieces(zone: Zone, compliance: Floats) -> list[Piece]:
-    """Pieces that cover the outside of a zone: its faces, and of what is round a square along each axis.
+    """Return pieces that cover the outside of a zone: its faces, and squares along each axis of a ball.
 
-    The axes of a ball are those of its compliance (3, 3): the softest ways out have squares of their own.
+    The axes of a ball are those of its compliance (3, 3), so that the softest exits have their own squares.
     """
     flat = {CUBE: np.eye(3), CYLINDER: np.eye(3)[2:], BALL: np.empty((0, 3)), FACES: np.empty((0, 3))}
     normals = np.concatenate([flat[zone.shape], -flat[zone.shape], zone.faces])

@@ -1,10 +1,10 @@
-"""The cone of a moment: a primer within its bound, the impulse dual to that, and steps of both.
+"""Cone of a moment: a primer within its bound, the dual impulse, and steps of both.
 
 An impulse of any direction has s = (1 + slack, p) and u = (t, -v), the first number of each no less than
 the length of the rest; one along d has s = (1 + slack - d . p, 0, 0, 0) and u = (v, 0, 0, 0).  At the
-barriers' centre s o u = (2 tau, 0, 0, 0), or (tau, 0, 0, 0), in Jordan's product.  A slack, where an impulse
-has a limit V, is dual to what the impulse spares, V - t: their product is tau.  Steps of s and u are those of
-Newton's method with both scaled to one point, W u = s / W (Nesterov and Todd).         # theory (37), (39)
+barriers' centre s o u = (2 tau, 0, 0, 0), or (tau, 0, 0, 0), in the Jordan product.  Where an impulse has a
+limit V, a slack is dual to the unused impulse V - t: their product is tau.  Steps of s and u are those of
+Newton's method with Nesterov-Todd scaling, W u = s / W.                                # theory (37), (39)
 """
 
 from math import inf, sqrt
@@ -12,22 +12,22 @@ from math import inf, sqrt
 from closeform._jit import kernel
 from closeform.kernel_loans import stack_vector
 
-# One moment's numbers: four of the primer's side and four of the impulse's, slack and what is spared; the
-# scaling, w (4), and one over the square of its size, by which an impulse grows with its primer; how the
-# first ten change; and where u and what is spared tend to.
+# Offsets of one moment's numbers: four of the primer's side, four of the impulse's, slack and unused
+# impulse; the scaling w (4), and its inverse squared size, the growth of an impulse with its primer; the
+# changes of the first ten; and the targets of u and the unused impulse.
 PRIMER, IMPULSE, SLACK, SPARED, SCALING, GROWTH, CHANGE, AIM, ROW = 0, 4, 8, 9, 10, 14, 15, 25, 30
 
 
 @kernel()
 def square(cone, at):
-    """a^2 - |b|^2 of a point (a, b), above 0 inside a cone, whose four numbers begin `at` some place."""
+    """Return a^2 - |b|^2 of a point (a, b), positive inside a cone, whose four numbers start at `at`."""
     a, x, y, z = cone[at], cone[at + 1], cone[at + 2], cone[at + 3]
     return a * a - (x * x + y * y + z * z)
 
 
 @kernel()
 def place(cone, free, most):
-    """Put the impulse on the centre of a primer that is there, of tau = 1, as though that were short."""
+    """Set the impulse on the centre of tau = 1 for the given primer."""
     order = 2.0 if free else 1.0
     if most < inf:
         middle = 0.5 * (most + order + 1.0)
@@ -43,7 +43,7 @@ def place(cone, free, most):
 
 @kernel()
 def product(cone):
-    """The scalar product of a point and its dual."""
+    """Return the scalar product of a point and its dual."""
     total = 0.0
     for k in range(4):
         total += cone[PRIMER + k] * cone[IMPULSE + k]
@@ -63,7 +63,7 @@ def scale(cone):
 
 @kernel()
 def stiffness(cone):
-    """By how much the impulse's first number and what is spared fall with a slack; inf without a limit."""
+    """Return the decrease of the impulse and of the unused impulse per slack; inf without a limit."""
     if cone[SLACK] == 0.0:
         return inf
     return (2.0 * cone[SCALING] ** 2 - 1.0) * cone[GROWTH] + cone[SPARED] / cone[SLACK]
@@ -71,7 +71,7 @@ def stiffness(cone):
 
 @kernel()
 def weights(cone, free):
-    """How an impulse grows with its primer: by the first of these, and by the second along w."""
+    """Return the growth of an impulse with its primer: isotropic, and along w."""
     share = cone[GROWTH] / stiffness(cone)
     if not free:
         return (1.0 - share) * cone[GROWTH], 0.0
@@ -80,9 +80,9 @@ def weights(cone, free):
 
 @kernel()
 def aim(cone, free, most, tau, share, v):
-    """Fill `v` (3,), to which the impulse tends while its primer stays, at a centre of `tau`.
+    """Fill `v` (3,), the target of the impulse at the centre of `tau` for a fixed primer.
 
-    Corrected by a `share` of the product of the changes before.
+    It is corrected by a `share` of the product of the previous changes.
     """
     inverse = (2.0 if free else 1.0) * tau / square(cone, PRIMER)
     for k in range(4):
@@ -105,9 +105,9 @@ def aim(cone, free, most, tau, share, v):
 
 @kernel()
 def scaled(cone, values, at, sign, size, bend, out):
-    """Fill `out` (4,): W times four values that begin `at` some place, or its inverse where `sign` is -1.
+    """Fill `out` (4,) with W times four values that start at `at`, or its inverse where `sign` is -1.
 
-    Its `size`, or one over that, and its `bend` are given.
+    `size` and `bend` are the factors of W, or of its inverse.
     """
     along = 0.0
     for k in range(1, 4):
@@ -120,7 +120,7 @@ def scaled(cone, values, at, sign, size, bend, out):
 
 @kernel()
 def correct(cone, share):
-    """Take from the aim of u what lines miss of the product of the changes of s and u, scaled."""
+    """Subtract the scaled second-order term of the changes of s and u from the target of u."""
     s, u, x, y = stack_vector(4), stack_vector(4), stack_vector(4), stack_vector(4)
     small = sqrt(cone[GROWTH])
     large, bend = 1.0 / small, 1.0 / (1.0 + cone[SCALING])
@@ -140,7 +140,7 @@ def correct(cone, share):
 
 @kernel()
 def turn(cone, free, most, primer):
-    """Fill how a cone changes with its `primer` (3,), or with d . p, the first of them, towards its aim."""
+    """Fill the change of a cone towards its target for the change of its `primer` (3,), or of d . p first."""
     slack = 0.0
     if most < inf:
         slack = cone[AIM] + cone[AIM + 4] - most
@@ -165,7 +165,7 @@ def turn(cone, free, most, primer):
 
 @kernel()
 def reach(cone, at, most):
-    """How far the point `at` some place can change inside its cone, up to `most`."""
+    """Return the largest step of the point at `at` inside its cone, up to `most`."""
     ahead = cone[CHANGE + at]
     a, b, c = square(cone, CHANGE + at), cone[at] * ahead, square(cone, at)
     for k in range(at + 1, at + 4):
@@ -180,13 +180,13 @@ def reach(cone, at, most):
 
 @kernel()
 def room(cone, at):
-    """How far a positive number `at` some place can change."""
+    """Return the largest step of the positive number at `at`."""
     return -cone[at] / cone[CHANGE + at] if cone[CHANGE + at] < 0.0 else inf
 
 
 @kernel()
 def primer_length(cone, free, most):
-    """V |p|, or V d . p where that is positive; inf without a limit V."""
+    """Return V |p|, or V d . p where that is positive; inf without a limit V."""
     if most == inf:
         return inf
     if not free:
@@ -196,7 +196,7 @@ def primer_length(cone, free, most):
 
 @kernel()
 def decrement(cone):
-    """The square of how far the step goes, in the barrier's own measure, times tau."""
+    """Return the squared length of the step in the barrier's local norm, times tau."""
     total = cone[CHANGE + SLACK] * (cone[AIM + 4] - cone[SPARED])
     for k in range(4):
         total += cone[CHANGE + k] * (cone[AIM + k] - cone[IMPULSE + k])
@@ -205,7 +205,7 @@ def decrement(cone):
 
 @kernel()
 def advance(cone, limited, first, second):
-    """Go a share of the change: the `first` of the primer's side, the `second` of the impulse's."""
+    """Apply shares of the change: `first` of the primer's side, `second` of the impulse's."""
     for k in range(4):
         cone[PRIMER + k] += first * cone[CHANGE + PRIMER + k]
         cone[IMPULSE + k] += second * cone[CHANGE + IMPULSE + k]
@@ -216,5 +216,5 @@ def advance(cone, limited, first, second):
 
 @kernel()
 def complement(cone):
-    """What a cone adds to the gap."""
+    """Return the contribution of a cone to the gap."""
     return cone[SLACK] * cone[SPARED] + product(cone)

@@ -1,4 +1,4 @@
-"""When a craft's primer is longest, or most along one of its thrusters: when it should fire."""
+"""Maxima of a craft's primer, or of its component along a thruster: the best firing times."""
 
 from math import cos, inf, sin, sqrt
 
@@ -12,12 +12,12 @@ from closeform.motion.primer import peaks
 from closeform.planning.impulse_scene import DUAL, FLEET, PLANES, coast_state, cut_of, is_free
 from closeform.planning.scene import INDICES, PAIRS, ROWS
 
-BETWEEN = 1e-7  # by which d . p may differ from cubics between its samples
+BETWEEN = 1e-7  # maximum difference of d . p from cubics between its samples
 
 
 @kernel()
 def add_push(n, planes, k, i, multiplier, t, state):
-    """Add to the primer's state at time t what a plane does to it before the plane's time."""
+    """Add the effect of a plane to the primer's state at time t before the plane's time."""
     force = -multiplier if planes.first[k] == i else multiplier
     row = planes.rows[k]
     x, y, z, vx, vy, vz = coast(
@@ -33,7 +33,7 @@ def add_push(n, planes, k, i, multiplier, t, state):
 
 @kernel()
 def share_along(n, t, c, spin, angle, d):
-    """d . p and its rate a time t after the primer's state `c`; d (3,) turns back."""
+    """Return d . p and its rate at time t after the primer's state `c`; d (3,) rotates backwards."""
     x, y, z, vx, vy, vz = coast(n, t, c[0], c[1], c[2], c[3], c[4], c[5])
     cosine, sine = cos(angle + spin * t), sin(angle + spin * t)
     dx, dy = d[0] * cosine + d[1] * sine, d[1] * cosine - d[0] * sine
@@ -42,11 +42,11 @@ def share_along(n, t, c, spin, angle, d):
 
 @kernel()
 def fourth_derivative(n, duration, c, spin):
-    """A bound of that of d . p over a duration, for any unit vector d that turns with `spin`."""
+    """Return a bound of the fourth derivative of d . p, for any unit vector d that rotates by `spin`."""
     ax, ay, az = acceleration(n, c[0], c[2], c[3], c[4])
     jx, jy, jz = acceleration(n, c[3], c[5], ax, ay)
     a, b = sqrt(ax * ax + ay * ay + az * az), sqrt(jx * jx + jy * jy + jz * jz)
-    bend = a + b * (min(duration, 1.0 / n) if n > 0.0 else duration)  # |p''|: a natural motion has
+    bend = a + b * (min(duration, 1.0 / n) if n > 0.0 else duration)  # |p''| of a natural motion:
     jerk = b + a * n * min(n * duration, 1.0)  # p'' cos + p''' sin / n
     speed = sqrt(c[3] * c[3] + c[4] * c[4] + c[5] * c[5]) + duration * bend
     place = sqrt(c[0] * c[0] + c[1] * c[1] + c[2] * c[2]) + duration * speed
@@ -55,10 +55,10 @@ def fourth_derivative(n, duration, c, spin):
 
 @kernel()
 def peaks_along(n, duration, c, spin, angle, d, level, instants):
-    """Fill `instants` with local maxima of d . p over [0, duration] that reach `level`.
+    """Fill `instants` with local maxima of d . p over [0, duration] of at least `level`.
 
-    Returns how many, and a certain bound of d . p: between samples h apart it differs from the cubic of
-    its values and rates by h^4/384 of its fourth derivative at most.
+    Returns their number, and a certified bound of d . p: between samples h apart it differs from the cubic of
+    its values and rates by at most h^4/384 of its fourth derivative.
     """
     rest = fourth_derivative(n, duration, c, spin) * duration**4 / 384.0
     pieces = int((rest / BETWEEN) ** 0.25) + 2
@@ -89,10 +89,10 @@ def peaks_along(n, duration, c, spin, angle, d, level, instants):
 
 @kernel(float64(FLEET, PLANES, DUAL, float64, ROWS, PAIRS, INDICES))
 def find_peaks(fleet, planes, dual, level, times, which, counts):
-    """Fill where each craft's |p|, or d . p of its thrusters, is locally greatest and above `level`.
+    """Fill the times and directions of local maxima above `level` of each craft's |p|, or d . p of thrusters.
 
-    In `times` (N, M), with `which` (N, M) of its directions.  Returns the greatest, which is certain, and
-    `level` at least: divided by it the point is feasible at all times.
+    They are filled in `times` (N, M) and `which` (N, M).  Returns a certified bound of the largest, at least
+    `level`: divided by it, the dual point is feasible at all times.
     """
     room, number = times.shape[1], len(planes.times)
     instants, squares, state, order = np.empty(room), np.empty(room), np.empty(6), np.empty(number + 1)

@@ -1,4 +1,4 @@
-"""Primers of craft as rows: what they are at each moment by the unknowns of the dual."""
+"""Primers of craft as rows: their values at each moment in terms of the dual's unknowns."""
 
 from math import inf, sqrt
 
@@ -8,13 +8,13 @@ from closeform.motion.arc import MEAN_MOTION, START
 from closeform.motion.linear import triangle
 from closeform.planning.impulse_scene import forces, is_free, mean_rows
 
-REACHED = 1e-9  # of what is to be gained, that must be
-FIRST_PULL = 0.3  # length of a primer by the planes alone, to start with
+REACHED = 1e-9  # of the gain: tolerance of its consistency
+FIRST_PULL = 0.3  # initial length of a primer from the planes alone
 
 
 @kernel()
 def fill_members(planes, members, sizes):
-    """Fill which planes each craft has (N, K), and how many; returns the greatest number."""
+    """Fill the planes of each craft (N, K), and their number; return the largest number."""
     widest = 0
     for i in range(len(sizes)):
         sizes[i] = 0
@@ -30,9 +30,9 @@ def fill_members(planes, members, sizes):
 
 @kernel()
 def fill_rows(fleet, planes, i, members, size, rows):
-    """Fill `rows` (J, 3, 6 + M): the primer of a craft at each of its moments by c and its multipliers.
+    """Fill `rows` (J, 3, 6 + M): the primer of a craft at each moment in terms of c and its multipliers.
 
-    Where the impulse has a direction the first of the three is the primer along it, the others are 0.
+    Where the impulse has a fixed direction, the first of the three is the primer along it, the others are 0.
     """
     n = fleet.base[i, MEAN_MOTION]
     psi, pushed = stack_matrix(3, 6), stack_vector(3)
@@ -57,10 +57,10 @@ def fill_rows(fleet, planes, i, members, size, rows):
 
 @kernel()
 def normalise(rows, count, g, root):
-    """Make the first six columns orthonormal over the times, the gain to match; `root` (6, 6) is how.
+    """Orthonormalise the first six columns over the times, and adapt the gain; fill the `root` (6, 6).
 
-    A column that is the sum of others, where thrusters do not push everywhere, becomes zero.  False where
-    what is gained by it is not the sum of what is gained by the others: no impulses gain that.
+    A dependent column, where thrusters do not control all components, becomes zero.  Returns False where its
+    gain is inconsistent with the others', so that no impulses achieve it.
     """
     for a in range(6):
         for b in range(a + 1):
@@ -88,7 +88,7 @@ def normalise(rows, count, g, root):
 
 @kernel()
 def begin(rows, count, members, size, multipliers):
-    """Lower a craft's multipliers to where its planes alone hardly pull."""
+    """Lower a craft's multipliers so that its planes alone give short primers."""
     for m in range(size):
         greatest = 0.0
         for j in range(count):

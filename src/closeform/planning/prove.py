@@ -1,12 +1,12 @@
-"""What every clear plan must cost: a bound from a plan's contacts, and a search over sides that raises it.
+"""Certified lower bounds of all clear plans: from a plan's contacts, and by branch and bound over sides.
 
-A node of the search holds samples (a pair at a time), and for each the piece of its zone's outside where
-the pair then is.  The dual bound holds for all plans of a node, so the least bound of the nodes that
-are open holds for all plans.  The node of least bound is opened next:
+A node of the search contains samples (a pair at a time), and for each a piece of its zone's outside.  The
+dual bound holds for all plans of a node, so the smallest bound of the open nodes holds for all plans.  The
+node of smallest bound is opened next:
 
-    a sample falls short, its pair inside the zone on average    ->  a node for each of its pieces
-    the bound's own paths are in conflict at another time        ->  the same node with samples there
-    neither                                                      ->  a start for the local solver
+    a sample has a shortfall, its pair inside the zone on average ->  a node for each of its pieces
+    the bound's own paths are in conflict at another time         ->  the same node with samples there
+    neither                                                       ->  a start for the local solver
 
 until no node is left whose bound is below the goal.                                           # theory 4
 """
@@ -27,24 +27,24 @@ from closeform.planning.problem import Problem
 from closeform.planning.samples import Answer, Samples
 from closeform.planning.side_search import MARGINS
 
-GAP = 1e-3  # of the lower bound: at which a proof ends
-LEFT = 0.999 * GAP / (1.0 + GAP)  # of the energy, then
-PROVEN = 1e-6  # of the energy: a gap that is rounding
-NEARLY = 0.05  # of the bound of a node, or of what it lacks: how far it is climbed
-LARGEST = 80  # contacts of craft that share some, of which a bound is worked out
-FEW, HOPEFUL = 24, 0.05  # of more only where so many give such a share of what the plan adds
-SETTLED = 0.02  # of a node's bound, by which its samples may fall short before other times are looked at
-DEEP, SAME = 1e-3, 5e-3  # of the zone, by which paths of a bound may miss; of all time, samples that are one
-FINER = 1e-3  # of both, where there is nothing left to cut
-IDLE = 1e-3  # of the greatest work: samples that do less are left out of the nodes below
+GAP = 1e-3  # of the lower bound: gap at which a proof ends
+LEFT = 0.999 * GAP / (1.0 + GAP)  # the same gap, of the energy
+PROVEN = 1e-6  # of the energy: gap of rounding
+NEARLY = 0.05  # accuracy of a node's bound, of the bound or of what it lacks
+LARGEST = 80  # maximum connected contacts of a bound
+FEW, HOPEFUL = 24, 0.05  # more contacts only where FEW give this share of the extra energy
+SETTLED = 0.02  # of a node's bound: shortfall of its samples below which other times are examined
+DEEP, SAME = 1e-3, 5e-3  # of the zone: tolerated conflict; of all time: samples that are merged
+FINER = 1e-3  # factor of both where no piece can be cut
+IDLE = 1e-3  # of the largest work: samples below it are dropped in child nodes
 STARTS = 50  # nodes for each start that is solved
 
 
 @dataclass(frozen=True, eq=False)
 class Proof:
-    """No clear plan costs less than `bound` beyond the unconstrained optima [m^2/s^3].
+    """Certified lower bound of the energy beyond the unconstrained optima [m^2/s^3].
 
-    `better`: a cheaper plan than the one that was asked about, where one was found on the way.
+    `better` is a plan of lower cost, if one was found on the way.
     """
 
     bound: float
@@ -63,9 +63,9 @@ class Node(NamedTuple):
 
 
 def lower_bound(problem: Problem, contacts: Sequence[Contact], extra: float | None = None) -> float:
-    """What every clear plan costs at least beyond the unconstrained optima, from the contacts of one plan.
+    """Return a lower bound of every clear plan's energy beyond the unconstrained optima.
 
-    `extra`: what that plan costs beyond them, where it is known.
+    It is computed from the contacts of one plan; `extra` is that plan's extra energy, if known.
     """
     total, groups = 0.0, _apart(problem, contacts)
     for group in groups:
@@ -73,7 +73,7 @@ def lower_bound(problem: Problem, contacts: Sequence[Contact], extra: float | No
         energy = extra if len(groups) == 1 else None
         if energy is not None and len(strongest) > FEW:
             few = strongest[:FEW]
-            if _bound(problem, few) <= HOPEFUL * energy:  # as where failures touch all along: none says much
+            if _bound(problem, few) <= HOPEFUL * energy:  # e.g. failures that touch over a range of times
                 strongest = few
         total += max(_bound(problem, strongest, energy if len(strongest) == len(contacts) else None), 0.0)
     return total
@@ -89,10 +89,10 @@ def prove(
     nodes: int = 1_000_000,
     fixed: bool = False,
 ) -> Proof:
-    """The bound of a plan of `energy`, `extra` of it beyond the unconstrained optima [m^2/s^3].
+    """Return the bound of a plan of `energy`, `extra` of it beyond the unconstrained optima [m^2/s^3].
 
-    Raised by the search for so many seconds, or nodes, until a GAP is left; `fixed`: without looking for a
-    cheaper plan.
+    The search raises it for the given seconds, or nodes, until a GAP is left; with `fixed` it does not look
+    for a plan of lower cost.
     """
     bound = lower_bound(problem, contacts, extra)
     if seconds == 0.0 or extra - bound <= LEFT * energy:
@@ -105,12 +105,12 @@ def prove(
 
 
 def is_proven(energy: float, bound: float) -> bool:
-    """Whether an energy is its lower bound, but for rounding."""
+    """Return whether an energy equals its lower bound to rounding."""
     return energy - bound <= PROVEN * energy
 
 
 def closeness(spent: float, bound: float, cost: Cost = "energy", limited: bool = False) -> str:
-    """How near what is spent is to its lower bound, which may hold within a thrust limit only, in words."""
+    """Return a description of the optimality gap; if `limited`, the bound holds only within a limit."""
     of = f"{cost} within the limit, for" if limited else f"{cost} for"
     if is_proven(spent, bound):
         return f"proven the least {of} these ends and times"
@@ -120,7 +120,7 @@ def closeness(spent: float, bound: float, cost: Cost = "energy", limited: bool =
 
 
 class _Search:
-    """The open nodes, and the cheapest plan so far."""
+    """Open nodes of branch and bound, and the cheapest plan so far."""
 
     def __init__(self, problem: Problem, samples: Samples, extra: float, free: float, fixed: bool) -> None:
         self.samples = samples
@@ -134,16 +134,16 @@ class _Search:
 
     @property
     def goal(self) -> float:
-        """The bound at which a node is closed."""
+        """Bound at which a node is closed."""
         return self.extra - LEFT * (self.free + self.extra)
 
     @property
     def bound(self) -> float:
-        """That of all plans."""
+        """Lower bound of all plans."""
         return min(self.goal, self.least, self.queue[0].bound if self.queue else inf)
 
     def examine(self, bound: float, samples: list[int], cut: list[Piece]) -> None:
-        """A node below one of a given bound: queued, unless its own is at the goal."""
+        """Queue a child node of one with the given bound, unless its own bound reaches the goal."""
         self.nodes += 1
         answer = self.samples.answer(samples, cut, self.goal, NEARLY)
         bound = max(bound, answer.bound)
@@ -151,7 +151,7 @@ class _Search:
             heappush(self.queue, Node(bound, self.nodes, samples, cut, answer))
 
     def open(self, node: Node) -> None:
-        """Cut the sample that falls short most; where none does by much, look at other times first."""
+        """Branch on the sample with the largest shortfall; if all are small, add samples at conflicts."""
         if node.bound >= self.goal:
             return
         short = node.answer.short
@@ -181,7 +181,7 @@ class _Search:
             self.examine(node.bound, [node.samples[m] for m in keep], cut)
 
     def at_conflicts(self, node: Node, fine: float) -> bool:
-        """Whether the bound's own paths conflict where no sample is: the node again, with samples there."""
+        """Queue the node with samples at conflicts of the bound's paths; return whether there are any."""
         problem = self.samples.problem
         flown = problem.flown(self.samples.pushed(node.samples, node.answer.forces))
         found = [
@@ -196,7 +196,7 @@ class _Search:
         return bool(fresh)
 
     def start(self, node: Node) -> None:
-        """Solve for a plan on the sides of a node: one cheaper than the best brings the goal nearer."""
+        """Solve for a plan on the sides of a node, which lowers the goal if it is cheaper than the best."""
         if self.fixed or self.starts * STARTS > self.nodes:
             return
         self.starts += 1
@@ -208,21 +208,21 @@ class _Search:
 
 
 def _bound(problem: Problem, contacts: Sequence[Contact], energy: float | None = None) -> float:
-    """The dual bound of some contacts; `energy`: what their multipliers spend, if it is known."""
+    """Return the dual bound of some contacts; `energy` is that of their multipliers, if known."""
     samples = _samples(problem, contacts)
-    if not samples.gram.diagonal().max() > 0.0:  # at the very ends of their craft's time
+    if not samples.gram.diagonal().max() > 0.0:  # contacts at the ends of their craft's time
         return 0.0
     return samples.bound(contacts, energy)
 
 
 def _samples(problem: Problem, contacts: Sequence[Contact]) -> Samples:
-    """Samples where a plan has contacts."""
+    """Return samples at the contacts of a plan."""
     touched = problem.touched(contacts)
     return Samples(problem, touched.which, touched.times, touched.drifts)
 
 
 def _apart(problem: Problem, contacts: Sequence[Contact]) -> list[list[Contact]]:
-    """Contacts in groups of which no craft has contacts in two: obstacles tie nobody."""
+    """Return the contacts in groups without common craft; obstacles do not connect groups."""
     label = list(range(problem.count))
     for contact in contacts:
         if max(contact.first, contact.second) < problem.count:

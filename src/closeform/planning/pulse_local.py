@@ -1,9 +1,9 @@
-"""Pulses of thrusters that are on or off, about safe impulses: each as long as its delta-v takes.
+"""Pulses of on-off thrusters near safe impulses, with durations that give their delta-v.
 
-A round prices planes by what pulses do that last as long as those before; then each lasts as long as its
-own delta-v takes, and thrust is lost amid it.  So the paths are those that are fired, and no zone has to
-be larger for that.  What is below the least bit of its thruster is left out, the smallest first, and the
-others make up for it.                                                                # theory (38), (74)
+A round solves the planes for pulses with the durations of the round before.  Then each pulse gets the
+duration of its own delta-v, and thrust is lost amid it.  The paths are therefore those of the executed
+pulses, and the zones need no extra margin.  Pulses below the minimum impulse bit of their thruster are
+omitted, the smallest first, and the others compensate.                               # theory (38), (74)
 """
 
 from math import inf
@@ -26,34 +26,34 @@ from closeform.planning.impulse_scene import Fleet
 from closeform.planning.problem import Flown
 from closeform.planning.scene import Contacts
 
-REPAIRS, MET = 8, 1e-13  # of the ends, as pulses become longer or shorter, and what of delta-v may be missing
-WITHIN = 1e-9  # of a craft's time: so far inside it pulses begin and end, that rounding does not leave it
-DEPENDENT = 1e-9  # of the greatest singular value: pulses do not change that
-ROOM = 1e-3  # of a zone, which planes leave to what pulses become as propellant is spent
-LEFT_OUT = 40  # times that some of those below a bit are left out
-PART = 3  # of those below a bit one in so many is left out at a time
+REPAIRS, MET = 8, 1e-13  # corrections of the ends, and the accepted error, of delta-v
+WITHIN = 1e-9  # of a craft's time: distance of pulses from its ends, for rounding
+DEPENDENT = 1e-9  # of the largest singular value: below it pulses have no effect
+ROOM = 1e-3  # of a zone: reserve of planes for pulses that change with the craft's mass
+LEFT_OUT = 40  # maximum rounds that omit pulses below a bit
+PART = 3  # fraction 1 / PART of those below a bit that is omitted at a time
 
 
 class PulseSolver(ImpulseSolver):
-    """Solves the problem of another solver near to its impulses, by the pulses that fire them.
+    """Solver of another solver's problem near its impulses, by pulses of on-off thrusters.
 
-    Moments are those about which pulses are.
+    Moments are the centres of the pulses.
     """
 
     fired_by: list[Thrusters]  # of each craft
-    now: list[Moments]  # at which is fired what is flown
-    lasting: list[tuple[Moments, Floats]]  # how long pulses of the round before last [s]
+    now: list[Moments]  # of the current pulses
+    lasting: list[tuple[Moments, Floats]]  # durations of the previous round's pulses [s]
 
     @classmethod
     def of(cls, impulses: ImpulseSolver) -> Self:
-        """For the problem of a solver, whose craft all have thrusters with an acceleration."""
+        """Return the pulse solver for a solver whose craft all have thrusters with an acceleration."""
         solver = cls(impulses.problem, impulses.thrusters, impulses.names, impulses.failures)
         solver.least += ROOM
         solver.fired_by = [own for own in impulses.thrusters if own is not None]
         return solver
 
     def nearby(self, safe: Spent) -> Spent | None:
-        """Clear pulses near to safe impulses, none below its bit; None where steps lead to none."""
+        """Return clear pulses near safe impulses, none below its minimum bit; None without any."""
         self.last_as(safe)
         found = self.cleared(safe, sizes_of(safe.impulses) > 0.0)
         found = None if found is None else at_rest(self, found, lambda one: one.moments)
@@ -64,13 +64,13 @@ class PulseSolver(ImpulseSolver):
         return None
 
     def cleared(self, found: Spent, left: Any) -> Spent | None:
-        """Clear pulses to which steps lead from those in a mask (N, J), fired about their moments or more."""
+        """Return clear pulses reached by steps from those in a mask (N, J), at their moments or at more."""
         some = self.some(found, left)
         few = cleared(self, some)
         return few if few is not None else cleared(self, some, self.following)
 
     def without(self, found: Spent, small: Any) -> Spent | None:
-        """Clear pulses without some of the small ones, or without one of them; None where there are none."""
+        """Return clear pulses without some of the small ones, or without one of them; None without any."""
         sizes = sizes_of(found.impulses)
         order = np.argsort(np.where(small, sizes, inf), axis=None)[: np.count_nonzero(small)]
         for those in (order[: -(-len(order) // PART)], *order[:, None]):
@@ -81,28 +81,28 @@ class PulseSolver(ImpulseSolver):
         return None
 
     def some(self, found: Spent, left: Any) -> Spent:
-        """What those in a mask (N, J) come to."""
+        """Return the result of the pulses in a mask (N, J)."""
         pushes = [given[row] for given, row in zip(found.impulses, left, strict=True)]
         return self.fired_at(some_of_each(found.moments, left), pushes_table(pushes), found)
 
     def settled(self, best: Spent) -> Contacts:
-        """The contacts with the multipliers of the last round."""
+        """Return the contacts with the multipliers of the last round."""
         return best.contacts
 
     def turned(self, found: Spent, *nearer: float) -> Contacts:
-        """As of impulses; the next pulses are priced as though they lasted as long as these."""
+        """Return the turned contacts, and set the durations of the next round's pulses."""
         self.last_as(found)
         return super().turned(found, *nearer)
 
     def last_as(self, found: Spent) -> None:
-        """Set for how long pulses last."""
+        """Set the durations of pulses to those of a result."""
         self.lasting = [
             (own, self.lengths(i, own.which, row[: len(own.times)]))
             for i, (own, row) in enumerate(zip(found.moments, sizes_of(found.impulses), strict=True))
         ]
 
     def fleet(self, moments: list[Moments]) -> Fleet:
-        """All craft, with pulses about their moments."""
+        """Return all craft with pulses about their moments."""
         self.now, fleet = moments, super().fleet(moments)
         for i, (own, (before, lengths)) in enumerate(zip(moments, self.lasting, strict=True)):
             same = (own.times[:, None] == before.times) & (own.which[:, None] == before.which)
@@ -112,12 +112,12 @@ class PulseSolver(ImpulseSolver):
         return fleet
 
     def lengths(self, i: int, which: Any, sizes: Floats) -> Floats:
-        """How long thrusters (J,) of a craft are on for what they give (J,) [m/s]."""
+        """Return the durations of thrusters (J,) of a craft for their delta-v (J,) [m/s]."""
         found: Floats = sizes / self.fired_by[i].acceleration[which]
         return found
 
     def begins(self, i: int, own: Moments, lengths: Floats) -> Floats:
-        """When pulses of some lengths (J,) [s] begin, nearest to their moments; of one thruster in turn."""
+        """Return start times of pulses of durations (J,) [s], nearest to their moments, without overlap."""
         first, last = self.problem.base[i, [START, END]]
         inside = WITHIN * (last - first)
         first, last = first + inside, last - inside
@@ -129,11 +129,11 @@ class PulseSolver(ImpulseSolver):
         return begins
 
     def flown(self, fleet: Fleet, impulses: Floats) -> Flown:
-        """The paths of all bodies under pulses of the sizes of impulses, which are changed to meet ends."""
+        """Return the paths of all bodies under pulses with the sizes of impulses, with corrected ends."""
         return self.problem.with_path(*(self.pulsed(i, own) for i, own in enumerate(impulses)))
 
     def pulsed(self, i: int, impulses: Floats) -> Path:
-        """One craft's path by pulses of the sizes of `impulses` (J, 3)."""
+        """Return one craft's path by pulses with the sizes of `impulses` (J, 3)."""
         problem, every, thrusters = self.problem, self.now[i], self.fired_by[i]
         orbit, (start, end) = problem.orbit, problem.base[i, [START, END]]
         initial, final = problem.base[i, STATE : STATE + 6], self.finals[i]

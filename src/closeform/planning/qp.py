@@ -1,9 +1,9 @@
-"""The quadratic program of contacts: multipliers that push just hard enough.
+"""Quadratic program of the contacts: multipliers of minimum energy.
 
     minimise  m.G.m / 2 - gaps.m   over   m >= 0
 
-G is the compliance between the contacts, positive semidefinite.  Its solution keeps every contact's
-gap closed at the least energy m.G.m / 2.
+G is the compliance between the contacts, positive semidefinite.  The solution closes every contact's gap
+at the minimum energy m.G.m / 2.
 """
 
 import numpy as np
@@ -13,17 +13,17 @@ from closeform._jit import kernel
 from closeform.motion.linear import back_substitute, factorise
 from closeform.planning.scene import ROWS
 
-STIFF = 1e-12  # of a contact's own compliance, added so that two like contacts share their force
-SLACK = 1e-10  # of the zone, by which an idle contact may fall short
-EXCHANGES = 200  # at most; rounding at planes that ask for too much keeps thousands going in circles
+STIFF = 1e-12  # of a contact's own compliance, added so that two equal contacts share their force
+SLACK = 1e-10  # of the zone: tolerated shortfall of an inactive contact
+EXCHANGES = 200  # at most; with rounding, incompatible planes can cycle
 STALLED = 5  # exchanges of all wrong contacts without progress, before one at a time
-SWEEPS = 200  # of coordinate descent, where exchanges go round in circles
+SWEEPS = 200  # of coordinate descent, where exchanges cycle
 SOLVED, APPROXIMATE = 0, 1  # status: to rounding, or by coordinate descent
 
 
 @kernel(boolean(ROWS))
 def is_definite(matrix):
-    """Whether a symmetric matrix, which is spoilt, is positive definite."""
+    """Return whether a symmetric matrix, which is overwritten, is positive definite."""
     factorise(matrix, len(matrix))
     for k in range(len(matrix)):
         if not matrix[k, k] > 0.0:
@@ -33,11 +33,11 @@ def is_definite(matrix):
 
 @kernel()
 def solve_qp(gram, gaps, count, active, give, work, multipliers):
-    """Fill `multipliers` (count,), beginning with those that are `active`; returns the status.
+    """Fill `multipliers` (count,) from the initial `active` set; return the status.
 
-    Every contact gives way by `give` of its own compliance.  All contacts of the wrong sign change
-    sides at once; the last of them alone where that does not help (Judice & Pires 1994), which ends for every
-    definite G.  Should rounding keep it from ending, coordinate descent does.
+    Every contact gives way by `give` of its own compliance.  All contacts of the wrong sign change sides at
+    once; where that does not help, only the last of them (Judice & Pires 1994), which terminates for every
+    definite G.  If rounding prevents termination, coordinate descent is used.
     """
     inside = np.empty(count, dtype=np.int64)
     wrong = np.empty(count, dtype=np.bool_)
@@ -90,7 +90,7 @@ def solve_qp(gram, gaps, count, active, give, work, multipliers):
 
 @kernel()
 def descend(gram, gaps, count, soft, multipliers):
-    """Coordinate descent from where the exchanges left off."""
+    """Improve the multipliers by coordinate descent."""
     for k in range(count):
         if not multipliers[k] > 0.0:
             multipliers[k] = 0.0

@@ -1,4 +1,4 @@
-"""Where two bodies are relative to each other, in zone coordinates: under thrust, or after it was lost."""
+"""Relative motion of two bodies in zone coordinates, under thrust or after its loss."""
 
 from closeform._jit import kernel
 from closeform.motion.arc import MEAN_MOTION, acceleration, derivatives_at, state_at
@@ -20,7 +20,7 @@ def add_body(scene, arcs, offsets, body, t, order, out, sign):
 
 @kernel()
 def in_zone(scene, which, out):
-    """Turn the rows of a pair's relative motion to its zone's coordinates."""
+    """Transform the rows of a pair's relative motion to its zone's coordinates."""
     matrix = scene.matrices[scene.kinds[which]]
     for k in range(3):
         x, y, z = out[k, 0], out[k, 1], out[k, 2]
@@ -30,7 +30,7 @@ def in_zone(scene, which, out):
 
 @kernel()
 def relative_motion(scene, arcs, offsets, which, t, out):
-    """Relative position, velocity and acceleration of a pair at time t in zone coordinates, rows of `out`."""
+    """Fill relative position, velocity and acceleration (rows) of a pair at time t, in zone coordinates."""
     out[:] = 0.0
     add_body(scene, arcs, offsets, scene.pairs[which, 0], t, 3, out, 1.0)
     add_body(scene, arcs, offsets, scene.pairs[which, 1], t, 3, out, -1.0)
@@ -39,7 +39,7 @@ def relative_motion(scene, arcs, offsets, which, t, out):
 
 @kernel()
 def add_coasting(n, drift, state, out, sign):
-    """Add `sign` times the derivatives of natural motion a `drift` after it has a state."""
+    """Add `sign` times the derivatives of natural motion a `drift` after a state."""
     x, y, z, vx, vy, vz = coast(n, drift, state[0], state[1], state[2], state[3], state[4], state[5])
     ax, ay, az = acceleration(n, x, z, vx, vy)
     out[0, 0], out[0, 1], out[0, 2] = out[0, 0] + sign * x, out[0, 1] + sign * y, out[0, 2] + sign * z
@@ -49,7 +49,7 @@ def add_coasting(n, drift, state, out, sign):
 
 @kernel()
 def motion_after(scene, arcs, offsets, which, t, drifts, out):
-    """`relative_motion` where craft of the pair may have been without thrust for `drifts` (2,)."""
+    """Fill `relative_motion` for craft that have been without thrust for `drifts` (2,)."""
     out[:] = 0.0
     for side in range(2):
         sign = 1.0 if side == 0 else -1.0

@@ -1,8 +1,8 @@
-"""Relative orbits that people name, as states (N, 6) in m and m/s.
+"""Named relative orbits, as states (N, 6) [m, m/s].
 
-The formations drift nowhere: in an orbit every craft has d = 0, so that it stays by itself, to
-first order.  They centre on the origin of the Hill frame, and their time is that of the states.
-A transfer arrives later: the relative orbit is flown from the states at arrival on.
+The formations do not drift: in an orbit every craft has d = 0, so that it keeps its relative orbit without
+control, to first order.  They are centred on the origin of the Hill frame at the time of the states.  For
+a transfer this is the time of arrival: the relative orbit starts from the states at arrival.
 
 In Palmer's coordinates natural motion with d = 0 is, with w = n t + phase (theory 5),
 
@@ -23,38 +23,38 @@ from closeform.motion.palmer import state_from_palmer
 def safety_ellipse(
     orbit: Orbit, count: int, radial: float, cross_track: float, along_track: float = 0.0, phase: float = 0.0
 ) -> Floats:
-    """Craft evenly spread on one passively safe ellipse around the origin.
+    """Return craft evenly distributed on one passively safe ellipse around the origin.
 
     Parameters
     ----------
     orbit : Orbit
-        Of the origin.
+        Orbit of the origin.
     count : int
-        N, at least 1.
+        Number N of craft, at least 1.
     radial : float [m]
-        Swing up and down; twice as much along-track.
+        Radial amplitude; the along-track amplitude is twice this.
     cross_track : float [m]
-        Swing left and right, a quarter turn apart.
+        Cross-track amplitude, a quarter revolution out of phase.
     along_track : float [m], default 0
-        Of the ellipse's centre.
+        Along-track position of the ellipse's centre.
     phase : float [rad], default 0
-        Of the first craft, which is lowest at 0; the others are ahead of it.
+        Phase of the first craft, which is lowest at 0; the others are ahead of it.
 
     Returns
     -------
     array of shape (N, 6) [m, m/s]
-        In the rotating frame.
+        States in the rotating frame.
 
     Raises
     ------
     ValueError
-        If `orbit` is deep space, `count` below 1, a swing not positive, or a number not finite.
+        If `orbit` is deep space, `count` is below 1, an amplitude is not positive, or a number is not finite.
 
     Notes
     -----
-    Seen along the track the ellipse goes around the origin: the separation across the track from a craft
-    there is never below the smaller swing, however wrong their distance along-track; between two of N
-    craft of the ellipse never below 2 sin(pi / N) times that.
+    Seen along the track, the ellipse encircles the origin.  The separation perpendicular to the track from a
+    craft there is never below the smaller amplitude, whatever the error of their along-track distance.
+    Between two of N craft of the ellipse it is never below 2 sin(pi / N) times that.
 
     References
     ----------
@@ -69,37 +69,37 @@ def safety_ellipse(
 def separated_ring(
     orbit: Orbit, count: int, eccentricity: float, inclination: float, first_phase: float = 0.0
 ) -> Floats:
-    """Craft with e- and i-vectors parallel to each other, their phases evenly spread.
+    """Return craft with parallel e- and i-vectors and evenly distributed phases.
 
     Parameters
     ----------
     orbit : Orbit
-        Of the origin.
+        Orbit of the origin.
     count : int
-        N, at least 1.
+        Number N of craft, at least 1.
     eccentricity : float [m]
         Length a |de| of the relative eccentricity vectors.
     inclination : float [m]
-        Length a |di| of the relative inclination vectors, not 0; a negative one makes the two anti-parallel,
-        the mirror image.
+        Length a |di| of the relative inclination vectors, not 0; a negative length makes the vectors
+        anti-parallel, the mirror image.
     first_phase : float [rad], default 0
-        Of the first craft's (e1, e2).
+        Phase of the first craft's (e1, e2).
 
     Returns
     -------
     array of shape (N, 6) [m, m/s]
-        In the rotating frame.
+        States in the rotating frame.
 
     Raises
     ------
     ValueError
-        If `orbit` is deep space, `count` below 1, `eccentricity` not positive, `inclination` 0, or a number
-        not finite.
+        If `orbit` is deep space, `count` is below 1, `eccentricity` is not positive, `inclination` is 0, or a
+        number is not finite.
 
     Notes
     -----
-    The vectors of any two craft differ by parallel vectors too, so radial and cross-track separation never
-    vanish together: 2 sin(pi / N) times the smaller of the lengths is left between any two, at any
+    The vectors of any two craft differ by parallel vectors as well, so that radial and cross-track separation
+    never vanish together: at least 2 sin(pi / N) times the smaller length remains between any two, at any
     along-track offset.  The relative orbits are those of a `safety_ellipse` around the origin.
 
     References
@@ -109,37 +109,37 @@ def separated_ring(
     orbiting(orbit, "separated_ring")
     scalar("eccentricity", eccentricity, positive=True)
     if scalar("inclination", inclination) == 0.0:
-        raise ValueError("inclination: 0 leaves no separation where the radial one vanishes; give a length")
+        raise ValueError("inclination: 0 gives no separation where the radial one vanishes; give a length")
     return _separated(orbit, count, eccentricity, inclination, 0.0, scalar("first_phase", first_phase))
 
 
 def projected_circular(orbit: Orbit, count: int, radius: float, first_phase: float = 0.0) -> Floats:
-    """Craft evenly spread on a relative orbit that is a circle seen from the Earth.
+    """Return craft evenly distributed on a relative orbit that is a circle seen from the Earth.
 
     Parameters
     ----------
     orbit : Orbit
-        Of the origin.
+        Orbit of the origin.
     count : int
-        N, at least 1.
+        Number N of craft, at least 1.
     radius : float [m]
-        Of the circle in the along-track, cross-track plane.
+        Radius of the circle in the along-track, cross-track plane.
     first_phase : float [rad], default 0
-        Of the first craft; the others are ahead of it.
+        Phase of the first craft; the others are ahead of it.
 
     Returns
     -------
     array of shape (N, 6) [m, m/s]
-        In the rotating frame: y = radius cos w, z = radius sin w and x = z / 2, w = n t + first_phase.
+        States in the rotating frame: y = radius cos w, z = radius sin w and x = z / 2, w = n t + first_phase.
 
     Raises
     ------
     ValueError
-        If `orbit` is deep space, `count` below 1, `radius` not positive, or a number not finite.
+        If `orbit` is deep space, `count` is below 1, `radius` is not positive, or a number is not finite.
 
     Notes
     -----
-    Radial and cross-track separation vanish together twice a turn: the formation is not passively safe.
+    Radial and cross-track separation vanish together twice an orbit: the formation is not passively safe.
 
     References
     ----------
@@ -154,27 +154,27 @@ def projected_circular(orbit: Orbit, count: int, radius: float, first_phase: flo
 
 
 def string_of_pearls(orbit: Orbit, count: int, spacing: float) -> Floats:
-    """Craft behind one another on the same orbit, at rest along-track.
+    """Return craft behind one another on the same orbit, at rest on the V-bar.
 
     Parameters
     ----------
     orbit : Orbit
-        Of the origin.
+        Orbit of the origin.
     count : int
-        N, at least 1.
+        Number N of craft, at least 1.
     spacing : float [m]
-        Between neighbours.
+        Distance of neighbours.
 
     Returns
     -------
     array of shape (N, 6) [m, m/s]
-        In the rotating frame, centred on the origin, the last one foremost.
+        States in the rotating frame, centred on the origin, the last craft foremost.
 
     Raises
     ------
     ValueError
-        If `orbit` is deep space, where there is no track (see `line`), `count` below 1, or `spacing` not
-        positive and finite.
+        If `orbit` is deep space, which has no along-track direction (see `line`), `count` is below 1, or
+        `spacing` is not positive and finite.
 
     References
     ----------
@@ -185,29 +185,29 @@ def string_of_pearls(orbit: Orbit, count: int, spacing: float) -> Floats:
 
 
 def pendulum(orbit: Orbit, count: int, spacing: float, cross_track: float) -> Floats:
-    """Craft behind one another that swing across the track, each wider than the last.
+    """Return craft behind one another with cross-track oscillations of linearly increasing amplitude.
 
     Parameters
     ----------
     orbit : Orbit
-        Of the origin.
+        Orbit of the origin.
     count : int
-        N, at least 1.
+        Number N of craft, at least 1.
     spacing : float [m]
-        Between neighbours along-track.
+        Along-track distance of neighbours.
     cross_track : float [m]
-        Swing of neighbours relative to each other.
+        Cross-track amplitude of neighbours relative to each other.
 
     Returns
     -------
     array of shape (N, 6) [m, m/s]
-        In the rotating frame, all at their widest; they cross the orbital plane together a quarter orbit
-        later, when `spacing` is all that separates them.
+        States in the rotating frame, all at maximum amplitude; they cross the orbital plane together a
+        quarter orbit later, when `spacing` is their only separation.
 
     Raises
     ------
     ValueError
-        If `orbit` is deep space, `count` below 1, or a length not positive and finite.
+        If `orbit` is deep space, `count` is below 1, or a length is not positive and finite.
 
     References
     ----------
@@ -220,29 +220,29 @@ def pendulum(orbit: Orbit, count: int, spacing: float, cross_track: float) -> Fl
 
 
 def line(count: int, spacing: float, direction: ArrayLike) -> Floats:
-    """Craft at rest on a straight line, for deep space.
+    """Return craft at rest on a straight line, for deep space.
 
-    In an orbit only a line along the track stays by itself (`string_of_pearls`).
+    In an orbit only a line along the track is at rest without control (`string_of_pearls`).
 
     Parameters
     ----------
     count : int
-        N, at least 1.
+        Number N of craft, at least 1.
     spacing : float [m]
-        Between neighbours.
+        Distance of neighbours.
     direction : array_like of shape (3,), no unit
-        From the first craft to the last, in the frame; of any length.
+        Direction from the first craft to the last, in the frame; of any length.
 
     Returns
     -------
     array of shape (N, 6) [m, m/s]
-        In the frame, centred on the origin.
+        States in the frame, centred on the origin.
 
     Raises
     ------
     ValueError
-        If `count` is below 1, `spacing` not positive, `direction` zero or of another shape, or a number not
-        finite.
+        If `count` is below 1, `spacing` is not positive, `direction` is zero or of another shape, or a number
+        is not finite.
 
     References
     ----------
@@ -269,7 +269,7 @@ def _phases(count: int, first: float) -> Floats:
 def _separated(
     orbit: Orbit, count: int, radial: float, cross_track: float, centre: float, phase: float
 ) -> Floats:
-    """z = cross_track sin w beside x = -radial cos w: parallel e- and i-vectors."""
+    """Return craft with z = cross_track sin w and x = -radial cos w: parallel e- and i-vectors."""
     w = _phases(count, phase)
     cos, sin = np.cos(w), np.sin(w)
     lengths = (radial * cos, radial * sin, 0.0, scalar("along_track", centre))
@@ -278,11 +278,11 @@ def _separated(
 
 
 def scalar(name: str, value: ArrayLike, positive: bool = False) -> float:
-    """An argument as one finite number."""
+    """Return an argument as one finite number."""
     return float(checked(name, number(name, value), positive=positive))
 
 
 def orbiting(orbit: Orbit, name: str) -> None:
-    """Refuse deep space, where a relative orbit of that `name` has no meaning."""
+    """Raise ValueError for deep space, where the relative orbit `name` is undefined."""
     if not instance("orbit", orbit, Orbit).mean_motion:
-        raise ValueError(f"orbit: {name} has no meaning in deep space; give a mean motion above 0")
+        raise ValueError(f"orbit: {name} is undefined in deep space; give a mean motion above 0")

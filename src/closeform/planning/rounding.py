@@ -1,8 +1,8 @@
-"""A zone's norm with its edges rounded: the p-norm of its parts, its gradient and how that turns.
+"""Norm of a zone with rounded edges: the p-norm of its parts, its gradient and its curvature.
 
-The norm of a zone is the largest of its parts (see `zones.shapes`).  Sides are chosen around a ball of
-the p-norm, which has no edges; then the power becomes inf, the norm its own, and a path that
-passes an edge touches two parts at the instant at which one takes over from the other.
+The norm of a zone is the largest of its parts (see `zones.shapes`).  Passing sides are chosen with the
+p-norm, which has no edges.  Then the power becomes inf, which gives the norm itself, and a path that
+passes an edge touches two parts at the instant when one becomes larger than the other.
 """
 
 from math import inf
@@ -12,13 +12,13 @@ import numpy as np
 from closeform._jit import kernel
 from closeform.zones.shapes import BALL, FACES, norm, part, part_count, rank, rate
 
-ON_EDGE = 1e-7  # how nearly two parts are the largest at once
-NEAR_EDGE = 1e-4  # and how nearly where Newton's method begins
+ON_EDGE = 1e-7  # relative difference of two parts on an edge
+NEAR_EDGE = 1e-4  # the same at the start of Newton's method
 
 
 @kernel()
 def rounded_norm(shape, faces, power, x, y, z):
-    """The norm at (x, y, z) in zone coordinates; a power of inf, and a ball, round nothing."""
+    """Return the norm at (x, y, z) in zone coordinates; without rounding for power inf, or a ball."""
     largest = norm(shape, faces, x, y, z)
     if power == inf or shape == BALL or largest <= 0.0:
         return largest
@@ -34,8 +34,8 @@ def rounded_norm(shape, faces, power, x, y, z):
 def gradient(shape, faces, power, motion, out):
     """Fill `out` with the gradient of the norm at a relative motion (rows: position, velocity).
 
-    On an edge, where one part falls as another rises: the mean of their gradients along which the
-    motion has no speed.  At the centre `out` stays as it is.
+    On an edge, where one part falls as another rises, it is the mean of their gradients along which the
+    motion has no speed.  At the centre `out` is unchanged.
     """
     x, y, z = motion[0, 0], motion[0, 1], motion[0, 2]
     s = rounded_norm(shape, faces, power, x, y, z)
@@ -63,7 +63,7 @@ def gradient(shape, faces, power, motion, out):
 
 @kernel()
 def norm_rate(shape, faces, power, motion, work):
-    """Rate of the norm along a relative motion; spoils `work` (3,)."""
+    """Return the rate of the norm along a relative motion; overwrite `work` (3,)."""
     if power == inf or shape == BALL:
         return rate(
             shape, faces, motion[0, 0], motion[0, 1], motion[0, 2], motion[1, 0], motion[1, 1], motion[1, 2]
@@ -74,9 +74,9 @@ def norm_rate(shape, faces, power, motion, work):
 
 @kernel()
 def active_parts(shape, faces, power, motion, active, values, gradients):
-    """Which smooth functions a contact touches: their number, indices, values and gradients (2, 3).
+    """Fill indices, values and gradients (2, 3) of the smooth parts at a contact; return their number.
 
-    One, but on an edge two: the falling and the rising part.  Index -1 is the rounded norm.
+    It is one, or on an edge two: the falling and the rising part.  Index -1 is the rounded norm.
     """
     x, y, z = motion[0, 0], motion[0, 1], motion[0, 2]
     s = rounded_norm(shape, faces, power, x, y, z)
@@ -100,7 +100,7 @@ def active_parts(shape, faces, power, motion, active, values, gradients):
 
 @kernel()
 def add_bend(shape, faces, power, motion, active, weights, count, out):
-    """Add to `out` (3, 3) how the weighted sum of the active parts' gradients turns with the position."""
+    """Add to `out` (3, 3) the derivative of the weighted sum of the active parts' gradients by position."""
     x, y, z = motion[0, 0], motion[0, 1], motion[0, 2]
     s = rounded_norm(shape, faces, power, x, y, z)
     gradient_of = np.zeros(3)

@@ -1,4 +1,4 @@
-"""Pairs at times, at which the dual bound looks at all plans."""
+"""Samples of the dual bound: pairs at times, with their places and kernel."""
 
 from collections.abc import Sequence
 from math import inf
@@ -14,15 +14,15 @@ from closeform.planning.problem import Problem
 from closeform.planning.scene import Contacts
 from closeform.zones.shapes import BALL
 
-CLOSED = 1e-6  # of the multipliers' own energy: a bound this near is enough
-ROUGH = 0.02  # of the bound of a plan, or of what it lacks: how far it is climbed
+CLOSED = 1e-6  # of the multipliers' own energy: sufficient accuracy of the bound
+ROUGH = 0.02  # accuracy of a plan's bound, of the bound or of what it lacks
 
 
 class Answer(NamedTuple):
-    """A bound of the extra energy [m^2/s^3], and where its Lagrangian is least.
+    """Bound of the extra energy [m^2/s^3], and the minimum of its Lagrangian.
 
-    Of each sample: force and place (K, 3) in zone coordinates, and what it falls short: how much the bound
-    would gain, to first order, were its place on the surface of its zone and not inside.
+    `forces` and `reached` places (K, 3) of the samples are in zone coordinates.  `short` (K,) is the gain
+    of the bound, to first order, if the place were on the surface of its zone instead of inside.
     """
 
     bound: float
@@ -40,7 +40,7 @@ class Samples:
         self.add(which, times, drifts)
 
     def add(self, which: Any, times: Any, drifts: Floats | None = None) -> None:
-        """Further samples, each moved to when one of its pair can give way; `drifts` as of contacts."""
+        """Add samples, moved into the windows of their pairs; `drifts` are those of contacts."""
         pairs, when = np.array(which, dtype=np.int64), np.array(times, dtype=float)
         inside = np.clip(when, *self.problem.windows[0][pairs].T)
         if drifts is not None:
@@ -52,7 +52,7 @@ class Samples:
         self.zones = [self.problem.zones[kind] for kind in self.problem.kinds[self.contacts.which]]
 
     def near(self, which: int, time: float, same: float) -> int:
-        """The number of the sample of a pair within `same` of all time of a time, added if there is none."""
+        """Return the number of a pair's sample within `same` of all time of a time; add one if missing."""
         apart = np.where(self.contacts.which == which, np.abs(self.contacts.times - time), inf)
         if apart.min() > same * (self.problem.last - self.problem.first):
             self.add([which], [time])
@@ -60,20 +60,20 @@ class Samples:
         return int(apart.argmin())
 
     def compliance(self, sample: int) -> Floats:
-        """What a force at a sample does to its own place (3, 3)."""
+        """Return the response (3, 3) of a sample's place to a force there."""
         return self.gram[3 * sample : 3 * sample + 3, 3 * sample : 3 * sample + 3]
 
     def pushed(self, samples: Sequence[int], forces: Floats) -> Contacts:
-        """The samples that bear a force, as contacts."""
+        """Return the samples with nonzero forces as contacts."""
         sizes = np.linalg.norm(forces, axis=1)
         bear = sizes > 0.0
         contacts = self.contacts.some(np.array(samples)[bear])
         return contacts._replace(normals=forces[bear] / sizes[bear, None], multipliers=sizes[bear])
 
     def bound(self, contacts: Sequence[Contact], energy: float | None) -> float:
-        """The dual bound of samples outside of the largest balls in their zones, from contacts there.
+        """Return the dual bound of samples outside the largest balls in their zones, from contacts there.
 
-        `energy`: what their multipliers spend, worked out unless given.
+        `energy` is that of their multipliers, computed unless given.
         """
         sigmas = self.problem.sigmas
         sizes = np.array([one.multiplier * (one.reach + sigmas * one.sigma) for one in contacts])
@@ -115,7 +115,7 @@ class Samples:
         tolerance: float,
         start: Floats | None = None,
     ) -> Answer:
-        """The dual bound of samples, each in a piece of its zone's outside; `start`: multipliers to try."""
+        """Return the dual bound of samples in pieces of their zones' outside, from multipliers `start`."""
         count = len(samples)
         round_ones = [k for k in range(count) if len(pieces[k].rows)]
         planes = [k for k in range(count) if not pieces[k].whole]

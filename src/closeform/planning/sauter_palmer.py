@@ -1,4 +1,7 @@
-"""SP11's own method: one deviation point for each conflict, across the cost's gradients."""
+"""Method of SP11 (Sauter and Palmer 2011): one deviation point for each conflict.
+
+The deviations are perpendicular to the cost's gradients.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +26,7 @@ SCALES = np.geomspace(1.0, 4.0, 25)  # of a deviation, tried until both of its l
 
 
 def end_gradients(path: Path) -> tuple[Floats, Floats]:
-    """First-order change of a path's energy with its initial and with its final state.
+    """Return the first-order change of a path's energy with its initial and final states.
 
     Parameters
     ----------
@@ -44,7 +47,7 @@ def end_gradients(path: Path) -> tuple[Floats, Floats]:
 
     Notes
     -----
-    They are the costates at the two ends, in rectangular coordinates.
+    The slopes are the costates at the two ends, in rectangular coordinates.
 
     References
     ----------
@@ -56,7 +59,7 @@ def end_gradients(path: Path) -> tuple[Floats, Floats]:
         or path.arcs[:, PUSH:].any()
         or (path.arcs[:, MEAN_MOTION] != n).any()
     ):
-        raise ValueError("path: the gradients are those of an energy-optimal path; plan one with transfer")
+        raise ValueError("path: must be energy-optimal; plan one with transfer")
     first, last = path.arcs[path.offsets[:-1]], path.arcs[path.offsets[1:] - 1]
     begin = first[:, THRUST : THRUST + 6]
     end = path.orbit.transition(last[:, 1] - last[:, 0]) @ last[:, THRUST : THRUST + 6, None]
@@ -70,7 +73,7 @@ def _costate(n: float, steering: Floats) -> Floats:
 
 
 def cost_of_moving(path: Path, time: float) -> Floats:
-    """Matrix A (6, 6): moving the state at `time` by d costs d.A.d / 2 of energy.    # theory (11)"""
+    """Return the matrix A (6, 6): moving the state at `time` by d costs d.A.d / 2 of energy; theory (11)."""
     pairs = np.eye(6)[:, None] + np.eye(6)[None]
     initial = path.orbit.transfer(np.zeros(6), pairs, time - path.start).energy
     terminal = path.orbit.transfer(pairs, np.zeros(6), path.end - time).energy
@@ -81,7 +84,7 @@ def cost_of_moving(path: Path, time: float) -> Floats:
 
 
 def _across(leg: Path, time: float) -> Floats:
-    """Three state deviations (3, 6), each across the gradient in one of Palmer's planes.
+    """Return three state deviations (3, 6), each perpendicular to the gradient in one of Palmer's planes.
 
     (e1, e2), (d, l) and (h1, h2) decouple, and in each the first-order cost vanishes along one
     direction (SP11 section 4).  On an optimal path the gradients of the two legs at the
@@ -106,7 +109,7 @@ def _two_legs(leg: Path, time: float, deviation: Floats) -> Path:
 
 
 def _deviation(leg: Path, which: int, time: float, problem: Problem) -> tuple[Path, Contact] | None:
-    """The cheapest pair of legs through one deviation point that clears one obstacle."""
+    """Return the cheapest pair of legs through one deviation point that clears one obstacle."""
     deviations = _across(leg, time)
     flexibility = np.linalg.inv(deviations @ cost_of_moving(leg, time) @ deviations.T)
     pair = (0, int(problem.pairs[which, 1]))
@@ -133,9 +136,12 @@ def _deviation(leg: Path, which: int, time: float, problem: Problem) -> tuple[Pa
 
 
 def deviated(path: Path, problem: Problem, names: Sequence[str]) -> Avoidance:
-    """`avoid` by method "sauter-palmer", of obstacles with `names`; raises ValueError in deep space."""
+    """Return the avoidance of method "sauter-palmer"; raise ValueError in deep space.
+
+    `names` are those of the obstacles.
+    """
     if path.orbit.mean_motion == 0.0:
-        raise ValueError("method: 'sauter-palmer' needs an orbit, in deep space use 'exact'")
+        raise ValueError("method: 'sauter-palmer' requires an orbit; in deep space use 'exact'")
     optimum = legs = problem.path(problem.direct)[0]
     contacts: list[Contact] = []
 

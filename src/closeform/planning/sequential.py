@@ -1,7 +1,7 @@
-"""One craft after another: each plans alone around the published paths of those before it.
+"""Sequential planning: each craft plans alone around the published paths of those before it.
 
-The distributed setting of SP11: a craft needs to know the initial states, targets and durations of those
-before it, from which it works out their paths.  Its work grows with their number, not with its square.
+This is the distributed setting of SP11.  A craft needs to know the initial states, targets and durations of
+those before it, from which it computes their paths.  Its work grows with their number, not with its square.
 """
 
 from collections.abc import Sequence
@@ -24,7 +24,10 @@ from closeform.planning.side_search import MARGINS
 def one_by_one(
     problem: Problem, order: Sequence[int], budget: int | None = None, more: bool = False
 ) -> Outcome:
-    """Paths of all craft planned in `order`; with `more`, who finds none goes first, and all begin anew."""
+    """Return paths of all craft planned in `order`.
+
+    With `more`, a craft without a clear path is moved to the front, and planning restarts.
+    """
     order = [int(k) for k in order]
     tried, changed = 0, False
     for _ in range(problem.count if more else 1):
@@ -49,7 +52,7 @@ def _in_order(problem: Problem, order: list[int], budget: int | None) -> Outcome
         alone, others = _alone(problem, k, published)
         path, tried = alone.path(alone.direct)[0], tried + 1
         if conflicts := alone.conflicts(alone.direct, MARGINS[0]):
-            held = end_inside(alone)  # its ends are where they are
+            held = end_inside(alone)  # its ends cannot change
             found = solve(alone, budget) if held is None else None
             tried += found.tried if found is not None else 0
             if found is None or found.flown is None:
@@ -72,7 +75,7 @@ def _blocked(tried: int, pair: tuple[int, int]) -> Outcome:
 
 
 def _alone(problem: Problem, craft: int, published: dict[int, Path]) -> tuple[Problem, list[int]]:
-    """The problem of one craft among the published paths, and which body each of its obstacles is."""
+    """Return the problem of one craft among the published paths, and the body of each of its obstacles."""
     base = Path(problem.orbit, problem.base[craft : craft + 1], np.array([0, 1]), (1,))
     others: list[int] = []
     groups: dict[int, list[int]] = {}
@@ -91,7 +94,7 @@ def _pairs(members: list[int]) -> Any:
 
 
 def _spanned(path: Path, direct: Path) -> Path:
-    """A craft's path with the coasts before and after it, which are those of its direct path."""
+    """Return a craft's path with the coasts of its direct path before and after it."""
     rows = direct.arcs
     early, late = rows[:, END] <= path.start, rows[:, START] >= path.end
     arcs = np.concatenate([rows[early], path.arcs, rows[late]])

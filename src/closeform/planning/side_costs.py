@@ -1,4 +1,4 @@
-"""What it would cost to pass on another side: estimates that rank the starts of the search."""
+"""Cost estimates of passing on another side, which rank the starts of the search."""
 
 from typing import NamedTuple
 
@@ -13,7 +13,10 @@ from closeform.planning.scene import INDICES, NUMBERS, ROWS, Contacts
 
 
 class Turn(NamedTuple):
-    """A start: the contacts of a solution, but the pair of the k-th passes on another side, there alone."""
+    """Start of the search: contacts of a solution, but with the k-th contact's pair on another side.
+
+    That pair has no other contacts.
+    """
 
     contacts: Contacts
     k: int
@@ -21,7 +24,7 @@ class Turn(NamedTuple):
 
     @property
     def start(self) -> Contacts:
-        """The contacts that the local solver begins with."""
+        """The contacts with which the local solver begins."""
         if self.contacts.number == 1:
             return self.contacts._replace(normals=self.side[None], multipliers=np.ones(1))
         rest = self.contacts.some(self.contacts.which != self.contacts.which[self.k])
@@ -30,9 +33,9 @@ class Turn(NamedTuple):
 
 
 def turned_energies(problem: Problem, margin: float, turns: list[Turn]) -> list[float]:
-    """What turns of one solution may cost: the least for the planes of their contacts where they are.
+    """Return estimated energies of turns of one solution: minima for the planes of fixed contacts.
 
-    How contacts slide then, and which are new, is left out.
+    Sliding of contacts and new contacts are neglected.
     """
     if not turns:
         return []
@@ -56,7 +59,7 @@ def turned_energies(problem: Problem, margin: float, turns: list[Turn]) -> list[
 def fill_energies(which, normals, places, compliance, aim, turned, sides, energies):
     """Fill `energies` from K contacts, their unconstrained `places` (K, 3), and `compliance` (3K, 3K)."""
     count = len(which)
-    felt = np.zeros((count, count, 3))  # what a force along the normal of one does to the place of another
+    felt = np.zeros((count, count, 3))  # response of the place of one to a force along the normal of another
     gram, work = np.empty((count, count)), np.empty((count, count))
     gaps, multipliers = np.empty(count), np.empty(count)
     kept, active = np.empty(count, dtype=np.int64), np.empty(count, dtype=np.bool_)

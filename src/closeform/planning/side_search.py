@@ -1,4 +1,4 @@
-"""The search over passing sides: which side of every zone the paths take, and when it ends."""
+"""Search over passing sides: the side of every zone on which the paths pass, and the stopping rules."""
 
 import heapq
 from collections.abc import Iterator
@@ -16,25 +16,25 @@ from closeform.planning.problem import Problem
 from closeform.planning.scene import Contacts
 from closeform.planning.side_costs import Turn, turned_energies
 
-MARGINS = (1.0 + 1e-9, 1.001, 1.02)  # zones are enlarged by: the least that is certified, then more
-DEEP, SHIFT, FAR = 0.3, 0.3, 1.0  # norm below which new sides are not the nearer ones; sizes of shifts
-FEW = 6  # pairs in contact, up to which every way out of a contact is looked at
-BUDGETS = ((FEW, 192), (12, 20), (30, 8), (80, 4), (200, 2))  # most candidates for so many pairs; else one
-PATIENCE_ONE, PATIENCE_FEW, PATIENCE_MANY = 60, 24, 4  # candidates without a better one: the search ends
-EDGED = 2  # times as many candidates where zones have edges: local optima are many there
-MORE = 24  # candidates beside them where none of the first is clear
-HOPELESS = 1.6  # times the best energy, beyond which a start that may cost so much is not looked at
-SIMILAR = 1e-7  # share of its energy by which a solution must be better to count as such
-DRAWN = 4  # every so many candidates begin with sides that are drawn, to be led elsewhere
-ALIKE = 0.1  # of the window and of a normal, within which two starts are not both looked at
+MARGINS = (1.0 + 1e-9, 1.001, 1.02)  # factors of the zones: smallest certifiable one, then larger ones
+DEEP, SHIFT, FAR = 0.3, 0.3, 1.0  # norm below which new sides are chosen by shifts; sizes of shifts
+FEW = 6  # pairs in contact up to which every exit of a contact is examined
+BUDGETS = ((FEW, 192), (12, 20), (30, 8), (80, 4), (200, 2))  # (pairs, maximum candidates); else one
+PATIENCE_ONE, PATIENCE_FEW, PATIENCE_MANY = 60, 24, 4  # candidates without a better one that end the search
+EDGED = 2  # factor of the candidates where zones have edges, with many local optima
+MORE = 24  # additional candidates where none is clear
+HOPELESS = 1.6  # times the best energy: starts with a higher estimate are skipped
+SIMILAR = 1e-7  # relative saving by which a solution counts as better
+DRAWN = 4  # every DRAWN-th candidate begins with random sides, for diversity
+ALIKE = 0.1  # of the window and of a normal: closer starts are examined once
 ANOTHER = -0.5  # cosine of the angle between two normals below which they are different sides
 
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """What the search has come to: the best solution, or the one that it began with where none is clear.
+    """Result of the search: the best solution, or the first one where none is clear.
 
-    `margin`: the zones it was made for are so many times as large; `tried` candidates were examined.
+    `margin` is the factor by which the zones were enlarged; `tried` candidates were examined.
     """
 
     best: Solution
@@ -44,12 +44,12 @@ class Found:
 
 
 class Search:
-    """One search: the best solution so far, and a queue of starts ranked by what they may cost."""
+    """Search with the best solution so far, and a queue of starts ranked by estimated cost."""
 
     def __init__(
         self, problem: Problem, margin: float, budget: int | None = None, more: bool = False
     ) -> None:
-        """`budget`: how many candidates are examined at most; by default by how many pairs are in contact."""
+        """Set up a search of at most `budget` candidates; the default depends on the pairs in contact."""
         self.problem = problem
         self.solver = LocalSolver(problem, margin)
         self.budget = budget
@@ -62,12 +62,12 @@ class Search:
         self.queue: list[tuple[float, int, Turn]] = []
         self.queued = 0
         self.starts: set[Any] = set()
-        self.alone = False  # one conflict: every way out of it is looked at
+        self.alone = False  # one conflict: every exit is examined
         self.first: Solution | None = None
         self.nearby = shifted(problem, 0, DEEP, SHIFT)
 
     def run(self) -> Found:
-        """Examine candidates until one is proven, none is left, or the budget is over."""
+        """Examine candidates until one is proven, none is left, or the budget is spent."""
         conflicts = self.problem.direct_conflicts(self.solver.margin)
         self.alone = len(conflicts) == 1
         if self.alone:
@@ -105,7 +105,7 @@ class Search:
         return Found(best, self.solver.margin, self.proven, self.tried)
 
     def allowed(self, pairs: int) -> tuple[int, float]:
-        """How many candidates are examined at most where so many touch; and without a better one."""
+        """Return the maximum number of candidates, in total and without gain, for `pairs` in contact."""
         budget = next((number for most, number in BUDGETS if pairs <= most), 1)
         patience: float = PATIENCE_FEW if pairs <= FEW else PATIENCE_MANY
         if self.problem.count == 1:
@@ -117,13 +117,13 @@ class Search:
         return (budget + MORE, inf) if self.more else (budget, patience)
 
     def settle(self, best: Solution) -> None:
-        """Go on with the rounds of the best solution, if they were left early."""
+        """Continue the rounds of the best solution, if they ended early."""
         last = self.solver.solve(best.contacts, nearer(self.problem), best.energy)
         if last.clear and last.energy < best.energy:
             self.best, self.proven = last, self.solver.proven(last)
 
     def examine(self, start: Contacts, sides: Sides) -> Solution:
-        """Solve from a start; keep what is better, and rank the ways around it."""
+        """Solve from a start; keep a better solution, and queue starts on its other sides."""
         bar = self.best.energy if self.best is not None else inf
         blunt = self.tried % 2 if self.problem.count > 1 else 0
         solution = self.solver.solve(start, sides, bar, blunt)
@@ -139,12 +139,12 @@ class Search:
         return solution
 
     def push(self, cost: float, turn: Turn) -> None:
-        """Put a start in the queue; of equal costs the earlier goes first."""
+        """Add a start to the queue; of equal costs the earlier is first."""
         self.queued += 1
         heapq.heappush(self.queue, (cost, self.queued, turn))
 
     def is_new(self, start: Contacts) -> bool:
-        """Whether no start was like it before."""
+        """Return whether no similar start was examined before."""
         windows = self.problem.windows[0][start.which]
         when = (start.times - windows[:, 0]) / (windows[:, 1] - windows[:, 0])
         rows = np.rint(np.concatenate([when[:, None], start.normals], axis=1) / ALIKE).tolist()
@@ -154,14 +154,14 @@ class Search:
         return len(self.starts) > before
 
     def push_exits(self, pair: tuple[int, int], conflict: Floats) -> None:
-        """Every way out of a conflict of the unconstrained paths."""
+        """Queue every exit of a conflict of the unconstrained paths."""
         contact = self.clipped(self.problem.at(pair, conflict[2]))
         motions, compliance = self.problem.unconstrained(contact)
         for cost, normal in self.ways_out(contact, motions[0], compliance):
             self.push(cost, Turn(contact, 0, normal))
 
     def push_turns(self, solution: Solution) -> None:
-        """Each contact's pair on its other sides, the other contacts as they are."""
+        """Queue each contact's pair on its other sides, with the other contacts unchanged."""
         contacts = solution.contacts
         turns = [Turn(contacts, k, -contacts.normals[k]) for k in range(contacts.number)]
         if len(np.unique(contacts.which)) <= FEW:
@@ -171,7 +171,7 @@ class Search:
             self.push(energy, turn)
 
     def turns_of(self, solution: Solution, k: int) -> Iterator[Turn]:
-        """The ways out of a contact's zone from where its pair would be without it."""
+        """Yield the exits of a contact's zone from its pair's position without the contact."""
         contacts = solution.contacts
         one, normal = contacts.some([k]), contacts.normals[k]
         motion = self.problem.motions(solution.flown, one)[0]
@@ -182,10 +182,10 @@ class Search:
                 yield Turn(contacts, k, side)
 
     def ways_out(self, contact: Contacts, motion: Floats, compliance: Floats) -> list[tuple[float, Floats]]:
-        """Ways out of a pair's zone at a relative motion: (rough cost, normal)."""
+        """Return exits of a pair's zone at a relative motion: (rough cost, normal)."""
         zone = self.problem.zones[self.problem.kinds[contact.which[0]]]
         return exit_normals(zone.shape, zone.faces, self.solver.margin, motion[0], motion[1], compliance)
 
     def clipped(self, contacts: Contacts) -> Contacts:
-        """Contacts within the times at which they can lie."""
+        """Return contacts within the windows of their pairs."""
         return contacts._replace(times=np.clip(contacts.times, *self.problem.windows[0][contacts.which].T))

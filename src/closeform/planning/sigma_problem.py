@@ -1,11 +1,11 @@
-"""A problem of craft with errors: k sigmas of each pair are to stay out of its zone.
+"""Planning problem with errors: k sigmas of each pair are to stay out of its zone.
 
-What is kept out of is the sum of the zone and the ellipsoid of k sigmas, which moves and grows.  Its norm
-is a gauge with gradient a / (1 + k |l_a|): contacts have these for normals, so that their planes are
+The keep-out region is the sum of the zone and the ellipsoid of k sigmas, which moves and grows.  Its norm
+is a gauge with gradient a / (1 + k |l_a|).  These gradients are the normals of contacts, whose planes are
 
     a . (q + dr) >= 1 + k |l_a(t)|                                                   # theory (56)
 
-and all that keeps planes a . q >= 1 keeps them.
+and every method for planes a . q >= 1 applies.
 """
 
 from __future__ import annotations
@@ -32,28 +32,28 @@ from closeform.zones.solids import Ellipsoid
 from closeform.zones.sums import outer_sum
 from closeform.zones.zone import Zone
 
-ROUNDING = 1e-16  # of a covariance: where nothing is uncertain, planes could lean either way
+ROUNDING = 1e-16  # of a covariance: regularises zero uncertainty, where the planes are not unique
 
 
 @dataclass(frozen=True, eq=False)
 class Margin:
-    """So many sigmas of the errors of craft and, after them, obstacles (None: where its path is)."""
+    """Number of sigmas of the errors of craft and, after them, obstacles (None: known exactly)."""
 
     errors: tuple[Uncertainty | None, ...]
     sigmas: float
 
     @classmethod
     def around(cls, path: Path, errors: Any, obstacles: Path, others: Any, sigmas: Any) -> Margin | None:
-        """Of one craft and obstacles, as `avoid` is given them; None where nothing is to be kept.
+        """Return the margin of one craft and obstacles from the arguments of `avoid`; None without errors.
 
-        Raises ValueError for errors of another kind or number, or sigmas that are no finite number.
+        Raises ValueError for errors of another type or number, or sigmas that are not a finite number.
         """
         own = one_for_each("errors", errors, path, Uncertainty)
         return cls._of(own + one_for_each("other_errors", others, obstacles, Uncertainty), sigmas)
 
     @classmethod
     def among(cls, count: int, obstacles: int, errors: Any, sigmas: Any) -> Margin | None:
-        """Of many craft and obstacles after them, as `reconfigure` is given them; raises as `around`."""
+        """Return the margin of many craft and obstacles from `reconfigure`'s arguments; raise as `around`."""
         bodies = count + obstacles
         craft_only = isinstance(errors, list | tuple) and len(errors) != bodies
         given = given_errors("errors", errors, count if craft_only else bodies, Uncertainty)
@@ -65,33 +65,33 @@ class Margin:
         return cls(tuple(errors), many) if many and any(errors) else None
 
     def fixed(self, count: int) -> tuple[Uncertainty | None, ...]:
-        """What of all errors no plan of the first `count` bodies changes: states and noise."""
+        """Return the errors that no plan of the first `count` bodies changes: states and process noise."""
         own = [one and Uncertainty(noise=one.noise)._with_root(one._root) for one in self.errors[:count]]
         return (*own, *self.errors[count:])
 
     def problem(self, plain: Problem) -> Problem:
-        """One of the same craft that keep this margin."""
+        """Return the problem of the same craft with this margin."""
         return SigmaProblem(**fields_of(plain), kept=self)
 
 
 def fields_of(problem: Problem) -> dict[str, Any]:
-    """Of an ordinary problem."""
+    """Return the fields of an ordinary problem."""
     return {one.name: getattr(problem, one.name) for one in fields(Problem)}
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SigmaProblem(Problem):
-    """One of craft that keep a margin of sigmas."""
+    """Planning problem with a margin of sigmas."""
 
     kept: Margin
 
     @property
     def sigmas(self) -> float:
-        """How many are kept clear."""
+        """Number of sigmas kept clear."""
         return self.kept.sigmas
 
     def depth(self, ratio: float) -> str:
-        """The same, and how many sigmas all ends allow."""
+        """Return a description of the clearance ratio at an end, and of the sigmas that all ends allow."""
         times = np.full((self.count + len(self.other_offsets) - 1, 2), -inf)
         times[: self.count] = self.base[:, [START, END]] * (-1.0, 1.0)
         pairs, present = self.pairs, self.windows[1]
@@ -102,7 +102,7 @@ class SigmaProblem(Problem):
         return f"{ratio:.2f} x zone and {self.sigmas:g} sigmas (ends allow {least:.3g})"
 
     def conflicts(self, flown: Flown, factor: float = 1.0) -> list[PairRow]:
-        """As of any problem, with zone and sigmas `factor` times as large: the ratio is the gauge."""
+        """Return conflicts with zones and sigmas enlarged by `factor`; the ratio is the gauge."""
         zones = [Zone(zone.shape, zone.matrix / factor, zone.faces) for zone in self.zones]
         search = search_of(self.spread(flown), zones, self.orbit.mean_motion, factor * self.sigmas)
         found = []
@@ -112,15 +112,15 @@ class SigmaProblem(Problem):
         return found
 
     def spread(self, flown: Flown) -> Spread:
-        """The errors of all bodies along their paths."""
+        """Return the errors of all bodies along their paths."""
         return spread_of(self.bodies(flown), self.kept.errors)
 
     def covariances(self, flown: Flown, contacts: Contacts) -> Floats:
-        """Relative covariances (K, 3, 3) [m^2] of positions at contacts."""
+        """Return relative covariances (K, 3, 3) [m^2] of positions at contacts."""
         return self.relative(self.spread(flown) if self.moves else self.fixed, contacts)
 
     def relative(self, spread: Spread, contacts: Contacts) -> Floats:
-        """The same of some errors."""
+        """Return relative covariances (K, 3, 3) [m^2] at contacts for the given errors."""
         arcs, offsets, rows, execution = spread
         total = np.zeros((contacts.number, 3, 3))
         pairs = self.pairs[contacts.which]
@@ -137,17 +137,17 @@ class SigmaProblem(Problem):
 
     @cached_property
     def moves(self) -> bool:
-        """Whether errors depend on what is planned."""
+        """Whether errors depend on the plan."""
         own = self.kept.errors[: self.count]
         return any(one is not None and (one.magnitude or one.pointing or any(one.impulse)) for one in own)
 
     @cached_property
     def fixed(self) -> Spread:
-        """What of the errors all plans have."""
+        """The part of the errors that is the same for all plans."""
         return spread_of(self.bodies(self.direct), self.kept.fixed(self.count))
 
     def gauges(self, flown: Flown, contacts: Contacts, sigmas: float) -> tuple[Floats, Floats]:
-        """The gauges (K,) of pairs at contacts, and gradients; below 0 sigmas the most that are clear."""
+        """Return the gauges (K,) of pairs at contacts, and gradients; negative `sigmas`: the clear sigmas."""
         places = self.motions(flown, contacts)[:, 0]
         spread = self.covariances(flown, contacts)
         sizes, planes = np.empty(contacts.number), np.empty((contacts.number, 4))
@@ -163,17 +163,17 @@ class SigmaProblem(Problem):
         return sizes, planes[:, :3]
 
     def ratios(self, flown: Flown, which: Any, times: Floats) -> Floats:
-        """Gauge (K,) of some of the pairs, each at an instant."""
+        """Return the gauges (K,) of pairs, each at one time."""
         return self.gauges(flown, Contacts.at(which, times), self.sigmas)[0]
 
     def normals(self, flown: Flown, contacts: Contacts, least: float) -> Floats:
-        """As of any problem, each over how far zone and sigmas reach along it."""
+        """Return the normals of contacts at their pairs, divided by the extents of zone and sigmas."""
         sizes, planes = self.gauges(flown, contacts, self.sigmas)
         keep = (sizes <= least) | ~planes.any(axis=1)
         return np.where(keep[:, None], contacts.normals, planes)
 
     def sides(self, flown: Flown, contacts: Contacts, directions: Floats) -> Contacts:
-        """Contacts with the planes across directions (K, 3) in the rotating frame."""
+        """Return contacts with planes perpendicular to directions (K, 3) in the rotating frame."""
         reach = self.deviations(flown, contacts, directions) * self.sigmas
         normals = np.empty((contacts.number, 3))
         for k, (kind, way) in enumerate(zip(self.kinds[contacts.which], directions, strict=True)):
@@ -182,14 +182,14 @@ class SigmaProblem(Problem):
         return contacts._replace(normals=normals)
 
     def deviations(self, flown: Flown, contacts: Contacts, directions: Floats) -> Floats:
-        """Standard deviations (K,) [m] of pairs along directions (K, 3) of length 1."""
+        """Return standard deviations (K,) [m] of pairs along unit directions (K, 3)."""
         spread = self.covariances(flown, contacts)
         return np.asarray(np.sqrt(np.einsum("ki,kij,kj->k", directions, spread, directions)))
 
     def insides(self, contacts: Contacts, directions: Floats) -> Floats:
-        """Ellipsoids |W q| <= 1 in sums of zone and sigmas, which reach as far along directions: (K, 3, 3).
+        """Return ellipsoids |W q| <= 1 in sums of zone and sigmas with the same extents: (K, 3, 3).
 
-        Of errors that all plans have: another may have less of the others.
+        They include only errors common to all plans, because another plan may have smaller other errors.
         """
         spread, out = self.relative(self.fixed, contacts), np.empty((contacts.number, 3, 3))
         for k, (kind, way) in enumerate(zip(self.kinds[contacts.which], directions, strict=True)):
@@ -202,7 +202,7 @@ class SigmaProblem(Problem):
         return out
 
     def enlarged(self, contacts: Contacts) -> Problem:
-        """An ordinary problem, whose zones hold zone and sigmas of each pair at its contact's time."""
+        """Return an ordinary problem whose zones include the sigmas of each pair at its contact's time."""
         spread, zones = self.covariances(self.direct, contacts), []
         for k, kind in enumerate(self.kinds[contacts.which]):
             zone, size = self.zones[kind], np.trace(spread[k])
@@ -216,7 +216,7 @@ class SigmaProblem(Problem):
 
 
 def rotation_between(one: Floats, other: Floats) -> Floats:
-    """The rotation U (3, 3) by which U' one is along `other`."""
+    """Return the rotation U (3, 3) with U' one parallel to `other`."""
     sizes = np.linalg.norm(one), np.linalg.norm(other)
     if not min(sizes) > 0.0:
         return np.eye(3)

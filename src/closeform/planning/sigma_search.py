@@ -1,9 +1,9 @@
 """Plans at k sigma: rounds of the exact planes of zone and sigmas, from the sides of ordinary plans.
 
-A round solves the program of the known planes, flies all craft, and looks at all stays in a sum of zone and
-sigmas that is a little larger: where each is deepest, the sum's supporting plane is the next one.  Planes
-that press are turned to where their pairs are.  A sum is convex, so what is clear stays clear when planes
-turn, and gets cheaper.                                                            # theory (56)
+A round solves the program of the known planes, propagates all craft, and finds all conflicts with a slightly
+larger sum of zone and sigmas.  The sum's supporting plane at each closest approach is the next plane.  Active
+planes are turned to their pairs' positions.  The sum is convex, so that clear paths stay clear when planes
+turn, and become cheaper.                                                          # theory (56)
 """
 
 from collections.abc import Iterator
@@ -20,19 +20,19 @@ from closeform.planning.scene import Contacts
 from closeform.planning.side_search import FEW, Found, Search
 from closeform.planning.sigma_problem import SigmaProblem
 
-ONE, MANY, MORE = 8, 4, 3  # starts that are looked at, of one craft and of many; times as many
-ENLARGED = 4  # of them from the search with zones that hold sigmas
+ONE, MANY, MORE = 8, 4, 3  # starts for one craft and for many; factor with `more`
+ENLARGED = 4  # maximum starts from the search with zones enlarged by the sigmas
 ROUNDS, RAISES = 60, 8
-NEAR = 1.02  # of zone and sigmas: who is nearer gets a plane
-SAME = 1e-4  # of the time in which a pair can give way: planes that are closer are one
-HARD = 1e-9  # by how much planes give way
-SETTLED, SHORT = 1e-7, 1e-6  # relative change of energy, and what may be missing, at which rounds end
-GIVEN_UP, FIRST = 1.3, 6  # times the energy to beat, after so many rounds
-ROUNDING = 1e-9  # by which planes are raised at least
+NEAR = 1.02  # of zone and sigmas: closer pairs get a plane
+SAME = 1e-4  # of a pair's window: closer planes are merged
+HARD = 1e-9  # softness of planes
+SETTLED, SHORT = 1e-7, 1e-6  # relative change of energy, and shortfall, at which rounds end
+GIVEN_UP, FIRST = 1.3, 6  # times the bar, after FIRST rounds
+ROUNDING = 1e-9  # minimum raise of planes
 
 
 class SigmaSearch:
-    """One search among starts."""
+    """Search among starts for plans at k sigma."""
 
     def __init__(self, problem: SigmaProblem, margin: float, budget: int | None, more: bool) -> None:
         self.problem = problem
@@ -45,7 +45,7 @@ class SigmaSearch:
         self.same = SAME * (end - start)
 
     def run(self) -> Found:
-        """The best of all starts that are looked at."""
+        """Return the best solution of all starts."""
         best: Solution | None = None
         tried = 0
         for start in self.starts():
@@ -59,7 +59,7 @@ class SigmaSearch:
         return Found(best, self.margin, False, tried)
 
     def starts(self) -> Iterator[Contacts]:
-        """Sides of plans around enlarged zones, the nearer ones, and each way out of a conflict."""
+        """Yield sides of plans around enlarged zones, the nearer sides, and each exit of a conflict."""
         problem, direct = self.problem, self.problem.direct
         conflicts = problem.direct_conflicts(self.margin)
         enlarged = problem.enlarged(self.moments(conflicts))
@@ -86,7 +86,7 @@ class SigmaSearch:
             yield turned
 
     def moments(self, conflicts: list[PairRow]) -> Contacts:
-        """Of each pair the time at which zone and sigmas are met deepest, or else bodies are nearest."""
+        """Return for each pair the time of its deepest conflict, or else of its minimum distance."""
         problem, states = self.problem, self.problem.seen.states
         gaps = np.linalg.norm(states[problem.pairs[:, 0], :, :3] - states[problem.pairs[:, 1], :, :3], axis=2)
         times = problem.seen.times[np.nanargmin(np.where(np.isfinite(gaps), gaps, inf), axis=1)]
@@ -100,7 +100,7 @@ class SigmaSearch:
         return Contacts.at(np.arange(len(times)), times)
 
     def solve(self, planes: Contacts, bar: float) -> Solution:
-        """What a start leads to, certified; given up well above the energy `bar`."""
+        """Return the certified solution from a start; stop well above the energy `bar`."""
         before = inf
         for turn in range(ROUNDS):
             energy, flown = self.pressed(planes, 1.0)
@@ -117,7 +117,7 @@ class SigmaSearch:
         return Solution(self.problem, planes, inf, False, False)
 
     def raised(self, planes: Contacts, flown: Flown) -> Solution:
-        """The planes raised by the little that is missing, until the march finds nothing."""
+        """Return the solution with planes raised by the shortfall until the march finds no conflict."""
         lift = 1.0
         for _ in range(RAISES):
             lift += ROUNDING
@@ -133,14 +133,14 @@ class SigmaSearch:
         return Solution(self.problem, planes, inf, False, False)
 
     def pressed(self, planes: Contacts, lift: float) -> tuple[float, Flown]:
-        """The energy with which planes are kept, which fills their multipliers, and all paths then."""
+        """Fill the planes' multipliers; return their energy and all paths."""
         energy, arcs, offsets = press_in(self.scene, planes, lift, HARD, inf)
         if energy == inf:
             return energy, (arcs, offsets)
         return energy, self.problem.with_obstacles(arcs[: offsets[-1]], offsets)
 
     def following(self, flown: Flown, pressing: Contacts, near: list[PairRow]) -> Contacts:
-        """Planes that press, moved to where stays beside them are deepest, and those of other stays."""
+        """Return active planes moved to the closest approaches near them, and planes of other conflicts."""
         times = pressing.times.copy()
         fresh: list[PairRow] = []
         start, end = self.problem.windows[0].T
@@ -157,7 +157,7 @@ class SigmaSearch:
         return self.turned(flown, planes.some(np.sort(once)))
 
     def turned(self, flown: Flown, planes: Contacts) -> Contacts:
-        """Planes where their pairs are; ahead where two craft meet."""
+        """Return planes at their pairs' positions; ahead where two craft meet."""
         normals = self.problem.normals(flown, planes, -inf)
         lost = ~normals.any(axis=1)
         if lost.any():
@@ -167,6 +167,6 @@ class SigmaSearch:
 
 
 def metres(problem: Problem, contacts: Contacts) -> Floats:
-    """Directions (K, 3) of contacts' normals in the rotating frame."""
+    """Return the directions (K, 3) of contacts' normals in the rotating frame."""
     ways = np.einsum("ki,kij->kj", contacts.normals, problem.bare.matrices[problem.kinds[contacts.which]])
     return np.asarray(ways / np.linalg.norm(ways, axis=1, keepdims=True))

@@ -1,13 +1,13 @@
-"""Two-impulse plans with waits, from which passively safe plans begin.
+"""Two-impulse plans with waits, the starts of passively safe plans.
 
 A craft waits on its initial natural motion A, drifts for a time on a natural motion M, and waits on the
 natural motion B that leads to its final state.  One impulse leads from A to M, one from M to B.  The radial
-hop from one hold point on the V-bar to another is such a plan: M lasts half an orbit.  Whenever thrust is
-lost, the craft is left on A, M or B, or, amid an impulse, on a motion between two of them.  Carried back to
-one epoch, these motions are a chain of two straight lines in the space of states, which is sampled here.
+hop between two hold points on the V-bar is such a plan: M lasts half an orbit.  Whenever thrust is lost, the
+craft is left on A, M or B, or, during an impulse, on a motion between two of them.  Propagated back to one
+epoch, these motions are a chain of two straight lines in the space of states, which is sampled here.
 
 The drift times are multiples of a fixed part of the orbit, whatever the duration, and so are the waits at
-the end.  A longer duration therefore offers every plan of a shorter one, begun later.
+the end.  A longer duration therefore offers every plan of a shorter one, with a later start.
 """
 
 from collections.abc import Iterator
@@ -21,11 +21,11 @@ from closeform.motion.lambert import start_velocities
 from closeform.planning.problem import Problem
 from closeform.zones.zone import Zone
 
-PARTS = 24  # of an orbit, in deep space of the duration: the drift times and waits; fewer miss short windows
-SHARES = np.linspace(0.0, 1.0, 65)  # of an impulse that is cut short; fewer pass what then fails the proof
-CHUNK = 256  # plans that are sampled at a time
-HOPS = 100  # plans without a sampled conflict that are to be proven safe at most, until one is
-MISSED = 1e-9  # of the places and of what is drifted: two impulses that end farther off are none
+PARTS = 24  # of an orbit, in deep space of the duration: grid of drifts and waits; fewer miss windows
+SHARES = np.linspace(0.0, 1.0, 65)  # of an interrupted impulse; with fewer, plans that fail the proof pass
+CHUNK = 256  # plans sampled at a time
+HOPS = 100  # maximum plans without a sampled conflict to certify
+MISSED = 1e-9  # of the positions and drift distances: larger misses are no solution
 
 
 def two_impulse_plans(problem: Problem) -> Iterator[tuple[Floats, Floats]]:
@@ -51,7 +51,7 @@ def two_impulse_plans(problem: Problem) -> Iterator[tuple[Floats, Floats]]:
     scale = np.abs(left)[..., :3].max(axis=-1) + drifts * np.abs(speeds).max(axis=-1)
     costs = np.linalg.norm(impulses, axis=-1).sum(axis=(0, 2))
     reached = np.flatnonzero((off <= MISSED * scale).all(axis=0))
-    ties = np.round(costs / (costs[reached].min(initial=np.inf) or 1.0), 9)  # which wait before the others
+    ties = np.round(costs / (costs[reached].min(initial=np.inf) or 1.0), 9)  # equal costs: sort by the wait
     order = reached[np.lexsort((waits[reached], ties[reached]))]
     chain = np.stack([left, moved, joined], axis=2)  # A, M and B (N, C, 3, 6), each where it begins or ends
     since = base[:, START, None, None] + np.stack([starts, starts, starts + drifts], axis=-1)
@@ -66,7 +66,7 @@ def two_impulse_plans(problem: Problem) -> Iterator[tuple[Floats, Floats]]:
 
 
 def schedules(duration: float, period: float) -> tuple[Floats, Floats]:
-    """The drift times and the waits after them (C,) that fit into a duration."""
+    """Return the drift times and the waits after them (C,) that fit into a duration."""
     part = (period if np.isfinite(period) else duration) / PARTS
     drifts = np.append(part * np.arange(1, ceil(duration / part)), duration)
     found = []
@@ -80,7 +80,7 @@ def schedules(duration: float, period: float) -> tuple[Floats, Floats]:
 
 
 class Look:
-    """Where sampled failures of plans are relative to obstacles."""
+    """Sampled positions relative to obstacles after failures of plans."""
 
     def __init__(self, problem: Problem) -> None:
         self.problem, self.times = problem, problem.seen.times

@@ -1,4 +1,4 @@
-"""Held pairs: who is in conflict where or when neither can give way, so that no plan is clear."""
+"""Unavoidable conflicts: pairs in conflict at a place or time that no plan can change."""
 
 from closeform.motion.arc import END, START
 from closeform.planning.obstacles import short_of
@@ -10,7 +10,7 @@ from closeform.planning.side_search import MARGINS
 
 
 def hopeless(problem: Problem, request: Request) -> tuple[Status, tuple[int, int], str] | None:
-    """Why no plan between these states is clear, which pair is not, and in words; None where one may be."""
+    """Return status, pair and reason why no clear plan between these states exists; else None."""
     names = request.names
     if held := _held(problem.without_drift, request):
         pair, words = held
@@ -21,9 +21,9 @@ def hopeless(problem: Problem, request: Request) -> tuple[Status, tuple[int, int
 
 
 def _held(problem: Problem, request: Request) -> tuple[tuple[int, int], str] | None:
-    """The two bodies deepest in conflict while neither can give way, and in words when and how deep."""
+    """Return the pair in the deepest unavoidable conflict, and a description of it; else None."""
     found, flown = [], problem.direct
-    if request.cost == "delta-v" and not problem.conflicts(flown):  # clear, if by less than rounding needs
+    if request.cost == "delta-v" and not problem.conflicts(flown):  # clear without a margin
         return None
     for pair, (begin, end, time, ratio) in problem.conflicts(flown, MARGINS[0]):
         spans = sorted(tuple(problem.base[c, [START, END]]) for c in pair if c < problem.count)
