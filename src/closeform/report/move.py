@@ -108,7 +108,7 @@ def how(mission: Mission, result: Move) -> tuple[str, ...]:
     """How the way around was found, where it touches zones, and whether it is the best there is."""
     method, moved, avoidance = result.stage.method, result.result, result.result.avoidance
     if not avoidance.ok:
-        return (f"Method {method}: {avoidance.status}: {avoidance.reason}",)
+        return (f"Method {method}: {avoidance.status}",)  # the verdict has the reason
     if not result.flown:
         return (f"Method {method}: its plan cannot be fired",)
     if avoidance.path is moved.direct or avoidance.status is Status.CLEAR:

@@ -53,7 +53,7 @@ def section(mission: Mission) -> Section:
 def requirements(mission: Mission) -> Iterator[tuple[Any, ...]]:
     """Rows of REQUIREMENTS: what holds for the whole mission, then what each stage asks for."""
     if mission.stopped is not None:
-        yield "Every stage is flown", f"stopped in {mission.stopped}", False
+        yield "Every stage is flown", f"stopped in {short(mission.stopped)}", False
     yield from clearance(mission)
     for use in first_of_each(mission.uses, idle=True):
         used, limit, unit = use.shown(mission.grams)
@@ -69,6 +69,11 @@ def requirements(mission: Mission) -> Iterator[tuple[Any, ...]]:
         yield IN_FLIGHT, flown.zones, flown.clear
     if mission.grounded is not None:
         yield IN_FLIGHT, f"cannot be flown: {mission.grounded}", False
+
+
+def short(stopped: str) -> str:
+    """Return the first words of why a mission stopped; the verdict has all of them."""
+    return shorten(stopped.split(";")[0], WHY, placeholder=" …")
 
 
 def clearance(mission: Mission) -> Iterator[tuple[Any, ...]]:
@@ -161,8 +166,9 @@ def overview(mission: Mission) -> tuple[Picture, ...]:
     whole = Picture("overview", "The whole mission", "overview", (paths,), options)
     if mission.stopped is None:
         return (whole,)
-    why = shorten(mission.stopped.split(";")[0], WHY, placeholder=" …")
-    return (replace(whole, stage=f"Stopped in {why}; what was flown before that", failed=True),)
+    return (
+        replace(whole, stage=f"Stopped in {short(mission.stopped)}; what was flown before that", failed=True),
+    )
 
 
 def locks(result: StageResult[Any, Any]) -> Iterator[tuple[float, int, int]]:
