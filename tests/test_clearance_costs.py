@@ -168,7 +168,7 @@ def test_what_keeps_sigmas_from_being_more():
     hold, client = ORBIT.coast([0, 200, 0, 0, 0, 0], 3000.0), ORBIT.coast(np.zeros(6), 3000.0)
     free = cf.max_clearance(hold, client, cf.Sphere(20.0), 1e-6, errors=across)
     assert free.status == ClearanceStatus.NEVER_NEAR
-    assert (free.reason, free.sigmas) == ("10 000 sigmas bring nobody together", 10_000.0)
+    assert (free.reason, free.sigmas) == ("no conflict at 10 000 sigmas", 10_000.0)
     exact = cf.max_clearance(PATH, OTHER, cf.Sphere(1.0), 2.0 * PATH.energy, errors=cf.Uncertainty())
     assert (exact.status, exact.sigmas) == (ClearanceStatus.NEVER_NEAR, 10_000.0)
     with pytest.raises(ValueError, match=r"^other_errors: not for a formation; append them to errors"):

@@ -103,4 +103,4 @@ def test_of_no_plan_the_nearest_is_told():
     axes = cf.Thrusters(np.vstack([np.eye(3)[:2], -np.eye(3)[:2]]))  # none across the track
     plan = cf.avoid(path, client, cf.Sphere(30.0), drift=ORBIT.period, cost="delta-v", thrusters=axes)
     assert not plan.ok
-    assert "starts examined, the nearest 0." in plan.reason
+    assert "starts examined, which reach 0." in plan.reason

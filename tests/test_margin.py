@@ -183,7 +183,7 @@ def test_wider_than_the_gap_between_ends():
     start[:2] *= 0.99  # 168.009 m apart
     found = cf.reconfigure(ORBIT, start, -start, 0.3 * ORBIT.period, cf.Sphere(167.3), margin=1.0)
     assert found.status == cf.Status.END_INSIDE
-    assert "craft 0 and craft 1 come to 0.709 m from their zone, less than the margin of 1 m" in found.reason
+    assert "craft 0 and craft 1 are at 0.709 m from their zone, less than the margin of 1 m" in found.reason
     assert found.blocked == (0, 1)
     path = ORBIT.transfer([0, 200, 0, 0, 0, 0], [0, -200, 0, 0, 0, 0], 300.0)
     client = ORBIT.coast(np.zeros(6), 300.0)

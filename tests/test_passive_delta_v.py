@@ -204,7 +204,7 @@ def test_an_end_that_drifts_into_the_zone_is_refused_with_its_bound():
     assert (plan.status, plan.path, plan.cost) == (cf.Status.END_UNSAFE, None, "delta-v")
     least = cf.least_delta_v(ORBIT, low, ellipse, PERIOD)
     assert plan.lower_bound == pytest.approx(least.lower, rel=1e-9)
-    assert "the start of its plan path comes to" in plan.reason
+    assert "the start of its plan path reaches" in plan.reason
 
 
 @pytest.mark.parametrize("radius", [24.0, *(pytest.param(r, marks=pytest.mark.slow) for r in (25.0, 28.0))])

@@ -247,8 +247,8 @@ def test_an_end_that_drifts_into_the_zone_is_refused_with_its_ratio_and_one_that
     least = cf.closest_approach(
         ORBIT.coast(towards, 8.0 * PERIOD), ORBIT.coast(CLIENT, 8.0 * PERIOD), cf.Sphere(30.0)
     )
-    assert f"the end of its plan path comes to {least.ratio:.2f} x zone from client" in plan.reason
-    assert "a safety_ellipse with radial and cross_track of 39 m around client would do" in plan.reason
+    assert f"the end of its plan path reaches {least.ratio:.2f} x zone from client" in plan.reason
+    assert "a safety_ellipse with radial and cross_track of 39 m around client" in plan.reason
     named = ORBIT.coast(cf.targets.safety_ellipse(ORBIT, 1, 39.0, 39.0)[0], PERIOD)
     assert cf.closest_approach(named, ORBIT.coast(CLIENT, PERIOD), cf.Sphere(30.0)).ratio >= 1.3 - 1e-9
 
@@ -259,7 +259,7 @@ def test_who_arrives_where_another_stays_if_it_fails_is_refused_at_once():
     begins = np.hstack([places, np.zeros((3, 3))])
     plan = cf.reconfigure(ORBIT, begins, begins[[1, 0, 2]], 0.7 * PERIOD, cf.Sphere(15.0), drift=0.2 * PERIOD)
     assert (plan.status, plan.blocked, plan.paths) == (cf.Status.END_UNSAFE, (0, 1), None)
-    assert "start of its plan craft 0 comes to 0.00 x zone from craft 1, which has arrived" in plan.reason
+    assert "start of its plan craft 0 reaches 0.00 x zone from craft 1, which has arrived" in plan.reason
     assert len(plan.measures) == 8  # who waits longer stays there as long
     beside = begins[[1, 0, 2]]
     beside[:2, 1] += 40.0

@@ -129,7 +129,7 @@ class Sizes:
     first: ClassVar[float] = 1.0  # first factor tried
     least: ClassVar[float] = 1e-6  # range of the factors
     most: ClassVar[float] = 1e6
-    none, more, never = "at every size", "hardly larger", "a million times as large they are in nobody's way"
+    none, more, never = "at every size", "slightly larger", "no conflict at a million times the size"
 
     path: Path
     obstacles: Path | Sequence[Path]

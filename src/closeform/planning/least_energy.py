@@ -25,7 +25,7 @@ def shaped(
     optimum, duration = problem.energy(problem.direct), problem.arrival - problem.first
     ways = f"{found.tried} candidate{'s' * (found.tried != 1)} examined"
     if found.flown is None:
-        reason = f"no clear path among {ways}; raise budget for more"
+        reason = f"no clear path among {ways}; raise budget"
         if problem.drift is not None:
             reason = f"no passively safe path among {ways}{unseparated(problem, names)}"
         return refused(problem, Status.NOT_FOUND, reason, found.tried)

@@ -34,10 +34,10 @@ class ClearanceStatus(StrEnum):
     """
 
     BUDGET = "budget spent"
-    NO_WAY = "no way within the budget beyond"
+    NO_WAY = "no clear plan within the budget beyond"
     END_INSIDE = "an end inside a zone beyond"
     TOO_LITTLE = "budget too small"
-    NEVER_NEAR = "never in the way"
+    NEVER_NEAR = "no conflict at any size"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -181,7 +181,7 @@ class SigmaCounts(Sizes):
     first: ClassVar[float] = 0.0
     least: ClassVar[float] = -1.0
     most: ClassVar[float] = 1e4
-    none, more, never = "at no sigma", "at hardly more sigmas", "10 000 sigmas bring nobody together"
+    none, more, never = "at no sigma", "at slightly more sigmas", "no conflict at 10 000 sigmas"
 
     errors: Any
     other_errors: Any
@@ -238,8 +238,8 @@ def in_words(
     if beyond is None:
         return ClearanceStatus.NEVER_NEAR, sizes.never
     if beyond.ok and free_cost(beyond) > limit * (1.0 + ROUNDING):
-        free = f"{free_cost(beyond):.6g} {unit} that it costs with nothing in the way"
-        return ClearanceStatus.TOO_LITTLE, f"{limit:.6g} {unit} are below the {free}; give more"
+        free = f"the cost without zones, {free_cost(beyond):.6g} {unit}"
+        return ClearanceStatus.TOO_LITTLE, f"{limit:.6g} {unit} are below {free}; raise budget"
     size = sizes.none if best is None else sizes.more
     if beyond.ok:
         return ClearanceStatus.NO_WAY, f"{size} they cost {beyond.spent:.6g} {unit}"

@@ -36,12 +36,12 @@ class UnsafeEnd:
         if self.stayed is not None:
             i, j = (i, j) if self.stayed == i else (j, i)
             return (
-                f"without thrust from the start of its plan {names[i]} comes to {self.ratio:.2f} x zone from "
+                f"without thrust from the start of its plan {names[i]} reaches {self.ratio:.2f} x zone from "
                 f"{names[j]}, which has arrived, {self.after:.6g} s later: no plan with that start, that "
                 "arrival and these times is passively safe; move one of them"
             )
         told = (
-            f"without thrust from the {self.end} of its plan {names[i]} comes to {self.ratio:.2f} x zone "
+            f"without thrust from the {self.end} of its plan {names[i]} reaches {self.ratio:.2f} x zone "
             f"from {names[j]} {self.after:.6g} s later: no plan with that {self.end} is passively safe"
         )
         return f"{told}; {remedy(problem, self.pair, self.end, names)}"
@@ -108,11 +108,11 @@ def remedy(problem: Problem, pair: tuple[int, int], end: str, names: Sequence[st
     """Return a description of an end that is safe by eccentricity and inclination."""
     zone = problem.zones[problem.kinds[problem.index[pair]]]
     if not problem.orbit.mean_motion or not zone.bounded:
-        return f"move that {end}, or ask for less drift"
+        return f"move that {end}, or reduce drift"
     swing = f"{ROOMY * zone.radius:.4g}"
     return (
-        f"a safety_ellipse with radial and cross_track of {swing} m around {names[pair[1]]} would do, "
-        f"{ROOMY:g} x zone away however it drifts"
+        f"use a safety_ellipse with radial and cross_track of {swing} m around {names[pair[1]]}, "
+        f"which stays at {ROOMY:g} x zone in any drift"
     )
 
 
@@ -124,9 +124,9 @@ def unseparated(problem: Problem, names: Sequence[str]) -> str:
         else []
     )
     if not found or min(found)[0] > ON:
-        return "; give it more time, arrive at another phase, or ask for less drift"
+        return "; allow more time, arrive at another phase, or reduce drift"
     ratio, (i, j) = min(found)
     return (
         f"; {names[i]} arrives {ratio:.2f} x zone from {names[j]} across the track, where any slow drift "
-        f"along it leads into the zone from one side: {remedy(problem, (i, j), 'end', names)}"
+        f"along the track leads into the zone from one side: {remedy(problem, (i, j), 'end', names)}"
     )

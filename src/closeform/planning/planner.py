@@ -59,11 +59,11 @@ class Outcome:
     def near_miss(self) -> str:
         """Description of the largest closest approach found where no path is clear; empty if unknown."""
         if self.unfired:
-            pulses = "by impulses there are some, by these thrusters' pulses"
+            pulses = "impulses are clear, but the thrusters' pulses"
             if self.nearest >= 1.0:
-                return f": {pulses} only below their minimum_bit"
-            return f": {pulses} the nearest is {self.nearest:.4f} x zone away, for want of acceleration"
-        return f", the nearest {self.nearest:.4f} x zone away" if self.nearest else ""
+                return f": {pulses} are clear only below their minimum_bit"
+            return f": {pulses} reach {self.nearest:.4f} x zone at best, for lack of acceleration"
+        return f", which reach {self.nearest:.4f} x zone at best" if self.nearest else ""
 
 
 def solve(problem: Problem, budget: int | None = None, more: bool = False, waiting: bool = True) -> Outcome:

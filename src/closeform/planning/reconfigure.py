@@ -256,9 +256,9 @@ def _planned(plan: Plan, problem: Problem, found: Outcome, names: Sequence[str])
     """Return the plan completed with the paths of an outcome."""
     assert found.flown is not None
     paths = problem.path(found.flown)
-    ways = f"the best of {found.tried} way{'s' * (found.tried != 1)} tried"
+    ways = f"the best of {found.tried} candidate{'s' * (found.tried != 1)} examined"
     if found.order:
-        ways += f", one after another: {', '.join(names[k] for k in found.order)}"
+        ways += f", planned in order: {', '.join(names[k] for k in found.order)}"
     number = len(found.contacts)
     changed = number > 0 or not found.priced
     direct = float(plan.direct.energy.sum())
@@ -343,4 +343,4 @@ def _bounded(request: Request, plan: Plan, seconds: float) -> Plan:
 def _blocked(names: Sequence[str], pair: tuple[int, int] | None, tried: int) -> str:
     """Return the reason why no plan was found."""
     who = f"{names[pair[0]]} and {names[pair[1]]}" if pair else "craft"
-    return f"{who} are in each other's way in {f'all of {tried} ways' if tried != 1 else 'the one way'} tried"
+    return f"{who} remain in conflict in {f'all {tried} candidates' if tried != 1 else 'the only candidate'}"

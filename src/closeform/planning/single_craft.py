@@ -105,7 +105,7 @@ class Around:
             if short is not None and not short.inside:
                 off = f"{short.off:.3g} m from the zone of {self.names[which]}"
                 less = (
-                    f"less than the margin of {short.margin:.3g} m; move it or the time, or leave less margin"
+                    f"less than the margin of {short.margin:.3g} m; move it or the time, or reduce the margin"
                 )
                 return Status.END_INSIDE, f"the path's {end} is {off}, {less}"
             depth = f"{short or problem.depth(ratio)} from {self.names[which]}"
@@ -231,7 +231,7 @@ def impulsive(clear: Path | None, problem: Problem, task: Around) -> Avoidance:
         return replace(none, weak=shortage(problem, limits, little))
     ways = f"{found.tried} start{'s' * (found.tried != 1)} examined"
     if found.flown is None and clear is None:
-        reason = f"no clear path among {ways}; raise budget for more"
+        reason = f"no clear path among {ways}; raise budget"
         if problem.drift is not None:
             beyond_it = "" if limits is None or found.limited else ", nor without the thrust limit"
             reason = f"no passively safe path among {ways}{found.near_miss}{beyond_it}"

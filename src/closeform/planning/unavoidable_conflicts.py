@@ -40,5 +40,5 @@ def _held(problem: Problem, request: Request) -> tuple[tuple[int, int], str] | N
         return None
     ratio, pair, when, time = min(found)
     short = short_of(problem, request.padding, request.zones, pair, time)
-    less = ", or leave less margin" if short is not None and not short.inside else ""
-    return pair, f"come to {short or problem.depth(ratio)} {when}; move one of them{less}"
+    less = ", or reduce the margin" if short is not None and not short.inside else ""
+    return pair, f"are at {short or problem.depth(ratio)} {when}; move one of them{less}"
