@@ -358,7 +358,7 @@ def test_thrust_of_all_is_the_norm_in_newtons():
     plain = plots.formation_thrust(before)
     assert plain.axes[0].get_ylabel().endswith("m/s²]")
     still = plots.formation_thrust(DEEP.coast(straight(3), END))
-    assert still.get_suptitle() == "Nobody thrusts"
+    assert still.get_suptitle() == "No spacecraft thrusts"
 
 
 # formation_animation

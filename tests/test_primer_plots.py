@@ -47,7 +47,7 @@ def test_trade_is_what_arrivals_found():
     assert not figure.axes[0].texts  # there is but one slot to name
     first, last = (f"{found.delta_v[k] / unit:.4g}" for k in (1, 0))
     name = "mm/s" if unit == 1e-3 else "m/s"
-    assert figure.get_suptitle() == f"Least delta-v {first} {name} in 50 min, {last} {name} in 150 min"
+    assert figure.get_suptitle() == f"Minimum delta-v {first} {name} in 50 min, {last} {name} in 150 min"
     with pytest.raises(ValueError, match="found: has no duration"):
         cf.plots.trade(cf.transfer_cost_table(ORBIT, START, slots, []))
 

@@ -15,7 +15,7 @@ from closeform.plots.charts import Spans, curves, intervals, spans
 from closeform.plots.inputs import crafts
 
 Drawer = Callable[..., Figure]
-RATIO = "least ratio [× zone]"
+RATIO = "minimum clearance ratio [× zone]"
 
 
 @dataclass(frozen=True)
@@ -169,7 +169,7 @@ def _least(start: Any, time: Any, least: Any, what: str, edge: float | None) -> 
     told = Spans(begin, when, when, height, called, what, edge)
     known = np.flatnonzero(told.known)
     if not len(known):
-        return spans(told, "Nobody shares a time with anybody, or nothing can bring them together")
+        return spans(told, "No two spacecraft share a time, or no error brings them together")
     k = known[np.argmin(height[known])]
     of = f" of {height.size}" if height.size > 1 else ""
     return spans(told, f"Least{of}: {height[k]:.4g} at {when[k]:.6g} s")
@@ -224,8 +224,8 @@ def _bound(result: Any) -> Figure:
         said = f"No plan costs less than {speed(float(lower[0]))}, impulses {speed(float(upper[0]))}"
         return primer_length(result.primer, said)
     names = [", ".join(map(str, index)) for index in np.ndindex(result.primer.shape)]
-    said = f"{len(upper)} transfers; the dearest costs {speed(float(upper.max()))}"
-    return intervals(names, upper, lower, upper, "least delta-v [m/s]", said)
+    said = f"{len(upper)} transfers; the most expensive costs {speed(float(upper.max()))}"
+    return intervals(names, upper, lower, upper, "minimum delta-v [m/s]", said)
 
 
 def _margins(result: Any) -> Figure:
@@ -270,7 +270,7 @@ def _errors(result: Any) -> Figure:
     inside = [np.count_nonzero(pair.inside) for pair in (*result.zones, *result.bodies)]
     names = [f"{pair.first} - {pair.second}, zone" for pair in result.zones]
     names += [f"{pair.first} - {pair.second}, bodies" for pair in result.bodies]
-    said = f"{result.cases} cases: {result.reason or 'nobody comes within what is kept'}"
+    said = f"{result.cases} cases: {result.reason or 'no pair comes within its zone'}"
     return _shares(names, inside, result.cases, "share of cases inside", said)
 
 

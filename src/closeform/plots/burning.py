@@ -121,7 +121,7 @@ def _said(called: list[str], every: list[Burns], greatest: float, planned: float
     """Who burns most, and the largest burn; of pulses beside what was planned."""
     spent = [float(one.size.sum()) for one in every]
     if not greatest:
-        return "Nobody burns"
+        return "No spacecraft burns"
     k, number = int(np.argmax(spent)), sum(len(one.size) for one in every)
     unit = speed_unit(sum(spent))
     burns = f"{number} {'burn' if planned is None else 'pulse'}{'s' * (number != 1)}, "

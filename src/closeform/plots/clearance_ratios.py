@@ -117,7 +117,7 @@ def ratios(
     legend(figure, lines, words, ncols=len(lines))
     axes.set_ylim(0, ceiling(then, now))
     axes.yaxis.set_major_locator(MaxNLocator(6, integer=True))
-    axes.set_ylabel("nearest craft [× zone]")
+    axes.set_ylabel("clearance ratio [× zone]")
     axes.text(0.008, 0.03, "keep-out zone", transform=axes.transAxes, fontsize=SMALL, color="#9a6a00")
     time_axes([axes], ticks, start, end)
     change = "" if then is now else f"Before {then.ratio:.2f} × zone, after "

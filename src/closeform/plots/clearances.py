@@ -117,19 +117,19 @@ def show_most(axes: Any, most: MaxClearance, up: Unit) -> None:
 
 def scales(figure: Figure, axes: Any, found: ClearanceCostCurve, up: Unit) -> None:
     """What stands at the axes: factor and metres, the cost and by how much it is above the least of all."""
-    axes.set_xlabel("zones so many times as large")
-    axes.set_ylabel(f"least {found.cost} [{up.name}]")
+    axes.set_xlabel("scale factor of the zones")
+    axes.set_ylabel(f"minimum {found.cost} [{up.name}]")
     others = []
     metre = float(np.ptp(found.metres) / np.ptp(found.factor)) if np.ptp(found.factor) > 0.0 else 0.0
     if metre > 0.0:
         lengths = lambda factor: (factor - 1.0) * metre, lambda length: 1.0 + length / metre
         above = axes.secondary_xaxis("top", functions=lengths)
-        above.set_xlabel("larger by [m]", fontsize=SMALL, color=INK)
+        above.set_xlabel("distance added to the zones [m]", fontsize=SMALL, color=INK)
         others.append(above)
     if (free := found.free / up.size) > 0.0:
         shares = lambda cost: 100.0 * (cost / free - 1.0), lambda share: free * (1.0 + 0.01 * share)
         beside = axes.secondary_yaxis("right", functions=shares)
-        beside.set_ylabel("more than with nothing in the way [%]", fontsize=SMALL, color=INK)
+        beside.set_ylabel("increase over the plan without obstacles [%]", fontsize=SMALL, color=INK)
         others.append(beside)
     for one in others:
         one.tick_params(labelsize=SMALL, colors=INK, length=3)

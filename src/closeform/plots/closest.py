@@ -114,7 +114,7 @@ def in_one(
         for row, (k, word, curve) in enumerate(zip(shown, words, curves, strict=True))
     ]
     ratio_axis(axes, float(pairs.ratio[shown[0]]), max(float(norms.max()) for _, norms in curves))
-    axes.set_ylabel("ratio [× zone]")
+    axes.set_ylabel("clearance ratio [× zone]")
     axes.annotate(
         "keep-out zone",
         (0.008, 1.0),
@@ -152,7 +152,9 @@ def in_panels(
         axes.plot(ticks(pairs.time[k]), pairs.ratio[k], "o", clip_on=False, **dot)
         ratio_axis(axes, least, most, few=True)
     scale = ", logarithmic beyond it" if most > LOW_LINEAR and len(shown) > 2 else ""
-    figure.text(0.012, 0.5, f"ratio [× zone]{scale}", rotation=90, va="center", fontsize=TEXT, color=INK)
+    figure.text(
+        0.012, 0.5, f"clearance ratio [× zone]{scale}", rotation=90, va="center", fontsize=TEXT, color=INK
+    )
     return figure, panels
 
 

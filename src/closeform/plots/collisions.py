@@ -59,7 +59,7 @@ def collision(
         raise ValueError(f"limit: a probability above 0, up to 1, got {limit:g}")
     if len(found.rate_times) < 2 or not found.mean_entries > 0.0:
         raise ValueError(
-            f'found: by "{found.method}" without a rate of entries; nobody enters, or use method="entries"'
+            f'found: method "{found.method}" gave no rate of entries; give one of method="entries" above 0'
         )
     order = np.argsort(found.rate_times)
     start, end = (path.start, path.end) if path is not None else found.rate_times[order[[0, -1]]].tolist()
@@ -101,7 +101,7 @@ def collision(
     ]
     if limit is not None:
         handles.append(below.axhline(limit / size, color=INK, linestyle=DASHED, linewidth=1.4))
-        words.append(f"asked: at most {limit:g}")
+        words.append(f"required: at most {limit:g}")
         most = max(most, limit) if limit < FAR * most else most
     below.set_ylim(0.0, 1.12 * most / size)
     below.set_ylabel(f"probability{power}")

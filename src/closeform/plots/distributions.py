@@ -70,7 +70,7 @@ def distribution(values: ArrayLike, what: str, tail: float = 0.95) -> Figure:
     share = 100.0 * np.arange(len(found) + 1) / len(found)
     right.plot([low, *found], share, color=AFTER, linewidth=2.2, drawstyle="steps-post", zorder=4)
     right.set_ylim(0.0, 103.0)
-    right.set_ylabel("not above [%]", fontsize=TEXT, color=AFTER)
+    right.set_ylabel("cumulative share [%]", fontsize=TEXT, color=AFTER)
     middle, most = (float(np.quantile(found, one)) for one in (0.5, end))
     for value in (middle, most):
         axes.axvline(value, color=INK, linewidth=1.0, linestyle=DASHED, zorder=5)

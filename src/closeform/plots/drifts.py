@@ -164,11 +164,11 @@ def drift_ratios(
         words.append(f"by the direct path: {told(direct, ticks)}")
     most = max(float(one.ratios.max()) for one in found)
     axes.set_ylim(0, min(1.06 * most, MOST * max(1.0, *(one.worst.ratio for one in found))))
-    axes.set_ylabel("nearest in the drift [× zone]")
+    axes.set_ylabel("clearance ratio in the drift [× zone]")
     text = axes.text(0.992, 0.03, "keep-out zone", transform=axes.transAxes, fontsize=SMALL, color="#9a6a00")
     text.set(ha="right", path_effects=HALO)
     time_axes([axes], ticks, float(start), float(end))
-    axes.set_xlabel(f"thrust is lost at [{ticks.unit.name}]")
+    axes.set_xlabel(f"time of thrust loss [{ticks.unit.name}]")
     legend(figure, lines, words, ncols=1)
     without = "" if direct is None else f", {number(direct.worst.ratio)} by the direct path"
     headline(figure, verdict(found) + without)

@@ -111,7 +111,7 @@ def flight_deviations(
         said = f"{share} stay below {length(radius)}"
         plain(word(axes, corner, said, shift=(6, -16), ha="left", va="baseline"))
     axes.set_ylim(0.0, 1.12 * max(float(off.max()), radius) / unit.size or 1.0)
-    axes.set_ylabel(f"off the plan [{unit.name}]")
+    axes.set_ylabel(f"deviation from the plan [{unit.name}]")
     time_axes([axes], ticks, float(flight.times[0]), float(flight.times[-1]))
     name = f"{_which(flight, seed)}{called[craft]}"
     _dot(axes, ticks, flight.times[step], off[seed, step] / unit.size, name, 8)
@@ -157,7 +157,7 @@ def flight_ratios(flight: Simulation, zone: Zone | PairZones, names: Sequence[st
     count = flight.states.shape[1]
     called = short_names(names, count)
     if count < 2:
-        raise ValueError("flight: of one craft, which comes near nobody; give one of more")
+        raise ValueError("flight: has one spacecraft and so no pair; give a simulation of two or more")
     least = np.stack([nearest_pairs(one, zone) for one in flight.states])
     if not np.isfinite(least).any():
         raise ValueError("zone: no pair has one; give a zone")
@@ -169,7 +169,7 @@ def flight_ratios(flight: Simulation, zone: Zone | PairZones, names: Sequence[st
     for axes in (top, close):
         dress(axes)
         zone_band(axes)
-        axes.set_ylabel("least of all pairs [× zone]", fontsize=SMALL, color=INK)
+        axes.set_ylabel("minimum of all pairs [× zone]", fontsize=SMALL, color=INK)
     _all(top, ticks, flight.times, least, seed)
     top.plot(ticks(flight.times), planned, color=INK, linewidth=1.4, linestyle=DASHED)
     ratio_axis(top, float(least.min()), float(least.max()))

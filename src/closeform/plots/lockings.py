@@ -141,7 +141,7 @@ def by_then(axes: Axes, times: Binned, unit: Unit, end: float) -> None:
     right.plot(ends, 100.0 * done / max(1, times.every), color=CURVE, linewidth=2.2)
     right.set_ylim(0.0, 133.0)
     right.set_yticks(range(0, 101, 20))
-    right.set_ylabel("by then, of all [%]", fontsize=TEXT, color=CURVE)
+    right.set_ylabel("cumulative share [%]", fontsize=TEXT, color=CURVE)
     right.yaxis.set_label_coords(1.0 + 0.62 / (WIDTH - 1.95), 0.38)
 
 

@@ -78,7 +78,7 @@ def ratio_matrix(
     bar.ax.axhline(1.0, color=INK, linewidth=1.6)
     bar.ax.tick_params(labelsize=SMALL, colors=INK, length=3)
     bar.outline.set_edgecolor(OTHER)
-    bar.set_label("least ratio [× zone]", fontsize=TEXT, color=INK)
+    bar.set_label("ratio [× zone]", fontsize=TEXT, color=INK)
     headline(figure, title(pairs, called))
     return figure
 

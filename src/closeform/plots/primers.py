@@ -105,7 +105,7 @@ def _of_ends(path: Path) -> Figure:
         float(bound.primer.position(time - start) @ push) / size
         for (time, push), size in zip(path.impulses, sizes, strict=True)
     ]
-    figure = _drawn(path, times, lengths, heights, sizes, "length of the primer")
+    figure = _drawn(path, times, lengths, heights, sizes, "primer magnitude")
     least = "the least there is" if bound.proven else f"at least {speed(float(bound.lower))}"
     spent = float(path.delta_v)
     if spent > float(bound.upper) * (1.0 + 1e-6):
@@ -125,7 +125,7 @@ def primer_length(primer: Path, said: str) -> Figure:
     """The length of a primer that is given, against time."""
     times = instants(primer.start, primer.end, primer)
     lengths = np.linalg.norm(primer.position(times), axis=-1)
-    figure = _drawn(primer, times, lengths, [], [], "length of the primer")
+    figure = _drawn(primer, times, lengths, [], [], "primer magnitude")
     headline(figure, said)
     return figure
 
@@ -137,7 +137,7 @@ def _of_plan(path: Path, planes: PlanePushes, thrusters: Thrusters | None) -> Fi
     sizes = [worth.spent(time, push) for time, push in path.impulses]
     gained = [float(p @ push) for p, (_, push) in zip(worth(when), path.impulses, strict=True)]
     heights = [gain / size for gain, size in zip(gained, sizes, strict=True)]
-    named = "length of the primer" if thrusters is None else "primer along thrusters"
+    named = "primer magnitude" if thrusters is None else "primer along thrusters"
     figure = _drawn(path, times, lengths, heights, sizes, named)
     (axes,) = figure.axes
     ticks = clock(path, path.start, path.end)
@@ -271,7 +271,7 @@ def trade(
     if asked is not None:
         axes.axvline(asked / across.size, color=INK, linestyle=DASHED, linewidth=1.2)
         top = asked / across.size, 1.0
-        axes.annotate("asked for", top, (5, -12), xycoords=axes.get_xaxis_transform(), **look)
+        axes.annotate("required", top, (5, -12), xycoords=axes.get_xaxis_transform(), **look)
     if plan is not None:
         flown = crafts("plan", plan)
         lasts, spent = max(one.end - one.start for one in flown), sum(one.delta_v for one in flown)
@@ -292,10 +292,10 @@ def trade(
             place = lasts / across.size, delta_v / up.size
             axes.annotate(name, place, (9, -8 if below else 8), va="center", **look)
     axes.set_xlabel(f"duration [{across.name}]")
-    axes.set_ylabel(f"least delta-v [{up.name}]")
+    axes.set_ylabel(f"minimum delta-v [{up.name}]")
     ends = [
         f"{cost / up.size:.4g} {up.name} in {duration / across.size:.4g} {across.name}"
         for cost, duration in ((costs[0], durations[0]), (costs[-1], durations[-1]))
     ]
-    headline(figure, f"Least delta-v {', '.join(ends[: len(durations)])}")
+    headline(figure, f"Minimum delta-v {', '.join(ends[: len(durations)])}")
     return figure

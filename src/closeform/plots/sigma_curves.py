@@ -115,7 +115,7 @@ def sigmas(
         for name, given in (("errors", errors), ("other_errors", other_errors))
     ]
     if not any(one is not None for some in own for one in some):
-        raise ValueError("errors: nobody has any; there are no sigmas to show")
+        raise ValueError("errors: no spacecraft has any; give an Uncertainty for one of each pair")
     called = [f"pair {k}" for k in range(count)] if names is None else texts("names", names, count, "pairs")
 
     figure, axes = chart(5.9, 1.05)
@@ -148,13 +148,13 @@ def sigmas(
         axes.text(
             0.008,
             asked,
-            f"asked: {asked:g}",
+            f"required: {asked:g}",
             transform=axes.get_yaxis_transform(),
             va="bottom",
             fontsize=SMALL,
             color="#9a6a00",
         )
-    axes.set_ylabel("clear by [sigma]")
+    axes.set_ylabel("clearance [sigma]")
     time_axes([axes], ticks, start, end)
     legend(figure, lines, words, ncols=min(2, count))
     least, who, _ = min(finite, key=lambda one: one[0].sigmas)

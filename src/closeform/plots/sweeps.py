@@ -86,12 +86,12 @@ def sweep(
     axes.update_datalim(np.column_stack([np.tile(where, shown.size // len(where)), shown.ravel()]))
     axes.autoscale_view()
     axes.set_xlabel(what)
-    axes.set_ylabel("cases in which all is met [%]")
+    axes.set_ylabel("cases that meet all requirements [%]")
     if rows:
         legend(figure, lines, words, ncols=across)
     least, most = 100.0 * float(parts["share"].min()), 100.0 * float(parts["share"].max())
     between = f"{least:.4g} to {most:.4g}" if most > least else f"{most:.4g}"
-    plain(headline(figure, f"All is met in {between} % of cases"))
+    plain(headline(figure, f"All requirements are met in {between} % of cases"))
     return figure
 
 

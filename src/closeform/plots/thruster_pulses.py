@@ -193,7 +193,7 @@ def _explained(figure: Figure, thrusters: Thrusters, dropped: bool, plan: Path, 
         words.append(f"planned thrust, times the period of {thrusters.period:g} s")
     if thrusters.minimum_bit.any():
         handles.append(Line2D([], [], color=INK, linewidth=0.9, linestyle=DASHED))
-        words.append("minimum bit")
+        words.append("minimum impulse bit")
     if dropped:
         handles.append(Patch(color=CONFLICT, alpha=0.5))
         words.append("dropped, over its time")

@@ -202,7 +202,7 @@ def most_of_all(called: list[str], peaks: Floats, limits: Floats, pulsed: Any, b
     """Who thrusts most, and how that compares with limits; of thrusters what is asked, and what fires."""
     k = int(peaks.argmax())
     if not peaks[k] > 0.0:
-        return "Nobody thrusts"
+        return "No spacecraft thrusts"
     unit = thrust_unit(peaks[k], basic)
     most = f"{peaks[k] / unit.size:.4g} {unit.name}"
     if pulsed[k] and np.isfinite(limits[k]):

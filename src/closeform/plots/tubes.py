@@ -159,7 +159,7 @@ def marks(figure: Figure, sigmas: float, touched: bool) -> None:
     ]
     if touched:
         look: dict[str, Any] = {"marker": "o", "color": CONFLICT, "linewidth": 1.8}
-        handles.append(Line2D([], [], label="where fewest sigmas touch it", **look))
+        handles.append(Line2D([], [], label="closest approach in sigmas", **look))
     legend(figure, handles, [one.get_label() for one in handles], ncols=3, columnspacing=1.4, fontsize=SMALL)
 
 

@@ -24,7 +24,13 @@ SURE = (
 )
 PICTURES = (  # names, captions, what is spread, its column, which tail of it is the bad one
     ("flown-delta-v", "What all craft spend in flight", "delta-v of all craft in flight [m/s]", SPENT, 0.95),
-    ("flown-ends", "How far off its plan the craft that is off most ends", "off at the end [m]", END, 0.95),
+    (
+        "flown-ends",
+        "How far off its plan the craft that is off most ends",
+        "deviation at the end [m]",
+        END,
+        0.95,
+    ),
     (
         "flown-ratios",
         "How near the nearest pair of each flight comes",
