@@ -32,7 +32,7 @@ CONTENTS = {
         "ephemerides export epochs field evidence campaigns motion elements python pictures viewer"
     ),
     "reference": "scenario command-line api messages glossary",
-    "background": "certified theory validity benchmarks peers",
+    "background": "certified theory papers validity benchmarks peers",
 }
 
 # One file that draws formulas as SVG, and asks no network for anything.
