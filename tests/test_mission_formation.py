@@ -234,7 +234,7 @@ def test_swap(tmp_path, monkeypatch, capsys) -> None:
     told = run.summary["stages"][0]["plan"]
     assert len(told["touches"]) == len(plan.contacts) > 6
     assert f"Touches zones {len(plan.contacts)} times, from " in run.printed
-    assert f"Energy of all craft {100 * plan.gap:.3f} % above the lower bound" in run.printed
+    assert f"Optimality gap in energy of all craft: at most {100 * plan.gap:.3f} %" in run.printed
     pictures = {path.name for path in run.folder.glob("*.png")}
     names = "paths", "ratios-before", "ratios", "closest-pairs", "thrust"
     assert pictures == {f"stage-1-{name}.png" for name in names}
@@ -254,8 +254,8 @@ def test_what_craft_use_of_their_limits(pictureless, tmp_path, monkeypatch, caps
     )
     mission = fly(parse(text))
     run = run_text(text, tmp_path, monkeypatch, capsys)
-    thrust = r"^At most: thrust (\S+) of 1 N \((\S+)\)$"
-    spent = r"^So far at most: delta-v (\S+) of 0.9 m/s \(F2\), propellant (\S+) of 1000 g \((\S+)\)$"
+    thrust = r"^Peak: thrust (\S+) of 1 N \((\S+)\)$"
+    spent = r"^Used so far, at most: delta-v (\S+) of 0.9 m/s \(F2\), propellant (\S+) of 1000 g \((\S+)\)$"
     peaks, totals = (re.findall(line, run.printed, re.MULTILINE) for line in (thrust, spent))
     delta_v, burnt = mission.delta_v.cumsum(axis=0), mission.propellant.cumsum(axis=0)
     for row, (flown, (peak, who), total) in enumerate(zip(mission.results, peaks, totals, strict=True)):

@@ -73,7 +73,7 @@ def test_what_each_craft_used_in_all(pictureless, tmp_path, monkeypatch, capsys)
         "share_of_max_thrust": thrust / [0.02, 0.05],
     }.items():
         np.testing.assert_allclose([row[key] for row in summary["used"]], truth, rtol=1e-9)
-    table = printed.split("What each craft used in all\n")[1].split("\n\n")[0].splitlines()
+    table = printed.split("Use of each spacecraft\n")[1].split("\n\n")[0].splitlines()
     assert re.split(r"\s{2,}", table[0]) == [
         *("craft", "delta-v [m/s]", "of its budget [%]"),
         *("propellant [g]", "left [g]", "of max_thrust [%]"),
@@ -89,7 +89,7 @@ def test_what_each_craft_used_in_all(pictureless, tmp_path, monkeypatch, capsys)
         for cell, figure, digits in zip(cells, truth, (6, 1, 2, 2, 1), strict=True):
             assert float(cell) == pytest.approx(figure, abs=0.51 * 10.0**-digits)
     page = Path("file-results/report.html").read_text()
-    assert "What each craft used in all" in page
+    assert "Use of each spacecraft" in page
 
 
 def test_only_what_was_flown_is_used() -> None:

@@ -170,7 +170,7 @@ def test_a_single_contact_with_a_sphere_is_proven_without_a_search():
     found = cf.avoid(path, stones, cf.Sphere(20.0))
     assert found.proven
     assert found.gap < 1e-6
-    assert "proven the least energy for these ends and times" in found.reason
+    assert "proven minimum energy for these ends and times" in found.reason
 
 
 def test_clear_formations_are_proven_and_time_is_not_negative():

@@ -113,7 +113,7 @@ def closeness(spent: float, bound: float, cost: Cost = "energy", limited: bool =
     """Return a description of the optimality gap; if `limited`, the bound holds only within a limit."""
     of = f"{cost} within the limit, for" if limited else f"{cost} for"
     if is_proven(spent, bound):
-        return f"proven the least {of} these ends and times"
+        return f"proven minimum {of} these ends and times"
     if not bound > 0.0:
         return f"beside a {cost} of 0 where nothing is in the way"
     return f"at most {100.0 * gap(spent, bound):.2g} % above the least {of} these ends and times"

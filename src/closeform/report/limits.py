@@ -14,17 +14,17 @@ from closeform.report.table import MOST_ROWS, Column, Table
 
 
 def greatest(mission: Mission, result: StageResult[Any, Any]) -> dict[str, tuple[Use, ...]]:
-    """Who uses the greatest share of each kind of limit: in this stage, and in all up to its end if flown."""
+    """Return the largest use of each kind of limit in this stage and, if it is executed, up to its end."""
     if not result.flown:
         return {"The direct paths would need": first_of_each(mission.thrusts(result))}
     return {
-        "At most": first_of_each(mission.thrusts(result)),
-        "So far at most": first_of_each(mission.spent(slice(result.number))),
+        "Peak": first_of_each(mission.thrusts(result)),
+        "Used so far, at most": first_of_each(mission.spent(slice(result.number))),
     }
 
 
 def first_of_each(uses: Iterable[Use], idle: bool = False) -> tuple[Use, ...]:
-    """The greatest share of each kind of limit; where nobody uses any none, or that of an `idle` craft."""
+    """Return the largest share of each kind of limit; without any use none, or that of an `idle` craft."""
     found: dict[str, Use] = {}
     for use in uses:
         if idle:
@@ -46,7 +46,7 @@ def lines(mission: Mission, result: StageResult[Any, Any]) -> tuple[str, ...]:
 
 
 def used_up(mission: Mission) -> tuple[Table, ...]:
-    """What each craft used in the whole mission, where there is more to say than in one stage."""
+    """Return the table of use in the whole mission, if it adds to those of the stages."""
     burns = np.any(mission.delta_v > 0.0, axis=1).sum()
     known = bool(np.isfinite(mission.spent_of_each[1]).any())
     told = mission.scenario.limited or burns > 1 or known
@@ -54,7 +54,7 @@ def used_up(mission: Mission) -> tuple[Table, ...]:
 
 
 def used(mission: Mission) -> Table:
-    """What each craft used in the whole mission, and in its flights if there are any."""
+    """Return the use of each craft in the whole mission, and in its simulations if there are any."""
     scenario, (delta_v, propellant) = mission.scenario, mission.spent_of_each
     uses = {(use.what, use.craft): use for use in mission.uses}
     flown, how, heading = flown_delta_v(mission)
@@ -80,7 +80,7 @@ def used(mission: Mission) -> Table:
     shown = tuple(
         one if there else replace(one, heading=None) for one, there in zip(columns, known, strict=True)
     )
-    title = "What each craft used in all" + ", planned and flown" * bool(how)
+    title = "Use of each spacecraft" + ", planned and simulated" * bool(how)
     return Table(title, shown, rows, folded=len(rows) > MOST_ROWS)
 
 

@@ -17,38 +17,38 @@ NOTHING = 1e-9  # m/s: what is left by rounding where nobody has to burn
 SAME = 1e-6  # of what is spent: a bound that is no better than that of free paths
 WIDE = 1e-3  # a gap that `prove` may close, as far as it goes
 NO_ZONES, DUAL = "without zones in the way", "by duality"
-NEARER = "A plan that comes nearer may not exist"
 TOUCHING = 1.0 + 2e-5  # a margin up to this is for rounding only
 
 
 def best(found: Avoidance | Plan, fired: bool, limited: bool) -> str:
-    """Whether it is the best there is; `fired` by thrusters, or `limited` in thrust, which costs more."""
+    """Return how optimal the plan is; `fired` by thrusters, or `limited` in thrust, which costs more."""
     if not found.proven:
         return f"best of {counted(found.tried, 'candidate')}"
     whose = "for these ends and times"
     if found.cost == "delta-v" and (fired or limited):
         whose = "of these thrusters" if fired else f"within the limit, {whose}"
-    told = f"proven the least {found.cost} {whose}"
-    return f"{told}: without thrust all arrive" if float(found.delta_v) < NOTHING else told
+    told = f"proven minimum {found.cost} {whose}"
+    return f"{told}: natural motion arrives" if float(found.delta_v) < NOTHING else told
 
 
 def bounds(found: Avoidance | Plan, whose: str, free: float, stage: Clearing, fired: bool) -> Iterator[str]:
-    """What a better plan could save at most, and whether it was made for larger zones.
+    """Yield the optimality gap, and whether the plan was made for larger zones.
 
     `whose` the cost is; `free`: what it costs with no zones in the way, in the unit of what is least.  What
     is `fired` by thrusters is planned for these where delta-v is least.
     """
-    share = f"{100 * found.gap:.3f} % " if found.lower_bound > 0.0 else ""
-    above = f"{share}above the lower bound of {found.lower_bound:.6g} {UNITS[found.cost]}"
-    above += " for these thrusters" * (fired and found.cost == "delta-v")
-    told = f"{found.cost.capitalize()} of {whose} {above}"
+    share = f"at most {100 * found.gap:.3f} %, " if found.lower_bound > 0.0 else ""
+    bound = f"{share}lower bound {found.lower_bound:.6g} {UNITS[found.cost]}"
+    bound += " for these thrusters" * (fired and found.cost == "delta-v")
+    told = f"Optimality gap in {found.cost} of {whose}: {bound}"
     if found.proven:
         yield told
     else:
         nothing = abs(found.lower_bound - free) <= SAME * found.spent
         yield f"{told}, {NO_ZONES if nothing else DUAL}"
         closer = found.gap > WIDE and stage.prove is None and stage.unprovable is None
-        yield NEARER + ('; prove = "10 s" in the stage looks closer' if closer else "")
+        if closer:
+            yield 'Set prove = "10 s" in the stage to tighten the gap'
     if found.clearance_ratio > TOUCHING:
         larger = 100.0 * (found.clearance_ratio - 1.0)
         yield f"Planned for zones {larger:.2g} % larger: none was clear closer to them"
@@ -70,13 +70,14 @@ def adrift(at: Contact) -> str:
 
 
 def clearance(found: Avoidance | Plan, names: Sequence[str], order: Sequence[str]) -> Iterator[str]:
-    """What a metre more of all zones costs, and of whose most."""
+    """Yield the shadow price of clearance, and the pair with the largest share of it."""
     if not found.prices:
         return
     share = f" ({100.0 * found.price / found.spent:+.3g} %)" if found.spent > 0.0 else ""
     (one, other), dearest, _ = prices(found, names, order).rows[0]
     most = f", {100.0 * dearest / found.price:.3g} % of it {one} - {other}" if len(found.prices) > 1 else ""
-    yield f"A metre more clearance costs about {found.price:.4g} {UNITS[found.cost]}{share}{most}"
+    price = f"{found.price:.4g} {UNITS[found.cost]}{share}{most}"
+    yield f"Shadow price: one metre more clearance costs about {price}"
     if found.sigmas:
         more = sum(one.per_sigma for one in found.prices)
         yield f"Planned clear at {found.sigmas:g} sigma; one more costs about {more:.4g} {UNITS[found.cost]}"
@@ -98,7 +99,7 @@ def prices(found: Avoidance | Plan, names: Sequence[str], order: Sequence[str]) 
         )
         for one in found.prices
     ]
-    return Table("What more clearance costs", columns, rows, folded=True)
+    return Table("Shadow prices of clearance", columns, rows, folded=True)
 
 
 def figures(found: Avoidance | Plan, names: Sequence[str], order: Sequence[str]) -> dict[str, Any]:
