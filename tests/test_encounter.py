@@ -104,4 +104,4 @@ def test_what_hills_equations_leave_out_is_told():
     (line,) = cf.Encounter.of(eccentric, eccentric + GAP, KNOWN, OTHER).warnings
     assert "eccentricity is 0.0200" in line
     (line,) = cf.Encounter.of(PRIMARY, PRIMARY + [0, 2e4, 0, 0, 0, 0], KNOWN, OTHER).warnings
-    assert "curve away from Hill's straight axes by 29 m" in line  # d^2 / 2 r
+    assert "curvature of the orbit is 29 m" in line  # d^2 / 2 r
