@@ -1,12 +1,15 @@
-"""START HERE: a mission flies the stages of a scenario in order, each from where the last ended.
+"""Plan and evaluate a mission: the stages of a scenario in order, each from the end of the previous one.
+
+Start reading here.
 
     scenario file -> Scenario -> fly -> Mission -> report -> result folder, printed tables
                                   |
                      one function for each kind of stage: StageStart -> StageResult
 
-No mathematics: a stage asks the orbit for paths, `watch` for conflicts, `avoid` for the way
-around them, `reconfigure` for the paths of a whole formation (`single_stage`, `joint_stage`), `fire` for the
-pulses of thrusters (`pulsed`), `lock_times` and `gather` for who finds whom (`search_stage`).
+The stage functions contain no mathematics.  The orbit supplies paths and `watch` finds conflicts.  `avoid`
+plans avoidance trajectories (`single_stage`), and `reconfigure` plans the paths of a formation
+(`joint_stage`).  `fire_thrusters` realizes a plan with pulses (`thruster_firing`).  `lock_times` and `gather`
+evaluate the search for lost spacecraft (`search_stage`).
 """
 
 import warnings
@@ -40,17 +43,18 @@ from closeform.scenario import (
 )
 from closeform.scenario.start_state import is_inertial
 
-# Kernels are compiled, or loaded, where they are imported: a stage imports those that it needs.
+# Importing a kernel compiles or loads it, so that each stage imports only the kernels that it needs.
 
 
 def fly(
     scenario: Scenario, progress: Callable[[str], None] = lambda text: None, predicted: bool = True
 ) -> Mission:
-    """Fly a scenario's stages; `progress` is told what is under way.
+    """Plan and evaluate the stages of a scenario, and return the Mission.
 
-    A move that finds no clear path or a search that leaves craft lost ends the mission; the Mission
-    says so in `stopped`.  `predicted`: whether each stage has the `validity` of its plan in the field of the
-    scenario.  Raises ScenarioError for numbers that are beyond the mathematics.
+    `progress` is called with a text at the start of each part of the work.  A maneuver without a clear path,
+    or a search that leaves spacecraft lost, ends the mission; `stopped` of the Mission then holds the reason.
+    With `predicted`, each stage carries the `validity` of its plan in the high-fidelity model of the
+    scenario, if it has one.  Raises ScenarioError if a stage rejects its numbers.
     """
     return as_happened(staged(scenario, progress, predicted), progress, predicted)
 
@@ -58,7 +62,7 @@ def fly(
 def staged(
     scenario: Scenario, progress: Callable[[str], None] = lambda text: None, predicted: bool = True
 ) -> Mission:
-    """The stages, one after another, up to the last or to where the mission cannot go on."""
+    """Evaluate the stages in order, up to the last one or the first that fails, and return the Mission."""
     orbit = scenario.orbit.build()
     states = scenario.states(orbit)
     results: list[StageResult[Any, Any]] = []
@@ -69,7 +73,7 @@ def staged(
         verb = stage.verb
         progress(f"stage {number} of {len(scenario.stages)}: {verb}")
         begin, shares = results[-1].end if results else 0.0, shares_left(scenario, results)
-        known = () if replanned else tuple(results)  # where everybody is known anew
+        known = () if replanned else tuple(results)  # replanning starts from newly measured states
         here = scenario.during(stage)
         start = StageStart(here, orbit, number, states, begin, past, shares, errors=errors, flown=known)
         if stage.name is not None:
@@ -82,7 +86,7 @@ def staged(
         if scenario.uncertain and result.flown:
             progress(f"stage {number} of {len(scenario.stages)}: {verb}, with errors")
             result, left = with_errors(scenario, result, errors)
-            errors = errors if replanned else left  # where everybody is known anew
+            errors = errors if replanned else left  # replanning starts from newly measured states
         if scenario.history is not None:
             result = scenario.history.executed(scenario, result, states)
         results.append(result)
@@ -96,7 +100,10 @@ def staged(
 def as_happened(
     mission: Mission, progress: Callable[[str], None] = lambda text: None, predicted: bool = True
 ) -> Mission:
-    """A mission with what its case drew that no plan knows, flown in its field if that is asked."""
+    """Apply sampled errors and losses of thrust to a mission, simulate it if requested, and return it.
+
+    A case of a study samples them, and the planner does not know them.
+    """
     scenario, history = mission.scenario, mission.scenario.history
     if history is not None:
         if (failing := history.failing_in(mission)) is not None:
@@ -121,7 +128,10 @@ def as_happened(
 def with_errors(
     scenario: Scenario, result: StageResult[Any, Any], errors: tuple[Any, ...]
 ) -> tuple[StageResult[Any, Any], tuple[Any, ...]]:
-    """What the errors of all craft at a stage's start make of it, and what they are at its end."""
+    """Return the stage with its uncertainty results, and the uncertainty (N,) of each spacecraft at its end.
+
+    `errors` (N,) is the uncertainty of each spacecraft at the start of the stage.
+    """
     from closeform.mission.uncertainty import UncertainStage
 
     found = UncertainStage.of(scenario, result.number, result.stage, result.after, errors)
@@ -129,34 +139,35 @@ def with_errors(
 
 
 def run(file: str | Path) -> Mission:
-    """Fly the stages of a scenario file, as `closeform run` does, and answer with all that has come of it.
+    """Plan and evaluate the stages of a scenario file, as `closeform run` does, and return all results.
 
-    Nothing is printed or written.
+    The function prints and writes nothing.
 
     Parameters
     ----------
     file : str or path-like
-        A scenario.
+        The scenario file.
 
     Returns
     -------
     Mission
-        Its `results` are the stages as flown, each with the flight `before` avoidance and `after` it:
-        `paths`, `conflicts` by name (`PairConflict`) and `approaches`, the closest of each pair; `result`
-        holds the `plan`, `avoidance` or gathering.  `verdict` says what the last line of a run does, `clear`
-        whether no conflict remains; `delta_v` [m/s] and `propellant` [kg] are of each stage and craft.
+        Its `results` are the evaluated stages, each with the flight `before` avoidance and `after` it:
+        `paths`, `conflicts` by name (`PairConflict`) and `approaches`, the closest approach of each pair.
+        `result` of a stage holds the `plan`, `avoidance` or gathering.  `verdict` is the last line that a run
+        prints, and `clear` is True if no conflict remains.  `delta_v` [m/s] and `propellant` [kg] have one
+        row per stage and one column per spacecraft.
 
     Raises
     ------
     ScenarioError
-        If the scenario cannot be read or flown; a ValueError.
+        If the scenario cannot be read or evaluated; a ValueError.
     ValueError
-        If `file` is no path.
+        If `file` is not a path.
 
     Warns
     -----
     UserWarning
-        If an altitude or a relative speed is legal, but not that of a close formation.
+        If an altitude or a relative speed is valid but untypical of a close formation.
     """
     scenario = load(instance("file", file, str, Path))
     for line in scenario.doubts:
@@ -165,14 +176,14 @@ def run(file: str | Path) -> Mission:
 
 
 def shares_left(scenario: Scenario, results: list[StageResult[Any, Any]]) -> Floats:
-    """What the craft have left of their mass (N,), by Tsiolkovsky's equation, after some stages."""
+    """Return the fraction (N,) of its initial mass that each spacecraft has left after `results`."""
     flown = [result for result in results if result.flown]
     spent = (result.delta_v / scenario.exhaust(result.stage) for result in flown)
     return np.asarray(np.exp(-sum(spent, np.zeros(len(scenario.craft)))))
 
 
 def with_drift(scenario: Scenario, result: StageResult[Any, Any]) -> StageResult[Any, Any]:
-    """A stage with whether it is safe when something fails, where that is asked."""
+    """Return the stage with its passive safety evaluated, if the stage requires passive safety."""
     if getattr(result.stage, "drift", None) is None:
         return result
     from closeform.mission.passive_safety import judged, unplanned
@@ -183,7 +194,7 @@ def with_drift(scenario: Scenario, result: StageResult[Any, Any]) -> StageResult
 
 
 def in_field(scenario: Scenario, result: StageResult[Any, Any]) -> StageResult[Any, Any]:
-    """A stage with what becomes of it in the scenario's field, if it has one."""
+    """Return the stage with the validity of its plan in the scenario's high-fidelity model, if any."""
     if scenario.field is None or not result.flown:
         return result
     from closeform.dynamics.validity import validity
@@ -193,7 +204,7 @@ def in_field(scenario: Scenario, result: StageResult[Any, Any]) -> StageResult[A
 
 
 def coast(start: StageStart, stage: Coast) -> StageResult[Coast, None]:
-    """Evaluate natural motion with the given impulses, and the given paths of craft that follow theirs."""
+    """Evaluate natural motion with the given impulses; spacecraft listed in `follow` follow their files."""
     n, names = start.orbit.mean_motion, start.scenario.names
     duration = stage.length.on(n)
     given: list[list[tuple[float, Floats]]] = [[] for _ in names]

@@ -1,4 +1,4 @@
-"""What a mission came to: every stage as flown, what was done in it, and how much the craft used up."""
+"""Results of a mission: the flight, plan and checks of each stage, and the use of delta-v and propellant."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
@@ -47,16 +47,20 @@ AnyResult = TypeVar("AnyResult")
 
 @dataclass(frozen=True, eq=False, repr=False)
 class StageResult(Result, Generic[AnyStage, AnyResult]):
-    """A stage as flown, from `start` [s] on: the flight `before` avoidance and `after` it.
+    """Evaluated stage from `start` [s] on, with the flight `before` avoidance and `after` it.
 
-    `result`: what was done, None of a coast; times in a Gathering or FirstLocks count from the start
-    of the stage.  `failure`: why the mission cannot go on after it; `flown`: whether its paths
-    count, which those of a plan that failed do not; `late`: by how much it takes longer than asked;
-    `pulsed`: what thrusters fire to fly the plan, where `after` is what they fly.  `uncertain`: what errors
-    of the craft make of it, None without any.  `passive`: whether it is safe when something fails, where that
-    is asked, and `unplanned`: how near direct paths come then, where a plan failed.  `validity`: what becomes
-    of it in the scenario's field, where that has one.  `commanded`: the plan, where `after` has the errors
-    that a case of a study has drawn.  `sun`: the greatest sun angle of craft that search with errors.
+    - `result`: plan, avoidance or search; None for a coast.  Times in a Gathering or FirstLocks count from
+      the start of the stage.
+    - `failure`: reason why the mission ends after this stage.
+    - `flown`: whether the paths are part of the mission; False if planning failed.
+    - `late`: delay beyond the requested duration.
+    - `pulsed`: thruster pulses that realize the plan; `after` then contains the pulsed paths.
+    - `uncertain`: clearance and collision probability with the uncertainty of the spacecraft.
+    - `passive`: passive safety, if the stage requires it.
+    - `unplanned`: closest pair of the direct paths after a failure, if planning failed.
+    - `validity`: prediction for the plan in the scenario's high-fidelity model, if it has one.
+    - `commanded`: the plan, if `after` includes the errors that a case of a study has sampled.
+    - `sun`: maximum sun angle of spacecraft that search with errors.
     """
 
     number: int
@@ -75,7 +79,7 @@ class StageResult(Result, Generic[AnyStage, AnyResult]):
     validity: "Validity | None" = None
     commanded: WatchedFlight | None = None
     sun: SunAngle | None = None
-    on_ephemerides: tuple[int, ...] = ()  # craft whose forces between states are no thrust
+    on_ephemerides: tuple[int, ...] = ()  # craft whose accelerations between states are not thrust
 
     def _facts(self) -> Iterator[tuple[str, str]]:
         conflicts = f"{len(self.after.conflicts)} conflicts, {len(self.before.conflicts)} before"
@@ -86,14 +90,14 @@ class StageResult(Result, Generic[AnyStage, AnyResult]):
 
     @property
     def planned(self) -> WatchedFlight:
-        """The plan: what is flown, but for thrusters and errors that were drawn."""
+        """Planned flight, before its realization by thrusters and without sampled errors."""
         if self.commanded is not None:
             return self.commanded
         return self.after if self.pulsed is None else self.pulsed.planned
 
     @property
     def asked(self) -> "tuple[Asked, ...]":
-        """What it asks for beside clearance as planned."""
+        """Requirements of the stage other than clearance of the planned paths."""
         judged = self.uncertain, self.passive
         sun = () if self.sun is None else (self.sun.asked,)
         arrival = () if self.pulsed is None else (self.pulsed.arrival(self.number, cast(Any, self.stage)),)
@@ -113,7 +117,7 @@ class StageResult(Result, Generic[AnyStage, AnyResult]):
 
     @cached_property
     def delta_v(self) -> Floats:
-        """What each craft spends (N,) [m/s], summed over its thrusters."""
+        """Delta-v of each spacecraft (N,) [m/s], summed over its thrusters."""
         spent = np.array(self.burning.delta_v)
         if self.pulsed is not None:
             who = [self.after.names.index(name) for name in self.pulsed.names]
@@ -122,17 +126,17 @@ class StageResult(Result, Generic[AnyStage, AnyResult]):
 
     @property
     def end(self) -> float:
-        """When it ends [s]."""
+        """End time [s]."""
         return self.after.end
 
 
 @dataclass(frozen=True, eq=False)
 class AvoidResult:
-    """The `direct` path of one `craft` and the way around the `others`, each with its zone.
+    """Direct path of one `craft` and its avoidance trajectory around the `others`, each with its zone.
 
-    It was asked to arrive `asked` [s] after the start of the stage, as `direct` does; `plain` is the direct
-    path that takes as long as the way around, another one where that takes longer.  `goals`: where
-    it, and who flies `meanwhile`, go, each with the phase at which it arrives.
+    `asked` [s] is the requested duration, which `direct` takes.  `plain` is the direct path with the duration
+    of the avoidance trajectory; it differs from `direct` if the latter takes longer.  `goals` holds the
+    destination, with the arrival phase, of the spacecraft and of each one that moves `meanwhile`.
     """
 
     craft: str
@@ -146,15 +150,15 @@ class AvoidResult:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The craft as the avoidance counts them."""
+        """Names of the spacecraft in the order of the avoidance."""
         return self.craft, *self.others
 
 
 @dataclass(frozen=True, eq=False)
 class TransferResult:
-    """What one `craft` was asked: from `initial` to `final` (6,) in `asked` [s]; `free` keeps no limit.
+    """Transfer of one `craft` from state `initial` to state `final` (6,) in `asked` [s].
 
-    `goal`: where it goes, with the phase at which it arrives.
+    `free` is the transfer without a thrust limit.  `goal` is the destination with the arrival phase.
     """
 
     craft: str
@@ -167,10 +171,10 @@ class TransferResult:
 
 @dataclass(frozen=True, eq=False)
 class ReconfigureResult:
-    """What a formation did together by a `plan`: the craft `movers` flew, the `others` coasted.
+    """Joint `plan` of a formation, in which the `movers` maneuver and the `others` coast.
 
-    The plan counts first those, then these.  The craft were asked to arrive `asked` [s] after the
-    start of the stage, and `measures` say what was tried beyond that.
+    The plan numbers the movers first, then the others.  `asked` [s] is the requested duration.  `measures`
+    describe the further attempts of the planner.
     """
 
     movers: tuple[str, ...]
@@ -181,15 +185,15 @@ class ReconfigureResult:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The craft as the plan counts them."""
+        """Names of the spacecraft in the order of the plan."""
         return self.movers + self.others
 
 
 @dataclass(frozen=True, eq=False)
 class FirstLocks:
-    """The first locks of all `pairs` (P, 2) of a craft in group A and one in B, by index.
+    """First locks of all `pairs` (P, 2) of a spacecraft in group A and one in group B, by index.
 
-    `search` begins, and times count, when the stage does.
+    `search` begins at the start of the stage, from which times count.
     """
 
     search: Search
@@ -198,12 +202,12 @@ class FirstLocks:
 
     @property
     def missing(self) -> Any:
-        """The pairs (Q, 2) that never lock."""
+        """Pairs (Q, 2) that never lock."""
         return self.pairs[self.locks.leg < 0]
 
 
 class Stages(Result, ABC):
-    """What a mission has, flown just now or opened again: `results` by stage, and all of them together."""
+    """Base class of evaluated and reloaded missions: `results` by stage, and properties of all stages."""
 
     scenario: Scenario
     results: tuple[Any, ...]
@@ -218,24 +222,24 @@ class Stages(Result, ABC):
     @property
     @abstractmethod
     def verdict(self) -> object:
-        """What the last line of the run says."""
+        """Verdict that the last line of the run reports."""
 
     @property
     def flown(self) -> tuple[Any, ...]:
-        """The stages whose paths count."""
+        """Stages whose paths are part of the mission."""
         return tuple(result for result in self.results if result.flown)
 
     @cached_property
     def paths(self) -> Path:
-        """All craft from the start of the first stage to the end of the last that was flown, of shape (N,).
+        """Paths, of shape (N,), of all spacecraft from the start of the first to the end of the last stage.
 
-        Raises ValueError where none was.
+        Raises ValueError if no stage has paths.
         """
         return join([result.after.paths for result in self.flown])
 
     @cached_property
     def conflicts(self) -> dict[str, Any]:
-        """Every conflict as flown, in columns: stage, first, second, start, end, deepest time [s], ratio."""
+        """Conflicts in columns: stage, first, second, start, end, time of minimum [s], clearance ratio."""
         found = [(result.number, met) for result in self.flown for met in result.after.conflicts]
         keys = {"first": "first", "second": "second", "start_s": "start", "end_s": "end", "time_s": "time"}
         columns = {key: [getattr(met, name) for _, met in found] for key, name in keys.items()}
@@ -244,7 +248,11 @@ class Stages(Result, ABC):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Mission(Stages):
-    """All stages flown; `stopped`: why not all; `lost`: whose thrust was lost; `flights`: in its field."""
+    """Evaluated mission: the `results` of its stages and the properties of all stages together.
+
+    `stopped` is the reason why stages are missing, None if none are.  `lost` lists the losses of thrust, and
+    `flights` is the simulation in the high-fidelity model.
+    """
 
     scenario: Scenario
     orbit: Orbit
@@ -252,11 +260,11 @@ class Mission(Stages):
     stopped: str | None = None
     lost: tuple[LostThrust, ...] = ()
     flights: "FlownRun | None" = None
-    grounded: str | None = None  # why it cannot be flown there, where that was asked for
+    grounded: str | None = None  # reason why a requested simulation is impossible
 
     @cached_property
     def burns(self) -> dict[str, Any]:
-        """Every burn in columns, as in `burns.parquet`: stage, craft, start, duration [s], R, T, N [m/s]."""
+        """Burns in columns, as in `burns.parquet`: stage, craft, start, duration [s], R, T, N [m/s]."""
         from closeform.mission.stage_burns import COLUMNS, burns_in
 
         found = [
@@ -269,7 +277,7 @@ class Mission(Stages):
 
     @cached_property
     def verdict(self) -> Verdict:
-        """Whether all were found, all is clear, and every limit is kept."""
+        """Verdict on searches, clearance, limits and the other requirements of the run."""
         searched = any(result.stage.searches for result in self.results)
         alone = len(self.scenario.craft) == 1
         apart = alone or all(result.stage.keeps_out for result in self.results)
@@ -294,18 +302,18 @@ class Mission(Stages):
 
     @property
     def clear(self) -> bool:
-        """Whether every stage was flown and no conflict remains."""
+        """Whether every stage succeeded and no conflict remains."""
         return self.verdict.clear
 
     @cached_property
     def delta_v(self) -> Floats:
-        """What each craft spends in each stage (S, N) [m/s]."""
+        """Delta-v of each spacecraft in each stage (S, N) [m/s]."""
         spent = [result.delta_v for result in self.results]
         return np.array(spent).reshape(-1, len(self.scenario.craft))
 
     @cached_property
     def propellant(self) -> Floats:
-        """What each craft burns in each stage (S, N) [kg]; nan for one without mass and specific impulse."""
+        """Propellant use in each stage (S, N) [kg]; nan for a spacecraft without mass or specific impulse."""
         exhaust = [self.scenario.exhaust(result.stage) for result in self.results]
         so_far = np.cumsum(self.delta_v / np.array(exhaust).reshape(self.delta_v.shape), axis=0)
         known = (craft.mass if craft.specific_impulse is not None else None for craft in self.scenario.craft)
@@ -313,51 +321,50 @@ class Mission(Stages):
 
     @cached_property
     def spent_of_each(self) -> Floats:
-        """What each craft spent in all stages flown: delta-v (N,) [m/s] and propellant (N,) [kg]."""
+        """Total delta-v (N,) [m/s] and propellant (N,) [kg] of each spacecraft, as two rows."""
         flown = [result.flown for result in self.results]
         return np.array([self.delta_v[flown].sum(axis=0), self.propellant[flown].sum(axis=0)])
 
     @cached_property
     def grams(self) -> bool:
-        """Whether propellant is printed in grams: no tank holds, or nobody burns, more than a kilogram."""
+        """Whether propellant is printed in grams: no tank, or without tanks no use, exceeds a kilogram."""
         tanks = [craft.propellant for craft in self.scenario.craft if craft.propellant is not None]
         return max(tanks, default=float(np.nansum(self.propellant, axis=0).max(initial=0.0))) <= 1.0
 
     def burnt(self, number: int, k: int, delta_v: float) -> float:
-        """What craft k burns for a delta-v [m/s] in stage `number` [kg]; nan where not known."""
+        """Return the propellant [kg] of craft k for a delta-v [m/s] in stage `number`; nan if unknown."""
         craft = self.scenario.craft_in(self.scenario.stages[number - 1])[k]
         if craft.mass is None or craft.specific_impulse is None:
             return nan
         return -craft.mass * self.mass_left(number, k) * expm1(-delta_v / craft.exhaust)
 
     def mass_left(self, number: int, k: int) -> float:
-        """The share of its mass that craft k has when stage `number` begins; 1 where that is not known."""
+        """Return the remaining mass fraction of craft k at the start of stage `number`; 1 if unknown."""
         craft = self.scenario.craft[k]
         if craft.mass is None or craft.specific_impulse is None:
             return 1.0
         return 1.0 - float(self.propellant[: number - 1, k].sum()) / craft.mass
 
     def thrusts(self, result: StageResult[Any, Any]) -> Iterator[Use]:
-        """The greatest thrust of each craft that has a limit, as planned in one stage."""
-        on = () if result.pulsed is None else result.pulsed.names  # all or nothing
+        """Yield the planned peak thrust in one stage of each spacecraft with a thrust limit."""
+        on = () if result.pulsed is None else result.pulsed.names  # pulses have the full thrust
         peaks = result.planned.paths.peak_thrust.tolist()
         craft_now = self.scenario.craft_in(result.stage)
         for k, (craft, peak) in enumerate(zip(craft_now, peaks, strict=True)):
-            if craft.limited:  # an engine's force, told by what it gives the mass at the start
+            if craft.limited:  # a thrust force is stated as acceleration of the initial mass
                 peak *= self.mass_left(result.number, k)
                 yield thrust_use(craft, craft.max_acceleration if craft.name in on else peak)
 
     def spent(self, stages: Any) -> Iterator[Use]:
-        """What each craft that has a limit spends in some `stages`: all delta-v, then all propellant."""
+        """Yield the use in some `stages` of each craft with a limit: all delta-v, then all propellant."""
         delta_v, burnt = (spent[stages].sum(axis=0) for spent in (self.delta_v, self.propellant))
         return Use.of_spent(self.scenario.craft, delta_v, burnt)
 
     @cached_property
     def uses(self) -> tuple[Use, ...]:
-        """What each craft uses of each of its limits in all stages flown, of thrust the greatest share of
-        that in one stage.
+        """Use of each limit of each spacecraft over all stages; for thrust, the maximum over the stages.
 
-        Of delta-v and propellant what it takes in the dearest of its flights in the field, if there are any.
+        Delta-v and propellant are those of the simulated flight with the highest use, if there is one.
         """
         planned = self.spent([result.flown for result in self.results])
         uses = list(planned if self.flights is None else self.flights.spent)
@@ -369,7 +376,7 @@ class Mission(Stages):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """A chief far from a circle, or what its field does; stages longer than asked, limits exceeded."""
+        """Warnings: noncircular chief orbit, late stages, conflicts by model error, exceeded limits."""
         chief, known = self.scenario.chief, any(result.validity is not None for result in self.flown)
         return (
             *(() if chief is None or known else chief.warnings),

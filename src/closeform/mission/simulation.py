@@ -1,4 +1,7 @@
-"""A run as it is flown in its field, many times: every stage from where the one before was flown to."""
+"""Simulation of a run in its high-fidelity model, with many samples of the errors.
+
+Each stage starts from the simulated end of the previous stage.
+"""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -31,14 +34,15 @@ from closeform.scenario.flown import flown_thrusters
 from closeform.zones.pair_zones import PairZones
 
 Control = Literal["track", "replan", "open"]
-PARTIAL = 1e-9  # of a time: stages that end at one that is shown
+PARTIAL = 1e-9  # [s] tolerance for a stage end that coincides with an output time
 
 
 @dataclass(frozen=True, eq=False)
 class FlownStage:
-    """One stage of S flights of N craft: how far off they `ends` (S, N) [m], the least `ratios` (S, P).
+    """One stage of S simulated flights of N spacecraft.
 
-    Of the P pairs of the flight; those at the instants that are shown, and between them.
+    `ends` (S, N) [m] are the distances from the plan at the end of the stage.  `ratios` (S, P) are the
+    minimum clearance ratios of the P pairs, at the output times and between them.
     """
 
     number: int
@@ -50,7 +54,7 @@ class FlownStage:
 
     @property
     def nearest(self) -> tuple[int, int] | None:
-        """The flight and the pair, by its row, of the least ratio; None without zones."""
+        """Indices of the flight and the pair with the minimum clearance ratio; None without zones."""
         if not self.ratios.size:
             return None
         seed, pair = np.unravel_index(int(np.argmin(self.ratios)), self.ratios.shape)
@@ -59,10 +63,11 @@ class FlownStage:
 
 @dataclass(frozen=True, eq=False)
 class FlownRun:
-    """All flown stages of a `run`, in one `flight`, as `told` (what `fly` was given); `control` as there.
+    """All stages of a `run`, simulated as one `flight`.
 
-    `known`: the field that plans and commands are made for; another one than the `field` that is flown in
-    where a case of a study has drawn that.
+    `told` holds the keyword arguments of `simulate`, and `control` is its control mode.  `known` is the
+    high-fidelity model that plans and commands use.  It differs from the simulated `field` where a case of a
+    study has drawn the latter.
     """
 
     run: Stages
@@ -74,7 +79,10 @@ class FlownRun:
 
     @classmethod
     def of(cls, run: Stages, control: Control, told: dict[str, Any], seeds: int | Sequence[int]) -> Self:
-        """Fly it, once where nothing is uncertain.  Raises Grounded, in its names, where it cannot be."""
+        """Simulate a run, once if nothing is uncertain.
+
+        Raises Grounded, with the names of the spacecraft, if the run cannot be simulated.
+        """
         try:
             return cls.flying(run, control, told, seeds)
         except Grounded as error:
@@ -82,7 +90,7 @@ class FlownRun:
 
     @classmethod
     def flying(cls, run: Stages, control: Control, told: dict[str, Any], seeds: int | Sequence[int]) -> Self:
-        """The same, which counts craft where it cannot be."""
+        """Simulate a run; the message of Grounded refers to spacecraft by index."""
         known, field = run.scenario.field, run.scenario.truth.field
         assert known is not None
         assert field is not None
@@ -96,42 +104,42 @@ class FlownRun:
         if pulsed or fires_impulses(plan):
             told["max_acceleration"] = None
         if pulsed:
-            from closeform.dynamics.pulsed_flight import led_by_pulses  # whose kernels only thrusters need
+            from closeform.dynamics.pulsed_flight import led_by_pulses  # kernels that only thrusters need
 
             told["thrusters"] = own
-            if control != "replan":  # which knows by itself what holds craft on a plan
+            if control != "replan":  # replanning chooses its own feedback for pulses
                 told["feedback"] = led_by_pulses(told["feedback"], own)
         some = seeds if differs(control, told) else seeds_of(seeds)[:1]
         flight = simulate(plan, field, control, zones=zones, known=known, seeds=some, **told)
-        if pulsed:  # off what was certified, which is flown by pulses, too
+        if pulsed:  # deviations are relative to the certified paths, which are pulsed as well
             flight = replace(flight, planned=spanning(run.paths, flight.times))
         return cls(run, field, known, control, told, flight)
 
     @classmethod
     def asked(cls, run: Stages) -> Self:
-        """Fly it as the [simulation] of its scenario asks for.  Raises Grounded where it cannot be."""
+        """Simulate a run by the [simulation] table of its scenario; raise Grounded if that is impossible."""
         scenario = run.scenario
         assert scenario.flights is not None
         return cls.of(run, scenario.flights.control, scenario.truth.flight, scenario.flight_seeds)
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The craft's names."""
+        """Names of the spacecraft."""
         return self.run.scenario.names
 
     @property
     def uncertain(self) -> bool:
-        """Whether another flight would be another one."""
+        """Whether flights with different seeds differ."""
         return differs(self.control, self.told)
 
     @property
     def zones(self) -> PairZones:
-        """Who keeps which zone with whom."""
+        """Keep-out zone of each pair."""
         return self.run.scenario.zones
 
     @property
     def entered(self) -> Entered:
-        """In how many flights a zone is entered, and whose limits are not kept in one."""
+        """Number of flights with a conflict, and the limits that a flight exceeds."""
         flight = self.flight
         count = round(flight.violated * len(flight.states)) if flight.ratios.size else 0
         least = flight.least_ratio if flight.ratios.size else None
@@ -140,7 +148,7 @@ class FlownRun:
         return Entered(count, len(flight.states), least, self.uncertain, exceeded)
 
     def drifted(self, lost: LostThrust) -> LostThrust:
-        """A loss of thrust with the nearest approach after it in any flight, where that is less."""
+        """Return the loss of thrust with the minimum clearance ratio after it over all flights, if lower."""
         flight, k = self.flight, self.names.index(lost.craft)
         some = slice(max(int(np.searchsorted(flight.times, lost.time)), 0), None)
         near = lost
@@ -154,18 +162,18 @@ class FlownRun:
 
     @cached_property
     def stages(self) -> tuple[FlownStage, ...]:
-        """Each by itself."""
+        """Results of each stage by itself."""
         return tuple(self.stage(one) for one in self.run.flown)
 
     @property
     def thrusters(self) -> tuple[str, ...]:
-        """Who fires pulses."""
+        """Names of the spacecraft that fire pulses."""
         own = self.told.get("thrusters", [None] * len(self.names))
         return tuple(name for name, one in zip(self.names, own, strict=True) if one is not None)
 
     @cached_property
     def unled(self) -> dict[str, float]:
-        """Who drifts to sides to which none of its thrusters pushes, and how far off its plan at most [m]."""
+        """Maximum uncontrolled deviation [m] of each spacecraft with a direction that has no thruster."""
         from closeform.dynamics.reachable import lacks, reachable
 
         flight, found = self.flight, dict[str, float]()
@@ -179,12 +187,12 @@ class FlownRun:
 
     @cached_property
     def propellant(self) -> Floats:
-        """What each craft burns (S, N) [kg]; nan for one without mass and specific impulse."""
+        """Propellant use (S, N) [kg]; nan for a spacecraft without mass or specific impulse."""
         return self.burnt(slice(None), self.flight.delta_v)
 
     @cached_property
     def pulses(self) -> dict[str, Any]:
-        """What thrusters fire by plan, in columns, and what they burn as the mass falls by it."""
+        """Planned thruster pulses in columns, with the propellant of each for the decreasing mass."""
         assert self.flight.firing is not None
         fired = self.flight.firing.pulses
         who = np.array([self.names.index(name) for name in self.thrusters])[fired.craft]
@@ -197,14 +205,17 @@ class FlownRun:
         return self.flight.firing.burns | named
 
     def burnt(self, which: Any, delta_v: Floats) -> Floats:
-        """What craft, by index, burn for a delta-v [kg]; nan for one without mass and specific impulse."""
+        """Return the propellant [kg] of spacecraft, by index, for a delta-v [m/s].
+
+        It is nan for a spacecraft without mass or specific impulse.
+        """
         craft = self.run.scenario.craft
         mass = [one.mass if one.specific_impulse is not None else None for one in craft]
         return np.asarray(np.array(mass, dtype=float)[which] * -np.expm1(-delta_v / self.exhaust[which]))
 
     @cached_property
     def exhaust(self) -> Floats:
-        """The speed of each craft's exhaust (N,) [m/s]: of stages that differ, by what is planned in each."""
+        """Exhaust speed of each spacecraft (N,) [m/s], averaged by planned delta-v where stages differ."""
         own = np.array([one.exhaust for one in self.run.scenario.craft])
         spent = np.array([one.planned.paths.delta_v for one in self.run.flown])
         each = np.array([self.run.scenario.exhaust(one.stage) for one in self.run.flown])
@@ -214,17 +225,17 @@ class FlownRun:
 
     @property
     def spent(self) -> Iterator[Use]:
-        """What each craft that has a limit spends in the flight in which it spends most."""
+        """Maximum delta-v and propellant over all flights, of each spacecraft that has such a limit."""
         most = self.flight.delta_v.max(axis=0), self.propellant.max(axis=0)
         return Use.of_spent(self.run.scenario.craft, *most)
 
     @property
     def grams(self) -> bool:
-        """Whether propellant is printed in grams: nobody burns more than a kilogram."""
+        """Whether propellant is printed in grams: no spacecraft uses more than a kilogram."""
         return bool(np.nanmax(self.propellant, initial=0.0) <= 1.0)
 
     def stage(self, result: Any) -> FlownStage:
-        """One of them."""
+        """Return the part of the simulation that belongs to one stage."""
         flight = self.flight
         first = np.searchsorted(flight.times, result.start, "right") - 1
         last = min(int(np.searchsorted(flight.times, result.end - PARTIAL)), len(flight.times) - 1)
@@ -244,19 +255,19 @@ class FlownRun:
 
     @cached_property
     def worst(self) -> WatchedFlight:
-        """The worst flight, with its conflicts and closest approaches certified."""
+        """Worst flight, with its conflicts and closest approaches certified."""
         return watch(self.flight.path(self.flight.worst), self.names, self.zones)
 
     @cached_property
     def worst_by_stage(self) -> tuple[WatchedFlight, ...]:
-        """The same from the start of each stage to its end."""
+        """Worst flight, divided into stages."""
         cuts = [self.flight.times[0], *(one.end for one in self.run.flown)]
         parts = (during(self.worst.paths, start, end) for start, end in pairwise(cuts))
         return tuple(watch(part, self.names, self.zones) for part in parts)
 
     @property
     def which(self) -> str:
-        """Which of many flights is the worst, and why; of a single one nothing."""
+        """Words that name the worst flight and the criterion; empty for a single flight."""
         if len(self.flight.states) == 1:
             return ""
         why = "in which two come nearest" if self.flight.ratios.size else "which ends farthest off"
@@ -264,7 +275,7 @@ class FlownRun:
 
     @cached_property
     def commanded(self) -> tuple[CompensatedThrust, ...]:
-        """What is to be commanded in the field, in each stage."""
+        """Thrust commands for the high-fidelity model, one item per stage."""
         return tuple(
             compensated_thrust(one.planned.paths, self.known, engine=self.told["engine"])
             for one in self.run.flown
@@ -272,11 +283,12 @@ class FlownRun:
 
     @cached_property
     def tube(self) -> Tube | None:
-        """How far off feedback leaves each craft, as said beforehand; None without it, and of impulses.
+        """Predicted tracking-error tube of each spacecraft; None where no bound is available.
 
-        None, too, where nothing is uncertain, or someone drifts.
-        Those lead back to what they fly when changed for the field, which is off the plan between them.  How
-        far planned ones are off depends on the plan, and so it does where each burn errs by itself.
+        It is None without uncertainty, without tracking feedback, and if a spacecraft drifts.  It is None for
+        feedback by impulses as well: such feedback tracks impulses adapted to the high-fidelity model, and
+        their paths deviate from the plan in between.  For planned impulses, and for errors of single burns,
+        the deviation depends on the plan.
         """
         told, impulses = self.told, fires_impulses(self.run.paths)
         drifts = bool(self.run.lost) or not self.told["engine"].all()
@@ -290,27 +302,27 @@ class FlownRun:
 
 
 def differs(control: Control, told: dict[str, Any]) -> bool:
-    """Whether flights that are told so are not all the same one."""
+    """Return True if flights with this control mode and these arguments of `simulate` differ."""
     return uncertain(control != "open", told["navigation"], told["thrust_error"], told["errors"])
 
 
 def fires_pulses(run: Stages) -> bool:
-    """Whether anybody flies a run by pulses."""
+    """Return True if a spacecraft fires pulses in the run."""
     return any(craft.fired(1.0) is not None for craft in run.scenario.craft_of_all)
 
 
 def usually_led(run: Stages, control: Control) -> Feedback:
-    """What leads a run back of which nobody said that."""
+    """Return the default feedback of a run without a specified one."""
     return usual_feedback(control, fires_pulses(run) or fires_impulses(planned(run)))
 
 
 def planned(run: Stages) -> Path:
-    """What guidance knows of (N,), from the first stage to the last: not of lost thrust."""
+    """Return the planned paths (N,) from the first stage to the last, without any loss of thrust."""
     return followed(run.flown) if run.lost else run.paths
 
 
 def during(paths: Path, start: float, end: float) -> Path:
-    """The arcs of paths (N,) that lie between two times at which arcs of all of them meet, about."""
+    """Return the part of paths (N,) between two times [s], at which all of them change arcs."""
     middle = 0.5 * (paths.arcs[:, START] + paths.arcs[:, END])
     some = (start < middle) & (middle < end)
     counts = np.add.reduceat(some.astype(int), paths.offsets[:-1])

@@ -1,4 +1,4 @@
-"""Verdict: what a run has come to, and its exit status: all found, clear, limits kept; or what is not so."""
+"""Verdict and exit status of a run: whether searches, clearance, limits and requirements are met."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING, Any, Self
 from closeform.arrays import Floats
 from closeform.scenario import Craft
 
-if TYPE_CHECKING:  # whose kernels a verdict can spare
+if TYPE_CHECKING:  # a verdict does not need these kernels
     from closeform.conflicts.flight import WatchedFlight
 
-ROUNDING = 1e-9  # of a limit that a plan was to keep to
-SAMPLED = 1e-4  # of a zone: what is predicted at some instants is off by less
-MET, NOT_MET = 0, 1  # exit status: of what was asked for
-MOST_NAMES = 3  # of craft beyond a limit; more are counted
-KEYS = {"N": "max_thrust", "mm/s²": "max_acceleration"}  # of limits of thrust, by unit
-WARNINGS = {  # of a limit: of what, and what there is
+ROUNDING = 1e-9  # relative tolerance for limits that a plan keeps
+SAMPLED = 1e-4  # bound on the sampling error of a predicted clearance ratio
+MET, NOT_MET = 0, 1  # exit status: requirements met, or not
+MOST_NAMES = 3  # listed spacecraft beyond a limit; the others are counted
+KEYS = {"N": "max_thrust", "mm/s²": "max_acceleration"}  # scenario keys of thrust limits, by unit
+WARNINGS = {  # words for the resource, and for its limit
     "delta-v": ("", "its delta_v_budget is"),
     "propellant": (" of propellant", "it has"),
 }
@@ -24,7 +24,7 @@ WARNINGS = {  # of a limit: of what, and what there is
 
 @dataclass(frozen=True)
 class Use:
-    """How much of what it has a `craft` uses: `what` ("thrust", "delta-v", "propellant"), in one `unit`."""
+    """Use and limit of a resource by a `craft`: `what` is "thrust", "delta-v" or "propellant", in `unit`."""
 
     what: str
     unit: str
@@ -34,29 +34,29 @@ class Use:
 
     @property
     def share(self) -> float:
-        """The share of the limit that is used."""
+        """Fraction of the limit that is used."""
         return self.used / self.limit
 
     @property
     def exceeded(self) -> bool:
-        """Whether that is more than there is."""
+        """Whether the use exceeds the limit."""
         return self.share > 1.0 + ROUNDING
 
     def shown(self, grams: bool) -> tuple[float, float, str]:
-        """What is used, the limit, and the unit of both as they are printed: of masses perhaps grams."""
+        """Return the use, the limit and their unit as printed; `grams` selects grams for masses."""
         if grams and self.unit == "kg":
             return 1e3 * self.used, 1e3 * self.limit, "g"
         return self.used, self.limit, self.unit
 
     def warning(self, grams: bool) -> str:
-        """The same in words, for a limit that is exceeded."""
+        """Return the warning text for an exceeded limit."""
         of, has = WARNINGS.get(self.what) or ("", f"its {KEYS[self.unit]} is")
         used, limit, unit = self.shown(grams)
         return f"{self.craft} needs {used:.4g} {unit}{of}, {has} {limit:g} {unit}"
 
     @classmethod
     def of_spent(cls, craft: Sequence[Craft], delta_v: Floats, propellant: Floats) -> Iterator[Self]:
-        """What craft (N,) that have a limit spend: all delta-v [m/s], then all propellant [kg]."""
+        """Yield the use of each craft (N,) with a limit: all delta-v [m/s], then all propellant [kg]."""
         limits = ("delta-v", "m/s", "delta_v_budget", delta_v), ("propellant", "kg", "propellant", propellant)
         for what, unit, key, spent in limits:
             for one, used in zip(craft, spent.tolist(), strict=True):
@@ -65,7 +65,7 @@ class Use:
 
 
 def thrust_use(craft: Craft, acceleration: float) -> Use:
-    """How much a craft uses of its limit: in newtons, or in mm/s² where that is no force."""
+    """Return the use of a thrust limit for an acceleration [m/s^2]: in N for a force limit, else in mm/s²."""
     if craft.max_thrust is not None and craft.mass is not None:
         return Use("thrust", "N", craft.name, acceleration * craft.mass, craft.max_thrust)
     return Use("thrust", "mm/s²", craft.name, 1e3 * acceleration, 1e3 * craft.max_acceleration)
@@ -73,10 +73,10 @@ def thrust_use(craft: Craft, acceleration: float) -> Use:
 
 @dataclass(frozen=True)
 class Late:
-    """A stage, by its `number` and `verb`, that `took` [s] longer than `asked` [s].
+    """Stage, by its `number` and `verb`, that `took` [s] instead of the requested `asked` [s].
 
-    `punctual`: the thrust with which each craft that has less would have kept the time; none where it is
-    not want of thrust.
+    `punctual` lists the thrust that each spacecraft with less would need to finish in time.  It is empty if
+    the delay is not due to a lack of thrust.
     """
 
     number: int
@@ -87,19 +87,19 @@ class Late:
 
     @property
     def late(self) -> float:
-        """By how much [s]."""
+        """Delay [s]."""
         return self.took - self.asked
 
     @property
     def keeping(self) -> str:
-        """The thrust that would keep the time, rounded up."""
+        """Text with the thrust that would avoid the delay, rounded up."""
         names = [f"{raised(use.used)} {use.unit} ({use.craft})" for use in self.punctual[:MOST_NAMES]]
         more = len(self.punctual) - MOST_NAMES
         return ", ".join(names + [f"{more} more"] * (more > 0))
 
     @property
     def warning(self) -> str:
-        """The same in words."""
+        """Text of the warning."""
         keeping = ""
         if self.punctual:
             keeping = f"; {KEYS[self.punctual[0].unit]} of {self.keeping} would keep it"
@@ -115,10 +115,10 @@ class Late:
 
 @dataclass(frozen=True)
 class Asked:
-    """Something that a stage asks for: in words if it is `met`, and if not.
+    """Requirement of a stage, with the texts `kept` and `broken` for a requirement that is `met` or not.
 
-    Of those of one `kind` that are met the one with the least `margin` is told.  `doubt`: why it is not shown
-    although it is met in the model of the plan; empty where it is shown.
+    A verdict reports only the lowest `margin` among the met requirements of one `kind`.  `doubt` is the
+    reason why a requirement that is met in the model of the plan is in doubt; it is empty if there is none.
     """
 
     kept: str
@@ -130,7 +130,7 @@ class Asked:
 
     @property
     def shown(self) -> bool | None:
-        """Whether it is met; None where that is not shown."""
+        """Whether the requirement is met; None if that is in doubt."""
         return None if self.met and self.doubt else self.met
 
     def __str__(self) -> str:
@@ -139,10 +139,10 @@ class Asked:
 
 @dataclass(frozen=True)
 class Margin:
-    """Least distance [m] of a `pair` to its zone as planned, and the model error [m] beside it.
+    """Minimum planned `distance` [m] of a `pair` from its keep-out zone, with the model error [m].
 
-    Half of all missions have a model error of at most `expected`, 95 % of at most `unlikely`.  `planned`:
-    whether a stage can keep a margin.
+    Half of all missions have a model error of at most `expected`, and 95 % of at most `unlikely`.  `planned`
+    is True if a stage supports a keep-out margin.
     """
 
     distance: float
@@ -153,12 +153,12 @@ class Margin:
 
     @property
     def exceeded(self) -> bool:
-        """Whether the model error may take craft into a zone."""
+        """Whether the model error can exceed the distance."""
         return self.unlikely > self.distance
 
     @property
     def figures(self) -> dict[str, Any]:
-        """The same for `summary.json`."""
+        """Values for `summary.json`."""
         return {
             "margin_m": self.distance,
             "pair": list(self.pair),
@@ -180,10 +180,10 @@ class Margin:
 
 @dataclass(frozen=True)
 class LostThrust:
-    """A `craft` that loses its thrust at a `time` [s] and drifts, whether it `needed` more or not.
+    """Loss of thrust of a `craft` at a `time` [s], and whether it still `needed` thrust.
 
-    From then on it comes within `ratio` times the zone of the `other` that it comes nearest to; nan, None
-    where it keeps none.
+    `ratio` is the minimum clearance ratio of the free drift, and `other` is the spacecraft of that closest
+    approach.  They are nan and None for a spacecraft without a zone.
     """
 
     craft: str
@@ -194,7 +194,7 @@ class LostThrust:
 
     @property
     def figures(self) -> dict[str, Any]:
-        """The same for `summary.json`; of no zone the ratio is None."""
+        """Values for `summary.json`; the ratio is None without a zone."""
         ratio = None if isnan(self.ratio) else self.ratio
         return {
             "craft": self.craft,
@@ -206,13 +206,13 @@ class LostThrust:
 
     @classmethod
     def of(cls, figures: Mapping[str, Any]) -> Self:
-        """From its `figures`."""
+        """Return the loss of thrust with given `figures`."""
         ratio = nan if figures["ratio"] is None else figures["ratio"]
         return cls(figures["craft"], figures["time_s"], figures["needed"], ratio, figures["other"])
 
     @property
     def asked(self) -> Asked:
-        """What it comes to: a craft that needed its thrust does not get to where it was asked to be."""
+        """Requirement that the spacecraft needed no further thrust and that its drift is clear."""
         words = f"{self.craft} loses its thrust at {self.time:.1f} s"
         if not self.needed and not self.ratio < 1.0:
             return Asked(f"{words} and needed it no more", "", True, inf, f"thrust of {self.craft}")
@@ -227,7 +227,7 @@ class LostThrust:
 
 @dataclass(frozen=True)
 class SunAngle:
-    """The greatest `angle` [rad] of body x from the Sun in a search, that of one `craft`, and its `limit`."""
+    """Maximum `angle` [rad] between body x and the Sun in a search, of one `craft`, and its `limit` [rad]."""
 
     craft: str
     angle: float
@@ -240,7 +240,7 @@ class SunAngle:
 
     @property
     def asked(self) -> Asked:
-        """The requirement and whether it is met."""
+        """Requirement on the angle, and whether it is met."""
         found = f"body x up to {degrees(self.angle):.3f} deg off the Sun ({self.craft})"
         limit = f"limit {degrees(self.limit):g} deg"
         broken = f"sun limit exceeded: {found}, {limit}"
@@ -249,17 +249,22 @@ class SunAngle:
 
 @dataclass(frozen=True)
 class Verdict:
-    """Whether what was asked for is met.
+    """Verdict of a run.
 
-    `stopped`: why there are fewer stages than in the file, else None; `conflicts`, each from an entry
-    into a zone to the exit, of so many `pairs`; None where nobody looked for them.  `exceeded`: who
-    uses more than there is, None without any limit.  `searched`: whether craft were lost.  `late`: stages
-    that take longer than asked.  `sigmas`: of the errors of states by which conflicts were counted.
-    `asked`: what stages ask for beyond that.  `drawn`: whether craft fly with errors that a case has drawn.
-    `model`: the dynamics of the plan, empty in deep space; `margin`: the least one, with the model error;
-    None where that is not known, or a field is given.  `predicted`: the least ratio in the scenario's `field`
-    of pairs that are clear as planned; None without.  `strict`: whether a model error above the margin is a
-    failure.
+    - `stopped`: reason why stages of the file are missing; None if none are.
+    - `conflicts`: number of conflicts, of so many `pairs`; None if the run did not look for conflicts.
+    - `exceeded`: uses above their limits; None without any limit.
+    - `searched`: whether the run searched for lost spacecraft.
+    - `late`: stages that take longer than requested.
+    - `sigmas`: navigation uncertainty, in standard deviations, with which conflicts were counted.
+    - `asked`: further requirements of the stages.
+    - `drawn`: whether the paths include the sampled errors of a case.
+    - `model`: dynamics of the plan; empty in deep space.
+    - `margin`: minimum distance from a zone, with the model error; None if unknown or with a high-fidelity
+      model.
+    - `predicted`: minimum clearance ratio in the high-fidelity model `field` of the pairs that are clear as
+      planned; None without a prediction.
+    - `strict`: whether a model error above the margin is a failure.
     """
 
     stopped: str | None
@@ -279,41 +284,41 @@ class Verdict:
 
     @property
     def enters(self) -> bool:
-        """Whether a zone is entered in the field although the plan keeps it."""
+        """Whether a zone that the plan keeps is entered in the high-fidelity model."""
         return self.predicted is not None and self.predicted < 1.0 - SAMPLED
 
     @property
     def clear(self) -> bool:
-        """Whether every stage was flown, nobody is lost and no conflict remains, planned or in a field."""
+        """Whether every stage succeeded, and no conflict remains in the plan or the high-fidelity model."""
         return self.stopped is None and not self.conflicts and not self.enters
 
     @property
     def doubts(self) -> list[str]:
-        """What is not shown, as the model error exceeds a margin."""
+        """Texts of the results in doubt, for example because the model error exceeds the margin."""
         found = [str(self.margin)] if self.margin is not None and self.margin.exceeded else []
         return found + [one.doubt for one in self.asked if one.shown is None]
 
     @property
     def ok(self) -> bool:
-        """Whether it is clear, every limit is kept, no stage is late, and what else is asked for is met."""
+        """Whether the run is clear, keeps every limit, has no late stage and meets all other requirements."""
         met = all(one.met for one in self.asked) and not (self.strict and self.doubts)
         return self.clear and met and not self.exceeded and not self.late
 
     @property
     def status(self) -> int:
-        """The exit status of the command."""
+        """Exit status of the command."""
         return MET if self.ok else NOT_MET
 
     @property
     def at(self) -> str:
-        """With which errors conflicts were counted, in words."""
+        """Text that states the errors with which conflicts were counted; empty without errors."""
         if self.drawn:
             return " with the errors of this case"
         return "" if self.sigmas is None else f" at {self.sigmas:g} sigma{'s' * (self.sigmas != 1)}"
 
     @property
     def figures(self) -> dict[str, Any]:
-        """What it has come to, for `summary.json`."""
+        """Values for `summary.json`."""
         exceeded = [vars(use) for use in self.exceeded or ()]
         return {
             "status": self.status,
@@ -340,7 +345,7 @@ class Verdict:
         }
 
     def __str__(self) -> str:
-        """One line: clear, in which model and by how much, or what is not met."""
+        """Return one line: clear, with the model and the margins, or the unmet requirements."""
         if self.ok:
             model = f" in {self.model}" * bool(self.model)
             if self.predicted is not None:
@@ -350,7 +355,7 @@ class Verdict:
 
     @property
     def found(self) -> Iterator[str]:
-        """What is met, the margin last."""
+        """Texts of the requirements that are met, with the margin last."""
         if self.searched:
             yield "nobody is lost"
         looked = self.conflicts is not None
@@ -364,7 +369,7 @@ class Verdict:
 
     @property
     def unmet(self) -> Iterator[str]:
-        """What is not met."""
+        """Texts of the requirements that are not met."""
         if self.stopped is not None:
             yield f"stopped in {self.stopped}"
         if self.conflicts:
@@ -383,24 +388,24 @@ class Verdict:
 
 
 def metres(number: float) -> str:
-    """A length [m] with two digits, or whole metres."""
+    """Return a length [m] as text with two digits, or in whole metres."""
     return f"{number:.2g} m" if number < 99.5 else f"{number:.0f} m"
 
 
 def raised(number: float, digits: int = 4) -> str:
-    """A number with some digits that is not below it."""
+    """Return a number as text, rounded up to some digits."""
     unit = 10.0 ** (floor(log10(number)) + 1 - digits) if number > 0.0 else 1.0
     return f"{unit * ceil(number / unit * (1.0 - 1e-12)):.{digits}g}"
 
 
 def conflicts_of(conflicts: int, pairs: int) -> str:
-    """A number of conflicts, and of the pairs that are in them, perhaps again and again."""
+    """Return text with the number of conflicts, and the number of pairs unless there is one conflict."""
     of = f" of {pairs} pair{'s' * (pairs != 1)}" if conflicts != 1 else ""
     return f"{conflicts} conflict{'s' * (conflicts != 1)}{of}"
 
 
 def beyond(uses: Iterable[Use]) -> str:
-    """Which limits are not kept, and by whom."""
+    """Return text that lists the exceeded limits, each with the names of the spacecraft."""
     craft: dict[str, list[str]] = {}
     for use in uses:
         craft.setdefault(use.what, []).append(use.craft)
@@ -412,9 +417,9 @@ def beyond(uses: Iterable[Use]) -> str:
 
 
 def conflicts_in(flights: Iterable["WatchedFlight"]) -> tuple[int, int]:
-    """How many conflicts there are in flights that follow one another, and of how many pairs.
+    """Return the number of conflicts in consecutive flights, and the number of pairs.
 
-    One that lasts from one flight into the next is one.
+    A conflict that continues from one flight into the next counts once.
     """
     count, pairs, ends = 0, set(), dict[tuple[str, str], float]()
     for flight in flights:
