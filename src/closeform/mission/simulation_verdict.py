@@ -1,6 +1,7 @@
-"""What flights in a field have come to, or would: who enters a zone, whose limits are kept; why none are.
+"""Verdict of the simulation of a run in its high-fidelity model, or of the prediction without a simulation.
 
-Without a field: how large the model error of Hill's equations is, estimated, and which margin is beside it.
+Without a high-fidelity model, the module estimates the model error of Hill's equations and compares it with
+the minimum distance from a keep-out zone.
 """
 
 from collections.abc import Iterator
@@ -23,15 +24,16 @@ if TYPE_CHECKING:
     from closeform.motion.orbit import Orbit
     from closeform.scenario import Scenario
 
-LOOKS = 201  # instants of a stage at which it is asked how far out craft are
-EARTHLIKE = 1e-3  # of the gravitational parameter
+LOOKS = 201  # instants of a stage at which distances from the origin are sampled
+EARTHLIKE = 1e-3  # relative tolerance of the gravitational parameter for an orbit around the Earth
 
 
 @dataclass(frozen=True)
 class Entered:
-    """How many flights in a field enter a zone, `least` ratio (None without); alike unless `uncertain`.
+    """Number of simulated flights that enter a zone, with the minimum clearance ratio `least`.
 
-    `exceeded`: who spends more than there is in the dearest flight, None without any limit.
+    `least` is None without zones.  All flights are equal unless `uncertain`.  `exceeded` lists the uses above
+    a limit in the flight with the highest use; it is None without any limit.
     """
 
     count: int
@@ -42,27 +44,27 @@ class Entered:
 
     @property
     def clear(self) -> bool:
-        """Whether none does."""
+        """Whether no flight enters a zone."""
         return self.count == 0
 
     @property
     def ok(self) -> bool:
-        """Whether none does, and every limit is kept."""
+        """Whether no flight enters a zone and every limit is kept."""
         return self.clear and not self.exceeded
 
     @property
     def status(self) -> int:
-        """The exit status."""
+        """Exit status of the command."""
         return MET if self.ok else NOT_MET
 
     @property
     def many(self) -> str:
-        """The flights in words."""
+        """Text with the number of flights."""
         return f"{self.flights} flight{'s' * (self.flights != 1)}"
 
     @property
     def asked(self) -> Asked:
-        """The same as part of what a run comes to."""
+        """Requirement of the run that no flight enters a zone, and whether it is met."""
         if self.least is None:
             return Asked(f"{self.many} flown, there is no zone to enter", "", True, inf, "flight")
         if self.flights == 1:
@@ -75,7 +77,7 @@ class Entered:
 
     @property
     def zones(self) -> str:
-        """Whether zones are entered, in words."""
+        """Text that states in how many flights zones are entered."""
         if self.least is None:
             return f"flown: {self.many}, there is no zone to enter"
         found = (
@@ -95,19 +97,25 @@ class Entered:
 
 
 def in_flight(flights: "FlownRun | None", grounded: str | None) -> tuple[Asked, ...]:
-    """What flights that were asked for come to as part of a run; or why it is `grounded`."""
+    """Return the requirement on a requested simulation; `grounded` is the reason why it is impossible."""
     if grounded is not None:
         return (Asked("", f"cannot be flown: {grounded}", False, 0.0, "flight"),)
     return () if flights is None else (flights.entered.asked,)
 
 
 def predicted(mission: "Mission") -> float | None:
-    """The least ratio in a field, flown as planned, of pairs that are clear as planned; None without any."""
+    """Return the minimum predicted clearance ratio of pairs that are clear as planned; None without any.
+
+    The prediction applies the planned thrust in the high-fidelity model.
+    """
     return min((float(found.flown[k]) for _, found, clear in foreseen(mission) for k in clear), default=None)
 
 
 def eaten(mission: "Mission") -> Iterator[str]:
-    """Of stages in a field: pairs that are clear as planned, and not where thrust is played as planned."""
+    """Yield a warning for each stage whose planned thrust, in the high-fidelity model, causes a conflict.
+
+    Pairs with a planned conflict are not considered.
+    """
     for result, found, clear in foreseen(mission):
         entered = [k for k in clear if found.flown[k] < 1.0 - SAMPLED]
         if entered:
@@ -121,7 +129,10 @@ def eaten(mission: "Mission") -> Iterator[str]:
 
 @dataclass(frozen=True)
 class Neglected:
-    """What Hill's equations neglect on an orbit around the Earth; its e is None where it is not known."""
+    """Orbit around the Earth for which the model error of Hill's equations can be estimated.
+
+    `semi_major_axis` is in m and `period` in s.  `eccentricity` is None if it is unknown.
+    """
 
     semi_major_axis: float
     eccentricity: float | None
@@ -129,7 +140,10 @@ class Neglected:
 
     @classmethod
     def on(cls, orbit: "Orbit", scenario: "Scenario") -> "Neglected | None":
-        """The same of a scenario without a field; None with one, in deep space and around other bodies."""
+        """Return the orbit of a scenario without a high-fidelity model.
+
+        Return None with such a model, in deep space and around other bodies.
+        """
         n, chief = orbit.mean_motion, scenario.chief
         mu = chief.mu if chief is not None else scenario.orbit.mu or EARTH_MU
         if (
@@ -144,12 +158,18 @@ class Neglected:
         return cls(radius, None if chief is None else chief.eccentricity, 2.0 * pi / n)
 
     def error(self, reach: Any, time: Any, craft: int, kind: str = COASTS) -> tuple[Floats, Floats]:
-        """The model error [m] after some time [s] that half, and 95 %, of missions do not exceed."""
+        """Return the model error [m] after a `time` [s] that half, and 95 %, of missions do not exceed.
+
+        `reach` [m] is the maximum distance from the origin up to that time.
+        """
         return model_error(reach, time / self.period, self.semi_major_axis, self.eccentricity, craft, kind)
 
 
 def mission_error(mission: "Mission") -> tuple[Neglected, float, float] | None:
-    """What is neglected in a mission, and its model error: of half, and of 95 % of missions at most [m]."""
+    """Return the orbit for the estimate, and the model error [m] that half and 95 % of missions keep.
+
+    Return None if the model error is unknown.
+    """
     neglected, flown = Neglected.on(mission.orbit, mission.scenario), mission.flown
     if neglected is None or not flown:
         return None
@@ -162,22 +182,22 @@ def mission_error(mission: "Mission") -> tuple[Neglected, float, float] | None:
 
 
 def least_margin(mission: "Mission") -> Margin | None:
-    """The least distance of a pair to its zone, beside the model error; None where that is not known."""
+    """Return the minimum distance of a pair from its zone, with the model error; None if that is unknown."""
     error = mission_error(mission)
     near = [one for result in mission.flown for one in result.after.approaches]
     if error is None or not near or mission.flights is not None:
         return None
     inner = {zone: zone.inner_radius for zone in {one.zone for one in near}}
-    spare = [max(one.ratio - 1.0, 0.0) * inner[one.zone] for one in near]  # at least so much, to any side
+    spare = [max(one.ratio - 1.0, 0.0) * inner[one.zone] for one in near]  # lower bound in any direction
     k = int(np.argmin(spare))
     planned = any(hasattr(stage, "margin") for stage in mission.scenario.stages)
     return Margin(float(spare[k]), (near[k].first, near[k].second), *error[1:], planned)
 
 
 def foreseen(mission: "Mission") -> Iterator[tuple["StageResult[Any, Any]", "Validity", list[int]]]:
-    """Stages whose field predicts something, and what: with the rows of pairs that are clear as planned.
+    """Yield each stage with a prediction, the prediction, and its rows of pairs that are clear as planned.
 
-    None where flights say what becomes of them.
+    Yield nothing for a simulated mission, because the simulation supersedes the predictions.
     """
     for result in mission.flown if mission.flights is None else ():
         if (found := result.validity) is not None:

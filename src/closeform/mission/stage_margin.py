@@ -1,4 +1,4 @@
-"""The margin that a stage keeps beyond zones: a length, or what feedback leaves of its own plan."""
+"""Keep-out margin of a stage: a given length, or the tracking margin that its own plan requires."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -22,10 +22,12 @@ def with_margin(
     others: Sequence[Path],
     make: Callable[[Any], Any],
 ) -> Any:
-    """The plan that `make` makes for a margin, for the first of the craft `who` around the `others`.
+    """Return the plan of `make` with the keep-out margin of the stage.
 
-    Made anew, where the margin is "auto", until what its flight in the scenario's field needs is kept; where
-    that is not, or its flight takes what nobody has, none, which says why.
+    `who` lists the craft by index: first those that are planned, then those whose paths are `others`.  For
+    the margin "auto", the plan is iterated until it keeps the margin that its tracking error in the
+    high-fidelity model requires.  If the iteration fails, or tracking exceeds a limit, the plan has the
+    status NO_MARGIN and a reason.
     """
     if stage.margin != "auto":
         return make(stage.margin or 0.0)
@@ -55,7 +57,7 @@ def with_margin(
 
 
 def unfit(plan: "Plan | Avoidance", reason: str) -> "Plan | Avoidance":
-    """A plan that is none, for want of a margin that fits."""
+    """Return the plan without paths, with the status NO_MARGIN and the `reason`."""
     from closeform.planning.plan import Plan, Status
 
     without: Any = {"paths": None} if isinstance(plan, Plan) else {"path": None, "extra_energy": nan}
@@ -64,12 +66,15 @@ def unfit(plan: "Plan | Avoidance", reason: str) -> "Plan | Avoidance":
 
 
 def flown_errors(start: StageStart, who: list[int]) -> list[Any] | None:
-    """The errors of some craft in flight: when what they follow begins, and of their burns."""
+    """Return the uncertainty of the craft `who` at the start of their reference paths, with execution errors.
+
+    Return None if no spacecraft has any.
+    """
     own = start.scenario.flight["errors"] if start.flown else start.errors
     return [own[k] for k in who] if own else None
 
 
 def led_by_impulses(scenario: Scenario) -> bool:
-    """Whether a run is led back by impulses or burns: someone has thrusters, or plans by impulses."""
+    """Return True if feedback uses impulses: a spacecraft has thrusters, or a stage plans impulses."""
     fires = any(craft.fired(1.0) is not None for craft in scenario.craft_of_all)
     return fires or any(map(scenario.plans_impulses, scenario.stages))

@@ -1,4 +1,4 @@
-"""Where everybody is when a stage begins, and what follows from that: coasts, transfers, being late."""
+"""State of the formation at the start of a stage, with the coasts, transfers and arrivals that follow."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -26,17 +26,17 @@ from closeform.zones.pair_zones import PairZones
 if TYPE_CHECKING:
     from closeform.mission.mission_result import StageResult
 
-LATE = 1.0 + 1e-6  # times the duration asked for: longer is later than asked
-Clear = Callable[[Floats], Any]  # of final states (S, 6) which (S,) are in nobody's zone
-PHASES, A_DEGREE = 36_000, 100  # of a relative orbit, among which the cheapest is looked for
+LATE = 1.0 + 1e-6  # multiple of the requested duration above which a stage is late
+Clear = Callable[[Floats], Any]  # final states (S, 6) -> mask (S,) of those outside of all zones
+PHASES, A_DEGREE = 36_000, 100  # searched phases of a relative orbit: in all, and per degree
 
 
 @dataclass(frozen=True)
 class BurnRoom:
-    """What a plan leaves for the burns of thrusters: zones so many times `larger`, coasts at both ends [s].
+    """Reserve of a plan for thruster burns: coasts at both ends [s], and zones enlarged by a factor `larger`.
 
-    A burn about an impulse at an end of a plan begins before it, or ends after it.  `whole`: impulses of the
-    plan are at least the minimum bit of their thruster.
+    A burn centred on an impulse at an end of the plan begins before the plan, or ends after it.  With
+    `whole`, each impulse of the plan has at least the minimum impulse bit of its thruster.
     """
 
     before: float = 0.0
@@ -46,17 +46,20 @@ class BurnRoom:
 
     @property
     def time(self) -> float:
-        """By how much the plan is shorter [s]."""
+        """Total duration of both coasts [s], by which the plan is shorter."""
         return self.before + self.after
 
 
 @dataclass(frozen=True, eq=False)
 class StageStart:
-    """Where everybody is when a stage begins, at `time` [s]; `past` has time and states of named stages.
+    """State of all spacecraft at the start of a stage, at `time` [s].
 
-    `shares` (N,) of each craft's first mass are left.  With `room` it is a later moment: when plans begin.
-    `errors` of the craft then, none where nobody has any.  `flown`: the stages before, none where everybody
-    is known anew.
+    - `states` (N, 6): states of the spacecraft.
+    - `past`: time and states at the start of each named stage.
+    - `shares` (N,): remaining fraction of the initial mass of each spacecraft.
+    - `room`: reserve for thruster burns; with it, `time` is the later start of the plan.
+    - `errors`: uncertainty of each spacecraft; empty if none has any.
+    - `flown`: previous stages; empty if each stage is replanned from known states.
     """
 
     scenario: Scenario
@@ -71,7 +74,7 @@ class StageStart:
     flown: "tuple[StageResult[Any, Any], ...]" = ()
 
     def leaving(self, room: BurnRoom) -> Self:
-        """When a plan begins that leaves some room."""
+        """Return the start of a plan that leaves the reserve `room`, after the coast before it."""
         if not room.before:
             return replace(self, room=room)
         states = self.states @ self.orbit.transition(room.before).T
@@ -79,24 +82,24 @@ class StageStart:
         return replace(self, states=states, time=self.time + room.before, room=room, errors=errors)
 
     def later(self, k: int, duration: float) -> Any:
-        """The errors of craft k after a coast."""
+        """Return the uncertainty of craft k after a coast of `duration` [s]; None without any."""
         if self.errors[k] is None:
             return None
-        from closeform.uncertainty.propagated_errors import carried  # whose kernels nothing else needs
+        from closeform.uncertainty.propagated_errors import carried  # kernels that only this needs
 
         return carried(self.errors[k], self.coast(k, duration))
 
     def planned_errors(self, stage: Avoid | Joint, who: list[int]) -> list[Any] | None:
-        """The errors of craft with which a stage plans; None where it has no sigmas to plan for.
+        """Return the uncertainty of the craft `who` for the planner; None if the stage requires no sigmas.
 
-        A plan of another method does not know them: it is judged.
+        Methods that are not exact do not plan with uncertainty; their plans are only checked afterwards.
         """
         if stage.sigmas is None or not self.errors or not stage.is_exact:
             return None
         return [self.errors[k] for k in who]
 
     def asked(self, stage: Avoid | Joint | Transfer) -> float:
-        """For how long plans of a stage are to last [s]."""
+        """Return the duration [s] of plans of a stage, without the reserve for burns at both ends."""
         asked = stage.within.on(self.orbit.mean_motion)
         if asked <= self.room.time:
             raise ValueError(
@@ -106,9 +109,9 @@ class StageStart:
         return asked - self.room.time
 
     def planned_drift(self, stage: Avoid | Joint) -> float | None:
-        """How long after a stage's plan thrust that was lost in it must not lead into a zone [s].
+        """Return the passive-safety horizon [s] after the plan; None if the planner does not consider it.
 
-        None where no plan can be made for it, or not by its method: it is judged.
+        Passive safety of such a stage is only checked afterwards.
         """
         if stage.drift is None or not stage.plans_drift or not stage.is_exact:
             return None
@@ -116,7 +119,7 @@ class StageStart:
 
     @cached_property
     def keep_out(self) -> tuple[OwnZone | None, ...]:
-        """Each craft's own zone, as plans keep it; None for a craft without one."""
+        """Own zone of each spacecraft, as plans keep it; None for a spacecraft without a zone."""
         if self.room.larger == 1.0:
             return self.scenario.keep_out
         return tuple(
@@ -125,25 +128,25 @@ class StageStart:
 
     @cached_property
     def zones(self) -> PairZones:
-        """Who keeps which zone with whom in plans."""
+        """Keep-out zone of each pair, as plans keep it."""
         if self.room.larger == 1.0:
             return self.scenario.zones
         return PairZones.of(self.keep_out, self.scenario.names)
 
     def flight(self, paths: list[Path]) -> WatchedFlight:
-        """The paths, watched over their common time."""
+        """Return the flight of the paths, with its conflicts over their common time."""
         return watch(stack(paths), self.scenario.names, self.scenario.zones)
 
     def coast(self, k: int, duration: float) -> Path:
-        """Craft k does not burn for a `duration` [s]."""
+        """Return the coast of craft k for a `duration` [s]."""
         return self.orbit.coast(self.states[k], duration, self.time)
 
     def coasts(self, duration: float) -> WatchedFlight:
-        """Nobody burns for a `duration` [s]."""
+        """Return the flight in which all spacecraft coast for a `duration` [s]."""
         return self.flight([self.coast(k, duration) for k in range(len(self.states))])
 
     def fired(self, k: int, burns: Sequence[tuple[float, Floats]], duration: float) -> Path:
-        """Craft k's path under impulses (3,) [m/s], each so long after the start [s]."""
+        """Return craft k's path with `burns`, given as times after the start [s] and delta-v (3,) [m/s]."""
         state, at, first, pieces = self.states[k], 0.0, np.zeros(3), []
         for time, push in sorted(burns, key=lambda burn: burn[0]):
             if time > at:
@@ -156,8 +159,8 @@ class StageStart:
         return join(pieces)
 
     def followed(self, k: int, duration: float) -> Path:
-        """Return craft k's path along the file of its start; a velocity jump at its begin is an impulse."""
-        from closeform.scenario.start_state import along  # whose files nothing else reads
+        """Return craft k's path along its ephemeris file; a velocity jump at its start is an impulse."""
+        from closeform.scenario.start_state import along  # reads files that only this needs
 
         name = self.scenario.names[k]
         times, states, arrivals = along(self.scenario, name, self.time, self.time + duration)
@@ -171,53 +174,53 @@ class StageStart:
         return self.orbit._through(times, states[None], arrivals[None])[0]
 
     def latitude(self, duration: float) -> float:
-        """The origin's argument of latitude [rad] after a `duration` [s]."""
+        """Return the argument of latitude [rad] of the origin after a `duration` [s]."""
         return self.scenario.orbit.latitude + self.orbit.mean_motion * (self.time + duration)
 
     def earlier(self, states: Floats) -> Floats:
-        """Where plans end (..., 6), to coast to the states asked for at the stage's end."""
+        """Return the end states (..., 6) of plans from which a coast reaches `states` at the stage's end."""
         return states @ self.orbit.transition(-self.room.after).T if self.room.after else states
 
     def goal(self, target: Target, duration: float) -> Floats:
-        """The state (6,) in which a plan of this `duration` [s] ends that leads to a target."""
+        """Return the end state (6,) of a plan to a target with this `duration` [s]."""
         return self.earlier(target.state(self.orbit, self.latitude(duration + self.room.after)))
 
     def arrival(
         self, asked: Destination, k: int, duration: float, cost: Cost, clear: Clear | None = None
     ) -> "Arrival":
-        """Where craft k arrives after a `duration` [s]: at the cheapest phase where that is left open."""
+        """Return the arrival of craft k after a `duration` [s], at the phase of lowest cost if it is open."""
         given = Arrival(self, asked, asked, k, duration, cost, clear)
         return given.cheapest if asked.is_open else given
 
     def cheapest(self, k: int, finals: Floats, duration: float, cost: Cost) -> tuple[int, float]:
-        """Which of some final states (S, 6) it costs craft k least to be in, and how much that is."""
+        """Return the index of the final state (S, 6) with the lowest cost for craft k, and that cost."""
         if cost == "energy":
             spent = self.orbit.transfer(self.states[k], finals, duration).energy
             return int(np.argmin(spent)), float(np.min(spent))
-        from closeform.fuel.arrivals import transfer_cost_table  # whose kernels only this needs
+        from closeform.fuel.arrivals import transfer_cost_table  # kernels that only this needs
 
         slots = finals @ self.orbit.transition(-duration).T
         found = transfer_cost_table(self.orbit, self.states[k], slots, [duration])
         return int(found.slot[0]), float(found.delta_v[0])
 
     def transfer(self, target: Target, k: int, duration: float, cost: Cost) -> Path:
-        """Craft k's way to a target at the least cost, by thrust without limit in any direction."""
+        """Return craft k's transfer of minimum cost to a target, with unlimited thrust in any direction."""
         final = self.goal(target, duration)
         return self.orbit.transfer(self.states[k], final, duration, self.time, cost=cost)
 
     def thrusters(self, k: int, cost: Cost) -> Thrusters | None:
-        """Those that a plan for craft k is made for: with least delta-v its own, if it has some."""
+        """Return the thrusters for which craft k is planned: its own for cost "delta-v", otherwise None."""
         own = self.scenario.craft[k].fired(float(self.shares[k])) if cost == "delta-v" else None
         return own if own is None or self.room.whole else replace(own, minimum_bit=0.0)
 
     def limit(self, k: int) -> float:
-        """What craft k's engine gives the mass that is left [m/s^2]; inf without a limit."""
+        """Return the maximum acceleration [m/s^2] of craft k with its remaining mass; inf without a limit."""
         return self.scenario.craft[k].max_acceleration / float(self.shares[k])
 
     def own_transfer(self, target: Target, k: int, duration: float, cost: Cost) -> Path:
-        """Craft k's way to a target at the least cost, as its thrusters or its engine can.
+        """Return craft k's transfer of minimum cost to a target, feasible for its thrusters or engine.
 
-        Raises ValueError, which names the craft, where they cannot.
+        Raises ValueError, which names the spacecraft, if the limits do not permit a transfer.
         """
         task = self.states[k], self.goal(target, duration), duration, self.time
         thrusters = self.thrusters(k, cost)
@@ -234,8 +237,8 @@ class StageStart:
             raise
 
     def in_whole_bits(self, task: tuple[Floats, Floats, float, float], thrusters: Thrusters) -> Path:
-        """Return the transfer of minimum delta-v whose impulses keep the minimum bit, where there is one."""
-        from closeform.planning.reconfigure import reconfigure  # whose kernels only this needs
+        """Return the transfer of minimum delta-v whose impulses are not below the minimum impulse bit."""
+        from closeform.planning.reconfigure import reconfigure  # kernels that only this needs
 
         initial, final, duration, time = task
         goal = initial[None], final[None], duration
@@ -244,7 +247,7 @@ class StageStart:
         return plan.paths[0]
 
     def mixed(self, who: list[int], paths: Path) -> WatchedFlight:
-        """The `paths` of the craft `who`; the others coast meanwhile."""
+        """Return the flight with the `paths` of the craft `who`; the others coast meanwhile."""
         duration = float(np.max(paths.end)) - self.time
         flying = {k: paths[place] if paths.shape else paths for place, k in enumerate(who)}
         flying |= {k: self.coast(k, duration) for k in range(len(self.states)) if k not in flying}
@@ -253,9 +256,9 @@ class StageStart:
 
 @dataclass(frozen=True, eq=False)
 class Arrival:
-    """That craft k of a stage's `start`, which was `asked` to go somewhere, arrives at its `target`.
+    """Arrival of craft k of a stage at its `target`, which is the destination `asked` with a chosen phase.
 
-    What a phase costs is told of free thrust in this `duration` [s], with nothing in the way.
+    The cost of a phase is that of unlimited thrust in this `duration` [s], without avoidance.
     """
 
     start: StageStart
@@ -268,13 +271,13 @@ class Arrival:
 
     @cached_property
     def spent(self) -> float:
-        """What arriving there costs [m/s; of energy m^2/s^3]."""
+        """Cost of the arrival [m/s for delta-v, m^2/s^3 for energy]."""
         finals = self.start.goal(self.target, self.duration)[None]
         return self.start.cheapest(self.k, finals, self.duration, self.cost)[1]
 
     @cached_property
     def cheapest(self) -> "Arrival":
-        """At the phase that costs least, to a hundredth of a degree; of those that are `clear`, if any."""
+        """Arrival at the phase of lowest cost, to 0.01 deg; only `clear` phases count, if there are any."""
         if self.asked.is_open and not self.target.is_open:
             return self
         shape, start = self.asked.at_phase(0.0).shape, self.start
@@ -292,8 +295,11 @@ class Arrival:
 
 
 def followed(stages: "Sequence[StageResult[Any, Any]]") -> Path:
-    """What craft follow in flight (N,): the planned thrust of stages, each from where that before led."""
-    from closeform.dynamics.flown_plan import following, spanning  # which only flights need
+    """Return the reference paths (N,) of a simulation: the stages with their planned thrust, joined.
+
+    Each stage starts from the end state that the planned thrust of the previous stages causes.
+    """
+    from closeform.dynamics.flown_plan import following, spanning  # which only simulations need
 
     plans = (spanning(one.planned.paths, np.array([one.start, one.end])) for one in stages)
     return reduce(following, plans)
@@ -302,9 +308,9 @@ def followed(stages: "Sequence[StageResult[Any, Any]]") -> Path:
 def too_late(
     start: StageStart, stage: Avoid | Joint, after: WatchedFlight, punctual: dict[str, float | None]
 ) -> Late | None:
-    """That a stage takes longer than it was asked to, where it does.
+    """Return the delay of a stage that takes longer than requested; None for a stage in time.
 
-    `punctual`: with which thrust [m/s^2] each craft would not, None where that is not known.
+    `punctual` maps each spacecraft to the thrust [m/s^2] that would avoid the delay, or None if unknown.
     """
     took, asked = after.end - start.time, start.asked(stage)
     if took <= asked * LATE:

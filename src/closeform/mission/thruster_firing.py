@@ -1,4 +1,7 @@
-"""What thrusters make of a stage: pulses that fly its plan, with the room that they need, certified."""
+"""Realization of a stage with thruster pulses that follow its plan, certified to be clear.
+
+The plan leaves the reserve in time and clearance that the pulses need.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -20,22 +23,23 @@ if TYPE_CHECKING:
 
 Result = TypeVar("Result", bound=StageResult[Any, Any])
 
-TRIES = 12  # plans that are made for room that grows
-SPARE = 1.02  # times the time that burns stick out: another plan has other burns
-GROWTH = 1.5  # times what pulses lead a pair nearer than planned: those of another plan lead elsewhere
-# Of a zone: by no more it grows from plan to plan, as small pulses before a long drift lead far from some
-# plans and not from those beside them; and by less than that there is no plan between two.
+TRIES = 12  # maximum number of plans, each with a larger reserve
+SPARE = 1.02  # factor on the time by which burns exceed the stage, because another plan has other burns
+GROWTH = 1.5  # factor on the lost clearance ratio, because the pulses of another plan deviate differently
+# Maximum and minimum enlargement of zones from plan to plan, relative to the zone.  The maximum is small,
+# because small pulses before a long drift cause large deviations from some plans but not from similar ones.
 LEAP, FINEST = 0.15, 0.02
 REMEDY = "give it more thrust or time, or try cost 'energy', which spreads it"
 
 
 @dataclass(frozen=True, eq=False)
 class Pulsed:
-    """A stage whose craft `names` fire pulses: the `firing` counts them in this order.
+    """Pulses of a stage, fired by the spacecraft `names` in the order of `firing`.
 
-    `planned` is the flight that the pulses follow, in the `room` that it leaves them; `short`: where that is
-    not enough, which room there is no plan for, and why.  `off` (N, 2): distance [m] and speed [m/s] between
-    the state of each spacecraft at the end of the stage and its target.
+    `planned` is the flight that the pulses follow, and `room` is the reserve that it leaves for them.
+    `short` states why there is no plan with a sufficient reserve; it is None if the reserve suffices.
+    `off` (N, 2) holds the distance [m] and speed [m/s] between the state of each spacecraft at the end of the
+    stage and its target.
     """
 
     names: tuple[str, ...]
@@ -63,17 +67,17 @@ class Pulsed:
 
 
 def pulsed(start: StageStart, plan: Callable[[StageStart], Result]) -> Result:
-    """The StageResult of a `plan`, flown by the thrusters of those that have some.
+    """Return the StageResult of a `plan`, realized by thrusters on the spacecraft that have some.
 
-    Burns that would begin before the stage or end after it, and pulses that lead into a zone, or would where
-    thrust is lost, ask for room: the plan is made anew within coasts, or for larger zones.  Where there is
-    none, conflicts remain, or drifts that are not safe.
+    The stage is planned again, between coasts, if burns begin before the stage or end after it.  It is
+    planned again with larger zones if the pulses cause a conflict, or would after a loss of thrust.  If no
+    such plan exists, conflicts or unsafe drifts remain.
     """
     stage = start.scenario.stages[start.number - 1]
-    room = BurnRoom(whole=getattr(stage, "drift", None) is not None)  # such a plan is one of pulses
+    room = BurnRoom(whole=getattr(stage, "drift", None) is not None)  # a passively safe plan is one of pulses
     kept: Result | None = None
-    resized = False  # impulses, as those below the minimum bit would end too far from the target
-    clearest, planned = -1.0, 1.0  # the least norm of what is kept, and for which zones there was a plan last
+    resized = False  # True after planning again with whole minimum impulse bits, to arrive at the target
+    clearest, planned = -1.0, 1.0  # clearance ratio of `kept`; zone factor of the last successful plan
     for _ in range(TRIES):
         later = start.leaving(room)
         found = plan(later)
@@ -86,7 +90,7 @@ def pulsed(start: StageStart, plan: Callable[[StageStart], Result]) -> Result:
             continue
         if not (shooting := shooters(start, found.after)):
             return found
-        from closeform.fuel.order import Overlap  # whose kernels only thrusters need
+        from closeform.fuel.order import Overlap  # kernels that only thrusters need
 
         try:
             names, shot = fired(start, found.after, shooting)
@@ -121,7 +125,10 @@ def pulsed(start: StageStart, plan: Callable[[StageStart], Result]) -> Result:
 
 
 def without(kept: Result | None, found: Result, room: BurnRoom, why: str) -> Result:
-    """What is kept though pulses need more `room`, which was asked for in vain, or else a failure."""
+    """Return the best result so far, marked as short of reserve, if no plan with the reserve `room` exists.
+
+    Without such a result, return `found` as a failure with the reason `why`.
+    """
     if kept is None or kept.pulsed is None:
         return replace(found, failure=why, flown=False)
     short = f"zones {100.0 * (room.larger - 1.0):.3g} % larger: {why}"
@@ -129,7 +136,7 @@ def without(kept: Result | None, found: Result, room: BurnRoom, why: str) -> Res
 
 
 def shooters(start: StageStart, flight: WatchedFlight) -> list[int]:
-    """Who has thrusters and needs them on a flight."""
+    """Return the indices of the spacecraft that have thrusters and need delta-v in a flight."""
     craft = enumerate(start.scenario.craft)
     return [k for k, one in craft if one.thrusters is not None and flight.paths[k].delta_v > 0.0]
 
@@ -137,9 +144,9 @@ def shooters(start: StageStart, flight: WatchedFlight) -> list[int]:
 def fired(
     start: StageStart, flight: WatchedFlight, shooting: list[int]
 ) -> "tuple[tuple[str, ...], ThrusterFiring]":
-    """What some craft fire on a flight, with their names.
+    """Return the names of the spacecraft `shooting`, by index, and the pulses that realize their paths.
 
-    Raises ValueError that counts craft by their names and thrusters from 1.
+    Raises ValueError that refers to spacecraft by name and numbers thrusters from 1.
     """
     scenario = start.scenario
     thrusters = [scenario.craft[k].fired(float(start.shares[k])) for k in shooting]
@@ -151,7 +158,7 @@ def fired(
             "mass": np.array(masses, dtype=float) * start.shares[shooting],
             "specific_impulse": np.array(impulses, dtype=float),
         }
-    from closeform.fuel.firing import fire_thrusters  # whose kernels only thrusters need
+    from closeform.fuel.firing import fire_thrusters  # kernels that only thrusters need
 
     names = tuple(scenario.names[k] for k in shooting)
     try:
@@ -165,7 +172,10 @@ def fired(
 def shooting_flight(
     start: StageStart, planned: WatchedFlight, names: tuple[str, ...], shot: "ThrusterFiring", end: float
 ) -> WatchedFlight:
-    """A flight on which some craft fire, and the others do as planned, from the stage's start to its end."""
+    """Return the flight from the start of the stage to `end` [s], with the pulses of the craft `names`.
+
+    The other spacecraft follow their planned paths.
+    """
     from closeform.fuel.pulses import extended
 
     flies = dict(zip(names, [shot.path[k] for k in range(len(names))], strict=True))
@@ -188,19 +198,22 @@ def missed(
 
 
 def nearest(flight: WatchedFlight, planned: WatchedFlight) -> float:
-    """The least norm in conflicts of a flight, of pairs that are planned to have none; inf without."""
+    """Return the minimum clearance ratio in conflicts of pairs without a planned conflict; inf if none."""
     asked = {(conflict.first, conflict.second) for conflict in planned.conflicts}
     norms = [one.ratio for one in flight.conflicts if (one.first, one.second) not in asked]
     return min(norms, default=np.inf)
 
 
 def adrift(start: StageStart, stage: Any, flight: WatchedFlight) -> float:
-    """The least norm where craft lose their thrust on a flight that is planned for that; inf without."""
+    """Return the minimum proven clearance ratio after a failure of spacecraft that are planned to be safe.
+
+    Return inf if passive safety is not planned.
+    """
     if not isinstance(stage, Avoid | Joint) or stage.drift is None or start.planned_drift(stage) is None:
         return np.inf
-    from closeform.mission.passive_safety import nearest as nearest_drifts  # whose kernels only a drift needs
+    from closeform.mission.passive_safety import nearest as nearest_drifts  # kernels of drifts only
 
     until = flight.end + stage.drift.on(start.orbit.mean_motion)
     pairs, _ = nearest_drifts(flight, start.scenario.zones, until, stage.what_fails)
-    fail = stage.moving(flight.names)[: 1 if isinstance(stage, Avoid) else None]  # fellows are not planned
+    fail = stage.moving(flight.names)[: 1 if isinstance(stage, Avoid) else None]  # `meanwhile` is not planned
     return min((pair.proven for pair in pairs if pair.fails in fail), default=np.inf)
