@@ -1,4 +1,4 @@
-"""Stages in which a whole formation moves in one plan: scatter, regather, reconfigure."""
+"""Stages in which one plan moves a whole formation: scatter, regather and reconfigure."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -19,16 +19,16 @@ from closeform.scenario import Goal, Joint, Reconfigure, Regather, Scatter
 if TYPE_CHECKING:
     from closeform.planning.plan import Plan
 
-AGAIN = 20  # times that a goal which depends on when one arrives is aimed at
-ROUNDING = 1e-9
-SLACK = 1.01  # by which later such times are stretched, so that they settle
+AGAIN = 20  # maximum number of plans for goals that depend on the arrival time
+ROUNDING = 1e-9  # relative tolerance of the duration
+SLACK = 1.01  # factor on the duration from the second iteration on, so that the iteration converges
 
 Goals = Callable[[float], Floats]  # duration of the stage [s] -> slots (S, 6)
 Moved = StageResult[Joint, ReconfigureResult]
 
 
 def scatter(start: StageStart, stage: Scatter) -> Moved:
-    """All craft spread out."""
+    """Spread all spacecraft in one plan, and return the result of the stage."""
     from closeform.planning.targets import scattered, scattered_from
 
     def goals(duration: float) -> Floats:
@@ -43,7 +43,10 @@ def scatter(start: StageStart, stage: Scatter) -> Moved:
 
 
 def regather(start: StageStart, stage: Regather) -> Moved:
-    """All craft return to the relative orbits that they had at the start of an earlier stage."""
+    """Move all spacecraft back to their relative orbits at the start of an earlier stage, in one plan.
+
+    Return the result of the stage.
+    """
     from closeform.planning.targets import regathered
 
     time, states = start.past[stage.as_before]
@@ -55,7 +58,7 @@ def regather(start: StageStart, stage: Regather) -> Moved:
 
 
 def reconfigure(start: StageStart, stage: Reconfigure) -> Moved:
-    """Craft move to new relative orbits."""
+    """Move spacecraft to new relative orbits in one plan, and return the result of the stage."""
     from closeform.planning import targets
 
     names, to = start.scenario.names, stage.to
@@ -77,7 +80,10 @@ def reconfigure(start: StageStart, stage: Reconfigure) -> Moved:
 
 
 def together(start: StageStart, stage: Joint, goals: Goals) -> Moved:
-    """A formation moves to its `goals` in one plan; craft that do not move coast, and are kept clear of."""
+    """Plan the move of a formation to its `goals`, and return the result of the stage.
+
+    Spacecraft that do not move coast, and the plan keeps clear of them.
+    """
     from closeform.planning.plan import Status
 
     names = start.scenario.names
@@ -99,16 +105,17 @@ def together(start: StageStart, stage: Joint, goals: Goals) -> Moved:
 def planned(
     start: StageStart, stage: Joint, goals: Goals, who: list[int], rest: list[int]
 ) -> tuple["Plan", tuple[str, ...]]:
-    """The plan for the craft `who` around those that coast, and what was tried.
+    """Return the plan for the craft `who`, clear of the coasting craft `rest`, and the further attempts.
 
-    Where craft arrive later than asked for, goals that move are aimed at anew, where they are then.
+    If spacecraft arrive later than requested, moving goals are updated to the later time, and the formation
+    is planned again.
     """
     from closeform.planning.plan import Status, weakness
     from closeform.planning.reconfigure import reconfigure
 
     scenario = start.scenario
     thrusters = [start.thrusters(k, stage.cost) for k in who]
-    limits = np.array(  # with the first mass
+    limits = np.array(  # accelerations of the initial mass
         [
             inf if own is not None else scenario.craft[k].max_acceleration
             for k, own in zip(who, thrusters, strict=True)
@@ -153,7 +160,7 @@ def planned(
 
         plan = with_margin(start, stage, who + rest, coasting, made)
         measures += plan.measures
-        punctual = punctual if attempt else plan.punctual  # of the duration asked for
+        punctual = punctual if attempt else plan.punctual  # for the requested duration
         plan = replace(plan, punctual=punctual)
         if plan.weak is not None:
             weak = scenario.craft[who[plan.weak.craft]]
@@ -162,7 +169,7 @@ def planned(
         if not plan.ok or abs(took - duration) <= ROUNDING * duration:
             return plan, measures
         if np.array_equal(start.earlier(goals(took + start.room.time)), slots):
-            return plan, measures  # they hold whenever craft arrive
+            return plan, measures  # these goals do not depend on the arrival time
         duration = took * SLACK if attempt else took
         measures += (f"aims at where the relative orbits are after {duration:.6g} s",)
     reason = f"the relative orbits move on faster than craft arrive, up to {took:.6g} s"

@@ -1,4 +1,4 @@
-"""What a stage leads to when something fails: every pair, judged for all instants and all of the drift."""
+"""Passive safety of a stage: the clearance of every pair after a failure at any instant of the stage."""
 
 import os
 from collections.abc import Iterator
@@ -27,20 +27,23 @@ from closeform.scenario.stage_table import Drifting
 from closeform.zones.pair_zones import PairZones, by_zone, portions
 from closeform.zones.zone import Zone
 
-MOST = 2000  # pairs, each both ways, of which every least ratio is looked for; of more those that are unsafe
-ROUNDING = 1e-8  # of a ratio: a bound nearer to it is the same
+MOST = 2000  # maximum number of directed pairs with an exact minimum; of more, only unsafe ones get one
+ROUNDING = 1e-8  # relative tolerance within which a bound equals a clearance ratio
 HILL = "Hill's equations"
-CHUNK = 64  # of them that one thread takes at a time
+CHUNK = 64  # directed pairs that one thread evaluates at a time
 
 
 @dataclass(frozen=True, eq=False)
 class PairDrift:
-    """How near `fails` comes to `meets`, in terms of the `zone` that holds for them, at the worst.
+    """Closest approach of the spacecraft `fails` to the spacecraft `meets` after the worst failure.
 
-    It fails at `failed_at` [s], nan where it does not thrust; the least norm is `ratio` at `time` [s], inf in
-    a drift so slow that nobody knows when; `distance` [m] then.  It is proven that no failure leads below
-    `lower`, which is farther below `ratio` where the search of failures with many unknowns had to end.
-    `model`: in which dynamics that is.
+    - `failed_at`: time of the failure [s]; nan for a spacecraft that does not thrust.
+    - `ratio`: minimum clearance ratio of the `zone` of the pair.
+    - `time`: time of the minimum [s]; inf if the drift is too slow to determine it.
+    - `distance`: distance [m] at that time.
+    - `lower`: proven lower bound of the ratio over all failures.  It is farther below `ratio` if the search
+      over failures with many unknowns was stopped early.
+    - `model`: dynamics of the drift.
     """
 
     fails: str
@@ -55,29 +58,33 @@ class PairDrift:
 
     @property
     def safe(self) -> bool:
-        """Whether it certainly stays out of the zone."""
+        """Whether the spacecraft provably stays out of the zone."""
         return self.ratio > 1.0 and self.proven > 1.0 - ROUNDING
 
     @property
     def proven(self) -> float:
-        """The ratio below which no failure leads: `ratio` itself where that is the least."""
+        """Proven minimum clearance ratio over all failures: `ratio` if it is the minimum, else `lower`."""
         return self.ratio if self.lower > self.ratio - ROUNDING * max(1.0, abs(self.ratio)) else self.lower
 
     @property
     def beside(self) -> str:
-        """What is proven, in words, where less may exist than was found."""
+        """Text that states the proven bound; empty if `ratio` is the proven minimum."""
         return "" if self.proven == self.ratio else f", at least {self.proven:.4f} by proof"
 
 
 @dataclass(frozen=True, eq=False)
 class PassiveSafety:
-    """A stage `where` ("stage 1 (avoid)") judged `until` [s] the end of a drift `lasting` ("for 24 h").
+    """Passive safety of a stage `where` ("stage 1 (avoid)") over a horizon `lasting` ("for 24 h").
 
-    `pairs`: the nearest first, of each two craft both ways where both thrust; where they are more than
-    `MOST` those that are unsafe alone, of `count` in all.  `planned`: whether the paths were planned to be
-    safe, and not only judged; then `direct` is the nearest pair of the direct paths, if others are flown.
-    `field`: the high-fidelity model in which it is judged as well, empty without any; of each pair the worse
-    counts.  `doubt`: why safety in Hill's equations shows nothing of real motion, empty where it does.
+    - `until`: end of the drift [s].
+    - `pairs`: directed pairs, lowest clearance ratio first.  Two spacecraft that both thrust form two of
+      them.  Above `MOST`, only the unsafe ones are listed.
+    - `count`: number of evaluated directed pairs.
+    - `planned`: whether the paths were planned to be passively safe, and not only evaluated.
+    - `direct`: closest pair of the direct paths, if `planned` and the planned paths differ from them.
+    - `field`: high-fidelity model in which the stage is evaluated as well; empty without any.  The lower
+      clearance ratio of each pair counts.
+    - `doubt`: reason why safety in Hill's equations does not imply safety in real motion; empty if none.
     """
 
     where: str
@@ -93,22 +100,22 @@ class PassiveSafety:
 
     @property
     def models(self) -> str:
-        """The dynamics in which it is judged."""
+        """Text that names the dynamics of the evaluation."""
         return f"in {HILL}" + f" and in {self.field}" * bool(self.field)
 
     @property
     def unsafe(self) -> tuple[PairDrift, ...]:
-        """The pairs that are not safe."""
+        """Pairs that are not safe."""
         return tuple(pair for pair in self.pairs if not pair.safe)
 
     @property
     def safe(self) -> bool:
-        """Whether no failure leads into a zone."""
+        """Whether no failure causes a conflict."""
         return not self.unsafe
 
     @property
     def asked(self) -> Iterator[Asked]:
-        """For the verdict."""
+        """Requirement of passive safety for the verdict."""
         worst, safe = self.worst, f"passively safe {self.lasting}"
         if worst is None:
             yield Asked(f"{safe} ({self.models})", "", True, inf, "drift")
@@ -122,12 +129,12 @@ class PassiveSafety:
 
     @property
     def worst(self) -> PairDrift | None:
-        """The nearest pair; None where none was looked for."""
+        """Pair with the lowest clearance ratio; None if no pair was evaluated."""
         return self.pairs[0] if self.pairs else None
 
 
 def judged(scenario: Scenario, result: StageResult[Any, Any]) -> PassiveSafety | None:
-    """Whether a stage as flown is passively safe; None where it does not ask, or is not flown."""
+    """Return the passive safety of a stage; None if the stage does not require it or has no valid plan."""
     stage = result.stage
     if not isinstance(stage, Drifting) or stage.drift is None or not result.flown:
         return None
@@ -144,7 +151,10 @@ def judged(scenario: Scenario, result: StageResult[Any, Any]) -> PassiveSafety |
 
 
 def beyond_hill(scenario: Scenario, result: StageResult[Any, Any], found: PassiveSafety) -> PassiveSafety:
-    """Judge passive safety in the scenario's field as well, or by the model error where it has none."""
+    """Evaluate passive safety in the scenario's high-fidelity model as well, or compare with the model error.
+
+    Return `found` with the lower clearance ratio of each pair, or with a doubt.
+    """
     field, until, paths = scenario.field, found.until, result.after.paths
     neglected = Neglected.on(paths.orbit, scenario)
     if field is None and neglected is None:
@@ -178,7 +188,10 @@ def beyond_hill(scenario: Scenario, result: StageResult[Any, Any], found: Passiv
 def in_field(
     losses: Iterator[Loss], held: Any, zones: PairZones, field: str, names: tuple[str, ...]
 ) -> Iterator[PairDrift]:
-    """Yield how near each two craft come after any loss of thrust, at all instants between states, too."""
+    """Yield the closest approach of each directed pair after any sampled loss of thrust.
+
+    The motion between the states of a loss is interpolated, so that the minimum covers all instants.
+    """
     found = dict[tuple[int, int], PairDrift]()
     for loss in losses:
         for zone, first, second in meeting(loss, held, zones):
@@ -201,10 +214,11 @@ def hidden(
     found: PassiveSafety,
     result: StageResult[Any, Any],
 ) -> str:
-    """Return where the model error exceeds a clearance in Hill's equations, by the largest factor, if so.
+    """Return text for the largest excess of the model error over a clearance in Hill's equations.
 
-    The model error counts from the start of the stage, as nobody corrects.  Of failures other than a loss of
-    thrust the least clearance is taken to last.
+    The text is empty if there is no excess.  The model error grows from the start of the stage, because no
+    correction is assumed.  For failures other than a loss of thrust, the minimum clearance applies to all
+    times.
     """
     worst = found.pairs[0]
     least = inf if found.failure == ThrustLost() else (worst.ratio - 1.0) * worst.zone.inner_radius
@@ -229,9 +243,9 @@ def hidden(
 
 
 def meeting(loss: Loss, held: Any, zones: PairZones) -> Iterator[tuple[Zone, Any, Any]]:
-    """Yield zones, and the pairs (P,) of which the craft that lost its thrust is one.
+    """Yield each zone with the indices (P,), (P,) of its pairs that include the craft that lost its thrust.
 
-    Without such a craft: those of which no craft has thrust.
+    For a `loss` without such a craft, yield the pairs in which no craft has thrust.
     """
     first, second = np.triu_indices(len(held), 1)
     some = (
@@ -244,7 +258,7 @@ def meeting(loss: Loss, held: Any, zones: PairZones) -> Iterator[tuple[Zone, Any
 
 
 def unplanned(scenario: Scenario, result: StageResult[Any, Any]) -> PairDrift | None:
-    """The nearest pair of a stage's direct paths, where it asks to be safe; None without."""
+    """Return the closest pair of the direct paths after a failure; None if the stage requires no safety."""
     if not isinstance(result.stage, Drifting) or result.stage.drift is None:
         return None
     until = result.before.end + result.stage.drift.on(result.before.paths.orbit.mean_motion)
@@ -255,7 +269,10 @@ def unplanned(scenario: Scenario, result: StageResult[Any, Any]) -> PairDrift | 
 def nearest(
     flight: WatchedFlight, zones: PairZones, until: float, failure: Failure
 ) -> tuple[tuple[PairDrift, ...], int]:
-    """How near each two craft come when one of them fails, the nearest first, and how many were asked for."""
+    """Return the closest approach of each directed pair after a failure, lowest first, and the pair count.
+
+    The count includes safe pairs that are not listed because there are more than `MOST` pairs.
+    """
     paths = flight.paths
     thrusts = np.array([does_thrust(paths[k]) for k in range(len(paths))])
     flying = paths if until == inf else carried(paths, until)
@@ -283,19 +300,22 @@ def nearest(
 
 
 def is_planned(result: StageResult[Any, Any]) -> bool:
-    """Whether a stage's paths were planned to be passively safe."""
+    """Return True if the paths of a stage were planned to be passively safe."""
     if isinstance(result.result, AvoidResult):
         return result.result.avoidance.drift is not None
     return isinstance(result.result, ReconfigureResult) and result.result.plan.drift is not None
 
 
 def does_thrust(path: Path) -> bool:
-    """Whether one craft has any thrust."""
+    """Return True if the path of one craft has any thrust."""
     return bool(path.arcs[:, THRUST:].any() or path.arcs[:, IMPULSE : IMPULSE + 3].any())
 
 
 def directed(zones: PairZones, thrusts: Any, chunk: int) -> Iterator[tuple[Zone, Any, Any]]:
-    """Zones, who fails, and who flies on: both ways where both thrust, else who does."""
+    """Yield each zone with the indices (P,) of the craft that fail and (P,) of the craft that they approach.
+
+    A pair in which both craft thrust appears in both directions; otherwise the thrusting craft fails.
+    """
     for zone, first, second in portions(zones, chunk):
         forth = thrusts[first] | ~thrusts[second]
         back = thrusts[second]
@@ -305,7 +325,7 @@ def directed(zones: PairZones, thrusts: Any, chunk: int) -> Iterator[tuple[Zone,
 
 
 def ways(zones: PairZones, first: Any, second: Any) -> Iterator[tuple[Zone, Any, Any]]:
-    """The zones of some directed pairs, by zone and direction."""
+    """Yield each zone with its directed pairs, as indices (P,), (P,), in chunks."""
     which = zones.which(np.minimum(first, second), np.maximum(first, second))
     for k, some in by_zone(which):
         zone = zones.zones[k]

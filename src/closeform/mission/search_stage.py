@@ -1,4 +1,4 @@
-"""Stages in which lost craft look for each other: first locks, and gatherings."""
+"""Stages in which lost spacecraft search for each other: first locks and gatherings."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from closeform.search.search_errors import between, of_each
 if TYPE_CHECKING:
     from closeform.search.burn_flaws import BurnFlaws
 
-NAMED = 10  # pairs that are named where more never lock
+NAMED = 10  # maximum number of listed pairs that never lock
 
 
 def lock(start: StageStart, stage: Lock) -> StageResult[Lock, FirstLocks]:
-    """All craft coast through the search; who sees whom, and when."""
+    """Evaluate the first lock of each pair while all spacecraft coast, and return the result of the stage."""
     from closeform.search.locks import lock_times
 
     search, pairs, names = start.scenario.plan, start.scenario.opposite, start.scenario.names
@@ -44,7 +44,10 @@ def lock(start: StageStart, stage: Lock) -> StageResult[Lock, FirstLocks]:
 
 
 def gather(start: StageStart, stage: Gather) -> StageResult[Gather, Gathering]:
-    """Lost craft search, lock and join, until one formation holds them all or the rounds are over."""
+    """Gather lost spacecraft by search, lock and join, and return the result of the stage.
+
+    The gathering ends when one formation set contains all spacecraft, or after the last round.
+    """
     from closeform.search.gather import gather
 
     scenario, states = start.scenario, start.states
@@ -57,7 +60,7 @@ def gather(start: StageStart, stage: Gather) -> StageResult[Gather, Gathering]:
 def gather_flawed(
     scenario: Scenario, planned: StageResult[Gather, Gathering], states: Floats, flaws: BurnFlaws
 ) -> StageResult[Gather, Gathering]:
-    """A gathering from the same states (N, 6), whose burns go wrong."""
+    """Return the gathering from the same states (N, 6), with the burn errors `flaws`."""
     from closeform.search.burn_errors import gather_flawed
 
     told = scenario.gathering(planned.stage)
@@ -78,14 +81,14 @@ def sun_angle(scenario: Scenario, search: Search) -> SunAngle | None:
 
 
 def flown(scenario: Scenario, found: Gathering, time: float) -> WatchedFlight:
-    """The paths of a gathering that begins at a time [s] of the mission, watched."""
+    """Return the flight of a gathering that begins at a mission time [s], with its conflicts."""
     arcs = found.paths.arcs.copy()
     arcs[:, [START, END]] += time
     return watch(replace(found.paths, arcs=arcs), scenario.names, scenario.zones)
 
 
 def incomplete(scenario: Scenario, found: Gathering) -> str | None:
-    """Why a mission cannot go on after a gathering; None where it holds all craft."""
+    """Return the reason why the mission ends after a gathering; None if it contains all spacecraft."""
     if found.status is not GatherStatus.INCOMPLETE:
         return None
     return reason_incomplete(found.sets, found.lost, found.rounds, scenario.names)

@@ -1,4 +1,4 @@
-"""Stages in which one craft moves: among others that do not give way, or without regard to them."""
+"""Stages in which one spacecraft moves: with avoidance of the others, or without regard to them."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -22,12 +22,15 @@ from closeform.zones.zone import ON, Zone
 
 
 def avoid(start: StageStart, stage: Avoid) -> StageResult[Avoid, AvoidResult]:
-    """One craft moves; the others coast or fly their own transfers and do not give way."""
+    """Move one spacecraft with avoidance, and return the result of the stage.
+
+    The others coast or follow their own transfers, and do not give way.
+    """
     return pulsed(start, lambda later: around(later, stage))
 
 
 def around(start: StageStart, stage: Avoid) -> StageResult[Avoid, AvoidResult]:
-    """The plan of one craft around the others."""
+    """Plan the avoidance trajectory of one spacecraft around the others, and return the result."""
     from closeform.planning.plan import Avoidance, weakness
     from closeform.planning.single_craft import Around
 
@@ -38,7 +41,7 @@ def around(start: StageStart, stage: Avoid) -> StageResult[Avoid, AvoidResult]:
         for fellow in stage.meanwhile
     }
     rest = tuple(name for name in names if name != stage.craft)
-    own = start.transfer if stage.cost == "energy" else start.own_transfer  # which keeps limits
+    own = start.transfer if stage.cost == "energy" else start.own_transfer  # the latter keeps limits
     moves = {
         name: own(goals[name].target, names.index(name), asked, stage.cost) for name in rest if name in goals
     }
@@ -78,7 +81,7 @@ def around(start: StageStart, stage: Avoid) -> StageResult[Avoid, AvoidResult]:
         try:
             return start.own_transfer(*task)
         except TooLittleThrust:
-            return start.transfer(*task)  # what the plan finds no thrust for
+            return start.transfer(*task)  # the planner then reports the lack of thrust
 
     craft, direct = start.scenario.craft[mover], way(1.0)
     thrusters = start.thrusters(mover, stage.cost)
@@ -107,16 +110,17 @@ def around(start: StageStart, stage: Avoid) -> StageResult[Avoid, AvoidResult]:
     after = flight(avoidance.path) if avoidance.path not in (None, direct) else before
     late = too_late(start, stage, after, {craft.name: avoidance.punctual})
     plain = way((after.end - start.time) / asked) if late is not None else direct
-    asked_for = start.scenario.zones_around(craft.name)  # not larger for pulses, as those of plans may be
+    asked_for = start.scenario.zones_around(craft.name)  # zones of the scenario, not enlarged for pulses
     result = AvoidResult(stage.craft, rest, asked_for, direct, plain, avoidance, asked, goals)
     failure = None if avoidance.ok else avoidance.reason
     return StageResult(start.number, stage, start.time, before, after, result, failure, avoidance.ok, late)
 
 
 def outside(finals: Floats, others: Sequence[Path], zones: Sequence[Zone], time: float, drift: float) -> Any:
-    """Which of some final states (S, 6) are in nobody's zone at a time, nor drift into one for so long.
+    """Return a mask (S,) of the final states (S, 6) that are outside of all zones at a `time` [s].
 
-    Each of the others has a zone of its own.
+    A free drift from the state must stay clear for `drift` [s] as well.  `zones` has one zone per path of
+    `others`.
     """
     ratios = [
         zone.norm(finals[:, :3] - path.position(time)) for path, zone in zip(others, zones, strict=True)
@@ -130,12 +134,15 @@ def outside(finals: Floats, others: Sequence[Path], zones: Sequence[Zone], time:
 
 
 def transfer(start: StageStart, stage: Transfer) -> StageResult[Transfer, TransferResult]:
-    """One craft moves within its thrust in the given time; the others coast."""
+    """Move one spacecraft within its thrust limit and the given time, and return the result of the stage.
+
+    The others coast.
+    """
     return pulsed(start, lambda later: moved(later, stage))
 
 
 def moved(start: StageStart, stage: Transfer) -> StageResult[Transfer, TransferResult]:
-    """The plan of one craft that moves alone."""
+    """Plan the transfer of one spacecraft without avoidance, and return the result."""
     names, asked = start.scenario.names, start.asked(stage)
     k = 0 if stage.craft is None else names.index(stage.craft)
     goal = start.arrival(stage.to, k, asked, stage.cost)

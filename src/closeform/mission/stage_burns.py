@@ -1,4 +1,4 @@
-"""Every burn of a stage: impulses, thrust from coast to coast, and pulses where thrusters fire."""
+"""Burns of a stage: impulses, intervals of continuous thrust between coasts, and thruster pulses."""
 
 from collections.abc import Callable, Iterator
 from math import isfinite
@@ -13,18 +13,22 @@ COLUMNS = (
     *("craft", "start_s", "duration_s", "radial_m_s", "along_track_m_s", "cross_track_m_s", "size_m_s"),
     *("thruster", "propellant_kg"),
 )
-# What the craft of an index burns for a delta-v [m/s] in the stage [kg].
+# (index of the craft, delta-v [m/s]) -> propellant [kg] in the stage.
 Burnt = Callable[[int, float], float]
 
 
 def burns_in(result: "StageResult[Any, Any]", burnt: Burnt) -> list[tuple[Any, ...]]:
-    """Rows of COLUMNS in order of time, without burns of nothing; thrusters count from 1, None: not known."""
+    """Return rows of COLUMNS by start time, without negligible burns.
+
+    Thrusters are numbered from 1.  The thruster of an impulse or of continuous thrust, and an unknown
+    propellant mass, are None.
+    """
     found = [row for k in range(len(result.after.names)) for row in _of_craft(result, k, burnt)]
     return sorted(found, key=lambda row: row[1])
 
 
 def _of_craft(result: "StageResult[Any, Any]", k: int, burnt: Burnt) -> Iterator[tuple[Any, ...]]:
-    """Those of one craft."""
+    """Yield the rows of the burns of craft k."""
     from closeform.fuel.burns import burns_of, burns_of_pulses
 
     pulsed, name, thruster = result.pulsed, result.after.names[k], None
@@ -35,7 +39,7 @@ def _of_craft(result: "StageResult[Any, Any]", k: int, burnt: Burnt) -> Iterator
     else:
         burns = burns_of(result.burning[k])
     so_far = [burnt(k, spent) for spent in np.cumsum(burns.size).tolist()]
-    told = burns.telling | (thruster is not None)  # bits of thrusters are as they are
+    told = burns.telling | (thruster is not None)  # every thruster pulse is listed
     columns = burns.start, burns.duration, *burns.push.T, burns.size
     for row, values in enumerate(zip(*(column.tolist() for column in columns), strict=True)):
         if not told[row]:

@@ -1,4 +1,4 @@
-"""What errors make of a stage: by how many sigmas pairs are clear, how probable collisions are."""
+"""Uncertainty results of a stage: the sigma clearance of pairs and the collision probability."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -13,17 +13,18 @@ from closeform.uncertainty.propagated_errors import carried
 from closeform.uncertainty.uncertain_flight import MOST_BURNS, MOST_PROBABLE, UncertainFlight, UncertainPair
 from closeform.zones.shapes import BALL
 
-SURE = 1.0 - 1e-9  # of sigmas that a plan was to keep, to which they are certain
-TOLD_LAST = 1e-12  # a margin below those of limits
-UNTOLD = 1e-6  # probabilities up to which nobody needs a word beside "clear"
+SURE = 1.0 - 1e-9  # fraction of the required sigmas that counts as met, for rounding
+TOLD_LAST = 1e-12  # scale of margins that rank below the margins of limits
+UNTOLD = 1e-6  # maximum probability that is not reported without a limit
 
 
 @dataclass(frozen=True, eq=False)
 class UncertainStage:
-    """The pairs of a stage with errors, the fewest sigmas first.
+    """Sigma clearances and collision probabilities of the pairs of a stage, lowest clearance first.
 
-    `errors` (N,) of the craft at its start; `zones`: clear of keep-out zones by how many sigmas, None where
-    there are none; `bodies`: the same of the hard bodies, and how probable it is that they ever touch.
+    `errors` (N,) is the uncertainty of each spacecraft at the start of the stage.  `zones` holds the
+    clearances of keep-out zones; it is None without zones.  `bodies` holds the clearances of hard bodies and
+    the probability that they touch; it is None without hard bodies.
     """
 
     number: int
@@ -41,7 +42,7 @@ class UncertainStage:
         flight: WatchedFlight,
         errors: Sequence[Uncertainty | None],
     ) -> Self:
-        """From a stage as flown, and the errors of all craft when it begins."""
+        """Evaluate a stage from its flight and the uncertainty (N,) of all spacecraft at its start."""
         sigmas, limit = stage.sigmas or 0.0, stage.max_probability or inf
         zones = bodies = None
         if scenario.zones.pairs and any(craft.keep_out is not None for craft in scenario.craft):
@@ -52,7 +53,7 @@ class UncertainStage:
         return cls(number, stage, tuple(errors), zones, bodies)
 
     def after(self, flight: WatchedFlight) -> tuple[Uncertainty | None, ...]:
-        """The errors of all craft when it is over."""
+        """Return the uncertainty (N,) of all spacecraft at the end of the stage."""
         return tuple(
             None if one is None else carried(one, flight.path(name))
             for name, one in zip(flight.names, self.errors, strict=True)
@@ -60,26 +61,26 @@ class UncertainStage:
 
     @property
     def nearest(self) -> UncertainPair | None:
-        """The pair that is clear by the fewest sigmas: of its keep-out zone, else of the hard bodies."""
+        """Pair with the lowest sigma clearance of keep-out zones or, without zones, of hard bodies."""
         judged = self.zones or self.bodies
         return judged.pairs[0] if judged is not None and judged.pairs else None
 
     @property
     def likeliest(self) -> UncertainPair | None:
-        """The pair whose hard bodies touch with the highest probability."""
+        """Pair with the highest collision probability of its hard bodies."""
         pairs = self.bodies.pairs if self.bodies is not None else ()
         told = [(pair.probability.high, pair) for pair in pairs if pair.probability is not None]
         return max(told, key=lambda one: one[0], default=(0.0, None))[1]
 
     @property
     def undrawn(self) -> UncertainPair | None:
-        """A pair whose probability should be known, and is not."""
+        """First of the pairs with the lowest clearances whose probability could not be computed."""
         pairs = self.bodies.pairs[:MOST_PROBABLE] if self.bodies is not None else ()
         return next((pair for pair in pairs if pair.probability is None), None)
 
     @property
     def asked(self) -> Iterator[Asked]:
-        """What the stage asks for, and whether it is so."""
+        """Requirements of the stage on clearance and probability, and whether they are met."""
         where = f"stage {self.number} ({self.stage.verb})"
         if self.stage.sigmas is not None:
             many, near = f"{self.stage.sigmas:g} sigma", self.nearest
@@ -96,7 +97,10 @@ class UncertainStage:
         yield from self.likely(where)
 
     def likely(self, where: str) -> Iterator[Asked]:
-        """How probable a collision is in a stage, called so: beside its limit, or told where it has none."""
+        """Yield the requirement on the collision probability; `where` names the stage in its text.
+
+        Without a limit, a requirement that is always met reports the probability.
+        """
         limit, pair = self.stage.max_probability, self.likeliest
         high = 0.0 if pair is None or pair.probability is None else pair.probability.high
         who = "" if pair is None else f" of {pair.first} - {pair.second}"
@@ -115,7 +119,7 @@ class UncertainStage:
 
 
 def fewest(pair: UncertainPair | None) -> str:
-    """By how many sigmas a pair is clear at least, and when."""
+    """Return text with the minimum sigma clearance of a pair and its time."""
     if pair is None:
         return "nothing is uncertain"
     if pair.sigmas == inf:
@@ -124,5 +128,5 @@ def fewest(pair: UncertainPair | None) -> str:
 
 
 def radius(pair: UncertainPair) -> float | None:
-    """Of the sphere that holds both hard bodies [m]; None of another zone."""
+    """Return the radius [m] of the combined sphere of both hard bodies; None for another shape."""
     return float(pair.zone.support([1.0, 0.0, 0.0])) if pair.zone.shape == BALL else None
