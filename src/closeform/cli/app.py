@@ -1,4 +1,4 @@
-"""The command line. Exit status: 0 done and clear, 1 a clearance or a limit is not met, 2 bad input."""
+"""Command line. Exit status: 0 done and clear, 1 a clearance or a limit is not met, 2 bad input."""
 
 import os
 import sys
@@ -35,7 +35,7 @@ NOT_PRINTED, INTERRUPTED, NOBODY_READS = 74, 130, 141  # EX_IOERR of sysexits.h;
 
 
 def installed() -> str:
-    """The version of closeform."""
+    """Return the installed version of closeform."""
     from importlib.metadata import version
 
     return version("closeform")
@@ -52,7 +52,7 @@ app = App(
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line; returns the exit status."""
+    """Run the command line and return the exit status; `arguments` default to those of the process."""
     from closeform.storage.result_folder import FolderError
 
     tokens = list(sys.argv[1:] if arguments is None else arguments)
@@ -65,7 +65,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         sys.stdout.flush()
     except CycloptsError as error:
         named = " ".join(("closeform", *(error.command_chain or ())))
-        told, listed, _ = one_line(error).partition("Available commands: ")  # cyclopts lists eight
+        told, listed, _ = one_line(error).partition("Available commands: ")  # cyclopts lists only eight
         every = ", ".join(name for name in app if not name.startswith("-")) if listed else ""
         complain(f"closeform: {told}{listed}{every}; see {named} --help")
         return BAD_INPUT
@@ -85,7 +85,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def check_folder() -> None:
-    """Raise UsageError if the current folder was deleted: relative paths mean nothing there."""
+    """Raise UsageError if the current folder was deleted, because relative paths are then invalid."""
     try:
         os.getcwd()
     except OSError as error:
@@ -94,10 +94,13 @@ def check_folder() -> None:
 
 
 def make_haste(tokens: list[str]) -> None:
-    """What shortens a command that has its process for itself."""
+    """Set environment variables for help and matplotlib, and start drawing processes early if needed.
+
+    `tokens` are the arguments of a command that runs in its own process.
+    """
     if not sys.stdout.isatty():
-        os.environ.setdefault("COLUMNS", str(WIDTH))  # of help, which is 80 in a pipe else
-    os.environ["MPLBACKEND"] = "agg"  # matplotlib refuses to load with one that it does not know
+        os.environ.setdefault("COLUMNS", str(WIDTH))  # width of help, which otherwise is 80 in a pipe
+    os.environ["MPLBACKEND"] = "agg"  # matplotlib does not load with an unknown backend
     if (
         tokens[:1] in (["run"], ["simulate"], ["screen"], ["encounter"], ["study"])
         and (os.cpu_count() or 1) > 1
@@ -153,7 +156,7 @@ def run(
     from closeform.scenario import ScenarioError
 
     def viewer(under_way: "Folder", pictures: "Sequence[Shot]") -> None:
-        from closeform.viewer import page  # with matplotlib, which loads while the other process draws
+        from closeform.viewer import page  # loads matplotlib while the other process draws
         from closeform.viewer.shown import Shown
 
         page.leave(Shown.of_mission(mission), under_way, pictures)

@@ -1,4 +1,4 @@
-"""What is printed: results on standard output, the state of long work on a terminal, complaints."""
+"""Console output: results on standard output, progress and error messages on standard error."""
 
 import codecs
 import io
@@ -25,14 +25,14 @@ if TYPE_CHECKING:
     from closeform.report.table import Table
 
 WIDTH = 100  # columns of a terminal's output
-# all but tabs and ends of lines; the last ones turn the direction of writing
+# control characters except tabs and line ends; the last ranges change the writing direction
 CONTROLS = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069]")
-EVERY = 30.0  # s between lines about long work, where there is no terminal
-UNBROKEN = 100_000  # what is read by other programs, or kept in a file, has its lines as they are
+EVERY = 30.0  # [s] between progress lines without a terminal
+UNBROKEN = 100_000  # columns without a terminal, so that no line is wrapped for programs and files
 
 
 class OutputError(Exception):
-    """Standard output cannot be written: its reader is gone (`closed`), or its disk is full."""
+    """Failure to write to standard output: its reader is gone (`closed`), or its disk is full."""
 
     def __init__(self, error: OSError) -> None:
         self.closed = isinstance(error, BrokenPipeError)
@@ -40,7 +40,7 @@ class OutputError(Exception):
 
 
 class Output(io.TextIOWrapper):
-    """Standard output that tells its own failures from those of other files."""
+    """Standard output whose failures raise OutputError, which separates them from those of other files."""
 
     def write(self, text: str) -> int:
         try:
@@ -56,11 +56,14 @@ class Output(io.TextIOWrapper):
 
 
 def open_output() -> None:
-    """Make the process's output one that can always be encoded, and that says where it cannot be written."""
+    """Set up standard output and standard error so that every character can be encoded.
+
+    Failures to write to standard output then raise OutputError.
+    """
     codecs.register_error("closeform", spelt)
     for name in ("stdout", "stderr"):
         stream = getattr(sys, name)
-        if stream is None:  # closed by who started us
+        if stream is None:  # closed by the parent process
             setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115
         elif isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="closeform")
@@ -70,7 +73,10 @@ def open_output() -> None:
 
 
 def spelt(error: UnicodeError) -> tuple[str | bytes, int]:
-    """What stands for characters that an encoding lacks: plainer ones, 2 for a raised 2, or their codes."""
+    """Return the replacement of characters that an encoding lacks, and the position after them.
+
+    It consists of plain characters (2 for a superscript 2) if there are any, else of escape sequences.
+    """
     if not isinstance(error, UnicodeEncodeError):
         raise error
     lacking = error.object[error.start : error.end]
@@ -79,7 +85,7 @@ def spelt(error: UnicodeError) -> tuple[str | bytes, int]:
 
 
 def discard_output() -> None:
-    """Let go of an output that cannot be written, so that nobody tries again."""
+    """Redirect a standard output that cannot be written, so that no later write fails."""
     with suppress(OSError, ValueError):
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, sys.stdout.fileno())
@@ -87,7 +93,7 @@ def discard_output() -> None:
 
 
 def stdout() -> "Console":
-    """Where results are printed."""
+    """Return the console for results."""
     from rich.console import Console
 
     width = WIDTH if sys.stdout.isatty() else UNBROKEN
@@ -95,7 +101,7 @@ def stdout() -> "Console":
 
 
 def stderr() -> "Console":
-    """Where the state of long work is shown, on a terminal only."""
+    """Return the console for progress, which is shown on a terminal only."""
     from rich.console import Console
 
     return Console(stderr=True, width=WIDTH, markup=False, emoji=False)
@@ -103,7 +109,10 @@ def stderr() -> "Console":
 
 @contextmanager
 def working(console: "Console", what: str) -> "Iterator[Callable[[str], None]]":
-    """What is told which part of long work is under way: shown on a terminal, elsewhere now and then."""
+    """Yield a function that shows which part of long work is under way.
+
+    On a terminal, the text is updated at once; otherwise a line is printed every `EVERY` seconds.
+    """
     if console.is_terminal:
         with console.status(what) as status:
             yield lambda text: status.update(visible(text))
@@ -125,9 +134,10 @@ def working(console: "Console", what: str) -> "Iterator[Callable[[str], None]]":
 
 @contextmanager
 def progress(console: "Console", total: int) -> "Iterator[Callable[[int, int], None]]":
-    """What is told how many cases are flown and in how many all is met: a bar with rate and estimate.
+    """Yield a function of the number of completed cases and of those that meet all requirements.
 
-    Where there is no terminal, now and then a line.
+    On a terminal, it shows a bar with the rate and the remaining time.  Otherwise it prints a line every
+    `EVERY` seconds.
     """
     if not console.is_terminal:
         yield Lines(total).tell
@@ -148,7 +158,7 @@ def progress(console: "Console", total: int) -> "Iterator[Callable[[int, int], N
 
 
 class Lines:
-    """Lines on standard error about long work of a `total` of cases."""
+    """Progress lines on standard error for a `total` number of cases."""
 
     def __init__(self, total: int) -> None:
         self.total = total
@@ -156,9 +166,9 @@ class Lines:
         self.start = self.told = time.monotonic()
 
     def tell(self, done: int, met: int) -> None:
-        """Say how far it is, how fast and how long it will be, if that is due."""
+        """Print the progress, the rate and the remaining time, if a line is due."""
         now = time.monotonic()
-        self.begun = done if self.begun is None else self.begun  # by a study that was stopped
+        self.begun = done if self.begun is None else self.begun  # cases of an interrupted study
         if now - self.told < EVERY or done <= self.begun:
             return
         self.told, rate = now, (done - self.begun) / (now - self.start)
@@ -167,23 +177,23 @@ class Lines:
 
 
 def say(console: "Console", *lines: str) -> None:
-    """Print lines as they are, on a terminal wrapped at its width."""
+    """Print lines without control characters; on a terminal, wrap them at `WIDTH`."""
     for line in lines:
         put(console, line)
 
 
 def put(console: "Console", text: str, **how: Any) -> None:
-    """Print a text without its control characters, which a terminal would obey."""
+    """Print a text with its control characters escaped, so that a terminal does not execute them."""
     console.print(visible(text), **how)
 
 
 def visible(text: str) -> str:
-    """Return a text with control characters and marks of writing direction as escape sequences, as \\x1b."""
+    """Return a text with control characters and marks of writing direction as escape sequences."""
     return CONTROLS.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
 
 
 def show(console: "Console", shown: "Table") -> None:
-    """Print a small table: words to the left, numbers to the right."""
+    """Print a small table with words aligned left and numbers aligned right."""
     from rich.table import Table
 
     say(console, "", *[shown.title] * bool(shown.title))
@@ -200,7 +210,7 @@ def show(console: "Console", shown: "Table") -> None:
 
 
 def tell_run(report: "RunReport", place: Path) -> None:
-    """Print what a run found."""
+    """Print the report of a run and the place of its results."""
     console, mission = stdout(), report.mission
     say(console, mission.scenario.title, report.opening, *report.origin)
     for section in (*report.sections, *report.in_flight):
@@ -219,33 +229,33 @@ def tell_run(report: "RunReport", place: Path) -> None:
     if len(end) > WIDTH:
         say(console, *textwrap.wrap(str(mission.verdict), WIDTH, subsequent_indent="  "))
         end = ""
-    put(console, f"{end}results in {place}", soft_wrap=True)  # a path is not to be broken
+    put(console, f"{end}results in {place}", soft_wrap=True)  # do not break a path
 
 
 def tell_screen(report: "ScreenReport | EncounterReport | FlightReport", place: Path) -> None:
-    """Print what a screening found, or what a conjunction message comes to."""
+    """Print the report of a screening, an encounter or a simulation, and the place of its results."""
     console = stdout()
     say(console, *report.opening, *report.lines)
     for table in report.tables:
         show(console, table)
     say(console, "")
-    put(console, f"{report.verdict}; results in {place}", soft_wrap=True)  # a path is not to be broken
+    put(console, f"{report.verdict}; results in {place}", soft_wrap=True)  # do not break a path
 
 
 def tell_study(report: "CasesReport", drawn: Sequence[str], place: Path) -> None:
-    """Print what a study found; `drawn` says what was drawn for its cases."""
+    """Print the report of a study; the lines `drawn` state what was sampled for its cases."""
     console = stdout()
     say(console, *report.opening, *drawn)
     for table in report.tables:
         show(console, table)
     say(console, "")
     for line in (*report.hint, f"{report.verdict}; results in {place}"):
-        put(console, line, soft_wrap=True)  # a path is not to be broken
+        put(console, line, soft_wrap=True)  # do not break a path
 
 
 @contextmanager
 def kept(place: Path) -> Iterator[None]:
-    """After results were published: Ctrl-C does not take them away."""
+    """Make Ctrl-C report the place of published results, which it does not remove."""
     try:
         yield
     except KeyboardInterrupt:
@@ -253,12 +263,12 @@ def kept(place: Path) -> Iterator[None]:
 
 
 def complain(*lines: str) -> None:
-    """Say what is wrong, on standard error, if anybody listens."""
+    """Print lines on standard error, if it can be written."""
     with suppress(OSError):
         for line in lines:
             print(visible(line), file=sys.stderr, flush=True)
 
 
 def one_line(error: object) -> str:
-    """A message of several lines as one."""
+    """Return a message of several lines as one line without a final full stop."""
     return " ".join(str(error).split()).rstrip(" .,")

@@ -1,4 +1,4 @@
-"""The examples that come along: their names, their titles, and what stands in them."""
+"""Example scenarios of the package: their names, titles and contents."""
 
 from pathlib import Path
 
@@ -6,30 +6,30 @@ HERE = Path(__file__).parents[1]
 
 
 def folder() -> Path:
-    """Where they are: inside the package as it is installed, in a clone beside `src`."""
+    """Return the folder of the examples: inside an installed package, or beside `src` in a clone."""
     packed = HERE / "examples"
     return packed if packed.is_dir() else HERE.parents[1] / "examples"
 
 
 def names() -> list[str]:
-    """Scenarios to start from, in order."""
+    """Return the names of the examples in alphabetical order."""
     return sorted({file.stem for file in folder().glob("*.toml")})
 
 
 def text(name: str) -> str:
-    """What stands in one."""
+    """Return the text of an example."""
     return (folder() / f"{name}.toml").read_text(encoding="utf-8")
 
 
 def title(name: str) -> str:
-    """What one shows, in a line."""
+    """Return the title of an example."""
     import tomllib
 
     return str(tomllib.loads(text(name))["title"])
 
 
 def studied(name: str) -> bool:
-    """Whether it is made for `closeform study`."""
+    """Return True if an example is made for `closeform study`."""
     import tomllib
 
     return "study" in tomllib.loads(text(name))

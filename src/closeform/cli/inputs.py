@@ -1,4 +1,4 @@
-"""What a command is given: scenarios, a case of a study, ephemerides; what is said where it does not fit."""
+"""Inputs of the commands: scenarios, a case of a study, ephemerides and quantities, with their errors."""
 
 import os
 from collections.abc import Sequence
@@ -13,15 +13,15 @@ if TYPE_CHECKING:
     from closeform.scenario.quantity import Kind
 
 
-CLEAR, BAD_INPUT = 0, 2  # exit status; 1 is of what was asked for and is not met
+CLEAR, BAD_INPUT = 0, 2  # exit status; 1 stands for requirements that are not met
 
 
 class UsageError(ValueError):
-    """An argument that does not fit; one line with the remedy."""
+    """Invalid argument; the message is one line with the remedy."""
 
 
 def read(file: Path, command: str) -> "Scenario | None":
-    """The scenario for a command, or None after saying everything that is wrong with it."""
+    """Return the scenario of a file for a command, or None after printing all of its errors."""
     from closeform.scenario import ScenarioError, parse, text_of
 
     try:
@@ -31,7 +31,7 @@ def read(file: Path, command: str) -> "Scenario | None":
         complain(*error.lines)
         return None
     complain(*(f"{file}: warning: {line}" for line in scenario.doubts))
-    if command != "check":  # which needs three small kernels
+    if command != "check":  # `check` needs only three small kernels
         from closeform._jit import compile_ahead
         from closeform.cli.needed_kernels import modules_for
 
@@ -40,7 +40,7 @@ def read(file: Path, command: str) -> "Scenario | None":
 
 
 def quantity(option: str, kind: "Kind", text: str | None) -> float | None:
-    """A positive number in SI that an option gives with its unit."""
+    """Return the positive number in SI units that an option states with its unit; None without a text."""
     from closeform.scenario.quantity import Reader
 
     if text is None:
@@ -52,13 +52,16 @@ def quantity(option: str, kind: "Kind", text: str | None) -> float | None:
 
 
 def check_present(*files: Path) -> None:
-    """Refuse a file that is not there."""
+    """Raise UsageError if a file does not exist."""
     if missing := next((file for file in files if not os.path.exists(file)), None):
         raise UsageError(f"{missing}: no such file; check the path")
 
 
 def ephemerides(files: Sequence[Path], interpolate: float | None = None) -> "CommonFrame":
-    """What ephemeris files say, in a common frame."""
+    """Return the ephemerides of two or more files in a common frame.
+
+    `interpolate` [m] is the largest accepted error of states that are interpolated to common epochs.
+    """
     if len(files) < 2:
         raise UsageError("screen: needs two ephemerides or more; name another file")
     check_present(*files)
@@ -72,11 +75,10 @@ def ephemerides(files: Sequence[Path], interpolate: float | None = None) -> "Com
 
 
 def one_case(scenario: "Scenario", case: int | None, point: int | None = None) -> "Scenario | None":
-    """The scenario with what one case of its study draws, or as it is where none was asked for.
+    """Return the scenario with the sampled values of one case of its study, or as it is without a case.
 
-    Of a sweep at one of its points.
-
-    None after saying why there is no such case, or why it cannot be flown.
+    `point` selects a point of the study's sweep.  Return None after printing why the scenario, or this case,
+    cannot be run.
     """
     if point is not None:
         if not 0 <= point < len(scenario.points):

@@ -1,4 +1,4 @@
-"""The modules whose kernels a scenario needs: they are compiled before it begins, in several processes."""
+"""Modules whose kernels a scenario needs, for compilation in several processes before the run starts."""
 
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
@@ -22,12 +22,15 @@ FIELD = "dynamics.gravity dynamics.least_ratios"
 
 
 def modules_for(scenario: "Scenario") -> list[str]:
-    """Return names of modules without the package; a kernel that is left out is compiled at its call."""
+    """Return names of modules, without the package name.
+
+    A kernel of another module is compiled when it is first called.
+    """
     return [*dict.fromkeys(name for names in _needs(scenario) for name in names.split())]
 
 
 def _needs(scenario: "Scenario") -> Iterator[str]:
-    """Yield the modules by feature."""
+    """Yield the modules that each feature of a scenario needs, as text with spaces between the names."""
     if all(stage.searches for stage in scenario.stages):
         yield "search.lock_march" if isinstance(scenario.stages[0], Lock) else "search.gather_events"
         return

@@ -1,4 +1,4 @@
-"""What the command line does with files of orbits: `screen`, `encounter` and `export`."""
+"""Commands for orbit files: `screen`, `encounter` and `export`."""
 
 import os
 from collections.abc import Callable, Sequence
@@ -127,9 +127,10 @@ def screen(
 
 
 def free(out: Path | None, file: Path, command: str, overwrite: bool) -> Path:
-    """Where the results of a command on a file go; unless told where, beside those of others, with a number.
+    """Return the folder for the results of a command on a file.
 
-    Raises FolderError where they must not.
+    Without `out`, it has a default name, with a number if that folder exists.  Raises FolderError if the
+    folder must not be written.
     """
     from closeform.storage.publishing import check_free
 
@@ -145,12 +146,12 @@ def free(out: Path | None, file: Path, command: str, overwrite: bool) -> Path:
 def left(
     made: "Callable[[], ScreenReport | EncounterReport | FlightReport]", place: Path, overwrite: bool
 ) -> int:
-    """Make a report, leave its results and print it; the exit status."""
+    """Make a report, write its results, print it, and return the exit status."""
     from closeform.storage.publishing import folder
     from closeform.storage.result_folder import written
 
     def viewer(under_way: "Folder", pictures: "Sequence[Shot]") -> None:
-        from closeform.viewer import page  # with matplotlib, which loads while the other process draws
+        from closeform.viewer import page  # loads matplotlib while the other process draws
         from closeform.viewer.shown import Shown
 
         page.leave(Shown.of_report(report), under_way, pictures)
@@ -168,7 +169,7 @@ def left(
 def uncertain(
     frame: "CommonFrame", flight: "WatchedFlight", sigmas: float | None
 ) -> "UncertainFlight | None":
-    """How many sigmas pairs are clear by, and how probable it is that they meet; None if nobody asked."""
+    """Return the sigma clearances and collision probabilities of pairs; None without requested `sigmas`."""
     if sigmas is None:
         return None
     from closeform.uncertainty.uncertain_flight import UncertainFlight
@@ -237,7 +238,11 @@ def encounter(
 def judged(
     told: "Conjunction", radius: float, half_window: float | None, limit: float | None, command: "Command"
 ) -> "EncounterReport":
-    """The report of a message, with bodies of some radius [m] together."""
+    """Return the report of a conjunction message, for a combined `radius` [m] of both bodies.
+
+    `half_window` [s] is the time before and after closest approach, and `limit` is the largest accepted
+    probability.
+    """
     from closeform.report.encounter import EncounterReport
     from closeform.uncertainty.clearance import clearance_in_sigmas
     from closeform.uncertainty.probability import collision_probability
@@ -250,7 +255,7 @@ def judged(
     try:
         short = collision_probability(*pair, method="short-encounter")
     except NotPassing:
-        short = None  # nearest at an edge of the time: the report says so
+        short = None  # closest approach at an end of the window, which the report states
     return EncounterReport(told, radius, met, clearance_in_sigmas(*pair), entries, short, limit, command)
 
 

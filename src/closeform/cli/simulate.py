@@ -1,4 +1,4 @@
-"""What the command line does with a run that is to be flown in its field: `simulate`."""
+"""Command `simulate`: simulation of a run in the high-fidelity model of its scenario."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from closeform.report.simulation import FlightReport
     from closeform.scenario.quantity import Parts
 
-RESULTS, FLIGHTS = "-results", "-flights"  # ends of the names of folders
+RESULTS, FLIGHTS = "-results", "-flights"  # suffixes of folder names
 
 
 def simulate(
@@ -102,7 +102,10 @@ def simulate(
 
 
 class Options(NamedTuple):
-    """What options ask for in place of the scenario's: [s], [m, m/s], and as shares and [rad]; or None."""
+    """Options that replace values of the scenario; None for an option that is not given.
+
+    Times are in s, `navigation` is in m and m/s, and thrust and execution errors are fractions and rad.
+    """
 
     every: float | None
     horizon: float | None
@@ -112,7 +115,7 @@ class Options(NamedTuple):
 
     @classmethod
     def of(cls, given: dict[str, str | None]) -> "Options":
-        """By the options' names."""
+        """Read the options from their texts, by option name."""
         from closeform.scenario.field import as_navigation, as_thrust_error
         from closeform.scenario.quantity import TIME
 
@@ -125,7 +128,7 @@ class Options(NamedTuple):
         )
 
     def instead_of(self, told: dict[str, Any], usual: "Feedback") -> dict[str, Any]:
-        """Return the options of `simulate`: as given, else as in the scenario, else the default."""
+        """Return the arguments of `simulate`: from the options, else from the scenario, else the default."""
         times = {key: value for key in ("every", "horizon") if (value := getattr(self, key)) is not None}
         found = dict(told)
         if times:
@@ -139,7 +142,7 @@ class Options(NamedTuple):
         if self.thrust_error is not None:
             found["thrust_error"] = self.thrust_error
         if self.execution is not None:
-            from closeform.uncertainty.errors import Uncertainty  # whose kernels nothing else needs
+            from closeform.uncertainty.errors import Uncertainty  # kernels that only this needs
 
             size, turn = self.execution
             states = [one and one.state for one in told["errors"] or [None] * len(told["thrust_error"])]
@@ -148,7 +151,7 @@ class Options(NamedTuple):
 
 
 def parts(option: str, read: "Parts", text: str | None) -> tuple[float, ...] | None:
-    """Quantities with commas between them that an option gives."""
+    """Return the quantities, separated by commas, that an option states; None without a text."""
     if text is None:
         return None
     try:

@@ -1,4 +1,4 @@
-"""The command that flies a study: here or elsewhere, anew or from where it was stopped."""
+"""Command `study`: Monte Carlo study of a scenario, local or on a cluster, new or continued."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -75,7 +75,7 @@ def study(
                 complain(*(f"{place}: {what}, and flown anew" for what in chunks.begin(overwrite)))
                 if chunks.whole:
                     complain(f"{place}: going on, {chunks.flown} of {count} cases are flown")
-                beside = Timer(0.1, import_module, ["scipy.special"])  # for the end, while cases fly
+                beside = Timer(0.1, import_module, ["scipy.special"])  # loaded early for the report
                 beside.daemon = True
                 beside.start()
                 with progress(notes, count) as tell:
@@ -95,7 +95,7 @@ def study(
         raise
     except ChunkError as error:
         raise FolderError(f"{place}: {error}") from None
-    except ValueError as error:  # cases or seed
+    except ValueError as error:  # --cases or --seed
         raise UsageError(f"--{error}") from None
     with kept(place):
         tell_study(report, draw_lines(campaign), place)
@@ -103,7 +103,7 @@ def study(
 
 
 def finished_before(place: Path, cases: "Cases", count: int) -> int | None:
-    """Return the status of a finished study, stated in a line, if it is the same; None if it is not."""
+    """Return the exit status of a finished study after printing its verdict; None for another study."""
     from closeform.report import reproduction
     from closeform.storage.result_folder import summary_of, versions
 
@@ -118,7 +118,7 @@ def finished_before(place: Path, cases: "Cases", count: int) -> int | None:
 
 @contextmanager
 def runner_of(scheduler: str | None) -> "Iterator[Runner]":
-    """What flies chunks: this machine, or the workers of a scheduler."""
+    """Yield the runner of chunks of cases: this machine, or the workers of a Dask scheduler."""
     from closeform.campaign import stored_study
 
     if scheduler is None:
