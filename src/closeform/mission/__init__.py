@@ -1,1 +1,1 @@
-"""Missions: the stages of a scenario planned in order, judged, and simulated. Start at `mission.mission`."""
+"""Missions: stages of a scenario planned in order, evaluated and simulated. Start at `mission.mission`."""

@@ -43,10 +43,7 @@ def scatter(start: StageStart, stage: Scatter) -> Moved:
 
 
 def regather(start: StageStart, stage: Regather) -> Moved:
-    """Move all spacecraft back to their relative orbits at the start of an earlier stage, in one plan.
-
-    Return the result of the stage.
-    """
+    """Move all spacecraft back to the relative orbits of an earlier stage's start, and return the result."""
     from closeform.planning.targets import regathered
 
     time, states = start.past[stage.as_before]

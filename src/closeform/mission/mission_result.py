@@ -105,7 +105,7 @@ class StageResult(Result, Generic[AnyStage, AnyResult]):
 
     @property
     def burning(self) -> Path:
-        """Paths (N,) with the thrust of each craft; of one on its ephemeris with its velocity jumps only."""
+        """Paths (N,) with the thrust of each craft; on an ephemeris, velocity jumps are its only thrust."""
         paths = self.after.paths
         if not self.on_ephemerides:
             return paths
@@ -231,9 +231,9 @@ class Stages(Result, ABC):
 
     @cached_property
     def paths(self) -> Path:
-        """Paths, of shape (N,), of all spacecraft from the start of the first to the end of the last stage.
+        """Paths, of shape (N,), of all spacecraft over all stages that are part of the mission.
 
-        Raises ValueError if no stage has paths.
+        Raises ValueError if there is no such stage.
         """
         return join([result.after.paths for result in self.flown])
 

@@ -72,7 +72,7 @@ def gather_flawed(
 
 
 def sun_angle(scenario: Scenario, search: Search) -> SunAngle | None:
-    """Return the greatest sun angle of craft that search with errors; None where none has an error."""
+    """Return the maximum sun angle of spacecraft that search with errors; None if none has an error."""
     if (errors := scenario.search_errors) is None:
         return None
     turns = OwnTurns(search, scenario.groups, of_each(errors, (len(scenario.craft),)))

@@ -66,8 +66,8 @@ class FlownRun:
     """All stages of a `run`, simulated as one `flight`.
 
     `told` holds the keyword arguments of `simulate`, and `control` is its control mode.  `known` is the
-    high-fidelity model that plans and commands use.  It differs from the simulated `field` where a case of a
-    study has drawn the latter.
+    high-fidelity model that plans and commands use.  It differs from the simulated `field` if a case of a
+    study has sampled the latter.
     """
 
     run: Stages
