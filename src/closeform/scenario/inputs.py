@@ -64,7 +64,8 @@ class Inputs:
     def ephemeris(self, name: str, epoch: Epoch) -> "Ephemeris":
         """Return the segment of an OEM at an epoch; of two that meet there, the second.
 
-        Raises ValueError, with file and line, for an invalid file or if no segment covers the epoch.
+        Raises ValueError, with file and line, for an invalid file, or if none of several segments covers the
+        epoch.
         """
         from closeform.exchange.ephemeris import SAME_EPOCH
 

@@ -35,10 +35,8 @@ from closeform.scenario.sweep import points, words
 from closeform.scenario.table import FLAWED, Table
 
 FORMAT = 1
-DEEPEST = (
-    50  # parts of a dotted key: the TOML parser needs memory in proportion to their square, and may recurse
-)
-# possessive, and from the beginning of a word only: the search time is linear in the length of the text
+DEEPEST = 50  # parts of a dotted key: parser memory grows with their square, and the parser may recurse
+# possessive, and from the beginning of a word only: the search time is linear in the text length
 DEEP = re.compile(rf"""(?<![\w-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){{{DEEPEST}}}""")
 KEY = re.compile(r"""\s*+(\[{0,2}[\w."' -]++\]{0,2})\s*+(?:=|#|$)""")  # at the beginning of a line
 Model = TypeVar("Model", bound=Table)
