@@ -185,7 +185,7 @@ def engines(scenario: Scenario, number: int, stage: StageTable) -> Iterator[str]
 
 
 def exact(scenario: Scenario) -> Iterator[str]:
-    """Yield an error line if every covariance of the formation is zero."""
+    """Yield an error line if all given covariances are zero."""
     given = [craft.covariance for craft in scenario.craft if craft.covariance is not None]
     if given and all(one.exact for one in given):
         yield (
@@ -239,7 +239,7 @@ def as_before(scenario: Scenario, number: int, name: str, earlier: list[str]) ->
 
 
 def together(scenario: Scenario, number: int, stage: Joint) -> Iterator[str]:
-    """Yield an error line for each craft without a slot or with a wrong place in `order`."""
+    """Yield an error line for each wrong entry of `order` and for a wrong number of craft or slots."""
     movers = stage.moving(scenario.names)
     for name in dict.fromkeys(stage.order or ()):
         if (stage.order or ()).count(name) > 1:
