@@ -29,7 +29,7 @@ def zones(scenario: Scenario, orbit: Orbit) -> Iterator[str]:
                 f"craft.keep_out: {stage.verb} in stage[{number}] keeps clear of a sphere, box, ellipsoid or "
                 "covariance only; give one that holds the others"
             )
-    if not scenario.scattered:  # else every case has its own positions
+    if not scenario.scattered:  # otherwise every case has its own positions
         places = scenario.states(orbit)
         remedy = "move one of them or make keep_out smaller"
         deep, count = inside(places, kept)

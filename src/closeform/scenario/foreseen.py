@@ -44,7 +44,7 @@ def stops(scenario: Scenario) -> tuple[str, ...]:
         if stage.keeps_out:
             margin = stage.margin if isinstance(stage, Avoid | Joint) else None
             room = margin if isinstance(margin, float) else 0.0
-            planned = who[:1] if isinstance(stage, Avoid) else who  # the other moving craft avoid no one
+            planned = who[:1] if isinstance(stage, Avoid) else who  # other moving craft do not avoid others
             for verb, places in (("start", states), ("end", after)):
                 if places is not None and (found := [*near(scenario, places, planned, room)]):
                     return tuple(f"stage[{number}]: {pair.format(verb)}" for pair in found)

@@ -1,4 +1,4 @@
-"""Searches of a scene: attitudes, sensors, locks and known craft."""
+"""Searches of a scene: attitudes, sensors, locks and sets of craft."""
 
 from math import ceil, isfinite, pi, sqrt
 from typing import Any

@@ -97,7 +97,7 @@ def thrust_sizes(result: StageResult[Any, Any], craft: int) -> tuple[Floats, Flo
 
 
 def used_up(shown: Shown, craft: int) -> tuple[Floats, Floats] | None:
-    """Return times [s] and cumulative delta-v [m/s] over all flown stages; None if it is zero."""
+    """Return times [s] and cumulative delta-v [m/s] over all executed stages; None if it is zero."""
     parts, so_far = [], 0.0
     for result in shown.results:
         if not result.flown:

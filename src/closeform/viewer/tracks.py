@@ -1,4 +1,4 @@
-"""Tracks of all craft in all stages: as flown, before avoidance and as planned."""
+"""Tracks of all craft in all stages: as executed, before avoidance and as planned."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -40,7 +40,7 @@ def track(numbers: Numbers, path: Path, craft: int, stage: int, kind: str, error
 
 
 def tracks(shown: Shown, numbers: Numbers, error: float) -> list[Record]:
-    """Return every track except drifts after a failure; flown tracks come first."""
+    """Return every track except drifts after a failure; executed paths ("flown") come first."""
     return [
         track(numbers, path, craft, result.number, kind, error)
         for kind, ways in (("flown", flown), ("before", before), ("planned", planned))
@@ -50,7 +50,7 @@ def tracks(shown: Shown, numbers: Numbers, error: float) -> list[Record]:
 
 
 def flown(result: StageResult[Any, Any]) -> Iterator[tuple[int, Path]]:
-    """Yield the index and path of every craft."""
+    """Yield the index and the executed path of every craft."""
     paths = result.after.paths
     yield from ((k, paths[k]) for k in range(len(paths)))
 

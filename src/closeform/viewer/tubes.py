@@ -1,4 +1,4 @@
-"""Uncertainty tubes along the flown paths at some number of sigmas."""
+"""Uncertainty tubes along the executed paths, at a number of sigmas."""
 
 from typing import Any
 
