@@ -1,4 +1,4 @@
-"""Scenario files: TOML as validated, frozen models. The only place where units are parsed."""
+"""Scenario files: TOML read into validated, frozen models. Only this package parses units."""
 
 from closeform.scenario.craft import Craft
 from closeform.scenario.errors import ScenarioError

@@ -1,4 +1,4 @@
-"""What must fit where a stage asks for more than to be clear as planned: sigmas, probabilities, drift."""
+"""Checks of the stage keys that go beyond a clear plan: `sigmas`, `max_probability` and `drift`."""
 
 from collections.abc import Iterator
 
@@ -9,7 +9,7 @@ from closeform.scenario.stages import Avoid, Joint
 
 
 def doubted(scenario: Scenario, number: int, stage: StageTable) -> Iterator[str]:
-    """Sigmas and probabilities that are asked for where there are no errors, nobody else or no size."""
+    """Yield an error line for each `sigmas` or `max_probability` without errors, other craft or sizes."""
     asked = [key for key in ("sigmas", "max_probability") if getattr(stage, key) is not None]
     for key in asked:
         if not scenario.uncertain:
@@ -29,7 +29,7 @@ def doubted(scenario: Scenario, number: int, stage: StageTable) -> Iterator[str]
 
 
 def drifting(scenario: Scenario, number: int, stage: Drifting) -> Iterator[str]:
-    """A drift that nobody is there for, or that has no end where there is no orbit."""
+    """Yield an error line for each `drift` without other craft, an end in deep space or finite thrust."""
     if len(scenario.craft) < 2:
         yield f"stage[{number}].drift: needs another craft to keep clear of; add one, or remove drift"
         return

@@ -1,4 +1,4 @@
-"""Changes: the keys in which two scenario files differ, with what each says."""
+"""Comparison of two scenario files, key by key."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -9,7 +9,10 @@ from closeform.scenario.quantity import shown
 
 
 def changes(before: str, after: str) -> list[str]:
-    """What a file says now of each key, and said before; none where only its layout or comments differ."""
+    """Return one line for each key that differs between two texts, with its new and its old value.
+
+    The list is empty if the files differ only in layout or comments.
+    """
     old, new = (dict(values(toml(text, "scenario"))) for text in (before, after))
     return [
         f"{dotted(place)} {told(old, place)}, not {told(new, place)}"
@@ -19,7 +22,7 @@ def changes(before: str, after: str) -> list[str]:
 
 
 def values(raw: Any, place: Place = ()) -> Iterator[tuple[Place, Any]]:
-    """Every value of a file by its place; tables and lists by what is in them."""
+    """Yield each value of a file with its place; nested tables and lists are expanded."""
     inner = raw.items() if isinstance(raw, Mapping) else enumerate(raw)
     for key, value in inner:
         if isinstance(value, Mapping | list) and value:
@@ -29,5 +32,5 @@ def values(raw: Any, place: Place = ()) -> Iterator[tuple[Place, Any]]:
 
 
 def told(found: Mapping[Place, Any], place: Place) -> str:
-    """A value as it is shown; of a key that is not there that it is absent."""
+    """Return the value at a place as text, or "absent" if the key is missing."""
     return shown(found[place]) if place in found else "absent"

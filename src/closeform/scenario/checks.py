@@ -1,4 +1,4 @@
-"""What must fit together between the tables of a scenario."""
+"""Consistency checks between the tables of a scenario."""
 
 import re
 from collections import Counter
@@ -22,14 +22,14 @@ from closeform.scenario.studied import study
 from closeform.search.rounds import MOST_ROUNDS, all_rounds
 
 MOST_SAMPLES = 1e7
-ORBIT = r"orbit(\.(?!field).*)?"  # keys that say where everybody flies; the field does not
-PLACED = "position|velocity|start|keep_out"  # keys of [craft] that say where nobody else may be
+ORBIT = r"orbit(\.(?!field).*)?"  # keys that define the orbit; the field does not
+PLACED = "position|velocity|start|keep_out"  # keys of [craft] that place craft and their zones
 
 
 def check(scenario: Scenario, wrong: Sequence[str], command: str) -> list[str]:
-    """Every disagreement between tables, one line for each; with them what a command needs that is not built.
+    """Return one line for each disagreement between tables, and for each unsupported need of `command`.
 
-    `wrong` are the lines on what is wrong with each by itself: what depends on that is not looked at.
+    `wrong` holds the lines about errors within single tables; checks that depend on those keys are skipped.
     """
     found = Findings(wrong)
     fit(scenario, found)
@@ -39,7 +39,7 @@ def check(scenario: Scenario, wrong: Sequence[str], command: str) -> list[str]:
 
 
 def fit(scenario: Scenario, found: "Findings") -> None:
-    """Find what does not fit together."""
+    """Add every disagreement between tables to `found`."""
     circular = scenario.orbit.deep_space is None
     known = found.sound(ORBIT)
     searches = any(stage.searches for stage in scenario.stages)
@@ -78,24 +78,24 @@ def fit(scenario: Scenario, found: "Findings") -> None:
 
 
 class Findings:
-    """Lines on what is wrong: the keys of which something is `said`, and the `new` lines."""
+    """Collected error lines: the keys already reported (`said`) and the `new` lines."""
 
     def __init__(self, said: Sequence[str]) -> None:
         self.said = {key_of(line) for line in said}
         for line in said:
             section, _, key = key_of(line).partition(".")
-            if not key:  # of a whole table: by their words
+            if not key:  # a line about a whole table: its words are the keys
                 self.said |= {f"{section}.{word}" for word in re.findall(r"\w+", line)}
             elif line.startswith(f"{section}.{key}:") and (meant := meant_by(line)):
                 self.said.add(f"{section}.{meant}")
         self.new: list[str] = []
 
     def sound(self, keys: str) -> bool:
-        """Whether nothing is said of keys of this pattern."""
+        """Return True if no reported key matches this pattern."""
         return not any(re.fullmatch(keys, key) for key in self.said)
 
     def add(self, lines: Iterable[str], needed: str = "") -> None:
-        """More lines, if the keys that they depend on are sound; none on a key of which something is said."""
+        """Add lines if the `needed` keys are sound; skip lines about keys already reported."""
         if self.sound(needed):
             more = [line for line in lines if key_of(line) not in self.said]
             self.new += more
@@ -103,7 +103,7 @@ class Findings:
 
 
 def duplicates(scenario: Scenario) -> Iterator[str]:
-    """Names that two craft or two stages share."""
+    """Yield an error line for each name that two craft or two stages share."""
     for key, names in (
         ("craft.name", list(scenario.names)),
         ("stage.name", [stage.name for stage in scenario.stages if stage.name is not None]),
@@ -114,7 +114,7 @@ def duplicates(scenario: Scenario) -> Iterator[str]:
 
 
 def stages(scenario: Scenario) -> Iterator[str]:
-    """Stages that name what is not there or need a table that is missing."""
+    """Yield an error line for each stage that names an absent object or lacks a table."""
     earlier: list[str] = []
     for number, stage in enumerate(scenario.stages, 1):
         for key, names in stage.craft_named.items():
@@ -149,7 +149,7 @@ def stages(scenario: Scenario) -> Iterator[str]:
 
 
 def following(scenario: Scenario, number: int, stage: Coast) -> Iterator[str]:
-    """Yield what keeps craft from following the files of their start."""
+    """Yield an error line for each craft that cannot follow the file of its start."""
     key = f"stage[{number}].follow"
     for name in stage.follow:
         if name not in scenario.names:
@@ -166,7 +166,7 @@ def following(scenario: Scenario, number: int, stage: Coast) -> Iterator[str]:
 
 
 def engines(scenario: Scenario, number: int, stage: StageTable) -> Iterator[str]:
-    """Stages that move craft without engines."""
+    """Yield an error line for each stage that moves a craft without an engine."""
     idle = [craft.name for craft in scenario.craft if not craft.engine]
     named = {key: names for key, names in stage.craft_named.items() if key != "order"}
     for key, names in named.items():
@@ -185,7 +185,7 @@ def engines(scenario: Scenario, number: int, stage: StageTable) -> Iterator[str]
 
 
 def exact(scenario: Scenario) -> Iterator[str]:
-    """Covariances that say of nobody that anything is uncertain."""
+    """Yield an error line if all given covariances are zero."""
     given = [craft.covariance for craft in scenario.craft if craft.covariance is not None]
     if given and all(one.exact for one in given):
         yield (
@@ -195,7 +195,7 @@ def exact(scenario: Scenario) -> Iterator[str]:
 
 
 def firing(scenario: Scenario, number: int, stage: Avoid | Joint | Transfer) -> Iterator[str]:
-    """Thrust that lasts, from thrusters that do not know how often they fire."""
+    """Yield an error line if thrusters without a firing period must realize continuous thrust."""
     each = scenario.craft_in(stage)
     endless = any(craft.thrusters is not None and craft.period is None for craft in each)
     if endless and stage.cost == "energy":
@@ -207,7 +207,7 @@ def firing(scenario: Scenario, number: int, stage: Avoid | Joint | Transfer) -> 
 
 
 def thrusting(scenario: Scenario, number: int, stage: Thrusting) -> Iterator[str]:
-    """What a stage says of the engine of craft that have no mass for it, no thrust or no exhaust."""
+    """Yield an error line for each engine key of a stage that lacks a mass, a thrust or an exhaust speed."""
     for craft in scenario.craft if stage.told else ():
         if craft.name not in stage.moving(scenario.names):
             continue
@@ -224,7 +224,7 @@ def thrusting(scenario: Scenario, number: int, stage: Thrusting) -> Iterator[str
 
 
 def as_before(scenario: Scenario, number: int, name: str, earlier: list[str]) -> Iterator[str]:
-    """A stage to return to that is not there, comes later, or in which craft were lost."""
+    """Yield an error line if the stage to return to is absent, is later or precedes a gather."""
     key = f"stage[{number}].as_before"
     if name not in earlier:
         if name in [stage.name for stage in scenario.stages]:
@@ -239,7 +239,7 @@ def as_before(scenario: Scenario, number: int, name: str, earlier: list[str]) ->
 
 
 def together(scenario: Scenario, number: int, stage: Joint) -> Iterator[str]:
-    """Whether every craft has its place, and its turn."""
+    """Yield an error line for each wrong entry of `order` and for a wrong number of craft or slots."""
     movers = stage.moving(scenario.names)
     for name in dict.fromkeys(stage.order or ()):
         if (stage.order or ()).count(name) > 1:
@@ -265,7 +265,7 @@ def together(scenario: Scenario, number: int, stage: Joint) -> Iterator[str]:
 
 
 def searching(scenario: Scenario) -> Iterator[str]:
-    """What the search for lost craft needs."""
+    """Yield an error line for each table or key that a search for lost craft lacks."""
     if scenario.sensor is None:
         yield 'sensor: missing; add [sensor] with half_angle = "70 deg"'
     if scenario.search is None:
@@ -281,12 +281,12 @@ def searching(scenario: Scenario) -> Iterator[str]:
 
 
 def at_one_place(scenario: Scenario) -> Iterator[str]:
-    """Craft that a search cannot tell apart."""
+    """Yield an error line for each craft that shares its position with another."""
     yield from scenario.coincident()
 
 
 def search(scenario: Scenario, sensor: SensorTable, table: SearchTable) -> Iterator[str]:
-    """What the papers refuse, and samples without number."""
+    """Yield an error line for each search outside the published limits or with too many samples."""
     try:
         plan = table.build(sensor.build())
     except ValueError as error:
@@ -317,7 +317,7 @@ def search(scenario: Scenario, sensor: SensorTable, table: SearchTable) -> Itera
 
 
 def deep_space(scenario: Scenario) -> Iterator[str]:
-    """What only an orbit gives a meaning."""
+    """Yield an error line for each key that requires an orbit."""
     if any(craft.start is not None and craft.start.orbital for craft in scenario.craft):
         yield (
             "craft.start: a relative orbit, but deep space has no orbits; give position and velocity, or line"
@@ -336,7 +336,7 @@ def deep_space(scenario: Scenario) -> Iterator[str]:
 
 
 def in_orbit(scenario: Scenario) -> Iterator[str]:
-    """What only deep space gives a meaning."""
+    """Yield an error line for each key that requires deep space."""
     remedy = "give string_of_pearls or another relative orbit"
     if any(craft.start is not None and craft.start.orbital is False for craft in scenario.craft):
         yield f"craft.start: a line is at rest in deep space only; {remedy}"
@@ -347,13 +347,13 @@ def in_orbit(scenario: Scenario) -> Iterator[str]:
 
 
 def spans(scenario: Scenario, orbit: Orbit) -> Iterator[str]:
-    """Stages that are too short or too long to be flown."""
+    """Yield an error line for each duration that is too short or too long to simulate."""
     for number, stage in enumerate(scenario.stages, 1):
         for key, duration in stage.durations.items():
             if (duration.orbits and not orbit.mean_motion) or (key == "drift" and not duration.seconds < inf):
-                continue  # of which something is said
+                continue  # already reported
             if key == "drift" and duration.on(1.0) == 0.0:
-                continue  # until the end of the stage
+                continue  # zero: the drift ends with the stage
             if wrong := flaw(np.array([duration.on(orbit.mean_motion)]), orbit.mean_motion):
                 name = "for" if key == "length" else key
                 yield f"stage[{number}].{name}: {wrong}; give another time"

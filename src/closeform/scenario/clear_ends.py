@@ -1,4 +1,4 @@
-"""Who starts or ends inside whose zone, and of whom no zone can be made."""
+"""Checks for craft that start or end inside a keep-out zone, and for pairs without a common zone."""
 
 from collections.abc import Iterator, Sequence
 
@@ -12,11 +12,11 @@ from closeform.zones.combined_zones import REGION
 from closeform.zones.pair_zones import PairZones, portions_near
 from closeform.zones.shapes import CYLINDER, FACES
 
-MOST_NAMED = 100  # pairs of craft, where more are wrong
+MOST_NAMED = 100  # largest number of pairs that are named
 
 
 def zones(scenario: Scenario, orbit: Orbit) -> Iterator[str]:
-    """Pairs of which no zone can be made, and craft that start or end inside another's zone."""
+    """Yield an error line for each pair without a common zone or with a conflict at the start."""
     try:
         kept = scenario.zones
     except ValueError as error:
@@ -29,7 +29,7 @@ def zones(scenario: Scenario, orbit: Orbit) -> Iterator[str]:
                 f"craft.keep_out: {stage.verb} in stage[{number}] keeps clear of a sphere, box, ellipsoid or "
                 "covariance only; give one that holds the others"
             )
-    if not scenario.scattered:  # else every case has its own positions
+    if not scenario.scattered:  # otherwise every case has its own positions
         places = scenario.states(orbit)
         remedy = "move one of them or make keep_out smaller"
         deep, count = inside(places, kept)
@@ -41,7 +41,7 @@ def zones(scenario: Scenario, orbit: Orbit) -> Iterator[str]:
 
 
 def inside(states: Floats, kept: PairZones) -> tuple[list[tuple[int, int, str]], int]:
-    """The first pairs that are inside each other's zone, how deep in words, and how many there are."""
+    """Return the first pairs in conflict, each with its clearance ratio as text, and the count of all."""
     found: list[tuple[int, int, str]] = []
     count = 0
     for zone, first, second in portions_near(kept, states[:, :3]):
@@ -56,7 +56,7 @@ def inside(states: Floats, kept: PairZones) -> tuple[list[tuple[int, int, str]],
 
 
 def ends(scenario: Scenario, orbit: Orbit, number: int, stage: Reconfigure) -> Iterator[str]:
-    """Final states inside each other's zone, where they are known before the flight."""
+    """Yield an error line for each pair in conflict at final states that are known before planning."""
     movers = stage.moving(scenario.names)
     finals = stage.known(orbit, len(movers))
     if finals is None or len(finals) < len(movers):
@@ -64,7 +64,7 @@ def ends(scenario: Scenario, orbit: Orbit, number: int, stage: Reconfigure) -> I
     own = [scenario.keep_out[scenario.names.index(name)] for name in movers]
     called: Sequence[str] = movers
     if stage.assign:
-        # who takes which slot is open: their ends are known only if all slots are taken by like craft
+        # the assignment is open: final states are known only if like craft take all slots
         if len(finals) > len(movers) or len(set(PairZones.of(own, called).kinds.tolist())) > 1:
             return
         called = [f"slot {k}" for k in range(1, len(finals) + 1)]

@@ -1,4 +1,4 @@
-"""What the formation is made of: [craft], [sensor], [search]."""
+"""Tables [craft], [sensor] and [search]."""
 
 from collections.abc import Iterator
 from math import hypot, inf, nan, pi
@@ -40,11 +40,11 @@ if TYPE_CHECKING:
 
 Matrix = tuple[Vector, Vector, Vector]
 Intervals = tuple[tuple[float, float], ...]
-MOST_TURN = pi / 2.0  # rad, of a body: more is no error of its pointing
+MOST_TURN = pi / 2.0  # rad: upper limit of a body's pointing error
 
 
 def as_silence(value: Any) -> bool | Intervals:
-    """Return whether a craft is silent all along, or the intervals [s] in which it is."""
+    """Return True or False for a craft that is always or never silent, or its silent intervals [s]."""
     if isinstance(value, bool):
         return value
     time, found = Reader(TIME, least="zero"), list[tuple[float, float]]()
@@ -101,8 +101,8 @@ class Craft(Engine):
         None, examples=['"0.01 deg/s^2"']
     )
     silent: Annotated[bool | Intervals, PlainValidator(as_silence)] = Field(False, examples=["false"])
-    _place: tuple[int, int] = PrivateAttr((0, 1))  # in a formation at the start, and of how many
-    _known: Floats | None = PrivateAttr(None)  # state (6,) at the start, where it is inertial or in a file
+    _place: tuple[int, int] = PrivateAttr((0, 1))  # place and number of places in a formation
+    _known: Floats | None = PrivateAttr(None)  # initial state (6,) that is inertial or in a file
 
     @classmethod
     def example(cls, key: str) -> Any:
@@ -140,7 +140,7 @@ class Craft(Engine):
             )
 
     def unfit(self) -> Iterator[str]:
-        """What does not fit together of its engine, and its mass."""
+        """Yield one line per inconsistency between the engine and the mass."""
         if self.max_thrust is not None and self.mass is None:
             yield 'max_thrust needs mass; add for example mass = "150 kg"'
         if self.thrusters is not None and not super().limited:
@@ -153,30 +153,30 @@ class Craft(Engine):
             yield 'specific_impulse needs mass; add for example mass = "150 kg"'
 
     def using(self, engine: Engine) -> Self:
-        """The craft with what a stage says of its engine, key by key, in place of its own."""
+        """Return the craft with the engine keys of a stage in place of its own."""
         return self.model_copy(update=engine.told) if engine.told else self
 
     def placed(self, place: int, count: int) -> Self:
-        """The craft that takes this place of so many where `start` names a formation."""
+        """Return the craft with place `place` of `count` in a formation that `start` names."""
         craft = self.model_copy()
         craft._place = (place, count)
         return craft
 
     @property
     def astray(self) -> bool:
-        """Whether it is off what a search asks of it."""
+        """Whether the craft deviates from its commanded search."""
         errors = *self.pointing_error, self.slew_rate_error, self.start_offset, self.silent
         return any(errors) or self.slew_acceleration is not None
 
     def known_at(self, state: Floats) -> Self:
-        """The craft with its state (6,) at the start, where that is inertial or in a file."""
+        """Return the craft with its initial state (6,), read from a file or from an inertial state."""
         craft = self.model_copy()
         craft._known = state
         return craft
 
     @property
     def max_acceleration(self) -> float:
-        """What its engine gives the mass that it starts with [m/s^2]; inf without a limit, or an engine."""
+        """Maximum acceleration [m/s^2] at the initial mass; inf without a limit or an engine."""
         if not self.engine:
             return inf
         if self.max_thrust is None or self.mass is None:
@@ -190,16 +190,16 @@ class Craft(Engine):
 
     @property
     def unlimited(self) -> bool:
-        """Whether it thrusts without a limit."""
+        """Whether it has an engine without a thrust limit."""
         return self.engine and not self.limited
 
     @property
     def exhaust(self) -> float:
-        """The speed of its exhaust [m/s]; inf where what it burns is not known."""
+        """Exhaust speed [m/s]; inf if the specific impulse is unknown."""
         return inf if self.specific_impulse is None else STANDARD_GRAVITY * self.specific_impulse
 
     def fired(self, share: float) -> Thrusters | None:
-        """Its thrusters when a `share` of the mass at the start is left; None without any."""
+        """Return the thrusters at a `share` of the initial mass; None without any."""
         if self.thrusters is None or not self.engine:
             return None
         bit = 0.0 if self.minimum_bit is None else self.minimum_bit.on(self.mass or nan)
@@ -208,10 +208,10 @@ class Craft(Engine):
 
     @property
     def errors(self) -> "Uncertainty | None":
-        """How far it may be off, from the mission's start on; None where all is known exactly."""
+        """Uncertainty of the craft from the mission's start; None if all is known exactly."""
         if (self.covariance is None or self.covariance.exact) and self.execution is None:
             return None
-        from closeform.uncertainty.errors import Uncertainty  # whose kernels nothing else needs
+        from closeform.uncertainty.errors import Uncertainty  # only this property needs its kernels
 
         state = None if self.covariance is None else self.covariance.matrix
         one = self.execution
@@ -220,9 +220,9 @@ class Craft(Engine):
         return Uncertainty(state, one.magnitude, one.pointing, one.gates, one.noise)
 
     def state(self, orbit: Orbit, latitude: float = 0.0) -> Floats:
-        """The state (6,) at the start, in SI units; the origin is at that argument of latitude [rad].
+        """Return the initial state (6,) in SI units, with the origin at this argument of latitude [rad].
 
-        It is nan for a craft whose inertial state is not related to the chief's, as one of them is wrong.
+        The state is nan for a craft whose inertial state or file, or that of the chief, is invalid.
         """
         if self.states is not None:
             return np.full(6, nan) if self._known is None else self._known
@@ -239,7 +239,7 @@ class Craft(Engine):
 
 
 class SensorTable(Table):
-    """[sensor]: the relative sensor that every craft carries."""
+    """Table [sensor]: the relative sensor that every craft carries."""
 
     half_angle: Annotated[float, BeforeValidator(Reader(ANGLE, least="positive"))] = Field(
         examples=['"70 deg"']
@@ -252,14 +252,14 @@ class SensorTable(Table):
             yield 'half_angle must be below 180 deg; write for example "70 deg"'
 
     def build(self) -> "Sensor":
-        """The sensor of the core."""
+        """Return the sensor that the table describes."""
         from closeform.search.sensor import Sensor
 
         return Sensor(self.half_angle, self.offset, inf if self.range is None else self.range)
 
 
 class SearchTable(Table):
-    """[search]: the synchronized turns by which lost craft look for each other."""
+    """Table [search]: the synchronized turns by which lost craft search for each other."""
 
     method: Literal["basic", "modified"] = Field(examples=['"modified"'])
     slew_rate: Annotated[float, BeforeValidator(Reader(RATE, least="positive"))] = Field(
@@ -286,10 +286,10 @@ class SearchTable(Table):
             yield 'sun_limit must be below 90 deg; write for example "25 deg"'
 
     def build(self, sensor: "Sensor") -> "Search":
-        """The search of the core.
+        """Return the search that the table describes.
 
-        Raises ValueError, beginning with the key, where the papers refuse: tips beyond the sun
-        limit, a sensor too narrow for the modified search.
+        Raises ValueError, beginning with the key, outside the published limits: tips beyond the sun limit, or
+        a sensor too narrow for the modified search.
         """
         from closeform.search.schedule import Search
 

@@ -1,4 +1,4 @@
-"""What craft thrust with: in [craft], and in a stage in place of that, for all who move in it."""
+"""Engine keys, which [craft] gives and a stage may override for the craft that it moves."""
 
 from collections.abc import Iterator
 from typing import Annotated, Any
@@ -10,11 +10,11 @@ from closeform.scenario.table import Table
 from closeform.scenario.thrusters import MinimumBit, ThrusterTable
 
 IDLE = "of a craft without an engine write engine = false"
-LIMITS = "max_thrust", "acceleration"  # fields of which one stands for both
+LIMITS = "max_thrust", "acceleration"  # alternative fields: one replaces the other
 
 
 class Engine(Table):
-    """Thrust, thrusters and exhaust."""
+    """Thrust limit, thrusters and specific impulse."""
 
     max_thrust: Annotated[float, BeforeValidator(Reader(FORCE, 1, "positive", IDLE))] | None = Field(
         None, examples=['"1.5 N"']
@@ -38,11 +38,11 @@ class Engine(Table):
 
     @property
     def limited(self) -> bool:
-        """Whether its thrust has a limit."""
+        """Whether the thrust has a limit."""
         return self.max_thrust is not None or self.acceleration is not None
 
     @property
     def told(self) -> dict[str, Any]:
-        """What it says, by field; either limit stands for both."""
+        """Given values by field; one thrust limit resets the other."""
         given = {name: value for name in Engine.model_fields if (value := getattr(self, name)) is not None}
         return dict.fromkeys(LIMITS) | given if self.limited else given

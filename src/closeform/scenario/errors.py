@@ -1,4 +1,4 @@
-"""What is wrong with a scenario file: one line each, `key: what is wrong; remedy`."""
+"""Error messages of scenario files: one line each, `key: what is wrong; remedy`."""
 
 import re
 from collections.abc import Iterable, Iterator, Sequence
@@ -15,7 +15,7 @@ Place = tuple[int | str, ...]
 
 
 class ScenarioError(ValueError):
-    """A scenario that cannot be read; `lines` has one line for each thing that is wrong."""
+    """Invalid scenario; `lines` has one line for each error."""
 
     def __init__(self, file: str, complaints: Iterable[str]) -> None:
         self.lines = tuple(dict.fromkeys(one_line(f"{file}: {complaint}") for complaint in complaints))
@@ -23,14 +23,14 @@ class ScenarioError(ValueError):
 
 
 def one_line(text: str) -> str:
-    """The text with every character that would break the line written as an escape."""
+    """Return the text with every unprintable character, such as a line break, as an escape."""
     return "".join(
         c if c.isprintable() else c.encode("unicode_escape", "backslashreplace").decode() for c in text
     )
 
 
 def dotted(place: Place) -> str:
-    """A place in the file as one reads it: `stage[2].keep_out.sphere`, counted from one."""
+    """Return a place in the file as text, such as `stage[2].keep_out.sphere`, counted from one."""
     text = ""
     for part in place:
         if part in (ALL, EACH):
@@ -44,42 +44,42 @@ def dotted(place: Place) -> str:
 
 
 def key_of(line: str) -> str:
-    """The key of the file that a line is about, without what is inside its value: `stage[2].to`.
+    """Return the key that a line is about, without keys inside its value: `stage[2].to`.
 
-    Of draws that of each: `study.vary."craft.mass"`.
+    For draws, the key includes the drawn key: `study.vary."craft.mass"`.
     """
     found = re.match(r'[a-z_]+(?:\[\d+\])?(?:\.[\w-]+)?(?:\."[^"]*")?', line)
     return found[0] if found else line
 
 
 def meant_by(line: str) -> str | None:
-    """The key that an unknown one may have been meant to be, if a line says so."""
+    """Return the known key that a line suggests for an unknown one, or None."""
     found = re.search(r"unknown key; did you mean ([\w-]+)\?$", line)
     return found[1] if found else None
 
 
 def did_you_mean(word: str, known: Iterable[str], near: Sequence[str] | None = None) -> str:
-    """The remedy for a word that is not among the known ones; `near` are others that it may stand for."""
+    """Return the remedy for an unknown word; `near` replaces the similar words among the known ones."""
     choices = list(known)
     found = get_close_matches(word, choices, n=1, cutoff=0.6) if near is None else near
     return f"did you mean {' or '.join(found)}?" if found else f"use one of {', '.join(choices)}"
 
 
 def alike(key: str, known: Iterable[str], most: int) -> list[str]:
-    """Of keys with a table before them those whose last part is like that of a key, the most alike first."""
+    """Return up to `most` dotted keys whose last part resembles that of `key`, the most similar first."""
     last = {one.rpartition(".")[2]: one for one in known}
     return [last[one] for one in get_close_matches(key.rpartition(".")[2], last, n=most, cutoff=0.7)]
 
 
 def complaints(error: ValidationError, table: type[Table]) -> Iterator[tuple[Place, str]]:
-    """Place and message of everything that pydantic found wrong with a table."""
+    """Yield the place and the message of every error that pydantic found in a table."""
     for found in error.errors(include_url=False):
         for line in message(found, table).split("\n"):
             yield found["loc"], line
 
 
 def message(found: Any, table: type[Table]) -> str:
-    """One pydantic error as `what is wrong; remedy`."""
+    """Return one pydantic error as `what is wrong; remedy`."""
     place, kind, value, context = found["loc"], found["type"], found["input"], found.get("ctx", {})
     key = next(reversed(keys_in(place)), "")
     owner = owner_of(table, place)
@@ -113,30 +113,30 @@ def message(found: Any, table: type[Table]) -> str:
 
 
 def keys_in(place: Place) -> list[str]:
-    """The keys of a place, without numbers and the marks of a key that has two forms."""
+    """Return the keys of a place, without indices and the marks of a key with two forms."""
     return [part for part in place if isinstance(part, str) and part not in (ALL, EACH)]
 
 
 def owner_of(table: type[Table], place: Place) -> type[Table] | None:
-    """The table that the last key of a place belongs to."""
+    """Return the table class that the last key of a place belongs to, or None."""
     owner: type[Table] | None = table
     for key in keys_in(place)[:-1]:
         field = {f.alias or name: f for name, f in owner.model_fields.items()}.get(key) if owner else None
-        if field is not None:  # else a key of a free mapping like [study.vary]
+        if field is not None:  # otherwise a key of a free mapping like [study.vary]
             tables = [*tables_in(field.annotation)]
             owner = tables[-1 if EACH in place else 0] if tables else None
     return owner
 
 
 def keys_inside(table: type[Table]) -> Iterator[str]:
-    """The keys of the tables that a table may hold: `elements.altitude`."""
+    """Yield the keys of nested tables, such as `elements.altitude`."""
     for name, field in table.model_fields.items():
         for inner in tables_in(field.annotation):
             yield from (f"{table.key_of(name)}.{key}" for key in inner.examples())
 
 
 def tables_inside(table: type[Table]) -> Iterator[tuple[str, type[Table]]]:
-    """The keys of a table that hold a table of one kind as it stands, and that kind."""
+    """Yield each key that holds exactly one kind of table, without a validator, and its class."""
     for name, field in table.model_fields.items():
         kinds = [one for one in get_args(field.annotation) or (field.annotation,) if one is not NoneType]
         if len(kinds) == 1 and kinds == [*tables_in(kinds[0])] and not field.metadata:
@@ -144,7 +144,7 @@ def tables_inside(table: type[Table]) -> Iterator[tuple[str, type[Table]]]:
 
 
 def tables_in(annotation: Any) -> Iterator[type[Table]]:
-    """The tables that a field may hold."""
+    """Yield the table classes in an annotation."""
     if isinstance(annotation, type) and issubclass(annotation, Table):
         yield annotation
     for part in get_args(annotation):

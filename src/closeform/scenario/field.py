@@ -1,4 +1,4 @@
-"""The real field of a scenario: `field` of [orbit], [feedback], [navigation], [simulation] and [verdict]."""
+"""High-fidelity model: `field` of [orbit], [feedback], [navigation], [simulation] and [verdict]."""
 
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -30,14 +30,14 @@ ThrustError = Annotated[tuple[float, float], BeforeValidator(as_thrust_error)]
 
 
 def as_degree(zonals: int) -> int:
-    """A degree of flattening that is known.  Raises ValueError for another."""
+    """Return a supported degree of oblateness; raise ValueError for another."""
     if zonals not in DEGREES:
         raise ValueError(f"is 0 or a degree from 2 to 6, not {zonals}; write for example zonals = 2")
     return zonals
 
 
 class FieldTable(Table):
-    """field of [orbit]: the flattened Earth, and its air."""
+    """Table `field` of [orbit]: the Earth's oblateness and its atmosphere."""
 
     zonals: Annotated[int, AfterValidator(as_degree)] = Field(2, examples=["2"])
     density: Annotated[float, BeforeValidator(Reader(DENSITY, least="positive"))] | None = Field(
@@ -54,14 +54,14 @@ class FieldTable(Table):
 
     @property
     def air(self) -> tuple[float, float, float] | None:
-        """Density [kg/m^3], the altitude at which it is that, and its scale height [m]; None without any."""
+        """Density [kg/m^3], its altitude [m] and its scale height [m]; None without an atmosphere."""
         if self.density is None or self.at_altitude is None or self.scale_height is None:
             return None
         return self.density, self.at_altitude, self.scale_height
 
 
 class FeedbackTable(Table):
-    """[feedback]: how often craft are measured, and within which horizon they are brought back."""
+    """Table [feedback]: interval of the measurements, and horizon and form of the feedback corrections."""
 
     every: Seconds = Field(60.0, examples=['"60 s"'])
     horizon: Seconds = Field(600.0, examples=['"10 min"'])
@@ -85,14 +85,14 @@ class FeedbackTable(Table):
             yield "delay goes with thrust that lasts; remove delay, or impulses"
 
     def build(self) -> "Feedback":
-        """That of the core."""
+        """Return the feedback that the table describes."""
         from closeform.dynamics.feedback import Feedback
 
         return Feedback(self.every, self.horizon, self.impulses, self.delay)
 
 
 class NavigationTable(Table):
-    """[navigation]: how well states are measured."""
+    """Table [navigation]: navigation uncertainty of the measured states."""
 
     position: Deviation = Field(0.0, examples=['"10 cm"'])
     velocity: Speed = Field(0.0, examples=['"0.3 mm/s"'])
@@ -101,7 +101,7 @@ class NavigationTable(Table):
     correlation: Late = Field(0.0, examples=['"5 min"'])
 
     def build(self) -> "Navigation":
-        """That of the core."""
+        """Return the navigation that the table describes."""
         from closeform.dynamics.feedback import Navigation
 
         biases = self.position_bias, self.velocity_bias
@@ -109,13 +109,13 @@ class NavigationTable(Table):
 
 
 class FlightTable(Table):
-    """[simulation]: a run flies its plans in the field, too, so many times."""
+    """Table [simulation]: number and control of the simulations of a run in the high-fidelity model."""
 
     control: Literal["track", "replan", "open"] = Field("track", examples=['"track"'])
     seeds: Annotated[int, Field(ge=1)] = Field(100, examples=["100"])
 
 
 class VerdictTable(Table):
-    """[verdict]: what a model error above the margin means."""
+    """Table [verdict]: result of a run whose model error exceeds the margin."""
 
     model_error: Literal["report", "refuse"] = Field("report", examples=['"refuse"'])

@@ -1,4 +1,4 @@
-"""What must fit together where a mission is to be flown in a field."""
+"""Checks of scenarios that are simulated in the high-fidelity model."""
 
 from collections.abc import Iterator
 
@@ -16,7 +16,7 @@ REMEDY = "add field, with epoch and chief, to [orbit], or remove it"
 
 
 def in_field(scenario: Scenario) -> Iterator[str]:
-    """A field of another planet, or what only a field gives a meaning."""
+    """Yield an error line for a field of another planet, or for each key that requires a field."""
     table, chief = scenario.orbit.field, scenario.orbit.chief
     if table is not None:
         if chief is not None and (chief.center or "EARTH").upper() != "EARTH":
@@ -39,7 +39,7 @@ def in_field(scenario: Scenario) -> Iterator[str]:
 
 
 def in_air(scenario: Scenario) -> Iterator[str]:
-    """Air without what it pulls on, or the reverse."""
+    """Yield an error line if atmospheric drag lacks a ballistic coefficient, or the reverse."""
     table, chief = scenario.orbit.field, scenario.orbit.chief
     ballistics = [craft.ballistic for craft in scenario.craft]
     if table is None or table.air is None:
@@ -57,7 +57,7 @@ def in_air(scenario: Scenario) -> Iterator[str]:
 
 
 def in_flight(scenario: Scenario) -> Iterator[str]:
-    """What a flight that is part of a run, or of each case of a study, cannot have, nor a margin for one."""
+    """Yield an error line for each setting that a simulation, or a margin for one, does not support."""
     autos = any(getattr(stage, "margin", None) == "auto" for stage in scenario.stages)
     if scenario.noisy and autos:
         remedy = "remove noise, or give margins in metres"
@@ -81,15 +81,15 @@ def in_flight(scenario: Scenario) -> Iterator[str]:
 
 
 def flown_thrusters(scenario: Scenario) -> list[Thrusters | None]:
-    """The thrusters that each craft flies with, from its first stage to its last.
+    """Return the thrusters of each craft, which are the same in all stages; None for a craft without any.
 
-    Raises ValueError, beginning with the key of a stage, where it thrusts by others in another one.
+    Raises ValueError, beginning with the key of a stage, if a craft has other thrusters in that stage.
     """
     return [throughout(scenario, k).fired(1.0) for k in range(len(scenario.craft))]
 
 
 def throughout(scenario: Scenario, k: int) -> Craft:
-    """A craft as it thrusts in all stages in which it moves, which have one set of thrusters, or none."""
+    """Return a craft with the engine that it uses in every stage in which it moves."""
     name, first = scenario.names[k], None
     for number, stage in enumerate(scenario.stages, 1):
         if name not in stage.moving(scenario.names):
@@ -106,7 +106,7 @@ def throughout(scenario: Scenario, k: int) -> Craft:
 
 
 def not_anew(scenario: Scenario) -> Iterator[tuple[str, str]]:
-    """Why flights could not plan the rest of a scenario anew, and with what they could."""
+    """Yield each reason why a simulation cannot replan, with the remedy."""
     if len(scenario.stages) > 1:
         yield f"replan is for one stage, and there are {len(scenario.stages)}", "one stage"
     if any(scenario.plans_impulses(stage) for stage in scenario.stages):
@@ -119,7 +119,7 @@ def not_anew(scenario: Scenario) -> Iterator[tuple[str, str]]:
 
 
 def too_blind(scenario: Scenario, orbit: Orbit) -> Iterator[str]:
-    """Navigation that leaves pairs farther off than their zones reach."""
+    """Yield an error line if the tracking error of a pair exceeds the smallest keep-out zone."""
     if scenario.field is None or scenario.navigation is None:
         return
     from closeform.dynamics.feedback import Feedback

@@ -1,7 +1,7 @@
-"""Stages in which a run would stop, as two craft are too near each other where neither can give way.
+"""Detection of stages that must fail because two craft are too close and neither can move away.
 
-Known before anybody plans: where craft begin, where those end that are told where, and who coasts; of a plan
-that is to be passively safe also where they drift from there.
+The check runs before any plan is computed. It uses the initial states, the known final states and the states
+of coasting craft. For a passively safe plan it also uses the free drift from the final states.
 """
 
 from collections.abc import Iterator
@@ -18,12 +18,12 @@ from closeform.zones.padding import Short
 from closeform.zones.pair_zones import portions
 from closeform.zones.zone import ON
 
-MOST_PAIRS = 100_000  # that are looked at
+MOST_PAIRS = 100_000  # largest number of pairs that is checked
 Moving = Avoid | Joint | Transfer
 
 
 def stops(scenario: Scenario) -> tuple[str, ...]:
-    """In which stage a run would stop for that, and why, one line for each pair; none if it is not known."""
+    """Return one line for each pair that stops a run, with its stage and reason; empty if none is known."""
     if scenario.scattered or scenario.zones.pairs > MOST_PAIRS:
         return ()
     orbit, time = scenario.orbit.build(), 0.0
@@ -44,7 +44,7 @@ def stops(scenario: Scenario) -> tuple[str, ...]:
         if stage.keeps_out:
             margin = stage.margin if isinstance(stage, Avoid | Joint) else None
             room = margin if isinstance(margin, float) else 0.0
-            planned = who[:1] if isinstance(stage, Avoid) else who  # fellows give way to nobody
+            planned = who[:1] if isinstance(stage, Avoid) else who  # other moving craft do not avoid others
             for verb, places in (("start", states), ("end", after)):
                 if places is not None and (found := [*near(scenario, places, planned, room)]):
                     return tuple(f"stage[{number}]: {pair.format(verb)}" for pair in found)
@@ -58,7 +58,10 @@ def stops(scenario: Scenario) -> tuple[str, ...]:
 
 
 def ends(orbit: Orbit, stage: Moving, coasted: Floats, who: list[int], latitude: float) -> Floats | None:
-    """Where all craft (N, 6) are after a stage, `coasted` being where they coast to; None if plans say."""
+    """Return the states (N, 6) of all craft after a stage, given their `coasted` states.
+
+    Return None if the final states depend on the plan.
+    """
     after = coasted.copy()
     if isinstance(stage, Joint):
         if not isinstance(stage, Reconfigure) or stage.assigns:
@@ -78,7 +81,10 @@ def ends(orbit: Orbit, stage: Moving, coasted: Floats, who: list[int], latitude:
 
 
 def open_end(orbit: Orbit, stage: Moving, coasted: Floats, who: list[int], latitude: float) -> Floats | None:
-    """The same at any phase where only that is open, and a drift of an orbit comes through all of them."""
+    """Return the final states (N, 6) at an arbitrary phase if only the phase is open, else None.
+
+    A drift of at least one orbit passes through every phase, so that any phase serves.
+    """
     if not isinstance(stage, Avoid) or stage.to is None or stage.meanwhile or stage.drift is None:
         return None
     if not stage.to.is_open or not stage.drift.on(orbit.mean_motion) >= orbit.period:
@@ -89,9 +95,9 @@ def open_end(orbit: Orbit, stage: Moving, coasted: Floats, who: list[int], latit
 def adrift(
     scenario: Scenario, orbit: Orbit, stage: Moving, after: Floats | None, planned: list[int]
 ) -> Iterator[str]:
-    """Pairs that a plan which is to be safe when thrust is lost brings to where they drift together.
+    """Yield a line for each pair in conflict during free drift from a passively safe plan's final states.
 
-    Of craft that are planned, with each other and with those that give way to nobody.
+    Both craft are planned, or one is planned and the other does not avoid it.
     """
     safe = isinstance(stage, Avoid | Joint) and stage.is_exact and stage.plans_drift
     joint = isinstance(stage, Joint)
@@ -102,7 +108,7 @@ def adrift(
         or (joint and any(map(moves, stage.targets.values())))
     ):
         return
-    from closeform.conflicts.two_paths import closest_approach  # whose kernels only this needs
+    from closeform.conflicts.two_paths import closest_approach  # only this check needs its kernels
 
     drift = stage.drift.on(orbit.mean_motion)
     for zone, first, second in portions(scenario.zones):
@@ -119,7 +125,7 @@ def adrift(
 
 
 def later(scenario: Scenario, stage: Moving, who: list[int]) -> bool:
-    """Whether a stage may take longer than asked, and where somebody is or goes depends on how long."""
+    """Return True if a stage may take longer than requested and later states depend on its duration."""
     limited = any(scenario.craft_in(stage)[k].limited for k in who)
     if not isinstance(stage, Joint):
         return limited
@@ -129,12 +135,12 @@ def later(scenario: Scenario, stage: Moving, who: list[int]) -> bool:
 
 
 def moves(target: Target | Goal) -> bool:
-    """Whether where a target is depends on when one arrives."""
+    """Return True if the target state depends on the arrival time."""
     return target.line is not None if isinstance(target, Goal) else target.roe is not None
 
 
 def near(scenario: Scenario, states: Floats, who: list[int], margin: float) -> Iterator[str]:
-    """Pairs with one of some craft that are within their zone padded by a margin [m], and what helps."""
+    """Yield a line, with a remedy, for each pair with a craft in `who` inside its zone plus `margin` [m]."""
     for zone, first, second in portions(scenario.zones):
         apart = states[first, :3] - states[second, :3]
         padded = zone.padded(margin) if margin else zone

@@ -1,4 +1,4 @@
-"""Relative orbits by name: what stands in `start` and in `to`."""
+"""Named relative orbits, as given in `start` and `to`."""
 
 from collections.abc import Iterator
 from typing import Annotated, Any, ClassVar, Literal, Self
@@ -29,7 +29,7 @@ CHEAPEST = "cheapest"
 
 
 def as_phase(value: Any) -> Any:
-    """An angle [rad]; None for the cheapest one."""
+    """Return an angle [rad], or None for the cheapest phase."""
     if value == CHEAPEST:
         return None
     try:
@@ -42,37 +42,37 @@ Phase = Annotated[float | None, BeforeValidator(as_phase)]
 
 
 class Shape(Table):
-    """The sizes of a named formation, by the arguments of its function in `targets`."""
+    """Sizes of a named formation; the keys are the arguments of its function in `targets`."""
 
     function: ClassVar[str]
-    phased: ClassVar[str | None] = None  # the key of its first craft's phase, if it has one
+    phased: ClassVar[str | None] = None  # key of the first craft's phase, or None
 
     @property
     def phase_angle(self) -> float | None:
-        """The first craft's phase [rad]; None of the cheapest, and where there are no phases."""
+        """Phase of the first craft [rad]; None for the cheapest, or for a formation without phases."""
         found: float | None = getattr(self, self.phased) if self.phased is not None else None
         return found
 
     @property
     def is_open(self) -> bool:
-        """Whether the phase is the cheapest, which is still to be found."""
+        """Whether the phase is the cheapest and not yet determined."""
         return self.phased is not None and self.phase_angle is None
 
     def at_phase(self, phase: float) -> Self:
-        """The same with the first craft at a phase [rad]."""
+        """Return the formation with its first craft at a phase [rad]."""
         assert self.phased is not None
         return self.model_copy(update={self.phased: phase})
 
     def states(self, orbit: Orbit, count: int) -> Floats:
-        """States (count, 6) of its places, in SI units."""
-        from closeform.planning import targets  # whose kernels only a named formation needs
+        """Return the states (count, 6) of the slots in SI units."""
+        from closeform.planning import targets  # only a named formation needs its kernels
 
         places: Floats = getattr(targets, self.function)(orbit, count, **self.model_dump())
         return places
 
 
 class ProjectedCircular(Shape):
-    """A relative orbit whose projection along the radial is a circle; craft spread evenly."""
+    """Relative orbit with a circular projection along the radial axis; craft evenly spaced."""
 
     function = "projected_circular"
     phased = "first_phase"
@@ -81,7 +81,7 @@ class ProjectedCircular(Shape):
 
 
 class SafetyEllipse(Shape):
-    """One relative orbit with parallel eccentricity and inclination vectors; craft spread evenly."""
+    """One relative orbit with parallel eccentricity and inclination vectors; craft evenly spaced."""
 
     function = "safety_ellipse"
     phased = "phase"
@@ -92,14 +92,14 @@ class SafetyEllipse(Shape):
 
 
 class StringOfPearls(Shape):
-    """Craft one behind the other."""
+    """Craft at rest, one behind the other."""
 
     function = "string_of_pearls"
     spacing: Length = Field(examples=['"100 m"'])
 
 
 class Pendulum(Shape):
-    """Craft one behind the other that swing across the track."""
+    """Craft one behind the other, with cross-track oscillation."""
 
     function = "pendulum"
     spacing: Length = Field(examples=['"100 m"'])
@@ -107,7 +107,7 @@ class Pendulum(Shape):
 
 
 class Ring(Shape):
-    """Craft apart by the phases of parallel eccentricity and inclination vectors."""
+    """Craft separated in phase, with parallel eccentricity and inclination vectors."""
 
     function = "separated_ring"
     phased = "first_phase"
@@ -137,7 +137,7 @@ class Line(Shape):
 
 
 class Formation(Table):
-    """A formation by its name."""
+    """Formation by its name."""
 
     projected_circular: ProjectedCircular | None = Field(None, examples=['{ radius = "150 m" }'])
     safety_ellipse: SafetyEllipse | None = Field(
@@ -150,29 +150,29 @@ class Formation(Table):
 
     @property
     def called(self) -> str | None:
-        """The name of the formation, if it is one that has a name."""
+        """Name of the formation, or None."""
         return next((name for name in Formation.model_fields if getattr(self, name) is not None), None)
 
     @property
     def shape(self) -> Shape | None:
-        """The formation, if it is one that has a name."""
+        """Sizes of the named formation, or None."""
         found: Shape | None = getattr(self, self.called) if self.called is not None else None
         return found
 
     def closed(self) -> Iterator[str]:
-        """A flaw where the phase of many craft is left open."""
+        """Yield a flaw if the phase of several craft is left open."""
         if self.shape is not None and self.shape.is_open:
             key = self.shape.phased
             yield f'{key} = "{CHEAPEST}" is for the one craft of avoid and transfer; give an angle'
 
     @property
     def orbital(self) -> bool | None:
-        """Whether it is for an orbit (True) or for deep space (False) only; None where it is for both."""
+        """Whether it requires an orbit (True) or deep space (False); None if it suits both."""
         return None if self.shape is None else self.line is None
 
 
 class Start(Formation):
-    """start: a relative orbit, or an inertial state, instead of a position and a velocity."""
+    """Table `start`: a relative orbit or an inertial state instead of a position and a velocity."""
 
     palmer: SixLengths | None = Field(None, examples=['"0 0 0 100 0 20 m"'])
     roe: SixLengths | None = Field(None, examples=['"0 0 0 100 0 100 m"'])
@@ -190,12 +190,12 @@ class Start(Formation):
 
     @property
     def inertially(self) -> bool:
-        """Whether it says where the craft is beside the chief's own inertial state."""
+        """Whether the start is an inertial state, which requires that of the chief."""
         return self.inertial is not None or self.oem is not None
 
 
 class Target(Table):
-    """to: the state that one craft moves to, relative to the formation's origin."""
+    """Table `to`: the state that one craft moves to, relative to the formation's origin."""
 
     position: Position | None = Field(None, examples=['"0 100 0 m"'])
     velocity: Velocity | None = Field(None, examples=['"0 0 0 m/s"'])
@@ -210,11 +210,11 @@ class Target(Table):
 
     @property
     def orbital(self) -> bool | None:
-        """Whether it is for an orbit only (True), or for deep space too (None)."""
+        """Whether it requires an orbit (True); None if it also suits deep space."""
         return True if self.palmer is not None or self.roe is not None else None
 
     def state(self, orbit: Orbit, latitude: float = 0.0) -> Floats:
-        """The state (6,) in SI units, when the origin is at that argument of latitude [rad]."""
+        """Return the state (6,) in SI units, with the origin at this argument of latitude [rad]."""
         if self.palmer is not None:
             return state_from_palmer(self.palmer, orbit.mean_motion)
         if self.roe is not None:
@@ -223,7 +223,7 @@ class Target(Table):
 
 
 class Destination(Target, Formation):
-    """to: the state, or the relative orbit by its name, that one craft moves to."""
+    """Table `to`: the state or the named relative orbit that one craft moves to."""
 
     def flaws(self) -> Iterator[str]:
         yield from self.one_of("position", "palmer", "roe", *Formation.model_fields)
@@ -242,11 +242,11 @@ class Destination(Target, Formation):
 
     @property
     def is_open(self) -> bool:
-        """Whether its phase is the cheapest, which is still to be found."""
+        """Whether the phase is the cheapest and not yet determined."""
         return self.shape is not None and self.shape.is_open
 
     def at_phase(self, phase: float) -> Self:
-        """The same relative orbit at a phase [rad]."""
+        """Return the same relative orbit at a phase [rad]."""
         shape, name = self.shape, self.called
         assert shape is not None
         assert name is not None
@@ -254,7 +254,7 @@ class Destination(Target, Formation):
 
 
 class Goal(Formation):
-    """to: the relative orbits that a whole formation moves to."""
+    """Table `to`: the relative orbits that a whole formation moves to."""
 
     remove: Literal["eccentricity", "altitude difference"] | None = Field(None, examples=['"eccentricity"'])
     join: Names | None = Field(None, examples=['["F1", "F2"]'])

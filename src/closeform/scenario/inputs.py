@@ -1,4 +1,4 @@
-"""The files that a scenario names: found beside it, read once, their contents known by a digest."""
+"""Input files that a scenario names: located, read once and identified by a digest."""
 
 import hashlib
 from pathlib import Path
@@ -11,14 +11,14 @@ if TYPE_CHECKING:
     from closeform.exchange.ephemeris import Ephemeris
     from closeform.exchange.states_csv import StateRows
 
-DOUBTFUL = 1.0  # m: by how much a state may be off that is interpolated
+DOUBTFUL = 1.0  # m: largest accepted error of an interpolated state
 
 
 class Inputs:
-    """Files by the names that a scenario gives them, which count from its `folder`.
+    """Files by the names in a scenario, relative to its `folder`.
 
-    A result folder keeps copies, which are taken first.  `contents`: of each; `notes`: which states were
-    interpolated, and how far they may be off.
+    Copies in a result folder take precedence. `contents` holds the bytes of each file. `notes` lists the
+    interpolated states and their estimated errors.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -29,7 +29,7 @@ class Inputs:
         self._states: dict[str, StateRows] = {}
 
     def read(self, name: str) -> Path:
-        """Where a file is, whose contents are noted.  Raises ValueError if it cannot be read."""
+        """Return the path of a file and store its contents; raise ValueError if it cannot be read."""
         try:
             place = self.folder / copy_of(name)
             if not place.exists():
@@ -39,32 +39,33 @@ class Inputs:
         except OSError as error:
             reason = (error.strerror or "cannot be read").lower()
             raise ValueError(f"{self.folder / name}: {reason}; check the path") from None
-        except ValueError:  # a zero byte
+        except ValueError:  # a null byte
             raise ValueError(f"{shown(name)}: no name of a file; check the path") from None
         return place
 
     @property
     def digests(self) -> dict[str, str]:
-        """SHA-256 of each file, by its name."""
+        """SHA-256 of each file by its name."""
         return {name: hashlib.sha256(held).hexdigest() for name, held in self.contents.items()}
 
     @property
     def copies(self) -> dict[str, bytes]:
-        """What a result folder keeps of them, by its place there."""
+        """Contents of each file by its place in a result folder."""
         return {copy_of(name): held for name, held in self.contents.items()}
 
     def segments(self, name: str) -> "tuple[Ephemeris, ...]":
-        """Return all segments of an OEM. Raises ValueError, with file and line, if it cannot be read."""
-        from closeform.exchange.oem import read_oem_segments  # which most scenarios can spare
+        """Return all segments of an OEM; raise ValueError, with file and line, if it cannot be read."""
+        from closeform.exchange.oem import read_oem_segments  # most scenarios do not need it
 
         if name not in self._segments:
             self._segments[name] = read_oem_segments(self.read(name))
         return self._segments[name]
 
     def ephemeris(self, name: str, epoch: Epoch) -> "Ephemeris":
-        """What an OEM holds: of several segments the one at an epoch, of two that a burn parts the second.
+        """Return the segment of an OEM at an epoch; of two that meet there, the second.
 
-        Raises ValueError, with file and line, for what is none, and where none of its segments reaches.
+        Raises ValueError, with file and line, for an invalid file, or if none of several segments covers the
+        epoch.
         """
         from closeform.exchange.ephemeris import SAME_EPOCH
 
@@ -81,7 +82,7 @@ class Inputs:
         return there[-1] if there else segments[0]
 
     def states(self, name: str) -> "StateRows":
-        """What a file of states holds.  Raises ValueError, with file and line, for what is none."""
+        """Return the rows of a file of states; raise ValueError, with file and line, for an invalid file."""
         from closeform.exchange.message import within
         from closeform.exchange.states_csv import state_rows
 
@@ -92,7 +93,10 @@ class Inputs:
         return self._states[name]
 
     def interpolated(self, name: str, error: float) -> None:
-        """Note that the state at the epoch lies between those of a file, by estimate so far off [m]."""
+        """Note that the state at the epoch is interpolated, with its estimated error [m].
+
+        Raises ValueError for a large error.
+        """
         if error > DOUBTFUL:
             raise ValueError(
                 f"{name}: at the epoch a state between its own may be off by {error:.3g} m; "
@@ -105,5 +109,5 @@ class Inputs:
 
 
 def copy_of(name: str) -> str:
-    """The copy of a file in a result folder; of two with one name in different folders each has its own."""
+    """Return the place of a file's copy in a result folder, unique for each name with its folder."""
     return f"inputs/{hashlib.sha256(name.encode()).hexdigest()[:8]}-{Path(name).name}"

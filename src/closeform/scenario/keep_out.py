@@ -1,4 +1,4 @@
-"""keep_out: the zone around a craft, as a scenario file writes it."""
+"""Table `keep_out`: the keep-out zone around a craft."""
 
 from collections.abc import Iterator
 from typing import Annotated, Literal
@@ -18,7 +18,7 @@ Row = Annotated[Vector, Field(strict=False)]
 
 
 class KeepOut(Table):
-    """keep_out: the zone around a craft that no other may enter."""
+    """Table `keep_out`: the zone around a craft that no other may enter."""
 
     kind: Literal["region", "covariance", "body"] | None = Field(None, examples=['"body"'])
     sphere: Length | None = Field(None, examples=['"20 m"'])
@@ -69,24 +69,24 @@ class KeepOut(Table):
             yield "covariance is of where a craft is, not of its body; remove kind"
 
     def covariance_matrix(self) -> Floats:
-        """The covariance (3, 3) in m^2 from its lower triangle by rows, as in a CCSDS CDM."""
+        """Return the covariance (3, 3) in m^2 from its lower triangle by rows, as in a CCSDS CDM."""
         matrix = np.zeros((3, 3))
         matrix[np.tril_indices(3)] = self.covariance
         return np.asarray(matrix + np.tril(matrix, -1).T)
 
     @property
     def of_errors(self) -> bool:
-        """Whether it is where the craft may be."""
+        """Whether the zone is a position uncertainty."""
         return self.covariance is not None and self.kind != "region"
 
     def own(self) -> OwnZone:
-        """What the core is told: a region, a body, or where the craft may be."""
+        """Return the craft's own zone: a region, a body or a position uncertainty."""
         if self.of_errors:
             return CovarianceZone(self.covariance_matrix(), self.sigmas or 0.0)
         return Body(self.zone()) if self.kind == "body" else self.zone()
 
     def zone(self) -> Zone:
-        """The set that it names."""
+        """Return the set of positions that the table describes."""
         if self.sphere is not None:
             return Sphere(self.sphere)
         if self.box is not None:

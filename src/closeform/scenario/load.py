@@ -1,4 +1,4 @@
-"""A TOML file as a Scenario, or every reason why it is none."""
+"""Reader of scenario files: a valid TOML text becomes a Scenario, an invalid one a list of errors."""
 
 import os
 import re
@@ -35,20 +35,20 @@ from closeform.scenario.sweep import points, words
 from closeform.scenario.table import FLAWED, Table
 
 FORMAT = 1
-DEEPEST = 50  # parts of a dotted key: what reads TOML needs memory by their square, and may recurse
-# from the beginning of a word only, without a second look at it: the time grows with the length of the text
+DEEPEST = 50  # parts of a dotted key: parser memory grows with their square, and the parser may recurse
+# possessive, and from the beginning of a word only: the search time is linear in the text length
 DEEP = re.compile(rf"""(?<![\w-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){{{DEEPEST}}}""")
 KEY = re.compile(r"""\s*+(\[{0,2}[\w."' -]++\]{0,2})\s*+(?:=|#|$)""")  # at the beginning of a line
 Model = TypeVar("Model", bound=Table)
 
 
 def load(file: str | Path) -> Scenario:
-    """Read a scenario file. Raises ScenarioError, with one line for each thing that is wrong."""
+    """Read a scenario file; raise ScenarioError, with one line for each error."""
     return parse(text_of(file), str(file))
 
 
 def text_of(file: str | Path) -> str:
-    """What stands in a scenario file, to the last byte. Raises ScenarioError where it is no text."""
+    """Return the text of a scenario file; raise ScenarioError if it cannot be read as UTF-8."""
     try:
         data = Path(file).read_bytes()
     except OSError as error:
@@ -61,10 +61,10 @@ def text_of(file: str | Path) -> str:
 
 
 def parse(text: str, file: str = "scenario", command: str = "run") -> Scenario:
-    """The scenario that a TOML text describes; `file` names it in messages. A byte-order mark is no matter.
+    """Return the scenario that a TOML text describes; `file` names it in messages.
 
-    Raises ScenarioError, with one line for each thing that is wrong, and then also for what is not built yet
-    of that which a `command` needs.
+    A byte-order mark is ignored. Raises ScenarioError, with one line for each error, and for features that
+    `command` needs and this version lacks.
     """
     raw = toml(text, file)
     scenario = told(raw, text, file, command)
@@ -74,7 +74,7 @@ def parse(text: str, file: str = "scenario", command: str = "run") -> Scenario:
 
 
 def told(raw: dict[str, Any], text: str, file: str, command: str) -> Scenario:
-    """The scenario that the tables of a file describe."""
+    """Return the scenario that the tables of a file describe."""
     reading = Reading(raw)
     scenario = Scenario(file, text, **reading.sections())
     scenario = located(scenario, Inputs(Path(file).parent), reading.lines, reading.complain)
@@ -84,7 +84,7 @@ def told(raw: dict[str, Any], text: str, file: str, command: str) -> Scenario:
 
 
 def swept(raw: dict[str, Any], scenario: Scenario, command: str) -> Iterator[Scenario]:
-    """The scenario at each point of its sweep; ScenarioError at the first that is none."""
+    """Yield the scenario at each point of its sweep; raise ScenarioError at the first invalid point."""
     file, same = scenario.file, [stage.verb for stage in scenario.stages]
     try:
         for place, (chosen, changed) in enumerate(points(raw)):
@@ -101,7 +101,7 @@ def swept(raw: dict[str, Any], scenario: Scenario, command: str) -> Iterator[Sce
 
 
 def toml(text: str, file: str) -> dict[str, Any]:
-    """What a TOML text says. Raises ScenarioError where it is none."""
+    """Return the contents of a TOML text; raise ScenarioError for invalid TOML."""
     if deep := DEEP.search(text):
         place = f"line {text.count(chr(10), 0, deep.start()) + 1}"
         raise ScenarioError(file, [f"{place}: a key of {DEEPEST} parts or more; no key here has so many"])
@@ -109,7 +109,7 @@ def toml(text: str, file: str) -> dict[str, Any]:
         return tomllib.loads(text.removeprefix("\ufeff"))
     except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise ScenarioError(file, [not_toml(text, error)]) from None
-    except ValueError:  # Python converts no more digits than these
+    except ValueError:  # Python limits the digits of an integer
         most = sys.get_int_max_str_digits()
         before = re.split(rf"[0-9_]{{{most}}}", text)[0].count("\n")
         raise ScenarioError(
@@ -118,12 +118,12 @@ def toml(text: str, file: str) -> dict[str, Any]:
 
 
 def not_toml(text: str, error: Exception) -> str:
-    """What TOML does not take, with its line and key, or the beginning of the line where that has none."""
+    """Return an error line for invalid TOML: the line, the nearest key above it, and the remedy."""
     found = re.fullmatch(r"(.*) \(at (.*)\)", str(error))
     what, place = found.groups() if found else (str(error), "the file")
     lines = text.splitlines()
     if line := re.match(r"line (\d+), column (\d+)", place):
-        lines = lines[: int(line[1]) - (line[2] == "1")]  # else it was the line before that has no end
+        lines = lines[: int(line[1]) - (line[2] == "1")]  # column 1: the line before is unterminated
     before = [KEY.match(line) for line in lines]
     key = next((found[1].strip()[:60] for found in reversed(before) if found is not None), "the file")
     if re.match("Cannot (overwrite|declare)|Duplicate", what):
@@ -133,14 +133,14 @@ def not_toml(text: str, error: Exception) -> str:
 
 
 def in_places(craft: tuple[Craft, ...]) -> tuple[Craft, ...]:
-    """Craft k of N takes place k of N where `start` names a formation."""
+    """Return the craft with places 0 to N - 1 of N, for a `start` that names a formation."""
     return tuple(one.placed(k, len(craft)) for k, one in enumerate(craft))
 
 
 class Reading:
-    """The sections of a file, each validated by itself so that every error shows at once.
+    """Sections of a file, each validated separately so that all errors are reported at once.
 
-    Examples stand in for what is wrong or missing, so that the rest can be looked at, too.
+    Examples replace wrong or missing values, so that the remaining checks can run.
     """
 
     def __init__(self, raw: dict[str, Any]) -> None:
@@ -148,7 +148,7 @@ class Reading:
         self.lines: list[str] = []
 
     def sections(self) -> dict[str, Any]:
-        """The validated sections; what is wrong with them is in `lines`."""
+        """Return the validated sections; `lines` collects their errors."""
         known = ["closeform", "title", "orbit", "craft", "sensor", "search", "feedback", "navigation"]
         known += ["simulation", "verdict", "stage", "study"]
         for key in self.raw:
@@ -175,7 +175,7 @@ class Reading:
         }
 
     def complain(self, place: Place, text: str) -> None:
-        """Note that something is wrong at a place of the file; of a craft's, as its column is written."""
+        """Add an error line for a place; a craft's column that holds one value gets no index."""
         if place[0] == "craft" and len(place) > 1 and isinstance(place[1], int):
             number, *rest = place[1:]
             listed = bool(rest) and isinstance(self.raw["craft"].get(str(rest[0])), list)
@@ -183,7 +183,7 @@ class Reading:
         self.lines.append(f"{dotted(place)}: {text}")
 
     def table(self, key: str, model: type[Model], needed: str = "") -> Model | None:
-        """One section, or None where it is absent or wrong."""
+        """Return one validated section, or None if it is absent or wrong."""
         if key not in self.raw:
             if needed:
                 self.complain((key,), f"missing; add {needed}")
@@ -194,9 +194,9 @@ class Reading:
         return self.validated(model, self.raw[key], (key,))
 
     def validated(self, model: type[Model], value: dict[str, Any], place: Place) -> Model | None:
-        """A table; where something is wrong with it, one with examples instead, None if that is none.
+        """Return a validated table, with examples in place of wrong values; None if that fails.
 
-        The tables in it are validated each by itself, too.
+        Nested tables are validated separately.
         """
         value = value | {
             key: self.validated(table, value[key], (*place, key)) or model.example(key)
@@ -220,14 +220,14 @@ class Reading:
             )
         except ValidationError:
             return None
-        if wrong:  # else its flaws were found before
+        if wrong:  # otherwise its flaws are already reported
             for text in mended.flaws():
                 if not wrong & set(re.findall(r"\w+", text)):
                     self.complain(place, text)
         return mended
 
     def craft(self, model: type[Model]) -> tuple[Model, ...]:
-        """[craft] as one table for each craft: a list gives one each, anything else is for all."""
+        """Return one table for each craft of [craft]: a list has one value each, other values are for all."""
         table = self.raw.get("craft")
         if not isinstance(table, dict):
             self.complain(("craft",), 'missing; add [craft] with name = ["F1", "F2"]')
@@ -243,13 +243,13 @@ class Reading:
             if len(columns[key]) != len(names):
                 text = f"has {len(value)} values for {len(names)} craft; give one value for all or one each"
                 self.complain(("craft", key), text)
-                columns[key] = value[:1] * len(names)  # stands in, to find more errors
+                columns[key] = value[:1] * len(names)  # placeholder values, to find more errors
         rows = [{key: column[k] for key, column in columns.items() if column} for k in range(len(names))]
         each = (self.validated(model, row, ("craft", number)) for number, row in enumerate(rows))
         return tuple(craft for craft in each if craft is not None)
 
     def stages(self) -> tuple[StageTable, ...]:
-        """[[stage]], each by the model of its verb."""
+        """Return the tables of [[stage]], each read by the model of its verb."""
         tables = self.raw.get("stage")
         if not isinstance(tables, list) or not tables:
             self.complain(("stage",), 'missing; add [[stage]] with do = "coast" and for = "1 orbit"')

@@ -1,4 +1,4 @@
-"""The zone that every craft keeps, as options of a command describe it, or those of a file."""
+"""Keep-out zones of a screening, from command-line options or from a file."""
 
 from collections.abc import Sequence
 from contextlib import suppress
@@ -20,9 +20,9 @@ HARD_BODY = "hard-body"
 
 
 def own_zone(shapes: dict[str, str | None], axis: str | None, sigmas: float | None, body: bool) -> OwnZone:
-    """What every craft keeps; `shapes` have the texts of options by name, of which one is given.
+    """Return the zone of every craft from the texts of options by name (`shapes`), of which one is given.
 
-    Raises ValueError, one line that names the option, for what does not fit.
+    Raises ValueError, one line that names the option, for invalid options.
     """
     given: dict[str, Any] = {shape: text for shape, text in shapes.items() if text is not None}
     if len(given) != 1:
@@ -50,9 +50,9 @@ def own_zone(shapes: dict[str, str | None], axis: str | None, sigmas: float | No
 
 @dataclass(frozen=True, eq=False)
 class AskedZones:
-    """What the craft of a screening keep: one zone for all, or those of a file.
+    """Keep-out zones of a screening: one zone for all craft, or those of a file.
 
-    `sigmas`: of the errors of ephemerides by which the zones are kept; None where these are not asked for.
+    `sigmas`: size of the ephemeris uncertainty to keep clear of; None if it is not requested.
     """
 
     zone: OwnZone | None
@@ -68,7 +68,7 @@ class AskedZones:
         body: bool,
         file: Path | None,
     ) -> Self:
-        """Raises ValueError, one line that names the option, for what does not fit."""
+        """Return the zones of the options; raise ValueError, one line that names the option."""
         if sigmas is not None and not (isfinite(sigmas) and sigmas > 0.0):
             raise ValueError(f"--sigmas: must be above zero, got {sigmas:g}; write for example --sigmas 3")
         if file is None:
@@ -81,16 +81,16 @@ class AskedZones:
         return cls(None, file, sigmas)
 
     def of_each(self, names: Sequence[str]) -> list[OwnZone]:
-        """Return the own zone of each craft. Raises ScenarioError for a file that does not fit."""
+        """Return the own zone of each craft; raise ScenarioError for an invalid file."""
         if self.file is not None:
             return own_zones(self.file, names)
         assert self.zone is not None  # one of the two is given
         return [self.zone] * len(names)
 
     def of_pairs(self, own: Sequence[OwnZone], names: Sequence[str]) -> PairZones:
-        """Return the zone of each pair, by the own zones of the craft.
+        """Return the zone of each pair from the own zones of the craft.
 
-        Raises ValueError, ScenarioError for a file, with one line for each thing that is wrong.
+        Raises ValueError, or ScenarioError for a file, with one line for each error.
         """
         if self.file is None:
             return PairZones.of(own)
@@ -108,9 +108,9 @@ class Kept(Table):
 
 
 def own_zones(file: Path, names: Sequence[str]) -> list[OwnZone]:
-    """What each of the craft `names` keeps, by the [craft] of a file with `name` and `keep_out`.
+    """Return the own zones of the craft `names` from the [craft] table of a file.
 
-    Raises ScenarioError, one line for each thing that is wrong.
+    Raises ScenarioError, with one line for each error.
     """
     reading = Reading(toml(text_of(file), str(file)))
     for key in reading.raw.keys() - {"craft"}:
@@ -133,7 +133,7 @@ def own_zones(file: Path, names: Sequence[str]) -> list[OwnZone]:
 
 
 def direction(axis: str) -> list[float]:
-    """Three numbers that point somewhere."""
+    """Return three finite numbers, not all zero; raise ValueError for other text."""
     with suppress(ValueError):
         way = [float(number) for number in axis.split()]
         if len(way) == 3 and all(map(isfinite, way)) and any(way):

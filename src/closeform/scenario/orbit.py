@@ -1,4 +1,4 @@
-"""Where and when the formation flies: [orbit], by a circle, or by its chief at an epoch."""
+"""Table [orbit]: a circular orbit, deep space, or a chief at an epoch."""
 
 from collections.abc import Iterator
 from math import atan2, cos, pi, sin, sqrt
@@ -20,11 +20,11 @@ from closeform.scenario.table import Angle, FileName, Inertial, Length, Table
 if TYPE_CHECKING:
     from closeform.exchange.chief import Chief
 
-CLOSE_TO_A_CIRCLE = 0.1  # eccentricity up to which Hill's equations are of any use
+CLOSE_TO_A_CIRCLE = 0.1  # largest eccentricity for which Hill's equations are useful
 
 
 def as_epoch(value: Any) -> Epoch:
-    """An instant: in UTC, or in the time system that stands behind it."""
+    """Return an epoch in UTC, or in the time system that follows it."""
     if not isinstance(value, str):
         raise ValueError(f'{shown(value)} is no text; write for example epoch = "2026-11-22T12:00:00Z"')
     try:
@@ -36,7 +36,7 @@ def as_epoch(value: Any) -> Epoch:
 
 
 class Elements(Table):
-    """elements: Kepler's, of the chief at the epoch."""
+    """Table `elements`: Keplerian elements of the chief at the epoch."""
 
     altitude: Length | None = Field(None, examples=['"550 km"'])
     semi_major_axis: Length | None = Field(None, examples=['"6928.137 km"'])
@@ -55,7 +55,7 @@ class Elements(Table):
             yield "argument_of_perigee goes with eccentricity only, a circle has no perigee; remove it"
 
     def state(self, mu: float, radius: float) -> Floats:
-        """The inertial state (6,) [m, m/s]."""
+        """Return the inertial state (6,) [m, m/s]."""
         a, e, w = (
             self.semi_major_axis or radius + (self.altitude or 0.0),
             self.eccentricity,
@@ -73,7 +73,7 @@ class Elements(Table):
 
 
 class ChiefTable(Table):
-    """chief: the orbit of the formation's origin."""
+    """Table `chief`: the orbit of the formation's origin."""
 
     elements: Elements | None = Field(
         None, examples=['{ altitude = "550 km", inclination = "97.6 deg", latitude = "0 deg" }']
@@ -92,8 +92,8 @@ class ChiefTable(Table):
         yield from self.only_with("center", "elements", "state")
 
     def build(self, epoch: Epoch, mu: float, radius: float, inputs: Inputs) -> "Chief":
-        """The chief of the core.  Raises ValueError for what is none, or too far from a circle."""
-        from closeform.exchange.chief import Chief  # which most scenarios can spare
+        """Return the chief; raise ValueError for an invalid one or one too far from a circle."""
+        from closeform.exchange.chief import Chief  # most scenarios do not need it
 
         if self.oem is not None:
             chief = Chief.from_ephemeris(inputs.ephemeris(self.oem, epoch), epoch.stamp, epoch.system, mu)
@@ -111,7 +111,7 @@ class ChiefTable(Table):
 
 
 class OrbitTable(Table):
-    """[orbit]: the circular orbit that the formation's frame follows, or deep space."""
+    """Table [orbit]: the circular orbit that the formation's frame follows, or deep space."""
 
     deep_space: Literal[True] | None = Field(None, examples=["true"])
     altitude: Annotated[float, BeforeValidator(Reader(LENGTH, least="positive"))] | None = Field(
@@ -146,7 +146,7 @@ class OrbitTable(Table):
             yield "field needs epoch and chief, whose orbit is in it; add both"
 
     def build(self) -> Orbit:
-        """The orbit of the core."""
+        """Return the orbit that the table describes."""
         planet = {key: value for key in ("mu", "radius") if (value := getattr(self, key)) is not None}
         if self.altitude is not None:
             semi_major_axis = self.altitude + planet.pop("radius", EARTH_RADIUS)
@@ -160,13 +160,13 @@ class OrbitTable(Table):
         return Orbit(self.mean_motion or 0.0)
 
     def origin(self, inputs: Inputs) -> "Chief | None":
-        """The chief, if there is one.  Raises ValueError if it cannot be."""
+        """Return the chief, or None; raise ValueError for an invalid one."""
         if self.chief is None or self.epoch is None:
             return None
         return self.chief.build(self.epoch, self.mu or EARTH_MU, self.radius or EARTH_RADIUS, inputs)
 
     def following(self, chief: "Chief") -> "OrbitTable":
-        """The same as the circle of its chief."""
+        """Return the table with the circular orbit of its chief."""
         return self.model_copy(
             update={
                 "semi_major_axis": chief.semi_major_axis,

@@ -1,4 +1,4 @@
-"""Where the frame's origin is, and craft that begin inertially or by a file, beside it."""
+"""Initial states of the chief and of craft that start from an inertial state or a file."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -12,9 +12,9 @@ from closeform.scenario.scenario import Scenario
 def located(
     scenario: Scenario, inputs: Inputs, wrong: Sequence[str], complain: Callable[[Place, str], None]
 ) -> Scenario:
-    """The scenario with its chief and the states of all craft.
+    """Return the scenario with its chief and the initial states of all craft.
 
-    `wrong` are the lines on what is wrong already, about which nothing is looked at; `complain` takes more.
+    `wrong` holds the lines already reported, whose keys are skipped; `complain` takes a place and a text.
     """
     found, scenario = Findings(wrong), replace(scenario, inputs=inputs)
     if not found.sound(ORBIT):
@@ -40,7 +40,7 @@ def located(
         inertially = craft.start is not None and craft.start.inertially
         for key, begins in (("start", inertially), ("states", craft.states is not None)):
             if begins and found.sound(rf"craft\.{key}"):
-                from closeform.scenario.start_state import at_start  # whose files nothing else reads
+                from closeform.scenario.start_state import at_start  # only these craft need it
 
                 try:
                     placed[number] = craft.known_at(at_start(craft, chief, scenario.epoch, inputs, field))

@@ -1,7 +1,7 @@
-"""A quantity as people write it, "500 km", as a number in SI units and radians.
+"""Reader of quantities with units, such as "500 km", as numbers in SI units and radians.
 
-Units combine with `/` and powers: "7.5 km/s", "398600.4415 km^3/s^2", "0.25 deg/s". A vector
-is some numbers and one unit: "20 40 20 m"; two words are a product: "5 mN s". Every refusal is one line:
+Units combine with `/` and powers: "7.5 km/s", "398600.4415 km^3/s^2", "0.25 deg/s". A vector is several
+numbers and one unit: "20 40 20 m". Two words are a product: "5 mN s". Every error message is one line:
 what is wrong; remedy.
 """
 
@@ -44,7 +44,7 @@ SMALLEST, LARGEST = 1e-30, 1e30  # so that no square or cube leaves the range of
 
 @dataclass(frozen=True)
 class Kind:
-    """What a number measures: its name in messages, its dimension, the units to offer, a common number."""
+    """Physical quantity: its name in messages, its dimension, the units to offer and a typical number."""
 
     name: str
     dimension: Dimension
@@ -97,7 +97,7 @@ class Duration:
     orbits: float = 0.0
 
     def on(self, mean_motion: float) -> float:
-        """The time [s] on an orbit of `mean_motion` [rad/s]; orbits need one above zero."""
+        """Return the time [s] on an orbit of `mean_motion` [rad/s], positive if orbits are counted."""
         return self.seconds + (self.orbits * 2 * math.pi / mean_motion if self.orbits else 0.0)
 
     def __str__(self) -> str:
@@ -106,11 +106,10 @@ class Duration:
 
 @dataclass(frozen=True)
 class Reader:
-    """Reads one number (`size` 1) or a vector of `size` numbers of one `kind`, 0 for any number of them.
+    """Reader of `size` numbers of one `kind` with one unit; `size` 0 accepts any number of them.
 
-    `least` is "positive", "zero" (not negative) or "any". A number comes back as a float, a
-    vector as a tuple of floats, a number of kind DURATION as a Duration.  `of_none` is what to write in place
-    of zero, where there is something.
+    `least` is "positive", "zero" (not negative) or "any". The reader returns a float for size 1, a Duration
+    for the kind DURATION and otherwise a tuple of floats. `of_none`, if not empty, is the remedy for a zero.
     """
 
     kind: Kind
@@ -125,12 +124,12 @@ class Reader:
         return found[0] if self.size == 1 else found
 
     def numbers(self, value: Any) -> tuple[float, ...]:
-        """All numbers in SI, also where it is one."""
+        """Return all numbers in SI units as a tuple, also for size 1."""
         numbers, unit = self.split(value)
         return tuple(self.checked(value, [number * self.scale(value, unit) for number in numbers]))
 
     def duration(self, value: Any) -> Duration:
-        """A time, by the clock or in orbits."""
+        """Return a time given in units of time or in orbits."""
         numbers, unit = self.split(value)
         if unit in ORBITS:
             return Duration(orbits=self.checked(value, numbers)[0])
@@ -138,17 +137,17 @@ class Reader:
 
     @property
     def example(self) -> str:
-        """What a quantity of this kind looks like."""
+        """Example of a quantity of this kind, in quotes."""
         numbers = [self.kind.common, "20", "30", "40", "50", "60"][: self.size or 2]
         return f'"{" ".join([*numbers, self.kind.units[0]])}"'
 
     @property
     def offered(self) -> str:
-        """The units to offer."""
+        """Units to offer in messages."""
         return ", ".join(self.kind.units)
 
     def split(self, value: Any) -> tuple[list[float], str]:
-        """The numbers and the unit of a text."""
+        """Return the numbers and the unit of a text."""
         if not isinstance(value, str):
             raise ValueError(f"{shown(value)} has no unit; use {self.offered}, for example {self.example}")
         words = value.split()
@@ -166,7 +165,7 @@ class Reader:
         return numbers, words[0]
 
     def scale(self, value: Any, unit: str) -> float:
-        """What one `unit` is in SI; refuses a unit of another kind."""
+        """Return the size of one `unit` in SI; raise ValueError for a unit of another kind."""
         scale, dimension = unit_of(unit)
         if scale == 0.0:
             raise ValueError(
@@ -178,7 +177,7 @@ class Reader:
         return scale
 
     def checked(self, value: Any, numbers: list[float]) -> list[float]:
-        """The numbers, all finite, in range and of the wanted sign."""
+        """Return the numbers if all are finite, in range and of the required sign; else raise ValueError."""
         if not all(math.isfinite(number) for number in numbers):
             raise ValueError(f"{shown(value)} is not finite; give finite numbers, for example {self.example}")
         if any(number and not SMALLEST <= abs(number) <= LARGEST for number in numbers):
@@ -197,7 +196,7 @@ class Reader:
 
 @dataclass(frozen=True)
 class Parts:
-    """Reads some quantities with commas between them, each with its unit; `what` they are, in words."""
+    """Reader of quantities separated by commas, each with its unit; `what` describes them in messages."""
 
     readers: tuple[Reader, ...]
     what: str
@@ -213,7 +212,7 @@ class Parts:
 
 
 def span(seconds: float) -> str:
-    """A time in words, in hours or minutes from two on."""
+    """Return a time [s] as text, in hours or minutes from two of them on."""
     for unit, name in ((3600.0, "h"), (60.0, "min")):
         if seconds >= 2.0 * unit:
             return f"{seconds / unit:.4g} {name}"
@@ -221,7 +220,7 @@ def span(seconds: float) -> str:
 
 
 def as_number(word: str) -> float | None:
-    """The number that a word is, or None."""
+    """Return the number that a word represents, or None."""
     try:
         return float(word)
     except ValueError:
@@ -229,7 +228,7 @@ def as_number(word: str) -> float | None:
 
 
 def unit_of(text: str) -> tuple[float, Dimension]:
-    """Scale and dimension of a unit like "km^3/s^2"; scale 0 if there is no such unit."""
+    """Return the scale and the dimension of a unit like "km^3/s^2"; scale 0 for an unknown unit."""
     scale, powers = 1.0, [0, 0, 0, 0]
     first, *words = text.split(" ")
     if words:  # a product
@@ -248,6 +247,6 @@ def unit_of(text: str) -> tuple[float, Dimension]:
 
 
 def shown(value: Any) -> str:
-    """A value of the file, on one line and short enough for a message."""
+    """Return a value of the file as text on one line, short enough for a message."""
     text = json.dumps(value, default=str, ensure_ascii=True)
     return text if len(text) <= 48 else text[:44] + '..."'

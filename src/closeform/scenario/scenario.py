@@ -1,4 +1,4 @@
-"""Scenario: what a file says, read and checked."""
+"""Scenario: the contents of a scenario file, read and checked."""
 
 import hashlib
 from collections.abc import Mapping
@@ -36,14 +36,14 @@ if TYPE_CHECKING:
     from closeform.search.search_errors import SearchErrors
 
 TANKS = ("delta_v_budget", "propellant")  # fields of a Craft
-FAST = 100.0  # m/s: in low orbit a speed that takes craft 180 km apart within half a turn
+FAST = 100.0  # m/s: in low orbit this speed separates craft by 180 km within half an orbit
 
 
 @dataclass(frozen=True)
 class Scenario:
-    """A scenario file; every number in SI units and radians.
+    """Scenario file with every number in SI units and radians.
 
-    `file` names it in messages, `text` is what stands in it.
+    `file` is its name in messages and `text` its contents.
     """
 
     file: str
@@ -59,16 +59,16 @@ class Scenario:
     navigation: NavigationTable | None = None
     flights: FlightTable | None = None
     verdict: VerdictTable | None = None
-    case: int | None = None  # of the study, if this is one
-    astray: "SearchErrors | None" = None  # (N,), how the craft search, where a case has drawn it
-    history: "History | None" = None  # of a case whose errors are drawn
-    drawn_flight: "Scenario | None" = None  # of a case: with what is drawn that its plans do not know
+    case: int | None = None  # number of the case in its study
+    astray: "SearchErrors | None" = None  # (N,), search errors that a case has drawn
+    history: "History | None" = None  # executed mission of a case with drawn errors
+    drawn_flight: "Scenario | None" = None  # of a case: with drawn values unknown to its plans
     flight_seed: int | None = None  # of a case
-    points: "tuple[Scenario, ...]" = ()  # of its sweep
-    point: Mapping[str, Any] = field(default_factory=dict)  # of a sweep: the values by key
-    place: int | None = None  # of that point among all
+    points: "tuple[Scenario, ...]" = ()  # of its sweep, each a scenario
+    point: Mapping[str, Any] = field(default_factory=dict)  # swept values by key
+    place: int | None = None  # index of that point in the sweep
     chief: "Chief | None" = None
-    inputs: Inputs | None = None  # the files that it names
+    inputs: Inputs | None = None  # input files
 
     @property
     def digest(self) -> str:
@@ -77,25 +77,24 @@ class Scenario:
 
     @property
     def digests(self) -> dict[str, str]:
-        """SHA-256 of the file and of those that it names, by their names."""
+        """SHA-256 of the file and of its input files, by their names."""
         return {Path(self.file).name: self.digest} | (self.inputs.digests if self.inputs is not None else {})
 
     @property
     def epoch(self) -> Epoch | None:
-        """The instant of its time 0, where the file tells one."""
+        """Epoch of time 0, or None if the file has none."""
         return self.orbit.epoch
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The craft's names."""
+        """Names of the craft."""
         return tuple(craft.name for craft in self.craft)
 
     @cached_property
     def field(self) -> "Field | None":
-        """What pulls on everybody, as [orbit] tells it; None where it does not.
+        """High-fidelity model that `field` of [orbit] describes, or None.
 
-        Raises ValueError, beginning with the key, for a chief that cannot fly there (a checked scenario has
-        none such).
+        Raises ValueError, beginning with the key, for an invalid chief; a checked scenario has none.
         """
         table, chief = self.orbit.field, self.chief
         if table is None or chief is None:
@@ -112,7 +111,7 @@ class Scenario:
 
     @property
     def flight(self) -> dict[str, Any]:
-        """What `fly` is to be told beside the paths and the field."""
+        """Keyword arguments of a simulation beside the paths and the field."""
         most = np.max([[craft.max_acceleration for craft in each] for each in self.crews], axis=0)
         return {
             "feedback": None if self.feedback is None else self.feedback.build(),
@@ -125,74 +124,74 @@ class Scenario:
 
     @property
     def strict(self) -> bool:
-        """Whether what the model error leaves open is a failure."""
+        """Whether a check that the model error leaves undecided is a failure."""
         return self.verdict is not None and self.verdict.model_error == "refuse"
 
     @property
     def truth(self) -> "Scenario":
-        """With what is flown, which plans need not know: of a case with all that it has drawn."""
+        """Scenario to simulate: for a case, with the drawn values that are unknown to its plans."""
         return self.drawn_flight or self
 
     @property
     def flight_seeds(self) -> tuple[int, ...]:
-        """With which its flights draw their errors: of a case one of its own."""
+        """Seeds of the simulations; for a case its own seed."""
         if self.flight_seed is not None:
             return (self.flight_seed,)
         return tuple(range(self.flights.seeds if self.flights is not None else 0))
 
     @property
     def limited(self) -> bool:
-        """Whether any craft has a limit of thrust, in a stage at least, of delta-v or propellant."""
+        """Whether any craft has a limit of delta-v, propellant or, in at least one stage, thrust."""
         tanks = any(getattr(craft, key) is not None for craft in self.craft for key in TANKS)
         return tanks or any(craft.limited for craft in self.craft_of_all)
 
     def limits(self, *names: str) -> bool:
-        """Whether the thrust of any of these craft has a limit."""
+        """Return True if the thrust of any of these craft has a limit."""
         return any(craft.limited for craft in self.craft if craft.name in names)
 
     def craft_in(self, stage: StageTable) -> tuple[Craft, ...]:
-        """The craft as they thrust in a stage: with what it says of the engines of those who move in it."""
+        """Return the craft as they thrust in a stage: its engine keys apply to the craft that it moves."""
         if not isinstance(stage, Thrusting) or not stage.told:
             return self.craft
         moving = stage.moving(self.names)
         return tuple(craft.using(stage) if craft.name in moving else craft for craft in self.craft)
 
     def during(self, stage: StageTable) -> "Scenario":
-        """The scenario with craft as they thrust in a stage."""
+        """Return the scenario with the craft as they thrust in a stage."""
         return self if (craft := self.craft_in(stage)) is self.craft else replace(self, craft=craft)
 
     def exhaust(self, stage: StageTable) -> Floats:
-        """The speed of each craft's exhaust (N,) in a stage [m/s]; inf where what it burns is not known."""
+        """Return the exhaust speed of each craft (N,) in a stage [m/s]; inf if unknown."""
         return np.array([craft.exhaust for craft in self.craft_in(stage)])
 
     @property
     def crews(self) -> list[tuple[Craft, ...]]:
-        """The craft as [craft] has them, and as they thrust in each stage that says otherwise."""
+        """The craft of [craft], and the craft of each stage that overrides their engines."""
         own = (each for stage in self.stages if (each := self.craft_in(stage)) is not self.craft)
         return [self.craft, *own]
 
     @property
     def craft_of_all(self) -> tuple[Craft, ...]:
-        """All of these."""
+        """All craft of `crews` in one tuple."""
         return sum(self.crews, ())
 
     def plans_impulses(self, stage: StageTable) -> bool:
-        """Whether anybody is to plan impulses in a stage."""
+        """Return True if any craft can have planned impulses in a stage."""
         jumps = (craft.unlimited or craft.fired(1.0) is not None for craft in self.craft_in(stage))
         return getattr(stage, "cost", None) == "delta-v" and any(jumps)
 
     @property
     def newtons(self) -> bool:
-        """Whether the file speaks of thrust in newtons."""
-        return any(craft.max_thrust is not None for craft in self.craft_of_all)  # and then all have a mass
+        """Whether the file gives thrust in newtons."""
+        return any(craft.max_thrust is not None for craft in self.craft_of_all)  # all craft then have a mass
 
     def force_mass(self, name: str) -> float | None:
-        """The mass [kg] by which a craft's thrust is told in newtons; None where it is an acceleration."""
+        """Return the mass [kg] that converts a craft's acceleration to newtons; None to keep acceleration."""
         return self.craft[self.names.index(name)].mass if self.newtons else None
 
     @cached_property
     def keep_out(self) -> tuple[OwnZone | None, ...]:
-        """Each craft's own zone, its hard body where it keeps no other; None for a craft without one."""
+        """Own zone of each craft, or else its hard body; None for a craft without either."""
         own = self.hard_bodies
         return tuple(
             own[k] if craft.keep_out is None else craft.keep_out.own() for k, craft in enumerate(self.craft)
@@ -200,30 +199,30 @@ class Scenario:
 
     @cached_property
     def hard_bodies(self) -> tuple[Body | None, ...]:
-        """The sphere that holds each craft; None where none is given."""
+        """Hard-body sphere of each craft, or None."""
         radii = [craft.hard_body for craft in self.craft]
         return tuple(None if one is None else Body(Sphere(one)) for one in radii)
 
     def states(self, orbit: Orbit) -> Floats:
-        """The craft's states (N, 6) at the start, in the scenario's `orbit`; nan where one is wrong."""
+        """Return the initial states (N, 6) of the craft in the scenario's `orbit`; nan for an invalid one."""
         return np.array([one.state(orbit, self.orbit.latitude) for one in self.craft])
 
     @cached_property
     def zones(self) -> PairZones:
-        """Who keeps which zone with whom.
+        """Keep-out zone of each pair.
 
-        Raises ValueError naming two craft of which no zone can be made (a checked scenario has none such).
+        Raises ValueError, naming two craft, for a pair without a common zone; a checked scenario has none.
         """
         return PairZones.of(self.keep_out, self.names)
 
     @cached_property
     def bodies(self) -> PairZones:
-        """The spheres that hold both hard bodies of each pair; none of a pair without any."""
+        """Sphere around both hard bodies of each pair; none for a pair without hard bodies."""
         return PairZones.of(self.hard_bodies, self.names)
 
     @property
     def uncertain(self) -> bool:
-        """Whether any craft has errors."""
+        """Whether any craft has uncertainty."""
         return any(
             (craft.covariance is not None and not craft.covariance.exact) or craft.execution is not None
             for craft in self.craft
@@ -231,21 +230,21 @@ class Scenario:
 
     @property
     def noisy(self) -> bool:
-        """Whether any craft is shaken by white noise."""
+        """Whether any craft has process noise."""
         return any(craft.execution is not None and craft.execution.noise > 0.0 for craft in self.craft)
 
     @property
     def plan(self) -> "Search":
-        """The search of the core that [sensor] and [search] describe.
+        """Search that [sensor] and [search] describe.
 
-        Raises ValueError, beginning with the key, where the papers refuse.
+        Raises ValueError, beginning with the key, outside the published limits.
         """
         if self.sensor is None or self.search is None:
             raise ValueError("search: needs [sensor] and [search]; add both")
         return self.search.build(self.sensor.build())
 
     def given(self, key: str) -> tuple[Any, ...]:
-        """What stands in the file for a key of [craft], of each; of other tables, once."""
+        """Return the values of a key: one for each craft for [craft], a single one for other tables."""
         section, _, name = key.rpartition(".")
         tables = self.craft if section == "craft" else (attrgetter(section)(self),)
         fields = {type(tables[0]).key_of(field): field for field in type(tables[0]).model_fields}
@@ -253,7 +252,7 @@ class Scenario:
 
     @property
     def search_errors(self) -> "SearchErrors | None":
-        """How far the craft (N,) are off what a search asks of them; None where nobody is."""
+        """Deviations of the craft (N,) from the commanded search; None without any."""
         if self.astray is not None or not any(craft.astray for craft in self.craft):
             return self.astray
         from closeform.search.search_errors import SearchErrors
@@ -271,39 +270,39 @@ class Scenario:
 
     @property
     def silent(self) -> list[bool]:
-        """Whether each craft is silent all along in a search."""
+        """Whether each craft is silent throughout a search."""
         return [craft.silent is True for craft in self.craft]
 
     @property
     def outages(self) -> Floats | None:
-        """Begin and end [s] of the intervals in which craft are silent (N, K, 2); None without any."""
+        """Start and end [s] of the silent intervals (N, K, 2), padded with inf; None without any."""
         each = [() if isinstance(craft.silent, bool) else craft.silent for craft in self.craft]
         most = max(map(len, each))
         return np.array([[*own, *[(inf, inf)] * (most - len(own))] for own in each]) if most else None
 
     @property
     def ramps(self) -> tuple[float, ...]:
-        """With which acceleration each craft's turns begin and end [rad/s^2]; inf for at once."""
+        """Slew acceleration of each craft [rad/s^2]; inf for instant rate changes."""
         given: tuple[float | None, ...] = self.given("craft.slew_acceleration")
         return tuple(inf if one is None else one for one in given)
 
     @property
     def groups(self) -> tuple[Literal["A", "B"], ...]:
-        """The craft's groups in a search; A where none is given."""
+        """Group of each craft in a search; A by default."""
         return tuple(craft.group or "A" for craft in self.craft)
 
     def zones_around(self, name: str) -> tuple[Zone, ...]:
-        """The zones of one craft about the others that it keeps one with, in their order."""
+        """Return the zones between one craft and each other, in order, without missing ones."""
         return tuple(zone for zone in self.zones.around(self.names.index(name)) if zone is not None)
 
     @property
     def opposite(self) -> Any:
-        """The pairs (P, 2) of a craft in group A and one in B."""
+        """Pairs (P, 2) of a craft in group A and one in group B."""
         groups = np.array(self.groups)
         return np.argwhere((groups[:, None] == "A") & (groups == "B"))
 
     def gathering(self, stage: Gather) -> dict[str, Any]:
-        """What `gather` is to be told beside the search and the states."""
+        """Return the keyword arguments of `gather` beside the search and the states."""
         return {
             "groups": self.groups,
             "keep_out": self.zones,
@@ -315,7 +314,7 @@ class Scenario:
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """What is legal and probably not meant, one line each: low orbits, speeds of no formation."""
+        """Warnings about valid but improbable input, one line each: low orbits, high relative speeds."""
         lines, table = [], self.orbit
         if table.altitude is not None and table.radius is None and (line := low(table.altitude)):
             lines.append(f"orbit.altitude: {line}")
@@ -327,14 +326,14 @@ class Scenario:
         return tuple(lines)
 
     def refused(self, command: str) -> tuple[str, ...]:
-        """Why "run", "run --case" or "study" would not begin to fly this scenario, one line each."""
+        """Return the reasons that prevent "run", "run --case" or "study" from starting, one line each."""
         if command != "run":
             return self.unbuilt_study()
         together = self.coincident() if any(stage.searches for stage in self.stages) else ()
-        return together and (self.unbuilt_study() or together)  # the cases of a study keep them apart
+        return together and (self.unbuilt_study() or together)  # the cases of a study draw other positions
 
     def unbuilt_study(self) -> tuple[str, ...]:
-        """What a study, or one case of it, would need and this version does not have, one line each."""
+        """Return one line for each unsupported feature that a study, or one case of it, needs."""
         if self.study is None or self.study.draws == "errors":
             return ()
         lines = []
@@ -350,7 +349,7 @@ class Scenario:
 
     @property
     def searches_alone(self) -> bool:
-        """Whether it is one search, of which only states, errors of the search and lost thrust vary."""
+        """Whether it is a single search that varies only states, search errors and loss of thrust."""
         if self.study is not None and self.study.draws == "replanned":
             return False
         vary = self.study.vary if self.study is not None else {}
@@ -359,18 +358,18 @@ class Scenario:
 
     @property
     def scattered(self) -> bool:
-        """Whether a study draws the craft's positions, so that their nominal ones need not fit."""
+        """Whether a study draws the positions, so that the nominal ones may conflict."""
         return self.study is not None and "craft.position" in self.study.vary
 
     def coincident(self) -> tuple[str, ...]:
-        """Craft at the place of one before them, one line each; a search refuses them."""
+        """Return one line for each craft at the position of an earlier one; a search rejects them."""
         remedy = "add --case K, or use closeform study" if self.scattered else "move one of them"
         first: dict[tuple[float, ...], str] = {}
         lines = []
         places = self.states(self.orbit.build())[:, :3].tolist()
         for name, place in zip(self.names, places, strict=True):
             if isnan(place[0]):
-                continue  # unknown yet
+                continue  # not yet known
             there = first.setdefault(tuple(place), name)
             if there != name:
                 lines.append(f"craft.position: {there} and {name} are at one place; {remedy}")

@@ -1,4 +1,4 @@
-"""What tables of [[stage]] have in common: all, those whose craft drift on, those whose craft thrust."""
+"""Base classes of the [[stage]] tables: all stages, those with a drift, those with thrust."""
 
 from collections.abc import Iterator
 from math import inf
@@ -17,10 +17,10 @@ Failed = Literal["thrust lost", "burns missed", "thrust weak", "thrust stuck"]
 
 
 class StageTable(Table):
-    """What every stage has."""
+    """Keys and properties that all stages share."""
 
-    keeps_out: ClassVar[bool] = True  # whether it needs [craft] keep_out
-    searches: ClassVar[bool] = False  # whether it needs [sensor], [search] and craft groups
+    keeps_out: ClassVar[bool] = True  # whether the stage needs keep_out in [craft]
+    searches: ClassVar[bool] = False  # whether the stage needs [sensor], [search] and craft groups
 
     name: Name | None = Field(None, examples=['"threat"'])
     sigmas: Annotated[float, Field(gt=0, le=1000)] | None = Field(None, examples=["3.0"])
@@ -28,37 +28,37 @@ class StageTable(Table):
 
     @property
     def assigns(self) -> bool:
-        """Whether it is left open who takes which place."""
+        """Whether the plan assigns the slots to the craft."""
         return False
 
     @property
     def verb(self) -> str:
-        """What stands in `do`."""
+        """Value of `do`."""
         return type(self).__name__.lower()
 
     @property
     def durations(self) -> dict[str, Span]:
-        """The stage's durations by key."""
+        """Durations of the stage by key."""
         keys = "length", "within", "drift"
         return {key: value for key in keys if (value := getattr(self, key, None)) is not None}
 
     @property
     def craft_named(self) -> dict[str, tuple[str, ...]]:
-        """The craft that the stage names, by key."""
+        """Craft that the stage names, by key."""
         return {}
 
     def moving(self, names: Names) -> Names:
-        """Who of all craft may thrust in it, those that it plans for first."""
+        """Return the names of the craft that may thrust in the stage, in planning order."""
         return ()
 
     @property
     def targets(self) -> dict[str, Target | Goal]:
-        """The states or formations that craft move to, by key."""
+        """States or formations that craft move to, by key."""
         return {}
 
 
 class Drifting(StageTable):
-    """What stages share whose craft may drift on: for how long afterwards nobody is to enter a zone."""
+    """Stage with a passive-safety horizon: no conflict occurs during free drift for `drift` afterwards."""
 
     drift: Drift | None = Field(None, examples=['"24 h"'])
 
@@ -69,20 +69,20 @@ class Drifting(StageTable):
 
     @property
     def lasting(self) -> str:
-        """For how long, in words."""
+        """Duration of the drift as text."""
         return "for ever" if self.for_ever else f"for {self.drift}"
 
     @property
     def what_fails(self) -> Failure:
-        """What goes wrong before that."""
+        """Failure that precedes the drift."""
         return ThrustLost()
 
 
 class ArrivalTolerance(Table):
-    """Greatest miss of a target that pulses of thrusters may leave.
+    """Largest arrival error that pulses of thrusters may leave.
 
-    Relative navigation by satellite signals resolves a decimetre and a tenth of a millimetre per second, so
-    that smaller misses than these say little.  Along the track 1 mm/s drifts 17 m an orbit at 500 km.
+    Relative satellite navigation resolves a decimetre and a tenth of a millimetre per second, so that a
+    tighter tolerance has little meaning. An along-track error of 1 mm/s drifts 17 m per orbit at 500 km.
     """
 
     position: Length = Field(1.0, examples=['"1 m"'])
@@ -92,7 +92,7 @@ class ArrivalTolerance(Table):
 
 
 class Thrusting(Engine, Drifting):
-    """What stages share in which craft thrust: what is least, by which engine, and what may fail."""
+    """Stage with thrust: the cost to minimize, the engine and the failure to consider."""
 
     arrival: ArrivalTolerance = Field(
         default_factory=lambda: ArrivalTolerance.model_validate({}),
@@ -117,7 +117,7 @@ class Thrusting(Engine, Drifting):
 
     @property
     def plans_drift(self) -> bool:
-        """Whether a plan can be made to be safe for that drift: when thrust is lost, and it has an end."""
+        """Whether a plan can be made passively safe for the drift: loss of thrust and a finite horizon."""
         lost = self.failure in (None, "thrust lost")
         return self.drift is not None and not self.for_ever and lost
 

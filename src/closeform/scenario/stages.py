@@ -1,4 +1,4 @@
-"""What happens, in order: the tables of [[stage]], one model for each verb in `do`."""
+"""Tables of [[stage]], one model for each verb in `do`."""
 
 from collections.abc import Iterator
 from typing import Annotated, Any, Literal
@@ -35,7 +35,7 @@ Instant = Annotated[Duration, BeforeValidator(Reader(DURATION, least="zero"))]
 
 
 class Burn(Table):
-    """An impulse that is given: a velocity jump of one craft, `at` a time after the start of the stage."""
+    """Given impulse: a velocity change of one craft, `at` a time after the start of the stage."""
 
     craft: Name = Field(examples=['"F1"'])
     at: Instant = Field(examples=['"0.5 orbits"'])
@@ -43,7 +43,7 @@ class Burn(Table):
 
 
 class Coast(Drifting):
-    """Natural motion of all craft, with given impulses in `burns` and given paths of those that `follow`."""
+    """Natural motion of all craft, with given impulses in `burns` and given paths for `follow`."""
 
     do: Literal["coast"] = Field(examples=['"coast"'])
     length: Span = Field(alias="for", examples=['"0.5 orbits"'])
@@ -68,24 +68,24 @@ class Coast(Drifting):
 
 
 class Clearing(Thrusting):
-    """What the stages share whose paths go around zones: room beyond these, how long a bound is raised."""
+    """Stage whose paths avoid zones: the keep-out margin and the time for raising the lower bound."""
 
     margin: Margin | None = Field(None, examples=['"0.5 m"'])
     prove: Span | None = Field(None, examples=['"10 s"'])
 
     @property
     def is_exact(self) -> bool:
-        """Whether its plan is of the method that knows errors, drift and bounds."""
+        """Whether the planning method supports uncertainty, drift and lower bounds."""
         raise NotImplementedError
 
     @property
     def proving(self) -> float:
-        """For how long the lower bound of a plan is raised [s]."""
+        """Time for raising the lower bound of a plan [s]."""
         return 0.0 if self.prove is None else self.prove.seconds
 
     @property
     def unprovable(self) -> str | None:
-        """What `prove` does not go with; None where it may be asked for."""
+        """Setting that `prove` cannot be combined with, or None."""
         also = {
             'cost = "delta-v"': self.cost != "energy",
             "a method that knows no bound": not self.is_exact,
@@ -103,14 +103,14 @@ class Clearing(Thrusting):
 
 
 class Fellow(Table):
-    """A craft that flies its own transfer during somebody's move and does not give way."""
+    """Craft with its own transfer during another craft's move; it does not avoid others."""
 
     craft: Name = Field(examples=['"F5"'])
     to: Destination = Field(examples=['{ position = "0 100 0 m", velocity = "0 0 0 m/s" }'])
 
 
 class Avoid(Clearing):
-    """One craft moves among the others, around their zones, at the least cost."""
+    """Move of one craft among the others, around their zones, at minimum cost."""
 
     do: Literal["avoid"] = Field(examples=['"avoid"'])
     craft: Name = Field(examples=['"F3"'])
@@ -151,7 +151,7 @@ class Avoid(Clearing):
 
 
 class Transfer(Thrusting):
-    """One craft moves without regard to others, at the least cost, within its thrust in the given time."""
+    """Move of one craft without regard to others, at minimum cost, within its thrust limit."""
 
     keeps_out = False
     do: Literal["transfer"] = Field(examples=['"transfer"'])
@@ -173,7 +173,7 @@ class Transfer(Thrusting):
 
 
 class Joint(Clearing):
-    """What the stages share in which the whole formation moves."""
+    """Stage in which the whole formation moves."""
 
     within: Span = Field(examples=['"0.25 orbits"'])
     plan: Literal["joint", "sequential"] = Field("joint", examples=['"joint"'])
@@ -201,7 +201,7 @@ class Joint(Clearing):
 
 
 class Scatter(Joint):
-    """All craft spread out."""
+    """Move of all craft away from each other."""
 
     do: Literal["scatter"] = Field(examples=['"scatter"'])
     factor: Annotated[float, Field(gt=1, le=1e6)] | None = Field(None, examples=["3.0"])
@@ -217,21 +217,21 @@ class Scatter(Joint):
 
     @property
     def away(self) -> tuple[Vector, float]:
-        """The point to scatter from and how far, where there is no factor."""
+        """Point to scatter from [m] and distance [m], if there is no factor."""
         if self.point is None or self.distance is None:
             raise TypeError("scatters by a factor")
         return self.point, self.distance
 
 
 class Regather(Joint):
-    """All craft return to the relative orbits that they had at the start of an earlier stage."""
+    """Return of all craft to their relative orbits at the start of an earlier stage."""
 
     do: Literal["regather"] = Field(examples=['"regather"'])
     as_before: Name = Field(examples=['"threat"'])
 
 
 def one_or_each(value: Any) -> str:
-    """Whether `to` is for all or has one for each."""
+    """Return the form of `to`: one goal for all craft or a list with one target each."""
     return EACH if isinstance(value, list | tuple) else ALL
 
 
@@ -242,7 +242,7 @@ Goals = Annotated[
 
 
 class Reconfigure(Joint):
-    """Craft move to new relative orbits: all, or those that are named."""
+    """Move of all or of named craft to new relative orbits."""
 
     do: Literal["reconfigure"] = Field(examples=['"reconfigure"'])
     craft: Names | None = Field(None, examples=['["F9"]'])
@@ -268,10 +268,10 @@ class Reconfigure(Joint):
         return self.assign
 
     def known(self, orbit: Orbit, count: int, latitude: float | None = None) -> Floats | None:
-        """The slots (S, 6) as far as they do not depend on the flight so far; else None.
+        """Return the slots (S, 6), or None if they depend on earlier stages.
 
-        What relative elements are as a state does, by the `latitude` [rad] of the origin at arrival.  A
-        line is centred on the origin here.
+        Relative elements require the argument of `latitude` [rad] of the origin at arrival. A line is centred
+        on the origin.
         """
         if isinstance(self.to, tuple):
             if latitude is None and any(target.roe is not None for target in self.to):
@@ -280,7 +280,7 @@ class Reconfigure(Joint):
         return self.to.shape.states(orbit, self.slots or count) if self.to.shape is not None else None
 
     def centred(self, slots: Floats, coasted: Floats) -> Floats:
-        """Known slots (S, 6) where they are: a line goes with the craft that form it and `coasted` (N, 6)."""
+        """Return known slots (S, 6) in place: a line is centred on the mean of `coasted` states (N, 6)."""
         line = isinstance(self.to, Goal) and self.to.line is not None
         return np.asarray(slots + coasted.mean(axis=0)) if line else slots
 
@@ -301,7 +301,7 @@ class Reconfigure(Joint):
 
 
 class Lock(StageTable):
-    """The first lock of each A-B pair; nothing burns."""
+    """First lock of each A-B pair, without burns."""
 
     keeps_out = False
     searches = True
@@ -309,7 +309,7 @@ class Lock(StageTable):
 
 
 class Gather(StageTable):
-    """Lost craft search, lock and join until one formation holds them all."""
+    """Search for lost craft, which lock and join until one formation holds them all."""
 
     keeps_out = False
     searches = True
@@ -320,7 +320,7 @@ class Gather(StageTable):
 
 
 class Unknown(StageTable):
-    """A stage whose `do` is wrong, which keeps its place while other errors are looked for."""
+    """Stage with an invalid `do`; it keeps its place while other errors are collected."""
 
     keeps_out = False
 

@@ -1,4 +1,4 @@
-"""The state at the epoch, in Hill's frame, of a craft that begins inertially or by a file."""
+"""Initial state in Hill's frame of a craft that starts from an inertial state or a file."""
 
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -23,22 +23,22 @@ if TYPE_CHECKING:
     from closeform.dynamics.field import Field
     from closeform.scenario.scenario import Scenario
 
-UNKNOWN = "UNKNOWN"  # what a table of states does not tell
+UNKNOWN = "UNKNOWN"  # placeholder for metadata that a table of states lacks
 ANY_EPOCH = {
     "epoch": "2000-01-01T00:00:00",
     "time_system": "TAI",
 }  # times count from the mission's start
-HILL = (UNKNOWN, "HILL", "RTN", ROTATING)  # how it may call the frame of the scenario itself
-LEAST = 1e-6  # s: an interval between states, shorter ones are rounding of epochs
-FAR = 0.1  # of the orbit's radius: a craft so far from the chief is in another unit or frame
+HILL = (UNKNOWN, "HILL", "RTN", ROTATING)  # names of the scenario's own frame in a table
+LEAST = 1e-6  # s: shortest interval between states; shorter ones are rounding errors of epochs
+FAR = 0.1  # of the orbit's radius: a larger distance from the chief indicates another unit or frame
 
 
 def at_start(
     craft: Craft, chief: Chief | None, epoch: Epoch | None, inputs: Inputs, field: "Field | None" = None
 ) -> Floats:
-    """The state (6,) in Hill's frame, at the epoch, of a craft that begins inertially or by a file.
+    """Return the state (6,) in Hill's frame at the epoch from an inertial state or a file.
 
-    In a field the frame is the one in which it is flown: straight, and turning with the orbital plane.
+    With a `field`, the frame is that of the simulation: Cartesian, and rotating with the orbital plane.
     """
     start = craft.start
     if craft.states is not None:
@@ -63,7 +63,7 @@ def along(scenario: "Scenario", name: str, start: float, end: float) -> tuple[Fl
     """Return times (T,) [s], states (T, 6) and arrivals (T, 6) of a craft along the file of its start.
 
     States are in Hill's frame, from `start` to `end` of the mission [s]. An arrival differs from the state
-    where the file has a burn. Raises ValueError where the file does not give the whole path.
+    where the file has a burn. Raises ValueError if the file does not cover the whole interval.
     """
     craft, chief, inputs = scenario.craft[scenario.names.index(name)], scenario.chief, scenario.inputs
     file = craft.states or (craft.start.oem if craft.start is not None else None)
@@ -102,7 +102,7 @@ def along(scenario: "Scenario", name: str, start: float, end: float) -> tuple[Fl
 
 
 def is_inertial(scenario: "Scenario", name: str) -> bool:
-    """Return whether the file of a craft's start is an ephemeris, not a path in Hill's frame."""
+    """Return True if the file of a craft's start is an ephemeris, not a path in Hill's frame."""
     craft, inputs = scenario.craft[scenario.names.index(name)], scenario.inputs
     if craft.states is None or inputs is None:
         return True
@@ -110,7 +110,7 @@ def is_inertial(scenario: "Scenario", name: str) -> bool:
 
 
 def known(chief: Chief | None) -> Chief:
-    """The chief, which inertial states need."""
+    """Return the chief; raise ValueError, with a remedy, if there is none."""
     if chief is None:
         remedy = 'add epoch = "2026-11-22T12:00:00Z" and chief = { oem = "chief.oem" } to [orbit]'
         raise ValueError(f"an inertial state needs the chief's beside it; {remedy}")
@@ -118,7 +118,7 @@ def known(chief: Chief | None) -> Chief:
 
 
 def row_of(name: str, file: str, epoch: Epoch | None, inputs: Inputs) -> tuple[str, Floats]:
-    """Frame and state (6,) of a craft in a table of states, at the epoch; after a burn at that instant."""
+    """Return the frame and the state (6,) of a craft at the epoch, after any burn, from a table of states."""
     rows = inputs.states(file)
     mine = [k for k, one in enumerate(rows.craft) if one == name]
     if not mine:
@@ -146,7 +146,7 @@ def beside(
     keyword: str = "",
     frame: str = "",
 ) -> Floats:
-    """An inertial state (6,) in the chief's Hill frame, at the epoch; a `file` tells in which frame it is."""
+    """Return an inertial state (6,) in the chief's Hill frame at the epoch; check the `frame` of a `file`."""
     if file and canonical(frame) != canonical(chief.frame):
         what = f"{keyword} {frame} differs from {chief.frame} of the chief"
         raise ValueError(f"{file}: {what}; convert one of them")

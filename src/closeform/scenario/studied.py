@@ -1,4 +1,4 @@
-"""What of [study] does not fit the other tables: draws for keys that cannot vary, or that lead too far."""
+"""Checks of [study] against the other tables: keys that cannot vary and draws out of range."""
 
 from collections.abc import Callable, Iterator
 from math import hypot, inf, pi
@@ -10,14 +10,14 @@ from closeform.scenario.errors import alike, did_you_mean, dotted
 from closeform.scenario.scenario import Scenario
 from closeform.scenario.study import NORMAL_REACH, SEARCHED, TABLED, Draw, draw_error, readers
 
-WITHIN = {"sensor.half_angle": (0.0, pi), "craft.slew_rate_error": (-1.0, inf)}  # what readers do not bound
-NEAR = 3  # keys that are named for one that cannot vary
+WITHIN = {"sensor.half_angle": (0.0, pi), "craft.slew_rate_error": (-1.0, inf)}  # unchecked by readers
+NEAR = 3  # number of similar keys to suggest
 
 
 def study(scenario: Scenario, sound: Callable[[str], bool]) -> Iterator[str]:
-    """Draws for keys that cannot vary, of the wrong kind, or out of a key's domain.
+    """Yield an error line for each draw for a key that cannot vary, of the wrong kind or out of range.
 
-    `sound`: whether nothing is said of keys of a pattern; draws for tables that are not so can wait.
+    `sound` returns True if no key of a pattern has an error; draws for other tables are skipped.
     """
     if scenario.study is None:
         return
@@ -45,12 +45,12 @@ def study(scenario: Scenario, sound: Callable[[str], bool]) -> Iterator[str]:
 
 
 def there(scenario: Scenario, key: str) -> bool:
-    """Whether the file has the table of a key that is not one of [craft]."""
+    """Return True if the file has the table of a key outside [craft]."""
     return attrgetter(key.rpartition(".")[0])(scenario) is not None
 
 
 def too_far(scenario: Scenario, key: str, draw: Draw) -> str | None:
-    """Why some case of a draw is beyond what the key may be; None where none is."""
+    """Return the reason why some case of a draw exceeds the range of the key, or None."""
     reader, numbers = readers()[key], draw.numbers(key)
     if reader is None:
         return None
@@ -72,14 +72,14 @@ def too_far(scenario: Scenario, key: str, draw: Draw) -> str | None:
 
 
 def unfit(scenario: Scenario, key: str, values: tuple[float, ...]) -> str | None:
-    """What does not fit in a key's table where some case draws one of these values; None if all is well."""
+    """Return the first flaw of a key's table with one of these values, or None."""
     section, _, name = key.rpartition(".")
     table = attrgetter(section)(scenario)
     return next((one for value in values for one in table.model_copy(update={name: value}).flaws()), None)
 
 
 def too_much_turn(given: tuple[Any, ...], draw: Draw, numbers: tuple[Any, ...]) -> str | None:
-    """Why a body may be turned too far to speak of an error."""
+    """Return a message if the pointing error of some case can reach 90 deg, or None."""
     if draw.choice is not None:
         most = max(hypot(*value) for value in numbers)
     else:
@@ -89,7 +89,7 @@ def too_much_turn(given: tuple[Any, ...], draw: Draw, numbers: tuple[Any, ...]) 
 
 
 def drawn_errors(scenario: Scenario) -> Iterator[str]:
-    """Errors that are to be drawn where there are none, or that cannot be."""
+    """Yield an error line if a study draws errors that are absent or unsupported."""
     if not scenario.uncertain:
         yield (
             "study.draws: no craft has errors; add for example "
@@ -105,7 +105,7 @@ def drawn_errors(scenario: Scenario) -> Iterator[str]:
 
 
 def somebody_to_meet(scenario: Scenario) -> Iterator[str]:
-    """Errors that are counted by who meets, where nobody could."""
+    """Yield an error line if a study of conflicts has no zones or no second craft."""
     if all(craft.keep_out is None and craft.hard_body is None for craft in scenario.craft):
         yield 'craft.keep_out: missing; add for example keep_out = { sphere = "20 m" }'
     if len(scenario.craft) < 2:

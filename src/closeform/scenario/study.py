@@ -1,4 +1,4 @@
-"""[study]: what a Monte Carlo study varies. Each draw adds to the nominal value or replaces it."""
+"""Table [study]: varied keys of a Monte Carlo study. A draw adds to the nominal value or replaces it."""
 
 import re
 from collections.abc import Iterator
@@ -15,8 +15,8 @@ from closeform.scenario.table import Table
 Pair = Annotated[tuple[str, str], Field(strict=False)]
 DRAWS = ("uniform", "normal", "ball", "shell", "chance", "choice")
 STATES = ("craft.position", "craft.velocity")
-FAILS = "craft.fails"  # its thrust, at some instant of the mission
-SEARCHED = (  # how each craft searches
+FAILS = "craft.fails"  # loss of thrust at a random time of the mission
+SEARCHED = (  # search keys of each craft
     "craft.pointing_error",
     "craft.slew_rate_error",
     "craft.start_offset",
@@ -26,7 +26,7 @@ SEARCHED = (  # how each craft searches
     "sensor.range",
     "search.slew_rate",
 )
-TABLES: dict[str, type[Table]] = {  # whose keys with a number may vary
+TABLES: dict[str, type[Table]] = {  # tables whose numeric keys may vary
     "craft": Craft,
     "sensor": SensorTable,
     "search": SearchTable,
@@ -35,14 +35,14 @@ TABLES: dict[str, type[Table]] = {  # whose keys with a number may vary
     "orbit.field": FieldTable,
 }
 TABLED = "navigation.", "feedback.", "orbit.field."  # one value for all craft
-UNPLANNED = "craft.ballistic", *TABLED  # how flights go: plans do not know
-NORMAL_REACH = 8.3  # sigmas: no random number of 53 bits is beyond
+UNPLANNED = "craft.ballistic", *TABLED  # values of the simulation that are unknown to plans
+NORMAL_REACH = 8.3  # sigmas: limit of a normal value from a random number of 53 bits
 ROW = re.compile(r"source|at once|never|(IPS|OPS|mOPS|NFS) [1-9][0-9]*")
 Step = Annotated[float, BeforeValidator(Reader(TIME, least="positive"))]
 
 
 class Draw(Table):
-    """One key's distribution; what its texts mean depends on the key."""
+    """Distribution of one key; the key determines the units of its texts."""
 
     uniform: str | None = Field(None, examples=['"500 m"'])
     normal: str | None = Field(None, examples=['"0.1 %"'])
@@ -58,11 +58,11 @@ class Draw(Table):
 
     @property
     def kind(self) -> str:
-        """Which one it is."""
+        """Name of the distribution."""
         return next(name for name in DRAWS if getattr(self, name) is not None)
 
     def numbers(self, key: str) -> tuple[Any, ...]:
-        """What it says for this key in SI units: sizes, the values of a choice, a chance."""
+        """Return the parameters for a key in SI units: sizes, the values of a choice, or a chance."""
         reader = readers()[key]
         if reader is None:
             return (self.chance,)
@@ -74,12 +74,12 @@ class Draw(Table):
 
 @cache
 def readers() -> dict[str, Reader | None]:
-    """Every key that may vary: the reader of its quantity, None for a truth value."""
+    """Return the reader of every key that may vary; None for a truth value."""
     found: dict[str, Reader | None] = {"craft.silent": None}
     for section, table in TABLES.items():
         for name, field in table.model_fields.items():
             notes = [*field.metadata]
-            for part in get_args(field.annotation):  # X | None keeps its notes in X
+            for part in get_args(field.annotation):  # X | None holds its metadata in X
                 notes += getattr(part, "__metadata__", ())
             for note in notes:
                 if isinstance(reader := getattr(note, "func", None), Reader):
@@ -88,7 +88,7 @@ def readers() -> dict[str, Reader | None]:
 
 
 class Study(Table):
-    """[study]."""
+    """Table [study]: number of cases, seed and draws of a Monte Carlo study."""
 
     cases: Annotated[int, Field(ge=1)] = Field(examples=["1000"])
     seed: Annotated[int, Field(ge=0)] = Field(examples=["1"])
@@ -122,7 +122,7 @@ class Study(Table):
 
 
 def draw_error(key: str, draw: Draw) -> str | None:
-    """What is wrong with a draw for this key, which is one of `readers`; None if nothing is."""
+    """Return the error of a draw for this key, which is one of `readers`, or None."""
     reader = readers()[key]
     if reader is None:
         return None if draw.chance is not None else "is true or false; write { chance = 0.01 }"
@@ -141,5 +141,5 @@ def draw_error(key: str, draw: Draw) -> str | None:
 
 
 def one(reader: Reader) -> Reader:
-    """The reader of a size: one number, not negative, of the same kind."""
+    """Return the reader of a size: one non-negative number of the same kind."""
     return Reader(reader.kind, 1, "zero")

@@ -1,4 +1,4 @@
-"""[study.sweep]: values of any keys, and the file as it would be with each combination of them."""
+"""Expansion of `[study.sweep]`: the scenario file at each combination of the swept values."""
 
 import re
 from collections.abc import Iterator, Mapping
@@ -8,14 +8,15 @@ from math import prod
 from typing import Any
 
 MOST_POINTS = 1000
-PART = re.compile(r"(\w+)(?:\[(\d+)\])?")  # of a key, perhaps with a number that counts from 1
+PART = re.compile(r"(\w+)(?:\[(\d+)\])?")  # of a key, with an optional index that counts from 1
 DRAWN = "study.vary."
 
 
 def points(raw: Mapping[str, Any]) -> Iterator[tuple[dict[str, Any], dict[str, Any]]]:
-    """Each combination of the swept values, by key, and what the file says then, without its sweep.
+    """Yield each combination of the swept values, by key, with the file contents that result from it.
 
-    The last key changes fastest. Raises ValueError, beginning with the key, where there is no such place.
+    The contents no longer include the sweep. The last key changes fastest. Raises ValueError, beginning with
+    the key, if the file has no such place.
     """
     sweep = raw["study"]["sweep"]
     if prod(map(len, sweep.values())) > MOST_POINTS:
@@ -30,7 +31,7 @@ def points(raw: Mapping[str, Any]) -> Iterator[tuple[dict[str, Any], dict[str, A
 
 
 def put(raw: dict[str, Any], key: str, value: Any) -> None:
-    """Write one value into what a file says."""
+    """Write one value into the contents of a file."""
     path = ["study", "vary", key.removeprefix(DRAWN)] if key.startswith(DRAWN) else key.split(".")
     place: Any = raw
     for part in path[:-1]:
@@ -44,12 +45,12 @@ def put(raw: dict[str, Any], key: str, value: Any) -> None:
 
 
 def words(chosen: Mapping[str, Any]) -> str:
-    """The values of a point in words."""
+    """Return the values of a point as text."""
     return ", ".join(f"{key} = {text(value)}" for key, value in chosen.items())
 
 
 def text(value: Any) -> str:
-    """A value as it is shown; of a draw its kind and size."""
+    """Return a value as text; a draw as its kind and size."""
     if isinstance(value, dict):
         return " ".join(f"{name} {text(one)}" for name, one in value.items())
     if isinstance(value, list):

@@ -1,4 +1,4 @@
-"""What every table of a scenario file has in common."""
+"""Base class and shared types of the tables of a scenario file."""
 
 import tomllib
 from collections.abc import Iterator
@@ -20,13 +20,13 @@ from closeform.scenario.quantity import (
     shown,
 )
 
-FLAWED = {"flawed": True}  # the context in which a table is taken with its flaws
-FOREVER = "forever"  # of a drift: without an end
-ALL, EACH = "<all>", "<each>"  # which of its two forms a key has: a table for all, or a list of one each
+FLAWED = {"flawed": True}  # validation context that accepts inconsistent tables
+FOREVER = "forever"  # duration of a drift without an end
+ALL, EACH = "<all>", "<each>"  # the two forms of a key: one table for all craft, or a list with one per craft
 
 
 class Table(BaseModel):
-    """A frozen table; a key that it does not know is an error."""
+    """Frozen table that rejects unknown keys."""
 
     model_config = ConfigDict(
         frozen=True, extra="forbid", strict=True, allow_inf_nan=False, validate_by_alias=True
@@ -34,7 +34,7 @@ class Table(BaseModel):
 
     @classmethod
     def examples(cls) -> dict[str, str]:
-        """Every key of the table as the file writes it, with an example of its value."""
+        """Return every key of the table as written in the file, with an example of its value."""
         return {
             cls.key_of(name): str(field.examples[0]) if field.examples else ""
             for name, field in cls.model_fields.items()
@@ -42,27 +42,27 @@ class Table(BaseModel):
 
     @classmethod
     def key_of(cls, name: str) -> str:
-        """The key in the file of a field."""
+        """Return the key in the file for a field name."""
         return cls.model_fields[name].alias or name
 
     @classmethod
     def example(cls, key: str) -> Any:
-        """An example of a key's value, which stands in for a wrong one while other errors are looked for."""
+        """Return an example value for a key; it replaces a wrong value while other errors are collected."""
         return tomllib.loads(f"value = {cls.examples()[key]}")["value"]
 
     @model_validator(mode="after")
     def fits(self, info: ValidationInfo) -> Self:
-        """Refuse what does not fit together, unless the context is FLAWED."""
+        """Raise ValueError for inconsistent keys, unless the context is FLAWED."""
         if info.context != FLAWED and (flaws := dict.fromkeys(self.flaws())):
             raise ValueError("\n".join(flaws))
         return self
 
     def flaws(self) -> Iterator[str]:
-        """What does not fit together among its keys: `what is wrong; remedy`, with the keys' names."""
+        """Yield one line per inconsistency among the keys, as `what is wrong; remedy`."""
         return iter(())
 
     def one_of(self, *names: str) -> Iterator[str]:
-        """A flaw unless exactly one of the keys was given."""
+        """Yield a flaw unless exactly one of the keys is given."""
         keys = {name: self.key_of(name) for name in names}
         given = [key for name, key in keys.items() if getattr(self, name) is not None]
         if len(given) > 1:
@@ -72,14 +72,14 @@ class Table(BaseModel):
             yield f"needs one of {', '.join(keys.values())}; add for example {first}"
 
     def only_with(self, key: str, *names: str) -> Iterator[str]:
-        """A flaw where `key` was given and none of the keys that give it a meaning."""
+        """Yield a flaw if `key` is given without any of the keys that it requires."""
         if key in self.model_fields_set and all(getattr(self, name) is None for name in names):
             keys = " or ".join(self.key_of(name) for name in names)
             yield f"{key} goes with {keys} only; remove {key}"
 
 
 def as_name(value: Any) -> str:
-    """A name that fits a table: printable, without space around it, at most 24 characters."""
+    """Return a valid name: printable, without surrounding space, at most 24 characters."""
     if not isinstance(value, str):
         raise ValueError(f'{shown(value)} is not a name; write for example "F1"')
     if not value.isprintable() or value != value.strip() or not 1 <= len(value) <= 24:
@@ -90,7 +90,7 @@ def as_name(value: Any) -> str:
 
 
 def as_drift(value: Any) -> Duration:
-    """How long a drift is: a time from 0 on, or one without an end."""
+    """Return the duration of a drift, which may be zero or infinite."""
     if value == FOREVER:
         return Duration(seconds=inf)
     if isinstance(value, str) and as_number(value.partition(" ")[0]) is None:
@@ -101,7 +101,7 @@ def as_drift(value: Any) -> Duration:
 
 
 def as_margin(value: Any) -> float | Literal["auto"]:
-    """A length, or what is to be found out."""
+    """Return a length [m], or "auto"."""
     if value == "auto":
         return "auto"
     if isinstance(value, str) and as_number(value.partition(" ")[0]) is None:

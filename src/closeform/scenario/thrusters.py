@@ -1,4 +1,4 @@
-"""The thrusters of a craft: where they push, and the least that they give."""
+"""Thruster directions and minimum impulse bit of a craft."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ Directions = Annotated[tuple[Annotated[Vector, Field(strict=False)], ...], Field
 
 
 class ThrusterTable(Table):
-    """thrusters: "rtn", which are six along and against each axis, or where they push."""
+    """Table `thrusters`: "rtn" for one thruster along and one against each axis, or a list of directions."""
 
     directions: Directions = Field(examples=["[[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]]"])
     frame: Literal["orbit", "inertial"] = Field("orbit", examples=['"inertial"'])
@@ -22,7 +22,7 @@ class ThrusterTable(Table):
     @model_validator(mode="before")
     @classmethod
     def by_name(cls, value: Any) -> Any:
-        """The table that a name stands for."""
+        """Return the table that a name stands for; return other values unchanged."""
         if isinstance(value, str):
             if value != "rtn":
                 raise ValueError(f'{shown(value)} is not known here; use "rtn" or a table with directions')
@@ -38,18 +38,18 @@ class ThrusterTable(Table):
 
 @dataclass(frozen=True)
 class Bit:
-    """The least that a thruster gives at a time: a `velocity` [m/s], or an `impulse` [N s]."""
+    """Minimum impulse bit of a thruster: a `velocity` [m/s] or an `impulse` [N s]."""
 
     velocity: float = 0.0
     impulse: float = 0.0
 
     def on(self, mass: float) -> float:
-        """As a velocity [m/s] of a craft of that mass [kg]."""
+        """Return the bit as a velocity change [m/s] of a craft of the given mass [kg]."""
         return self.velocity + (self.impulse / mass if self.impulse else 0.0)
 
 
 def as_bit(value: Any) -> Bit:
-    """A speed, or an impulse."""
+    """Return a minimum impulse bit, given as a speed or as an impulse."""
     if isinstance(value, str) and unit_of(" ".join(value.split()[1:]))[1] == IMPULSE.dimension:
         return Bit(impulse=Reader(IMPULSE, least="positive").numbers(value)[0])
     return Bit(velocity=Reader(SPEED, least="positive").numbers(value)[0])

@@ -1,4 +1,4 @@
-"""What is not known exactly of a craft: `covariance` of its state at the start, `execution` of its thrust."""
+"""Uncertainty of one craft: `covariance` of its initial state and `execution` errors of its thrust."""
 
 from collections.abc import Iterator
 from functools import cached_property
@@ -20,17 +20,17 @@ Share = Annotated[float, BeforeValidator(Reader(SHARE, least="zero"))]
 Angle = Annotated[float, BeforeValidator(Reader(ANGLE, least="zero"))]
 Speed = Annotated[float, BeforeValidator(Reader(SPEED, least="zero"))]
 Rows = tuple[Row, Row, Row, Row, Row, Row]
-EXACT = "exact"  # in a list: this craft's state is known, or it does just what it is told
+EXACT = "exact"  # in a list: no uncertainty for this craft
 UNCORRELATED: Any = tuple(tuple(row) for row in np.eye(6, dtype=int).tolist())
 
 
 def as_errors(value: Any) -> Any:
-    """A table of errors, or none of a craft of which something is exact."""
+    """Return a table of errors unchanged, or None for "exact"."""
     return None if value == EXACT else value
 
 
 class Covariance(Table):
-    """covariance: standard deviations of position and velocity at the mission's start, their correlations."""
+    """Table `covariance`: standard deviations and correlations of the initial position and velocity."""
 
     position: Deviations = Field((0.0, 0.0, 0.0), examples=['"3 6 3 m"'])
     velocity: Speeds = Field((0.0, 0.0, 0.0), examples=['"2 2 2 mm/s"'])
@@ -51,18 +51,18 @@ class Covariance(Table):
 
     @property
     def exact(self) -> bool:
-        """Whether the state is known."""
+        """Whether the state is known exactly."""
         return not any((*self.position, *self.velocity))
 
     @cached_property
     def matrix(self) -> Floats:
-        """The covariance (6, 6) in m^2, m^2/s and m^2/s^2."""
+        """Covariance (6, 6) in m^2, m^2/s and m^2/s^2."""
         deviations = np.array([*self.position, *self.velocity])
         return np.asarray(np.array(self.correlation) * np.outer(deviations, deviations))
 
 
 class Gates(Table):
-    """impulse of `execution`: Gates' four standard deviations of an impulse."""
+    """Table `impulse` of `execution`: the four standard deviations of the Gates model of an impulse."""
 
     speed: Speed = Field(0.0, examples=['"1 mm/s"'])
     magnitude: Share = Field(0.0, examples=['"1 %"'])
@@ -71,7 +71,7 @@ class Gates(Table):
 
 
 class Execution(Table):
-    """execution: how well a craft does what it is told."""
+    """Table `execution`: execution errors of a craft's thrust."""
 
     magnitude: Share = Field(0.0, examples=['"1 %"'])
     pointing: Angle = Field(0.0, examples=['"0.5 deg"'])
@@ -82,7 +82,7 @@ class Execution(Table):
 
     @property
     def gates(self) -> tuple[float, float, float, float]:
-        """s1 to s4 of impulses: those of burns, as shares and angles, unless they have their own."""
+        """Gates deviations s1 to s4 of impulses: their own, or else those of continuous thrust."""
         if self.impulse is None:
             return 0.0, self.magnitude, 0.0, self.pointing
         one = self.impulse

@@ -1,1 +1,1 @@
-"""The page in which a mission moves: `viewer.html`, one file without requests; `scene` is where to begin."""
+"""Interactive page of a mission: `viewer.html`, one self-contained file; `scene` is the entry point."""

@@ -1,4 +1,4 @@
-"""Events: what happens when, in words, as marks on the time line."""
+"""Events of a mission as text, shown as marks on the time line."""
 
 from collections.abc import Iterator
 from math import isfinite
@@ -20,14 +20,14 @@ if TYPE_CHECKING:
     from closeform.mission.passive_safety import PairDrift
 
 Record = dict[str, Any]
-MANY = 40  # burns of a craft in a stage, above which the first and the last stand for them
-LISTED = 400  # events of one kind and stage
-NEAREST = 3  # failures of a stage, and approaches, that are marked
-PASSING = 1.5  # times a zone, up to which others than the closest are
+MANY = 40  # burns of a craft in a stage; of more, only the first and the last are listed
+LISTED = 400  # largest number of events of one kind and stage
+NEAREST = 3  # marked failures and approaches of a stage
+PASSING = 1.5  # largest clearance ratio of marked approaches beyond the closest
 
 
 def events(shown: Shown) -> list[Record]:
-    """Every `Event` of web/scene.d.ts, in order of time."""
+    """Return every `Event` of web/scene.d.ts in order of time."""
     found: list[Record] = []
     for result in shown.results:
         for kind in (stage, phases, gathered, locked, burnt, conflicts, approaches, sigmas, failures):
@@ -46,7 +46,7 @@ def event(
     until: float | None = None,
     level: str = "plain",
 ) -> Record:
-    """One `Event`."""
+    """Return one `Event`; `time` and `until` in seconds."""
     return {
         "time": time,
         "until": time if until is None else until,
@@ -59,13 +59,13 @@ def event(
 
 
 def stage(result: StageResult[Any, Any]) -> Iterator[Record]:
-    """That a stage begins, or why it failed."""
+    """Yield the start of a stage, with its outcome."""
     level = "plain" if result.failure is None else "bad"
     yield event("stage", result, result.start, fate(result), until=result.end, level=level)
 
 
 def phases(result: StageResult[Any, Any]) -> Iterator[Record]:
-    """The phases of a search."""
+    """Yield the phases of a search."""
     if not isinstance(result.result, Gathering | FirstLocks):
         return
     for name, number, start, end in result.result.search.phases:
@@ -75,7 +75,7 @@ def phases(result: StageResult[Any, Any]) -> Iterator[Record]:
 
 
 def gathered(result: StageResult[Any, Any]) -> Iterator[Record]:
-    """Locks and burns of a gathering."""
+    """Yield the locks and burns of a gathering."""
     if not isinstance(result.result, Gathering):
         return
     names = result.after.names
@@ -93,7 +93,7 @@ def gathered(result: StageResult[Any, Any]) -> Iterator[Record]:
 
 
 def locked(result: StageResult[Any, Any]) -> Iterator[Record]:
-    """First locks of a search in which nothing burns."""
+    """Yield the first locks of a search without burns."""
     if not isinstance(result.result, FirstLocks):
         return
     names = result.after.names
@@ -103,7 +103,7 @@ def locked(result: StageResult[Any, Any]) -> Iterator[Record]:
 
 
 def burnt(result: StageResult[Any, Any]) -> Iterator[Record]:
-    """Impulses, pulses and thrust between coasts, of craft that do not gather."""
+    """Yield the impulses, pulses and thrust intervals of craft that do not gather."""
     if isinstance(result.result, Gathering):
         return
     found = [one for craft in range(len(result.after.names)) for one in burns_of(result, craft)]
@@ -111,7 +111,7 @@ def burnt(result: StageResult[Any, Any]) -> Iterator[Record]:
 
 
 def burns_of(result: StageResult[Any, Any], craft: int) -> Iterator[Record]:
-    """The burns of one craft; of very many the first and the last."""
+    """Yield the burns of one craft; only the first and the last of a large number."""
     name, (kind, rows) = result.after.names[craft], pushes(result, craft)
     some = [*rows[:1], *rows[-1:]] if len(rows) > MANY else list(rows)
     for k, (start, lasts, *push) in enumerate(some):
@@ -120,13 +120,13 @@ def burns_of(result: StageResult[Any, Any], craft: int) -> Iterator[Record]:
         yield event("burn", result, float(start), text, (craft,), float(start + lasts))
     steady = stretches(result, craft)
     if len(steady) > MANY or (len(steady) == 1 and np.allclose(steady[0], [result.start, result.end])):
-        return  # it thrusts all the time, which the stage says
+        return  # continuous thrust for the whole stage needs no marks
     for start, end in steady.tolist():
         yield event("burn", result, start, f"{name}: thrusts for {end - start:.1f} s", (craft,), end)
 
 
 def conflicts(result: StageResult[Any, Any]) -> Iterator[Record]:
-    """Who would have been in whose zone, and who still is."""
+    """Yield the conflicts without avoidance and the remaining conflicts."""
     place = places_of(result)
     for when, flight in flights(result):
         remains = when == "after"
@@ -140,7 +140,7 @@ def conflicts(result: StageResult[Any, Any]) -> Iterator[Record]:
 
 
 def approaches(result: StageResult[Any, Any]) -> Iterator[Record]:
-    """The closest of a stage, and others that pass along a zone."""
+    """Yield the closest approach of a stage, and a few others close to a zone."""
     names, near_by = result.after.names, closest(result)
     passing = [near for near in near_by[1:] if near["ratio"] < PASSING]
     for near in [*near_by[:1], *passing[: NEAREST - 1]]:
@@ -153,11 +153,11 @@ def approaches(result: StageResult[Any, Any]) -> Iterator[Record]:
 
 
 def sigmas(result: StageResult[Any, Any]) -> Iterator[Record]:
-    """When fewest sigmas of errors bring two craft together."""
+    """Yield the approach of two craft at the minimum number of sigmas."""
     near = None if result.uncertain is None else result.uncertain.nearest
     if near is None or not isfinite(near.sigmas):
         return
-    from closeform.mission.uncertainty import SURE  # whose kernels runs without errors can spare
+    from closeform.mission.uncertainty import SURE  # runs without uncertainty do not need its kernels
 
     asked, place = result.stage.sigmas, places_of(result)
     short = asked is not None and near.sigmas < SURE * asked
@@ -167,7 +167,7 @@ def sigmas(result: StageResult[Any, Any]) -> Iterator[Record]:
 
 
 def failures(result: StageResult[Any, Any]) -> Iterator[Record]:
-    """The failures that lead nearest to anybody."""
+    """Yield the failures with the closest approaches."""
     if result.passive is None:
         return
     place = places_of(result)
@@ -181,12 +181,12 @@ def failures(result: StageResult[Any, Any]) -> Iterator[Record]:
 
 
 def told(result: StageResult[Any, Any], pair: "PairDrift") -> str:
-    """What a failure leads to."""
+    """Return the consequence of a failure as text."""
     assert result.passive is not None
     comes = "comes to" if not pair.safe else "stays clear, least"
     return f"if {failing.event(result.passive)}, {comes} {failing.near(pair)} of {pair.meets}"
 
 
 def speed(size: float) -> str:
-    """A delta-v in words."""
+    """Return a delta-v [m/s] as text."""
     return f"{size:.4g} m/s" if size >= 0.1 else f"{1e3 * size:.4g} mm/s"

@@ -1,4 +1,4 @@
-"""Failures: the worst that a lost thrust leads to, and the drifts on which it does."""
+"""Failures of thrust with the closest approaches, and the drifts that follow them."""
 
 from math import isfinite
 from typing import TYPE_CHECKING, Any
@@ -18,18 +18,18 @@ if TYPE_CHECKING:
     from closeform.mission.passive_safety import PairDrift
 
 Record = dict[str, Any]
-DRAWN, LISTED = 12, 100  # failures of a stage that have a track, and that are listed; the nearest
-BEYOND = 0.5  # orbits that a drift is shown after it is nearest
-SHARES = np.linspace(0.0, 1.0, 1025)  # of an impulse in whose midst thrust is lost
+DRAWN, LISTED = 12, 100  # the closest failures of a stage: with a track, and listed
+BEYOND = 0.5  # orbits of drift shown after the closest approach
+SHARES = np.linspace(0.0, 1.0, 1025)  # shares of an impulse given before loss of thrust
 
 
 def failures(shown: Shown, numbers: Numbers, drawn: list[Record], error: float) -> list[Record]:
-    """Every `Failure` of web/scene.d.ts; their drifts are added to the tracks `drawn`."""
+    """Return every `Failure` of web/scene.d.ts; add their drifts to the tracks `drawn`."""
     found = []
     for result in shown.results:
         if result.passive is None:
             continue
-        coasts: dict[int, int] = {}  # by who is met: its track after the stage
+        coasts: dict[int, int] = {}  # track after the stage of each craft that is approached
         lost = isinstance(result.passive.failure, ThrustLost)
         for row, pair in enumerate(result.passive.pairs[:LISTED]):
             names = result.after.names
@@ -61,12 +61,15 @@ def failures(shown: Shown, numbers: Numbers, drawn: list[Record], error: float) 
 
 
 def known(value: float) -> float | None:
-    """A time that there is, else None."""
+    """Return a finite value, or None."""
     return value if isfinite(value) else None
 
 
 def drift(result: StageResult[Any, Any], pair: "PairDrift") -> Path:
-    """The worst drift of a pair: until half an orbit after it is nearest, at most until it is judged."""
+    """Return the worst drift of a pair until half an orbit after its closest approach.
+
+    It ends no later than the passive-safety horizon.
+    """
     state = lost_state(result, pair)
     orbit = result.after.paths.orbit
     end = shown_until(result, pair)
@@ -74,7 +77,7 @@ def drift(result: StageResult[Any, Any], pair: "PairDrift") -> Path:
 
 
 def shown_until(result: StageResult[Any, Any], pair: "PairDrift") -> float:
-    """When the drift of a pair is no longer shown [s]."""
+    """Return the end [s] of the shown drift of a pair."""
     assert result.passive is not None
     period = result.after.paths.orbit.period
     nearest = pair.time if isfinite(pair.time) else result.end
@@ -83,20 +86,20 @@ def shown_until(result: StageResult[Any, Any], pair: "PairDrift") -> float:
 
 
 def last_shown(result: StageResult[Any, Any]) -> float:
-    """When the last drift of a stage is no longer shown [s]."""
+    """Return the end [s] of the last shown drift of a stage."""
     assert result.passive is not None
     some = [pair for pair in result.passive.pairs[:DRAWN] if isfinite(pair.failed_at)]
     return max(shown_until(result, pair) for pair in some)
 
 
 def onward(result: StageResult[Any, Any], craft: int, until: float) -> Path:
-    """Where a craft coasts after the stage."""
+    """Return the path on which a craft coasts after the stage."""
     path = result.after.paths[craft]
     return path.orbit.coast(path.state(path.end), until - path.end, path.end)
 
 
 def lost_state(result: StageResult[Any, Any], pair: "PairDrift") -> Floats:
-    """The state (6,) with which thrust is lost: in the midst of an impulse the one of the worst share."""
+    """Return the state (6,) at loss of thrust; during an impulse, after the worst share of it."""
     path = result.after.path(pair.fails)
     state = path.state(min(pair.failed_at, path.end))
     at: Any = np.flatnonzero(path.arcs[:, START] == pair.failed_at)

@@ -1,4 +1,4 @@
-"""Fleet: who flies, what is drawn around everybody, and who keeps which zone with whom."""
+"""Craft of a scene: their models, their zones, and the zone of each pair."""
 
 from typing import Any
 
@@ -13,12 +13,12 @@ from closeform.zones.made_table import MadeTable
 from closeform.zones.pair_zones import PairZones
 from closeform.zones.solids import Sphere
 
-BODY = 0.25  # of the largest ball in a zone: the model of a craft whose size nobody gives
-SMALL = 0.008  # of the scene, without a zone either
+BODY = 0.25  # of the largest ball in a zone: size of the model of a craft without a hard body
+SMALL = 0.008  # of the scene: size of the model without a zone either
 
 
 def fleet(shown: Shown, solids: Solids, size: float) -> list[dict[str, Any]]:
-    """Every `Craft` of web/scene.d.ts; the scene is `size` [m] wide."""
+    """Return every `Craft` of web/scene.d.ts; the scene is `size` [m] wide."""
     columns = shown.names, colours(len(shown.names)), shown.around, shown.bodies, movers(shown).tolist()
     records = []
     for name, colour, zone, body, moves in zip(*columns, strict=True):
@@ -37,7 +37,7 @@ def fleet(shown: Shown, solids: Solids, size: float) -> list[dict[str, Any]]:
 
 
 def movers(shown: Shown) -> Any:
-    """Which craft (N,) thrust in any stage, as far as is known."""
+    """Return whether each craft (N,) is known to thrust in any stage."""
     found = np.zeros(len(shown.names), dtype=bool)
     for result in shown.results:
         paths = result.after.paths
@@ -47,7 +47,7 @@ def movers(shown: Shown) -> Any:
 
 
 def pairs(zones: PairZones, solids: Solids) -> dict[str, Any] | None:
-    """The `Pairs` of web/scene.d.ts; None where craft are too many and too unlike for a table."""
+    """Return the `Pairs` of web/scene.d.ts; None if the zones are too many for a table."""
     if isinstance(zones.table, MadeTable):
         return None
     index = [*(solids.index(zone) for zone in zones.zones), -1]

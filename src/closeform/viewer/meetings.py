@@ -1,4 +1,4 @@
-"""Meetings: who comes into whose zone when, and how close all pairs come."""
+"""Conflicts and closest approaches of all pairs."""
 
 from math import inf
 from typing import Any
@@ -11,12 +11,12 @@ from closeform.mission.mission_result import StageResult
 from closeform.viewer.shown import Shown
 
 Record = dict[str, Any]
-LISTED = 500  # conflicts and approaches of a stage, the deepest and the closest
-FEW = 30  # craft up to which distances of all pairs are looked at
+LISTED = 500  # largest number of conflicts and of approaches of a stage; the closest are kept
+FEW = 30  # largest number of craft whose distances are compared for all pairs
 
 
 def conflicts(shown: Shown) -> list[Record]:
-    """Every `Conflict` of web/scene.d.ts, in order of time."""
+    """Return every `Conflict` of web/scene.d.ts in order of time."""
     found = []
     for result in shown.results:
         place = places_of(result)
@@ -38,13 +38,13 @@ def conflicts(shown: Shown) -> list[Record]:
 
 
 def flights(result: StageResult[Any, Any]) -> list[tuple[str, WatchedFlight]]:
-    """A stage "before" avoidance, where that is another flight, and "after" it, where that is flown."""
+    """Return the watched paths "before" avoidance, if they differ, and "after" it, if executed."""
     last = [("after" if result.flown else "before", result.after)]
     return last if result.before is result.after else [("before", result.before), *last]
 
 
 def approaches(shown: Shown) -> list[Record]:
-    """Every `Approach` of web/scene.d.ts, the closest first."""
+    """Return every `Approach` of web/scene.d.ts, the closest first."""
     found = [record for result in shown.results for record in closest(result)]
     return sorted(
         found, key=lambda one: (*nearest_first(one["ratio"], one["time"]), one["first"], one["second"])
@@ -52,7 +52,7 @@ def approaches(shown: Shown) -> list[Record]:
 
 
 def closest(result: StageResult[Any, Any]) -> list[Record]:
-    """The closest pairs of a stage."""
+    """Return the closest pairs of a stage, the closest first."""
     place = places_of(result)
     near = [pair for pair in result.after.approaches if pair.ratio < inf]
     return [
@@ -69,14 +69,14 @@ def closest(result: StageResult[Any, Any]) -> list[Record]:
 
 
 def places_of(result: StageResult[Any, Any]) -> dict[str, int]:
-    """The index of each craft by its name."""
+    """Return the index of each craft by its name."""
     return {name: k for k, name in enumerate(result.after.names)}
 
 
 def worth_watching(shown: Shown, most: int) -> list[tuple[int, int]]:
-    """Up to `most` pairs (i < j): those that come closest, and first of all the closest one of each craft.
+    """Return up to `most` pairs (i < j): the closest pair of each craft, then the closest of the rest.
 
-    In terms of zones; in a scene without any by distance, of few craft.
+    Clearance ratio determines the order; without zones, distance does, for a small number of craft.
     """
     ranked = list(dict.fromkeys((one["first"], one["second"]) for one in approaches(shown)))
     if not ranked:
@@ -92,7 +92,7 @@ def worth_watching(shown: Shown, most: int) -> list[tuple[int, int]]:
 
 
 def by_distance(shown: Shown) -> list[tuple[int, int]]:
-    """All pairs of few craft, those that come nearest first."""
+    """Return all pairs of few craft in order of minimum distance."""
     count = len(shown.names)
     if not 1 < count <= FEW or not shown.results:
         return []

@@ -1,15 +1,15 @@
-"""Numbers: all rows of a scene as one block of bytes, to which its records point."""
+"""Binary block of all number rows of a scene, to which its records refer."""
 
 import base64
 from typing import Any, Literal
 
 import numpy as np
 
-ALIGNED = 8  # bytes: where a browser may look at floats without copying
+ALIGNED = 8  # bytes: alignment that lets a browser read floats without a copy
 
 
 class Numbers:
-    """The block under way; equal rows are kept once."""
+    """Block under construction; equal rows are stored once."""
 
     def __init__(self) -> None:
         self._parts: list[bytes] = []
@@ -17,7 +17,7 @@ class Numbers:
         self._at: dict[tuple[str, bytes], int] = {}
 
     def block(self, rows: Any, kind: Literal["f4", "f8"] = "f4") -> dict[str, Any]:
-        """Keep rows (K,) or (K, C), little-endian, and answer with the `Block` of web/scene.d.ts."""
+        """Store rows (K,) or (K, C), little-endian, and return the `Block` of web/scene.d.ts."""
         values = np.ascontiguousarray(rows, dtype=f"<{kind}")
         raw = values.tobytes()
         at = self._at.setdefault((kind, raw), self._size)
@@ -30,5 +30,5 @@ class Numbers:
 
     @property
     def text(self) -> str:
-        """The block in base64."""
+        """Block in base64."""
         return base64.b64encode(b"".join(self._parts)).decode()

@@ -1,4 +1,4 @@
-"""The page: a scene, the script that shows it, and still views for who cannot see it move, in one file."""
+"""HTML page of a scene: its data, the viewer script, and still views as a fallback, in one file."""
 
 import json
 import re
@@ -13,25 +13,25 @@ from closeform.viewer.scene import Scene, scene_of
 from closeform.viewer.shown import Shown
 from closeform.viewer.stills import stills
 
-HERE = Path(__file__).parent  # the script and its style are made of web/ by `npm run build` there
+HERE = Path(__file__).parent  # `npm run build` in web/ generates the script and its style
 POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
-STILL = (  # beside the style of the page in motion
+STILL = (  # added to the style of the interactive page
     "#still{max-width:62rem;margin:0 auto;padding:1rem}"
     "#still svg{width:min(100%,19rem);margin:0 .5rem .5rem 0;border-radius:.4rem;vertical-align:top}"
 )
 REASON = "This page moves with JavaScript and WebGL, of which one is missing here; what follows stands still."
-MOST = 1000  # craft that a browser can move
+MOST = 1000  # largest number of craft that a browser can animate
 ENDS_SCRIPT = re.compile("</(?=script)", re.IGNORECASE)
 
 
 def leave(shown: Shown, folder: Folder, pictures: Sequence[Shot] = (), name: str = VIEWER) -> None:
-    """Write a page in motion into a result folder that holds `pictures`."""
+    """Write the interactive page into a result folder that holds `pictures`."""
     named = [(shot.file.name, shot.caption) for shot in pictures]
     folder.text(name, document(scene_of(shown, named, REPORT)))
 
 
 def document(scene: Scene) -> str:
-    """A scene as one HTML document without requests; of very many craft its still views alone."""
+    """Return a scene as one self-contained HTML document; for more than MOST craft, only its still views."""
     style = (HERE / "viewer.css").read_text(encoding="utf-8")
     count = len(scene.record["craft"])
     crowd = f"{count} craft, and more than {MOST} are not shown in motion." if count > MOST else ""
@@ -45,7 +45,7 @@ def document(scene: Scene) -> str:
 
 
 def in_motion(scene: Scene) -> str:
-    """The scene, and the script that shows it."""
+    """Return the scene data and the viewer script as HTML."""
     script = ENDS_SCRIPT.sub(r"<\\/", (HERE / "viewer.js").read_text(encoding="utf-8"))
     return (
         f'<div id="viewer"></div>\n<script type="application/json" id="scene">{as_json(scene)}</script>\n'
@@ -54,13 +54,13 @@ def in_motion(scene: Scene) -> str:
 
 
 def as_json(scene: Scene) -> str:
-    """The record as JSON in which nothing ends a script, or is no ASCII."""
+    """Return the record as ASCII JSON that cannot end a script element."""
     text = json.dumps(scene.record, allow_nan=False, separators=(",", ":"))
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 
 
 def still(scene: Scene, reason: str) -> str:
-    """What stands on the page until a script has taken over: words, views, the way to other pictures."""
+    """Return the HTML shown until the script starts: text, still views and links to other pictures."""
     record = scene.record
     tone = "good" if record["ok"] else "bad"
     links = [(REPORT, "report")] if record["report"] else []

@@ -1,4 +1,4 @@
-"""Replays: the cases of a study that are worth looking at, each with a page of its own."""
+"""Replays: notable cases of a study, each with a page of its own."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ if TYPE_CHECKING:
     from closeform.mission.mission_result import Mission
 
 PLANNED = "planned.html"
-MOST = 2  # cases in which something is not met, at most, of each kind
+MOST = 2  # largest number of cases with an unmet requirement, of each kind
 
 
 class Replay(NamedTuple):
-    """A page in a study's folder: its `file`, what it shows, and why that."""
+    """Page in a study's folder: its `file`, its title, and the reason for its selection."""
 
     file: str
     title: str
@@ -29,9 +29,9 @@ class Replay(NamedTuple):
 
 
 def begin(campaign: Any, folder: Folder, asked: bool = True) -> tuple[tuple[Replay, ...], Pages]:
-    """Return the pages of cases worth looking at, and what writes them into a folder.
+    """Return the pages of notable cases, and the function that writes them into a folder.
 
-    Of errors there is one page, of the mission as planned; none where none is `asked` for, or of a sweep.
+    A study of errors has one page, of the mission as planned. There are none for a sweep or unless `asked`.
     """
     scenario = campaign.scenario
     if scenario.points or not (asked and scenario.study.pages):
@@ -55,11 +55,11 @@ def begin(campaign: Any, folder: Folder, asked: bool = True) -> tuple[tuple[Repl
 
 
 def mission_of(campaign: Any, case: int | None) -> Mission:
-    """Return the mission of a case; None is the mission as planned.
+    """Return the mission of a case; for None, the mission as planned.
 
-    A search is fast to repeat.  Of other missions the study has kept those that it flew in this process.
+    A search is recomputed. Other missions are those that the study kept in this process.
     """
-    from closeform.mission.mission import fly, in_field  # with kernels, which a study without pages can spare
+    from closeform.mission.mission import fly, in_field  # a study without pages does not need its kernels
 
     if case is None:
         planned: Mission = campaign.mission
@@ -77,7 +77,7 @@ def mission_of(campaign: Any, case: int | None) -> Mission:
 
 
 def leave(mission: Mission, name: str, folder: Folder) -> None:
-    """Write the page of a mission into a folder, with a way back to the study's report."""
+    """Write the page of a mission into a folder, with a link to the study's report."""
     from closeform.report.run import RunReport
     from closeform.viewer.page import document
     from closeform.viewer.scene import scene_of
@@ -89,13 +89,13 @@ def leave(mission: Mission, name: str, folder: Folder) -> None:
 
 
 def with_seed(scenario: Scenario, seed: int) -> Scenario:
-    """The scenario with the seed that its cases were drawn with."""
+    """Return the scenario with the seed of its drawn cases."""
     assert scenario.study is not None
     return replace(scenario, study=scenario.study.model_copy(update={"seed": seed}))
 
 
 def worst(campaign: Campaign) -> Iterator[tuple[int, str]]:
-    """Cases, and why they are worth looking at: what is not met, what took longest, cost and came nearest."""
+    """Yield cases and the reasons to view them: unmet requirements, longest duration, highest cost."""
     for what, met in campaign.tally.met.items():
         for case in met.unmet[:MOST]:
             yield case, f"not {campaign.requirement_label(what)}"
@@ -107,14 +107,14 @@ def worst(campaign: Campaign) -> Iterator[tuple[int, str]]:
 
 
 def missions(campaign: MissionCampaign) -> Iterator[tuple[int, str]]:
-    """Missions in which something is not met, that cost most, and in which two came nearest."""
-    from closeform.campaign.mission_cases import STOPPED, UNMET, WORDS  # whose plans searches can spare
+    """Yield missions with unmet requirements, the highest delta-v and the closest approach, with reasons."""
+    from closeform.campaign.mission_cases import STOPPED, UNMET, WORDS  # searches do not need its planners
 
     for status in (UNMET, STOPPED):
         for case in campaign.endings.first[status][:MOST]:
             yield case, WORDS[status]
     if spreads := campaign.spreads:
-        cost, case = next(iter(spreads.values())).worst[0]  # as flown, where that is done
+        cost, case = next(iter(spreads.values())).worst[0]  # as simulated, if available
         yield case, f"most delta-v, {cost:.4g} m/s"
     near, where = campaign.nearest, ""
     if campaign.flights is not None:
@@ -124,7 +124,7 @@ def missions(campaign: MissionCampaign) -> Iterator[tuple[int, str]]:
 
 
 def extremes(campaign: GatherCampaign) -> Iterator[tuple[int, str]]:
-    """The gatherings that cost most, and in which most craft came within a keep-out zone."""
+    """Yield the gatherings with the highest delta-v and with the most pairs within a keep-out zone."""
     cost, dearest = campaign.most(lambda one: one.also["delta_v_m_s"])
     pairs, nearest = campaign.most(lambda one: one.also["met_unknown"] + one.also["met_known"])
     yield dearest, f"most delta-v, {cost:.4g} m/s"

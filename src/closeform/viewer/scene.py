@@ -1,4 +1,4 @@
-"""START HERE: the scene of a mission, all that its page shows; web/scene.d.ts says what each field means."""
+"""Scene of a mission, the entry point of this package; web/scene.d.ts defines each field."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -28,12 +28,12 @@ from closeform.zones.zone import Zone
 FORMAT = 1
 MILLISECONDS = len("2026-03-01T12:00:00.000")
 ORBITAL, INERTIAL = ["radial", "along-track", "cross-track"], ["x", "y", "z"]
-WIDE = 1.0  # m, of a scene in which nothing moves and nobody has a zone
+WIDE = 1.0  # m: half-width of a scene without motion and zones
 
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """A `Scene` of web/scene.d.ts: its record, the numbers it points to in base64, and what is shown."""
+    """A `Scene` of web/scene.d.ts: its record, its numbers in base64, and the mission shown."""
 
     record: dict[str, Any]
     numbers: str
@@ -41,7 +41,7 @@ class Scene:
 
 
 def scene_of(shown: Shown, pictures: Sequence[tuple[str, str]] = (), report: str | None = None) -> Scene:
-    """The scene of what is shown, whose folder holds `pictures`, by name and title, and a `report`."""
+    """Return the scene of a mission; its folder holds `pictures`, by name and title, and a `report`."""
     numbers, solids = Numbers(), Solids()
     zones, corners = [zone for zone in shown.around if zone is not None], shown.corners
     error = error_for(corners, min((zone.inner_radius for zone in zones), default=None))
@@ -77,7 +77,7 @@ def scene_of(shown: Shown, pictures: Sequence[tuple[str, str]] = (), report: str
 
 
 def header(shown: Shown) -> dict[str, Any]:
-    """What the scene is, and how it ended."""
+    """Return the general fields of the scene and its verdict."""
     results, orbit = shown.results, shown.orbit
     searched = any(result.stage.searches for result in results)
     return {
@@ -98,12 +98,12 @@ def header(shown: Shown) -> dict[str, Any]:
 
 
 def epoch_of(shown: Shown) -> str | None:
-    """UTC at time 0 to the millisecond, as browsers read it; None without an epoch."""
+    """Return the UTC of time 0 to the millisecond in the format of browsers; None without an epoch."""
     return None if shown.epoch is None else str(shown.epoch.utc([0.0])[0])[:MILLISECONDS] + "Z"
 
 
 def stages(shown: Shown) -> list[dict[str, Any]]:
-    """Every `Stage`."""
+    """Return every `Stage` of web/scene.d.ts."""
     return [
         {
             "number": result.number,
@@ -119,7 +119,7 @@ def stages(shown: Shown) -> list[dict[str, Any]]:
 
 
 def with_room(corners: Floats, zones: Sequence[Zone]) -> Floats:
-    """A box (2, 3) with room for the largest of some zones on each side."""
+    """Return the box (2, 3) [m], enlarged on each side by the largest zone."""
     reach = np.max([drawn(zone).extents for zone in zones], axis=0, initial=0.0) if zones else np.zeros(3)
     wide = float(np.linalg.norm(corners[1] - corners[0] + 2.0 * reach))
     reach = reach if wide > 0.0 else np.full(3, WIDE)

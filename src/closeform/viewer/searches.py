@@ -1,4 +1,4 @@
-"""Searches: how craft that look for each other turn, what they see with, and who knows whom when."""
+"""Searches of a scene: attitudes, sensors, locks and sets of craft."""
 
 from math import ceil, isfinite, pi, sqrt
 from typing import Any
@@ -13,12 +13,12 @@ from closeform.search.schedule import Search
 from closeform.viewer.numbers import Numbers
 from closeform.viewer.shown import Shown
 
-WIDEST = pi / 2.0  # of a turn between two attitudes: a half-turn could go either way
+WIDEST = pi / 2.0  # rad: largest turn between two attitudes; the direction of a half-turn is ambiguous
 HALF_TURN = np.array([1.0, 0.0, 0.0, 0.0])  # about body x: from group A to B
 
 
 def searches(shown: Shown, numbers: Numbers) -> list[dict[str, Any]]:
-    """Every `SearchScene` of web/scene.d.ts."""
+    """Return every `SearchScene` of web/scene.d.ts."""
     return [
         searched(shown, result, numbers)
         for result in shown.results
@@ -27,7 +27,7 @@ def searches(shown: Shown, numbers: Numbers) -> list[dict[str, Any]]:
 
 
 def searched(shown: Shown, result: StageResult[Any, Any], numbers: Numbers) -> dict[str, Any]:
-    """One stage in which craft look for each other."""
+    """Return the `SearchScene` of one stage."""
     search: Search = result.result.search
     sensor, length = search.sensor, result.end - result.start
     times, attitudes = turns(search, length)
@@ -64,7 +64,7 @@ def searched(shown: Shown, result: StageResult[Any, Any], numbers: Numbers) -> d
 
 
 def sets(result: StageResult[Any, Gathering], numbers: Numbers) -> dict[str, Any]:
-    """Who is in which set from when on."""
+    """Return the block of the set of each craft, one row for each change."""
     gathering = result.result
     times = np.array([0.0, *(event.time for event in gathering.events)])
     changed = np.array([True, *(event.kind is EventKind.LOCK for event in gathering.events)])
@@ -73,7 +73,7 @@ def sets(result: StageResult[Any, Gathering], numbers: Numbers) -> dict[str, Any
 
 
 def locks(shown: Shown) -> list[dict[str, Any]]:
-    """Every `Lock` of web/scene.d.ts, in order of time."""
+    """Return every `Lock` of web/scene.d.ts in order of time."""
     found = []
     for result in shown.results:
         for time, first, second in seen(result.result):
@@ -84,7 +84,7 @@ def locks(shown: Shown) -> list[dict[str, Any]]:
 
 
 def seen(found: Any) -> list[tuple[float, int, int]]:
-    """The locks of a stage: time from its start [s], and the two craft."""
+    """Return the locks of a stage: time from its start [s] and the two craft."""
     if isinstance(found, Gathering):
         return [
             (event.time, event.first, event.second) for event in found.events if event.kind is EventKind.LOCK
@@ -98,7 +98,7 @@ def seen(found: Any) -> list[tuple[float, int, int]]:
 
 
 def turns(search: Search, length: float) -> tuple[Floats, Floats]:
-    """Times [s] and quaternions (K, 4) of group A, between which it turns about one axis."""
+    """Return times (K,) [s] and quaternions (K, 4) of group A; it turns about one axis between them."""
     times: list[float] = []
     attitudes: list[Floats] = []
     for leg in search.legs:
@@ -114,14 +114,14 @@ def turns(search: Search, length: float) -> tuple[Floats, Floats]:
 
 
 def attitude(leg: Leg, time: float) -> Floats:
-    """The quaternion (4,) of group A in a leg."""
+    """Return the quaternion (4,) of group A in a leg."""
     half = 0.5 * leg.angle * (time - leg.start) / (leg.end - leg.start)
     turned = np.append(np.sin(half) * leg.axis, np.cos(half))
     return product(turned, quaternion(leg.attitude))
 
 
 def product(one: Floats, other: Floats | None) -> Floats:
-    """Quaternions (..., 4) of the turn `other`, and then `one`."""
+    """Return the quaternions (..., 4) of the rotation `other` followed by `one`."""
     if other is None:
         return one
     v, w, u, s = one[..., :3], one[..., 3:], other[..., :3], other[..., 3:]
@@ -130,9 +130,9 @@ def product(one: Floats, other: Floats | None) -> Floats:
 
 
 def quaternion(matrix: Floats) -> Floats:
-    """The quaternion (4,), x, y, z and w, of a rotation (3, 3)."""
+    """Return the quaternion (4,), in the order x, y, z, w, of a rotation (3, 3)."""
     m, trace = matrix, float(np.trace(matrix))
-    k = int(np.argmax([m[0, 0], m[1, 1], m[2, 2], trace]))  # the largest component is not divided by
+    k = int(np.argmax([m[0, 0], m[1, 1], m[2, 2], trace]))  # the largest component avoids a small divisor
     if k == 3:
         q = np.array([m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1], 1.0 + trace])
     else:

@@ -1,4 +1,4 @@
-"""Series: the curves of the strip chart, pairs' ratios and ranges, thrust, what was spent."""
+"""Curves of the strip chart: clearance ratios and ranges of pairs, thrust and spent delta-v."""
 
 from dataclasses import dataclass
 from math import nan
@@ -14,25 +14,25 @@ from closeform.viewer.shown import Shown
 from closeform.viewer.thrusts import instants, is_pulsed, spent, thrust_of
 
 Record = dict[str, Any]
-PAIRS = 30  # that have curves
+PAIRS = 30  # largest number of pairs with curves
 UNITS = {"ratio": "× zone", "range": "m", "thrust": "m/s²", "delta-v": "m/s"}
 
 
 def series(shown: Shown, numbers: Numbers) -> list[Record]:
-    """Every `Series` of web/scene.d.ts."""
+    """Return every `Series` of web/scene.d.ts."""
     chart = Chart(shown.names, numbers)
     return [*nearness(shown, chart), *efforts(shown, chart)]
 
 
 @dataclass(frozen=True, eq=False)
 class Chart:
-    """The curves under way."""
+    """Factory of the curves."""
 
     names: tuple[str, ...]
     numbers: Numbers
 
     def curve(self, kind: str, craft: list[int], times: Floats, values: Floats) -> Record:
-        """One `Series`."""
+        """Return one `Series`."""
         return {
             "kind": kind,
             "name": " - ".join(self.names[k] for k in craft),
@@ -44,7 +44,7 @@ class Chart:
 
 
 def nearness(shown: Shown, chart: Chart) -> list[Record]:
-    """How near pairs are, in terms of their zone where they have one, and in metres."""
+    """Return the curves of watched pairs: clearance ratio, if they have a zone, and range [m]."""
     watched = worth_watching(shown, PAIRS)
     if not watched:
         return []
@@ -64,7 +64,7 @@ def nearness(shown: Shown, chart: Chart) -> list[Record]:
 
 
 def looked_at(result: StageResult[Any, Any], watched: list[tuple[int, int]]) -> Floats:
-    """Instants of a stage, those of closest approaches and the edges of conflicts among them."""
+    """Return instants [s] of a stage, with its closest approaches and the ends of conflicts among them."""
     place, chosen = places_of(result), set(watched)
     every: list[tuple[Any, tuple[float, ...]]] = [(met, (met.time,)) for met in result.after.approaches]
     every += [(met, (met.start, met.time, met.end)) for met in result.after.conflicts]
@@ -76,7 +76,7 @@ def looked_at(result: StageResult[Any, Any], watched: list[tuple[int, int]]) -> 
 
 
 def efforts(shown: Shown, chart: Chart) -> list[Record]:
-    """The thrust of each craft, and the delta-v that it has spent since the start of the shown."""
+    """Return the curves of each craft: thrust [m/s^2] and delta-v [m/s] spent since the first stage."""
     found = []
     for craft in range(len(shown.names)):
         sizes = [thrust_sizes(result, craft) for result in shown.results]
@@ -90,14 +90,14 @@ def efforts(shown: Shown, chart: Chart) -> list[Record]:
 
 
 def thrust_sizes(result: StageResult[Any, Any], craft: int) -> tuple[Floats, Floats]:
-    """Times [s] and how hard a craft thrusts [m/s^2] in a stage; nan where it fires pulses."""
+    """Return times [s] and thrust magnitudes [m/s^2] of a craft in a stage; nan if it fires pulses."""
     if (thrust := thrust_of(result, craft)) is not None:
         return thrust[0], np.linalg.norm(thrust[1], axis=1)
     return np.array([result.start, result.end]), np.full(2, nan if is_pulsed(result, craft) else 0.0)
 
 
 def used_up(shown: Shown, craft: int) -> tuple[Floats, Floats] | None:
-    """Times [s] and the delta-v [m/s] until then in all stages flown; None of who spends none."""
+    """Return times [s] and cumulative delta-v [m/s] over all executed stages; None if it is zero."""
     parts, so_far = [], 0.0
     for result in shown.results:
         if not result.flown:

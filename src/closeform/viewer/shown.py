@@ -1,4 +1,4 @@
-"""Shown: what a scene is made of, whether a mission was flown or ephemerides were screened."""
+"""Common input of scenes, from a mission, a screening, an encounter or a simulation."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -20,34 +20,34 @@ from closeform.zones.pair_zones import PairZones
 from closeform.zones.solids import Sphere
 from closeform.zones.zone import Zone
 
-if TYPE_CHECKING:  # with readers of files and the kernels of probabilities, which runs can spare
+if TYPE_CHECKING:  # runs do not need these file readers and probability kernels
     from closeform.report.encounter import EncounterReport
     from closeform.report.screening import ScreenReport
     from closeform.report.simulation import FlightReport, FlightTold
     from closeform.uncertainty.errors import Uncertainty
     from closeform.uncertainty.uncertain_flight import UncertainFlight
 
-COARSE = 33  # instants of each stage at which a first look tells how large the scene is
+COARSE = 33  # sampled instants of each stage that determine the size of the scene
 
 
 class Screening(StageTable):
-    """What ephemerides that were screened are told as: one stage."""
+    """Single stage that represents a screening of ephemerides."""
 
 
 class Encounter(StageTable):
-    """What a conjunction message is told as."""
+    """Single stage that represents a conjunction message."""
 
 
 class Flight(StageTable):
-    """What the worst flight of a run in its field is told as."""
+    """Stage that represents the worst simulation of a run in the high-fidelity model."""
 
 
 @dataclass(frozen=True, eq=False)
 class Shown:
-    """Who flew where, and what came of it.
+    """Paths of N craft and the outcome of their stages.
 
-    Of N craft: `bodies` the radii of their hard bodies [m], `around` the zones that are drawn around them,
-    `groups` those of a search.  `results` are one stage at least.
+    `bodies` holds the radii of hard bodies [m], `around` the zones to draw around the craft, `groups` their
+    groups in a search. `results` holds at least one stage.
     """
 
     title: str
@@ -66,7 +66,7 @@ class Shown:
 
     @classmethod
     def of_mission(cls, mission: Mission) -> Self:
-        """All stages of a mission."""
+        """Return all stages of a mission."""
         scenario = mission.scenario
         own = [
             one if one is None or isinstance(one, Zone) else largest(scenario.zones, k)
@@ -90,8 +90,8 @@ class Shown:
 
     @classmethod
     def of_report(cls, report: "ScreenReport | EncounterReport | FlightReport") -> Self:
-        """Ephemerides in the frame of the first, the two of a message, or a worst flight, as one stage."""
-        # by the command: to ask for the class would load what the other two reports need
+        """Return the scene input of a report on a screening, an encounter or a simulation."""
+        # by command name: a test of the class would import the modules of the other two reports
         told: dict[str, Callable[[Any], Self]] = {
             "screen": cls._of_screening,
             "encounter": cls._of_encounter,
@@ -118,7 +118,7 @@ class Shown:
 
     @classmethod
     def of_flight(cls, report: "FlightTold") -> Self:
-        """The worst flight of a run in its field, stage by stage, by which of all it is."""
+        """Return the worst simulation of a run stage by stage; the title identifies it."""
         flown = report.flown
         told = cls._of_one(report, report.epoch, report.flight, report.zones, staged(Flight))
         stages = tuple(
@@ -139,10 +139,10 @@ class Shown:
         errors: "tuple[Uncertainty | None, ...]" = (),
         found: "UncertainFlight | None" = None,
     ) -> Self:
-        """One stage, whose craft have `errors` at its start, or none; what was `found` of those."""
+        """Return a single stage with the initial `errors` of its craft and the analysis `found` from them."""
         start, uncertain = float(np.min(flight.paths.start)), None
         if errors:
-            from closeform.mission.uncertainty import UncertainStage  # whose kernels others can spare
+            from closeform.mission.uncertainty import UncertainStage  # only needed with errors
 
             uncertain = UncertainStage(1, stage, errors, found, None)
         count = len(flight.names)
@@ -164,7 +164,7 @@ class Shown:
 
     @property
     def corners(self) -> Floats:
-        """The smallest box (2, 3) [m] about all craft at some instants of all stages."""
+        """Smallest box (2, 3) [m] around all craft at sampled instants of all stages."""
         points = [
             result.after.paths.position(np.linspace(result.start, result.end, COARSE)).reshape(-1, 3)
             for result in self.results
@@ -174,12 +174,12 @@ class Shown:
 
 
 def staged(kind: type[StageTable], sigmas: float | None = None) -> StageTable:
-    """A stage of a kind that no file has; what it asks was checked by the command."""
+    """Return a stage of a kind that no scenario file has, without validation."""
     return kind.model_construct(name=None, sigmas=sigmas, max_probability=None)
 
 
 def largest(zones: PairZones, k: int) -> Zone | None:
-    """The largest zone that a craft keeps with anybody; of many unlike ones its own; None without any."""
+    """Return the largest zone that a craft keeps, or its own if pairs have no table; None without any."""
     if isinstance(zones.table, MadeTable):
         own = zones.table.own[zones.kinds[k]]
         return None if own is None else set_of(own)

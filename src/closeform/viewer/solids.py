@@ -1,4 +1,4 @@
-"""Solids: zones as the page draws them, and in whose norm it measures."""
+"""Zones as the page draws them and as it measures clearance."""
 
 from itertools import combinations
 from typing import Any
@@ -12,18 +12,18 @@ from closeform.zones.shapes import BALL, CUBE, CYLINDER, FACES
 from closeform.zones.zone import Zone
 
 NAMES = {BALL: "ball", CUBE: "box", CYLINDER: "cylinder", FACES: "faces"}
-ON = 1e-9  # of a face's offset: a corner is on it
+ON = 1e-9  # of a face's offset: tolerance for a corner on the face
 
 
 class Solids:
-    """The zones of a scene, each once, in the order in which they were asked for."""
+    """Zones of a scene, each stored once, in order of first use."""
 
     def __init__(self) -> None:
         self.records: list[dict[str, Any]] = []
         self._found: dict[Any, int] = {}
 
     def index(self, zone: Zone | None) -> int:
-        """Which of the records a zone is; -1 for none."""
+        """Return the index of a zone among the records; -1 for None."""
         if zone is None:
             return -1
         number = self._found.setdefault(key(zone), len(self.records))
@@ -33,7 +33,7 @@ class Solids:
 
 
 def record(zone: Zone) -> dict[str, Any]:
-    """The `Zone` of web/scene.d.ts."""
+    """Return the `Zone` of web/scene.d.ts."""
     shown = drawn(zone)
     return {
         "shape": NAMES[zone.shape],
@@ -46,7 +46,7 @@ def record(zone: Zone) -> dict[str, Any]:
 
 
 def mesh(zone: Zone) -> dict[str, Any]:
-    """Corners, triangles seen from outside, and edges of half-spaces that end in every direction."""
+    """Return the corners, outward triangles and edges of a bounded zone of half-spaces."""
     corners, ways = zone.vertices, zone.faces @ zone.matrix
     on = corners @ ways.T > 1.0 - ON
     triangles = [
@@ -57,7 +57,7 @@ def mesh(zone: Zone) -> dict[str, Any]:
 
 
 def fan(corners: Floats, face: Any, way: Floats) -> list[list[int]]:
-    """The triangles of one face, whose normal is along `way`, counterclockwise."""
+    """Return the triangles of one face, whose normal is along `way`, counterclockwise."""
     members = np.flatnonzero(face)
     if len(members) < 3:
         return []

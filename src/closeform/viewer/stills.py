@@ -1,4 +1,4 @@
-"""Stills: three views of a mission as small drawings, for a browser without WebGL, and for paper."""
+"""Still views: three small drawings of a mission, for browsers without WebGL and for print."""
 
 from collections.abc import Callable, Iterator
 from html import escape
@@ -13,16 +13,16 @@ from closeform.viewer.shown import Shown
 from closeform.viewer.tracks import before
 from closeform.zones.outlines import PLANES, shadow
 
-POINTS, FEWEST, MOST = 4000, 8, 120  # of all tracks of a stage in one view, of one track
-SIDE, BELOW = 300.0, 36.0  # pixels of a view, and below it for words
-NAMED, APART = 16, (26.0, 12.0)  # craft up to which names are written, and how far apart these are
-ZONES = 60  # that are drawn
+POINTS, FEWEST, MOST = 4000, 8, 120  # points of all tracks of a stage in one view; limits for one track
+SIDE, BELOW = 300.0, 36.0  # pixels of a view, and of the text area below it
+NAMED, APART = 16, (26.0, 12.0)  # largest number of craft with names; pixels between names
+ZONES = 60  # largest number of drawn zones
 
 Placed = Callable[[Floats], Floats]
 
 
 def stills(scene: Scene) -> str:
-    """Everybody's tracks in three planes as SVG, with craft and zones when two are closest."""
+    """Return the tracks of all craft in three planes as SVG; craft and zones at the closest approach."""
     shown = scene.shown
     time = moment(scene.record)
     views = "\n".join(view(shown, scene.record, plane, time) for plane in PLANES)
@@ -30,12 +30,12 @@ def stills(scene: Scene) -> str:
 
 
 def moment(record: dict[str, Any]) -> float:
-    """When two are closest, or else the end [s]."""
+    """Return the time [s] of the closest approach, or the end of the scene."""
     return float(record["approaches"][0]["time"] if record["approaches"] else record["end"])
 
 
 def view(shown: Shown, record: dict[str, Any], plane: tuple[int, int], time: float) -> str:
-    """One plane, all of the scene in it, at the same scale as the others, on white as other pictures are."""
+    """Return one plane of the whole scene as SVG, at the scale of the other planes, on white."""
     low, high = np.array(record["low"]), np.array(record["high"])
     scale = SIDE / float((high - low).max())
     middle = 0.5 * (low + high)[list(plane)]
@@ -64,7 +64,7 @@ def view(shown: Shown, record: dict[str, Any], plane: tuple[int, int], time: flo
 
 
 def lines(shown: Shown, record: dict[str, Any], placed: Placed) -> Iterator[str]:
-    """The tracks; without avoidance they are dashed."""
+    """Yield the tracks; those without avoidance are dashed."""
     craft = record["craft"]
     count = int(np.clip(POINTS / len(craft), FEWEST, MOST))
     for result in shown.results:
@@ -77,17 +77,17 @@ def lines(shown: Shown, record: dict[str, Any], placed: Placed) -> Iterator[str]
 
 
 def line(points: Floats, colour: str, look: str) -> str:
-    """A polyline through points (K, 2)."""
+    """Return a polyline through points (K, 2)."""
     return f'<polyline points="{steps(points)}" fill="none" stroke="{colour}" {look}/>'
 
 
 def steps(points: Floats) -> str:
-    """Points (K, 2) as SVG lists them."""
+    """Return points (K, 2) in the format of an SVG point list."""
     return " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
 
 
 def marks(craft: list[dict[str, Any]], places: Floats) -> Iterator[str]:
-    """A dot for each craft, and the names of few where they find room."""
+    """Yield a dot for each craft; in a small formation also the names that fit."""
     written: list[Floats] = []
     for one, place in zip(craft, places, strict=True):
         x, y = place
@@ -100,7 +100,7 @@ def marks(craft: list[dict[str, Any]], places: Floats) -> Iterator[str]:
 
 
 def zones(shown: Shown, plane: tuple[int, int], places: Floats, scale: float) -> Iterator[str]:
-    """Outlines of zones about their craft."""
+    """Yield the outlines of zones around their craft."""
     for k, place in enumerate(places[:ZONES]):
         if (zone := shown.around[k]) is not None:
             outline = shadow(zone, np.eye(3)[list(plane)])[::4] * scale * [1.0, -1.0] + place

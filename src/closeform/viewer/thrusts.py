@@ -1,4 +1,4 @@
-"""Thrusts: what pushes everybody, when and how hard, and what it adds up to."""
+"""Thrust of each craft: impulses, pulses, continuous thrust and cumulative delta-v."""
 
 from typing import Any, NamedTuple
 
@@ -12,31 +12,31 @@ from closeform.viewer.numbers import Numbers
 from closeform.viewer.shown import Shown
 
 Record = dict[str, Any]
-SAMPLES, ALL_SAMPLES, FEWEST = 240, 24_000, 40  # instants of a stage: of one craft, of all together
-JOINTS = 400  # of a path up to which each has instants of its own
-NOTHING = 1e-9  # of the greatest thrust: rounding where a craft coasts
+SAMPLES, ALL_SAMPLES, FEWEST = 240, 24_000, 40  # instants of a stage: most of one craft, of all; fewest
+JOINTS = 400  # largest number of arc ends that become instants of a path
+NOTHING = 1e-9  # of the maximum thrust: rounding error during coasts
 
 
 class Pushes(NamedTuple):
-    """Impulses or pulses of a craft in order of time: `rows` (K, 5) [s, s, m/s], as a `Burn` has them."""
+    """Impulses or pulses of a craft in order of time: `rows` (K, 5) [s, s, m/s], as in a `Burn`."""
 
     kind: str
     rows: Floats
 
 
 def instants(result: StageResult[Any, Any]) -> Floats:
-    """Equal steps through a stage."""
+    """Return equally spaced instants [s] of a stage."""
     count = int(np.clip(ALL_SAMPLES / len(result.after.names), FEWEST, SAMPLES))
     return np.linspace(result.start, result.end, count + 1)
 
 
 def is_pulsed(result: StageResult[Any, Any], craft: int) -> bool:
-    """Whether a craft's thrusters are on or off in a stage."""
+    """Return True if the craft has on-off thrusters in a stage."""
     return result.pulsed is not None and result.after.names[craft] in result.pulsed.names
 
 
 def pushes(result: StageResult[Any, Any], craft: int) -> Pushes:
-    """The pulses of a craft that has thrusters, else its impulses."""
+    """Return the pulses of a craft with on-off thrusters, or else its impulses."""
     if result.pulsed is not None and is_pulsed(result, craft):
         pulses = result.pulsed.firing.pulses
         own = pulses[pulses.craft == result.pulsed.names.index(result.after.names[craft])]
@@ -50,17 +50,17 @@ def pushes(result: StageResult[Any, Any], craft: int) -> Pushes:
 
 
 def arcs_of(paths: Path, craft: int) -> Floats:
-    """The arcs of one craft of a formation."""
+    """Return the arcs of one craft of a formation."""
     return paths.arcs[paths.offsets[craft] : paths.offsets[craft + 1]]
 
 
 def thrusting(paths: Path) -> Any:
-    """In which arcs (M,) of some paths thrust is known to act; of a path through samples nobody knows."""
+    """Return whether thrust is known to act in each arc (M,); it is unknown on a path through samples."""
     return paths.arcs[:, THRUST:].any(axis=1) & (paths.arcs[:, MEAN_MOTION] == paths.orbit.mean_motion)
 
 
 def stretches(result: StageResult[Any, Any], craft: int) -> Floats:
-    """When a craft thrusts without a pause (K, 2) [s]: from and until; pulses are not among them."""
+    """Return the start and end [s] of each interval (K, 2) of continuous thrust, without pulses."""
     if is_pulsed(result, craft):
         return np.empty((0, 2))
     paths = result.after.paths
@@ -70,7 +70,10 @@ def stretches(result: StageResult[Any, Any], craft: int) -> Floats:
 
 
 def thrust_of(result: StageResult[Any, Any], craft: int) -> tuple[Floats, Floats] | None:
-    """Times (K,) [s] and thrust accelerations (K, 3), linear between; None of who has none, or pulses."""
+    """Return times (K,) [s] and thrust accelerations (K, 3) [m/s^2], linear between the times.
+
+    Return None for a craft without continuous thrust.
+    """
     if not len(stretches(result, craft)):
         return None
     path = result.after.paths[craft]
@@ -82,7 +85,7 @@ def thrust_of(result: StageResult[Any, Any], craft: int) -> tuple[Floats, Floats
 
 
 def thrusts(shown: Shown, numbers: Numbers) -> list[Record]:
-    """Every `Thrust` of web/scene.d.ts."""
+    """Return every `Thrust` of web/scene.d.ts."""
     found = []
     for result in shown.results:
         for craft in range(len(result.after.names)):
@@ -98,7 +101,7 @@ def thrusts(shown: Shown, numbers: Numbers) -> list[Record]:
 
 
 def burns(shown: Shown, numbers: Numbers) -> list[Record]:
-    """Every `Burn` of web/scene.d.ts."""
+    """Return every `Burn` of web/scene.d.ts."""
     found = []
     for result in shown.results:
         for craft in range(len(result.after.names)):
@@ -113,7 +116,7 @@ def burns(shown: Shown, numbers: Numbers) -> list[Record]:
 
 
 def spent(result: StageResult[Any, Any], craft: int) -> tuple[Floats, Floats] | None:
-    """Times (K,) [s] and the delta-v (K,) [m/s] spent in the stage until then; None of who spends none."""
+    """Return times (K,) [s] and cumulative delta-v (K,) [m/s] of a stage; None if it is zero."""
     total = float(result.delta_v[craft])
     if total == 0.0:
         return None
@@ -124,21 +127,21 @@ def spent(result: StageResult[Any, Any], craft: int) -> tuple[Floats, Floats] | 
         size = np.linalg.norm(thrust[1], axis=1)
         so_far = np.concatenate([[0.0], np.cumsum(0.5 * (size[1:] + size[:-1]) * np.diff(times))])
         lasting = total - float(np.linalg.norm(rows[:, 2:], axis=1).sum())
-        so_far *= lasting / so_far[-1] if so_far[-1] > 0.0 else 0.0  # to what the closed form says
+        so_far *= lasting / so_far[-1] if so_far[-1] > 0.0 else 0.0  # scaled to the closed-form total
     if is_pulsed(result, craft):
         return pulsed(times, rows)
     return jumping(times, so_far, rows[:, 0], np.linalg.norm(rows[:, 2:], axis=1))
 
 
 def pulsed(times: Floats, rows: Floats) -> tuple[Floats, Floats]:
-    """What pulses gave until some times: a share of the one under way."""
+    """Return the times and the delta-v [m/s] of pulses until then; an active pulse counts in part."""
     begun = np.clip((times[:, None] - rows[:, 0]) / np.maximum(rows[:, 1], 1e-12), 0.0, 1.0)
     return times, begun @ np.linalg.norm(rows[:, 2:], axis=1)
 
 
 def jumping(times: Floats, so_far: Floats, moments: Floats, sizes: Floats) -> tuple[Floats, Floats]:
-    """A curve that jumps by `sizes` (M,) at some `moments` (M,), where it has two rows."""
+    """Return a curve with jumps of `sizes` (M,) at `moments` (M,); each jump has two rows."""
     every = np.concatenate([moments, times, moments])
     jumps = np.concatenate([np.zeros(len(moments) + len(times)), sizes])
-    order = np.argsort(every, kind="stable")  # before the jump comes first
+    order = np.argsort(every, kind="stable")  # the row before a jump comes first
     return every[order], np.interp(every, times, so_far)[order] + np.cumsum(jumps[order])

@@ -1,4 +1,4 @@
-"""Tracks: the ways of all craft in all stages, as flown, and where it differs as it would have been."""
+"""Tracks of all craft in all stages: as executed, before avoidance and as planned."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -13,21 +13,21 @@ from closeform.viewer.numbers import Numbers
 from closeform.viewer.shown import Shown
 
 Record = dict[str, Any]
-DETAIL = 1e-4  # of the scene's size that a track may be off
-ZONE_DETAIL = 0.01  # of the smallest zone, which a close view fills the page with
+DETAIL = 1e-4  # of the scene's size: tolerance of a track
+ZONE_DETAIL = 0.01  # of the smallest zone, which can fill the page in a close view
 ROUNDING = 2.0**-22  # of the largest coordinate: two roundings to Float32
 
 
 def error_for(corners: Floats, smallest: float | None) -> float:
-    """How far a track may be off [m] between two `corners`; `smallest`: the radius of the smallest zone."""
+    """Return the tolerance [m] of tracks within two `corners`; `smallest`: radius of the smallest zone."""
     wide = float(np.linalg.norm(corners[1] - corners[0]))
     wanted = DETAIL * wide if smallest is None else min(DETAIL * wide, ZONE_DETAIL * smallest)
     return max(wanted, ROUNDING * float(np.abs(corners).max()), 1e-6)
 
 
 def track(numbers: Numbers, path: Path, craft: int, stage: int, kind: str, error: float) -> Record:
-    """One `Track` of web/scene.d.ts, of one craft's path."""
-    nodes = nodes_of(path, 0.5 * error)  # the other half is left to Float32
+    """Return one `Track` of web/scene.d.ts for one craft's path."""
+    nodes = nodes_of(path, 0.5 * error)  # Float32 rounding takes the other half
     return {
         "craft": craft,
         "stage": stage,
@@ -40,7 +40,7 @@ def track(numbers: Numbers, path: Path, craft: int, stage: int, kind: str, error
 
 
 def tracks(shown: Shown, numbers: Numbers, error: float) -> list[Record]:
-    """Every track but drifts after a failure; those flown come first."""
+    """Return every track except drifts after a failure; executed paths ("flown") come first."""
     return [
         track(numbers, path, craft, result.number, kind, error)
         for kind, ways in (("flown", flown), ("before", before), ("planned", planned))
@@ -50,23 +50,23 @@ def tracks(shown: Shown, numbers: Numbers, error: float) -> list[Record]:
 
 
 def flown(result: StageResult[Any, Any]) -> Iterator[tuple[int, Path]]:
-    """Every craft's path."""
+    """Yield the index and the executed path of every craft."""
     paths = result.after.paths
     yield from ((k, paths[k]) for k in range(len(paths)))
 
 
 def before(result: StageResult[Any, Any]) -> Iterator[tuple[int, Path]]:
-    """The paths without avoidance of those that fly other ones."""
+    """Yield the paths before avoidance of craft whose planned paths differ."""
     yield from differing(result.before.paths, result.planned.paths)
 
 
 def planned(result: StageResult[Any, Any]) -> Iterator[tuple[int, Path]]:
-    """The plans that pulses follow."""
+    """Yield the planned paths of craft that fire pulses instead."""
     yield from differing(result.planned.paths, result.after.paths)
 
 
 def differing(paths: Path, others: Path) -> Iterator[tuple[int, Path]]:
-    """The paths, craft by craft, that are not as the `others`."""
+    """Yield the index and path of each craft whose path differs from that in `others`."""
     if paths is others:
         return
     for k in range(len(paths)):

@@ -1,4 +1,4 @@
-"""Tubes: where everybody may be within some sigmas, along what is flown."""
+"""Uncertainty tubes along the executed paths, at a number of sigmas."""
 
 from typing import Any
 
@@ -7,13 +7,13 @@ import numpy as np
 from closeform.viewer.numbers import Numbers
 from closeform.viewer.shown import Shown
 
-USUAL = 3.0  # sigmas that a tube is wide where none are asked for
-SAMPLES, ALL_SAMPLES, FEWEST = 96, 4800, 24  # times: of one craft, of all together
+USUAL = 3.0  # sigmas of a tube by default
+SAMPLES, ALL_SAMPLES, FEWEST = 96, 4800, 24  # times: most of one craft, of all; fewest
 UPPER = np.triu_indices(3)
 
 
 def tubes(shown: Shown, numbers: Numbers) -> list[dict[str, Any]]:
-    """Every `Tube` of web/scene.d.ts."""
+    """Return every `Tube` of web/scene.d.ts."""
     found = []
     for result in shown.results:
         if result.uncertain is None:
