@@ -42,17 +42,17 @@ def burns(paths: Path | Sequence[Path] | ThrusterFiring, names: Sequence[str] | 
     paths : Path, sequence of Path, or ThrusterFiring
         A Path of shape (N,), or up to 60 paths; of a `ThrusterFiring` its pulses.
     names : sequence of str, optional
-        Of the craft; their indices unless given.
+        Names of the spacecraft; default: their indices.
 
     Returns
     -------
     Figure
-        Of matplotlib; save it with its `savefig`.
+        Matplotlib figure; save it with its `savefig` method.
 
     Raises
     ------
     ValueError
-        If there are more than 60 paths, names are not as many, or an argument is of another kind.
+        If there are more than 60 paths, names are not as many, or an argument has the wrong type.
     """
     flown = crafts("paths", paths.path if isinstance(paths, ThrusterFiring) else paths)
     if len(flown) > MOST_ROWS:

@@ -85,13 +85,13 @@ def ratios(
     Returns
     -------
     Figure
-        Of matplotlib; save it with its `savefig`.
+        Matplotlib figure; save it with its `savefig` method.
 
     Raises
     ------
     ValueError
         If a path is a batch, there is no obstacle, one shares no time with a path, names are not as many as
-        the obstacles, or an argument is of another kind.
+        the obstacles, or an argument has the wrong type.
     """
     one_craft("before", before)
     one_craft("after", after)

@@ -45,7 +45,7 @@ def clearance(found: ClearanceCostCurve, most: MaxClearance | None = None) -> Fi
     Returns
     -------
     Figure
-        Of matplotlib; save it with its `savefig`.
+        Matplotlib figure; save it with its `savefig` method.
 
     Raises
     ------

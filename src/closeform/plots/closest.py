@@ -66,20 +66,20 @@ def closest_pairs(
     zones : Zone, CovarianceZone, Body, None, sequence of these, or PairZones
         One for all or one for each craft, of two as in `screen`; None: none of its own.
     names : sequence of str, optional
-        Of the craft; their indices unless given.
+        Names of the spacecraft; default: their indices.
     count : int, default 4
         How many pairs are shown at most.
 
     Returns
     -------
     Figure
-        Of matplotlib; save it with its `savefig`.
+        Matplotlib figure; save it with its `savefig` method.
 
     Raises
     ------
     ValueError
         If there are fewer than two craft, names are not as many, `count` is below 1, no two craft have a zone
-        and share a time, or an argument is of another kind.
+        and share a time, or an argument has the wrong type.
     """
     pairs, called = asked(paths, zones, names)
     whole("count", count, 1)

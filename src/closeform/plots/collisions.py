@@ -43,13 +43,13 @@ def collision(
     Returns
     -------
     Figure
-        Of matplotlib; save it with its `savefig`.
+        Matplotlib figure; save it with its `savefig` method.
 
     Raises
     ------
     ValueError
         If `found` knows no rate, as it was found by another method or nobody ever enters, the path is a
-        batch, `limit` is no probability above 0, or an argument is of another kind.
+        batch, `limit` is no probability above 0, or an argument has the wrong type.
     """
     instance("found", found, Probability)
     if path is not None:

@@ -37,12 +37,12 @@ def complementary_cones(search: Search, mops: int = 1) -> Figure:
     Returns
     -------
     Figure
-        Of matplotlib; save it with its `savefig`.
+        Matplotlib figure; save it with its `savefig` method.
 
     Raises
     ------
     ValueError
-        If the search has no such mOPS or leaves no complementary cones, or an argument is of another kind.
+        If the search has no such mOPS or leaves no complementary cones, or an argument has the wrong type.
 
     References
     ----------

@@ -33,7 +33,7 @@ def distribution(values: ArrayLike, what: str, tail: float = 0.95) -> Figure:
     Returns
     -------
     Figure
-        Of matplotlib; save it with its `savefig`.
+        Matplotlib figure; save it with its `savefig` method.
 
     Raises
     ------

@@ -71,13 +71,13 @@ def formation_paths(
     Returns
     -------
     Figure
-        Of matplotlib; save it with its `savefig`.
+        Matplotlib figure; save it with its `savefig` method.
 
     Raises
     ------
     ValueError
         If paths are not of one shape (N,) and one orbit, names are not as many as the craft, the zones make
-        none for a pair, or an argument is of another kind.
+        none for a pair, or an argument has the wrong type.
     """
     one_path("before", before)
     one_path("after", after)

@@ -74,21 +74,21 @@ def flight_deviations(
     Parameters
     ----------
     flight : Simulation
-        What `fly` answered.
+        Result of `simulate`.
     tube : Tube, optional
         What `tube` says of it.
     names : sequence of str, optional
-        Of the craft; their indices unless given.
+        Names of the spacecraft; default: their indices.
 
     Returns
     -------
     Figure
-        Of matplotlib; save it with its `savefig`.
+        Matplotlib figure; save it with its `savefig` method.
 
     Raises
     ------
     ValueError
-        If names are not as many as craft, or an argument is of another kind.
+        If names are not as many as craft, or an argument has the wrong type.
     """
     instance("flight", flight, Simulation)
     instance("tube", tube, Tube, type(None))
@@ -135,22 +135,22 @@ def flight_ratios(flight: Simulation, zone: Zone | PairZones, names: Sequence[st
     Parameters
     ----------
     flight : Simulation
-        What `fly` answered.
+        Result of `simulate`.
     zone : Zone or PairZones
         Of all pairs, or of each.
     names : sequence of str, optional
-        Of the craft; their indices unless given.
+        Names of the spacecraft; default: their indices.
 
     Returns
     -------
     Figure
-        Of matplotlib; save it with its `savefig`.
+        Matplotlib figure; save it with its `savefig` method.
 
     Raises
     ------
     ValueError
-        If there are fewer than two craft or no pair has a zone, names are not as many, or an argument is of
-        another kind.
+        If there are fewer than two craft or no pair has a zone, names are not as many, or an argument has
+        the wrong type.
     """
     instance("flight", flight, Simulation)
     instance("zone", zone, Zone, PairZones)
@@ -204,19 +204,19 @@ def flight_costs(flight: Simulation, names: Sequence[str] | None = None) -> Figu
     Parameters
     ----------
     flight : Simulation
-        What `fly` answered.
+        Result of `simulate`.
     names : sequence of str, optional
-        Of the craft; their indices unless given.
+        Names of the spacecraft; default: their indices.
 
     Returns
     -------
     Figure
-        Of matplotlib; save it with its `savefig`.
+        Matplotlib figure; save it with its `savefig` method.
 
     Raises
     ------
     ValueError
-        If names are not as many as craft, or an argument is of another kind.
+        If names are not as many as craft, or an argument has the wrong type.
     """
     instance("flight", flight, Simulation)
     called = short_names(names, flight.states.shape[1])
@@ -360,19 +360,19 @@ def flight_paths(flight: Simulation, names: Sequence[str] | None = None) -> Figu
     Parameters
     ----------
     flight : Simulation
-        What `fly` answered.
+        Result of `simulate`.
     names : sequence of str, optional
-        Of the craft; their indices unless given.
+        Names of the spacecraft; default: their indices.
 
     Returns
     -------
     Figure
-        Of matplotlib; save it with its `savefig`.
+        Matplotlib figure; save it with its `savefig` method.
 
     Raises
     ------
     ValueError
-        If names are not as many as craft, or an argument is of another kind.
+        If names are not as many as craft, or an argument has the wrong type.
     """
     instance("flight", flight, Simulation)
     count = flight.states.shape[1]

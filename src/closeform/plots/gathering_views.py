@@ -163,18 +163,18 @@ def three_views(
     craft : int, default 0
         Which is shown from near by, by index.
     names : sequence of str, optional
-        Of the craft; their indices unless given.
+        Names of the spacecraft; default: their indices.
 
     Returns
     -------
     Figure
-        Of matplotlib; save it with its `savefig`.
+        Matplotlib figure; save it with its `savefig` method.
 
     Raises
     ------
     ValueError
         If `time` is outside of the gathering, the craft is not there, names are not as many as the craft, or
-        an argument is of another kind.
+        an argument has the wrong type.
 
     References
     ----------
@@ -208,7 +208,7 @@ def animation(
     craft : int, default 0
         Which is shown from near by, as in `three_views`.
     names : sequence of str, optional
-        Of the craft; their indices unless given.
+        Names of the spacecraft; default: their indices.
     frames : int, default 150
         At least 2, spread evenly over the gathering's time, with one more at each lock, where the film stops
         for a moment, as it does at the end.
@@ -218,8 +218,8 @@ def animation(
     Raises
     ------
     ValueError
-        If `frames` is below 2, the craft is not there, names are not as many as the craft, or an argument is
-        of another kind.
+        If `frames` is below 2, the craft is not there, names are not as many as the craft, or an argument
+        has the wrong type.
 
     References
     ----------

@@ -116,13 +116,13 @@ def lemma_2(search: Search, position: ArrayLike, velocity: ArrayLike, time: floa
     Returns
     -------
     Figure
-        Of matplotlib; save it with its `savefig`.
+        Matplotlib figure; save it with its `savefig` method.
 
     Raises
     ------
     ValueError
         If shapes do not fit, `time` is outside of the first in-plane search or not given for a pair that does
-        not lock in it, the search is another, or an argument is of another kind.
+        not lock in it, the search is another, or an argument has the wrong type.
 
     References
     ----------

@@ -55,13 +55,13 @@ def histogram(
     Returns
     -------
     Figure
-        Of matplotlib; save it with its `savefig`.
+        Matplotlib figure; save it with its `savefig` method.
 
     Raises
     ------
     ValueError
         If `times` are of another shape or outside of the search, `bin` is not positive and finite, or an
-        argument is of another kind.
+        argument has the wrong type.
 
     References
     ----------

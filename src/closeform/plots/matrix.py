@@ -45,18 +45,18 @@ def ratio_matrix(
     zones : Zone, CovarianceZone, Body, None, sequence of these, or PairZones
         One for all or one for each craft, of two as in `screen`; None: none of its own.
     names : sequence of str, optional
-        Of the craft; their indices unless given.
+        Names of the spacecraft; default: their indices.
 
     Returns
     -------
     Figure
-        Of matplotlib; save it with its `savefig`.
+        Matplotlib figure; save it with its `savefig` method.
 
     Raises
     ------
     ValueError
-        If there are fewer than two craft, names are not as many, no pair has a zone, or an argument is of
-        another kind.
+        If there are fewer than two craft, names are not as many, no pair has a zone, or an argument has
+        the wrong type.
     """
     pairs, called = asked(paths, zones, names)
     count = len(called)

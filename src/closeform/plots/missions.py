@@ -68,7 +68,7 @@ def overview(
     stages : sequence of Path
         Of shape (N,) each and in one orbit, one after another in time.
     names : sequence of str, optional
-        Of the craft; their indices unless given.
+        Names of the spacecraft; default: their indices.
     zone : Zone, CovarianceZone, Body, None, sequence of these, or PairZones, optional
         One for all or one for each craft, of two as in `screen` (None: none of its own).
     titles : sequence of str, optional
@@ -79,13 +79,13 @@ def overview(
     Returns
     -------
     Figure
-        Of matplotlib; save it with its `savefig`.
+        Matplotlib figure; save it with its `savefig` method.
 
     Raises
     ------
     ValueError
         If there is no stage, shapes or orbits differ, a stage begins before the last has ended, names are not
-        as many as the craft or titles as the stages, a lock is of nobody, or an argument is of another kind.
+        as many as the craft or titles as the stages, a lock is of nobody, or an argument has the wrong type.
     """
     flights = asked(stages, zone, titles)
     first = flights[0].paths

@@ -275,7 +275,7 @@ def formation_animation(
     file : str, path-like or file of bytes
         Where to; a file that is there is replaced.
     names : sequence of str, optional
-        Of the craft; their indices unless given.
+        Names of the spacecraft; default: their indices.
     zone : Zone, CovarianceZone, Body, None, sequence of these, or PairZones, optional
         One for all or one for each craft, of two as in `screen`; None: none of its own.
     frames : int, default 100
@@ -288,7 +288,7 @@ def formation_animation(
     ------
     ValueError
         If `frames` is below 2, names are not as many as the craft, the zones make none for a pair, or an
-        argument is of another kind.
+        argument has the wrong type.
     """
     filmed(file, frames, progress)
     found = reel(paths, names, zone, frames=frames)

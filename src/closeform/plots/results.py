@@ -42,7 +42,7 @@ def plot(
     Returns
     -------
     Figure
-        Of matplotlib; save it with its `savefig`.
+        Matplotlib figure; save it with its `savefig` method.
 
     Raises
     ------
@@ -100,7 +100,7 @@ def animate(
     TypeError
         If `result` is nothing that flies; the message lists what does.
     ValueError
-        If `file` is not called NAME.gif, there is nothing to be seen, or an argument is of another kind.
+        If `file` is not called NAME.gif, there is nothing to be seen, or an argument has the wrong type.
 
     References
     ----------

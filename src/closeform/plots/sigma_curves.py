@@ -95,13 +95,13 @@ def sigmas(
     Returns
     -------
     Figure
-        Of matplotlib; save it with its `savefig`.
+        Matplotlib figure; save it with its `savefig` method.
 
     Raises
     ------
     ValueError
         If there are not as many paths, zones, errors or names as pairs, two share no time, no error of any
-        size brings any pair together, `asked` is not above 0, or an argument is of another kind.
+        size brings any pair together, `asked` is not above 0, or an argument has the wrong type.
     """
     firsts, seconds = crafts("path", path), crafts("other", other)
     if not firsts or len(firsts) != len(seconds):

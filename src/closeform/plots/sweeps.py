@@ -49,12 +49,12 @@ def sweep(
     Returns
     -------
     Figure
-        Of matplotlib; save it with its `savefig`.
+        Matplotlib figure; save it with its `savefig` method.
 
     Raises
     ------
     ValueError
-        If shapes do not fit, a number is not finite, or an argument is of another kind.
+        If shapes do not fit, a number is not finite, or an argument has the wrong type.
 
     References
     ----------

@@ -59,13 +59,13 @@ def thrust(paths: Path | Sequence[Path], labels: Sequence[str], mass: float | No
     Returns
     -------
     Figure
-        Of matplotlib; save it with its `savefig`.
+        Matplotlib figure; save it with its `savefig` method.
 
     Raises
     ------
     ValueError
         If there are more than three paths or none, labels are not as many, `mass` is not positive and finite,
-        or an argument is of another kind.
+        or an argument has the wrong type.
     """
     if mass is not None and not 0.0 < number("mass", mass) < np.inf:
         raise ValueError(f"mass: must be positive and finite [kg], got {mass!r:.60}")
@@ -127,7 +127,7 @@ def formation_thrust(
     paths : Path or sequence of Path
         A Path of shape (N,), or N paths.
     names : sequence of str, optional
-        Of the craft; their indices unless given.
+        Names of the spacecraft; default: their indices.
     limits : array_like of shape (N,) [m/s^2], optional
         Greatest thrust accelerations; nan or inf for a craft without one. Where they differ, a second
         panel shows the share that each craft uses of its own.
@@ -139,13 +139,13 @@ def formation_thrust(
     Returns
     -------
     Figure
-        Of matplotlib; save it with its `savefig`.
+        Matplotlib figure; save it with its `savefig` method.
 
     Raises
     ------
     ValueError
         If names, limits, masses or on_off are not as many as the craft, masses are not positive, or an
-        argument is of another kind.
+        argument has the wrong type.
     """
     flown = crafts("paths", paths)
     called, count = short_names(names, len(flown)), len(flown)

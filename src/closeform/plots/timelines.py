@@ -66,13 +66,13 @@ def distances(path: Path, other: Path, zone: Zone, names: Sequence[str] | None =
     Returns
     -------
     Figure
-        Of matplotlib; save it with its `savefig`.
+        Matplotlib figure; save it with its `savefig` method.
 
     Raises
     ------
     ValueError
-        If a path is a batch, orbits differ, there is no common time, names are not two, or an argument is of
-        another kind.
+        If a path is a batch, orbits differ, there is no common time, names are not two, or an argument has
+        the wrong type.
 
     References
     ----------

@@ -63,13 +63,13 @@ def tube(
     Returns
     -------
     Figure
-        Of matplotlib; save it with its `savefig`.
+        Matplotlib figure; save it with its `savefig` method.
 
     Raises
     ------
     ValueError
         If a path is a batch, orbits differ, there is no common time, `sigmas` is not above 0, names are not
-        two, or an argument is of another kind.
+        two, or an argument has the wrong type.
     """
     instance("zone", zone, Zone)
     many = number("sigmas", sigmas)
