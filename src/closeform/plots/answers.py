@@ -159,7 +159,6 @@ def _pairs(result: Any, names: Any) -> Callable[[int], str]:
 
 def _least(start: Any, time: Any, least: Any, what: str, edge: float | None) -> Figure:
     """Plot the minimum of one pair, or of each pair of a batch."""
-
     shape = np.shape(least)
     begin, when, height = (np.ravel(np.asarray(part, dtype=float)) for part in (start, time, least))
 

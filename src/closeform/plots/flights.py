@@ -88,7 +88,7 @@ def flight_deviations(
     Raises
     ------
     ValueError
-        If names are not as many as craft, or an argument has the wrong type.
+        If the number of names is wrong, or an argument has the wrong type.
     """
     instance("flight", flight, Simulation)
     instance("tube", tube, Tube, type(None))
@@ -217,7 +217,7 @@ def flight_costs(flight: Simulation, names: Sequence[str] | None = None) -> Figu
     Raises
     ------
     ValueError
-        If names are not as many as craft, or an argument has the wrong type.
+        If the number of names is wrong, or an argument has the wrong type.
     """
     instance("flight", flight, Simulation)
     called = short_names(names, flight.states.shape[1])
@@ -373,7 +373,7 @@ def flight_paths(flight: Simulation, names: Sequence[str] | None = None) -> Figu
     Raises
     ------
     ValueError
-        If names are not as many as craft, or an argument has the wrong type.
+        If the number of names is wrong, or an argument has the wrong type.
     """
     instance("flight", flight, Simulation)
     count = flight.states.shape[1]

@@ -40,7 +40,7 @@ from closeform.plots.tracks import NAMED, Formation, closest, together
 from closeform.zones.combined_zones import OwnZone
 from closeform.zones.pair_zones import PairZones
 
-HIGH, SPACE = 6.0, 4.45  # inches of the picture, and of the view in space, which is square
+HIGH, SPACE = 6.0, 4.45  # inches: height of the figure, and side of the square view in space
 LEFT, RIGHT, ABOVE, BELOW = 5.6, 0.35, 1.0, 1.25  # inches beside, above and below the panels of time
 STRIP, GAP = 0.32, 0.1  # inches of the row of stages, and between panels
 MARK = 0.75  # inches of a mark in the legend, including its margin
