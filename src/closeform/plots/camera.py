@@ -61,7 +61,7 @@ class Camera:
         return np.asarray(np.asarray(points) @ self.basis[2])
 
 
-OBLIQUE = Camera.around(-0.45, 0.5, SUNWARD, np.array([0.0, 1.0, 0.0]))  # the sun is above
+OBLIQUE = Camera.around(-0.45, 0.5, SUNWARD, np.array([0.0, 1.0, 0.0]))  # the Sun is up
 ORBITAL = Camera.at([0.75, -0.45, -0.5], [1.0, 0.0, 0.0])  # radial up, along-track to the right
 
 

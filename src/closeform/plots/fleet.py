@@ -54,8 +54,10 @@ def formation_paths(
 
     With zones, stretches in conflict are thick. The zone of the closest pair is drawn at the time of closest
     approach, around an obstacle if one is involved, otherwise around the spacecraft with less delta-v or the
-    shorter track. For more than 200 spacecraft, at most 20 of the closest pairs and a faint sample of the
-    others are drawn; conflicts are drawn for all.
+    shorter track.
+
+    For more than 200 spacecraft, only those of the closest pairs (at most 20) and a faint sample of the
+    others are drawn. Conflicts are drawn for all.
 
     Parameters
     ----------

@@ -157,7 +157,7 @@ def three_views(
     Parameters
     ----------
     gathering : Gathering
-        What is shown.
+        Gathering to draw.
     time : float [s]
         Time from the start of the search, up to the duration of the gathering.
     craft : int, default 0
@@ -202,7 +202,7 @@ def animation(
     Parameters
     ----------
     gathering : Gathering
-        What is shown.
+        Gathering to draw.
     file : str, path-like or file of bytes
         Output file; an existing file is overwritten.
     craft : int, default 0

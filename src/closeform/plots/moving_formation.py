@@ -223,7 +223,7 @@ class Flying:
     def kept(self, step: int) -> list[tuple[int, Zone]]:
         """Return the zones to draw, each with the index of its spacecraft; that of the closest pair is first.
 
-        With few spacecraft, each has the zone that applies to it and its nearest neighbour.
+        With few spacecraft, each has the zone between it and its nearest neighbour.
         """
         pairs, found = self.pairs, dict[int, Zone]()
         for k in self.meetings.at(step, None if len(self.called) <= NAMED else 1):
@@ -264,9 +264,9 @@ def formation_animation(
     """Write an animated GIF of a formation: every spacecraft with its trail.
 
     Paths in an orbit are shown in the three planes of the orbital frame and in space; paths in deep space in
-    one oblique view. With zones, a line joins the closest pair, and its zone is filled. Up to 20 spacecraft
-    also have the outline of the zone that applies to their nearest neighbour. A spacecraft in conflict has a
-    red edge. The strip below shows the minimum ratio of all pairs against time.
+    one oblique view. With zones, a line joins the closest pair, and its zone is filled. In a formation of up
+    to 20, each spacecraft has the outline of the zone between it and its nearest neighbour. A spacecraft in
+    conflict has a red edge. The strip below shows the minimum ratio of all pairs against time.
 
     Parameters
     ----------

@@ -99,7 +99,11 @@ def plain_unit(duration: float) -> Unit:
 
 
 def clock(path: Path, start: float, end: float) -> Clock:
-    """Return the time axis of a path: minutes below orbits, or orbits below hours from four orbits on."""
+    """Return the time axis of a path from `start` to `end` [s].
+
+    It shows minutes (or a similar unit) with orbits on the upper axis; from four orbits on, the two are
+    swapped.
+    """
     plain, period = plain_unit(end - start), path.orbit.period
     if not np.isfinite(period):
         return Clock(plain, None)

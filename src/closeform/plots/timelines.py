@@ -71,8 +71,8 @@ def distances(path: Path, other: Path, zone: Zone, names: Sequence[str] | None =
     Raises
     ------
     ValueError
-        If a path is a batch, orbits differ, there is no common time, names are not two, or an argument has
-        the wrong type.
+        If a path is a batch, orbits differ, there is no common time, the number of names is not two, or an
+        argument has the wrong type.
 
     References
     ----------

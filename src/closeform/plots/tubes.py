@@ -68,8 +68,8 @@ def tube(
     Raises
     ------
     ValueError
-        If a path is a batch, orbits differ, there is no common time, `sigmas` is not above 0, names are not
-        two, or an argument has the wrong type.
+        If a path is a batch, orbits differ, there is no common time, `sigmas` is not above 0, the number of
+        names is not two, or an argument has the wrong type.
     """
     instance("zone", zone, Zone)
     many = number("sigmas", sigmas)
