@@ -1,12 +1,13 @@
-"""Pictures of paths, zones and conflicts, and of searches; all but the animations return a matplotlib Figure.
+"""Figures of paths, zones, conflicts and searches.
 
-No global state of matplotlib is used or changed: save a figure with its `savefig`.
+All functions except the animations return a matplotlib Figure. They neither use nor change matplotlib's
+global state: save a figure with its `savefig` method.
 """
 
 from importlib import import_module
 from typing import Any
 
-# Loaded at first use: some need kernels, and those of a search are compiled for a search only.
+# Each function is imported at first use, so that only the kernels it needs are compiled.
 _HOMES = {
     "animation": "gathering_views",
     "before_after": "space",

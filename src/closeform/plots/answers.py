@@ -1,4 +1,4 @@
-"""The picture of each kind of answer: the paths of those that move, and charts of those that do not."""
+"""Default figure of each result type: paths for results that contain them, charts for all others."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ RATIO = "minimum clearance ratio [× zone]"
 
 @dataclass(frozen=True)
 class Flown:
-    """What flies: paths `before` avoidance and `after` it, with what the answer knows of names and zones."""
+    """Paths `before` and `after` avoidance, with the names and zones that the result contains."""
 
     before: Path
     after: Path
@@ -70,7 +70,7 @@ def _conjunction(result: Any) -> Flown:
 
 
 def _common_frame(result: Any) -> Flown:
-    paths = result.paths  # made anew at each look
+    paths = result.paths  # a property that builds new paths at each access
     return Flown(paths, paths, result.names)
 
 
@@ -88,7 +88,7 @@ def _formation(result: Any) -> Flown:
 
 
 def _worst(result: Any) -> Flown:
-    """Of many flights in a field the one in which craft come nearest."""
+    """Return the paths of the simulation run with the closest approach."""
     paths = result.path(result.worst)
     return Flown(paths, paths)
 
@@ -141,14 +141,14 @@ def _drift_screening(result: Any, names: Any = None) -> Figure:
 
 
 def _met(ratio: Any) -> str:
-    """What stays in zones come to, in a line."""
+    """Return the number of conflicts and the smallest clearance ratio as a headline."""
     if not len(ratio):
         return "No conflict"
     return f"{len(ratio)} conflict{'s' * (len(ratio) != 1)}; deepest {np.min(ratio):.4f} × zone"
 
 
 def _pairs(result: Any, names: Any) -> Callable[[int], str]:
-    """What the pair of a row is called."""
+    """Return a function that labels the pair of a row."""
 
     def called(k: int) -> str:
         one, other = result.pairs[k].tolist()
@@ -158,8 +158,7 @@ def _pairs(result: Any, names: Any) -> Callable[[int], str]:
 
 
 def _least(start: Any, time: Any, least: Any, what: str, edge: float | None) -> Figure:
-    """The least of one pair, or of each of a batch."""
-
+    """Plot the minimum of one pair, or of each pair of a batch."""
     shape = np.shape(least)
     begin, when, height = (np.ravel(np.asarray(part, dtype=float)) for part in (start, time, least))
 
@@ -247,7 +246,7 @@ def _proof(result: Any) -> Figure:
 
 
 def _sweep(result: Any) -> Figure:
-    """Shares of cases in which all is met, of each point."""
+    """Plot the share of cases that meet all requirements at each point of a sweep."""
     names = [", ".join(point.values.values()) for point in result.points]
     counts = [point.met_cases for point in result.points]
     said = f"{len(result)} cases at each of {len(names)} points"
@@ -275,7 +274,7 @@ def _errors(result: Any) -> Figure:
 
 
 def _loaded_study(result: Any) -> Figure:
-    """Times of searches, delta-v of missions, or of errors what is so in how many cases."""
+    """Plot search times, delta-v of missions, or the share of cases for each outcome of an error study."""
     from closeform import plots
 
     if "time_s" in result.cases:
@@ -291,7 +290,7 @@ def _loaded_study(result: Any) -> Figure:
 
 
 def _shares(names: list[str], counts: Any, cases: int, what: str, said: str) -> Figure:
-    """Shares of cases with their intervals."""
+    """Plot shares of cases with their 95 % confidence intervals."""
     from closeform.confidence import estimate
 
     found = [estimate(int(count), cases) for count in counts]
@@ -385,7 +384,7 @@ def _retargeted(result: Any) -> Figure:
 
 
 def _by(picture: str) -> Drawer:
-    """The public picture that takes the answer alone."""
+    """Return a drawer that calls a public plot function with the result only."""
 
     def drawn(result: Any) -> Figure:
         from closeform import plots

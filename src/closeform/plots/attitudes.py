@@ -1,4 +1,4 @@
-"""The turns of a search: the in-plane search in space, and every turn of a round from the side."""
+"""Attitude manoeuvres of a search: the in-plane search in space, and each turn of a round in side view."""
 
 from __future__ import annotations
 
@@ -36,32 +36,32 @@ OPPOSITE = {"A": 1.0, "B": -1.0}
 
 
 def angle_text(angle: float, sign: bool = True) -> str:
-    """An angle [rad] in degrees, to a tenth where it has one."""
+    """Return an angle [rad] as text in degrees, rounded to a tenth."""
     text = f"{degrees(angle):+.1f}".removesuffix(".0") if sign else f"{degrees(angle):.1f}".removesuffix(".0")
     return text.replace("-", "−") + "°"
 
 
 def in_plane_search(search: Search) -> Figure:
-    """The in-plane search of both groups: S04 figure 3, H03 figure 4.
+    """Plot the in-plane search of both groups: S04 figure 3, H03 figure 4.
 
-    Each ball is the sky of one craft.  The sensor's cone is drawn at the start of the turn about the sun
-    line and, as rims, on its way; the spiral is the way of the boresight.  The grey cones are the
-    complementary cones that the turn leaves out.
+    Each ball is the sky of one spacecraft. The sensor cone is drawn at the start of the turn about the sun
+    line, and as rims along the turn. The spiral is the track of the boresight. The grey cones are the
+    complementary cones that the turn does not cover.
 
     Parameters
     ----------
     search : Search
-        Which begins with an in-plane search.
+        Search that begins with an in-plane search.
 
     Returns
     -------
     Figure
-        Of matplotlib; save it with its `savefig`.
+        Matplotlib figure; save it with its `savefig` method.
 
     Raises
     ------
     ValueError
-        If it does not, or `search` is of another kind.
+        If the search begins with another phase, or `search` has the wrong type.
 
     References
     ----------
@@ -84,8 +84,8 @@ def in_plane_search(search: Search) -> Figure:
 
 
 def ball(axes: Axes, search: Search, leg: Leg, group: str, middle: Floats) -> None:
-    """The sky of one craft, its turns and what they leave out, around a point of the picture."""
-    home = middle @ ABOVE.basis[:2]  # a place in space that is seen there
+    """Draw the sky of one spacecraft around a point of the figure, with its turn and complementary cones."""
+    home = middle @ ABOVE.basis[:2]  # position in space that projects to `middle`
     colour, sign = GROUP_COLOURS[group], OPPOSITE[group]
     half = search.sensor.half_angle
     sweep = np.linspace(leg.start, leg.end, 361)
@@ -123,7 +123,7 @@ def ball(axes: Axes, search: Search, leg: Leg, group: str, middle: Floats) -> No
 
 
 def hidden(axes: Axes, middle: Floats, rim: Floats, colour: str, width: float) -> None:
-    """A closed line on the ball: full in front, faint behind it."""
+    """Draw a closed line on the ball, faint on the far side."""
     points = middle + ABOVE(rim)
     front = (ABOVE.nearness(rim) > 0.0)[:, None]
     axes.plot(*np.where(front, points, np.nan).T, color=colour, linewidth=width, alpha=0.75)
@@ -131,30 +131,31 @@ def hidden(axes: Axes, middle: Floats, rim: Floats, colour: str, width: float) -
 
 
 def manoeuvres(search: Search, number: int = 1) -> Figure:
-    """Every turn of one round of a search, for both groups: S04 figure 4.
+    """Plot every turn of one round of a search for both groups: S04 figure 4.
 
-    Each panel looks along body y, as it is before the out-of-plane turns, at the attitude to which a turn
-    leads: the shade with body x, the boresight and its cone (from the centre, as in S04); dashed the
-    boresight before, grey the complementary cones.  Below it the turn, about the own body y or the sun
-    line, and its time.  Both groups make the same turns in space, so about their own body y they are
-    opposite.  A Roman number is the region of S04 figure 5 that lies in the cone at the end of a turn.
+    Each panel looks along the body y axis as it is before the out-of-plane turns. It shows the attitude at
+    the end of a turn: the shade with body x, the boresight and its cone (from the centre, as in S04). The
+    dashed line is the boresight before the turn; grey cones are the complementary cones. The text below
+    states the turn angle, its axis (body y or the sun line) and its times. Both groups make the same turns in
+    space, so their angles about body y have opposite signs. A Roman numeral is the region of S04 figure 5
+    that lies in the cone at the end of a turn.
 
     Parameters
     ----------
     search : Search
-        With that round.
+        Search that contains the round.
     number : int, default 1
-        Of the round, from 1.
+        Number of the round, counted from 1.
 
     Returns
     -------
     Figure
-        Of matplotlib; save it with its `savefig`.
+        Matplotlib figure; save it with its `savefig` method.
 
     Raises
     ------
     ValueError
-        If the search has no such round, or an argument is of another kind.
+        If the search has no such round, or an argument has the wrong type.
 
     References
     ----------
@@ -203,14 +204,14 @@ def manoeuvres(search: Search, number: int = 1) -> Figure:
 
 
 def searched(search: Search, number: int, group: Any) -> dict[float, int]:
-    """The region of S04 figure 5 that is wholly in a group's cone at the end of each leg that has one."""
+    """Return the region of S04 figure 5 that lies in a group's cone, keyed by the end time [s] of the leg."""
     if not any((leg.phase, leg.round) == ("mOPS", number) for leg in search.legs):
         return {}
     return dict(regions_searched(search, number, group))
 
 
 def side_view(axes: Axes, camera: Camera, search: Search, leg: Leg, group: str, region: int | None) -> None:
-    """One attitude from the side, and the turn that led there."""
+    """Draw the attitude at the end of a turn in side view, with the turn that reaches it."""
     colour, half = GROUP_COLOURS[group], search.sensor.half_angle
     flip = np.array([1.0, OPPOSITE[group], OPPOSITE[group]])
     first, last = (leg.attitude_at(time) * flip for time in (leg.start, leg.end))
@@ -235,7 +236,7 @@ def side_view(axes: Axes, camera: Camera, search: Search, leg: Leg, group: str, 
 
 
 def turning(axes: Axes, camera: Camera, leg: Leg, boresight: Floats) -> None:
-    """An arrow along the turn: about the sun line as a tilted ring around it, else as the boresight goes."""
+    """Draw an arrow along a turn: a tilted ring about the sun line, otherwise the track of the boresight."""
     angles = np.linspace(0.0, leg.angle, 60)
     if leg.about == "body y":
         arrow(

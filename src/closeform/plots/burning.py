@@ -1,4 +1,4 @@
-"""Who burns when, and how much: all craft of a formation against time."""
+"""Figure of the burns of all spacecraft of a formation against time."""
 
 from __future__ import annotations
 
@@ -20,39 +20,39 @@ from closeform.plots.label_placement import Names
 from closeform.plots.palette import AFTER, FAINT, INK, colours
 from closeform.plots.style import SMALL, chart, clock, headline, speed, speed_unit, time_axes
 
-NARROWEST = 1.0 / 400.0  # of the time: thinner bars are not seen
-LETTERED = 8  # larger burns in a row up to which each has its size beside it
-SMALLEST = 0.1  # of the largest burn: smaller ones have no size beside them
-MARGIN = 0.015  # of the time, before and after it, so that bars at its ends are seen
-HIGH = 0.8  # of a row, the largest burn
-LOW = 0.35  # of a row: a size stands no lower, above the line of its row
-LETTERS, BESIDE = SMALL - 2.0, 4.0  # points: of a size, and between it and a bar
+NARROWEST = 1.0 / 400.0  # of the time axis: minimum width of a bar
+LETTERED = 8  # maximum number of larger burns in a row with labels
+SMALLEST = 0.1  # of the largest burn: smaller burns have no label
+MARGIN = 0.015  # of the duration: free space on both sides, so that bars at the ends are visible
+HIGH = 0.8  # of the row height: the largest burn
+LOW = 0.35  # of the row height: minimum height of a label
+LETTERS, BESIDE = SMALL - 2.0, 4.0  # points: font size of a label, and its distance from a bar
 MOST_ROWS = 60
-Interval = Sequence[float]  # of pixels, from and to
+Interval = Sequence[float]  # of pixels: start and end
 
 
 def burns(paths: Path | Sequence[Path] | ThrusterFiring, names: Sequence[str] | None = None) -> Figure:
-    """Who burns when and how much: a row for each craft, a bar for each burn, as high as its delta-v.
+    """Plot the burns of each spacecraft: a row per spacecraft, a bar per burn, scaled to its delta-v.
 
-    An impulse, or a pulse of a thruster, is a thin bar; thrust that lasts from one coast to the next is one
-    bar of that length.
+    An impulse or a thruster pulse is a thin bar. Continuous thrust from one coast to the next is one bar of
+    that length.
 
     Parameters
     ----------
     paths : Path, sequence of Path, or ThrusterFiring
-        A Path of shape (N,), or up to 60 paths; of a `ThrusterFiring` its pulses.
+        Path of shape (N,), up to 60 paths, or a `ThrusterFiring`, whose pulses are shown.
     names : sequence of str, optional
-        Of the craft; their indices unless given.
+        Names of the spacecraft; default: their indices.
 
     Returns
     -------
     Figure
-        Of matplotlib; save it with its `savefig`.
+        Matplotlib figure; save it with its `savefig` method.
 
     Raises
     ------
     ValueError
-        If there are more than 60 paths, names are not as many, or an argument is of another kind.
+        If there are more than 60 paths, the number of names is wrong, or an argument has the wrong type.
     """
     flown = crafts("paths", paths.path if isinstance(paths, ThrusterFiring) else paths)
     if len(flown) > MOST_ROWS:
@@ -89,7 +89,7 @@ def burns(paths: Path | Sequence[Path] | ThrusterFiring, names: Sequence[str] | 
 
 
 def _sizes(figure: Figure, axes: Axes, sizes: list[Floats], greatest: float, bars: list[Floats]) -> None:
-    """The sizes (K,) of the larger burns of each row beside its bars (K, 4, 2), where they find room."""
+    """Label the larger burns (K,) of each row beside their bars (K, 4, 2), where there is room."""
     unit, gap = speed_unit(greatest), BESIDE * figure.dpi / 72.0
     for row, corners in zip(sizes, bars, strict=True):
         large = np.flatnonzero(row >= SMALLEST * greatest)
@@ -112,13 +112,13 @@ def _sizes(figure: Figure, axes: Axes, sizes: list[Floats], greatest: float, bar
 
 
 def _is_free(room: Interval, within: Interval, taken: Sequence[Interval]) -> bool:
-    """Whether an interval of pixels overlaps nothing that is taken."""
+    """Return True if an interval of pixels is within the axes and overlaps no taken interval."""
     (begin, end), (first, last) = room, within
     return first <= begin and end <= last and all(end <= one[0] or one[1] <= begin for one in taken)
 
 
 def _said(called: list[str], every: list[Burns], greatest: float, planned: float | None) -> str:
-    """Who burns most, and the largest burn; of pulses beside what was planned."""
+    """Return the headline: number of burns, total and largest delta-v."""
     spent = [float(one.size.sum()) for one in every]
     if not greatest:
         return "No spacecraft burns"

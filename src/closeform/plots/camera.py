@@ -1,4 +1,4 @@
-"""Scenes in space drawn in a plane without perspective: the camera, its window, and what is in the scene."""
+"""Orthographic views of scenes in space: cameras, windows, and shapes in the scene."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -23,22 +23,22 @@ from closeform.zones.outlines import CIRCLE
 GROUP_COLOURS = {"A": AFTER, "B": CONFLICT}
 SUN_COLOUR = "#F2B705"
 ROMAN = {1: "I", 2: "II", 3: "III", 4: "IV"}  # regions of the complementary cones, S04 figure 5
-SUNWARD = np.array([0.0, 0.0, -1.0])  # in deep space, where searches have the sun
-AXES = ("radial", "along", "cross")  # of an orbit
+SUNWARD = np.array([0.0, 0.0, -1.0])  # Sun direction in deep space, as in searches
+AXES = ("radial", "along", "cross")  # of the orbital frame
 FOOT = 0.9  # inches for the scale and the directions
-LETTER, LENGTH = 0.1, 0.45  # inches of a letter, and of a direction
+LETTER, LENGTH = 0.1, 0.45  # inches: width of a letter, and length of a direction arrow
 LAYERS = 40  # of depth
 
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """Looks along a direction: rows of `basis` (3, 3) point right, up and towards the viewer."""
+    """Orthographic camera: the rows of `basis` (3, 3) point right, up and towards the viewer."""
 
     basis: Floats
 
     @classmethod
     def at(cls, toward: ArrayLike, up: ArrayLike) -> Self:
-        """A camera from which the viewer sits `toward` (3,), with `up` (3,) upwards."""
+        """Return a camera with the viewer in the direction `toward` (3,) and `up` (3,) upwards."""
         back = np.asarray(toward, dtype=float)
         back = back / np.linalg.norm(back)
         right = np.cross(np.asarray(up, dtype=float), back)
@@ -47,44 +47,44 @@ class Camera:
 
     @classmethod
     def around(cls, azimuth: float, elevation: float, pole: Floats, front: Floats) -> Self:
-        """A camera above the plane across `pole`, turned about it from `front`; angles [rad]."""
+        """Return a camera above the plane normal to `pole`, at an azimuth from `front`; angles in rad."""
         side = np.cross(pole, front)
         level = cos(azimuth) * front + sin(azimuth) * side
         return cls.at(cos(elevation) * level + sin(elevation) * pole, pole)
 
     def __call__(self, points: ArrayLike) -> Floats:
-        """Points (..., 3) on the picture (..., 2)."""
+        """Project points (..., 3) to the figure plane (..., 2)."""
         return np.asarray(np.asarray(points) @ self.basis[:2].T)
 
     def nearness(self, points: ArrayLike) -> Floats:
-        """How far points (..., 3) stand out towards the viewer (...)."""
+        """Return the coordinate (...) of points (..., 3) towards the viewer."""
         return np.asarray(np.asarray(points) @ self.basis[2])
 
 
-OBLIQUE = Camera.around(-0.45, 0.5, SUNWARD, np.array([0.0, 1.0, 0.0]))  # the sun is above
+OBLIQUE = Camera.around(-0.45, 0.5, SUNWARD, np.array([0.0, 1.0, 0.0]))  # the Sun is up
 ORBITAL = Camera.at([0.75, -0.45, -0.5], [1.0, 0.0, 0.0])  # radial up, along-track to the right
 
 
 def across(axis: Floats) -> Floats:
-    """Two unit vectors (2, 3) that complete an axis."""
+    """Return two unit vectors (2, 3) that complete an axis to a right-handed frame."""
     first = cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
     first /= np.linalg.norm(first)
     return np.array([first, cross(axis, first)])
 
 
 def cross(one: Floats, other: Floats) -> Floats:
-    """The product of two vectors (3,), in a tenth of the time that `np.cross` takes: films have thousands."""
+    """Return the cross product of two vectors (3,); ten times faster than `np.cross`, for animations."""
     (x, y, z), (u, v, w) = one.tolist(), other.tolist()
     return np.array([y * w - z * v, z * u - x * w, x * v - y * u])
 
 
 def ring(axis: Floats, half_angle: float, size: float = 1.0) -> Floats:
-    """The rim (K, 3) of a cone from the origin: points `size` away at `half_angle` from its axis."""
+    """Return the rim (K, 3) of a cone from the origin, `size` away at `half_angle` [rad] from its axis."""
     return np.asarray(size * (cos(half_angle) * axis + sin(half_angle) * (CIRCLE @ across(axis))))
 
 
 def hull(points: Floats) -> Floats:
-    """The convex outline (K, 2) of points (M, 2)."""
+    """Return the convex hull (K, 2) of points (M, 2)."""
     chains: list[list[tuple[float, float]]] = []
     ordered = sorted({(x, y) for x, y in points.tolist()})
     for side in (ordered, ordered[::-1]):
@@ -101,26 +101,26 @@ def hull(points: Floats) -> Floats:
 
 
 def solid(camera: Camera, *parts: ArrayLike) -> Floats:
-    """The silhouette (K, 2) of the convex body that points (..., 3) span."""
+    """Return the silhouette (K, 2) of the convex hull of points (..., 3)."""
     return hull(camera(np.vstack([np.atleast_2d(np.asarray(part, dtype=float)) for part in parts])))
 
 
 def fill(axes: Axes, outline: Floats, colour: str, alpha: float, **look: Any) -> None:
-    """A translucent shape."""
+    """Draw a translucent shape."""
     axes.fill(*outline.T, facecolor=colour, alpha=alpha, linewidth=0.0, **look)
 
 
 def cone(
     axes: Axes, camera: Camera, apex: Floats, rim: Floats, colour: str, density: float, **look: Any
 ) -> None:
-    """A translucent cone with its rim (K, 3); `look` is that of the rim's line."""
+    """Draw a translucent cone with its rim (K, 3); `look` is the line style of the rim."""
     fill(axes, solid(camera, apex, apex + rim), colour, density)
     style: dict[str, Any] = {"color": colour, "linewidth": 1.0, "alpha": 0.8} | look
     axes.plot(*camera(apex + rim).T, **style)
 
 
 def arrow(axes: Axes, points: Floats, colour: str, **look: Any) -> None:
-    """A line through points (K, 2) with a head at its end."""
+    """Draw a line through points (K, 2) with an arrowhead at its end."""
     path = Outline(points, [Outline.MOVETO] + [Outline.LINETO] * (len(points) - 1))
     style: dict[str, Any] = {"arrowstyle": "-|>", "mutation_scale": 13, "linewidth": 1.6}
     style |= {"shrinkA": 0, "shrinkB": 0} | look
@@ -130,14 +130,14 @@ def arrow(axes: Axes, points: Floats, colour: str, **look: Any) -> None:
 def word(
     axes: Axes, point: Any, text: str, colour: str = INK, shift: tuple[float, float] = (0, 0), **look: Any
 ) -> Any:
-    """Words at a point (2,), moved by a `shift` in printer's points, readable on lines."""
+    """Add text at a point (2,), shifted in typographic points, with a white halo."""
     style: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": SMALL, "path_effects": HALO} | look
     return axes.annotate(text, (point[0], point[1]), shift, textcoords="offset points", color=colour, **style)
 
 
 def beside(axes: Axes, words: Sequence[Any], points: Floats) -> None:
-    """Move words to their points (N, 2): to the right, or to the left where another point is close there."""
-    places = axes.transData.transform(points) * 72.0 / axes.figure.dpi  # in printer's points
+    """Move texts to the right of their points (N, 2), or to the left if another point is close."""
+    places = axes.transData.transform(points) * 72.0 / axes.figure.dpi  # typographic points
     for text, point, place in zip(words, points, places, strict=True):
         right, up = (places - place).T
         taken = bool(((right > 0.0) & (right < 45.0) & (abs(up) < SMALL)).any())
@@ -146,7 +146,7 @@ def beside(axes: Axes, words: Sequence[Any], points: Floats) -> None:
 
 
 def scale_bar(axes: Axes, width: float) -> None:
-    """A bar of a round length in the lower right corner."""
+    """Draw a scale bar of round length in the lower right corner."""
     length = rounded_down(0.25 * width)
     unit = length_unit(length)
     right, low = axes.get_xlim()[1] - 0.04 * width, axes.get_ylim()[0] + 0.03 * width
@@ -155,7 +155,7 @@ def scale_bar(axes: Axes, width: float) -> None:
 
 
 def to_sun(axes: Axes, camera: Camera, start: ArrayLike, length: float, text: str = "Sun") -> None:
-    """An arrow of a `length` from `start` (3,) to the sun, and the sun at its end."""
+    """Draw an arrow of a `length` from `start` (3,) towards the Sun, with the Sun at its end."""
     tail = np.asarray(start, dtype=float)
     head = tail + length * SUN
     points = camera(np.array([tail, head]))
@@ -165,7 +165,7 @@ def to_sun(axes: Axes, camera: Camera, start: ArrayLike, length: float, text: st
 
 
 def triad(axes: Axes, camera: Camera, origin: Floats, length: float, names: dict[str, Floats]) -> None:
-    """Named directions from a point (2,) of the picture; one that points at the viewer is a dot in a ring."""
+    """Draw named directions from a point (2,); a direction along the line of sight is a dot in a ring."""
     for name, direction in names.items():
         tip = camera(direction)
         if np.hypot(*tip) < 0.08:
@@ -181,14 +181,14 @@ def triad(axes: Axes, camera: Camera, origin: Floats, length: float, names: dict
 
 
 def framing(points: Floats, wide: float, high: float, room: float = 1.08) -> tuple[Floats, float]:
-    """Middle (2,) and width of the window of a shape `wide` by `high` that holds points (M, 2)."""
+    """Return the middle (2,) and width of a `wide` by `high` window that holds points (M, 2)."""
     low, top = points.min(axis=0), points.max(axis=0)
     span = top - low
     return (low + top) / 2.0, room * float(max(span[0], span[1] * wide / high))
 
 
 def stage(figure: Figure, place: tuple[float, float, float, float], middle: Any, width: float) -> Axes:
-    """Bare axes at equal scales: left, bottom, width and height in shares of the figure, `width` across."""
+    """Add bare axes at equal scales; `place` is in shares of the figure, `width` in data units."""
     axes = figure.add_axes(place)
     axes.set_axis_off()
     inches = figure.get_size_inches() * place[2:]
@@ -199,7 +199,7 @@ def stage(figure: Figure, place: tuple[float, float, float, float], middle: Any,
 
 
 def window(axes: Axes, points: Floats, camera: Camera, directions: Sequence[str], above: float) -> None:
-    """Limits that hold points (M, 2) `above` inches below a title, with a scale bar and the directions."""
+    """Set limits that hold points (M, 2) below a title; add a scale bar and the directions."""
     wide, high = (float(pixels / axes.figure.dpi) for pixels in axes.get_window_extent().size)  # inches
     middle, width = framing(points, wide, high - above - FOOT, 1.1)
     inch = (width or 1.0) / wide
@@ -207,17 +207,17 @@ def window(axes: Axes, points: Floats, camera: Camera, directions: Sequence[str]
     axes.set_xlim(middle[0] - inch * wide / 2, middle[0] + inch * wide / 2)
     axes.set_ylim(floor, floor + inch * high)
     scale_bar(axes, inch * wide)
-    letters = LETTER * max(map(len, directions))  # one may point to the left
-    down = max(0.0, -float(camera(np.eye(3))[:, 1].min()))  # one may point there
+    letters = LETTER * max(map(len, directions))  # a direction may point left
+    down = max(0.0, -float(camera(np.eye(3))[:, 1].min()))  # a direction may point down
     corner = np.array([axes.get_xlim()[0] + (0.5 + letters) * inch, floor + (0.3 + LENGTH * down) * inch])
     triad(axes, camera, corner, LENGTH * inch, dict(zip(directions, np.eye(3), strict=True)))
 
 
 def layered(camera: Camera, tracks: Sequence[Floats]) -> tuple[list[int], list[Floats]]:
-    """Pieces (K, 2) of tracks (M, 3) from back to front, and of which track each is.
+    """Return pieces (K, 2) of tracks (M, 3) from back to front, with the track index of each.
 
-    Within a layer of depth tracks keep one order, and all are cut where it ends, so that those that
-    merge do not cut each other into dashes.
+    Tracks are cut at fixed layers of depth and keep one order within a layer, so that merging tracks do not
+    cut each other into dashes.
     """
     depths = [camera.nearness(track) for track in tracks]
     low, high = min(map(np.min, depths)), max(map(np.max, depths))
@@ -231,7 +231,7 @@ def layered(camera: Camera, tracks: Sequence[Floats]) -> tuple[list[int], list[F
 
 
 def framed(axes: Axes, title: str) -> None:
-    """A thin frame with a title in its upper left corner."""
+    """Add a thin frame with a title in its upper left corner."""
     axes.set_axis_on()
     axes.set_xticks([])
     axes.set_yticks([])

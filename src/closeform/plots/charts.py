@@ -1,4 +1,4 @@
-"""Charts of plain numbers: curves of each spacecraft, spans of time, and intervals."""
+"""Charts of plain numbers: curves of each spacecraft, time spans, and intervals."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ from closeform.plots.style import (
     zone_band,
 )
 
-ENDS_NAMED = 12  # craft up to which each curve has a name, at its end
-LEAST_NAMED = 6  # of the least, whose names stand beside them
-APART = (0.08, 0.06)  # of the axes: dots that are nearer share the name of the least
-MARGIN = 0.03  # of the time, before and after it
-FAR = 30.0  # times the least or the zone: farther ones have a logarithmic axis
-MOST = 40  # rows that are shown
-WORDS, BESIDE, ROW = 2.6, 0.4, 0.34  # inches for names, right of the axes, and of a row
+ENDS_NAMED = 12  # maximum number of curves with names at their ends
+LEAST_NAMED = 6  # number of smallest results with labels
+APART = (0.08, 0.06)  # of the axes: of dots closer together only the smallest has a label
+MARGIN = 0.03  # of the duration: free space on both sides
+FAR = 30.0  # times the edge: a wider range has a logarithmic axis
+MOST = 40  # maximum number of rows
+WORDS, BESIDE, ROW = 2.6, 0.4, 0.34  # inches: left margin for names, right margin, height of a row
 
 
 def curves(
@@ -45,7 +45,7 @@ def curves(
     names: Sequence[str] | None = None,
     planned: Floats | None = None,
 ) -> Figure:
-    """Values (N, T) at times (T,) [s], none below 0, of N craft; those `planned` (N, T) are dashed."""
+    """Plot non-negative values (N, T) of N spacecraft at times (T,) [s]; `planned` (N, T) is dashed."""
     called, ticks = short_names(names, len(values)), Clock(plain_unit(float(times[-1] - times[0])), None)
     figure, axes = chart(5.2, beside=1.1)
     for k, tint in enumerate(colours(len(values))):
@@ -64,9 +64,10 @@ def curves(
 
 @dataclass(frozen=True, eq=False)
 class Spans:
-    """K answers: a `height` (K,) at a `time` (K,) [s], of what lasts from `start` to `end` (K,) [s].
+    """K results: a `height` (K,) at a `time` (K,) [s], each lasting from `start` to `end` (K,) [s].
 
-    What is `called` by its index stands beside the least; `what` the height is; below an `edge` is a zone.
+    `called` returns the label of a result, drawn beside the smallest ones. `what` is the label of the height
+    axis. Below `edge` is a zone.
     """
 
     start: Floats
@@ -79,12 +80,12 @@ class Spans:
 
     @property
     def known(self) -> Any:
-        """Which of them (K,) have a time and a height."""
+        """Mask (K,) of the results that have a time and a height."""
         return np.isfinite(self.time) & np.isfinite(self.height)
 
 
 def spans(told: Spans, said: str) -> Figure:
-    """Their picture, with a headline that says what they are; those without a time are left out."""
+    """Plot results with a time as spans, under the headline `said`."""
     known = told.known
     start, time, end, height = (
         np.asarray(part, dtype=float)[known] for part in (told.start, told.time, told.end, told.height)
@@ -125,7 +126,7 @@ def spans(told: Spans, said: str) -> Figure:
 def intervals(
     names: Sequence[str], values: ArrayLike, low: ArrayLike, high: ArrayLike, what: str, said: str
 ) -> Figure:
-    """A row for each of the first 40 names: a dot at its value, a line from `low` to `high`."""
+    """Plot a row for each of the first 40 names: a dot at its value, and a line from `low` to `high`."""
     value, below, above = (np.ravel(np.asarray(part, dtype=float))[:MOST] for part in (values, low, high))
     rows = np.arange(len(value))[::-1]
     figure = sheet(1.9 + ROW * max(2, len(rows)))

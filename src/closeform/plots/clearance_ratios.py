@@ -1,4 +1,4 @@
-"""How near craft come to each other's zones, against time."""
+"""Clearance ratio of one spacecraft to its obstacles, against time."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from closeform.zones.zone import Zone
 
 @dataclass(frozen=True)
 class Nearness:
-    """Norms of one craft's position relative to its obstacles, and the exact least of all."""
+    """Clearance ratios of one path relative to its obstacles, and the exact minimum of all."""
 
     times: Floats
     norms: Floats  # (obstacles, times); nan where the two share no time
@@ -46,7 +46,7 @@ class Nearness:
 
     @classmethod
     def of(cls, path: Path, obstacles: list[Path], zone: Zone) -> Nearness:
-        """Raises ValueError where an obstacle shares no time with the path."""
+        """Sample the ratios; raise ValueError if an obstacle shares no time with the path."""
         times = instants(path.start, path.end, path, *obstacles)
         norms = np.full((len(obstacles), len(times)), np.nan)
         for row, obstacle in zip(norms, obstacles, strict=True):
@@ -66,32 +66,32 @@ def ratios(
     zone: Zone,
     names: Sequence[str] | None = None,
 ) -> Figure:
-    """The norm of a craft's position relative to its obstacles, before and after; below 1 is a conflict.
+    """Plot the clearance ratio of a spacecraft to its obstacles, before and after; below 1 is a conflict.
 
-    Thin lines are the norms to each obstacle on the path after, thick lines the least of all; a dot marks
-    the exact least ratio.
+    Thin lines are the ratios to each obstacle on the path after, thick lines the minimum of all. A dot marks
+    the exact minimum.
 
     Parameters
     ----------
     before, after : Path
-        Of one craft; the same path where nothing changed.
+        Paths of one spacecraft; the same path if nothing changed.
     obstacles : Path or sequence of Path
-        A Path of any shape, or paths; at least one.
+        Path of any shape, or a sequence of paths; at least one.
     zone : Zone
-        Around each obstacle.
+        Keep-out zone around each obstacle.
     names : sequence of str, optional
-        The obstacles'.
+        Names of the obstacles.
 
     Returns
     -------
     Figure
-        Of matplotlib; save it with its `savefig`.
+        Matplotlib figure; save it with its `savefig` method.
 
     Raises
     ------
     ValueError
-        If a path is a batch, there is no obstacle, one shares no time with a path, names are not as many as
-        the obstacles, or an argument is of another kind.
+        If a path is a batch, there is no obstacle, one shares no time with a path, the number of names is
+        wrong, or an argument has the wrong type.
     """
     one_craft("before", before)
     one_craft("after", after)
@@ -128,7 +128,7 @@ def ratios(
 def nearness_line(
     axes: Axes, near: Nearness, ticks: Clock, look: tuple[str, Any, str], names: Sequence[str]
 ) -> tuple[Line2D, str]:
-    """The least norm of all, in the colour of conflict where below 1; the line, and its minimum in words."""
+    """Draw the minimum ratio, red below 1; return the line and its minimum as text."""
     colour, dashes, label = look
     least = np.fmin.reduce(near.norms, axis=0)
     when = ticks(near.times)
@@ -141,6 +141,6 @@ def nearness_line(
 
 
 def ceiling(*curves: Nearness) -> float:
-    """A limit that shows what happens near the zone: five times the largest least ratio."""
+    """Return an upper limit that resolves ratios near the zone: five times the largest minimum."""
     most = max(float(np.nanmax(near.norms)) for near in curves)
     return min(1.05 * most, 5 * max(1.0, *(near.ratio for near in curves)))

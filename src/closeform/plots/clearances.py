@@ -1,4 +1,4 @@
-"""What clearance costs: the least energy or delta-v against the size of zones."""
+"""Cost of clearance: minimum energy or delta-v against the size of the zones."""
 
 from __future__ import annotations
 
@@ -24,34 +24,35 @@ from closeform.plots.style import (
     speed_unit,
 )
 
-STEEPEST = 3.0  # times the rise between two plans, that a slope may be for a curve that only rises
-POINTS = 24  # of a curve between two plans
-SAME = 0.0  # cosine of the angle between two normals, above which a pair is passed on one side
+STEEPEST = 3.0  # times the rise between two plans: maximum slope of a monotone cubic
+POINTS = 24  # points of a curve between two plans
+SAME = 0.0  # cosine of the angle between two normals, above which the passing side is the same
 
 
 def clearance(found: ClearanceCostCurve, most: MaxClearance | None = None) -> Figure:
-    """What zones of many sizes cost: a point for each plan, and a curve that has its slope there.
+    """Plot the cost of a plan against the size of the zones: a point for each plan, a curve through them.
 
-    Where the next plan passes somebody on another side the two are joined by dots.  Crosses above are sizes
-    at which no clear plan was found.  The dashed line is what it costs with nothing in the way.
+    The curve has the slope of each plan at its point. Dots join two plans with different passing sides.
+    Crosses at the top are sizes for which no clear plan was found. The dashed line is the cost without
+    obstacles.
 
     Parameters
     ----------
     found : ClearanceCostCurve
-        Of `clearance_cost_curve`.
+        Result of `clearance_cost_curve`.
     most : MaxClearance, optional
-        Of `max_clearance`: its budget is a line, a ring the largest zones that it affords.
+        Result of `max_clearance`; a line shows its budget, and a ring the largest zones within that budget.
 
     Returns
     -------
     Figure
-        Of matplotlib; save it with its `savefig`.
+        Matplotlib figure; save it with its `savefig` method.
 
     Raises
     ------
     ValueError
-        If `found` is no `ClearanceCostCurve`, or of no plan, or `most` is no `MaxClearance` of zones with a
-        plan.
+        If `found` is not a `ClearanceCostCurve` or has no plan, or `most` is not a `MaxClearance` of zones
+        with a plan.
     """
     instance("found", found, ClearanceCostCurve)
     if not np.isfinite(found.spent).any():
@@ -61,7 +62,7 @@ def clearance(found: ClearanceCostCurve, most: MaxClearance | None = None) -> Fi
     factors, costs, slopes, plans = found.factor, found.spent, found.slope, list(found.plans)
     if most is not None and most.sigmas == most.sigmas:
         raise ValueError("most: of sigmas, not of the size of zones; make it without errors")
-    if most is not None and most.plan is not None:  # a point of the curve like any other
+    if most is not None and most.plan is not None:  # an ordinary point of the curve
         own = most.factor, most.plan.spent, slope(most.plan, most.factor)
         factors, costs, slopes = (
             np.append(*pair) for pair in zip((factors, costs, slopes), own, strict=True)
@@ -97,7 +98,7 @@ def clearance(found: ClearanceCostCurve, most: MaxClearance | None = None) -> Fi
 
 
 def show_most(axes: Any, most: MaxClearance, up: Unit) -> None:
-    """The budget, and the largest zones that it affords."""
+    """Draw the budget, and the largest zones within it."""
     assert most.plan is not None
     height = most.plan.spent / up.size
     axes.axhline(most.budget / up.size, color=ZONE, linewidth=1.6)
@@ -116,7 +117,7 @@ def show_most(axes: Any, most: MaxClearance, up: Unit) -> None:
 
 
 def scales(figure: Figure, axes: Any, found: ClearanceCostCurve, up: Unit) -> None:
-    """What stands at the axes: factor and metres, the cost and by how much it is above the least of all."""
+    """Label the axes: scale factor and metres, cost and relative increase over the plan without obstacles."""
     axes.set_xlabel("scale factor of the zones")
     axes.set_ylabel(f"minimum {found.cost} [{up.name}]")
     others = []
@@ -138,7 +139,7 @@ def scales(figure: Figure, axes: Any, found: ClearanceCostCurve, up: Unit) -> No
 
 
 def words(found: ClearanceCostCurve, most: MaxClearance | None, up: Unit) -> str:
-    """What the picture shows."""
+    """Return the headline of the figure."""
     if most is not None:
         budget = f"{most.budget / up.size:.4g} {up.name}"
         share = f" ({signed_percent(most.budget / found.free - 1.0)})" if found.free > 0.0 else ""
@@ -151,7 +152,7 @@ def words(found: ClearanceCostCurve, most: MaxClearance | None, up: Unit) -> str
 
 
 def between(factors: Floats, costs: Floats, slopes: Floats) -> tuple[Floats, Floats]:
-    """A rising cubic between two plans that has their slopes, as far as it can."""
+    """Return a rising cubic between two plans with their slopes, as far as they allow it."""
     width, rise = float(np.diff(factors)[0]), float(np.diff(costs)[0])
     first, last = np.clip(slopes * width, 0.0, STEEPEST * max(rise, 0.0))
     t = np.linspace(0.0, 1.0, POINTS)
@@ -160,7 +161,7 @@ def between(factors: Floats, costs: Floats, slopes: Floats) -> tuple[Floats, Flo
 
 
 def alike(one: Avoidance | Plan, other: Avoidance | Plan) -> bool:
-    """Whether no pair is passed on different sides in two plans."""
+    """Return True if no pair is passed on different sides in two plans."""
     return all(
         a.normal @ b.normal > SAME
         for a in one.contacts
@@ -170,7 +171,7 @@ def alike(one: Avoidance | Plan, other: Avoidance | Plan) -> bool:
 
 
 def energy_unit(greatest: float) -> Unit:
-    """The unit for a greatest energy [m^2/s^3]."""
+    """Return the display unit for a maximum energy [m^2/s^3]."""
     for size, name in ((1.0, "m²/s³"), (1e-6, "mm²/s³")):
         if greatest >= size:
             return Unit(size, name)

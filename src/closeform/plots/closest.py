@@ -1,4 +1,4 @@
-"""The closest pairs of a formation, against time."""
+"""Clearance ratios of the closest pairs of a formation, against time."""
 
 from __future__ import annotations
 
@@ -38,12 +38,12 @@ from closeform.zones.pair_zones import PairZones
 
 COLOURS = (AFTER, ALTERNATIVE, CROSS.colour, BEFORE)  # the closest pair first
 DASHES = ("-", ALONG.dashes, CROSS.dashes, DOTTED)
-LINEAR, LOW_LINEAR = 12.0, 6.0  # ratio up to which the whole axis is linear, of panels above each other
-TANGLED = 8.0  # curves times orbits from which on each pair has a panel of its own
-BANDED = 24.0  # orbits from which on a curve is the band between least and most of each orbit
+LINEAR, LOW_LINEAR = 12.0, 6.0  # maximum ratio of a fully linear axis: single axis, stacked panels
+TANGLED = 8.0  # curves times orbits above which each pair has its own panel
+BANDED = 24.0  # orbits from which a curve is the band between minimum and maximum of each orbit
 BAND = "#b9d9ec"
-Curve = tuple[Floats, Floats]  # times [s] and norms
-HIGH, BESIDE, LOW = 0.9, 2.5, 0.75  # inches of a panel, beside it for its pair, below all of them
+Curve = tuple[Floats, Floats]  # times [s] and clearance ratios
+HIGH, BESIDE, LOW = 0.9, 2.5, 0.75  # inches: height of a panel, right margin for its label, bottom margin
 
 
 def closest_pairs(
@@ -52,34 +52,34 @@ def closest_pairs(
     names: Sequence[str] | None = None,
     count: int = 4,
 ) -> Figure:
-    """The ratio of the pairs that come closest, against time; below 1 is a conflict.
+    """Plot the clearance ratio of the closest pairs against time; below 1 is a conflict.
 
-    Each line is the norm of one craft's position relative to the other, over their common time, with a
-    dot at the exact least ratio.  Where a line goes beyond 6 zones the axis is logarithmic outside of the
-    zone.  Curves that would tangle, over many orbits, have a panel each; from 24 orbits on it has the band
-    between the least and the greatest ratio of each orbit.
+    Each line is the clearance ratio of one pair over its common time, with a dot at the exact minimum. The
+    axis is logarithmic above 1 if a line exceeds the linear range. Many pairs over many orbits have a panel
+    each; from 24 orbits on, a panel shows the band between the minimum and maximum of each orbit.
 
     Parameters
     ----------
     paths : Path or sequence of Path
-        A Path of shape (N,), or N paths.
+        Path of shape (N,), or N paths.
     zones : Zone, CovarianceZone, Body, None, sequence of these, or PairZones
-        One for all or one for each craft, of two as in `screen`; None: none of its own.
+        One zone for all spacecraft or one for each, combined for a pair as in `screen`; None: no zone of its
+        own.
     names : sequence of str, optional
-        Of the craft; their indices unless given.
+        Names of the spacecraft; default: their indices.
     count : int, default 4
-        How many pairs are shown at most.
+        Maximum number of pairs shown.
 
     Returns
     -------
     Figure
-        Of matplotlib; save it with its `savefig`.
+        Matplotlib figure; save it with its `savefig` method.
 
     Raises
     ------
     ValueError
-        If there are fewer than two craft, names are not as many, `count` is below 1, no two craft have a zone
-        and share a time, or an argument is of another kind.
+        If there are fewer than two spacecraft, the number of names is wrong, `count` is below 1, no pair has
+        a zone and a common time, or an argument has the wrong type.
     """
     pairs, called = asked(paths, zones, names)
     whole("count", count, 1)
@@ -104,7 +104,7 @@ def closest_pairs(
 def in_one(
     pairs: Pairs, shown: list[int], words: list[str], curves: list[Curve], ticks: Clock
 ) -> tuple[Figure, list[Axes]]:
-    """All curves on one axis, with a legend."""
+    """Draw all curves on one axis with a legend; return the figure and its axes."""
     columns = 2 if max(map(len, words)) <= 52 else 1
     below = LOW + 0.25 * -(-len(shown) // columns)
     figure, axes = chart(5.5 + below, below)
@@ -132,7 +132,7 @@ def in_one(
 def in_panels(
     pairs: Pairs, shown: list[int], words: list[str], curves: list[Curve], ticks: Clock
 ) -> tuple[Figure, list[Axes]]:
-    """A panel for each pair, its name beside it, all with one axis of ratios; stays in the zone are bars."""
+    """Draw one panel per pair with a common ratio axis, conflicts as bars; return figure and axes."""
     figure = sheet(ABOVE + LOW + len(shown) * HIGH)
     panels = column(figure, [1.0] * len(shown), LOW, BESIDE)
     least, most = float(pairs.ratio[shown[0]]), max(float(norms.max()) for _, norms in curves)
@@ -159,7 +159,7 @@ def in_panels(
 
 
 def band(axes: Axes, period: float, ticks: Clock, times: Floats, norms: Floats) -> None:
-    """A curve, or of very many orbits what lies between its least and greatest value in each."""
+    """Draw a curve, or the band between minimum and maximum of each orbit if there are many orbits."""
     if times[-1] - times[0] < BANDED * period:
         axes.plot(ticks(times), norms, color=AFTER, linewidth=1.5, zorder=3)
         return
@@ -172,7 +172,7 @@ def band(axes: Axes, period: float, ticks: Clock, times: Floats, norms: Floats) 
 
 
 def curve(pairs: Pairs, k: int) -> Curve:
-    """Times [s] and norms of one pair over its common time, its least and the ends of stays among them."""
+    """Return times [s] and ratios of a pair, including its minimum and the ends of conflicts."""
     one, other = (pairs.paths[craft] for craft in pairs.craft[k].tolist())
     start, end = max(one.start, other.start), min(one.end, other.end)
     edges = [time for stay in pairs.stays[k] for time in (stay.start, stay.end)]
@@ -181,7 +181,7 @@ def curve(pairs: Pairs, k: int) -> Curve:
 
 
 def said(pairs: Pairs, k: int, called: list[str], ticks: Clock) -> str:
-    """A pair and its closest approach in words."""
+    """Return a pair and its closest approach as text."""
     one, other = (called[craft] for craft in pairs.craft[k])
     return f"{one} and {other}: {ratio_text(pairs.ratio[k])} × zone at {ticks.text(float(pairs.time[k]))}"
 
@@ -189,7 +189,7 @@ def said(pairs: Pairs, k: int, called: list[str], ticks: Clock) -> str:
 def line(
     axes: Axes, row: int, ticks: Clock, pairs: Pairs, k: int, label: str, times: Floats, norms: Floats
 ) -> Line2D:
-    """One pair, wide where it is in conflict, with a dot at its least ratio."""
+    """Draw the curve of one pair, thick in conflict, with a dot at its minimum; return the line."""
     colour, dashes, order = COLOURS[row % 4], DASHES[(row + row // 4) % 4], 3.0 + 0.01 * row
     when, least = ticks(pairs.time[k]), pairs.ratio[k]
     look: dict[str, Any] = {"color": colour, "linestyle": dashes, "linewidth": 2.2, "zorder": order}
@@ -203,8 +203,8 @@ def line(
 
 
 def ratio_axis(axes: Axes, least: float, most: float, few: bool = False) -> None:
-    """From 0 to what is reached: linear, or logarithmic beyond the zone; with few numbers it is not said."""
-    bottom = 0.0 if least > 0.02 else -0.03  # so that a line at 0 is seen
+    """Set the ratio axis from 0 to `most`, logarithmic above 1 if needed; `few` for few ticks and no note."""
+    bottom = 0.0 if least > 0.02 else -0.03  # keeps a line at 0 visible
     if most <= (LOW_LINEAR if few else LINEAR):
         axes.set_ylim(bottom, 1.06 * max(most, 1.2))
         if few:

@@ -1,4 +1,4 @@
-"""When a collision is to be feared: the rate of entries, and what they sum to."""
+"""Figure of the collision probability against time: entry rate and cumulative probability."""
 
 from __future__ import annotations
 
@@ -16,40 +16,40 @@ from closeform.plots.palette import AFTER, ALTERNATIVE, CONFLICT, INK
 from closeform.plots.style import DASHED, Clock, clock, column, headline, legend, plain_unit, sheet, time_axes
 from closeform.uncertainty.probability import Probability
 
-FAR = 5.0  # times all that is shown, from which on a limit has no room
+FAR = 5.0  # times the largest value: a limit above that is not shown
 
 
 def collision(
     found: Probability, path: Path | None = None, limit: float | None = None, what: str = ""
 ) -> Figure:
-    """The mean rate of entries, and below it the probability so far, against time.
+    """Plot the mean rate of entries into the zone and, below it, the cumulative probability, against time.
 
-    The curve below is the probability of being inside at the start and all entries expected so far: the
-    probability that they have come together by then is not above it, and where they enter once it is that.
-    The mark at the end is the probability to be ever inside, with its interval.
+    The lower curve is the probability of being inside at the start plus the expected number of entries so
+    far. It is an upper bound on the probability of a conflict up to that time, and equals it if each case
+    enters at most once. The mark at the end is the probability of ever being inside, with its interval.
 
     Parameters
     ----------
     found : Probability
-        Of `collision_probability`, by "entries" or "bound", which know the rate.
+        Result of `collision_probability` with the method "entries" or "bound", which compute the rate.
     path : Path, optional
-        Of either craft: its start, its end and its orbit are those of the time axis, else the times at which
-        the rate was looked at.
+        Path of either spacecraft, which defines the time axis by its start, end and orbit; default: the times
+        at which the rate was computed.
     limit : float, no unit, optional
-        The probability that was to be kept.
+        Required maximum probability.
     what : str, default ""
-        Whose it is, which begins the headline.
+        Name of the pair, placed at the start of the headline.
 
     Returns
     -------
     Figure
-        Of matplotlib; save it with its `savefig`.
+        Matplotlib figure; save it with its `savefig` method.
 
     Raises
     ------
     ValueError
-        If `found` knows no rate, as it was found by another method or nobody ever enters, the path is a
-        batch, `limit` is no probability above 0, or an argument is of another kind.
+        If `found` has no rate because of its method or because there are no entries, the path is a batch,
+        `limit` is not a probability above 0, or an argument has the wrong type.
     """
     instance("found", found, Probability)
     if path is not None:
@@ -114,6 +114,6 @@ def collision(
 
 
 def scaled(greatest: float) -> tuple[float, str]:
-    """The power of ten in which numbers up to a greatest one are shown, and its words."""
+    """Return the power of ten in which numbers up to `greatest` are shown, and its axis label."""
     power = floor(log10(greatest))
     return (1.0, "") if -2 <= power < 4 else (10.0**power, f" [$10^{{{power}}}$]")

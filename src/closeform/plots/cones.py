@@ -1,4 +1,4 @@
-"""The complementary cones that an in-plane search leaves out."""
+"""Figure of the complementary cones that an in-plane search does not cover."""
 
 from __future__ import annotations
 
@@ -21,28 +21,29 @@ ORIGIN = np.zeros(3)
 
 
 def complementary_cones(search: Search, mops: int = 1) -> Figure:
-    """The four regions of the complementary cones and when they are searched: S04 figure 5.
+    """Plot the four regions of the complementary cones and their search times: S04 figure 5.
 
-    Seen from craft i of group A.  n3 points away from the Sun.  Each region is half of a cone, cut by the
-    plane of n2 and n3.  The table gives the times at which a whole region lies in the cone of craft i, and
-    the region that craft j of group B then has in its own, which is where it would see craft i.
+    The view is from spacecraft i of group A. n3 points away from the Sun. Each region is half of a cone, cut
+    by the plane of n2 and n3. The table lists the times at which a whole region lies in the cone of
+    spacecraft i. It also lists the region that spacecraft j of group B then has in its own cone, from which
+    it would see spacecraft i.
 
     Parameters
     ----------
     search : Search
-        Whose sensor leaves complementary cones.
+        Search with a sensor that leaves complementary cones.
     mops : int, default 1
-        Which mOPS fixes n1, the boresight of A at its start.
+        Number of the mOPS that defines n1, the boresight of A at its start.
 
     Returns
     -------
     Figure
-        Of matplotlib; save it with its `savefig`.
+        Matplotlib figure; save it with its `savefig` method.
 
     Raises
     ------
     ValueError
-        If the search has no such mOPS or leaves no complementary cones, or an argument is of another kind.
+        If the search has no such mOPS or leaves no complementary cones, or an argument has the wrong type.
 
     References
     ----------
@@ -53,7 +54,7 @@ def complementary_cones(search: Search, mops: int = 1) -> Figure:
         raise ValueError(
             f"search: a half-angle of {degrees(search.sensor.half_angle):g} deg leaves no complementary cones"
         )
-    regions_searched(search, mops)  # refuses a search without that mOPS
+    regions_searched(search, mops)  # raises ValueError without that mOPS
     start = next(leg for leg in search.legs if (leg.phase, leg.round) == ("mOPS", mops))
     first, third = start.attitude[:, 2], -SUN
     second = np.cross(third, first)
@@ -88,7 +89,7 @@ def complementary_cones(search: Search, mops: int = 1) -> Figure:
 
 
 def half_rim(search: Search, number: int, first: Floats) -> Floats:
-    """The rim (49, 3) of a region: half a circle, its middle in the plane of n1 and n3."""
+    """Return the rim (49, 3) of a region: half a circle centred in the plane of n1 and n3."""
     half = pi / 2 - search.sensor.half_angle
     third, ahead = (-SUN, SUN)[number in (1, 4)], (1.0 if number in (1, 2) else -1.0) * first
     turn = np.linspace(-pi / 2, pi / 2, 49)[:, None]
@@ -97,7 +98,7 @@ def half_rim(search: Search, number: int, first: Floats) -> Floats:
 
 
 def table(figure: Figure, search: Search, mops: int) -> None:
-    """When a whole region is in view: time, and the region for craft i of A and craft j of B."""
+    """Add the table of search times with the regions of spacecraft i of A and spacecraft j of B."""
     columns = (0.69, 0.80, 0.92)
     heads = ("time [s]", "craft i\n(group A)", "craft j\n(group B)")
     for x, head, colour in zip(columns, heads, (INK, *GROUP_COLOURS.values()), strict=True):

@@ -1,4 +1,4 @@
-"""How a number is spread over many cases: a histogram, and the share of cases up to each value."""
+"""Distribution of a quantity over many cases: histogram and cumulative share."""
 
 from __future__ import annotations
 
@@ -12,34 +12,34 @@ from closeform.plots.fonts import plain
 from closeform.plots.palette import AFTER, INK, OTHER
 from closeform.plots.style import DASHED, TEXT, WIDTH, area, dress, headline, right_axis, sheet
 
-BINS = 60  # at most; of few cases twice the root of their number
+BINS = 60  # maximum; few cases have twice the root of their number
 
 
 def distribution(values: ArrayLike, what: str, tail: float = 0.95) -> Figure:
-    """How many cases lie in each bin, and the share of all that is not above each value.
+    """Plot a histogram of values, and the cumulative share of cases up to each value.
 
-    Dashed lines are the median and the value that a share of cases is not above, the `tail`: quantiles as
-    NumPy has them and tables of studies do, linear between the two cases on both sides.
+    Dashed lines mark the median and the `tail` quantile. Quantiles interpolate linearly between two cases, as
+    in NumPy and in the tables of studies.
 
     Parameters
     ----------
     values : array_like of shape (M,), no unit
-        One of each case, in the unit that `what` says; nan where a case has none, which is told above.
+        One value per case, in the unit that `what` states; nan if a case has none, counted in the headline.
     what : str
-        What they are, with the unit: "delta-v [m/s]".
+        Name of the quantity with its unit, such as "delta-v [m/s]".
     tail : float, no unit, default 0.95
-        That share, between 0 and 1: 0.05 where small values are the bad ones.
+        Share of cases below the second dashed line, between 0 and 1; use 0.05 if small values are critical.
 
     Returns
     -------
     Figure
-        Of matplotlib; save it with its `savefig`.
+        Matplotlib figure; save it with its `savefig` method.
 
     Raises
     ------
     ValueError
-        If `values` are of another shape, infinite or all nan, `tail` is not between 0 and 1, or an argument
-        is of another kind.
+        If `values` has another shape, is infinite or all nan, `tail` is not between 0 and 1, or an argument
+        has the wrong type.
 
     References
     ----------

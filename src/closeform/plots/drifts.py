@@ -1,4 +1,4 @@
-"""What happens when thrust is lost: how near the drift comes, by the instant at which it is."""
+"""Closest approach in free drift after a loss of thrust, against the time of the loss."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ from closeform.zones.zone import Zone
 
 COLOURS = (AFTER, ALTERNATIVE, CROSS.colour, BEFORE, "#882255", "#7a6a00")
 DASHES = ("-", ALONG.dashes, CROSS.dashes, DOTTED, "-", ALONG.dashes)
-INSTANTS, SHARES = 480, 64  # of failure, on a curve, and those of an impulse amid which thrust is lost
-MOST = 6  # times the nearest ratio, or the zone: higher a curve says nothing of safety
+INSTANTS, SHARES = 480, 64  # failure times per curve, and fractions of an impulse at which thrust is lost
+MOST = 6  # times the smallest ratio or the zone: upper limit of the axis
 RING: dict[str, Any] = {"markersize": 10, "markerfacecolor": "none", "markeredgewidth": 2.2}
 
 
 @dataclass(frozen=True, eq=False)
 class Failed:
-    """What failures of one craft lead to: `times` [s] of failure, the least norm and when it is met."""
+    """Outcome of failures of one spacecraft: `times` [s], minimum ratios, and times of closest approach."""
 
     path: Path
     other: Path
@@ -54,7 +54,7 @@ class Failed:
 
     @classmethod
     def of(cls, path: Path, other: Path, zone: Zone, until: float) -> Failed:
-        """Raises ValueError as `drift_approach` does."""
+        """Evaluate failures over the path; raise ValueError under the same conditions as `drift_approach`."""
         worst = drift_approach(path, other, zone, until)
         first, last = max(path.start, other.start), path.end
         joints = instants(first, last, path)
@@ -74,12 +74,12 @@ class Failed:
 
     @property
     def burns(self) -> bool:
-        """Whether it thrusts at all, so that it matters when that is lost."""
+        """True if the time of failure changes the outcome, because the spacecraft thrusts."""
         return bool(np.ptp(self.ratios) > 0.0)
 
 
 def failing(path: Path, times: Floats) -> tuple[Floats, Floats]:
-    """Instants (K,) at which thrust is lost, and states (K, 6) then; of an impulse some of shares of it."""
+    """Return failure times (K,) [s] and states (K, 6), including partial impulses."""
     found, states = [times], [path.state(times)]
     for at, jump in path.impulses:
         if times[0] <= at <= times[-1]:
@@ -88,7 +88,7 @@ def failing(path: Path, times: Floats) -> tuple[Floats, Floats]:
             found.append(np.full(SHARES, at))
             states.append(amid)
     every = np.concatenate(found)
-    order = np.argsort(np.concatenate([*found[1:], times]), kind="stable")  # before the whole of it
+    order = np.argsort(np.concatenate([*found[1:], times]), kind="stable")  # partial impulses first
     order = (order + len(times)) % len(every)
     return every[order], np.concatenate(states)[order]
 
@@ -101,36 +101,37 @@ def drift_ratios(
     labels: Sequence[str] | None = None,
     before: tuple[Path, Path, Zone] | None = None,
 ) -> Figure:
-    """How near craft come when thrust is lost, against the instant at which it is: below 1 is in the zone.
+    """Plot the closest approach in free drift against the time of thrust loss; below 1 is a conflict.
 
-    A curve for each pair, the least norm over all of the drift; at an impulse it goes through all shares that
-    may have been given.  A ring marks the certified worst of each, which may be between a curve's instants.
+    Each curve is the minimum clearance ratio of a pair over the whole drift. At an impulse it covers all
+    fractions of the impulse that may have been executed. A ring marks the certified worst case of each pair,
+    which may lie between the sampled times.
 
     Parameters
     ----------
     path : Path or sequence of Path
-        Of the craft that fail, one for each pair.
+        Paths of the failing spacecraft, one for each pair.
     other : Path or sequence of Path
-        Of those that fly on, until the end of the drift.
+        Paths of the other spacecraft, up to the end of the drift.
     zone : Zone or sequence of Zone
-        Of each pair, or of all.
+        One zone for each pair, or one for all.
     until : float [s]
-        The end of the drift, as of `drift_approach`.
+        End of the drift, as in `drift_approach`.
     labels : sequence of str, optional
-        What each pair is called.
+        Label of each pair.
     before : tuple of (Path, Path, Zone), optional
-        A pair as it would have flown without a plan that is safe, and its zone: dashed.
+        Pair on its direct paths, without passive safety, and its zone; drawn dashed.
 
     Returns
     -------
     Figure
-        Of matplotlib; save it with its `savefig`.
+        Matplotlib figure; save it with its `savefig` method.
 
     Raises
     ------
     ValueError
-        If others, zones or labels are not as many as paths, `before` is something else, or as
-        `drift_approach` does.
+        If the number of others, zones or labels differs from that of paths, `before` has the wrong type, or
+        under the same conditions as `drift_approach`.
     """
     fail, fly = crafts("path", path), crafts("other", other)
     zones = [zone] * len(fail) if isinstance(zone, Zone) else sequence("zone", zone, Zone)
@@ -176,7 +177,7 @@ def drift_ratios(
 
 
 def pair_given(name: str, given: Any) -> tuple[Path, Path, Zone]:
-    """A craft that fails, one that flies on, and their zone."""
+    """Return a checked tuple of failing path, other path and zone."""
     if not isinstance(given, tuple) or len(given) != 3:
         raise ValueError(f"{name}: expected a tuple of two paths and their zone, got {shown(given)}")
     path, other, zone = given
@@ -186,7 +187,7 @@ def pair_given(name: str, given: Any) -> tuple[Path, Path, Zone]:
 
 
 def told(one: Failed, ticks: Any) -> str:
-    """The worst failure in words."""
+    """Return the worst failure as text."""
     worst = one.worst
     lost = f"{number(worst.ratio)} × zone if lost at {ticks.text(worst.failed_at)}"
     if not np.isfinite(worst.time):
@@ -195,29 +196,29 @@ def told(one: Failed, ticks: Any) -> str:
 
 
 def number(ratio: float) -> str:
-    """A ratio in words; beside 1 with as many digits as tell on which side it is."""
+    """Return a ratio as text, with more digits close to 1."""
     return f"{ratio:.{4 if abs(ratio - 1.0) < 0.005 else 2}f}" if ratio >= 0.1 else f"{ratio:.2g}"
 
 
 def later(worst: DriftApproach) -> str:
-    """How long the worst drift lasts until it is nearest."""
+    """Return the time from the worst failure to its closest approach as text."""
     return lasts(worst.time - worst.failed_at)
 
 
 def lasts(seconds: float) -> str:
-    """A time in words: minutes from two on, hours from two on."""
+    """Return a duration [s] as text."""
     unit = plain_unit(seconds) if not 7200.0 <= seconds <= 4e5 else Unit(3600.0, "h")
     return f"{seconds / unit.size:.3g} {unit.name}"
 
 
 def verdict(found: Sequence[Failed]) -> str:
-    """Whether all are safe, and the share of the time in which a failure leads into a zone."""
+    """Return the headline: whether all pairs are passively safe, and the share of unsafe failure times."""
     worst = min(found, key=lambda one: one.worst.ratio)
     drift = worst.until - worst.path.end
     spans = f"for {lasts(drift)} after the end" if np.isfinite(drift) else "for ever"
     if worst.worst.ratio > 1.0:
         return f"Passively safe {spans}: least {number(worst.worst.ratio)} × zone"
     risky = np.interp(np.linspace(worst.times[0], worst.times[-1], 2000), worst.times, worst.ratios) <= 1.0
-    share = 100.0 * risky.mean()  # nearly none where it is in the midst of an impulse
+    share = 100.0 * risky.mean()  # close to 0 if only a partial impulse is unsafe
     often = f", unsafe {share:.0f} % of the time" if share >= 0.5 else ""
     return f"Not passively safe {spans}: {number(worst.worst.ratio)} × zone{often}"

@@ -1,4 +1,4 @@
-"""Where a craft drifts when its thrust is lost, relative to another."""
+"""Figure of the free-drift trajectories of a spacecraft after a loss of thrust, relative to another."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ from closeform.plots.zones_and_tracks import headings, place, spot, square
 from closeform.zones.outlines import drawn, shadow
 from closeform.zones.zone import Zone
 
-FAN = 36  # failed motions that are drawn
-LAST, MOST = 3.0, 32.0  # orbits of the worst before it is nearest, of any past the zone, that are drawn
+FAN = 36  # number of failed motions drawn
+LAST, MOST = 3.0, 32.0  # orbits drawn: of the worst before its closest approach, of any near the zone
 CURVE = "#d9a7a0"  # of a failed motion that enters the zone
 QUIET = "#a9c4d6"  # of one that does not
 ZONED = "keep-out zone; tracks pass before it or behind"
@@ -42,35 +42,36 @@ ZONED = "keep-out zone; tracks pass before it or behind"
 def drift_fan(
     path: Path, other: Path, zone: Zone, until: float, names: Sequence[str] | None = None
 ) -> Figure:
-    """Where a craft drifts when its thrust is lost, relative to another: the fan of failed motions.
+    """Plot the free drift after a loss of thrust, relative to another spacecraft, for a fan of failures.
 
-    Thin lines are failures at equal steps of time, those red that enter the zone; the bold one is the
-    certified worst.  Left the planned path with an orbit of each failed motion, of the worst what leads to
-    its closest approach.  Right all that passes abeam of the zone, as seen along the track: no further ahead
-    or behind than the zone reaches, for all of the drift (32 orbits at most).
+    Thin lines are failures at equal time steps; red ones enter the zone. The thick line is the certified
+    worst case. The left panel shows the planned path, one orbit of each failed motion, and the worst one up
+    to its closest approach. The right panel looks along the track. It shows the parts of the drift (at most
+    32 orbits) that are no further ahead or behind than the zone extends.
 
     Parameters
     ----------
     path : Path
-        Of the craft that fails.
+        Path of the failing spacecraft.
     other : Path
-        Of one that flies on, until the end of the drift.
+        Path of the other spacecraft, up to the end of the drift.
     zone : Zone
-        Of the pair.
+        Keep-out zone of the pair.
     until : float [s]
-        The end of the drift, as of `drift_approach`.
+        End of the drift, as in `drift_approach`.
     names : sequence of str, optional
-        Of the two.
+        Names of the two spacecraft.
 
     Returns
     -------
     Figure
-        Of matplotlib; save it with its `savefig`.
+        Matplotlib figure; save it with its `savefig` method.
 
     Raises
     ------
     ValueError
-        If a path is a batch, names are not two, or as `drift_approach` does.
+        If a path is a batch, the number of names is not two, or under the same conditions as
+        `drift_approach`.
     """
     one_craft("path", path)
     one_craft("other", other)
@@ -93,7 +94,7 @@ def drift_fan(
 
 
 def whole(axes: Axes, found: Failed) -> None:
-    """The planned path, and the fan that leaves it."""
+    """Draw the planned path, and the failed motions that leave it."""
     path, zone = found.path, found.zone
     course = gap(found, None, instants(path.start, path.end, path))
     size = float(drawn(zone).extents.max())
@@ -123,7 +124,7 @@ def whole(axes: Axes, found: Failed) -> None:
 
 
 def abeam(axes: Axes, found: Failed) -> None:
-    """The failed motions as long as they are no further ahead or behind than the zone reaches."""
+    """Draw the parts of the failed motions within the along-track extent of the zone."""
     zone, worst = found.zone, found.worst
     unit = length_unit(float(drawn(zone).extents.max()))
     show = np.eye(3)[[2, 0]] / unit.size
@@ -145,7 +146,7 @@ def abeam(axes: Axes, found: Failed) -> None:
 
 
 def beside(found: Failed, failed_at: float) -> Floats:
-    """A failed motion (K, 3), nan where it is further along the track than the zone reaches."""
+    """Return a failed motion (K, 3), nan outside the along-track extent of the zone."""
     period, end = found.path.orbit.period, found.until
     if np.isfinite(period):
         end = min(end, failed_at + MOST * period)
@@ -158,7 +159,7 @@ def beside(found: Failed, failed_at: float) -> Floats:
 
 
 def bold(axes: Axes, found: Failed, show: Floats) -> None:
-    """The worst failure until its craft is nearest; of many orbits the first and the last."""
+    """Draw the worst failure up to its closest approach; of many orbits, the first and the last."""
     worst, period = found.worst, found.path.orbit.period
     tint = CONFLICT if worst.ratio <= 1.0 else AFTER
     track = show @ gap(found, worst.failed_at, span(found, worst.failed_at, worst.time)).T
@@ -177,13 +178,13 @@ def bold(axes: Axes, found: Failed, show: Floats) -> None:
 
 
 def picked(found: Failed) -> Any:
-    """Which failures are drawn."""
+    """Return the indices of the failures to draw."""
     wanted = np.linspace(found.times[0], found.times[-1], FAN)
     return np.unique(np.searchsorted(found.times, wanted).clip(0, len(found.times) - 1))
 
 
 def gap(found: Failed, failed_at: float | None, times: Floats) -> Floats:
-    """Positions (K, 3) relative to the other craft, as planned or drifting since some time."""
+    """Return positions (K, 3) relative to the other spacecraft, planned or drifting since `failed_at`."""
     path, orbit = found.path, found.path.orbit
     if failed_at is None:
         places = path.position(np.minimum(times, path.end))
@@ -200,7 +201,7 @@ def gap(found: Failed, failed_at: float | None, times: Floats) -> Floats:
 
 
 def span(found: Failed, failed_at: float, met: float) -> Floats:
-    """Times from a failure on: for an orbit, or in deep space until it is nearest."""
+    """Return times after a failure: one orbit, or in deep space up to the closest approach."""
     period = found.path.orbit.period
     soon = (
         failed_at + period if np.isfinite(period) else max(met, failed_at + 0.2 * (found.until - failed_at))
@@ -209,7 +210,7 @@ def span(found: Failed, failed_at: float, met: float) -> Floats:
 
 
 def labelled(axes: Axes, plane: tuple[int, int], unit: str) -> None:
-    """Names of the axes."""
+    """Set the axis labels."""
     axes.set_xlabel(f"{DIRECTIONS[plane[0]].name} [{unit}]")
     axes.set_ylabel(f"{DIRECTIONS[plane[1]].name} [{unit}]")
     dress(axes)

@@ -1,4 +1,4 @@
-"""The paths of a whole formation, before and after, side by side."""
+"""Figure of the paths of a formation before and after a plan, side by side."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ from closeform.zones.combined_zones import OwnZone
 from closeform.zones.outlines import shadow
 from closeform.zones.pair_zones import PairZones
 
-HEAD = 0.75  # inches of a view in space for its words
-PLANES = (  # axis to the right and upwards, and the camera that sees them so
+HEAD = 0.75  # inches for the text of a view in space
+PLANES = (  # axes to the right and up, and the camera for that view
     (1, 0, Camera(np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, -1]]))),
     (1, 2, Camera(np.eye(3)[[1, 2, 0]])),
     (2, 0, Camera(np.eye(3)[[2, 0, 1]])),
 )
-FLAT = np.array([0.2, 0.3, 0.33])  # of the longest side: the least that is shown along each axis
+FLAT = np.array([0.2, 0.3, 0.33])  # of the longest side: minimum extent shown along each axis
 SIDE, STEP, WORDS, UPPER, BELOW = 1.0, 0.25, 0.7, 0.75, 1.25  # inches: left, between, above and below planes
-TALL = 8.4  # inches of all planes that stand above each other
+TALL = 8.4  # inches: total height of stacked planes
 NEAREST: dict[str, Any] = {"linestyle": "", "marker": "D", "color": INK, "markersize": 4}
 Corners = tuple[tuple[float, float], ...]
 
@@ -47,37 +47,41 @@ def formation_paths(
     zone: OwnZone | Sequence[OwnZone | None] | PairZones | None = None,
     obstacles: Path | Sequence[Path] = (),
 ) -> Figure:
-    """The paths of a whole formation before and after, side by side, at one scale.
+    """Plot the paths of a formation before and after a plan, side by side at one scale.
 
-    In an orbit in the three planes of its axes, in deep space obliquely, where what is nearer passes over
-    what is farther.  A ring is the start of a craft, a dot its end.  With a zone stretches in conflict are
-    strong, and the zone of the closest pair is drawn where it is then, around the craft that stays: an
-    obstacle, or who burns less, or whose track is shorter.  Of more than 200 craft those of the closest pairs
-    are drawn, at most 20, and a faint sample of the others; stretches in conflict are drawn of all.
+    Paths in an orbit are shown in the three planes of the orbital frame. Paths in deep space are shown
+    obliquely, with nearer tracks over farther ones. A ring marks the start of a path and a dot its end.
+
+    With zones, stretches in conflict are thick. The zone of the closest pair is drawn at the time of closest
+    approach, around an obstacle if one is involved, otherwise around the spacecraft with less delta-v or the
+    shorter track.
+
+    For more than 200 spacecraft, only those of the closest pairs (at most 20) and a faint sample of the
+    others are drawn. Conflicts are drawn for all.
 
     Parameters
     ----------
     before, after : Path
-        Of shape (N,), such as a plan's direct paths and its own; the same where nothing changed, which makes
-        one picture.
+        Paths of shape (N,), such as the direct paths and the paths of a plan; one panel is drawn if both are
+        the same.
     names : sequence of str, optional
-        Of the craft; their indices unless given.  They stand at the start where they fit.
+        Names of the spacecraft, drawn at the starts where they fit; default: their indices.
     zone : Zone, CovarianceZone, Body, None, sequence of these, or PairZones, optional
-        One for all or one for each craft, of two as in `screen` (None: none of its own); obstacle k counts
-        as craft N + k.
+        One zone for all spacecraft or one for each, combined for a pair as in `screen` (None: no zone of its
+        own); obstacle k counts as spacecraft N + k.
     obstacles : Path or sequence of Path, default none
-        A Path of any shape, or paths.
+        Path of any shape, or a sequence of paths.
 
     Returns
     -------
     Figure
-        Of matplotlib; save it with its `savefig`.
+        Matplotlib figure; save it with its `savefig` method.
 
     Raises
     ------
     ValueError
-        If paths are not of one shape (N,) and one orbit, names are not as many as the craft, the zones make
-        none for a pair, or an argument is of another kind.
+        If the paths differ in shape (N,) or orbit, the number of names is wrong, two zones cannot be combined
+        for a pair, or an argument has the wrong type.
     """
     one_path("before", before)
     one_path("after", after)
@@ -102,7 +106,7 @@ def formation_paths(
 
 
 def verdict(stages: list[Formation], count: int) -> str:
-    """How many pairs are in conflict, in one line."""
+    """Return the headline: how many pairs are in conflict."""
     craft = f"{count} craft" if count > 1 else "1 craft"
     if not stages[0].pairs:
         if stages[0].faint:
@@ -121,7 +125,7 @@ def verdict(stages: list[Formation], count: int) -> str:
 
 
 def oblique(stages: list[Formation], called: list[str]) -> Figure:
-    """Views from above at an angle, with a scale bar and the axes' directions."""
+    """Return a figure of oblique views, each with a scale bar and the directions of the axes."""
     high = 5.4
     points = np.vstack([OBLIQUE(stage.points) for stage in stages])
     wide = (WIDTH - 0.2) / len(stages) - 0.1
@@ -141,7 +145,7 @@ def oblique(stages: list[Formation], called: list[str]) -> Figure:
 
 
 def planes(stages: list[Formation], called: list[str]) -> Figure:
-    """The three planes of each stage at one scale; beside those of one alone a view in space."""
+    """Return a figure of the three planes of each stage at one scale; a single stage has a space view."""
     points = np.vstack([stage.points for stage in stages])
     middle, span, unit = extent(points, 1.16)
     lone = len(stages) == 1
@@ -166,7 +170,7 @@ def planes(stages: list[Formation], called: list[str]) -> Figure:
 
 
 def extent(points: Floats, room: float) -> tuple[Floats, Floats, Unit]:
-    """Middle (3,) and span (3,) [m] of points (M, 3), no axis much shorter than the longest, and the unit."""
+    """Return middle (3,) and span (3,) [m] of points (M, 3) with a minimum span per axis, and the unit."""
     low, top = points.min(axis=0), points.max(axis=0)
     span = room * np.maximum(top - low, FLAT * ((top - low).max() or 1.0))
     return (low + top) / 2, span, length_unit(float(span.max()))
@@ -181,7 +185,7 @@ def plane(
     unit: Unit,
     own: tuple[bool, bool],
 ) -> Axes:
-    """Axes of one plane at a place in inches: the `pair` of directions to the right and up."""
+    """Add axes of one plane at a place in inches; `pair` holds the directions to the right and up."""
     axes = area(figure, *place)
     limits = (middle[pair] + np.array([[-0.5], [0.5]]) * span[pair]) / unit.size
     axes.set(xlim=limits[:, 0], ylim=limits[:, 1])
@@ -193,9 +197,9 @@ def plane(
 def three_planes(
     points: Floats, room: float, below: float = 0.0
 ) -> tuple[Figure, Unit, list[tuple[Axes, Camera, list[int]]]]:
-    """A figure with the three planes that hold points (M, 3), each with its camera and directions.
+    """Return a figure with three planes that hold points (M, 3), its unit, and axes, camera and directions.
 
-    `below` them are inches for more; the square in the lower right corner is free.
+    `below` reserves inches below the planes; the square in the lower right corner stays free.
     """
     middle, span, unit = extent(points, room)
     size, (wide, high), corners = beside(span)
@@ -209,7 +213,7 @@ def three_planes(
 
 
 def space_corner(figure: Figure, upper: Axes, lower: Axes) -> Axes:
-    """A square below the `upper` right plane, beside the `lower` left one."""
+    """Add square axes below the `upper` right plane, beside the `lower` left one."""
     wide, high = figure.get_size_inches()
     left, _, across, _ = upper.get_position(original=True).bounds
     low = lower.get_position(original=True).y0
@@ -217,7 +221,7 @@ def space_corner(figure: Figure, upper: Axes, lower: Axes) -> Axes:
 
 
 def beside(span: Floats) -> tuple[float, tuple[float, float], Corners]:
-    """Inches per metre, size of the figure, and corners of the planes, of one stage with a view in space."""
+    """Return inches per metre, figure size and plane corners for one stage with a view in space."""
     radial, along, cross = span
     room = WIDTH - SIDE - 2 * STEP
     size = min(room / (along + cross), (TALL - WORDS) / (radial + cross))
@@ -227,7 +231,7 @@ def beside(span: Floats) -> tuple[float, tuple[float, float], Corners]:
 
 
 def below(span: Floats) -> tuple[float, tuple[float, float], Corners]:
-    """The same of each of two stages, all planes below each other."""
+    """Return inches per metre, figure size and plane corners for two stages with stacked planes."""
     radial, along, cross = span
     size = min((WIDTH - SIDE) / 2 - STEP, TALL * max(along, cross) / (2 * radial + cross)) / max(along, cross)
     middle = BELOW + size * radial + WORDS
@@ -237,12 +241,12 @@ def below(span: Floats) -> tuple[float, tuple[float, float], Corners]:
 
 
 def owned(corner: tuple[float, float], corners: Corners) -> tuple[bool, bool]:
-    """Whether a plane has numbers of its own on the left and below: the first has them underneath."""
+    """Return whether a plane has its own tick labels on the left and below."""
     return corner[0] == SIDE, corner != corners[0]
 
 
 def titled(figure: Figure, left: float, stage: Formation, lone: bool) -> None:
-    """What a stage is, where there are two, and its closest pair."""
+    """Add the title of a stage, unless it is alone, and its closest pair."""
     wide, high = figure.get_size_inches()
     if not lone:
         figure.text(left / wide, 1.0 - 0.62 / high, stage.title, fontsize=TEXT, color=INK, fontweight="bold")
@@ -251,7 +255,7 @@ def titled(figure: Figure, left: float, stage: Formation, lone: bool) -> None:
 
 
 def scaled(axes: Axes, pair: list[int], unit: Unit, inches: Floats, own: tuple[bool, bool]) -> None:
-    """Numbers and words of the upward axis and of the one to the right, where they are a plane's own."""
+    """Set ticks and labels of both axes of a plane; `own` selects the axes that carry labels."""
     axes.xaxis.set_major_locator(MaxNLocator(max(2, int(1.3 * inches[0]))))
     axes.yaxis.set_major_locator(MaxNLocator(max(2, int(2 * inches[1]))))
     axes.tick_params(labelleft=own[0], labelbottom=own[1])
@@ -265,7 +269,7 @@ def scaled(axes: Axes, pair: list[int], unit: Unit, inches: Floats, own: tuple[b
 
 
 def draw(axes: Axes, camera: Camera, unit: float, stage: Formation, names: Names) -> None:
-    """Everything in one plane, tracks as whole lines."""
+    """Draw a stage in one plane, with each track as one line."""
     tints = colours(len(stage.tracks))
     thin = len(stage.tracks) > NAMED
     lines = [camera(track) / unit for track in stage.tracks]
@@ -274,7 +278,7 @@ def draw(axes: Axes, camera: Camera, unit: float, stage: Formation, names: Names
 
 
 def in_space(axes: Axes, camera: Camera, stage: Formation, names: Names) -> None:
-    """Everything in space, tracks from back to front."""
+    """Draw a stage in space, with tracks ordered from back to front."""
     tints, width = colours(len(stage.tracks)), 1.0 if len(stage.tracks) > NAMED else 2.0
     whose, pieces = layered(camera, stage.tracks)
     axes.add_collection(LineCollection(pieces, colors=tints[whose], linewidths=width, zorder=2))
@@ -282,7 +286,7 @@ def in_space(axes: Axes, camera: Camera, stage: Formation, names: Names) -> None
 
 
 def around(axes: Axes, camera: Camera, unit: float, stage: Formation, tints: Floats, names: Names) -> None:
-    """All but the tracks: obstacles, the zone of the closest pair, conflicts, starts, ends and names."""
+    """Draw everything but the tracks: obstacles, closest zone, conflicts, starts, ends and names."""
     many = len(stage.tracks) > NAMED
     if stage.faint:
         lines = [camera(track) / unit for track in stage.faint]
@@ -312,7 +316,7 @@ def around(axes: Axes, camera: Camera, unit: float, stage: Formation, tints: Flo
 
 
 def marks(figure: Figure, stages: list[Formation]) -> None:
-    """What the marks mean."""
+    """Add the legend."""
     ring: dict[str, Any] = {"linestyle": "", "marker": "o", "color": INK}
     handles: list[Any] = [
         Line2D([], [], markerfacecolor="none", markersize=8, label="start", **ring),

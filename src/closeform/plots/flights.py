@@ -1,4 +1,4 @@
-"""Simulations in the high-fidelity model: deviations, clearance ratios, costs, paths."""
+"""Figures of simulations in the high-fidelity model: deviations, clearance ratios, costs and paths."""
 
 from __future__ import annotations
 
@@ -49,46 +49,46 @@ from closeform.zones.pair_zones import PairZones
 from closeform.zones.zone import Zone
 
 PALE = "#9ec5df"
-DRAWN = 300  # flights that are drawn, the first and the worst
-MOST = 24  # craft whose cost is shown: those that spend most
-WIDER = 3.0  # times the spread of the least ratios, above the planned least, that the close look shows
-UNDER = 20.0  # printer's points from the worst down to its name
-BESIDE = 0.25  # of the axes: a name beyond the middle half ends at its dot
-SPACE = 0.22  # of the close look, below the least and above the zone
-PATHS_DRAWN, FEW = 60, 4  # flights beside the worst at most, the first ones, and of long ones
-POINTS, A_TURN = 240, 48  # of each line, at least, and for each orbit
+DRAWN = 300  # maximum number of runs that are drawn, besides the worst
+MOST = 24  # maximum number of spacecraft in the cost figure
+WIDER = 3.0  # times the spread of the minimum ratios: range of the close-up above the planned minimum
+UNDER = 20.0  # typographic points from the worst point down to its label
+BESIDE = 0.25  # of the axes width: a label outside the middle half starts or ends at its dot
+SPACE = 0.22  # of the range of the close-up: free space below its minimum
+PATHS_DRAWN, FEW = 60, 4  # maximum and minimum number of runs drawn besides the worst
+POINTS, A_TURN = 240, 48  # points of each line: minimum, and per orbit
 LONG = 5  # orbits
-VERTICES = 30_000  # of all flights of one craft, beyond which fewer are drawn
-SHARE = 0.06  # of what is shown, that the greatest deviation may take
-NAMED = 12  # craft up to which each has its name
+VERTICES = 30_000  # per spacecraft over all runs; beyond it fewer runs are drawn
+SHARE = 0.06  # of the figure's extent: maximum size of a magnified deviation
+NAMED = 12  # maximum number of spacecraft with names
 
 
 def flight_deviations(
     flight: Simulation, tube: Tube | None = None, names: Sequence[str] | None = None
 ) -> Figure:
-    """How far off the plan craft are in every flight, against time, and the tube that was said beforehand.
+    """Plot the largest deviation from the plan against time, for every simulation run, with the tube.
 
-    Each pale line is the craft that is farthest off in one flight; in blue the median of all flights, in
-    red that in which a craft is farthest off.
+    Each pale line is the largest deviation of any spacecraft in one run. The blue line is the median of all
+    runs; the red line is the run with the largest deviation.
 
     Parameters
     ----------
     flight : Simulation
-        What `fly` answered.
+        Result of `simulate`.
     tube : Tube, optional
-        What `tube` says of it.
+        Tracking-error tube predicted by `tube`.
     names : sequence of str, optional
-        Of the craft; their indices unless given.
+        Names of the spacecraft; default: their indices.
 
     Returns
     -------
     Figure
-        Of matplotlib; save it with its `savefig`.
+        Matplotlib figure; save it with its `savefig` method.
 
     Raises
     ------
     ValueError
-        If names are not as many as craft, or an argument is of another kind.
+        If the number of names is wrong, or an argument has the wrong type.
     """
     instance("flight", flight, Simulation)
     instance("tube", tube, Tube, type(None))
@@ -127,30 +127,31 @@ def flight_deviations(
 
 
 def flight_ratios(flight: Simulation, zone: Zone | PairZones, names: Sequence[str] | None = None) -> Figure:
-    """How near pairs come in every flight, against time: all of it, and a close look at the nearest.
+    """Plot the minimum clearance ratio of all pairs against time, for every run, with a close-up.
 
-    Each pale line is the least ratio of all pairs in one flight, the dashed one that of the plan; in blue
-    the median of all flights, in red the one in which a pair comes nearest.  Below 1 a zone is entered.
+    Each pale line is the minimum of all pairs in one run; the dashed line is that of the plan. The blue line
+    is the median of all runs; the red line is the run with the closest approach. A ratio below 1 is a
+    conflict.
 
     Parameters
     ----------
     flight : Simulation
-        What `fly` answered.
+        Result of `simulate`.
     zone : Zone or PairZones
-        Of all pairs, or of each.
+        One zone for all pairs, or one for each.
     names : sequence of str, optional
-        Of the craft; their indices unless given.
+        Names of the spacecraft; default: their indices.
 
     Returns
     -------
     Figure
-        Of matplotlib; save it with its `savefig`.
+        Matplotlib figure; save it with its `savefig` method.
 
     Raises
     ------
     ValueError
-        If there are fewer than two craft or no pair has a zone, names are not as many, or an argument is of
-        another kind.
+        If there are fewer than two spacecraft, no pair has a zone, the number of names is wrong, or an
+        argument has the wrong type.
     """
     instance("flight", flight, Simulation)
     instance("zone", zone, Zone, PairZones)
@@ -197,26 +198,26 @@ def flight_ratios(flight: Simulation, zone: Zone | PairZones, names: Sequence[st
 
 
 def flight_costs(flight: Simulation, names: Sequence[str] | None = None) -> Figure:
-    """What each craft spends: on the plan, on the field, and on feedback in every flight.
+    """Plot the delta-v of each spacecraft in every run: plan, model compensation and feedback.
 
-    Of many craft those that spend most.
+    Only the spacecraft with the largest delta-v are shown if there are many.
 
     Parameters
     ----------
     flight : Simulation
-        What `fly` answered.
+        Result of `simulate`.
     names : sequence of str, optional
-        Of the craft; their indices unless given.
+        Names of the spacecraft; default: their indices.
 
     Returns
     -------
     Figure
-        Of matplotlib; save it with its `savefig`.
+        Matplotlib figure; save it with its `savefig` method.
 
     Raises
     ------
     ValueError
-        If names are not as many as craft, or an argument is of another kind.
+        If the number of names is wrong, or an argument has the wrong type.
     """
     instance("flight", flight, Simulation)
     called = short_names(names, flight.states.shape[1])
@@ -274,7 +275,7 @@ def _which(flight: Simulation, seed: int) -> str:
 
 
 def _all(axes: Axes, ticks: Clock, times: Floats, values: Floats, seed: int) -> None:
-    """Every flight (S, T), the median of all, and the worst."""
+    """Draw every run (S, T), the median of all runs, and the worst run."""
     some = np.stack([np.broadcast_to(ticks(times), values[:DRAWN].shape), values[:DRAWN]], axis=-1)
     axes.add_collection(LineCollection(list(some), colors=PALE, linewidths=0.6, alpha=0.6))
     if len(values) > 1:
@@ -283,7 +284,7 @@ def _all(axes: Axes, ticks: Clock, times: Floats, values: Floats, seed: int) -> 
 
 
 def _meanings(figure: Figure, flight: Simulation, words: Sequence[str]) -> None:
-    """What the lines are; of one flight there is no median."""
+    """Add the legend; a single run has no median."""
     looks: list[dict[str, Any]] = [
         {"color": PALE, "linewidth": 1.2},
         {"color": AFTER, "linewidth": 1.8},
@@ -296,7 +297,7 @@ def _meanings(figure: Figure, flight: Simulation, words: Sequence[str]) -> None:
 
 
 def _dot(axes: Axes, ticks: Clock, time: float, height: float, words: str, away: float) -> None:
-    """The worst, with its name so far above it, in printer's points, that ends within the axes."""
+    """Mark the worst point; its label stands `away` typographic points above it."""
     axes.plot([ticks(time)], [height], "o", color=CONFLICT, markersize=7.0, zorder=5)
     first, last = axes.get_xlim()
     share = (float(ticks(time)) - first) / (last - first)
@@ -305,14 +306,14 @@ def _dot(axes: Axes, ticks: Clock, time: float, height: float, words: str, away:
 
 
 def _line_below(axes: Axes, ratio: float) -> float:
-    """How far below a ratio the zone's line is [printer's points], if a name would lie on it; else 0."""
+    """Return the distance [points] down to the zone's edge if a label would overlap it, otherwise 0."""
     low, high = axes.get_ylim()
     below = (ratio - 1.0) / (high - low) * axes.get_window_extent().height * 72.0 / axes.figure.dpi
     return below if 0.0 <= below < 1.6 * UNDER else 0.0
 
 
 def _two(figure: Figure) -> tuple[Axes, Axes]:
-    """Axes above each other, each with a time axis of its own."""
+    """Add two stacked axes, each with its own time axis."""
     wide, high = (float(side) for side in figure.get_size_inches())
     tall = (high - ABOVE - 2.0) / 2.0
     below, above = 1.1, 1.1 + tall + 0.9
@@ -323,14 +324,14 @@ def _two(figure: Figure) -> tuple[Axes, Axes]:
 
 
 def _top(least: Floats, planned: Floats) -> float:
-    """Up to which ratio the close look goes."""
+    """Return the upper limit of the clearance ratio in the close-up."""
     each = least.min(axis=1)
     spread = max(float(each.max() - each.min()), 1e-3)
     return max(float(planned.min()), float(each.max())) + WIDER * spread
 
 
 def _near(least: Floats, planned: Floats, step: int) -> slice:
-    """The instants about a step at which any flight is below that."""
+    """Return the slice of instants around a step at which any run is below the close-up limit."""
     near = least.min(axis=0) <= _top(least, planned)
     before, after = np.flatnonzero(~near[:step]), np.flatnonzero(~near[step:])
     first = int(before[-1]) if len(before) else 0
@@ -339,7 +340,7 @@ def _near(least: Floats, planned: Floats, step: int) -> slice:
 
 
 def _finely(flight: Simulation, zone: Zone | PairZones, some: slice) -> tuple[Floats, Floats, Floats]:
-    """Times (K,), least ratios of flights (S, K) and of the plan (K,), on the cubics between some states."""
+    """Return times (K,) and interpolated minimum ratios of the runs (S, K) and of the plan (K,)."""
     times, step = flight.times[some], np.diff(flight.times[some])
     begin, end = flight.states[:, :, some][:, :, :-1], flight.arrivals[:, :, some][:, :, 1:]
     seeds, count, parts = begin.shape[:3]
@@ -352,27 +353,27 @@ def _finely(flight: Simulation, zone: Zone | PairZones, some: slice) -> tuple[Fl
 
 
 def flight_paths(flight: Simulation, names: Sequence[str] | None = None) -> Figure:
-    """The paths of all flights about those of the plan, with deviations drawn many times as large.
+    """Plot the paths of all runs and of the plan, with magnified deviations.
 
-    Lines in the colours of the craft are planned, pale ones flown, red ones those of the worst flight; the
-    picture says how many times as large deviations are.
+    Coloured lines are planned paths, pale lines are runs, red lines are the worst run. The figure states the
+    magnification.
 
     Parameters
     ----------
     flight : Simulation
-        What `fly` answered.
+        Result of `simulate`.
     names : sequence of str, optional
-        Of the craft; their indices unless given.
+        Names of the spacecraft; default: their indices.
 
     Returns
     -------
     Figure
-        Of matplotlib; save it with its `savefig`.
+        Matplotlib figure; save it with its `savefig` method.
 
     Raises
     ------
     ValueError
-        If names are not as many as craft, or an argument is of another kind.
+        If the number of names is wrong, or an argument has the wrong type.
     """
     instance("flight", flight, Simulation)
     count = flight.states.shape[1]
@@ -395,7 +396,7 @@ def flight_paths(flight: Simulation, names: Sequence[str] | None = None) -> Figu
         for k, tint in enumerate(tints):
             pale = [*tint[:3], 0.18]
             axes.add_collection(LineCollection(list(flown[:-1, k]), colors=[pale], linewidths=0.6))
-            above = 3.0 if turns > LONG else 2.0  # flights would hide it
+            above = 3.0 if turns > LONG else 2.0  # otherwise the runs hide it
             axes.plot(*(planned[k][:, pair].T / unit.size), color=tint, linewidth=1.8, zorder=above)
             axes.plot(*flown[-1, k].T, color=CONFLICT, linewidth=0.9)
             axes.plot(*(planned[k, -1, pair] / unit.size), "o", color=tint, markersize=5.0)
@@ -424,5 +425,5 @@ def flight_paths(flight: Simulation, names: Sequence[str] | None = None) -> Figu
 
 
 def _gain(room: float, most: float) -> float:
-    """By how much deviations are enlarged: 1, 2 or 5 times a power of ten, and 1 at least."""
+    """Return the magnification of deviations: 1, 2 or 5 times a power of ten, at least 1."""
     return rounded_down(room / most) if most > 0.0 and room > most else 1.0

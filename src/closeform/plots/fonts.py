@@ -1,4 +1,4 @@
-"""Letters: names are text as it is and no formula, in fonts that have what they are written in."""
+"""Text without math parsing, in fonts that contain the required characters."""
 
 from collections.abc import Sequence
 from functools import cache
@@ -9,15 +9,15 @@ from matplotlib.text import Text
 
 from closeform.plots.inputs import texts
 
-LONG = 13  # characters of a name
-LEFT_TO_RIGHT = "\u200e"  # a mark without width
-WIDE, CJK = "MW@%…", 0x2E80  # letters about as wide as high, and those from which on they are
+LONG = 13  # maximum number of characters of a name
+LEFT_TO_RIGHT = "\u200e"  # zero-width mark
+WIDE, CJK = "MW@%…", 0x2E80  # characters about as wide as high, and the code point from which all are
 
 
 def short_names(names: Sequence[str] | None, count: int, what: str = "craft") -> list[str]:
-    """What craft are called: their names, in the middle cut short where long, or their indices.
+    """Return short labels of spacecraft: their names, shortened in the middle, or their indices.
 
-    A name with letters that no font of this machine has becomes its place in the row, such as "#3".
+    A name with characters that no installed font contains becomes its position in the list, such as "#3".
     """
     if names is None:
         return [str(k) for k in range(count)]
@@ -28,17 +28,17 @@ def short_names(names: Sequence[str] | None, count: int, what: str = "craft") ->
 
 
 def upright(name: str) -> str:
-    """A name that does not draw numbers after it into its own direction, if it reads from right to left."""
+    """Append a left-to-right mark to a right-to-left name, so that digits after it keep their order."""
     return name + LEFT_TO_RIGHT if any(bidirectional(one) in ("R", "AL") for one in name) else name
 
 
 def inches(text: str, size: float) -> float:
-    """About how wide a text is in letters of a `size` in points."""
+    """Return the approximate width [inches] of a text at a font size [points]."""
     return sum(1.05 if one in WIDE or ord(one) > CJK else 0.66 for one in text) * size / 72.0
 
 
 def fonts(text: str) -> tuple[str | None, ...]:
-    """The families beside the usual one that a text needs; None among them where no font has a letter."""
+    """Return the font families that a text needs besides the default; None for a character without a font."""
     if text.isascii():
         return ()
     usual = get_font(findfont(FontProperties()))
@@ -47,10 +47,10 @@ def fonts(text: str) -> tuple[str | None, ...]:
 
 @cache
 def font_of(letter: str) -> str | None:
-    """A family of this machine that has a letter and can be drawn at any size."""
+    """Return an installed scalable font family that contains a character, or None."""
     for entry in fontManager.ttflist:
         if entry.name.startswith("Last Resort") or "color" in entry.name.lower():
-            continue  # boxes for what is missing, and letters that are pictures
+            continue  # placeholder glyphs and colour bitmaps
         font = get_font(entry.fname)
         if font.scalable and font.get_char_index(ord(letter)):
             return entry.name
@@ -58,7 +58,7 @@ def font_of(letter: str) -> str | None:
 
 
 def plain(text: Text, *names: str) -> Text:
-    """A text, and what it may come to hold of `names`, as letters: `$` and `_` are no formula."""
+    """Disable math parsing of a text and set fonts for it and for `names` that it may show later."""
     text.set_parse_math(False)
     if more := [family for family in fonts(text.get_text() + "".join(names)) if family is not None]:
         text.set_fontfamily(["sans-serif", *dict.fromkeys(more)])

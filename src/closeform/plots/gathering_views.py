@@ -1,4 +1,4 @@
-"""A gathering in three views, still or moving: from the sun, obliquely, and one craft (H03 figures 9-11)."""
+"""Three views of a gathering, still or animated: from the Sun, oblique, and a close-up (H03 figures 9-11)."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ from closeform.search.gather_result import Event, EventKind, Gathering
 from closeform.search.sets import FORMATION, LOST
 
 SET_NAMES = {LOST: "lost", FORMATION: "formation set"}
-WIDE, NARROW = 900, 720  # pixels across, for few and for many craft: many moving lines fill a file
-PLAY, HOLD, LAST = 80, 1200, 3000  # ms that a frame stays: in motion, at a lock, at the end
-STOPS = 12_000  # ms for the locks together
+WIDE, NARROW = 900, 720  # width in pixels for few and for many spacecraft; many moving lines make large files
+PLAY, HOLD, LAST = 80, 1200, 3000  # ms per frame: in motion, at a lock, at the end
+STOPS = 12_000  # ms: maximum total pause at locks
 
 
 class ThreeViews:
-    """The figure and its parts; `show` moves them to a time."""
+    """Figure with its three views and time strip; `show` moves them to a time."""
 
     def __init__(self, gathering: Gathering, craft: int, names: Sequence[str] | None) -> None:
         count = len(gathering.groups)
@@ -90,12 +90,12 @@ class ThreeViews:
 
     @property
     def artists(self) -> list[Artist]:
-        """All that moves, from back to front as it is now."""
+        """Moving artists, in their current order from back to front."""
         moving = [artist for part in self.parts for artist in part.artists]
         return [*sorted(moving, key=Artist.get_zorder), self.clock, self.story]
 
     def show(self, time: float) -> None:
-        """Move everything to a time [s]."""
+        """Move all parts to a time [s]."""
         moment = Moment(self.gathering, self.knots, time)
         for part in self.parts:
             part.show(moment)
@@ -104,7 +104,7 @@ class ThreeViews:
         self.story.set_text(self.told(past) if past else "All are lost")
 
     def told(self, past: list[Event]) -> str:
-        """The last lock, or the last burn after it that is not part of it, in words."""
+        """Return the last lock, or the last separate burn after it, as text."""
         told = [event for event in past if event.kind != EventKind.BURN]
         last = [event for event in told if event.time == told[-1].time]
         event = max(last, key=lambda one: one.kind == EventKind.LOCK)
@@ -121,7 +121,7 @@ class ThreeViews:
         return f"{when}  {name} burns {size:.3g} mm/s {why}"
 
     def legend(self) -> list[Artist]:
-        """What the marks mean; of the sets those that occur."""
+        """Return legend handles for marks, tracks, locks and cones; only for the sets that occur."""
         labels = {event.label for event in self.gathering.events if event.kind == EventKind.LOCK}
         lines: list[tuple[str, dict[str, Any]]] = []
         for style, (marker, edge, face) in STYLES.items():
@@ -146,35 +146,35 @@ class ThreeViews:
 def three_views(
     gathering: Gathering, time: float, craft: int = 0, names: Sequence[str] | None = None
 ) -> Figure:
-    """A gathering at one time in three views: H03 figures 9 to 11.
+    """Plot a gathering at one time in three views: H03 figures 9 to 11.
 
-    Obliquely, from the Sun, and one craft from near by, with its shade, whose radius is the sensor's
-    offset, and the sensor's cone.  Cones have the colour of their group, marks that of the set: lost,
-    formation, or one of the knowledge sets.  Trails lead from the start and bend where a craft burns.  All
-    times of a gathering have one scale.  Among more than 12 craft only the one chosen has its cone, shade
-    and name, and of the locks only those that joined sets are drawn.
+    The views are oblique, from the Sun, and a close-up of one spacecraft. The close-up shows its shade, whose
+    radius is the offset of the sensor, and the sensor cone. Cones have the colour of their group and marks
+    the style of their set: lost, formation set or a knowledge set. Trails lead from the start and bend at
+    burns. The scale is the same for all times of a gathering. For more than 12 spacecraft only the selected
+    one has a cone, shade and name, and only locks that joined sets are drawn.
 
     Parameters
     ----------
     gathering : Gathering
-        What is shown.
+        Gathering to draw.
     time : float [s]
-        From the start of the search, up to the gathering's duration.
+        Time from the start of the search, up to the duration of the gathering.
     craft : int, default 0
-        Which is shown from near by, by index.
+        Index of the spacecraft in the close-up.
     names : sequence of str, optional
-        Of the craft; their indices unless given.
+        Names of the spacecraft; default: their indices.
 
     Returns
     -------
     Figure
-        Of matplotlib; save it with its `savefig`.
+        Matplotlib figure; save it with its `savefig` method.
 
     Raises
     ------
     ValueError
-        If `time` is outside of the gathering, the craft is not there, names are not as many as the craft, or
-        an argument is of another kind.
+        If `time` is outside the gathering, there is no such spacecraft, the number of names is wrong, or
+        an argument has the wrong type.
 
     References
     ----------
@@ -197,29 +197,29 @@ def animation(
     frames: int = 150,
     progress: Callable[[int, int], object] | None = None,
 ) -> None:
-    """Write a gathering in three views as an animated GIF: what H03's simulation showed.
+    """Write an animated GIF of a gathering in three views, as in the simulation of H03.
 
     Parameters
     ----------
     gathering : Gathering
-        What is shown.
+        Gathering to draw.
     file : str, path-like or file of bytes
-        Where to; a file that is there is replaced.
+        Output file; an existing file is overwritten.
     craft : int, default 0
-        Which is shown from near by, as in `three_views`.
+        Index of the spacecraft in the close-up, as in `three_views`.
     names : sequence of str, optional
-        Of the craft; their indices unless given.
+        Names of the spacecraft; default: their indices.
     frames : int, default 150
-        At least 2, spread evenly over the gathering's time, with one more at each lock, where the film stops
-        for a moment, as it does at the end.
+        Number of frames, at least 2, evenly spaced in time; one more at each lock, where the animation
+        pauses, as it does at the end.
     progress : callable of int and int, optional
-        Called with the frames done and all frames.
+        Function called with the number of finished frames and the total.
 
     Raises
     ------
     ValueError
-        If `frames` is below 2, the craft is not there, names are not as many as the craft, or an argument is
-        of another kind.
+        If `frames` is below 2, there is no such spacecraft, the number of names is wrong, or an argument
+        has the wrong type.
 
     References
     ----------
@@ -233,7 +233,7 @@ def animation(
 def reel(
     gathering: Gathering, craft: int = 0, names: Sequence[str] | None = None, *, frames: int = 150
 ) -> Reel:
-    """The film of `animation`, to be drawn."""
+    """Return the animation of `animation` without drawing it."""
     instance("gathering", gathering, Gathering)
     views = ThreeViews(gathering, craft, names)
     pixels = WIDE if len(gathering.groups) <= FEW else NARROW
@@ -242,7 +242,7 @@ def reel(
 
 
 def schedule(gathering: Gathering, frames: int) -> list[tuple[float, int]]:
-    """Times [s] of the frames, and how long each stays [ms]."""
+    """Return the times [s] of the frames with their durations [ms]."""
     locks = np.unique([event.time for event in gathering.events if event.kind == EventKind.LOCK])
     times = np.unique(np.concatenate([np.linspace(0.0, gathering.duration, frames), locks]))
     stop = min(HOLD, STOPS // max(1, len(locks)) // 10 * 10)

@@ -1,4 +1,4 @@
-"""How a sensor's cone meets the plane of an in-plane search: in a hyperbola."""
+"""Figure of the hyperbola in which a sensor cone meets the plane of an in-plane search."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ ON = 1e-6  # degrees from the cone's edge that count as on it
 
 @dataclass(frozen=True, eq=False)
 class Meeting:
-    """Craft j at `craft` (3,) [m], seen from craft i at the origin; its `boresight` is in the plane."""
+    """Spacecraft j at `craft` (3,) [m], seen from spacecraft i at the origin; `boresight` is in the plane."""
 
     craft: Floats
     boresight: Floats
@@ -47,27 +47,27 @@ class Meeting:
 
     @property
     def foot(self) -> Floats:
-        """S04's S, under or over craft j in the plane."""
+        """Point S of S04 (3,): the projection of spacecraft j onto the plane."""
         return np.asarray(self.craft * LEVEL)
 
     @property
     def vertex(self) -> Floats:
-        """S04's T, the point of the hyperbola that is nearest to the foot."""
+        """Point T of S04 (3,): the vertex of the hyperbola, nearest to the foot."""
         return np.asarray(self.foot + abs(self.craft[2]) / np.tan(self.half_angle) * self.boresight)
 
     @property
     def size(self) -> float:
-        """How far the craft are apart [m]."""
+        """Distance between the spacecraft [m]."""
         return float(np.linalg.norm(self.craft))
 
     @property
     def reach(self) -> float:
-        """How much of the plane is shown ahead of the foot and to its sides [m]."""
+        """Extent of the plane that is shown ahead of the foot and to its sides [m]."""
         return max(1.25 * float(np.linalg.norm(self.foot)), 0.5 * self.size)
 
     @cached_property
     def curve(self) -> Floats:
-        """The hyperbola H (97, 3): s ahead of the foot and w aside, s tan(half_angle) = sqrt(w^2 + z^2)."""
+        """Hyperbola H (97, 3): s ahead of the foot and w aside, s tan(half_angle) = sqrt(w^2 + z^2)."""
         aside = self.reach * np.sin(self.half_angle) * np.linspace(-1.0, 1.0, 97)
         ahead = np.hypot(aside, self.craft[2]) / np.tan(self.half_angle)
         side = np.cross(-SUN, self.boresight)
@@ -75,54 +75,55 @@ class Meeting:
 
     @property
     def within(self) -> Floats:
-        """The part of the plane in the cone, as far as it is shown: an outline (99, 3)."""
+        """Outline (99, 3) of the part of the plane inside the cone, as far as it is shown."""
         rest = max(0.0, self.reach - float((self.curve[0] - self.foot) @ self.boresight))
         return np.vstack([self.curve, self.curve[[-1, 0]] + rest * self.boresight])
 
     @property
     def floor(self) -> Floats:
-        """The piece of the plane that is shown (4, 3)."""
+        """Corners (4, 3) of the part of the plane that is shown."""
         points = np.vstack([self.within, self.foot, ORIGIN])
         (left, low, _), (right, high, _) = points.min(axis=0), points.max(axis=0)
         return np.array([[left, low, 0.0], [right, low, 0.0], [right, high, 0.0], [left, high, 0.0]])
 
     @property
     def state(self) -> str:
-        """Where craft i is."""
+        """Position of spacecraft i relative to H, as text."""
         off = np.arccos(np.clip(-self.craft @ self.boresight / self.size, -1.0, 1.0))
         margin = degrees(off - self.half_angle)
         return "outside of H" if margin > ON else ("within H: locked" if margin < -ON else "on H, and locks")
 
 
 def lemma_2(search: Search, position: ArrayLike, velocity: ArrayLike, time: float | None = None) -> Figure:
-    """Why craft outside of each other's complementary cones lock in the in-plane search: S04 figure 6.
+    """Plot why spacecraft outside each other's complementary cones lock in the in-plane search: S04 figure 6.
 
-    Craft j of group B as craft i of group A sees it.  The cone of craft j is drawn down to the plane of
-    the boresights, which it meets in the hyperbola H.  S is the foot of craft j in the plane, T the vertex
-    of H.  The ray from S through T sweeps over craft i in every in-plane search, and beyond T, since a
-    craft on the segment from S to T is in a complementary cone: so craft i comes within H, and both lock.
+    The figure shows spacecraft j of group B as seen by spacecraft i of group A. The cone of spacecraft j
+    meets the plane of the boresights in the hyperbola H. S is the projection of spacecraft j onto the plane
+    and T the vertex of H. The ray from S through T sweeps over spacecraft i in every in-plane search.
+    Spacecraft i is beyond T, because a spacecraft on the segment from S to T is in a complementary cone.
+    Hence spacecraft i comes within H, and both lock.
 
     Parameters
     ----------
     search : Search
-        With a half-angle below 90 deg and sensors at the centres of mass.
+        Search with a half-angle below 90 deg and sensors at the centres of mass.
     position : array_like of shape (3,) [m]
-        B minus A at the start of the search, in the inertial frame.
+        Position of B relative to A at the start of the search, in the inertial frame.
     velocity : array_like of shape (3,) [m/s]
-        B minus A, in the inertial frame.
+        Velocity of B relative to A, in the inertial frame.
     time : float [s], optional
-        In the first in-plane search; that of the first lock unless given.
+        Time in the first in-plane search; default: that of the first lock.
 
     Returns
     -------
     Figure
-        Of matplotlib; save it with its `savefig`.
+        Matplotlib figure; save it with its `savefig` method.
 
     Raises
     ------
     ValueError
-        If shapes do not fit, `time` is outside of the first in-plane search or not given for a pair that does
-        not lock in it, the search is another, or an argument is of another kind.
+        If shapes are wrong, `time` is outside the first in-plane search or missing for a pair that does not
+        lock in it, the search does not meet the requirements above, or an argument has the wrong type.
 
     References
     ----------
@@ -159,7 +160,7 @@ def lemma_2(search: Search, position: ArrayLike, velocity: ArrayLike, time: floa
 
 
 def surfaces(axes: Axes, meeting: Meeting) -> None:
-    """The plane, the cone of craft j down to it, H, S and T."""
+    """Draw the plane, the cone of spacecraft j down to it, H, S and T."""
     colour, curve = GROUP_COLOURS["B"], meeting.curve
     fill(axes, CAMERA(meeting.floor), FAINT, 0.5)
     fill(axes, CAMERA(meeting.within), colour, 0.12)
@@ -179,7 +180,7 @@ def surfaces(axes: Axes, meeting: Meeting) -> None:
 
 
 def course(axes: Axes, line: Floats) -> None:
-    """The line L of the relative motion during the in-plane search."""
+    """Draw the line L of the relative motion during the in-plane search."""
     draw(axes, line, color=INK, linewidth=1.2)
     axes.plot(*CAMERA(line[0]), "o", color=INK, markerfacecolor="white", markersize=6)
     way = CAMERA(line[1] - line[0])
@@ -189,7 +190,7 @@ def course(axes: Axes, line: Floats) -> None:
 
 
 def both_craft(axes: Axes, meeting: Meeting) -> None:
-    """The craft with their boresights, the axes of the frame, and the Sun."""
+    """Draw the spacecraft with their boresights, the axes of the frame, and the Sun."""
     size = meeting.size
     for name, axis, reach in zip("xyz", np.eye(3), (0.3, 0.3, 0.58), strict=True):
         arrow(axes, CAMERA([ORIGIN, reach * size * axis]), INK, linewidth=1.1, mutation_scale=9)
@@ -208,5 +209,5 @@ def both_craft(axes: Axes, meeting: Meeting) -> None:
 
 
 def draw(axes: Axes, points: Any, **look: Any) -> None:
-    """A line through points (K, 3)."""
+    """Draw a line through points (K, 3)."""
     axes.plot(*CAMERA(points).T, **look)

@@ -1,4 +1,4 @@
-"""Given: what pictures are given, checked; what does not fit is named."""
+"""Validation of the arguments of plot functions."""
 
 from os import PathLike
 from typing import Any
@@ -9,11 +9,11 @@ from closeform.arrays import instance, sequence, shown, whole
 from closeform.motion.path import Path
 
 LOOKS = 201  # instants at which two paths are compared
-UNSEEN = 1e-4  # of what a path spans: less is no pixel
+UNSEEN = 1e-4  # of the extent of a path: a smaller difference is below one pixel
 
 
 def one_path(name: str, given: Any) -> Path:
-    """An argument as a Path of any shape; of a plan without one the message tells so."""
+    """Return an argument as a Path of any shape, or raise ValueError; None usually means a failed plan."""
     if given is None:
         raise ValueError(f"{name}: expected a Path, got None; a plan that is not ok has none")
     path: Path = instance(name, given, Path)
@@ -21,7 +21,7 @@ def one_path(name: str, given: Any) -> Path:
 
 
 def one_craft(name: str, given: Any) -> Path:
-    """An argument as a Path of one craft."""
+    """Return an argument as a Path of one spacecraft, or raise ValueError."""
     path = one_path(name, given)
     if path.shape:
         raise ValueError(f"{name}: pictures show one craft at a time, got shape {path.shape}; index it")
@@ -29,7 +29,7 @@ def one_craft(name: str, given: Any) -> Path:
 
 
 def crafts(name: str, given: Any) -> list[Path]:
-    """An argument as single craft, out of one Path of any shape or a sequence of such."""
+    """Return the single paths in a Path of any shape, or in a sequence of such paths."""
     if given is None or isinstance(given, Path):
         path = one_path(name, given)
         return [path] if not path.shape else [path[k] for k in np.ndindex(path.shape)]
@@ -37,7 +37,7 @@ def crafts(name: str, given: Any) -> list[Path]:
 
 
 def same(before: Path, after: Path) -> bool:
-    """Whether two paths of one shape look the same: nothing changed."""
+    """Return True if two paths of one shape look the same in a figure."""
     if after is before:
         return True
     for one, other in zip(crafts("before", before), crafts("after", after), strict=True):
@@ -51,7 +51,7 @@ def same(before: Path, after: Path) -> bool:
 
 
 def texts(name: str, given: Any, count: int, what: str) -> list[str]:
-    """An argument as one text for each of some craft, paths or obstacles."""
+    """Return an argument as `count` strings, or raise ValueError."""
     words = sequence(name, given, str)
     if len(words) != count:
         raise ValueError(f"{name}: {len(words)} {name} for {count} {what}")
@@ -59,7 +59,7 @@ def texts(name: str, given: Any, count: int, what: str) -> list[str]:
 
 
 def filmed(file: Any, frames: Any, progress: Any) -> None:
-    """Refuse what no animation can be written to, or what it cannot be written with."""
+    """Raise ValueError if an animation cannot be written with these arguments."""
     if not isinstance(file, str | PathLike) and not hasattr(file, "write"):
         raise ValueError(f"file: expected a path or an open file, got {shown(file)}")
     whole("frames", frames, 2)

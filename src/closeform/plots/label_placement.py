@@ -1,4 +1,4 @@
-"""Names of craft beside their points, where they find room."""
+"""Placement of spacecraft names beside their points without overlap."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -15,28 +15,28 @@ from closeform.plots.fonts import plain
 from closeform.plots.palette import INK
 from closeform.plots.style import SMALL
 
-ENOUGH = 2000  # points of tracks that are looked at
+ENOUGH = 2000  # maximum number of track points that are checked
 CLEAR = 11.0  # pixels between a name and a mark
-SPOTS = (  # of a name beside its point, in printer's points: right, up, and which of its edges stands there
+SPOTS = (  # offsets of a name [typographic points]: right, up, and its anchored edge
     (6, 5, 0.0),
     (-6, 5, 1.0),
     (6, -11, 0.0),
     (-6, -11, 1.0),
     (0, 9, 0.5),
     (0, -15, 0.5),
-    (18, 16, 0.0),  # from here on farther away, at the end of a line
+    (18, 16, 0.0),  # from here on farther away, connected by a line
     (-18, 16, 1.0),
     (18, -24, 0.0),
     (-18, -24, 1.0),
     (32, 2, 0.0),
     (-32, 2, 1.0),
 )
-FAR = 6  # spots before those
+FAR = 6  # index of the first such spot
 EDGES = {0.0: "left", 0.5: "center", 1.0: "right"}
 
 
 class Names:
-    """Names of one figure, each measured once."""
+    """Names for one figure, with their measured sizes [pixels]."""
 
     def __init__(self, figure: Figure, called: Sequence[str], size: float = SMALL) -> None:
         renderer = FigureCanvasAgg(figure).get_renderer()
@@ -47,15 +47,15 @@ class Names:
             text.set_figure(figure)
             box = text.get_window_extent(renderer)
             self.sizes.append((box.width, box.height))
-        self.point = figure.dpi / 72.0  # pixels of a printer's point
+        self.point = figure.dpi / 72.0  # pixels per typographic point
 
     def beside(
         self, axes: Axes, points: Floats, marks: Floats, tracks: Floats, tints: Floats | None = None
     ) -> None:
-        """Each name by its point (N, 2), clear of `marks` and of each other, where it covers least `tracks`.
+        """Draw each name by its point (N, 2), clear of `marks` and other names, over the fewest `tracks`.
 
-        Where there is no room beside its point a line leads to it; what finds none at all is left
-        out.  `axes` have their place and limits.
+        If there is no room beside its point, a line connects the name to it; a name without any room is
+        omitted. The position and limits of `axes` must be final.
         """
         to_pixels = axes.transData.transform
         (left, low), (right, top) = axes.get_window_extent().get_points()
@@ -95,16 +95,16 @@ class Names:
 
 
 def dark(tint: Floats) -> str:
-    """A colour (RGBA) in which its name is readable."""
+    """Return a darker colour in which a name is readable, from an RGBA colour."""
     red, green, blue, _ = (0.75 * float(part) for part in tint)
     return to_hex((red, green, blue))
 
 
 def covered(points: Floats, box: Sequence[float]) -> int:
-    """How many points (N, 2) a box covers."""
+    """Return how many points (N, 2) a box covers."""
     return int(((points > box[:2]) & (points < box[2:])).all(axis=1).sum())
 
 
 def overlap(one: Sequence[float], other: Sequence[float]) -> bool:
-    """Whether two boxes have a point in common."""
+    """Return True if two boxes overlap."""
     return one[0] < other[2] and other[0] < one[2] and one[1] < other[3] and other[1] < one[3]

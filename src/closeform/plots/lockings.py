@@ -1,4 +1,4 @@
-"""When pairs lock: how many in each minute of a search."""
+"""Histogram of lock times in a search."""
 
 from __future__ import annotations
 
@@ -27,41 +27,41 @@ from closeform.search.histogram import FINER, Binned
 from closeform.search.schedule import Search
 
 CURVE = "#7a2a10"
-LETTER = 0.095  # inches of a letter
+LETTER = 0.095  # inches: width of a character
 PHASE_COLOURS = {"IPS": AFTER, "OPS": ALTERNATIVE, "mOPS": ALTERNATIVE, "NFS": "#AA4499"}
 
 
 def histogram(
     times: ArrayLike, search: Search | None = None, bin: float = 60.0, what: str = "pairs lock"
 ) -> Figure:
-    """How many pairs lock in each bin of a search: S04 figure 7.
+    """Plot how many pairs lock in each bin of a search: S04 figure 7.
 
-    Pairs locked at once (time 0) are counted in the headline and left out of the bars, as in S04; the count
-    has a logarithmic axis.  The curve is the share of all that is done by then, on the right.  Bands are
-    the phases of the search with their counts, as far as anything happens; dashed lines are the ends of
-    its turns.
+    Pairs that lock at once (time 0) are counted in the headline but not in the bars, as in S04. The count has
+    a logarithmic axis. The curve is the cumulative share of all pairs, on the right axis. Bands are the
+    phases of the search with their counts, up to the phase of the last lock. Dashed lines are the ends of
+    turns.
 
     Parameters
     ----------
     times : array_like of shape (M,) [s]
-        Of `lock_times`; nan where there was no lock.
+        Lock times from `lock_times`; nan if there was no lock.
     search : Search, optional
-        In which they lie; unless given neither phases nor turns are shown.
+        Search in which the times lie; without it, phases and turns are not shown.
     bin : float [s], default 60
-        Length of a bin.
+        Width of a bin.
     what : str, default "pairs lock"
-        What happened, a plural and its verb, such as "formations gather" for the durations of `gather_cases`.
+        Plural noun and verb of the event, such as "formations gather" for the durations of `gather_cases`.
 
     Returns
     -------
     Figure
-        Of matplotlib; save it with its `savefig`.
+        Matplotlib figure; save it with its `savefig` method.
 
     Raises
     ------
     ValueError
-        If `times` are of another shape or outside of the search, `bin` is not positive and finite, or an
-        argument is of another kind.
+        If `times` has another shape or lies outside the search, `bin` is not positive and finite, or an
+        argument has the wrong type.
 
     References
     ----------
@@ -82,7 +82,7 @@ def histogram(
 
 
 def binned(times: Binned, search: Search | None = None, what: str = "pairs lock") -> Figure:
-    """The same picture of times that are counted."""
+    """Plot the histogram of times that are already counted."""
     bin, counts = times.bin, times.counts
     edges = bin * np.arange(len(counts) + 1)
     figure = sheet(5.8)
@@ -105,17 +105,17 @@ def binned(times: Binned, search: Search | None = None, what: str = "pairs lock"
 
 
 def shown(search: Search, last: float) -> float:
-    """Until when [s] the search is shown: to the end of the phase in which the last of all happened."""
+    """Return the end [s] of the phase with the last event, up to which the search is shown."""
     return next((end for *_, end in search.phases if end >= last), search.duration)
 
 
 def phases(axes: Axes, search: Search, unit: Unit, counts: Any, until: float) -> None:
-    """Bands of the phases with their counts, and the ends of the turns within them.
+    """Draw bands for the phases with their counts, and the ends of the turns.
 
-    Names stand where there is room for them: in a second row where the first is taken.
+    Names are drawn where they fit: in a second row if the first is taken.
     """
-    inch = (WIDTH - 0.95 - 1.0) / until  # of a second
-    free = [0.0, 0.0]  # from where on there is room in each row [inches]
+    inch = (WIDTH - 0.95 - 1.0) / until  # inches per second
+    free = [0.0, 0.0]  # start of the free space in each row [inches]
     for (name, turn, start, end), count in zip(search.phases, counts.tolist(), strict=True):
         colour = PHASE_COLOURS.get(name, OTHER)
         axes.axvspan(start / unit.size, end / unit.size, facecolor=colour, alpha=0.13, linewidth=0.0)
@@ -134,7 +134,7 @@ def phases(axes: Axes, search: Search, unit: Unit, counts: Any, until: float) ->
 
 
 def by_then(axes: Axes, times: Binned, unit: Unit, end: float) -> None:
-    """The share of all that is done by each time, with an axis of its own."""
+    """Draw the cumulative share against time, on a right axis."""
     right = right_axis(axes, CURVE)
     ends = np.minimum(times.bin / FINER * np.arange(len(times.finer) + 1), end) / unit.size
     done = times.at_once + np.concatenate([[0], np.cumsum(times.finer)])
@@ -146,7 +146,7 @@ def by_then(axes: Axes, times: Binned, unit: Unit, end: float) -> None:
 
 
 def counted(everything: int, found: int, later: int, what: str) -> str:
-    """How many there are, at once, later and never, in one line."""
+    """Return the headline: numbers at once, later and never."""
     noun, _, verb = what.partition(" ")
     parts = [f"{spaced(found - later)} of {spaced(everything)} {noun} {verb} at once (not shown)"]
     parts.append(f"{spaced(later)} later")
@@ -156,5 +156,5 @@ def counted(everything: int, found: int, later: int, what: str) -> str:
 
 
 def spaced(count: int) -> str:
-    """A count with its thousands set apart."""
+    """Return a count with spaces between thousands."""
     return f"{count:,}".replace(",", " ")

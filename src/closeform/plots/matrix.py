@@ -1,4 +1,4 @@
-"""How near each craft of a formation comes to each other: a matrix of least ratios."""
+"""Matrix of the minimum clearance ratios of all pairs of a formation."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from closeform.plots.style import LETTERS, SMALL, TEXT, area, headline, sheet
 from closeform.zones.combined_zones import OwnZone
 from closeform.zones.pair_zones import PairZones
 
-NUMBERED = 14  # craft up to which each pair has its number
-NAMED = 36  # craft up to which each has its name at the axes
-BELOW = ("#8f3300", CONFLICT, "#f2a56b")  # from meeting centres to the zone's surface
+NUMBERED = 14  # maximum number of spacecraft with numbers in the cells
+NAMED = 36  # maximum number of names on each axis
+BELOW = ("#8f3300", CONFLICT, "#f2a56b")  # from ratio 0 to the keep-out boundary
 BLANK: dict[str, Any] = {"facecolor": "white", "edgecolor": OTHER, "hatch": "////", "linewidth": 0}
-ABOVE = ("#5aa5d1", "#b9d9ec", "#f1f7fb")  # from there to the farthest pair
+ABOVE = ("#5aa5d1", "#b9d9ec", "#f1f7fb")  # from the keep-out boundary to the farthest pair
 
 
 def ratio_matrix(
@@ -33,30 +33,31 @@ def ratio_matrix(
     zones: OwnZone | Sequence[OwnZone | None] | PairZones | None,
     names: Sequence[str] | None = None,
 ) -> Figure:
-    """How near each two craft come, as a matrix of least ratios; at 1 their zone begins.
+    """Plot the minimum clearance ratio of each pair as a matrix; 1 is the keep-out boundary.
 
-    Both halves say the same.  Pairs in conflict are framed, or crossed among many craft; pairs without a
-    zone or without a common time are left blank.
+    The matrix is symmetric. Pairs in conflict are framed, or crossed if there are many spacecraft. Pairs
+    without a zone or a common time are hatched.
 
     Parameters
     ----------
     paths : Path or sequence of Path
-        A Path of shape (N,), or N paths.
+        Path of shape (N,), or N paths.
     zones : Zone, CovarianceZone, Body, None, sequence of these, or PairZones
-        One for all or one for each craft, of two as in `screen`; None: none of its own.
+        One zone for all spacecraft or one for each, combined for a pair as in `screen`; None: no zone of its
+        own.
     names : sequence of str, optional
-        Of the craft; their indices unless given.
+        Names of the spacecraft; default: their indices.
 
     Returns
     -------
     Figure
-        Of matplotlib; save it with its `savefig`.
+        Matplotlib figure; save it with its `savefig` method.
 
     Raises
     ------
     ValueError
-        If there are fewer than two craft, names are not as many, no pair has a zone, or an argument is of
-        another kind.
+        If there are fewer than two spacecraft, the number of names is wrong, no pair has a zone, or an
+        argument has the wrong type.
     """
     pairs, called = asked(paths, zones, names)
     count = len(called)
@@ -84,9 +85,9 @@ def ratio_matrix(
 
 
 def framework(pairs: Pairs, called: list[str], keyed: bool) -> tuple[Figure, Axes, Axes, bool]:
-    """A page as wide as the matrix and its headline, its axes, those of the scale, and whether names stand.
+    """Return the figure, the axes of matrix and colour scale, and whether column names are vertical.
 
-    A page that is `keyed` has room for what the marks mean.
+    With `keyed`, the figure has room for a legend.
     """
     count = len(called)
     side = float(np.clip(0.52 * count, 2.0, 7.6))
@@ -101,13 +102,13 @@ def framework(pairs: Pairs, called: list[str], keyed: bool) -> tuple[Figure, Axe
 
 
 def ceiling(least: Floats) -> float:
-    """Where the scale ends, a round number."""
+    """Return the upper end of the colour scale, a round number."""
     most = np.nanmax(least, initial=0.0)
     return next((float(top) for top in (2, 5, 10, 20, 50) if most <= top), 100.0)
 
 
 def scale(top: float) -> FuncNorm:
-    """Linear below 1, logarithmic above, and 1 in the middle."""
+    """Return a norm that is linear below 1 and logarithmic above, with 1 in the middle."""
 
     def forward(ratio: Any) -> Any:
         known: Floats = np.ma.filled(np.ma.asarray(ratio, dtype=float), np.nan)
@@ -120,14 +121,14 @@ def scale(top: float) -> FuncNorm:
 
 
 def colours() -> LinearSegmentedColormap:
-    """Two families of colours that meet, with a step, in the middle."""
+    """Return a colour map of two ranges with a step between them in the middle."""
     lower, upper = np.linspace(0.0, 0.5, 3), np.linspace(0.5, 1.0, 3)
     stops = [*zip(lower, BELOW, strict=True), *zip(upper, ABOVE, strict=True)]
     return LinearSegmentedColormap.from_list("ratio", stops, N=512)
 
 
 def mark(axes: Axes, pairs: Pairs, least: Floats) -> None:
-    """Numbers in the cells and frames around conflicts, or crosses where cells are small."""
+    """Draw numbers in the cells and frames around conflicts, or crosses in small cells."""
     count = len(least)
     both = np.concatenate([pairs.craft, pairs.craft[:, ::-1]])
     hit = np.tile(pairs.hit, 2)
@@ -158,13 +159,13 @@ def mark(axes: Axes, pairs: Pairs, least: Floats) -> None:
 
 
 def number(axes: Axes, row: int, column: int, ratio: float, is_hit: bool, size: float) -> None:
-    """The ratio in its cell."""
+    """Write the ratio in its cell."""
     text = axes.text(column, row, ratio_text(ratio), ha="center", va="center", fontsize=size)
     text.set(color="white" if is_hit and ratio < 0.75 else INK, fontweight="bold" if is_hit else "normal")
 
 
 def grid(axes: Axes, called: list[str], upright: bool) -> None:
-    """Names above and to the left, and white lines between the cells."""
+    """Draw names above and on the left, and white lines between the cells."""
     count = len(called)
     step = -(-count // NAMED)
     chosen = range(0, count, step)

@@ -1,4 +1,4 @@
-"""A whole mission in one picture: all paths in space; against time who thrusts, who meets and how near."""
+"""Overview of a mission: paths in space; thrust, conflicts, locks and clearance ratio against time."""
 
 from __future__ import annotations
 
@@ -40,12 +40,12 @@ from closeform.plots.tracks import NAMED, Formation, closest, together
 from closeform.zones.combined_zones import OwnZone
 from closeform.zones.pair_zones import PairZones
 
-HIGH, SPACE = 6.0, 4.45  # inches of the picture, and of the view in space, which is square
+HIGH, SPACE = 6.0, 4.45  # inches: height of the figure, and side of the square view in space
 LEFT, RIGHT, ABOVE, BELOW = 5.6, 0.35, 1.0, 1.25  # inches beside, above and below the panels of time
 STRIP, GAP = 0.32, 0.1  # inches of the row of stages, and between panels
-MARK = 0.75  # inches of a mark in the legend, and beside it
+MARK = 0.75  # inches of a mark in the legend, including its margin
 THIN = 1.0  # points: pulses of seconds in hours have no width
-TALL = 0.8  # of a row: the strongest thrust, and the largest impulse
+TALL = 0.8  # of the row height: the strongest thrust and the largest impulse
 SHADE = "#eef1f4"
 
 
@@ -56,36 +56,37 @@ def overview(
     titles: Sequence[str] | None = None,
     locks: Sequence[Lock] = (),
 ) -> Figure:
-    """A whole mission: all paths in space, and against time who thrusts, who meets and how near craft come.
+    """Plot a whole mission: all paths in space, and thrust, conflicts and closest approach against time.
 
-    On the left every path from its ring to its dot.  On the right a row for each craft, in which thrust is an
-    area and an impulse a line, either as high as it is strong beside the strongest; a lock joins the rows of
-    the two who find each other, a conflict those of the two who are in it.  Below them the least ratio of any
-    pair, where there are zones: of the 300 pairs that come closest in a stage.
+    The left panel shows every path from its start (ring) to its end (dot). The right panel has a row for each
+    spacecraft, with thrust as areas and impulses as lines, both scaled to the strongest. A lock joins the
+    rows of its two spacecraft, and so does a conflict. If there are zones, the panel below shows the minimum
+    clearance ratio of the 300 closest pairs of each stage.
 
     Parameters
     ----------
     stages : sequence of Path
-        Of shape (N,) each and in one orbit, one after another in time.
+        Paths of shape (N,) in one orbit for each stage, in order of time.
     names : sequence of str, optional
-        Of the craft; their indices unless given.
+        Names of the spacecraft; default: their indices.
     zone : Zone, CovarianceZone, Body, None, sequence of these, or PairZones, optional
-        One for all or one for each craft, of two as in `screen` (None: none of its own).
+        One zone for all spacecraft or one for each, combined for a pair as in `screen` (None: no zone of its
+        own).
     titles : sequence of str, optional
-        Of the stages; their numbers unless given.
+        Titles of the stages; default: their numbers.
     locks : sequence of tuple of (float [s], int, int), default none
-        When who finds whom, by index.
+        Time of each lock and the indices of its two spacecraft.
 
     Returns
     -------
     Figure
-        Of matplotlib; save it with its `savefig`.
+        Matplotlib figure; save it with its `savefig` method.
 
     Raises
     ------
     ValueError
-        If there is no stage, shapes or orbits differ, a stage begins before the last has ended, names are not
-        as many as the craft or titles as the stages, a lock is of nobody, or an argument is of another kind.
+        If there is no stage, shapes or orbits differ, a stage begins before the last has ended, the number of
+        names or titles is wrong, a lock names an unknown spacecraft, or an argument has the wrong type.
     """
     flights = asked(stages, zone, titles)
     first = flights[0].paths
@@ -119,7 +120,7 @@ def overview(
 
 
 def whole(flights: list[StageFlight], called: list[str]) -> Formation:
-    """All stages as one, as it is drawn in space."""
+    """Return all stages as one Formation for the view in space."""
     count = len(called)
     pieces = [flight.paths.position(flight.times) for flight in flights]
     tracks = [np.concatenate([piece[k] for piece in pieces]) for k in range(count)]
@@ -137,7 +138,7 @@ def whole(flights: list[StageFlight], called: list[str]) -> Formation:
 
 
 def against_time(figure: Figure, zones: bool) -> list[Axes]:
-    """Axes above each other: the strip of stages, the rows of craft, and with `zones` the ratio."""
+    """Add stacked axes: the strip of stages, the rows of spacecraft and, with `zones`, the ratio."""
     wide = WIDTH - LEFT - RIGHT
     room = HIGH - ABOVE - BELOW - STRIP - GAP
     shares = (0.55 * room, 0.45 * room - GAP) if zones else (room,)
@@ -151,7 +152,7 @@ def against_time(figure: Figure, zones: bool) -> list[Axes]:
 
 
 def stage_strip(axes: Axes, flights: list[StageFlight], ticks: Clock, duration: float) -> list[Any]:
-    """What the stages are called, as far as there is room."""
+    """Draw the strip of stages, with titles where they fit."""
     axes.set(ylim=(0.0, 1.0), yticks=[])
     axes.tick_params(bottom=False)
     for spine in axes.spines.values():
@@ -169,7 +170,7 @@ def stage_strip(axes: Axes, flights: list[StageFlight], ticks: Clock, duration: 
 
 
 def rows(axes: Axes, flights: list[StageFlight], ticks: Clock, called: list[str], tints: Floats) -> list[Any]:
-    """Thrust of each craft as areas, and impulses as lines; what these mean."""
+    """Draw thrust of each spacecraft as areas and impulses as lines; return legend handles."""
     count = len(called)
     levels = np.arange(count)[::-1]
     thrusts = [np.linalg.norm(flight.paths.thrust(flight.times), axis=-1) for flight in flights]
@@ -197,7 +198,7 @@ def rows(axes: Axes, flights: list[StageFlight], ticks: Clock, called: list[str]
         unit = thrust_unit(strongest)
         words = f"thrust, up to {strongest / unit.size:.3g} {unit.name}"
         first = int(np.argmax([one.max(axis=1) for one in thrusts]) % count)
-        handles.append(Patch(facecolor=tints[first], alpha=0.85, label=words))  # as the strongest is drawn
+        handles.append(Patch(facecolor=tints[first], alpha=0.85, label=words))  # colour of the strongest
     if largest > 0.0:
         for time, who, size in kicks:
             feet = np.column_stack([ticks(time), levels[who]])
@@ -226,7 +227,7 @@ def rows(axes: Axes, flights: list[StageFlight], ticks: Clock, called: list[str]
 def meetings(
     axes: Axes, flights: list[StageFlight], ticks: Clock, count: int, locks: Sequence[Lock]
 ) -> list[Any]:
-    """Conflicts and locks between the rows of craft; what these mean."""
+    """Draw conflicts and locks between the rows of their spacecraft; return legend handles."""
     handles: list[Any] = []
     top = count - 1
     met = [
@@ -256,7 +257,7 @@ def meetings(
 
 
 def nearness(axes: Axes, flights: list[StageFlight], ticks: Clock) -> None:
-    """The least ratio of any pair against time, with a dot where it is least in each stage."""
+    """Plot the minimum ratio of any pair against time, with a dot at the minimum of each stage."""
     zone_band(axes)
     curves = [flight.nearness() for flight in flights]
     for flight, (times, least) in zip(flights, curves, strict=True):
@@ -271,7 +272,7 @@ def nearness(axes: Axes, flights: list[StageFlight], ticks: Clock) -> None:
 
 
 def marks(figure: Figure, flown: Formation, shown: list[Any]) -> None:
-    """What the marks mean."""
+    """Add the legend."""
     ring: dict[str, Any] = {"linestyle": "", "marker": "o", "color": INK}
     handles: list[Any] = [
         Line2D([], [], markerfacecolor="none", markersize=8, label="start", **ring),
@@ -287,7 +288,7 @@ def marks(figure: Figure, flown: Formation, shown: list[Any]) -> None:
 
 
 def said(flights: list[StageFlight], flown: Formation, count: int) -> str:
-    """How many craft fly how many stages, and whether they stay clear."""
+    """Return the headline: numbers of spacecraft and stages, conflicts, and the closest pair."""
     number = f"{len(flights)} stage{'s' * (len(flights) > 1)}"
     words = f"{count} craft, {number}"
     if not flown.pairs:

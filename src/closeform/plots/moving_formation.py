@@ -1,4 +1,4 @@
-"""A formation in flight as an animation: all craft with their trails, and who is closest to whom."""
+"""Animation of a formation: all spacecraft with their trails, and the closest pair."""
 
 from __future__ import annotations
 
@@ -29,18 +29,18 @@ from closeform.zones.outlines import drawn, shadow
 from closeform.zones.pair_zones import PairZones
 from closeform.zones.zone import Zone
 
-WIDE, NARROW = 900, 720  # pixels across, for few and for many craft: many moving lines fill a file
-PLAY, HOLD, LAST = 80, 1600, 2400  # ms that a frame stays: in motion, at the closest approach, at the end
-TRAIL = 0.25  # of the whole time, and of an orbit at most TURN
+WIDE, NARROW = 900, 720  # width in pixels for few and for many spacecraft; many moving lines make large files
+PLAY, HOLD, LAST = 80, 1600, 2400  # ms per frame: in motion, at the closest approach, at the end
+TRAIL = 0.25  # of the total duration, but at most TURN orbits
 TURN = 0.5
-STRIP, UNDER = 1.0, 0.6  # inches of the ratio against time, and of words below it
-CROWD = 26.0  # pixels: names of craft that are nearer to each other are left out
-CALLED = 8  # craft up to which names stand in every view; of more in the largest one
-MOST = 2_000_000  # norms of pairs for the curve
+STRIP, UNDER = 1.0, 0.6  # inches: height of the time strip, and of the labels below it
+CROWD = 26.0  # pixels: names of spacecraft closer together are hidden
+CALLED = 8  # maximum number of spacecraft with names in every view; larger sets have names in one view
+MOST = 2_000_000  # maximum number of clearance ratios for the curve
 
 
 class Meetings:
-    """How near all pairs are at some `times` (T,): who is nearest to whom, and whose zone that is."""
+    """Clearance ratios of all pairs at `times` (T,) [s]."""
 
     def __init__(self, pairs: Pairs, times: Floats) -> None:
         self.pairs, self.times = pairs, times
@@ -55,7 +55,7 @@ class Meetings:
                 self.ratios[row, both] = zone._norm(gap[both])
 
     def at(self, step: int, count: int | None = None) -> list[int]:
-        """The pairs that share this time, the closest first: all, or at most `count`."""
+        """Return the rows of pairs that share this time, closest first, at most `count`."""
         ratios = self.ratios[:, step]
         if not len(ratios):
             return []
@@ -64,7 +64,7 @@ class Meetings:
 
 
 def held(path: Any, times: Floats) -> Floats:
-    """Positions (T, 3) of a craft, nan where it does not fly."""
+    """Return positions (T, 3) [m] of a spacecraft, nan outside of its path."""
     found = np.full((len(times), 3), np.nan)
     there = (times >= path.start) & (times <= path.end)
     found[there] = path.position(times[there])
@@ -72,7 +72,7 @@ def held(path: Any, times: Floats) -> Floats:
 
 
 class View:
-    """All craft from one direction; `show` moves them."""
+    """View of all spacecraft from one direction; `show` moves them."""
 
     def __init__(self, axes: Axes, camera: Camera, unit: float, scene: Flying, named: bool) -> None:
         self.axes, self.camera, self.unit, self.scene = axes, camera, unit, scene
@@ -99,11 +99,11 @@ class View:
 
     @property
     def artists(self) -> list[Artist]:
-        """All that moves, from back to front."""
+        """Moving artists, from back to front."""
         return [self.zone, self.outlines, self.trails, self.link, self.dots, *self.words]
 
     def show(self, step: int) -> None:
-        """Move everything to a step of the film."""
+        """Move all artists to a step of the animation."""
         scene, camera = self.scene, self.camera
         where = camera(scene.where[:, step]) / self.unit
         self.dots.set_offsets(where)
@@ -124,7 +124,7 @@ class View:
 
 
 class Flying:
-    """The figure, its views and its strip of time."""
+    """Figure of the animation with its views and its time strip."""
 
     def __init__(self, paths: Any, names: Sequence[str] | None, zone: Any, frames: int) -> None:
         flown = crafts("paths", paths)
@@ -154,14 +154,14 @@ class Flying:
 
     @property
     def points(self) -> Floats:
-        """All positions (M, 3), with room for the zones."""
+        """All positions (M, 3) [m], extended by the zones."""
         points = np.vstack(self.tracks)
         sizes = [drawn(zone).extents for zone in dict.fromkeys(self.pairs.zone)]
         reach = np.max(sizes, axis=0, initial=0.0) if sizes else np.zeros(3)
         return np.vstack([points - reach, points + reach])
 
     def in_orbit(self) -> list[View]:
-        """The three planes, and a view in space."""
+        """Return the views in the three planes and in space."""
         points = self.points
         self.figure, unit, panels = three_planes(points, 1.1, STRIP + 0.35)
         views = []
@@ -174,7 +174,7 @@ class Flying:
         return [*views, View(axes, ORBITAL, 1.0, self, False)]
 
     def in_deep_space(self) -> list[View]:
-        """One view at an angle."""
+        """Return one oblique view."""
         high, points = 6.2, OBLIQUE(self.points)
         across, up = np.ptp(points, axis=0)
         wide = float(np.clip(1.2 * (high - FOOT) * across / (up or 1.0), 7.4, WIDTH))
@@ -185,7 +185,7 @@ class Flying:
         return [View(axes, OBLIQUE, 1.0, self, len(self.called) <= NAMED)]
 
     def strip(self, start: float, end: float) -> None:
-        """The least ratio of all pairs against time, with a line that moves."""
+        """Draw the minimum ratio of all pairs against time, with a moving cursor."""
         wide = float(self.figure.get_figwidth())
         axes = area(self.figure, 1.0, UNDER, wide - 1.25, STRIP)
         dress(axes)
@@ -208,11 +208,11 @@ class Flying:
 
     @property
     def artists(self) -> list[Artist]:
-        """All that moves."""
+        """All moving artists."""
         return [*(one for view in self.views for one in view.artists), self.cursor, self.clock, self.story]
 
     def trails(self, step: int) -> list[Floats]:
-        """Where each craft came along of late (K, 3), at steps that make it smooth."""
+        """Return the recent track (K, 3) [m] of each spacecraft."""
         now = self.times[step]
         found = []
         for path in self.paths:
@@ -221,9 +221,9 @@ class Flying:
         return found
 
     def kept(self, step: int) -> list[tuple[int, Zone]]:
-        """The zones that are drawn, each with its craft: first that of the closest pair.
+        """Return the zones to draw, each with the index of its spacecraft; that of the closest pair is first.
 
-        Of few craft each has that which it keeps with the one that is nearest to it.
+        With few spacecraft, each has the zone between it and its nearest neighbour.
         """
         pairs, found = self.pairs, dict[int, Zone]()
         for k in self.meetings.at(step, None if len(self.called) <= NAMED else 1):
@@ -237,7 +237,7 @@ class Flying:
         return list(found.items())
 
     def show(self, time: float) -> None:
-        """Move everything to the time [s] of a frame."""
+        """Move all artists to the time [s] of a frame."""
         step = int(np.searchsorted(self.times, time))
         for view in self.views:
             view.show(step)
@@ -261,34 +261,35 @@ def formation_animation(
     frames: int = 100,
     progress: Callable[[int, int], object] | None = None,
 ) -> None:
-    """Write a formation's flight as an animated GIF: every craft with its trail.
+    """Write an animated GIF of a formation: every spacecraft with its trail.
 
-    In an orbit the three planes of its axes and a view in space, in deep space one view at an angle.  With
-    a zone a line joins the pair that is closest now, and its zone is filled, around the craft that stays;
-    of up to 20 craft each has the outline of the zone that it keeps with the one nearest to it, and who is
-    in conflict has a red edge.  Below, the least ratio of all against time.
+    Paths in an orbit are shown in the three planes of the orbital frame and in space; paths in deep space in
+    one oblique view. With zones, a line joins the closest pair, and its zone is filled. In a formation of up
+    to 20, each spacecraft has the outline of the zone between it and its nearest neighbour. A spacecraft in
+    conflict has a red edge. The strip below shows the minimum ratio of all pairs against time.
 
     Parameters
     ----------
     paths : Path or sequence of Path
-        A Path of shape (N,), such as a plan's, or N paths.
+        Path of shape (N,), such as the paths of a plan, or N paths.
     file : str, path-like or file of bytes
-        Where to; a file that is there is replaced.
+        Output file; an existing file is overwritten.
     names : sequence of str, optional
-        Of the craft; their indices unless given.
+        Names of the spacecraft; default: their indices.
     zone : Zone, CovarianceZone, Body, None, sequence of these, or PairZones, optional
-        One for all or one for each craft, of two as in `screen`; None: none of its own.
+        One zone for all spacecraft or one for each, combined for a pair as in `screen`; None: no zone of its
+        own.
     frames : int, default 100
-        At least 2, spread evenly over the time, with one more at the closest approach, where the film stops
-        for a moment.
+        Number of frames, at least 2, evenly spaced in time; one more at the closest approach, where the
+        animation pauses.
     progress : callable of int and int, optional
-        Called with the frames done and all frames.
+        Function called with the number of finished frames and the total.
 
     Raises
     ------
     ValueError
-        If `frames` is below 2, names are not as many as the craft, the zones make none for a pair, or an
-        argument is of another kind.
+        If `frames` is below 2, the number of names is wrong, two zones cannot be combined for a pair, or an
+        argument has the wrong type.
     """
     filmed(file, frames, progress)
     found = reel(paths, names, zone, frames=frames)
@@ -302,7 +303,7 @@ def reel(
     *,
     frames: int = 100,
 ) -> Reel:
-    """The film of `formation_animation`, to be drawn."""
+    """Return the animation of `formation_animation` without drawing it."""
     scene = Flying(paths, names, zone, frames)
     waits = np.where((scene.times == scene.closest) & (len(scene.pairs) > 0), HOLD, PLAY)
     waits[-1] = LAST

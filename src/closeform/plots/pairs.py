@@ -1,4 +1,4 @@
-"""The pairs of craft that have a zone, each with its closest approach, and what is said of them."""
+"""Pairs of spacecraft with a keep-out zone, their closest approaches, and text about them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,16 +19,16 @@ from closeform.zones.made_table import NONE
 from closeform.zones.pair_zones import by_zone, pair_zones
 from closeform.zones.zone import Zone
 
-SURE = 1e-8  # above 1: beyond what a least ratio leaves open, and no conflict
-TOUCH = 1e-6  # above 1: as good as on the zone's surface
+SURE = 1e-8  # above 1: numerical tolerance of a minimum ratio; larger ratios are no conflict
+TOUCH = 1e-6  # above 1: tolerance for a pair on the keep-out boundary
 
 
 @dataclass(frozen=True, eq=False)
 class Pairs:
-    """The pairs of craft that have a zone, each with its closest approach.
+    """Pairs of spacecraft with a keep-out zone, each with its closest approach.
 
-    `craft` (M, 2) with i < j, in order; the `zone` of each (M), its least `ratio` (M,), inf where
-    the two share no time, and the `time` of that (M,) [s].
+    `craft` (M, 2) holds sorted indices i < j. Each pair has a `zone`, a minimum `ratio` (M,), inf if the two
+    share no time, and the `time` of closest approach (M,) [s].
     """
 
     paths: Path
@@ -36,11 +36,11 @@ class Pairs:
     zone: list[Zone]
     ratio: Floats
     time: Floats
-    total: int  # pairs that have a zone, of which there may be more than these
+    total: int  # number of all pairs with a zone, which may be more than M
 
     @classmethod
     def near(cls, paths: Any, zones: Any, flown: int, name: str) -> Self:
-        """Return the pairs in conflict, or without any the closest ones, of too many craft to look at all.
+        """Return the pairs in conflict, or else the closest ones, of formations too large for `of`.
 
         Arguments and errors are those of `of`.
         """
@@ -62,10 +62,10 @@ class Pairs:
 
     @classmethod
     def of(cls, paths: Any, zones: Any, flown: int | None = None, name: str = "zones") -> Self:
-        """Pairs of N `paths`, with one zone for all, one for each, or `PairZones`; or none.
+        """Return the pairs of N `paths` with one zone for all, one for each, or `PairZones`; or no pairs.
 
-        The first two hold for pairs of which one at least is among the first `flown` craft.
-        Raises ValueError for another number of zones, or where two do not hold each other.
+        The first two apply to pairs with at least one of the first `flown` spacecraft. Raises ValueError for
+        a wrong number of zones, or if two zones cannot be combined.
         """
         batch = stack(crafts("paths", paths))
         flying = len(batch) if flown is None else flown
@@ -88,7 +88,7 @@ class Pairs:
 
     @cached_property
     def stays(self) -> list[tuple[Conflict, ...]]:
-        """Every stay in its zone of each pair."""
+        """Conflicts of each pair."""
         return [
             find_conflicts(self.paths[i], self.paths[j], zone) if ratio <= 1.0 + SURE else ()
             for (i, j), zone, ratio in zip(self.craft.tolist(), self.zone, self.ratio, strict=True)
@@ -96,19 +96,19 @@ class Pairs:
 
     @property
     def hit(self) -> Any:
-        """Which pairs are in conflict (M,)."""
+        """Mask (M,) of the pairs in conflict."""
         return np.array([bool(stays) for stays in self.stays], dtype=bool)
 
     @property
     def order(self) -> list[int]:
-        """The pairs that share a time, the closest first; of equals the earliest."""
+        """Indices of the pairs that share a time, closest first; of equal ones the earliest."""
         near = list(zip(self.ratio.tolist(), self.time.tolist(), strict=True))
         ranked = sorted(range(len(self)), key=lambda k: nearest_first(*near[k]))
         return [k for k in ranked if near[k][0] < np.inf]
 
 
 def asked(paths: Any, zones: Any, names: Sequence[str] | None) -> tuple[Pairs, list[str]]:
-    """The pairs to show and what their craft are called."""
+    """Return the pairs to show and the labels of their spacecraft."""
     flown = crafts("paths", paths)
     if len(flown) < 2:
         raise ValueError(f"paths: give at least two craft, got {len(flown)}")
@@ -120,7 +120,7 @@ def asked(paths: Any, zones: Any, names: Sequence[str] | None) -> tuple[Pairs, l
 
 
 def title(pairs: Pairs, called: list[str]) -> str:
-    """How many are in conflict, and the closest pair."""
+    """Return the headline: number of conflicts, and the closest pair."""
     hits, total = int(pairs.hit.sum()), len(pairs)
     if not pairs.order:
         return "No two craft that have a zone share a time"
@@ -137,7 +137,7 @@ def title(pairs: Pairs, called: list[str]) -> str:
 
 
 def ratio_text(ratio: float) -> str:
-    """A ratio in words; one in conflict never reads 1.00."""
+    """Return a ratio as text; a ratio below 1 is never shown as 1.00."""
     if ratio <= 1.0 and round(ratio, 2) == 1.0:
         return "<1"
     if ratio >= 9999.5:

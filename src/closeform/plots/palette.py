@@ -1,4 +1,4 @@
-"""Colours of pictures and of the page that moves; they hold for the colour-blind and in grey."""
+"""Colours of figures and of the web page, chosen to be distinguishable with colour blindness and in grey."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -14,7 +14,7 @@ INK, FAINT = "#202124", "#dadce0"
 
 @dataclass(frozen=True)
 class Direction:
-    """One axis of the orbit's frame as it looks in every picture."""
+    """Name, colour and line style of one axis of the orbital frame."""
 
     name: str
     colour: str
@@ -26,13 +26,13 @@ ALONG = Direction("along-track", "#1B8A7A", (0, (6, 2)))
 CROSS = Direction("cross-track", "#AA4499", (0, (6, 1.5, 1.5, 1.5)))
 DIRECTIONS = (RADIAL, ALONG, CROSS)
 
-FEW = 8  # craft up to which colours are those of a list; more have shades from blue to yellow-green
+FEW = 8  # spacecraft that take their colours from a list; larger sets use shades from blue to yellow-green
 COLOURS = (RADIAL.colour, AFTER, ALTERNATIVE, CROSS.colour, "#56B4E9", "#7a6a00", "#882255", BEFORE)
 SHADES = (RADIAL.colour, AFTER, ALONG.colour, "#6aa84f", "#b5bd3a")
 
 
 def colours(count: int) -> Floats:
-    """A colour (RGBA) of each craft, none of them that of a conflict."""
+    """Return an RGBA colour (N, 4) for each spacecraft; none equals the conflict colour."""
     if count <= FEW:
         return rgba(COLOURS[:count])
     stops = rgba(SHADES)
@@ -41,11 +41,11 @@ def colours(count: int) -> Floats:
 
 
 def rgba(written: tuple[str, ...]) -> Floats:
-    """Opaque colours (K, 4) that are written as #rrggbb."""
+    """Return opaque RGBA colours (K, 4) for #rrggbb strings."""
     parts = [[*bytes.fromhex(colour[1:]), 255] for colour in written]
     return np.asarray(parts, dtype=np.float64).reshape(-1, 4) / 255.0
 
 
 def written(colour: Floats) -> str:
-    """A colour (RGB or RGBA) as #rrggbb."""
+    """Return a colour (RGB or RGBA) as a #rrggbb string."""
     return "#" + bytes(np.rint(255.0 * colour[:3]).astype(np.uint8)).hex()

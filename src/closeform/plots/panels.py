@@ -1,4 +1,4 @@
-"""The panels of a picture of a gathering: views of all craft, one craft close by, and the time."""
+"""Panels of a gathering figure: views of all spacecraft, a close-up of one, and a time strip."""
 
 from collections.abc import Sequence
 from math import degrees, pi
@@ -34,12 +34,12 @@ from closeform.search.gather_result import EventKind, Gathering
 from closeform.search.leg import SPELLED, SUN
 from closeform.search.sets import FORMATION, LOST
 
-NORTH, EAST = np.array([0.0, -1.0, 0.0]), np.array([1.0, 0.0, 0.0])  # up and right, as the sun sees it
+NORTH, EAST = np.array([0.0, -1.0, 0.0]), np.array([1.0, 0.0, 0.0])  # up and right, as seen from the Sun
 SUN_VIEW = Camera(np.array([EAST, NORTH, SUN]))
 DIRECTIONS = {"x": EAST, "y": -NORTH, "z": -SUN}
-NARROW, SPACIOUS = 0.035, 0.35  # of the time line: bands with room for the name of a phase, and in full
-FEW = 12  # craft up to which each has its cone, shade and name
-STYLES: dict[int, tuple[str, str, str]] = {  # of sets: marker, edge and face
+NARROW, SPACIOUS = 0.035, 0.35  # of the time strip: bands for a short and a full phase name
+FEW = 12  # maximum number of spacecraft that all have cones, shades and names
+STYLES: dict[int, tuple[str, str, str]] = {  # of sets: marker, edge and face colour
     LOST: ("o", BEFORE, "white"),
     FORMATION: ("o", INK, INK),
     1: ("s", "#00614a", "#009E73"),
@@ -50,12 +50,12 @@ STYLES: dict[int, tuple[str, str, str]] = {  # of sets: marker, edge and face
 
 
 def style_of(label: int) -> int:
-    """Which of the styles a set has; knowledge sets beyond the fourth begin again."""
+    """Return the style key of a set; knowledge sets beyond the fourth reuse the four styles."""
     return label if label <= FORMATION else 1 + (label - 1) % 4
 
 
 class Overview:
-    """All craft, seen from one direction, at one scale for the whole gathering."""
+    """View of all spacecraft from one direction, at one scale for the whole gathering."""
 
     def __init__(
         self,
@@ -118,7 +118,7 @@ class Overview:
 
     @property
     def artists(self) -> list[Artist]:
-        """All that moves, from back to front."""
+        """Moving artists, from back to front."""
         lines = [
             self.bodies,
             self.mouths,
@@ -132,7 +132,7 @@ class Overview:
         return [*lines, *self.marks.values(), *self.words]
 
     def _pairs(self) -> Any:
-        """Pairs whose locks are drawn: all of A with B where craft are few, else those that joined sets."""
+        """Return pairs whose locks are drawn: all of A with B if few, otherwise those that joined sets."""
         groups = self.gathering.groups
         if self.few:
             return np.array([(i, j) for i, a in enumerate(groups) for j, b in enumerate(groups) if a < b])
@@ -140,7 +140,7 @@ class Overview:
         return np.array([(event.first, event.second) for event in locks]).reshape(-1, 2)
 
     def show(self, moment: Moment) -> None:
-        """Move everything to a moment."""
+        """Move all artists to a moment."""
         where, camera = moment.positions, self.camera
         self._cones(moment, where)
         trails = moment.trails
@@ -158,7 +158,7 @@ class Overview:
         beside(self.axes, self.words, flat[list(self.coned)])
 
     def _cones(self, moment: Moment, where: Floats) -> None:
-        """The cones of the sensors and the shades, each as its craft holds them."""
+        """Move the sensor cones and the shades to the attitudes of their spacecraft."""
         sensor, camera = self.gathering.search.sensor, self.camera
         bodies, mouths, edges, shades, colours, facing = [], [], [], [], [], []
         for k in sorted(self.coned, key=lambda k: self.gathering.groups[k]):
@@ -184,7 +184,7 @@ class Overview:
 
 
 class CloseUp:
-    """One craft from near by: its shade and normal, the sensor's cone, and the sun line."""
+    """Close-up of one spacecraft: its shade and normal, the sensor cone, and the sun line."""
 
     def __init__(
         self,
@@ -220,7 +220,7 @@ class CloseUp:
 
     @property
     def artists(self) -> list[Artist]:
-        """All that moves, from back to front."""
+        """Moving artists, from back to front."""
         return [
             self.body,
             self.mouth,
@@ -233,12 +233,12 @@ class CloseUp:
         ]
 
     def show(self, moment: Moment) -> None:
-        """Turn the craft as it is at a moment."""
+        """Turn the spacecraft to its attitude at a moment."""
         group = self.gathering.groups[self.craft]
         attitude, camera = moment.attitudes[self.craft], self.camera
         normal, boresight = attitude[:, 0], attitude[:, 2]
         sensor = self.gathering.search.sensor
-        apex = boresight if sensor.offset > 0.0 else np.zeros(3)  # the shade's radius is the sensor's offset
+        apex = boresight if sensor.offset > 0.0 else np.zeros(3)  # shade radius equals the offset
         rim = apex + ring(boresight, float(moment.half_angles[self.craft]), 1.1)
         self.body.set_verts([solid(camera, apex, rim)])
         self.mouth.set_verts([camera(rim)])
@@ -258,7 +258,7 @@ class CloseUp:
 
     @staticmethod
     def doing(moment: Moment, off_sun: float) -> str:
-        """The turn under way, and how far the shade's normal is from the Sun."""
+        """Return the current turn, and the angle between the shade's normal and the Sun, as text."""
         leg = moment.leg
         axis = "the sun line" if leg.about == "sun line" else leg.about
         about = f"turning about\n{axis}" if leg.angle else "waiting"
@@ -266,7 +266,7 @@ class CloseUp:
 
 
 class Strip:
-    """The time of the whole gathering with its phases and locks, and where the moment is."""
+    """Time strip of the whole gathering with its phases, locks and a cursor."""
 
     def __init__(
         self, figure: Figure, place: tuple[float, float, float, float], gathering: Gathering
@@ -290,7 +290,7 @@ class Strip:
                     word(axes, (first, 0.5), told, shift=(5, 0), ha="left")
         above = blended_transform_factory(axes.transData, axes.transAxes)
         times = sorted({event.time for event in gathering.events if event.kind == EventKind.LOCK})
-        free = [-1.0, -1.0]  # from which time on there is room for words in a row
+        free = [-1.0, -1.0]  # start time of the free space in each row
         for time in times:
             axes.axvline(time, color=INK, linewidth=1.4 if len(times) <= FEW else 0.6)
             row = next((k for k in (0, 1) if time >= free[k]), None)
@@ -303,7 +303,7 @@ class Strip:
 
     @property
     def artists(self) -> list[Artist]:
-        """All that moves."""
+        """Moving artists."""
         return [self.cursor]
 
     def show(self, moment: Moment) -> None:
@@ -312,12 +312,12 @@ class Strip:
 
 
 def stacked(artists: Sequence[Artist]) -> None:
-    """Give artists the order from back to front in which they stand."""
+    """Set the drawing order of artists from back to front."""
     for k, artist in enumerate(artists):
         artist.set_zorder(3.0 + 0.1 * k)
 
 
 def tint(colour: str, share: float) -> tuple[float, float, float, float]:
-    """A colour as red, green, blue and opacity."""
+    """Return a colour as red, green, blue and opacity."""
     red, green, blue = (int(colour[k : k + 2], 16) / 255.0 for k in (1, 3, 5))
     return red, green, blue, share

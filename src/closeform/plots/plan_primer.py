@@ -1,4 +1,4 @@
-"""What a push is worth along a plan: the primer of a craft that keeps planes, by what it fires."""
+"""Primer of one spacecraft along a plan with zone contacts, per unit of delta-v or per thruster."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
 from closeform.planning.plan import Avoidance, Plan
 
-GRID = 600  # instants at which a primer along thrusters is to be at most 1
-DEAR = 100.0  # what it costs where it is more, in the sizes of all impulses
+GRID = 600  # instants at which a primer along thrusters is constrained to at most 1
+DEAR = 100.0  # penalty for exceeding 1, in units of the sum of all impulses
 
 
 @dataclass(frozen=True, eq=False)
 class PlanePushes:
-    """What contacts add to the primer of one craft: at `times` (K,) [s], `pushes` (K, 3), no unit times 1/m.
+    """Contact terms of a spacecraft's primer: `times` (K,) [s] and `pushes` (K, 3) [1/m].
 
-    A contact's multiplier along its normal, for the second craft against it.
+    A push is the multiplier of a contact along its normal, with opposite sign for the second spacecraft.
     """
 
     orbit: Orbit
@@ -31,7 +31,7 @@ class PlanePushes:
 
     @classmethod
     def of(cls, plan: Path | Avoidance | Plan, craft: int, path: Path) -> Self:
-        """Those of a craft's contacts at which it can still give way; none of a path or a plan of energy."""
+        """Return the pushes at contacts inside the manoeuvre; none for a path or a minimum-energy plan."""
         first, last = path.start, path.end
         if isinstance(plan, Plan):
             first, last = plan.starts[craft], plan.starts[craft] + plan.durations[craft]
@@ -45,7 +45,7 @@ class PlanePushes:
         return len(self.times)
 
     def __call__(self, times: Floats) -> Floats:
-        """The sum (T, 3) of what those that are still ahead add."""
+        """Return the sum (T, 3) of the contributions of all later contacts at some times [s]."""
         ahead = self.times - np.asarray(times)[:, None]
         moves = self.orbit.transition(-ahead)[..., :3, 3:]
         felt = np.where(ahead > 0.0, 1.0, 0.0)[..., None] * -np.einsum("tkij,kj->tki", moves, self.pushes)
@@ -54,9 +54,9 @@ class PlanePushes:
 
 @dataclass(frozen=True, eq=False)
 class Worth:
-    """A primer p(t) = Psi(t) c, and what `planes` add to it.                                # theory (38)
+    """Primer p(t) = Psi(t) c plus the contact terms of `planes`, theory (38).
 
-    `thrusters` are those along which it counts; without any its length does.
+    With `thrusters`, its component along the best thruster counts; otherwise its length.
     """
 
     start: float
@@ -66,7 +66,7 @@ class Worth:
 
     @classmethod
     def of(cls, path: Path, planes: PlanePushes, thrusters: Thrusters | None) -> Self:
-        """The primer that is along a path's impulses, and 1 there, as nearly as there is one."""
+        """Fit the primer to a path's impulses: along them and of length 1, as closely as possible."""
         times = np.array([time for time, _ in path.impulses])
         pushes = np.array([push for _, push in path.impulses])
         rows = positions(path.orbit, times - path.start)
@@ -80,11 +80,11 @@ class Worth:
         return cls(path.start, scale * found[0], planes)
 
     def __call__(self, times: Floats) -> Floats:
-        """p (T, 3) at some times."""
+        """Return the primer p (T, 3) at some times [s]."""
         return positions(self.planes.orbit, times - self.start) @ self.first + self.planes(times)
 
     def heights(self, times: Floats) -> Floats:
-        """What a push is worth at most (T,), for each metre per second of it."""
+        """Return the maximum value (T,) of an impulse per metre per second."""
         primer = self(times)
         if self.thrusters is None:
             return np.asarray(np.linalg.norm(primer, axis=1))
@@ -92,7 +92,7 @@ class Worth:
         return np.asarray(np.einsum("tmi,ti->tm", toward, primer).max(axis=1))
 
     def spent(self, time: float, push: Floats) -> float:
-        """What an impulse (3,) costs [m/s], summed over thrusters."""
+        """Return the cost [m/s] of an impulse (3,), summed over thrusters."""
         if self.thrusters is None:
             return float(np.linalg.norm(push))
         allocation = Allocation.of(self.thrusters.directions_at(self.planes.orbit, time))
@@ -100,12 +100,12 @@ class Worth:
 
 
 def positions(orbit: Orbit, times: Any) -> Floats:
-    """Psi (T, 3, 6): positions of a natural motion by its start."""
+    """Return Psi (T, 3, 6), which maps an initial state to the positions of its natural motion."""
     return orbit.transition(times)[..., :3, :]
 
 
 def _along(path: Path, planes: PlanePushes, thrusters: Thrusters, pushes: Floats, rows: Floats) -> Floats:
-    """The start c of the primer that is worth most to impulses, with d . p at most 1.       # theory (36)"""
+    """Return the initial c of the primer that maximises the value of impulses, d . p <= 1, theory (36)."""
     from scipy.optimize import linprog
 
     orbit, start = path.orbit, path.start

@@ -1,4 +1,4 @@
-"""Why impulses are the least, and what time is worth: a primer's length, and delta-v against duration."""
+"""Primer magnitude against time, and minimum delta-v against transfer duration."""
 
 from __future__ import annotations
 
@@ -33,44 +33,43 @@ from closeform.plots.style import (
     time_axes,
 )
 
-LEAST = 0.05  # per cent above a bound, that count as it
+LEAST = 0.05  # per cent above a bound that count as equal to it
 LETTERED = 12  # impulses or slots that are labelled
 SMALLEST = 0.02  # of the largest impulse: smaller ones are not labelled
-TOGETHER = 0.01  # of the duration: impulses that are nearer have one label
-ALIKE = 0.02  # of the delta-v of a plan: as fired it costs the same, to the eye
-STEEP = 4.0  # times the least delta-v: a curve that rises higher has an axis of powers
-CROWDED = 40.0  # pixels: of marks that are nearer the lower one has its words below it
-BESIDE = 0.12  # of the duration: labels nearer than that stand above each other
+TOGETHER = 0.01  # of the duration: impulses closer together share one label
+ALIKE = 0.02  # of the delta-v of a plan: a smaller difference between planned and fired delta-v is invisible
+STEEP = 4.0  # times the minimum delta-v: a curve that rises higher has a logarithmic axis
+CROWDED = 40.0  # pixels: of two marks closer together, the lower one has its label below it
+BESIDE = 0.12  # of the duration: labels closer together are stacked
 
 
 def primer(path: Path | Avoidance | Plan, craft: int = 0, thrusters: Thrusters | None = None) -> Figure:
-    """The length of a primer against time: 1 where impulses pay, nowhere more.
+    """Plot the magnitude of a primer against time: 1 at optimal impulses, nowhere above 1.
 
-    Dots mark the impulses with their sizes, at what each metre per second of them is worth: p . v/|v|; burns
-    that last are grey.
-    Of a path the primer is that of its ends with nothing in the way: on the least plan all dots stand at 1,
-    on another path those below are wasted by as much.  A plan around zones has a primer of its own, whose
-    rate jumps where the plan touches a zone; give the plan itself to see it.
+    Each dot is an impulse, labelled with its size, at the height p . v/|v|: its value per metre per second.
+    Finite burns are grey. For a path, the primer is that of its end states without obstacles. On the optimal
+    plan all dots lie at 1; on another path, a dot below 1 shows the wasted share. A plan around zones has a
+    primer of its own, whose rate jumps at each contact with a zone; pass the plan itself to plot it.
 
     Parameters
     ----------
     path : Path, Avoidance or Plan
-        Of one craft, over at most 100 orbits: of `Orbit.impulsive`, or any other between its ends; or a plan
-        of least delta-v.
+        Path of one spacecraft over at most 100 orbits, from `Orbit.impulsive` or any other between its end
+        states; or a minimum-delta-v plan.
     craft : int, default 0
-        Whose of a `Plan`, by index.
+        Index of the spacecraft in a `Plan`.
     thrusters : Thrusters, optional
-        Of the craft, where the plan is made for them: d . p of the best one is shown instead of the length.
+        Thrusters for which the plan was made; d . p of the best thruster replaces the primer magnitude.
 
     Returns
     -------
     Figure
-        Of matplotlib; save it with its `savefig`.
+        Matplotlib figure; save it with its `savefig` method.
 
     Raises
     ------
     ValueError
-        If the path is a batch, takes too long, or is no path; if a plan has no path or no such craft.
+        If the path is a batch, is too long or is not a path, or if a plan has no path or no such spacecraft.
 
     References
     ----------
@@ -86,7 +85,7 @@ def primer(path: Path | Avoidance | Plan, craft: int = 0, thrusters: Thrusters |
 
 
 def _flown(path: Any, craft: int) -> Path:
-    """The path of one craft."""
+    """Return the path of one spacecraft."""
     flown = path.paths if isinstance(path, Plan) else path.path if isinstance(path, Avoidance) else path
     count = len(flown) if isinstance(path, Plan) and flown is not None else 1
     if whole("craft", craft) >= count:
@@ -95,7 +94,7 @@ def _flown(path: Any, craft: int) -> Path:
 
 
 def _of_ends(path: Path) -> Figure:
-    """The primer of a path's ends, with nothing in the way."""
+    """Plot the primer of a path's end states without obstacles."""
     start, end = path.start, path.end
     bound = least_delta_v(path.orbit, *ends_of(path), end - start)
     times = instants(start, end, path)
@@ -122,7 +121,7 @@ def _of_ends(path: Path) -> Figure:
 
 
 def primer_length(primer: Path, said: str) -> Figure:
-    """The length of a primer that is given, against time."""
+    """Plot the magnitude of a given primer against time."""
     times = instants(primer.start, primer.end, primer)
     lengths = np.linalg.norm(primer.position(times), axis=-1)
     figure = _drawn(primer, times, lengths, [], [], "primer magnitude")
@@ -131,7 +130,7 @@ def primer_length(primer: Path, said: str) -> Figure:
 
 
 def _of_plan(path: Path, planes: PlanePushes, thrusters: Thrusters | None) -> Figure:
-    """The primer of a plan that keeps planes, or is made for thrusters."""
+    """Plot the primer of a plan with zone contacts, or of a plan made for thrusters."""
     worth, times = Worth.of(path, planes, thrusters), instants(path.start, path.end, path)
     lengths, when = worth.heights(times), np.array([time for time, _ in path.impulses])
     sizes = [worth.spent(time, push) for time, push in path.impulses]
@@ -159,7 +158,7 @@ def _of_plan(path: Path, planes: PlanePushes, thrusters: Thrusters | None) -> Fi
 
 
 def _spent(path: Path, spent: float) -> str:
-    """What impulses and burns cost, and how many there are."""
+    """Return the delta-v and the number of impulses or burns as text."""
     burns, impulses = len(burns_of(path).told.size), len(path.impulses)
     if burns > impulses:
         return f"{speed(spent)} with {burns} burn{'s' * (burns != 1)}"
@@ -169,7 +168,7 @@ def _spent(path: Path, spent: float) -> str:
 def _drawn(
     path: Path, times: Floats, lengths: Floats, heights: list[float], sizes: list[float], named: str
 ) -> Figure:
-    """The curve, and a dot with its size for each impulse."""
+    """Draw the primer curve, and a labelled dot for each impulse."""
     start, end, ticks = path.start, path.end, clock(path, path.start, path.end)
     figure, axes = chart(4.6)
     axes.axhline(1.0, color=ZONE, linewidth=1.6)
@@ -183,7 +182,7 @@ def _drawn(
     last, row, rows = -np.inf, 0, 0
     for some in _groups(times_of, large, TOGETHER * (end - start)):
         time, many = float(times_of[some[0]]), len(some)
-        late = time > start + 0.85 * (end - start)  # its words stand before it, where those of others end
+        late = time > start + 0.85 * (end - start)  # its label ends at the dot instead of starting there
         row = (row + 1) % 3 if time - last < BESIDE * (1.0 + late) * (end - start) else 0
         last, rows = time, max(row, rows)
         axes.annotate(
@@ -196,7 +195,7 @@ def _drawn(
             color=INK,
         )
     low = 1.1 * min([0.0, *heights, *lengths])
-    room = (24 + 13 * rows) / (axes.get_window_extent().height * 72 / figure.dpi)  # of the words above 1
+    room = (24 + 13 * rows) / (axes.get_window_extent().height * 72 / figure.dpi)  # of the labels above 1
     axes.set_ylim(low, max(1.35, 1.1 * float(lengths.max(initial=0.0)), (1.0 - room * low) / (1.0 - room)))
     axes.set_ylabel(named)
     time_axes([axes], ticks, start, end)
@@ -204,7 +203,7 @@ def _drawn(
 
 
 def _groups(times: Floats, sizes: Floats, near: float) -> list[Any]:
-    """Which impulses are labelled, those that follow each other at once together; small ones are not."""
+    """Return groups of impulse indices that share a label; small impulses are skipped."""
     large = np.flatnonzero(sizes >= SMALLEST * sizes.max(initial=0.0))
     if not len(large):
         return []
@@ -217,32 +216,32 @@ def trade(
     fired: float | None = None,
     asked: float | None = None,
 ) -> Figure:
-    """Delta-v against duration, to the cheapest slot in each: what time is worth.
+    """Plot the minimum delta-v against the transfer duration, to the cheapest slot for each duration.
 
-    The dashed line is the least of all; where the cheapest slot changes, but seldom, labels name it by its
-    index, from 0.
+    The dashed line is the minimum over all durations. If the cheapest slot changes only a few times, labels
+    name it by its index, from 0.
 
     Parameters
     ----------
     found : TransferCostTable
-        Of `arrivals`.
+        Table from `transfer_cost_table`.
     plan : Path or sequence of Path, optional
-        What a ring is drawn for: a plan by its duration and its delta-v, of several craft by the sum.
+        Plan to mark with a ring at its duration and delta-v, summed over several spacecraft.
     fired : float [m/s], optional
-        What thrusters spend to fly the plan, of several craft the sum: a dot beside the ring.
+        Delta-v of the thruster firing that realizes the plan, summed over all spacecraft; marked by a dot.
     asked : float [s], optional
-        The duration that is asked for: a line across, where there is no plan.
+        Required duration, marked by a vertical line; for use without a plan.
 
     Returns
     -------
     Figure
-        Of matplotlib; save it with its `savefig`.
+        Matplotlib figure; save it with its `savefig` method.
 
     Raises
     ------
     ValueError
-        If there is no duration, `found` is not a `TransferCostTable`, `fired` is given without a plan, or
-        `asked` is not positive.
+        If the table has no duration, `found` is not a `TransferCostTable`, `fired` is given without a plan,
+        or `asked` is not positive.
     """
     instance("found", found, TransferCostTable)
     if not len(found.duration):

@@ -1,4 +1,4 @@
-"""Figures in motion, written as an animated GIF by Pillow."""
+"""Animated figures, written as GIF files with Pillow."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -11,16 +11,16 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
 
-COLOURS = 128  # of a film; twice as many make the file a tenth larger and look the same
-TYPICAL = 5  # frames whose colours the film has
+COLOURS = 128  # per animation; twice as many make the file 10 % larger without a visible gain
+TYPICAL = 5  # frames from which the palette is computed
 
 
 @dataclass(frozen=True)
 class Reel:
-    """A figure that moves, some `pixels` across.
+    """Animated figure, `pixels` wide.
 
-    `show` moves the `moving` artists, from back to front, to a time [s].  Each of the `moments` is a time [s]
-    and the duration of its frame [ms].
+    `show` moves the `moving` artists, ordered from back to front, to a time [s]. Each entry of `moments` is a
+    time [s] and the duration of its frame [ms].
     """
 
     figure: Figure
@@ -30,13 +30,13 @@ class Reel:
     pixels: int
 
     def frames(self, share: slice, progress: Callable[[int, int], object] | None = None) -> list[Image.Image]:
-        """Draw the frames of a share of the moments in the film's palette; draw what stands still once."""
+        """Return the frames of a slice of `moments` in one palette; the static background is drawn once."""
         self.figure.set_dpi(self.pixels / self.figure.get_figwidth())
         canvas = FigureCanvasAgg(self.figure)
         times = [time for time, _ in self.moments]
         self.show(times[0])
         for artist in self.moving():
-            artist.set_animated(True)  # canvas.draw leaves it out
+            artist.set_animated(True)  # canvas.draw skips it
         canvas.draw()
         still = canvas.copy_from_bbox(self.figure.bbox)
 
@@ -59,7 +59,7 @@ class Reel:
         return coded
 
     def save(self, file: str | PathLike[str] | IO[bytes], frames: Sequence[Image.Image]) -> None:
-        """Write all frames as an animated GIF, of which `optimize` stores what changes."""
+        """Write all frames as an animated GIF; `optimize` stores only the pixels that change."""
         stays = [stay for _, stay in self.moments]
         frames[0].save(
             file, "GIF", save_all=True, append_images=frames[1:], duration=stays, loop=0, optimize=True

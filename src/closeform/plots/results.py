@@ -1,4 +1,4 @@
-"""The picture of any answer, and the film of any that flies: which picture shows it."""
+"""Figure of any result, and animation of any result that contains paths."""
 
 from __future__ import annotations
 
@@ -24,33 +24,34 @@ def plot(
     obstacles: Path | Sequence[Path] | None = None,
     names: Sequence[str] | None = None,
 ) -> Figure:
-    """Draw an answer of any kind, in the picture of `closeform.plots` that shows it.
+    """Draw a result with the function of `closeform.plots` that suits its type.
 
-    Whatever flies is drawn with its paths: a `Path`, a plan before and after, a mission, an encounter.
+    A result that contains paths is drawn with them: a `Path`, a plan before and after, a mission, an
+    encounter.
 
     Parameters
     ----------
     result : Path, Plan, Avoidance, Screening, Locks, Gathering, Mission, and so on, or a sequence of Conflict
-        What a function answered.
+        Result of a function of this package.
     zone : Zone, CovarianceZone, Body, None, sequence of these, or PairZones, optional
-        Of what flies, as in `formation_paths`; a mission has its own.
+        Zones of the paths, as in `formation_paths`; a mission has its own.
     obstacles : Path or sequence of Path, optional
-        Drawn beside what flies.
+        Obstacles drawn with the paths.
     names : sequence of str, optional
-        Of the craft, where the answer has none; their indices unless given.
+        Names of the spacecraft; default: those of the result, or their indices.
 
     Returns
     -------
     Figure
-        Of matplotlib; save it with its `savefig`.
+        Matplotlib figure; save it with its `savefig` method.
 
     Raises
     ------
     TypeError
-        If `result` is nothing that can be drawn; the message lists what can be.
+        If `result` cannot be drawn; the message lists the supported types.
     ValueError
-        If there is nothing to be seen, as of a plan that was not found, another argument does not belong to
-        this picture, or is of another kind.
+        If there is nothing to draw, as for a failed plan, an argument does not apply to this figure, or an
+        argument has the wrong type.
 
     References
     ----------
@@ -78,14 +79,14 @@ def animate(
     *,
     frames: int = 100,
 ) -> None:
-    """Write whatever flies as an animated GIF: `formation_animation`, or of a gathering `animation`.
+    """Write an animated GIF of a result with paths, by `formation_animation`, or `animation` for a gathering.
 
     Parameters
     ----------
     result : Path, Plan, Avoidance, ThrusterFiring, Gathering, Mission, and so on
-        What a function answered.
+        Result of a function of this package.
     file : str, path-like or file of bytes
-        Where to, NAME.gif; a file that is there is replaced.
+        Output file NAME.gif; an existing file is overwritten.
     zone : Zone, CovarianceZone, Body, None, sequence of these, or PairZones, optional
         As in `plot`.
     obstacles : Path or sequence of Path, optional
@@ -93,14 +94,14 @@ def animate(
     names : sequence of str, optional
         As in `plot`.
     frames : int, default 100
-        At least 2, spread evenly over the time.
+        Number of frames, at least 2, evenly spaced in time.
 
     Raises
     ------
     TypeError
-        If `result` is nothing that flies; the message lists what does.
+        If `result` has no paths; the message lists the supported types.
     ValueError
-        If `file` is not called NAME.gif, there is nothing to be seen, or an argument is of another kind.
+        If `file` is not named NAME.gif, there is nothing to draw, or an argument has the wrong type.
 
     References
     ----------
@@ -139,7 +140,7 @@ def _flight(result: Any, zone: Any, obstacles: Any, names: Any) -> Figure:
 
 
 def _kind(result: Any) -> str:
-    """Under which name its picture is found: that of its class or of one above it, or of what it holds."""
+    """Return the type name under which a result is registered: of its class, a base class or its items."""
     if isinstance(result, list | tuple):
         kinds = {_kind(one) for one in result} or {"Conflict"}
         return kinds.pop() if kinds in ({"Conflict"}, {"Path"}) else ""
@@ -149,5 +150,5 @@ def _kind(result: Any) -> str:
 
 
 def _listed(kinds: Mapping[str, Any]) -> str:
-    """Names in a message."""
+    """Return sorted names for a message."""
     return ", ".join(sorted(kinds))

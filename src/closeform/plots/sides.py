@@ -1,4 +1,4 @@
-"""The two ways around one obstacle."""
+"""Figure of the two avoidance trajectories around one obstacle."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ SIDES = ((AFTER, "way 1", 1.0), (ALTERNATIVE, "way 2", -1.0))
 
 @dataclass(frozen=True, eq=False)
 class Passage:
-    """A path that passes the obstacle: when, where, and its state `gap` relative to it."""
+    """Path at its closest approach to the obstacle: time, ratio, position and relative state `gap`."""
 
     path: Path
     obstacle: Path
@@ -60,7 +60,7 @@ class Passage:
         return cls(path, obstacle, near.time, near.ratio, state[:3], state - obstacle.state(near.time))
 
     def plane(self, side: float) -> Floats:
-        """Unit vectors (2, 3) along the relative velocity, and to the side where the craft is."""
+        """Return unit vectors (2, 3) along the relative velocity and towards the passing side."""
         basis: list[Floats] = []
         for vector in (self.gap[3:], side * self.gap[:3], *np.eye(3)):
             length = np.linalg.norm(vector)
@@ -70,7 +70,7 @@ class Passage:
         return np.array(basis[:2])
 
     def seen(self, start: float, end: float, show: Floats, relative: bool) -> Floats:
-        """Positions (K, 2) in a plane from start to end, or as far as the obstacle is there."""
+        """Return positions (K, 2) in a plane from start to end, or while the obstacle's path lasts."""
         if relative:
             first, last = common_time(self.path, self.obstacle)
             start, end = max(start, first), min(end, last)
@@ -82,36 +82,37 @@ class Passage:
 def two_ways(
     path: Path, obstacle: Path, zone: Zone, ways: Sequence[Path] | None = None, name: str | None = None
 ) -> Figure:
-    """The ways around one obstacle, each with its two legs: SP11 figure 2.
+    """Plot the avoidance trajectories around one obstacle, each with its two legs: SP11 figure 2.
 
-    Left: the path in the orbit's frame, the zone where the obstacle is at closest approach, and the ways,
-    each solid to its own closest approach (initial leg) and dotted from there on (terminal leg).  Right:
-    the same as seen from the obstacle, with the zone's cut.  Where the path is clear it stands alone.
+    The left panel shows the orbital frame: the path, the zone at the obstacle's position at closest approach,
+    and the avoidance trajectories. Each is solid up to its own closest approach (initial leg) and dotted
+    after it (terminal leg). The right panel shows the motion relative to the obstacle, with a section of the
+    zone. If the path is clear, it is drawn alone.
 
     Parameters
     ----------
     path : Path
-        Of one craft.
+        Path of one spacecraft.
     obstacle : Path
-        Of one craft.
+        Path of one obstacle.
     zone : Zone
-        Around the obstacle.
+        Keep-out zone around the obstacle.
     ways : sequence of Path, optional
-        Up to two paths between the same ends; unless given the cheapest path found, and the cheapest that was
-        found on the other side.
+        Up to two paths between the same end states; default: the path of lowest cost that was found, and that
+        of lowest cost on the other passing side.
     name : str, optional
-        What the obstacle is called.
+        Name of the obstacle.
 
     Returns
     -------
     Figure
-        Of matplotlib; save it with its `savefig`.
+        Matplotlib figure; save it with its `savefig` method.
 
     Raises
     ------
     ValueError
-        If a path is a batch, there are more than two ways, there is no common time, or an argument is of
-        another kind.
+        If a path is a batch, there are more than two ways, there is no common time, or an argument has
+        the wrong type.
 
     References
     ----------
@@ -144,13 +145,13 @@ def two_ways(
 
 
 def in_orbit(axes: Axes, planned: Passage, ways: Sequence[Passage], zone: Zone) -> None:
-    """The paths in the plane of the orbit's frame that shows the deviations best."""
+    """Draw the paths in the plane of the orbital frame that shows the deviations best."""
     path, obstacle = planned.path, planned.obstacle
     course = planned.seen(path.start, path.end, np.eye(3), False)
     spread = np.ptp([planned.point, *(way.point for way in ways)] if ways else course, axis=0)
 
     def shown_well(pair: Sequence[int]) -> float:
-        """How far the deviations spread in a plane, and how far and openly the path lies in it."""
+        """Score a plane by the spread of the deviations and of the path in it."""
         long, wide = np.linalg.svd((course - course.mean(axis=0))[:, list(pair)], compute_uv=False)
         return float(np.hypot(*spread[list(pair)]) * (long + 3 * wide))
 
@@ -184,10 +185,10 @@ def in_orbit(axes: Axes, planned: Passage, ways: Sequence[Passage], zone: Zone) 
 
 
 def from_obstacle(axes: Axes, planned: Passage, ways: Sequence[Passage], zone: Zone, obstacle: str) -> None:
-    """The encounter relative to the obstacle, each way in the plane in which it passes the zone.
+    """Draw the encounter relative to the obstacle, each path in the plane in which it passes the zone.
 
-    There the way meets the zone's cut just where it touches the zone.  So the picture is folded
-    along the relative motion: each half shows the cut by its own plane.
+    In that plane the path meets the section of the zone exactly where it touches the zone. The figure is
+    therefore folded along the relative motion: each half shows the section by its own plane.
     """
     size = float(drawn(zone).extents.max())
     unit = length_unit(size)
@@ -221,7 +222,7 @@ def from_obstacle(axes: Axes, planned: Passage, ways: Sequence[Passage], zone: Z
 
 
 def draw_planned(axes: Axes, planned: Passage, zone: Zone, show: Floats, relative: bool) -> Floats:
-    """The path as it was, strong where in conflict; returns its points (K, 2)."""
+    """Draw the planned path, thick in conflict; return its points (K, 2)."""
     path = planned.path
     course = planned.seen(path.start, path.end, show, relative)
     axes.plot(*course.T, color=BEFORE, linestyle=DASHED, linewidth=2, label="path as planned")
@@ -234,7 +235,7 @@ def draw_planned(axes: Axes, planned: Passage, zone: Zone, show: Floats, relativ
 
 
 def draw_legs(axes: Axes, way: Passage, show: Floats, relative: bool, side: tuple[str, str, float]) -> Floats:
-    """A way's initial leg, deviation point and terminal leg; returns its points (K, 2)."""
+    """Draw initial leg, deviation point and terminal leg of a path; return its points (K, 2)."""
     colour, name, _ = side
     legs = ((way.path.start, way.time, "-", "initial"), (way.time, way.path.end, DOTTED, "terminal"))
     drawn = [np.empty((0, 2))]
@@ -248,14 +249,14 @@ def draw_legs(axes: Axes, way: Passage, show: Floats, relative: bool, side: tupl
 
 
 def price(path: Path, way: Path) -> str:
-    """What a way costs more than the path: energy where that is a number, else delta-v."""
+    """Return the extra cost of a path as text: energy if both are finite, otherwise delta-v."""
     if 0 < path.energy < np.inf and way.energy < np.inf:
         return f"{signed_percent(way.energy / path.energy - 1)} energy"
     return f"{'+' if way.delta_v >= path.delta_v else '−'}{speed(abs(way.delta_v - path.delta_v))} Δv"
 
 
 def summary(planned: Passage, count: int) -> str:
-    """What the picture shows, in one line."""
+    """Return the headline of the figure."""
     time = clock(planned.path, planned.path.start, planned.path.end).text(planned.time)
     if planned.ratio > 1:
         return f"No way around is needed: closest {planned.ratio:.2f} × zone at {time}"

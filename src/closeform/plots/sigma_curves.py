@@ -32,13 +32,13 @@ from closeform.uncertainty.clearance import clearance_in_sigmas
 from closeform.uncertainty.errors import Uncertainty
 from closeform.zones.zone import Zone
 
-BRIEF = 1e-6  # s, in which nothing changes: clearance at an instant
-WIDE = 30.0  # times the fewest sigmas: a greater range has a logarithmic scale
+BRIEF = 1e-6  # s, so short that the state does not change: clearance at an instant
+WIDE = 30.0  # times the minimum: a wider range has a logarithmic scale
 
 
 @dataclass(frozen=True, eq=False)
 class Deviations:
-    """Relative states (T, 6) of two craft at `times` (T,), and their covariances (T, 6, 6)."""
+    """Relative states (T, 6) of two spacecraft at `times` (T,), and their covariances (T, 6, 6)."""
 
     path: Path
     times: Floats
@@ -47,7 +47,7 @@ class Deviations:
 
     @classmethod
     def of(cls, path: Path, other: Path, errors: Any, other_errors: Any) -> Deviations:
-        """Raises ValueError where two craft share no time, or errors are none."""
+        """Sample two paths; raise ValueError if they share no time or an argument has the wrong type."""
         start, end = common_time(path, other)
         times = instants(start, end, path, other)
         covariances = np.zeros((len(times), 6, 6))
@@ -57,10 +57,10 @@ class Deviations:
         return cls(path, times, path.state(times) - other.state(times), covariances)
 
     def sigmas(self, zone: Zone) -> Floats:
-        """How many just touch a zone at each time (T,); inf where none do."""
+        """Return the clearance of a zone in sigmas (T,), inf if the zone is out of reach of any error."""
         still = self.path.orbit.coast(self.states, BRIEF)
         there = self.path.orbit.coast(np.zeros(6), BRIEF)
-        places = np.zeros_like(self.covariances)  # by velocities nobody moves in so brief a time
+        places = np.zeros_like(self.covariances)  # velocity errors have no effect in so short a time
         places[:, :3, :3] = self.covariances[:, :3, :3]
         errors = [Uncertainty(one) for one in places]
         return np.asarray(clearance_in_sigmas(still, there, zone, errors).sigmas)
@@ -75,33 +75,33 @@ def sigmas(
     asked: float | None = None,
     names: Sequence[str] | None = None,
 ) -> Figure:
-    """How many sigmas just touch the zone, against time, of one pair or some; a dot marks the exact least.
+    """Plot the clearance in sigmas of one or more pairs against time; a dot marks the exact minimum.
 
     Parameters
     ----------
     path, other : Path or sequence of Path
-        Of one craft each, or P of each, in one orbit: pair k is of both places k.
+        Paths of one spacecraft each, or P paths each, in one orbit; pair k consists of both paths k.
     zone : Zone or sequence of Zone
-        One for all pairs or one for each.
+        One zone for all pairs, or one for each.
     errors : Uncertainty, sequence of these, or None
-        Of the first craft of each pair: one for all or one for each.
+        Uncertainty of the first spacecraft of each pair: one for all or one for each.
     other_errors : Uncertainty, sequence of these, or None, default None
-        Of the second.
+        Uncertainty of the second spacecraft.
     asked : float, no unit, optional
-        How many sigmas were to be clear; below it is shaded.
+        Required clearance in sigmas; the range below it is shaded.
     names : sequence of str, optional
-        One for each pair.
+        Names of the pairs.
 
     Returns
     -------
     Figure
-        Of matplotlib; save it with its `savefig`.
+        Matplotlib figure; save it with its `savefig` method.
 
     Raises
     ------
     ValueError
-        If there are not as many paths, zones, errors or names as pairs, two share no time, no error of any
-        size brings any pair together, `asked` is not above 0, or an argument is of another kind.
+        If the numbers of paths, zones, errors or names differ, two paths share no time, no error of any size
+        causes a conflict, `asked` is not above 0, or an argument has the wrong type.
     """
     firsts, seconds = crafts("path", path), crafts("other", other)
     if not firsts or len(firsts) != len(seconds):
@@ -163,7 +163,7 @@ def sigmas(
 
 
 def each(name: str, given: Any, count: int, *kinds: Any) -> list[Any]:
-    """An argument as one for each pair, which is one for all or as many."""
+    """Return an argument as a list of one value per pair, or raise ValueError."""
     some = list(sequence(name, given, *kinds)) if isinstance(given, list | tuple) else [given] * count
     for one in some:
         instance(name, one, *kinds)
@@ -173,7 +173,7 @@ def each(name: str, given: Any, count: int, *kinds: Any) -> list[Any]:
 
 
 def scale(axes: Any, curves: list[Any], asked: float | None) -> None:
-    """From 0 up to what is shown; logarithmic where far ends would hide what matters."""
+    """Set the range from 0 to the maximum; logarithmic if the range is wide."""
     every = np.concatenate(curves)
     every = every[np.isfinite(every)]
     low, top = float(every.min()), float(every.max())

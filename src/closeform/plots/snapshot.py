@@ -1,4 +1,4 @@
-"""Moment: what a gathering looks like at one time."""
+"""State of a gathering at one time, as it is drawn."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,12 +15,12 @@ from closeform.search.imperfect_attitude import OwnTurns
 from closeform.search.leg import Leg
 from closeform.search.search_errors import SearchErrors, of_each
 
-SEEN = 1e-6  # of the distance: a pair counts as in lock at the very time of its lock
+SEEN = 1e-6  # of the distance: tolerance, so that a pair is in lock at the time of its lock
 
 
 @dataclass(frozen=True, eq=False)
 class Knots:
-    """Where and when a craft starts, burns and ends: `times` (K,) [s] and `points` (K, 3) [m]."""
+    """Start, burns and end of one path: `times` (K,) [s] and `points` (K, 3) [m]."""
 
     times: Floats
     points: Floats
@@ -33,7 +33,7 @@ class Knots:
 
 @dataclass(frozen=True, eq=False)
 class Moment:
-    """A gathering at a `time` [s]: where its craft are, which way they look, which set holds each."""
+    """Gathering at a `time` [s]: positions, attitudes, locks and sets of its spacecraft."""
 
     gathering: Gathering
     knots: Sequence[Knots]
@@ -46,45 +46,45 @@ class Moment:
 
     @cached_property
     def attitudes(self) -> Floats:
-        """Attitude of each craft as it is flown (N, 3, 3); columns are the body axes."""
+        """Actual attitudes (N, 3, 3); columns are the body axes."""
         gathering = self.gathering
         return OwnTurns(gathering.search, gathering.groups, self.errors).attitudes(self.time)
 
     @cached_property
     def errors(self) -> SearchErrors:
-        """How far each craft (N,) is off the search."""
+        """Errors of each spacecraft (N,) relative to the search."""
         return of_each(self.gathering.errors or SearchErrors(), (len(self.gathering.groups),))
 
     @cached_property
     def half_angles(self) -> Floats:
-        """Of each craft's cone (N,) [rad]."""
+        """Half-angles (N,) [rad] of the sensor cones."""
         return np.asarray(self.gathering.search.sensor.half_angle + self.errors.half_angle)
 
     @property
     def leg(self) -> Leg:
-        """The turn that is under way, or just done at the end."""
+        """Current leg of the search; the last one at the end."""
         legs = self.gathering.search.legs
         return next((leg for leg in legs if leg.start <= self.time < leg.end), legs[-1])
 
     @cached_property
     def locks(self) -> list[Event]:
-        """Locks so far."""
+        """Locks up to this time."""
         return [one for one in self.gathering.events if one.kind == EventKind.LOCK and one.time <= self.time]
 
     @cached_property
     def labels(self) -> Any:
-        """The set of each craft (N,): -1 lost, 0 the formation set, k >= 1 knowledge set k."""
+        """Set of each spacecraft (N,): -1 lost, 0 the formation set, k >= 1 knowledge set k."""
         times = [event.time for event in self.gathering.events]
         return self.gathering.history[np.searchsorted(times, self.time, side="right")]
 
     @cached_property
     def trails(self) -> list[Floats]:
-        """The way of each craft so far: its start, its burns and where it is now, (K, 3) each."""
+        """Track of each spacecraft so far, (K, 3) each: its start, its burns and its position now."""
         both = zip(self.knots, self.positions, strict=True)
         return [np.vstack([one.points[one.times < self.time], now]) for one, now in both]
 
     def in_lock(self, pairs: Any) -> Any:
-        """Which of the pairs (M, 2), one of A and one of B each, see each other now: (M,).  # theory (13)"""
+        """Return which pairs (M, 2) of one A and one B see each other now, as (M,) of bool; theory (13)."""
         sensor, look = self.gathering.search.sensor, self.attitudes[:, :, 2]
         sensors = self.positions + sensor.offset * look
         gap = sensors[pairs[:, 1]] - sensors[pairs[:, 0]]
@@ -103,6 +103,6 @@ class Moment:
 
 
 def clock_text(time: float) -> str:
-    """A time [s] as minutes and seconds."""
+    """Return a time [s] as minutes and seconds."""
     minutes, seconds = divmod(int(time + 0.5), 60)
     return f"{minutes:02d}:{seconds:02d}"

@@ -1,4 +1,4 @@
-"""A path before and after, in space and in three planes."""
+"""Figure of one path before and after avoidance, in space and in three planes."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ from closeform.plots.zones_and_tracks import headings, place
 from closeform.zones.outlines import drawn, shadow
 from closeform.zones.zone import Zone
 
-TOUCHED = 1.001  # ratio up to which the path after counts as passing along a zone
+TOUCHED = 1.001  # clearance ratio up to which the path after counts as touching a zone
 
 
 @dataclass(frozen=True, eq=False)
 class Guard:
-    """A zone where its obstacle is at one moment, and the craft then."""
+    """Zone at the position of its obstacle at one instant, and the position of the spacecraft then."""
 
     centre: Floats
     craft: Floats
@@ -39,7 +39,7 @@ class Guard:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """All that is drawn, as positions [m]."""
+    """Everything that is drawn, as positions [m]."""
 
     zone: Zone
     before: Floats
@@ -50,14 +50,14 @@ class Scene:
 
     @property
     def points(self) -> list[Floats]:
-        """All tracks (K, 3), and what the zones reach."""
+        """All tracks (K, 3), and the extreme points of the zones."""
         reach = drawn(self.zone).extents * np.array([[-1.0], [1.0]])
         guarded = [guard.centre + reach for guard in self.guards]
         return [self.before, *self.obstacles, *([] if self.after is None else [self.after]), *guarded]
 
     @property
     def headed(self) -> tuple[list[Floats], list[str]]:
-        """The tracks whose direction is shown, and their colours."""
+        """Tracks that carry a direction arrow, and their colours."""
         flown = [self.before] if self.after is None else [self.before, self.after]
         return [*self.obstacles, *flown], [OTHER] * len(self.obstacles) + [BEFORE, AFTER][: len(flown)]
 
@@ -69,33 +69,33 @@ def before_after(
     zone: Zone,
     names: Sequence[str] | None = None,
 ) -> Figure:
-    """A path before and after among obstacles, in three planes and in space: SP11 figure 3.
+    """Plot a path before and after avoidance, in three planes and in space: SP11 figure 3.
 
-    Strong stretches are in conflict.  A zone is drawn where its obstacle is when the path before is deepest
-    in it, and an outline where the path after touches it; without either, at the closest approach.  All
-    panels have one scale.
+    Thick stretches are in conflict. A zone is drawn at the obstacle's position when the path before is
+    deepest in it, and as an outline where the path after touches it. If neither occurs, the zone is drawn at
+    the closest approach. All panels have the same scale.
 
     Parameters
     ----------
     before, after : Path
-        Of one craft; the same path where nothing changed.
+        Paths of one spacecraft; the same path if nothing changed.
     obstacles : Path or sequence of Path
-        A Path of any shape, or paths.
+        Path of any shape, or a sequence of paths.
     zone : Zone
-        Around each obstacle.
+        Keep-out zone around each obstacle.
     names : sequence of str, optional
-        The obstacles'.
+        Names of the obstacles.
 
     Returns
     -------
     Figure
-        Of matplotlib; save it with its `savefig`.
+        Matplotlib figure; save it with its `savefig` method.
 
     Raises
     ------
     ValueError
-        If a path is a batch, an obstacle shares no time with it, names are not as many as the obstacles, or
-        an argument is of another kind.
+        If a path is a batch, an obstacle shares no time with it, the number of names is wrong, or
+        an argument has the wrong type.
 
     References
     ----------
@@ -120,7 +120,7 @@ def before_after(
 
 
 def compose(before: Path, after: Path, others: list[Path], zone: Zone, names: list[str]) -> Scene:
-    """Sample the tracks and find the moments to show."""
+    """Sample the tracks and return the scene with the instants to show."""
     changed = after is not before
     flown = [before, after] if changed else [before]
     for path in flown:
@@ -144,7 +144,7 @@ def compose(before: Path, after: Path, others: list[Path], zone: Zone, names: li
 
 
 def guards(flown: list[Path], others: list[Path], zone: Zone, names: list[str]) -> list[Guard]:
-    """Zones in conflict with the path before or touched by the path after; else the nearest."""
+    """Return zones entered by the path before or touched by the path after, otherwise the closest one."""
     found: list[Guard] = []
     hit: set[int] = set()
     nearest: tuple[float, Guard] | None = None
@@ -164,7 +164,7 @@ def guards(flown: list[Path], others: list[Path], zone: Zone, names: list[str]) 
 
 
 def plane_panel(figure: Figure, axes: Axes, basis: Floats, scene: Scene) -> None:
-    """Draw one plane, of which `basis` (2, 3) has the directions to the right and up."""
+    """Draw one plane; the rows of `basis` (2, 3) point right and up."""
     for track in scene.obstacles:
         axes.plot(*(basis @ track.T), color=OTHER, linewidth=1.1, alpha=0.8, label="obstacles")
     outline = shadow(scene.zone, basis)
@@ -210,7 +210,7 @@ def plane_panel(figure: Figure, axes: Axes, basis: Floats, scene: Scene) -> None
 
 
 def space_panel(axes: Axes, scene: Scene) -> None:
-    """The same in space, seen from above at an angle."""
+    """Draw the scene in space, seen obliquely from above."""
     camera = ORBITAL
     window(axes, np.vstack([camera(points) for points in scene.points]), camera, AXES, 0.1)
     framed(axes, "")
@@ -235,7 +235,7 @@ def space_panel(axes: Axes, scene: Scene) -> None:
 
 
 def title(before: Path, after: Path, others: list[Path], zone: Zone) -> str:
-    """What the picture shows, in one line."""
+    """Return the headline: conflicts and smallest clearance ratio before and after."""
 
     def count(path: Path) -> str:
         found = sum(len(find_conflicts(path, other, zone)) for other in others)

@@ -1,4 +1,4 @@
-"""The stages of a mission, one after another: their paths, pairs and impulses, and how near craft come."""
+"""Consecutive stages of a mission: their paths, pairs, impulses and closest approaches."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from closeform.plots.inputs import one_path, texts
 from closeform.plots.pairs import Pairs
 from closeform.plots.style import instants
 
-CLOSEST, LOOKS = 300, 500  # pairs of which the nearest is shown, and times of a stage
-SAME = 1e-9  # of all the time, by which stages may overlap: rounding
+CLOSEST, LOOKS = 300, 500  # maximum number of pairs evaluated, and of sample times per stage
+SAME = 1e-9  # of the total duration: overlap of stages allowed for rounding
 
 Lock = tuple[float, int, int]
 
 
 @dataclass(frozen=True, eq=False)
 class StageFlight:
-    """One stage: its paths, the `times` (T,) [s] at which curves look smooth, and its pairs."""
+    """One stage: its paths, sample `times` (T,) [s] for smooth curves, and its pairs."""
 
     title: str
     paths: Path
@@ -31,21 +31,21 @@ class StageFlight:
 
     @property
     def start(self) -> float:
-        """When it begins [s]."""
+        """Start time [s]."""
         return float(self.times[0])
 
     @property
     def end(self) -> float:
-        """When it ends [s]."""
+        """End time [s]."""
         return float(self.times[-1])
 
     @property
     def least(self) -> float:
-        """The least ratio of any pair; inf where there is none."""
+        """Minimum clearance ratio of any pair; inf if there is none."""
         return float(self.pairs.ratio.min(initial=np.inf))
 
     def nearness(self) -> tuple[Floats, Floats]:
-        """Times (T,) [s], and the least ratio of any pair at each."""
+        """Return times (T,) [s], and the minimum clearance ratio of any pair at each."""
         shown = self.pairs.order[:CLOSEST]
         sparse = self.times[:: -(-len(self.times) // LOOKS)]
         times = np.union1d(np.append(sparse, self.end), self.pairs.time[shown])
@@ -58,7 +58,7 @@ class StageFlight:
 
 
 def asked(stages: Any, zone: Any, titles: Any) -> list[StageFlight]:
-    """The stages, checked, each with its pairs."""
+    """Return the checked stages, each with its pairs."""
     paths = sequence("stages", stages, Path)
     if not paths:
         raise ValueError("stages: give at least one path")
@@ -84,7 +84,7 @@ def asked(stages: Any, zone: Any, titles: Any) -> list[StageFlight]:
 
 
 def pairs_found(locks: Any, count: int) -> list[Lock]:
-    """The locks of so many craft, checked."""
+    """Return the checked locks of `count` spacecraft."""
     found = []
     for lock in sequence("locks", locks, tuple):
         if len(lock) != 3:
@@ -98,7 +98,7 @@ def pairs_found(locks: Any, count: int) -> list[Lock]:
 
 
 def impulses(paths: Path) -> tuple[Floats, Any, Floats]:
-    """When craft of a batch have impulses (K,) [s], who, and how large these are [m/s]."""
+    """Return times (K,) [s], spacecraft indices (K,) and sizes (K,) [m/s] of the impulses of a batch."""
     sizes = np.linalg.norm(paths.arcs[:, IMPULSE : IMPULSE + 3], axis=1)
     there = np.flatnonzero(sizes)
     who = np.repeat(np.arange(len(paths)), np.diff(paths.offsets))[there]

@@ -1,4 +1,4 @@
-"""The look of every picture: sizes, units, places of axes, words around them."""
+"""Common style of all figures: sizes, units, axes layout, headlines and legends."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,9 +19,9 @@ from closeform.plots.inputs import one_craft
 from closeform.plots.palette import CONFLICT, FAINT, INK, OTHER, ZONE
 
 WIDTH, DPI = 10.6, 150  # inches and dots per inch: 1590 pixels
-LEFT, ABOVE, GAP = 1.0, 0.92, 0.14  # inches: left of axes, above them for words, between two
-LETTERS = 7.6  # of a headline to an inch
-BANNER = 0.3  # inches of the line above a picture
+LEFT, ABOVE, GAP = 1.0, 0.92, 0.14  # inches: left margin, top margin for the headline, gap between axes
+LETTERS = 7.6  # characters of a headline per inch
+BANNER = 0.3  # inches: height of the banner
 TEXT, SMALL = 13.0, 11.5  # points, readable at half size
 
 HALO = [withStroke(linewidth=4, foreground="white")]  # keeps words readable on lines
@@ -30,33 +30,33 @@ DASHED, DOTTED = (0, (4, 2)), (0, (1, 1.5))
 
 @dataclass(frozen=True)
 class Unit:
-    """A unit to print in: `size` in SI."""
+    """Display unit; `size` is its value in SI."""
 
     size: float
     name: str
 
 
 def length_unit(longest: float) -> Unit:
-    """Metres, or kilometres from 10 km on, millimetres below 0.1 m."""
+    """Return the display unit of a length [m]: km from 10 km, mm below 0.1 m, otherwise m."""
     if longest >= 1e4:
         return Unit(1e3, "km")
     return Unit(1.0, "m") if longest >= 0.1 else Unit(1e-3, "mm")
 
 
 def length(value: float) -> str:
-    """A length [m] in words."""
+    """Return a length [m] as text with its unit."""
     unit = length_unit(value)
     return f"{value / unit.size:.3g} {unit.name}"
 
 
 def rounded_down(most: float) -> float:
-    """The greatest of 1, 2 and 5 times a power of ten that is not above a positive number."""
+    """Return the largest of 1, 2 and 5 times a power of ten that does not exceed a positive number."""
     power = 10.0 ** np.floor(np.log10(most))
     return float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= most))
 
 
 def thrust_unit(greatest: float, basic: str = "m/s²") -> Unit:
-    """The unit for a greatest thrust [m/s^2 or N]; thousandths where there is none."""
+    """Return the display unit for a maximum thrust [m/s^2 or N]; the milli unit if it is zero."""
     for size, prefix in ((1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n")):
         if greatest >= 0.1 * size:
             return Unit(size, prefix + basic)
@@ -64,34 +64,34 @@ def thrust_unit(greatest: float, basic: str = "m/s²") -> Unit:
 
 
 def speed_unit(greatest: float) -> Unit:
-    """The unit of speed for a greatest speed [m/s]."""
+    """Return the display unit for a maximum speed [m/s]."""
     return Unit(1.0, "m/s") if greatest >= 0.1 else Unit(1e-3, "mm/s")
 
 
 def speed(value: float) -> str:
-    """A speed [m/s] in words."""
+    """Return a speed [m/s] as text with its unit."""
     unit = speed_unit(value)
     return f"{value / unit.size:.4g} {unit.name}"
 
 
 @dataclass(frozen=True)
 class Clock:
-    """The time axis: what is printed below, and `other` above (None in deep space)."""
+    """Time axis with its `unit`; `other` is the unit of the upper axis (None in deep space)."""
 
     unit: Unit
     other: Unit | None
 
     def __call__(self, time: Any) -> Any:
-        """Times [s] in the unit of the axis."""
+        """Return times [s] in the unit of the axis."""
         return np.asarray(time) / self.unit.size
 
     def text(self, time: float) -> str:
-        """A time [s] in words."""
+        """Return a time [s] as text with the unit of the axis."""
         return f"{time / self.unit.size:.2f} {self.unit.name}"
 
 
 def plain_unit(duration: float) -> Unit:
-    """Seconds, minutes, hours or days, whichever makes handy numbers."""
+    """Return the time unit (s, min, h or d) that suits a duration [s]."""
     for limit, unit in ((300.0, Unit(1.0, "s")), (3e4, Unit(60.0, "min")), (4e5, Unit(3600.0, "h"))):
         if duration <= limit:
             return unit
@@ -99,7 +99,11 @@ def plain_unit(duration: float) -> Unit:
 
 
 def clock(path: Path, start: float, end: float) -> Clock:
-    """Minutes with orbits above, or orbits with hours above where there are many orbits."""
+    """Return the time axis of a path from `start` to `end` [s].
+
+    It shows minutes (or a similar unit) with orbits on the upper axis; from four orbits on, the two are
+    swapped.
+    """
     plain, period = plain_unit(end - start), path.orbit.period
     if not np.isfinite(period):
         return Clock(plain, None)
@@ -108,7 +112,7 @@ def clock(path: Path, start: float, end: float) -> Clock:
 
 
 def instants(start: float, end: float, *paths: Path) -> Floats:
-    """Times [s] at which curves look smooth, both sides of every joint among them."""
+    """Return times [s] for smooth curves, including both sides of every joint between arcs."""
     orbits = max(((end - start) / path.orbit.period for path in paths), default=0.0)
     grid = np.linspace(start, end, int(np.clip(240 * orbits, 900, 6000)))
     joints = np.concatenate([path.arcs[:, START] for path in paths])
@@ -117,7 +121,7 @@ def instants(start: float, end: float, *paths: Path) -> Floats:
 
 
 class Sheet(Figure):
-    """A figure that a notebook shows as it is, without pyplot."""
+    """Figure that displays in a notebook without pyplot."""
 
     def _repr_png_(self) -> bytes:
         file = BytesIO()
@@ -126,12 +130,12 @@ class Sheet(Figure):
 
 
 def sheet(height: float, width: float = WIDTH) -> Figure:
-    """An empty figure, in inches, whose axes are placed by hand: to find their places out is slow."""
+    """Return an empty figure (inches); axes are placed by hand because automatic layout is slow."""
     return Sheet(figsize=(width, height), dpi=DPI, facecolor="white")
 
 
 def area(figure: Figure, left: float, bottom: float, wide: float, high: float) -> Axes:
-    """Axes at a place in inches."""
+    """Add axes at a position and of a size in inches."""
     across, up = figure.get_size_inches()
     axes = figure.add_axes((left / across, bottom / up, wide / across, high / up))
     for axis in (axes.xaxis, axes.yaxis):
@@ -140,7 +144,7 @@ def area(figure: Figure, left: float, bottom: float, wide: float, high: float) -
 
 
 def column(figure: Figure, shares: Sequence[float], below: float = 0.7, beside: float = 0.3) -> list[Axes]:
-    """Axes above each other, with heights in `shares`, `below` and `beside` them inches for words."""
+    """Return stacked axes with heights in `shares`; leave `below` and `beside` inches for labels."""
     wide, high = figure.get_size_inches()
     room = high - below - ABOVE - GAP * (len(shares) - 1)
     found: list[Axes] = []
@@ -156,19 +160,19 @@ def column(figure: Figure, shares: Sequence[float], below: float = 0.7, beside: 
 
 
 def chart(height: float, below: float = 0.7, beside: float = 0.3) -> tuple[Figure, Axes]:
-    """A figure of one panel, with `below` and `beside` it inches for words."""
+    """Return a figure of one panel, with `below` and `beside` inches for labels."""
     figure = sheet(height)
     return figure, column(figure, [1.0], below, beside)[0]
 
 
 def zone_band(axes: Axes, edge: float = 1.0) -> None:
-    """Shade what is below an edge, the keep-out zone of a clearance ratio."""
+    """Shade the keep-out zone: clearance ratios below `edge`."""
     axes.axhspan(min(-1.0, -edge), edge, color=ZONE, alpha=0.2, linewidth=0)
     axes.axhline(edge, color=ZONE, linewidth=1.6)
 
 
 def headline(figure: Figure, text: str) -> Text:
-    """What the picture shows, in one line; a long one in smaller letters."""
+    """Add a one-line headline; shrink the font for long text."""
     size = min(TEXT + 1, (TEXT + 1) * LETTERS * float(figure.get_figwidth()) / max(1, len(text)))
     words = figure.suptitle(text, x=0.01, y=1.0 - 0.1 / figure.get_figheight(), ha="left", va="top")
     words.set(fontsize=size, color=INK, fontweight="bold")
@@ -176,7 +180,7 @@ def headline(figure: Figure, text: str) -> Text:
 
 
 def banner(figure: Figure, text: str, bad: bool = False) -> Text:
-    """What a picture belongs to, in a line above it, by which the page grows; `bad` news are red."""
+    """Add a line above the headline and extend the page for it; `bad` makes it red."""
     wide, high = (float(side) for side in figure.get_size_inches())
     kept = high / (high + BANNER)  # of the new page
     figure.set_size_inches(wide, high + BANNER)
@@ -194,7 +198,7 @@ def banner(figure: Figure, text: str, bad: bool = False) -> Text:
 
 
 def legend(figure: Figure, handles: Sequence[Any], words: Sequence[str], **look: Any) -> Any:
-    """A legend whose words may hold names: those that begin with `_` are not left out."""
+    """Add a legend to a figure; labels that begin with `_` are kept."""
     style: dict[str, Any] = {"loc": "lower center", "frameon": False, "fontsize": SMALL} | look
     made = figure.legend(handles=list(handles), labels=["?"] * len(handles), **style)
     for text, word in zip(made.get_texts(), words, strict=True):
@@ -204,7 +208,7 @@ def legend(figure: Figure, handles: Sequence[Any], words: Sequence[str], **look:
 
 
 def say_scale(axes: Axes, words: str, low: bool = False) -> None:
-    """Words about an axis that is not linear, in the upper right corner, or the lower one."""
+    """Label a non-linear axis in its upper right corner, or the lower right one if `low`."""
     corner: dict[str, Any] = {
         "xycoords": "axes fraction",
         "textcoords": "offset points",
@@ -216,7 +220,7 @@ def say_scale(axes: Axes, words: str, low: bool = False) -> None:
 
 
 def dress(axes: Axes) -> None:
-    """Quiet frame, faint grid, text sizes."""
+    """Apply the common frame, grid and text sizes to axes."""
     axes.tick_params(labelsize=SMALL, colors=INK, length=3)
     axes.grid(color=FAINT, linewidth=0.7)
     axes.set_axisbelow(True)
@@ -227,7 +231,7 @@ def dress(axes: Axes) -> None:
 
 
 def right_axis(axes: Axes, colour: str) -> Axes:
-    """An axis on the right of others, with numbers in the colour of its curve and no frame."""
+    """Add a frameless axis on the right with tick labels in the colour of its curve."""
     right = axes.twinx()
     right.tick_params(labelsize=SMALL, colors=colour, length=3)
     for side in ("top", "left", "bottom", "right"):
@@ -236,7 +240,7 @@ def right_axis(axes: Axes, colour: str) -> Axes:
 
 
 def time_axes(column: list[Axes], ticks: Clock, start: float, end: float) -> None:
-    """Give a column of axes one time axis, with its second unit above the first."""
+    """Set one time axis for stacked axes, with its second unit above the first."""
     for axes in column:
         axes.set_xlim(ticks(start), ticks(end))
         axes.tick_params(labelbottom=axes is column[-1])
@@ -257,7 +261,7 @@ def time_axes(column: list[Axes], ticks: Clock, start: float, end: float) -> Non
 
 
 def common_time(path: Path, other: Path) -> tuple[float, float]:
-    """The time that two craft share. Raises ValueError where there is none, or for batches."""
+    """Return the common start and end [s] of two paths; raise ValueError if there is none, or for batches."""
     one_craft("path", path)
     one_craft("other", other)
     start, end = max(path.start, other.start), min(path.end, other.end)
@@ -270,5 +274,5 @@ def common_time(path: Path, other: Path) -> tuple[float, float]:
 
 
 def signed_percent(share: float) -> str:
-    """A relative change in words."""
+    """Return a relative change as a signed percentage."""
     return f"{100 * share:+.3g} %".replace("-", "−")

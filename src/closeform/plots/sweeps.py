@@ -1,4 +1,4 @@
-"""Shares of cases against a value that was swept."""
+"""Figure of the share of successful cases against a swept value."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from closeform.plots.fonts import fonts, inches, plain
 from closeform.plots.palette import colours
 from closeform.plots.style import SMALL, WIDTH, area, dress, headline, legend, sheet
 
-MOST, LONG = 12, 40  # lines that are drawn, letters of a name
-BESIDE = 0.9  # inches of a legend beside each name
-ASIDE, SPREAD = 0.06, 0.24  # inches between bars of one value, at most, and between the first and the last
+MOST, LONG = 12, 40  # maximum number of lines, and characters of a name
+BESIDE = 0.9  # inches of a legend entry besides its name
+ASIDE, SPREAD = 0.06, 0.24  # inches at one value: maximum between bars, and over all bars
 
 
 def sweep(
@@ -28,33 +28,32 @@ def sweep(
     what: str,
     names: Sequence[str] = ("",),
 ) -> Figure:
-    """Shares of cases against a swept value, a line for each combination of the other values.
+    """Plot the share of cases against a swept value, with a line for each combination of other values.
 
-    Bars are the intervals in which the true shares lie 19 times in 20; where several stand at one value they
-    are drawn a little beside each other.
+    Error bars are 95 % confidence intervals; bars at the same value are drawn slightly apart.
 
     Parameters
     ----------
     values : array_like of shape (P,), no unit
-        What was swept, in the unit that `what` says.
+        Swept values, in the unit that `what` states.
     share : array_like of shape (K, P), no unit
-        Of the cases at each point, from 0 to 1; the first 12 lines are drawn.
+        Share of cases at each point, from 0 to 1; the first 12 lines are drawn.
     low, high : array_like of shape (K, P), no unit
-        Where their intervals begin and end.
+        Ends of the intervals.
     what : str
-        What was swept, with its unit.
+        Name of the swept quantity with its unit.
     names : sequence of str, default one without a name
-        Of the K lines.
+        Names of the K lines.
 
     Returns
     -------
     Figure
-        Of matplotlib; save it with its `savefig`.
+        Matplotlib figure; save it with its `savefig` method.
 
     Raises
     ------
     ValueError
-        If shapes do not fit, a number is not finite, or an argument is of another kind.
+        If shapes are wrong, a number is not finite, or an argument has the wrong type.
 
     References
     ----------
@@ -96,7 +95,7 @@ def sweep(
 
 
 def shortened(name: str, number: int) -> str:
-    """A name, cut where long; its number where no font of this machine has its letters."""
+    """Return a name, shortened if long; its number if no installed font has its characters."""
     if None in fonts(name):
         return f"#{number}"
     return name if len(name) <= LONG else f"{name[: LONG - 1]}…"

@@ -1,4 +1,4 @@
-"""Pulses of thrusters against time."""
+"""Figure of thruster pulses against time."""
 
 from __future__ import annotations
 
@@ -37,37 +37,37 @@ from closeform.plots.style import (
     time_axes,
 )
 
-MOST = 8  # panels: those of thrusters that give most
-OPPOSITE = 1e-9  # of two directions' sum
-IDLE = 1e-6  # of what is asked of the thruster that is asked most: less is nothing
+MOST = 8  # maximum number of panels; the thrusters with the largest delta-v are kept
+OPPOSITE = 1e-9  # largest component of the sum of two opposite directions
+IDLE = 1e-6  # of the largest delta-v of a thruster; smaller values count as zero
 
 
 def pulses(firing: ThrusterFiring, craft: int = 0, name: str | None = None) -> Figure:
-    """What each thruster of a craft fires, against time, over what the plan asks of it.
+    """Plot the pulses of each thruster of a spacecraft against time, over the planned thrust.
 
-    Each pulse is a bar as long as it lasts and as high as its delta-v; behind it the planned thrust, times
-    the period, is what a cycle would give.  Two thrusters that work against each other share a panel, the
-    second one downwards; those along no axis go by their number, counted from 1.  Planned impulses are
-    rings, and what is dropped is marked at its time.
+    Each pulse is a bar with its duration as width and its delta-v as height. The shaded area is the planned
+    thrust multiplied by the period, which is the delta-v of one cycle. Two opposite thrusters share a panel,
+    with the second one downwards. Thrusters along no axis are labelled by number, from 1. Rings mark planned
+    impulses, and omitted pulses are marked at their time.
 
     Parameters
     ----------
     firing : ThrusterFiring
-        From `fire`.
+        Result of `fire_thrusters`.
     craft : int, default 0
-        Whose, by index.
+        Index of the spacecraft.
     name : str, optional
-        What it is called; among several its index unless given.
+        Name of the spacecraft; default: its index if there are several.
 
     Returns
     -------
     Figure
-        Of matplotlib; save it with its `savefig`.
+        Matplotlib figure; save it with its `savefig` method.
 
     Raises
     ------
     ValueError
-        If there is no such craft, or an argument is of another kind.
+        If there is no such spacecraft, or an argument has the wrong type.
     """
     instance("firing", firing, ThrusterFiring)
     if name is not None:
@@ -116,7 +116,7 @@ def pulses(firing: ThrusterFiring, craft: int = 0, name: str | None = None) -> F
 
 
 def _rows(thrusters: Thrusters, fired: Pulses, dropped: Pulses, wanted: Floats) -> list[tuple[int, int]]:
-    """Thrusters and those against them, -1 where there is none, of most delta-v; none that are not asked."""
+    """Return the used thrusters, each with its opposite thruster or -1; at most MOST, by delta-v."""
     sums = np.abs(thrusters.directions[:, None] + thrusters.directions).max(axis=2) < OPPOSITE
     found: list[tuple[int, int]] = []
     for one, against in enumerate(sums):
@@ -132,7 +132,7 @@ def _rows(thrusters: Thrusters, fired: Pulses, dropped: Pulses, wanted: Floats) 
 
 
 def _wanted(plan: Path, thrusters: Thrusters) -> tuple[Floats, Floats]:
-    """What the plan asks of each thruster in a period: times (K,) [s] and delta-v (K, m) [m/s]."""
+    """Return the planned delta-v of each thruster per period: times (K,) [s] and delta-v (K, m) [m/s]."""
     times = instants(plan.start, plan.end, plan)
     wanted = np.zeros((len(times), len(thrusters)))
     peak = plan.peak_thrust
@@ -148,7 +148,7 @@ def _wanted(plan: Path, thrusters: Thrusters) -> tuple[Floats, Floats]:
 
 
 def _name(thrusters: Thrusters, one: int, other: int) -> tuple[str, str]:
-    """What a panel is called, and its colour."""
+    """Return the label and the colour of a panel."""
     axis = int(np.abs(thrusters.directions[one]).argmax())
     if thrusters.directions[one, axis] > 1.0 - OPPOSITE:
         direction = DIRECTIONS[axis]
@@ -157,7 +157,7 @@ def _name(thrusters: Thrusters, one: int, other: int) -> tuple[str, str]:
 
 
 def _bars(axes: Axes, own: Pulses, sign: float, ticks: Clock, unit: Unit, colour: str) -> None:
-    """Pulses as long as they last, and never too thin to be seen."""
+    """Draw pulses as bars as wide as their durations, with a line in each to keep short ones visible."""
     height = sign * own.impulse / unit.size
     begin, over = ticks(own.start), ticks(own.start + own.duration)
     axes.bar(begin, height, over - begin, align="edge", color=colour, linewidth=0, alpha=0.9)
@@ -167,7 +167,7 @@ def _bars(axes: Axes, own: Pulses, sign: float, ticks: Clock, unit: Unit, colour
 
 
 def _lost(axes: Axes, lost: Pulses, sign: float, ticks: Clock, unit: Unit) -> None:
-    """What is dropped, over its time."""
+    """Draw omitted pulses over their durations."""
     for start, length, impulse in zip(lost.start, lost.duration, lost.impulse, strict=True):
         span = [float(ticks(start)), float(ticks(start + length))]
         axes.fill_between(span, 0.0, sign * impulse / unit.size, color=CONFLICT, alpha=0.35, linewidth=0)
@@ -177,7 +177,7 @@ def _lost(axes: Axes, lost: Pulses, sign: float, ticks: Clock, unit: Unit) -> No
 def _rings(
     axes: Axes, plan: Path, thrusters: Thrusters, thruster: int, sign: float, ticks: Clock, unit: Unit
 ) -> None:
-    """Planned impulses."""
+    """Draw planned impulses as rings."""
     for time, jump in plan.impulses:
         along = float(thrusters.directions_at(plan.orbit, time)[thruster] @ jump) / unit.size
         if along > 0.0:
@@ -185,7 +185,7 @@ def _rings(
 
 
 def _explained(figure: Figure, thrusters: Thrusters, dropped: bool, plan: Path, tints: list[str]) -> None:
-    """The legend, with a pulse in the colour of each panel."""
+    """Add the legend, with a pulse in the colour of each panel."""
     handles: list[Any] = [tuple(Patch(color=tint, alpha=0.9, linewidth=0) for tint in tints)]
     words = ["a pulse: as high as its Δv, as wide as it is long"]
     if thrusters.period is not None and plan.peak_thrust > 0.0:
@@ -205,7 +205,7 @@ def _explained(figure: Figure, thrusters: Thrusters, dropped: bool, plan: Path, 
 
 
 def _said(firing: ThrusterFiring, craft: int, fired: Pulses, dropped: Pulses, name: str | None) -> str:
-    """What came of it, in a line."""
+    """Return the headline: number of pulses, delta-v, propellant and deviation from the plan."""
     many, called = len(firing.thrusters) > 1 or name is not None, f"Craft {craft}" if name is None else name
     if not len(fired):
         return f"{f'{called} has' if many else 'There is'} nothing to fire"

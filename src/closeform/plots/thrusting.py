@@ -1,4 +1,4 @@
-"""Thrust against time."""
+"""Figures of thrust against time."""
 
 from __future__ import annotations
 
@@ -34,38 +34,38 @@ from closeform.plots.style import (
     time_axes,
 )
 
-FEW = 12  # craft up to which each stands in the legend
-WIDEST = 5.0  # of the first of few curves, so that those that are the same are seen below each other
-FAR = 3.0  # times the greatest value: a limit beyond that would flatten all curves
-LOW = 0.12  # of the greatest value: words of a limit below that stand above it
+FEW = 12  # maximum number of spacecraft in the legend
+WIDEST = 5.0  # points: width of the first of few curves, so that coinciding curves stay visible
+FAR = 3.0  # times the maximum: a limit above that would flatten all curves
+LOW = 0.12  # of the maximum: a limit below that has its label above the line
 ROUNDING = 1e-9  # of a limit
-LINES = ((AFTER, "-"), (BEFORE, DASHED), (ALTERNATIVE, DOTTED))  # of the last path, the one before ...
+LINES = ((AFTER, "-"), (BEFORE, DASHED), (ALTERNATIVE, DOTTED))  # last path first
 
 
 def thrust(paths: Path | Sequence[Path], labels: Sequence[str], mass: float | None = None) -> Figure:
-    """Magnitude and components of the thrust of up to three paths, against time.
+    """Plot the magnitude and the components of the thrust of up to three paths against time.
 
     Impulses are stems with their own axis on the right.
 
     Parameters
     ----------
     paths : Path or sequence of Path
-        A batch, or single craft, such as before and after; the last is drawn strongest.
+        Batch or single paths, such as before and after; the last one is drawn in the main colour.
     labels : sequence of str
-        One for each path.
+        Label of each path.
     mass : float [kg], optional
-        Of the craft: the picture is in newtons; in m/s^2 unless given.
+        Mass of the spacecraft; if given, thrust is shown in newtons instead of m/s^2.
 
     Returns
     -------
     Figure
-        Of matplotlib; save it with its `savefig`.
+        Matplotlib figure; save it with its `savefig` method.
 
     Raises
     ------
     ValueError
-        If there are more than three paths or none, labels are not as many, `mass` is not positive and finite,
-        or an argument is of another kind.
+        If there are more than three paths or none, the number of labels is wrong, `mass` is not positive and
+        finite, or an argument has the wrong type.
     """
     if mass is not None and not 0.0 < number("mass", mass) < np.inf:
         raise ValueError(f"mass: must be positive and finite [kg], got {mass!r:.60}")
@@ -117,35 +117,35 @@ def formation_thrust(
     masses: ArrayLike | None = None,
     on_off: ArrayLike = False,
 ) -> Figure:
-    """How strongly each craft of a formation thrusts, against time, with its limit.
+    """Plot the thrust magnitude of each spacecraft of a formation against time, with its limit.
 
-    Among up to 12 craft each stands in the legend.  Of on-off thrusters curves are what the plan asks for,
-    and limits what a thruster gives while it is on; `pulses` shows what it fires.
+    Up to 12 spacecraft have a legend. For on-off thrusters, curves are the planned thrust and limits the
+    thrust of one thruster while it is on; `pulses` shows the pulses.
 
     Parameters
     ----------
     paths : Path or sequence of Path
-        A Path of shape (N,), or N paths.
+        Path of shape (N,), or N paths.
     names : sequence of str, optional
-        Of the craft; their indices unless given.
+        Names of the spacecraft; default: their indices.
     limits : array_like of shape (N,) [m/s^2], optional
-        Greatest thrust accelerations; nan or inf for a craft without one. Where they differ, a second
-        panel shows the share that each craft uses of its own.
+        Maximum thrust accelerations; nan or inf for no limit. If they differ, a second panel shows the share
+        of its own limit that each spacecraft uses.
     masses : array_like of shape (N,) [kg], optional
-        Of the craft: the picture is in newtons; in m/s^2 unless given.
+        Masses of the spacecraft; if given, thrust is shown in newtons instead of m/s^2.
     on_off : array_like of bool of shape () or (N,), default False
-        Which craft's limit is what each of its on-off thrusters gives.
+        True for spacecraft whose limit is the thrust of one on-off thruster.
 
     Returns
     -------
     Figure
-        Of matplotlib; save it with its `savefig`.
+        Matplotlib figure; save it with its `savefig` method.
 
     Raises
     ------
     ValueError
-        If names, limits, masses or on_off are not as many as the craft, masses are not positive, or an
-        argument is of another kind.
+        If the number of names, limits, masses or on_off is wrong, masses are not positive, or an argument
+        has the wrong type.
     """
     flown = crafts("paths", paths)
     called, count = short_names(names, len(flown)), len(flown)
@@ -199,7 +199,7 @@ def formation_thrust(
 
 
 def most_of_all(called: list[str], peaks: Floats, limits: Floats, pulsed: Any, basic: str) -> str:
-    """Who thrusts most, and how that compares with limits; of thrusters what is asked, and what fires."""
+    """Return the headline: the largest thrust, and how it compares with the limits."""
     k = int(peaks.argmax())
     if not peaks[k] > 0.0:
         return "No spacecraft thrusts"
@@ -219,7 +219,7 @@ def most_of_all(called: list[str], peaks: Floats, limits: Floats, pulsed: Any, b
 
 
 def vector(name: str, given: ArrayLike, count: int) -> Floats:
-    """One number for each craft."""
+    """Return an argument as one number per spacecraft, or raise ValueError."""
     values = numbers(name, given)
     if values.shape != (count,):
         raise ValueError(f"{name}: expected shape ({count},), got {values.shape}")
@@ -227,13 +227,13 @@ def vector(name: str, given: ArrayLike, count: int) -> Floats:
 
 
 def scaled(axes: Axes, words: str, top: float) -> None:
-    """An axis from zero to a little above `top`."""
+    """Set the range from zero to slightly above `top`, and the axis label."""
     axes.set_ylim(0.0, 1.08 * top if top > 0.0 else 1.0)
     axes.set_ylabel(words)
 
 
 def limited(axes: Axes, limit: float, words: str) -> None:
-    """A dashed line at a limit; one that is far above all curves, which would lie flat, is told only."""
+    """Draw a dashed line at a limit; only mention a limit far above all curves."""
     look: dict[str, Any] = {"ha": "right", "va": "top", "fontsize": SMALL, "color": INK}
     at, place, shift = (0.995, 1.0), "axes fraction", -4
     top = axes.get_ylim()[1] / 1.08
@@ -248,12 +248,12 @@ def limited(axes: Axes, limit: float, words: str) -> None:
 
 
 def level(axes: Axes, top: float, positive: bool) -> None:
-    """Limits with zero at the bottom, or in the middle for what has a sign."""
+    """Set the range from zero, or symmetric about zero for signed values."""
     axes.set_ylim(0 if positive else -top, top)
 
 
 def stems(panels: list[Axes], flown: list[Path], ticks: Clock, unit: Unit, greatest: float) -> None:
-    """Impulses on an axis of their own, its zero level with that of the thrust."""
+    """Draw impulses on a right axis whose zero coincides with that of the thrust."""
     styles = LINES[len(flown) - 1 :: -1]
     for row, axes in enumerate(panels):
         right = right_axis(axes, INK)

@@ -1,4 +1,4 @@
-"""Distances of two craft against time, with the timelines of their stays in a zone."""
+"""Distances of two spacecraft against time, with timelines of their conflicts."""
 
 from __future__ import annotations
 
@@ -31,48 +31,48 @@ from closeform.zones.shapes import CUBE
 from closeform.zones.solids import HalfSpaces
 from closeform.zones.zone import Zone
 
-BEYOND = 1e12  # [m] where no craft is: an open side of a zone
-FAR = 20.0  # zone extents, beyond which a distance is drawn on a logarithmic scale
+BEYOND = 1e12  # [m] stands for an open side of a zone, beyond all spacecraft
+FAR = 20.0  # zone extents above which a distance has a logarithmic scale
 
 
 def ends(zone: Zone, axis: int) -> Floats:
-    """How far the zone reaches along one axis (2,), forwards and backwards; inf where it is open."""
+    """Return the extent of a zone along one axis (2,), forwards and backwards; inf if it is open."""
     way = np.eye(3)[axis]
     return np.asarray(zone.support(np.stack([way, -way])))
 
 
 def slab(zone: Zone, *those: int) -> Zone:
-    """All that is within the zone's reach along some axes, however far along the others."""
+    """Return the zone of all points within the extent of a zone along some axes."""
     ways = [sign * np.eye(3)[axis] for axis in those for sign in (1.0, -1.0)]
     return HalfSpaces(ways, np.minimum(np.concatenate([ends(zone, axis) for axis in those]), BEYOND))
 
 
 def distances(path: Path, other: Path, zone: Zone, names: Sequence[str] | None = None) -> Figure:
-    """The distance along each axis against time, with the zone's lines and timelines: SP11 figure 1.
+    """Plot the distance along each axis against time, with zone limits and timelines: SP11 figure 1.
 
-    The shaded bands are how far the zone reaches.  Bars below them: within its reach along each axis,
-    along all three (the box around the zone) and, where that is not the same, in the zone itself.  Their
+    The shaded bands are the extent of the zone. The bars below show the intervals within the extent along
+    each axis, along all three axes (the box around the zone) and, if different, in the zone itself. Their
     edges are the exact times of `find_conflicts`.
 
     Parameters
     ----------
     path, other : Path
-        Of one craft each, in one orbit: the position of the first relative to the other is shown.
+        Paths of one spacecraft each, in one orbit; the position of the first relative to the other is shown.
     zone : Zone
-        Around the other.
+        Keep-out zone around the other spacecraft.
     names : sequence of str, optional
-        Of the two.
+        Names of the two spacecraft.
 
     Returns
     -------
     Figure
-        Of matplotlib; save it with its `savefig`.
+        Matplotlib figure; save it with its `savefig` method.
 
     Raises
     ------
     ValueError
-        If a path is a batch, orbits differ, there is no common time, names are not two, or an argument is of
-        another kind.
+        If a path is a batch, orbits differ, there is no common time, the number of names is not two, or an
+        argument has the wrong type.
 
     References
     ----------
@@ -101,7 +101,7 @@ def distances(path: Path, other: Path, zone: Zone, names: Sequence[str] | None =
 
 
 def distance_panel(axes: Axes, axis: int, times: Floats, gap: Floats, reach: Floats) -> None:
-    """One distance function with the band of what the zone reaches, forwards and backwards."""
+    """Draw the distance along one axis, with the band of the zone's extent."""
     direction = DIRECTIONS[axis]
     known = reach[np.isfinite(reach)]
     extent = float(known.max(initial=0.0))
@@ -119,7 +119,7 @@ def distance_panel(axes: Axes, axis: int, times: Floats, gap: Floats, reach: Flo
         axes.set_yticks([], minor=True)
         low, high = min(gap.min(), -2 * extent), max(gap.max(), 2 * extent)
         axes.set_ylim(1.5 * low / unit.size, 1.5 * high / unit.size)
-    low, high = axes.get_ylim()  # what an open side of the zone fills
+    low, high = axes.get_ylim()  # an open side extends to them
     forwards, backwards = reach / unit.size
     axes.axhspan(max(low, -backwards), min(high, forwards), color=ZONE, alpha=0.2, linewidth=0)
     axes.set_ylim(low, high)
@@ -127,7 +127,7 @@ def distance_panel(axes: Axes, axis: int, times: Floats, gap: Floats, reach: Flo
 
 
 def edge_lines(axes: Axes, reach: Floats) -> None:
-    """A line at each end that the zone has forwards and backwards, with its distance."""
+    """Draw a line with its distance at each finite end of the zone."""
     edges = {
         edge: text for edge, text in zip(reach * (1.0, -1.0), ("", "−"), strict=True) if np.isfinite(edge)
     }
@@ -151,7 +151,7 @@ def edge_lines(axes: Axes, reach: Floats) -> None:
 def bars(
     path: Path, other: Path, zone: Zone, conflicts: Sequence[Conflict]
 ) -> list[tuple[str, str, Sequence[Conflict]]]:
-    """The rows of the timeline: name, colour and stays."""
+    """Return the rows of the timeline: name, colour and conflicts."""
     rows: list[tuple[str, str, Sequence[Conflict]]] = [
         (d.name, d.colour, find_conflicts(path, other, slab(zone, axis))) for axis, d in enumerate(DIRECTIONS)
     ]
@@ -163,7 +163,7 @@ def bars(
 
 
 def bar_panel(axes: Axes, rows: list[tuple[str, str, Sequence[Conflict]]], ticks: Clock) -> None:
-    """Timelines, one row each; the edge line keeps the shortest stay visible."""
+    """Draw the timelines, one row each; edge lines keep the shortest conflict visible."""
     axes.grid(visible=False, axis="y")
     for row, (name, colour, stays) in enumerate(rows):
         axes.axhline(row, color=OTHER, linewidth=0.7, zorder=1)
@@ -179,7 +179,7 @@ def bar_panel(axes: Axes, rows: list[tuple[str, str, Sequence[Conflict]]], ticks
 
 
 def verdict(path: Path, other: Path, zone: Zone, conflicts: Sequence[Conflict], ticks: Clock) -> str:
-    """What the timelines say, in one line."""
+    """Return the headline: the conflicts, or the closest approach."""
     if not conflicts:
         near = closest_approach(path, other, zone)
         return f"Clear all the time: closest {near.ratio:.2f} × zone at {ticks.text(near.time)}"

@@ -1,4 +1,4 @@
-"""Tracks: where a formation flies, who is in conflict where, and which of the closest pair stays."""
+"""Tracks of a formation, its stretches in conflict, and its closest pair."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,24 +15,24 @@ from closeform.zones.outlines import drawn
 from closeform.zones.solids import Sphere
 from closeform.zones.zone import Zone
 
-MANY, NAMED = 200, 20  # craft beyond which only the closest are shown, and how many of these
+MANY, NAMED = 200, 20  # spacecraft above which only the closest are shown, and how many of them
 SAMPLE = 150  # of the others, as faint tracks
-ROOM = 48  # letters of a headline for the names of pairs
+ROOM = 48  # characters of a headline for the names of pairs
 
 
 @dataclass(frozen=True, eq=False)
 class Closest:
-    """The closest pair when it is closest: the `zone` around the craft that stays, and where the other is."""
+    """Closest pair at its closest approach: `zone`, its `centre`, and the position of the `other`."""
 
-    zone: Zone | None  # None: no craft has one
+    zone: Zone | None  # None if no spacecraft has one
     centre: Floats
     other: Floats
-    story: str  # which pair that is
+    story: str  # describes the pair
 
 
 @dataclass(frozen=True, eq=False)
 class Formation:
-    """All paths at one stage of a plan: positions [m] as they are drawn."""
+    """Tracks of all paths at one stage of a plan, as positions [m]."""
 
     title: str
     tracks: list[Floats]
@@ -42,7 +42,7 @@ class Formation:
     conflicts: int  # pairs in conflict
     pairs: int  # pairs that have a zone
     named: str  # some of those in conflict
-    shown: list[int]  # the craft of the tracks
+    shown: list[int]  # indices of the spacecraft with tracks
     faint: list[Floats]  # tracks of a sample of the others
 
     @classmethod
@@ -55,13 +55,13 @@ class Formation:
         called: list[str],
         shown: list[int] | None = None,
     ) -> "Formation":
-        """Sample the tracks and find what is in conflict.
+        """Sample the tracks and find the conflicts.
 
-        Of many craft `shown` have their tracks, unless given those of the closest pairs.
+        Of many spacecraft only `shown` have tracks, by default those of the closest pairs.
         """
         flown = crafts("paths", paths)
         many, lacking = len(flown) > MANY, zone is None or (isinstance(zone, Sequence) and not zone)
-        kept = Sphere(1.0) if many and lacking else zone  # then the closest by their distance
+        kept = Sphere(1.0) if many and lacking else zone  # ranks pairs by distance
         pairs = (Pairs.near if many else Pairs.of)([*flown, *others], kept, len(flown), "zone")
         if shown is None:
             shown = closest_craft(pairs, len(flown)) if many else list(range(len(flown)))
@@ -82,7 +82,7 @@ class Formation:
 
     @property
     def points(self) -> Floats:
-        """All positions (M, 3), and those that the zone reaches."""
+        """All positions (M, 3) [m], including the extremes of the zone."""
         every = [*self.tracks, *self.faint, *self.stays, *self.obstacles]
         if self.closest is not None and self.closest.zone is not None:
             extents = drawn(self.closest.zone).extents[None]
@@ -91,7 +91,7 @@ class Formation:
 
     @property
     def story(self) -> str:
-        """Which pair comes closest, if any has a zone, and of many craft which are shown."""
+        """Closest pair as text, and which spacecraft are shown if there are many."""
         told = [self.closest.story] if self.closest is not None else []
         if self.faint:
             told.append(f"in colour the {len(self.shown)} craft of the closest pairs")
@@ -99,7 +99,7 @@ class Formation:
 
 
 def closest_craft(pairs: Pairs, flown: int) -> list[int]:
-    """Return the craft of the closest pairs, in order."""
+    """Return the sorted indices of the spacecraft in the closest pairs."""
     found: dict[int, None] = {}
     for k in pairs.order:
         both = [craft for craft in pairs.craft[k].tolist() if craft < flown]
@@ -110,7 +110,7 @@ def closest_craft(pairs: Pairs, flown: int) -> list[int]:
 
 
 def closest(pairs: Pairs, flown: int, called: list[str], by_distance: bool = False) -> Closest | None:
-    """The closest pair, if any two craft that have a zone share a time; or `by_distance`, of 1 m zones."""
+    """Return the closest pair, or None if no pair shares a time; `by_distance` for 1 m zones."""
     if not pairs.order:
         return None
     near = pairs.order[0]
@@ -126,7 +126,7 @@ def closest(pairs: Pairs, flown: int, called: list[str], by_distance: bool = Fal
 
 
 def in_words(pairs: Pairs, called: list[str]) -> str:
-    """Who is in conflict, the deepest first, as many pairs as a headline has room for; none of one alone."""
+    """Return the pairs in conflict as text, deepest first, as far as the headline has room."""
     deep = [k for k in pairs.order if pairs.stays[k]]
     named = [" and ".join(called[craft] for craft in pairs.craft[k].tolist()) for k in deep]
     if len(named) < 2:
@@ -137,14 +137,14 @@ def in_words(pairs: Pairs, called: list[str]) -> str:
 
 
 def stays(paths: Path, flown: int, one: int, other: int) -> bool:
-    """Whether one craft rather than another stays where it is: an obstacle does rather than who moves."""
+    """Return True if spacecraft `one` should carry the zone: it is the obstacle, or moves less."""
     if (one >= flown) != (other >= flown):
         return one >= flown
     return stays_rather(paths[one], paths[other])
 
 
 def together(pairs: Pairs, count: int) -> list[list[tuple[float, float]]]:
-    """When each craft is in conflict with any other: its stays, those that overlap as one."""
+    """Return the merged conflict intervals of each spacecraft with any other."""
     spans: list[list[tuple[float, float]]] = [[] for _ in range(count)]
     for craft, met in zip(pairs.craft.tolist(), pairs.stays, strict=True):
         for k in craft:

@@ -1,4 +1,4 @@
-"""Where a craft may be relative to another: a tube of some sigmas around its path, beside the zone."""
+"""Figure of a covariance tube around a relative path, with the keep-out zone."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ from closeform.zones.outlines import CIRCLE, shadow
 from closeform.zones.zone import Zone
 
 TUBE = "#cfe4f3"
-MOST = 400  # ellipses of which a tube is made
-SHOWN = 9  # of them that have a line
+MOST = 400  # maximum number of ellipses of a tube
+SHOWN = 9  # ellipses with an outline
 
 
 def tube(
@@ -40,36 +40,36 @@ def tube(
     sigmas: float = 3.0,
     names: Sequence[str] | None = None,
 ) -> Figure:
-    """Where a craft may be relative to another within some sigmas, in the three planes, and the zone.
+    """Plot the relative position of two spacecraft within some sigmas, in three planes, with the zone.
 
-    The tube is all that the ellipsoids of so many sigmas sweep; some of their outlines are drawn at equal
-    times, and, in the colour of conflict, that of the time at which fewest sigmas touch the zone.
+    The tube is the union of the covariance ellipsoids of that size along the path. Some outlines are drawn at
+    equal time steps. The outline in the conflict colour is at the closest approach in sigmas.
 
     Parameters
     ----------
     path, other : Path
-        Of one craft each, in one orbit: the position of the first relative to the other is shown.
+        Paths of one spacecraft each, in one orbit; the position of the first relative to the other is shown.
     zone : Zone
-        Around the other.
+        Keep-out zone around the other spacecraft.
     errors : Uncertainty
-        Of the first craft, or with `other_errors=None` of the one relative to the other.
+        Uncertainty of the first spacecraft, or of the relative state if `other_errors` is None.
     other_errors : Uncertainty, optional
-        Of the other craft.
+        Uncertainty of the other spacecraft.
     sigmas : float, no unit, default 3
-        How many standard deviations the tube is wide.
+        Size of the tube in standard deviations.
     names : sequence of str, optional
-        Of the two.
+        Names of the two spacecraft.
 
     Returns
     -------
     Figure
-        Of matplotlib; save it with its `savefig`.
+        Matplotlib figure; save it with its `savefig` method.
 
     Raises
     ------
     ValueError
-        If a path is a batch, orbits differ, there is no common time, `sigmas` is not above 0, names are not
-        two, or an argument is of another kind.
+        If a path is a batch, orbits differ, there is no common time, `sigmas` is not above 0, the number of
+        names is not two, or an argument has the wrong type.
     """
     instance("zone", zone, Zone)
     many = number("sigmas", sigmas)
@@ -111,7 +111,7 @@ def swept(
     some: Any,
     nearest: int | None,
 ) -> None:
-    """The tube in one plane: ellipses of covariances, some with their outlines, and the path."""
+    """Draw the tube in one plane: covariance ellipses, some outlines, and the path."""
     basis = camera.basis[:2] / unit
     centres = found.states[:, :3] @ basis.T
     ellipses = ellipse(basis @ found.covariances[:, :3, :3] @ basis.T, sigmas) + centres[:, None]
@@ -131,24 +131,24 @@ def swept(
 
 
 def ellipse(covariances: Floats, sigmas: float) -> Floats:
-    """Outlines (T, K, 2) of covariances (T, 2, 2)."""
+    """Return outlines (T, K, 2) of covariances (T, 2, 2)."""
     values, vectors = np.linalg.eigh(covariances)
     axes = vectors * (sigmas * np.sqrt(np.maximum(values, 0.0)))[:, None, :]
     return np.asarray(CIRCLE @ axes.transpose(0, 2, 1))
 
 
 def hulled(points: Floats) -> Floats:
-    """The convex outline of points (M, 2)."""
+    """Return the convex hull (K, 2) of points (M, 2), or the points if they lie on a line."""
     from scipy.spatial import ConvexHull, QhullError
 
     try:
         return np.asarray(points[ConvexHull(points).vertices])
-    except QhullError:  # all on a line
+    except QhullError:  # collinear points
         return points
 
 
 def marks(figure: Figure, sigmas: float, touched: bool) -> None:
-    """What the marks mean."""
+    """Add the legend."""
     ring: dict[str, Any] = {"linestyle": "", "marker": "o", "color": INK}
     handles: list[Any] = [
         Line2D([], [], color=AFTER, linewidth=2.2, label="path"),
@@ -164,7 +164,7 @@ def marks(figure: Figure, sigmas: float, touched: bool) -> None:
 
 
 def said(least: SigmaApproach, sigmas: float, ticks: Any) -> str:
-    """Whether the tube is clear, and by how many sigmas."""
+    """Return the headline: whether the tube is clear, and the minimum clearance in sigmas."""
     if not np.isfinite(least.time):
         return "no error of any size leads into the zone"
     how = "clear" if least.sigmas >= sigmas else "not clear"

@@ -1,4 +1,4 @@
-"""Zones and tracks as they are drawn in the planes and in space."""
+"""Drawing of zones, tracks and direction arrows in the planes and in space."""
 
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -12,19 +12,19 @@ from matplotlib.transforms import IdentityTransform
 
 from closeform.arrays import Floats
 
-HEAD = np.array([[1.0, 0.0], [-0.8, 0.75], [-0.35, 0.0], [-0.8, -0.75], [1.0, 0.0]])  # of an arrow
-ALONG = 0.35  # of the length of a track: the middles of craft that change places lie on each other
-SHORT = 0.04  # of the width of the axes: tracks below that have no arrow
+HEAD = np.array([[1.0, 0.0], [-0.8, 0.75], [-0.35, 0.0], [-0.8, -0.75], [1.0, 0.0]])  # arrowhead
+ALONG = 0.35  # of the length of a track; tracks that swap places cross in the middle
+SHORT = 0.04  # of the width of the axes: shorter tracks have no arrow
 
 
 def spot(basis: Floats, point: Floats) -> tuple[float, float]:
-    """A position (3,) in a plane."""
+    """Return the projection of a position (3,) onto a plane."""
     right, up = basis @ point
     return float(right), float(up)
 
 
 def square(axes: Axes, middle: Any, reach: float) -> None:
-    """Equal scales, and as far in each direction."""
+    """Set equal scales and a square range around a centre."""
     axes.set_xlim(middle[0] - reach, middle[0] + reach)
     axes.set_ylim(middle[1] - reach, middle[1] + reach)
     axes.set_aspect("equal")
@@ -38,7 +38,7 @@ def place(axes: Axes, outline: Floats, centre: Any, **look: Any) -> None:
 
 
 def heading(track: Floats) -> Floats:
-    """A place before the middle of a track (M, 3), and its direction there (2, 3)."""
+    """Return a point before the middle of a track (M, 3), and the direction there, as (2, 3)."""
     steps = np.diff(track, axis=0)
     far = np.cumsum(np.linalg.norm(steps, axis=1))
     k = int(np.searchsorted(far, far[-1] * ALONG))
@@ -48,10 +48,10 @@ def heading(track: Floats) -> Floats:
 def headings(
     axes: Axes, project: Callable[[Floats], Floats], tracks: Sequence[Floats], tints: Any, size: float = 5.5
 ) -> Floats:
-    """A small arrow head on each track (M, 3), the way it is flown; returns their places (K, 2).
+    """Draw a small arrowhead on each track (M, 3) along its motion; return the positions (K, 2).
 
-    `project` takes positions to the picture, which has one scale in both directions; `size` is in
-    printer's points.
+    `project` maps positions to the figure, which has one scale in both directions; `size` is in typographic
+    points.
     """
     long = SHORT * float(np.ptp(axes.get_xlim()))
     seen = [k for k, track in enumerate(tracks) if np.ptp(project(track), axis=0).max() > long]
