@@ -120,7 +120,7 @@ class Choices:
         return [self.mission.scenario.names.index(name) for name in self.movers]
 
     def row(self, name: str, spent: Any) -> tuple[Any, ...]:
-        """Return a row of CHOICE from the delta-v of each mover [m/s], or from the reason why there is none."""
+        """Return a row of CHOICE from the delta-v of each mover [m/s] or the reason for its absence."""
         if isinstance(spent, str) or not np.isfinite(spent).all():
             return name, None, None, None
         total = float(np.sum(spent))
@@ -132,7 +132,7 @@ class Choices:
         return name, total, above, burnt if isfinite(burnt) else None
 
     def by_thrusters(self) -> Floats:
-        """Return the delta-v of each mover with impulses of its thrusters [m/s], summed over the thrusters."""
+        """Return the delta-v of each mover with impulses of its thrusters [m/s], summed over these."""
         initial, final, duration, start = self.ends
         return np.array(
             [
@@ -185,7 +185,7 @@ class Choices:
         return (*found, Picture("trade", caption, "trade", (self.trade, plans, fired, asked)))
 
     def primer(self, name: str) -> tuple[tuple[Any, ...], dict[str, Any]]:
-        """Return arguments and options of the primer plot of a spacecraft: its plan around zones, or its path."""
+        """Return arguments and options of a spacecraft's primer plot: its plan around zones, or its path."""
         scenario, done = self.mission.scenario, self.result.result
         own = {"thrusters": self.craft[scenario.names.index(name)].fired(1.0)}
         if isinstance(done, ReconfigureResult):
@@ -198,7 +198,7 @@ class Choices:
 
     @cached_property
     def trade(self) -> Any:
-        """The minimum delta-v to the same natural motions over a range of durations, summed over the movers."""
+        """The minimum delta-v to the same natural motions by duration, summed over the movers."""
         from closeform.fuel.arrivals import transfer_cost_table
 
         orbit, (initial, final, duration, _) = self.mission.orbit, self.ends

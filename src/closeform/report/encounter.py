@@ -203,7 +203,7 @@ class EncounterReport:
     def leave(
         self, folder: Folder, progress: Progress = lambda text: None, viewer: results.Viewer | None = None
     ) -> None:
-        """Fill a result folder with the report and states of the encounter; `viewer` writes the animated page."""
+        """Fill a result folder with the report of the encounter; `viewer` writes the animated page."""
         met = self.encounter
         times = np.linspace(float(met.path.start), float(met.path.end), SAMPLES)
         columns: dict[str, Any] = {

@@ -148,7 +148,7 @@ def share_table(campaign: Campaign) -> Table:
 
 
 def wanted(campaign: Campaign) -> Iterator[tuple[str, int, Estimate]]:
-    """Yield each requirement with the count and share of cases that meet it; the last row covers all of them."""
+    """Yield each requirement with the count and share of cases that meet it; the last row covers all."""
     tally = campaign.tally
     told = {campaign.requirement_label(what): met for what, met in tally.met.items()}
     for what, met in {**told, "all of it": tally.good}.items():
@@ -156,7 +156,7 @@ def wanted(campaign: Campaign) -> Iterator[tuple[str, int, Estimate]]:
 
 
 def met_table(campaign: Campaign) -> tuple[Table, ...]:
-    """Return the table of requirements and the cases that meet them; empty if there is only one requirement."""
+    """Return the table of requirements and the cases that meet them; empty for a single requirement."""
     if len(campaign.tally.met) == 1:
         return ()
     columns = Column("what was asked", words=True), Column("cases"), *percent("met in [%]")
@@ -209,28 +209,28 @@ def resolved(
 
 
 def spread_row(name: str, found: Spread, digits: int, scale: float = 1.0) -> tuple[Any, ...]:
-    """A name, and what SPREAD says of it, `scale` times, to so many `digits`."""
+    """Return a table row: the name and the values of SPREAD, times `scale`, with `digits` decimals."""
     greatest, case = found.worst[0]
     numbers = found.mean, *(one.value for one in found.quantiles.values()), greatest
     return name, *(f"{scale * one:.{digits}f}" for one in numbers), case
 
 
 def draws(campaign: FlownCases) -> dict[str, Any]:
-    """What was drawn, as the file says it."""
+    """Return the distributions of the study, by scenario key, as written in the file."""
     study = campaign.scenario.study
     vary = study.vary if study is not None else {}
     return {key: draw.model_dump(exclude_none=True) for key, draw in vary.items()}
 
 
 def draw_table(campaign: FlownCases) -> tuple[Table, ...]:
-    """The same as a table."""
+    """Return the distributions of the study as a table."""
     rows = [(key, *sized(draw)) for key, draw in draws(campaign).items()]
     columns = Column("key", words=True), Column("distribution"), Column("size")
     return (Table("Drawn for each case and craft", columns, rows),) if rows else ()
 
 
 def draw_lines(campaign: FlownCases) -> list[str]:
-    """The same as lines, but for what a sweep has in its table."""
+    """Return the distributions of the study as lines, without the keys of a sweep."""
     study = campaign.scenario.study
     assert study is not None
     fixed = {key: draw for key, draw in draws(campaign).items() if not any(key in one for one in study.sweep)}
@@ -244,7 +244,7 @@ def draw_lines(campaign: FlownCases) -> list[str]:
 
 
 def sized(draw: dict[str, Any]) -> tuple[str, str]:
-    """The name of a distribution, and its size, sizes or values."""
+    """Return the name of a distribution, and its size, sizes or values as text."""
     ((name, size),) = draw.items()
     if not isinstance(size, tuple):
         return name, str(size)

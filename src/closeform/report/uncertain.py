@@ -160,7 +160,7 @@ def clearances(
     pairs: "Sequence[UncertainPair]",
     asked: float | None,
 ) -> tuple[Picture, ...]:
-    """Return the uncertainty tube of the critical pair, and the clearance in sigmas of several pairs over time."""
+    """Return the uncertainty tube of the critical pair, and the clearance in sigmas over time."""
     from closeform.uncertainty.errors import Uncertainty
 
     near = [pair for pair in pairs if pair.sigmas < inf]
