@@ -80,7 +80,7 @@ def deepest_of(found: Sequence[PairConflict]) -> PairConflict:
 
 
 def zones(flight: WatchedFlight) -> tuple[str, ...]:
-    """Return a line on the rules by which zones of pairs are combined, with counts; empty if there are none."""
+    """Return a line on the rules by which zones of pairs are combined, with counts; empty without any."""
     counts = Counter(near.rule for near in flight.approaches)
     if not counts.keys() - {REGION}:
         return ()

@@ -33,7 +33,7 @@ class Picture:
     plot: str
     arguments: tuple[Any, ...]
     options: Mapping[str, Any] = field(default_factory=dict)
-    stage: str = "" # written above it, in red if the stage failed
+    stage: str = ""  # written above it, in red if the stage failed
     failed: bool = False
     shows: str = ""  # written there too, if the picture shows something other than the final paths
     flown: bool = True  # if False, its title begins with "Not flown"
@@ -66,7 +66,7 @@ class Film(Picture):
         count: int = 1,
         others: Callable[[], list[Any]] = list,
     ) -> Shot:
-        """Save the animation: draw the first of `count` shares of frames, and add those that `others` returns."""
+        """Save the animation from the first of `count` shares of frames and those that `others` returns."""
         reel = self.reel()
         frames: list[Any] = [None] * len(reel.moments)
 
