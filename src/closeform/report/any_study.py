@@ -1,4 +1,4 @@
-"""Selection of the report for a study of any kind."""
+"""Report of a study, selected by the kind of its campaign."""
 
 from typing import Any
 

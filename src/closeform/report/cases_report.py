@@ -43,7 +43,7 @@ class CasesReport(ABC):
     @property
     @abstractmethod
     def verdict(self) -> str:
-        """The last line."""
+        """The last line: all requirements are met, or the reason why not."""
 
     @property
     @abstractmethod

@@ -18,9 +18,9 @@ from closeform.report.table import MOST_ROWS, PAIR, Column, Table, counted, reco
 from closeform.zones.combined_zones import REGION
 from closeform.zones.pair_zones import PairZones
 
-DOUBTFUL = 0.1  # of a clearance ratio: a smaller interpolation error is not reported
+DOUBTFUL = 0.1  # of a clearance ratio: a smaller interpolation error causes no warning
 FEWEST, MOST_CURVES = 4, 8  # pairs whose clearance ratios are plotted over time
-MOST_PAIRS = 1000  # closest approaches shown; the Parquet table has all of them
+MOST_PAIRS = 1000  # closest approaches shown; the Parquet table has all that were computed
 
 RATIO = Column("least", "ratio", "{:.4f} x zone".format)
 DEEPEST = Column("deepest at [s]", "time_s", "{:.3f}".format, since="mission")

@@ -63,7 +63,7 @@ class Drawer:
         end.close()  # the stream keeps the socket open
 
     def draw(self, picture: Drawable, folder: "Folder") -> Any:
-        """Have a picture drawn. Raises EOFError or OSError if the process failed to do so, and is gone."""
+        """Have a picture drawn and return the result; raise EOFError or OSError if the process has ended."""
         with self.free:
             pickle.dump((picture, folder), self.stream)
             self.stream.flush()

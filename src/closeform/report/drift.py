@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from closeform.mission.passive_safety import PairDrift, PassiveSafety
 
 CURVES = 6  # pairs whose clearance ratio is plotted against the instant of failure
-ROUNDING = 1e-6  # m: a smaller distance is a collision
+ROUNDING = 1e-6  # m: a smaller distance is printed as 0
 SECONDS = "{:.3f}".format
 EVENTS = {
     "ThrustLost": ("thrust is lost", "thrust lost at [s]"),

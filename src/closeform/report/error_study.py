@@ -51,7 +51,7 @@ class ErrorStudyReport(CasesReport):
 
     @property
     def verdict(self) -> str:
-        """The last line."""
+        """The last line: no case has a conflict, or the reason why not."""
         return (
             self.campaign.reason
             or f"all {len(self.campaign)} cases {' and '.join(MET[kind] for kind in self.campaign.counts)}"

@@ -29,7 +29,7 @@ Gathered = StageResult[Gather, Gathering]
 
 
 def section(mission: Mission, result: Gathered) -> Section:
-    """Return the section of a gathering."""
+    """Return the section of a gathering, with its search, timeline, delta-v, conflicts and pictures."""
     gathering, names, rounds = result.result, result.after.names, result.stage.rounds
     history = timeline(gathering, names)
     once = search.one_round(gathering.search, rounds)
@@ -223,7 +223,7 @@ def ways(result: Gathered) -> tuple[Table, ...]:
 
 
 def known(result: Gathered) -> list[bool]:
-    """Return for each conflict whether the two spacecraft were in one set when it began."""
+    """Return whether the two spacecraft of each conflict were in one set when it began."""
     place = {name: k for k, name in enumerate(result.after.names)}
     return [
         result.result.known(place[met.first], place[met.second], met.start - result.start)

@@ -24,7 +24,7 @@ def greatest(mission: Mission, result: StageResult[Any, Any]) -> dict[str, tuple
 
 
 def first_of_each(uses: Iterable[Use], idle: bool = False) -> tuple[Use, ...]:
-    """Return the largest share of each kind of limit; without any use none, or that of an `idle` craft."""
+    """Return the largest use of each kind of limit; if none is used, the first one with `idle`, else none."""
     found: dict[str, Use] = {}
     for use in uses:
         if idle:
@@ -54,7 +54,7 @@ def used_up(mission: Mission) -> tuple[Table, ...]:
 
 
 def used(mission: Mission) -> Table:
-    """Return the use of each craft in the whole mission, and in its simulations if there are any."""
+    """Return the use of each spacecraft in the whole mission, and in its simulations if there are any."""
     scenario, (delta_v, propellant) = mission.scenario, mission.spent_of_each
     uses = {(use.what, use.craft): use for use in mission.uses}
     flown, how, heading = flown_delta_v(mission)

@@ -84,7 +84,7 @@ def by_phase(found: FirstLocks) -> Table:
 
 
 def figures(found: FirstLocks, names: tuple[str, ...]) -> dict[str, Any]:
-    """Return the figures of first locks; times count from the start of the stage."""
+    """Return the first locks for `summary.json`; times count from the start of the stage."""
     times = found.locks.time[found.locks.leg >= 0]
     return {
         "pairs": len(found.pairs),

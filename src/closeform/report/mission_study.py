@@ -43,7 +43,7 @@ class MissionStudyReport(CasesReport):
 
     @property
     def verdict(self) -> str:
-        """The last line."""
+        """The last line: all cases meet their requirements, or the reason why not."""
         return self.campaign.reason or f"in all {len(self.campaign)} cases {WORDS['met']}"
 
     @property

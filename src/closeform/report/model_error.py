@@ -13,7 +13,7 @@ from closeform.report.section import plan_of
 
 
 def lines(mission: Mission, result: StageResult[Any, Any]) -> tuple[str, ...]:
-    """Return the predicted deviations of a stage in its high-fidelity model."""
+    """Return the predicted deviations of a stage in its high-fidelity model, or a note on their absence."""
     if result.validity is None:
         unflown = mission.scenario.field is not None and not result.flown
         return ("In the field: not predicted, since these paths are not flown",) * unflown

@@ -9,7 +9,7 @@ from closeform.planning.plan import UNITS, Avoidance, Contact, Plan
 from closeform.report.table import PAIR, Column, Table, counted
 from closeform.scenario.stages import Clearing
 
-KEYS = {  # of the slopes of a cost, per metre and per scale factor of a zone
+KEYS = {  # keys of the slopes of a cost, per metre and per scale factor of a zone
     "energy": ("per_metre_m_s3", "per_factor_m2_s3"),
     "delta-v": ("per_metre_1_s", "per_factor_m_s"),
 }

@@ -1,4 +1,4 @@
-"""Write the results as one self-contained HTML page."""
+"""HTML page: the results as one self-contained file."""
 
 import base64
 import re

@@ -96,7 +96,7 @@ class Share:
 
     @property
     def name(self) -> str:
-        """The name of the share in progress messages; it has no file."""
+        """The name of the share, for progress messages only."""
         return f"{self.film.name}, share {self.index}"
 
     def leave(self, folder: "Folder", progress: Progress) -> list[Any]:

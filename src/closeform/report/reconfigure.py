@@ -25,7 +25,7 @@ def section(mission: Mission, result: Moved, reached: str | None = None) -> Sect
     """Return the section of spacecraft on new relative orbits; `reached` is a line about the final state."""
     moved, plan = result.result, result.result.plan
     choices, fired = Choices(mission, result, moved.movers), burns.StageBurns(mission, result)
-    direct = result.planned is result.before  # all of them
+    direct = result.planned is result.before  # every spacecraft takes its direct path
     title = "Conflicts" if direct and plan.ok else "Conflicts of the direct paths"
     lines, tables = conflicts.summed(title, result.before, avoided=not direct)
     near = conflicts.approaches("Closest approaches" + " of the direct paths" * (not direct), result.before)
@@ -131,7 +131,7 @@ def costs(mission: Mission, result: Moved) -> Iterator[Table]:
     )
     title = "Paths of the plan" if plan.ok else "Direct paths"
     if len(who) == 1:
-        rows = rows[:1]  # that is all
+        rows = rows[:1]  # the total repeats it
     many = len(who) > MOST_ROWS
     if many:
         yield Table(f"{title}, all {len(who)} craft", shown, rows[-1:])

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 OPTIONS = Column("option", "option", words=True), Column("given", "given", words=True)
 ROWS = Column("what", "what", words=True), Column("is", "is", words=True)
 FILES = Column("file", "file", words=True, links=True), Column("what it holds", "words", words=True)
-EXPANDED = {*'"$`'}  # characters that a shell expands even in double quotes
+EXPANDED = {*'"$`'}  # characters that are special to a shell even in double quotes
 HOLDS = {  # files of results, in the order in which they are listed
     VIEWER: "all of it in motion, in space",
     WORST_FLIGHT: "the worst flight in the field, in motion",

@@ -11,7 +11,7 @@ from closeform.scenario.load import toml
 
 OWN = {"closeform", "title", "craft", "stage"}  # tables and keys that are shown separately
 TOLD = {"do", "name"}  # keys of a stage that have their own columns
-DRAWN = {  # case of a study, by its `draws`
+DRAWN = {  # words for a case of a study, by its `draws`
     "vary": "whose states are",
     "errors": "flown as planned with errors that are",
     "replanned": "each stage planned from where errors led the craft, which are",

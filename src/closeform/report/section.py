@@ -53,7 +53,7 @@ def called(result: StageResult[Any, Any]) -> str:
 
 
 def heading(result: StageResult[Any, Any], who: str = "") -> str:
-    """Return the title of a stage; `who` names what moves."""
+    """Return the title of a stage; `who` names the spacecraft that move."""
     moving = f", {who}" if who else ""
     return f"{called(result)}{moving}, {result.start:.1f} s to {result.end:.1f} s"
 

@@ -92,7 +92,7 @@ class FlightTold:
 
     @property
     def unknown(self) -> str:
-        """A remark that a case has sampled part of the force model, or an empty text."""
+        """The remark that a case has sampled part of the force model, else an empty text."""
         return "" if self.flown.field is self.flown.known else " but for what is drawn"
 
     @property

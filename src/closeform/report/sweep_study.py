@@ -37,7 +37,7 @@ class SweepReport(CasesReport):
 
     @property
     def verdict(self) -> str:
-        """The last line."""
+        """The last line: all cases at all points meet their requirements, or the reason why not."""
         campaign = self.campaign
         return campaign.reason or f"all is met in every case at all {len(campaign.points)} points"
 
