@@ -1,1 +1,1 @@
-"""What is said of a run and of a study: a file for each subject, tables of numbers, one page."""
+"""Reports of runs and studies: one module per subject, tables of numbers, and one page."""

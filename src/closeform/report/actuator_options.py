@@ -1,4 +1,4 @@
-"""What each choice costs: impulses at both ends, least energy or delta-v, within limits, with thrusters."""
+"""Delta-v by actuator option: two impulses, minimum energy or delta-v, thrust limits, given thrusters."""
 
 import re
 from collections.abc import Callable, Iterator, Sequence
@@ -18,9 +18,9 @@ from closeform.report.picture import Picture
 from closeform.report.table import Column, Table
 from closeform.scenario import Craft
 
-MOST = 24  # craft, up to which choices are looked at
-DURATIONS = np.geomspace(0.1, 3.0, 40)  # of the plan's, at which the trade is looked at
-NOTHING = 1e-9  # m/s: what a plan costs at least, of which nobody tells shares
+MOST = 24  # maximum number of spacecraft for which options are evaluated
+DURATIONS = np.geomspace(0.1, 3.0, 40)  # multiples of the plan's duration at which the trade is evaluated
+NOTHING = 1e-9  # m/s: lower bound of a plan below which shares are meaningless
 CHOICE = (
     Column("choice", "choice", words=True),
     Column("delta-v [m/s]", "delta_v_m_s", "{:#.6g}".format, absent="impossible"),
@@ -31,7 +31,7 @@ CHOICE = (
 
 @dataclass(frozen=True, eq=False)
 class Choices:
-    """The craft `movers` of a stage, between the ends of its direct paths, each alone."""
+    """Actuator options of the spacecraft `movers`, each alone between the ends of its direct path."""
 
     mission: Mission
     result: StageResult[Any, Any]
@@ -39,12 +39,12 @@ class Choices:
 
     @property
     def told(self) -> bool:
-        """Whether a stage that keeps zones tells of them, and of its burns, in words and pictures."""
+        """True if a stage that keeps zones reports the options, and its burns, in words and pictures."""
         return self.result.stage.cost == "delta-v" or self.result.pulsed is not None
 
     @property
     def craft(self) -> Sequence[Craft]:
-        """All craft as they thrust in the stage."""
+        """All spacecraft with the thrust settings of the stage."""
         return self.mission.scenario.craft_in(self.result.stage)
 
     @cached_property
@@ -56,7 +56,7 @@ class Choices:
 
     @cached_property
     def least(self) -> Any:
-        """The Bound of each; None where there is none to be had."""
+        """The delta-v bounds of the movers; None with too many movers or too long a duration."""
         from closeform.fuel.bound import least_delta_v
 
         initial, final, duration, _ = self.ends
@@ -66,12 +66,12 @@ class Choices:
 
     @property
     def lower(self) -> float:
-        """What any plan costs at least, of all craft [m/s]."""
+        """The lower bound of the total delta-v of any plan [m/s]."""
         return float(np.sum(self.least.lower))
 
     @cached_property
     def tried(self) -> dict[str, Any]:
-        """What each craft spends by each choice but the plan [m/s]; why not where that is impossible."""
+        """The delta-v per mover of each option except the plan [m/s], or the reason why it is impossible."""
         orbit, (initial, final, duration, start) = self.mission.orbit, self.ends
         task = initial, final, duration, start
         craft = [self.craft[k] for k in self.places]
@@ -86,12 +86,12 @@ class Choices:
             )
         if all(one.thrusters is not None for one in craft):
             told["impulses of these thrusters"] = self.by_thrusters
-        least = "free impulses" if orbit.mean_motion else "two impulses"  # of deep space, at both ends
+        least = "free impulses" if orbit.mean_motion else "two impulses"  # in deep space: at both ends
         told[f"least delta-v, {least}"] = lambda: self.least.upper
         return {name: self.spent_or_why(spent) for name, spent in told.items()}
 
     def spent_or_why(self, spent: Callable[[], Any]) -> Any:
-        """What a choice costs; in words why it is none."""
+        """Return the cost of an option, or the reason in words why it is impossible."""
         try:
             return spent()
         except ValueError as error:
@@ -104,7 +104,7 @@ class Choices:
 
     @cached_property
     def rows(self) -> list[tuple[Any, ...]]:
-        """Rows of CHOICE, the dearest first but for the plan."""
+        """Rows of CHOICE, highest cost first; the plan comes last."""
         found = [self.row(name, spent) for name, spent in self.tried.items()]
         found = sorted(found, key=lambda row: -float(f"{row[1] or np.inf:.6g}"))  # as printed
         if self.result.flown:
@@ -116,11 +116,11 @@ class Choices:
 
     @property
     def places(self) -> list[int]:
-        """The movers among all craft."""
+        """The indices of the movers among all spacecraft."""
         return [self.mission.scenario.names.index(name) for name in self.movers]
 
     def row(self, name: str, spent: Any) -> tuple[Any, ...]:
-        """A row of CHOICE for what each craft spends [m/s]; a text where that is impossible."""
+        """Return a row of CHOICE from the delta-v of each mover [m/s] or the reason for its absence."""
         if isinstance(spent, str) or not np.isfinite(spent).all():
             return name, None, None, None
         total = float(np.sum(spent))
@@ -132,7 +132,7 @@ class Choices:
         return name, total, above, burnt if isfinite(burnt) else None
 
     def by_thrusters(self) -> Floats:
-        """What impulses of each craft's thrusters cost, summed over these."""
+        """Return the delta-v of each mover with impulses of its thrusters [m/s], summed over these."""
         initial, final, duration, start = self.ends
         return np.array(
             [
@@ -144,7 +144,7 @@ class Choices:
         )
 
     def table(self, zones: bool) -> Iterator[Table]:
-        """The choices, where there is something to choose."""
+        """Yield the table of options; nothing if there is no positive lower bound."""
         if self.least is None or not self.lower > 0.0:
             return
         title = "What each choice costs" + ", each craft by itself, without zones" * zones
@@ -152,7 +152,7 @@ class Choices:
 
     @property
     def lines(self) -> Iterator[str]:
-        """Why a choice is impossible, below the table."""
+        """The reasons why options are impossible, one line per option."""
         if next(self.table(zones=False), None) is not None:
             for name, spent in self.tried.items():
                 if isinstance(spent, str):
@@ -160,14 +160,14 @@ class Choices:
 
     @property
     def figures(self) -> dict[str, Any]:
-        """The same for `summary.json`."""
+        """The options as figures for `summary.json`."""
         if self.least is None:
             return {}
         return {"least_m_s": self.lower, "choices": Table("", CHOICE, self.rows).records}
 
     @property
     def pictures(self) -> tuple[Picture, ...]:
-        """Why the plan costs what it does, and what more time would save."""
+        """The primer vector of the plan with the highest cost, and the trade of delta-v against duration."""
         if self.least is None or not self.lower > 0.0:
             return ()
         found = []
@@ -185,7 +185,7 @@ class Choices:
         return (*found, Picture("trade", caption, "trade", (self.trade, plans, fired, asked)))
 
     def primer(self, name: str) -> tuple[tuple[Any, ...], dict[str, Any]]:
-        """What is drawn of a craft's primer: its plan around zones, or its path to its end."""
+        """Return arguments and options of a spacecraft's primer plot: its plan around zones, or its path."""
         scenario, done = self.mission.scenario, self.result.result
         own = {"thrusters": self.craft[scenario.names.index(name)].fired(1.0)}
         if isinstance(done, ReconfigureResult):
@@ -193,12 +193,12 @@ class Choices:
         return (done.avoidance if isinstance(done, AvoidResult) else self.plan(name),), own
 
     def plan(self, name: str) -> Path:
-        """The planned path of a craft."""
+        """Return the planned path of a spacecraft."""
         return self.result.planned.path(name)
 
     @cached_property
     def trade(self) -> Any:
-        """What arriving on the same natural motions costs in more time or less, summed over all craft."""
+        """The minimum delta-v to the same natural motions by duration, summed over the movers."""
         from closeform.fuel.arrivals import transfer_cost_table
 
         orbit, (initial, final, duration, _) = self.mission.orbit, self.ends
@@ -214,18 +214,18 @@ class Choices:
 
 
 def tables_of_fuel(choices: Choices, fired: burns.StageBurns) -> Iterator[Table]:
-    """What choices there are, and every burn, where that is told."""
+    """Yield the tables of options and burns, if the stage reports them."""
     if choices.told:
         yield from choices.table(zones=True)
         yield from fired.tables
 
 
 def lines_of_fuel(choices: Choices) -> Iterator[str]:
-    """Which choices are impossible, where they are told."""
+    """Yield the reasons why options are impossible, if the stage reports them."""
     if choices.told:
         yield from choices.lines
 
 
 def pictures_of_fuel(choices: Choices) -> tuple[Picture, ...]:
-    """Burns, and why they cost what they do, where that is told."""
+    """Return the pictures of burns and options, if the stage reports them."""
     return burns.pictures(choices.result) + choices.pictures if choices.told else ()

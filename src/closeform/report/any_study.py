@@ -1,4 +1,4 @@
-"""The report of a study of any kind."""
+"""Report of a study, selected by the kind of its campaign."""
 
 from typing import Any
 
@@ -7,7 +7,7 @@ from closeform.scenario import Scenario
 
 
 def report_of(campaign: Any, scenario: Scenario) -> CasesReport:
-    """The report of a campaign, by what was drawn; only its own kind is loaded."""
+    """Return the report of a campaign, by its kind; only the module of that kind is loaded."""
     if scenario.points:
         from closeform.report.sweep_study import SweepReport
 

@@ -1,4 +1,4 @@
-"""At which phase one craft arrives on a relative orbit, what that costs, and what the cheapest would."""
+"""Arrival phase of a spacecraft on a relative orbit, its cost, and the phase of minimum cost."""
 
 from collections.abc import Iterator
 from math import degrees
@@ -7,13 +7,13 @@ from typing import Any
 from closeform.mission.stage_start import Arrival
 from closeform.planning.plan import UNITS
 
-SAME = 0.02  # deg: phases that are told as one
+SAME = 0.02  # deg: phases that are reported as equal
 
 
 def lines(craft: str, goal: Arrival | None, drifts: bool = False, safe: bool = False) -> Iterator[str]:
-    """Where a craft goes: its phase, where it has one, and the cheapest beside it.
+    """Yield the arrival phase of a spacecraft and the phase of minimum cost, if its orbit has phases.
 
-    Where it is asked how it `drifts` it is said whether what is cheapest is `safe` then.
+    `drifts`: a passive-safety horizon is set; `safe`: the phase of minimum cost takes it into account.
     """
     if goal is None or (phase := phase_of(goal)) is None:
         return
@@ -36,13 +36,13 @@ def lines(craft: str, goal: Arrival | None, drifts: bool = False, safe: bool = F
 
 
 def phase_of(goal: Arrival) -> float | None:
-    """At which phase a craft arrives [deg]; None where there are none."""
+    """Return the phase at which a spacecraft arrives [deg]; None if its orbit has no phases."""
     shape = goal.target.shape
     return None if shape is None or shape.phase_angle is None else degrees(shape.phase_angle)
 
 
 def figures(goal: Arrival | None) -> dict[str, Any] | None:
-    """The same for `summary.json`."""
+    """Return the arrival phases and their costs for `summary.json`."""
     if goal is None or (phase := phase_of(goal)) is None:
         return None
     unit = {"energy": "m2_s3", "delta-v": "m_s"}[goal.cost]

@@ -1,4 +1,4 @@
-"""The budget of a mission: what each craft spends, stage by stage and in all, and for how long it thrusts."""
+"""Budget of a mission: delta-v, propellant and thrust time of each spacecraft, by stage and in total."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -16,7 +16,7 @@ SECONDS = Column("under thrust [s]", "under_thrust_s", "{:.1f}".format)
 
 
 def section(mission: Mission, thrusting: Floats) -> Section:
-    """The budget; `thrusting` is how long each craft thrusts in each stage (S, N) [s]."""
+    """Return the budget; `thrusting` is the thrust time of each spacecraft in each stage (S, N) [s]."""
     flown = np.array([result.flown for result in mission.results])
     spent, burnt = np.where(flown[:, None], [mission.delta_v, mission.propellant], 0.0)
     end = max((result.end for result in mission.results), default=0.0)
@@ -49,7 +49,7 @@ def section(mission: Mission, thrusting: Floats) -> Section:
 
 
 def total(mission: Mission, spent: Floats) -> str:
-    """What all spend, and who most."""
+    """Return the total delta-v and the largest share in words."""
     each, names = spent.sum(axis=0), mission.scenario.names
     most = int(np.argmax(each))
     share = f", most {each[most]:.4g} m/s ({names[most]})" if len(names) > 1 else ""
@@ -57,7 +57,7 @@ def total(mission: Mission, spent: Floats) -> str:
 
 
 def by_stage(mission: Mission, column: Column, values: Floats, busy: Any) -> Table:
-    """What each craft spends (S, N) in the stages in which anybody burns."""
+    """Return the table of values (S, N) of each spacecraft in the stages with burns."""
     numbers = [result.number for result, one in zip(mission.results, busy, strict=True) if one]
     words, _, unit = (column.heading or "").partition(" [")
     columns = [Column("craft", words=True)]
@@ -73,7 +73,7 @@ def by_stage(mission: Mission, column: Column, values: Floats, busy: Any) -> Tab
 
 
 def thrusting(mission: Mission, burns: Sequence[Mapping[str, Table]]) -> Floats:
-    """How long each craft thrusts in each stage (S, N) [s], from the stages' tables of burns."""
+    """Return the thrust time of each spacecraft in each stage (S, N) [s], from the tables of burns."""
     found = np.zeros((len(burns), len(mission.scenario.names)))
     place = {name: k for k, name in enumerate(mission.scenario.names)}
     for stage, tables in enumerate(burns):
@@ -81,7 +81,7 @@ def thrusting(mission: Mission, burns: Sequence[Mapping[str, Table]]) -> Floats:
             continue
         stored, reached = tables["burns"].stored, dict[str, float]()
         columns = stored["craft"], stored["start_s"], stored["duration_s"]
-        for name, start, duration in zip(*columns, strict=True):  # in order of time; thrusters push together
+        for name, start, duration in zip(*columns, strict=True):  # in order of time; burns may overlap
             end = start + duration
             found[stage, place[name]] += max(0.0, end - max(start, reached.get(name, start)))
             reached[name] = max(end, reached.get(name, end))
@@ -89,7 +89,7 @@ def thrusting(mission: Mission, burns: Sequence[Mapping[str, Table]]) -> Floats:
 
 
 def figures(mission: Mission, thrusting: Floats) -> list[dict[str, Any]]:
-    """The same for `summary.json`, stage by stage."""
+    """Return the budget of each stage for `summary.json`."""
     names = mission.scenario.names
 
     def each(values: Floats) -> dict[str, float]:

@@ -1,4 +1,4 @@
-"""The list of burns: impulses, pulses of thrusters, thrust from coast to coast; what pulses come to."""
+"""Burns of a stage: impulses, thruster pulses and continuous thrust, and the effect of pulses."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -14,12 +14,12 @@ from closeform.report import effort
 from closeform.report.picture import Picture
 from closeform.report.table import MOST_ROWS, Column, Table, counted
 
-NOTHING = 5e-7  # m/s
-TELLING = 1e-5  # m/s: a burn that is listed
+NOTHING = 5e-7  # m/s: half of the last printed digit
+TELLING = 1e-5  # m/s: the smallest burn that is listed
 
 
 def speed(part: float) -> str:
-    """A component [m/s]; 0 where it rounds to that."""
+    """Return a component of velocity [m/s] as text, "0" if it rounds to zero."""
     return f"{part:+.6f}" if abs(part) >= NOTHING else "0"
 
 
@@ -49,19 +49,19 @@ SHOT = (
 
 @dataclass(frozen=True, eq=False)
 class StageBurns:
-    """What is fired in a stage."""
+    """Burns that are executed in a stage."""
 
     mission: Mission
     result: StageResult[Any, Any]
 
     @cached_property
     def rows(self) -> list[tuple[Any, ...]]:
-        """Rows of BURN, in order of time: pulses where thrusters fire, else what the paths are pushed by."""
+        """Rows of BURN in order of time: pulses of thrusters, or else the thrust of the paths."""
         return burns_in(self.result, partial(self.mission.burnt, self.result.number))
 
     @cached_property
     def shots(self) -> list[tuple[Any, ...]]:
-        """Rows of SHOT."""
+        """Rows of SHOT, one per spacecraft that fires pulses."""
         if self.result.pulsed is None:
             return []
         found, firing = [], self.result.pulsed.firing
@@ -81,7 +81,7 @@ class StageBurns:
 
     @property
     def tables(self) -> Iterator[Table]:
-        """What pulses come to, and all burns; of very many for the page only."""
+        """The tables of pulses and of burns; long ones are folded."""
         pulsed = self.result.pulsed
         if pulsed is not None:
             drops = set() if len(pulsed.firing.dropped) else {"dropped_m_s"}
@@ -97,7 +97,7 @@ class StageBurns:
 
     @property
     def figures(self) -> dict[str, Any]:
-        """What pulses come to, for `summary.json`."""
+        """The results of pulses, for `summary.json`."""
         if self.result.pulsed is None:
             return {}
         room = self.result.pulsed.room
@@ -113,12 +113,12 @@ class StageBurns:
 
     @property
     def files(self) -> dict[str, Table]:
-        """Every burn of a stage as flown."""
+        """All burns of an executed stage, for Parquet."""
         return {"burns": Table("", BURN, self.rows if self.result.flown else [])}
 
 
 def lines(mission: Mission, result: StageResult[Any, Any]) -> Iterator[str]:
-    """What room pulses were given, and whether they keep clear."""
+    """Yield the delta-v and the deviation of pulses, and the margins of the plan for them."""
     if result.pulsed is None:
         return
     room, firing, more = result.pulsed.room, result.pulsed.firing, 100.0 * (result.pulsed.room.larger - 1.0)
@@ -140,7 +140,7 @@ def lines(mission: Mission, result: StageResult[Any, Any]) -> Iterator[str]:
 
 
 def pictures(result: StageResult[Any, Any]) -> tuple[Picture, ...]:
-    """Burns of everybody, and the pulses of who fires most."""
+    """Return pictures of the burns of all spacecraft, and of the pulses of the one that fires most."""
     if not result.flown:
         return ()
     who = [k for k, spent in enumerate(result.delta_v.tolist()) if spent > 0.0]

@@ -1,4 +1,4 @@
-"""What a study of one kind of search has of its own: of first locks, and of gatherings."""
+"""Content specific to the kind of search in a study: first locks or gatherings."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -18,12 +18,12 @@ SHARES = (
 
 
 def interval(share: Estimate) -> str:
-    """The confidence interval of a share in per cent."""
+    """Return the confidence interval of a share in per cent."""
     return f"{100.0 * share.low:.3f} to {100.0 * share.high:.3f}"
 
 
 def percent(heading: str) -> tuple[Column, Column]:
-    """Two columns of estimates: the share, and its interval."""
+    """Return two columns for estimates: the share, and its interval."""
     return (
         Column(heading, form=lambda share: f"{100.0 * share.share:.3f}", absent=""),
         Column("95 % interval", form=interval, absent=""),
@@ -32,9 +32,9 @@ def percent(heading: str) -> tuple[Column, Column]:
 
 @dataclass(frozen=True)
 class Subject:
-    """What a study of one kind of search has of its own.
+    """Content of a study that is specific to the kind of search.
 
-    `search`: that of a case, of a gathering one round; `what` happens at the times of the histogram.
+    `search`: that of one case, for a gathering that of one round; `what`: the event in the histogram.
     """
 
     search: Search
@@ -44,19 +44,19 @@ class Subject:
 
 
 def published(campaign: Campaign) -> dict[str, str]:
-    """What others reported, by the rows of the table of shares."""
+    """Return published values by row of the table of shares."""
     return campaign.scenario.study.published if campaign.scenario.study is not None else {}
 
 
 def shown(campaign: Campaign) -> list[Share]:
-    """The rows of the table of shares worth showing."""
+    """Return the rows of the table of shares that are worth showing."""
     theirs = published(campaign)
     worth = [k for k, share in enumerate(campaign.shares[:-1]) if share.cases or share.label in theirs]
     return [*campaign.shares[: max(worth, default=0) + 1], campaign.shares[-1]]
 
 
 def locks(campaign: LockCampaign) -> Subject:
-    """Of first locks: what looking at fixed steps makes of the same cases."""
+    """Return the content of a study of first locks, with results of detection at fixed steps."""
     ways = by_detection(campaign) if campaign.tally.sampled else {}
     return Subject(
         campaign.search,
@@ -67,7 +67,7 @@ def locks(campaign: LockCampaign) -> Subject:
 
 
 def by_detection(campaign: LockCampaign) -> dict[str, dict[str, int]]:
-    """Cases by phase, and those whose first lock was stepped over, for each way of detection."""
+    """Return the cases by phase, and the missed first locks, for each detection method."""
     names, over = labels(campaign.search), "stepped over"
     found = {"exact": {share.label: share.cases for share in campaign.shares} | {over: 0}}
     for step, sampled in campaign.tally.sampled.items():
@@ -77,7 +77,7 @@ def by_detection(campaign: LockCampaign) -> dict[str, dict[str, int]]:
 
 
 def detection_table(campaign: LockCampaign, ways: dict[str, dict[str, int]]) -> Table:
-    """The same as a table, without rows in which nothing happened."""
+    """Return the cases by detection method as a table, without empty rows."""
     keep = {share.label for share in shown(campaign)}
     rows = [
         (name, *(way[name] for way in ways.values()))
@@ -89,7 +89,7 @@ def detection_table(campaign: LockCampaign, ways: dict[str, dict[str, int]]) -> 
 
 
 def gatherings(campaign: GatherCampaign) -> Subject:
-    """Of gatherings: what they cost, and in which craft came within their keep-out zone."""
+    """Return the content of a study of gatherings: cases and pairs inside their keep-out zone."""
     stage: Any
     (stage,) = campaign.scenario.stages
     met = {}

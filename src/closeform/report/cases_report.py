@@ -1,4 +1,4 @@
-"""CasesReport: what the reports of all kinds of studies have in common."""
+"""CasesReport: the common base of the reports of all studies."""
 
 from __future__ import annotations
 
@@ -17,51 +17,51 @@ from closeform.report.section import Section
 from closeform.report.table import Table
 from closeform.storage.result_folder import Folder
 
-Replays = Sequence[tuple[str, str, str]]  # pages of cases: file, what it shows, why it is worth looking at
+Replays = Sequence[tuple[str, str, str]]  # pages of cases: file, contents, reason to look at it
 
 
 class CasesReport(ABC):
-    """What there is to say of the cases of a study, of any kind: of a `campaign`."""
+    """Report on the cases of a `campaign` of any kind."""
 
     campaign: FlownCases
 
     @property
     @abstractmethod
     def opening(self) -> tuple[str, ...]:
-        """The title, and what was flown."""
+        """The title, and a description of the cases."""
 
     @property
     @abstractmethod
     def hint(self) -> tuple[str, ...]:
-        """How to see a case."""
+        """The command that shows a case."""
 
     @property
     @abstractmethod
     def tables(self) -> tuple[Table, ...]:
-        """What was found."""
+        """The results."""
 
     @property
     @abstractmethod
     def verdict(self) -> str:
-        """The last line."""
+        """The last line: all requirements are met, or the reason why not."""
 
     @property
     @abstractmethod
     def summary(self) -> dict[str, Any]:
-        """Every figure printed, in full; those of `studied` are the first."""
+        """The printed figures in full precision; those of `studied` come first."""
 
     @abstractmethod
     def chapters(self, replays: Replays) -> Sequence[Section]:
-        """What the page tells, but for how to repeat it."""
+        """Return the sections of the page except the one on reproduction."""
 
     def run_of(self, case: int, which: str) -> tuple[str, ...]:
-        """The command that shows `which` case this is; none where the file as it is draws others."""
+        """Return the command that shows a case, described by `which`; empty if the file gives other cases."""
         told = f"closeform run {reproduction.quoted(self.campaign.scenario.file)} --case {case} shows {which}"
         return (told,) if self.campaign.as_in_file else ()
 
     @property
     def studied(self) -> dict[str, Any]:
-        """What was studied, and what it has come to."""
+        """The inputs and the outcome of the study."""
         campaign = self.campaign
         return {
             "kind": "study",
@@ -74,7 +74,7 @@ class CasesReport(ABC):
         }
 
     def repeated(self, out: Path | None, beside: Sequence[str]) -> Section:
-        """How to repeat it."""
+        """Return the section on reproduction."""
         campaign = self.campaign
         study = campaign.scenario.study
         options = ""
@@ -92,9 +92,9 @@ class CasesReport(ABC):
         out: Path | None = None,
         progress: Progress = lambda text: None,
     ) -> None:
-        """Fill a result folder with all that a study leaves; `pages` writes the pages of `replays`.
+        """Fill a result folder with the files of a study; `pages` writes the pages of `replays`.
 
-        `out` is the option that named the folder; `progress` is called with what is under way.
+        `out` is the option for the folder; `progress` is called with a description of the current step.
         """
         folder.scenario(self.campaign.scenario)
         title, *lines = self.opening

@@ -1,4 +1,4 @@
-"""The section of a coast, and of the impulses that it is given."""
+"""Section of a coast and its impulses."""
 
 from collections.abc import Iterator
 
@@ -10,7 +10,7 @@ from closeform.scenario import Coast
 
 
 def section(mission: Mission, result: StageResult[Coast, None]) -> Section:
-    """Return paths, conflicts and closest approaches."""
+    """Return the section of a coast: conflicts, closest approaches, burns and pictures."""
     zones, fired = mission.scenario.zones, burns.StageBurns(mission, result)
     found, tables = conflicts.summed("Conflicts", result.after)
     lines = (*followed(result), *found)
@@ -23,7 +23,7 @@ def section(mission: Mission, result: StageResult[Coast, None]) -> Section:
 
 
 def followed(result: StageResult[Coast, None]) -> Iterator[str]:
-    """Yield how closely the paths of craft that follow their files are known, and what their delta-v is."""
+    """Yield the interpolation error and the source of delta-v of spacecraft that follow their files."""
     if not result.stage.follow:
         return
     flight, names = result.after, result.stage.follow

@@ -1,4 +1,4 @@
-"""The conflicts of a flight, and how near each two craft come."""
+"""Conflicts of sampled and planned paths, and the closest approach of each pair, as tables and pictures."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -18,9 +18,9 @@ from closeform.report.table import MOST_ROWS, PAIR, Column, Table, counted, reco
 from closeform.zones.combined_zones import REGION
 from closeform.zones.pair_zones import PairZones
 
-DOUBTFUL = 0.1  # of a zone: by so much a craft may be in or out of it without a word
-FEWEST, MOST_CURVES = 4, 8  # pairs whose ratios are drawn against time
-MOST_PAIRS = 1000  # of closest approaches that are shown; the table in Parquet has all that were looked for
+DOUBTFUL = 0.1  # of a clearance ratio: a smaller interpolation error causes no warning
+FEWEST, MOST_CURVES = 4, 8  # pairs whose clearance ratios are plotted over time
+MOST_PAIRS = 1000  # closest approaches shown; the Parquet table has all that were computed
 
 RATIO = Column("least", "ratio", "{:.4f} x zone".format)
 DEEPEST = Column("deepest at [s]", "time_s", "{:.3f}".format, since="mission")
@@ -52,17 +52,17 @@ WHEN = Column("when", "when")
 
 
 def conflict_row(met: PairConflict) -> tuple[Any, ...]:
-    """A row of CONFLICT."""
+    """Return a row of CONFLICT."""
     return (met.first, met.second), met.start, met.end, met.end - met.start, met.time, met.ratio
 
 
 def approach_row(near: PairApproach) -> tuple[Any, ...]:
-    """A row of APPROACH."""
+    """Return a row of APPROACH."""
     return (near.first, near.second), near.ratio, near.distance, near.time, near.rule
 
 
 def stays(flight: WatchedFlight) -> list[tuple[Any, ...]]:
-    """Rows of STAYS: each pair in conflict with all its stays, the deepest first."""
+    """Return the rows of STAYS: each pair with a summary of its conflicts, closest approach first."""
     pairs: dict[tuple[Any, Any], list[PairConflict]] = {}
     for met in flight.conflicts:
         pairs.setdefault((met.first, met.second), []).append(met)
@@ -75,12 +75,12 @@ def stays(flight: WatchedFlight) -> list[tuple[Any, ...]]:
 
 
 def deepest_of(found: Sequence[PairConflict]) -> PairConflict:
-    """The deepest of some conflicts, of equals the earliest."""
+    """Return the conflict with the smallest clearance ratio, the earliest of equal ones."""
     return min(found, key=lambda met: nearest_first(met.ratio, met.time))
 
 
 def zones(flight: WatchedFlight) -> tuple[str, ...]:
-    """How the zones of pairs were made, of how many each, where two craft's own had to be put together."""
+    """Return a line on the rules by which zones of pairs are combined, with counts; empty without any."""
     counts = Counter(near.rule for near in flight.approaches)
     if not counts.keys() - {REGION}:
         return ()
@@ -89,7 +89,7 @@ def zones(flight: WatchedFlight) -> tuple[str, ...]:
 
 
 def listed(title: str, flight: WatchedFlight) -> tuple[tuple[str, ...], tuple[Table, ...]]:
-    """A table of conflicts, or a line that there are none, and how close the closest pair comes."""
+    """Return a table of conflicts, or a line with the closest approach if there are none."""
     if flight.conflicts:
         return (), (Table(title, CONFLICT, [conflict_row(met) for met in flight.conflicts]),)
     close = flight.closest
@@ -104,9 +104,9 @@ def listed(title: str, flight: WatchedFlight) -> tuple[tuple[str, ...], tuple[Ta
 def summed(
     title: str, flight: WatchedFlight, avoided: bool = False
 ) -> tuple[tuple[str, ...], tuple[Table, ...]]:
-    """Conflicts; where they are many, a line and a row for each pair, and all of them for the page.
+    """Return conflicts; if there are many, a line, a row per pair, and all of them for the page.
 
-    Of those that are `avoided` the terminal has the line alone.
+    If they are `avoided`, the terminal shows only the line.
     """
     lines, tables = listed(title, flight)
     if len(flight.conflicts) <= MOST_ROWS:
@@ -124,7 +124,7 @@ def summed(
 
 
 def approaches(title: str, flight: WatchedFlight) -> tuple[Table, ...]:
-    """Every pair's closest approach; of very many pairs the closest."""
+    """Return the closest approach of each pair as a table, limited to MOST_PAIRS."""
     pairs = flight.approaches
     if len(pairs) > MOST_PAIRS:
         pairs = tuple(sorted(pairs, key=lambda pair: pair.ratio)[:MOST_PAIRS])
@@ -133,7 +133,7 @@ def approaches(title: str, flight: WatchedFlight) -> tuple[Table, ...]:
 
 
 def figures(flight: WatchedFlight) -> dict[str, Any]:
-    """Conflicts, of how many pairs, and the closest pair."""
+    """Return all conflicts, the number of pairs in conflict, and the closest pair, for `summary.json`."""
     close = flight.closest
     return {
         "pairs_in_conflict": conflicts_in([flight])[1],
@@ -144,8 +144,8 @@ def figures(flight: WatchedFlight) -> dict[str, Any]:
 
 
 def between_samples(flight: WatchedFlight) -> tuple[str, ...]:
-    """How paths through samples were interpolated, how far off craft may be, and whether that matters."""
-    paths = flight.paths[1:]  # seen from the first craft, which is exactly where it is
+    """Return how paths between samples were interpolated, their error, and whether it matters."""
+    paths = flight.paths[1:]  # relative to the first spacecraft, whose position is exact
     count = len(paths.arcs)
     cubics = round(float(paths.cubic_share @ np.diff(paths.offsets)))
     both = f"Hill's own motion in {count - cubics} of {count} intervals, where craft coast, else cubics"
@@ -158,7 +158,7 @@ def between_samples(flight: WatchedFlight) -> tuple[str, ...]:
     close = flight.closest
     if close is None:
         return (line,)
-    doubt = float(np.sort(errors)[-2:].sum() * close.zone.stretch)  # of a pair's norm
+    doubt = float(np.sort(errors)[-2:].sum() * close.zone.stretch)  # of a pair's clearance ratio
     if doubt < DOUBTFUL or close.ratio > 1.0 + doubt:
         return (line,)
     apart = float(np.diff(paths[worst].arcs[:, [START, END]]).max())
@@ -171,7 +171,7 @@ def between_samples(flight: WatchedFlight) -> tuple[str, ...]:
 
 
 def files(result: StageResult[Any, Any]) -> dict[str, Table]:
-    """Conflicts and closest approaches before avoidance and after it."""
+    """Return conflicts and closest approaches before and after avoidance, as tables for Parquet."""
     flights = {"before": result.before, "after": result.after}
     met = [(when, *conflict_row(met)) for when, flight in flights.items() for met in flight.conflicts]
     near = [(when, *approach_row(near)) for when, flight in flights.items() for near in flight.approaches]
@@ -179,8 +179,8 @@ def files(result: StageResult[Any, Any]) -> dict[str, Table]:
 
 
 def coasting(flight: WatchedFlight, zones: PairZones) -> tuple[Picture, ...]:
-    """Craft that coast: all their ways, the pairs that come closest, and where there are conflicts which."""
-    if flight.pairs > ALL_PAIRS:  # a picture of thousands shows nothing, and takes minutes
+    """Return pictures of coasting spacecraft: all paths, the closest pairs, and those in conflict."""
+    if flight.pairs > ALL_PAIRS:  # a picture of thousands is unreadable and takes minutes
         return deepest(flight)
     names = {"names": flight.names}
     paths = Picture(
@@ -197,7 +197,7 @@ def coasting(flight: WatchedFlight, zones: PairZones) -> tuple[Picture, ...]:
 
 
 def nearest(flight: WatchedFlight, zones: PairZones, count: int = FEWEST) -> Picture:
-    """How near the pairs come that come closest, so many at most."""
+    """Return the picture of clearance over time of the `count` closest pairs."""
     some = f"The {count} of {flight.pairs} pairs" if flight.pairs > count else "The pairs"
     caption = f"{some} that come closest, against time"
     options = {"names": flight.names, "count": count}
@@ -205,7 +205,7 @@ def nearest(flight: WatchedFlight, zones: PairZones, count: int = FEWEST) -> Pic
 
 
 def film(result: StageResult[Any, Any], zones: PairZones) -> tuple[Film, ...]:
-    """The flight as an animation, where the stage asks for one."""
+    """Return the animation of all spacecraft, if the stage requests it."""
     if not result.stage.animation:
         return ()
     options = {"names": result.after.names, "zone": zones}
@@ -215,7 +215,7 @@ def film(result: StageResult[Any, Any], zones: PairZones) -> tuple[Film, ...]:
 
 
 def deepest(flight: WatchedFlight) -> tuple[Picture, ...]:
-    """The two craft that come closest, where anybody is in conflict."""
+    """Return the picture of the closest pair, if there is a conflict."""
     close = flight.closest
     if close is None or not flight.conflicts:
         return ()

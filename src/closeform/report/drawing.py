@@ -1,4 +1,4 @@
-"""Drawing: the pictures of a report, in processes side by side; they are most of a short run."""
+"""Drawing of a report's pictures in parallel processes; pictures take most of the time of a short run."""
 
 import atexit
 import os
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from closeform.report.picture import Progress, Shot
     from closeform.storage.result_folder import Folder
 
-AHEAD = (  # what pictures of most stages need; no scenario, no tables
+AHEAD = (  # modules for pictures of most stages; no scenario, no tables
     "closeform.plots",
     "matplotlib.backends.backend_agg",
     "closeform.conflicts.two_paths",
@@ -34,36 +34,36 @@ AHEAD = (  # what pictures of most stages need; no scenario, no tables
     "closeform.storage.result_folder",
     "closeform.motion.orbit",
     "closeform.plots.drifts",
-    "scipy.special",  # of errors; last, while the other process still reads the scenario
+    "scipy.special",  # for uncertainty; last, while the main process still reads the scenario
 )
-STUDIED = (*AHEAD, "closeform.plots.lockings")  # and of studies
-MOST = 4  # processes that draw: a run has about ten pictures
-HELPED = 1  # processes up to which this one draws too: it loads matplotlib as long as a few pictures take
+STUDIED = (*AHEAD, "closeform.plots.lockings")  # and for studies
+MOST = 4  # maximum number of drawing processes: a run has about ten pictures
+HELPED = 1  # processes up to which this one draws too: loading matplotlib takes as long as a few pictures
 _drawers: list["Drawer"] = []
 
 
 class Drawable(Protocol):
-    """A picture that is written into a folder, or some frames of one."""
+    """Picture that is written into a folder, or some frames of one."""
 
     @property
     def name(self) -> str:
-        """Of the file."""
+        """The name of the file, without its extension."""
         ...
 
     def leave(self, folder: "Folder", progress: "Progress") -> Any:
-        """Make it: a `Shot`, or frames."""
+        """Make the picture: return a `Shot`, or frames."""
         ...
 
 
 class Drawer:
-    """A process that draws, at the other end of a socket."""
+    """Process that draws pictures, connected by a socket."""
 
     def __init__(self, end: socket) -> None:
         self.stream, self.free = end.makefile("rwb"), Lock()
-        end.close()  # with the stream
+        end.close()  # the stream keeps the socket open
 
     def draw(self, picture: Drawable, folder: "Folder") -> Any:
-        """Have a picture drawn. Raises EOFError or OSError where the process could not, and is gone."""
+        """Have a picture drawn and return the result; raise EOFError or OSError if the process has ended."""
         with self.free:
             pickle.dump((picture, folder), self.stream)
             self.stream.flush()
@@ -71,32 +71,32 @@ class Drawer:
 
 
 def begin(ahead: tuple[str, ...] = AHEAD) -> None:
-    """Start processes that draw while this one flies; where there can be none, this one draws all.
+    """Start processes that draw while this one computes; if none can start, this one draws everything.
 
-    One loads modules `ahead`, then becomes as many as there are cores: matplotlib is loaded once.
+    The first loads modules `ahead`, then forks once per core, so that matplotlib is loaded once.
     """
-    if os.name != "posix":  # no other hands on sockets
+    if os.name != "posix":  # sockets cannot be passed on
         return
-    forks = sys.platform == "linux"  # elsewhere what libraries keep may not outlive it
+    forks = sys.platform == "linux"  # elsewhere the state of libraries may not survive a fork
     with suppress(OSError):
         pairs = [socketpair() for _ in range(min(os.cpu_count() or 1, MOST) if forks else 1)]
         ends = [theirs.fileno() for _, theirs in pairs]
         code = f"from closeform.report.drawing import serve; serve({ahead}, {ends})"
         process = subprocess.Popen(
-            [sys.executable, "-P", "-c", code],  # nothing from the folder where the user stands
+            [sys.executable, "-P", "-c", code],  # import nothing from the user's current folder
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
             pass_fds=ends,
         )
-        atexit.register(process.kill)  # those that it became end when their sockets close
+        atexit.register(process.kill)  # its forks end when their sockets close
         for ours, theirs in pairs:
             theirs.close()
             _drawers.append(Drawer(ours))
 
 
 def serve(modules: tuple[str, ...], ends: list[int]) -> None:
-    """Draw what sockets ask for, as long as they do: the processes that draw, one for each socket."""
+    """Draw the pictures that sockets request until they close, with one process per socket."""
     for ahead in modules:
         import_module(ahead)
     mine = ends[0]
@@ -106,7 +106,7 @@ def serve(modules: tuple[str, ...], ends: list[int]) -> None:
             break
     for end in ends:
         if end != mine:
-            os.close(end)  # or nobody would hear that its process is gone
+            os.close(end)  # or the end of its process would go unnoticed
     with socket(fileno=mine).makefile("rwb") as stream:
         while True:
             picture, folder = pickle.load(stream)
@@ -117,17 +117,17 @@ def serve(modules: tuple[str, ...], ends: list[int]) -> None:
 def drawn(pictures: Sequence[Drawable], folder: "Folder", progress: "Progress") -> "list[Shot]":
     """Draw all pictures as files in a folder, by this process and those that `begin` started.
 
-    This process draws as large a share of each film, which can be long and reports its progress, as each of
-    the others.  It also draws what the others could not, so that an error is raised here, and all that is
-    left where few others draw.
+    This process draws an equal share of each film, which can be long and reports its progress.  It also
+    draws what the others could not, so that an error is raised here, and the remaining pictures if there
+    is at most one other process.
     """
     count = max(1, len(_drawers))
     films = [picture for picture in pictures if isinstance(picture, Film)]
     shares = {film.name: [Share(film, index, count) for index in range(1, count)] for film in films}
-    waiting = deque[Drawable](share for each in shares.values() for share in each)  # the longest first
+    waiting = deque[Drawable](share for each in shares.values() for share in each)  # longest first
     waiting.extend(picture for picture in pictures if not isinstance(picture, Film))
     made: dict[str, Any] = {}
-    awaited = set[str]()  # films that are drawn but for the frames of others
+    awaited = set[str]()  # films that wait for the frames of other processes
 
     def following() -> Drawable | None:
         with suppress(IndexError):

@@ -1,4 +1,4 @@
-"""What is said of a stage when something fails in it: how near who comes to whom, for all of a drift."""
+"""Passive safety of a stage: closest approaches in free drift after a failure."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -17,8 +17,8 @@ from closeform.zones.zone import Zone
 if TYPE_CHECKING:
     from closeform.mission.passive_safety import PairDrift, PassiveSafety
 
-CURVES = 6  # pairs whose nearness is drawn against the instant of failure
-ROUNDING = 1e-6  # m: who is nearer meets
+CURVES = 6  # pairs whose clearance ratio is plotted against the instant of failure
+ROUNDING = 1e-6  # m: a smaller distance is printed as 0
 SECONDS = "{:.3f}".format
 EVENTS = {
     "ThrustLost": ("thrust is lost", "thrust lost at [s]"),
@@ -29,7 +29,7 @@ EVENTS = {
 
 
 def columns(passive: "PassiveSafety") -> tuple[Column, ...]:
-    """Of the table of pairs."""
+    """Return the columns of the table of pairs."""
     return (
         Column("fails", "first", words=True),
         Column("meets", "second", words=True),
@@ -43,14 +43,14 @@ def columns(passive: "PassiveSafety") -> tuple[Column, ...]:
 
 
 def row(pair: "PairDrift") -> tuple[Any, ...]:
-    """A row of the table."""
+    """Return a row of the table of pairs."""
     known = [value if isfinite(value) else None for value in (pair.distance, pair.failed_at, pair.time)]
     later = span(pair.time - pair.failed_at) if None not in known else None
     return (pair.fails, pair.meets, pair.ratio, *known, later, pair.model)
 
 
 def lines(result: StageResult[Any, Any]) -> Iterator[str]:
-    """The verdict in words, and whether the paths were planned for it."""
+    """Yield the verdict on passive safety in words, and whether the paths were planned for it."""
     passive, stage = result.passive, result.stage
     if passive is None:
         if isinstance(stage, Drifting) and stage.drift is not None:
@@ -77,7 +77,7 @@ def lines(result: StageResult[Any, Any]) -> Iterator[str]:
 
 
 def directly(result: StageResult[Any, Any]) -> str:
-    """What the direct path of a stage without a plan would lead to."""
+    """Return the closest approach of the direct path in words, for a stage without a plan."""
     pair = result.unplanned
     if pair is None:
         return ""
@@ -85,7 +85,7 @@ def directly(result: StageResult[Any, Any]) -> str:
 
 
 def judgement(passive: "PassiveSafety", fires: bool) -> str:
-    """Whether the paths were planned to be safe, or are judged only; of craft that `fires` pulses."""
+    """Return whether the paths were planned to be safe or only checked; `fires`: executed by pulses."""
     if not passive.planned:
         return "Judged, not planned for: every instant of failure and all of the drift is looked at"
     told = "Planned for" if not fires else "Planned for, and judged as the pulses fly it"
@@ -96,18 +96,18 @@ def judgement(passive: "PassiveSafety", fires: bool) -> str:
 
 
 def near(pair: "PairDrift") -> str:
-    """How near a pair comes."""
+    """Return the clearance ratio and the distance of a pair in words."""
     metres = f" ({length(pair.distance)})" if isfinite(pair.distance) else ""
     return f"{pair.ratio:.4f} x zone{metres}{pair.beside}"
 
 
 def length(metres: float) -> str:
-    """A distance, 0 where it is rounding."""
+    """Return a distance in words, 0 if it is below rounding error."""
     return f"{metres if metres > ROUNDING else 0.0:.4g} m"
 
 
 def when(passive: "PassiveSafety", pair: "PairDrift") -> str:
-    """When it fails, and how much later it is nearest."""
+    """Return the time of failure and the time from there to the closest approach, in words."""
     if not isfinite(pair.time):
         met = ", in a drift so slow that nobody knows when"
         return met if isnan(pair.failed_at) else f", if {event(passive)} at {pair.failed_at:.1f} s{met}"
@@ -117,12 +117,12 @@ def when(passive: "PassiveSafety", pair: "PairDrift") -> str:
 
 
 def event(passive: "PassiveSafety") -> str:
-    """What fails, in words."""
+    """Return the failure in words."""
     return EVENTS[type(passive.failure).__name__][0]
 
 
 def tables(result: StageResult[Any, Any]) -> tuple[Table, ...]:
-    """The pairs, the nearest first."""
+    """Return the table of pairs, smallest clearance ratio first."""
     passive = result.passive
     if passive is None or len(passive.pairs) < 2:
         return ()
@@ -133,7 +133,7 @@ def tables(result: StageResult[Any, Any]) -> tuple[Table, ...]:
 
 
 def figures(result: StageResult[Any, Any]) -> dict[str, Any]:
-    """The same for `summary.json`."""
+    """Return the results on passive safety for `summary.json`."""
     passive = result.passive
     if passive is None:
         return {}
@@ -156,7 +156,7 @@ def figures(result: StageResult[Any, Any]) -> dict[str, Any]:
 
 
 def files(result: StageResult[Any, Any]) -> dict[str, Table]:
-    """All pairs that were looked at."""
+    """Return all pairs that were checked, as a table for Parquet."""
     passive = result.passive
     if passive is None:
         return {}
@@ -165,14 +165,14 @@ def files(result: StageResult[Any, Any]) -> dict[str, Table]:
 
 
 def pictures(result: StageResult[Any, Any]) -> tuple[Picture, ...]:
-    """How near the pairs come by the instant at which thrust is lost, and where the nearest drifts."""
+    """Return pictures of clearance by time of thrust loss, and of the drift of the closest pair."""
     passive = result.passive
     if passive is None or not isinstance(passive.failure, ThrustLost):
         return ()
     failing = [pair for pair in passive.pairs if not isnan(pair.failed_at)][:CURVES]
     if not failing:
         return ()
-    from closeform.safety.sides import carried  # whose kernels only a drift needs
+    from closeform.safety.sides import carried  # only a drift needs these kernels
 
     flown = result.after.paths if passive.until == inf else carried(result.after.paths, passive.until)
     names = result.after.names
@@ -202,8 +202,8 @@ def pictures(result: StageResult[Any, Any]) -> tuple[Picture, ...]:
 
 
 def unplanned(result: StageResult[Any, Any], direct: "PairDrift", until: float) -> tuple[Path, Path, Zone]:
-    """The nearest pair of the direct paths: who fails, who flies on until the end, their zone."""
-    from closeform.safety.sides import carried  # whose kernels only a drift needs
+    """Return the critical pair of the direct paths: the path that fails, the one that continues, the zone."""
+    from closeform.safety.sides import carried  # only a drift needs these kernels
 
     paths, names = result.before.paths, result.before.names
     flown = paths if until == inf else carried(paths, until)

@@ -1,4 +1,4 @@
-"""What paths cost: energy, delta-v, peak thrust, propellant."""
+"""Costs of paths: energy, delta-v, peak thrust and propellant."""
 
 from collections.abc import Container, Iterable, Mapping
 from dataclasses import replace
@@ -17,45 +17,45 @@ PUSH = Column("peak thrust [mm/s²]", "peak_thrust_m_s2", "{:#.6g}".format, 1e3)
 FORCE = Column("peak thrust [N]", "peak_thrust_N", "{:#.6g}".format)
 FUEL = Column("propellant [kg]", "propellant_kg", "{:.5f}".format)
 COST = ENERGY, SPEED, PUSH, FORCE, FUEL
-OF_PLAN = {SPEED.key, PUSH.key, FORCE.key, FUEL.key}  # what pulses do not keep to
+OF_PLAN = {SPEED.key, PUSH.key, FORCE.key, FUEL.key}  # quantities that pulses change
 CRAFT = Column("craft", "craft"), Column("slot", "slot"), *COST
 
-UNTOLD = 1e4  # times the least: greater shares are of next to nothing
+UNTOLD = 1e4  # times the minimum: above this the minimum is negligible
 
 
 def above(spent: float, least: float) -> float | None:
-    """By what share of the least a path costs more; None where next to nothing is the least."""
+    """Return the relative excess of a cost over the minimum; None if the minimum is negligible."""
     return spent / least - 1.0 if spent < UNTOLD * least else None
 
 
 class Weighed(Protocol):
-    """What propellant is told of."""
+    """Object that knows the unit of propellant."""
 
     @property
     def grams(self) -> bool:
-        """Whether in grams."""
+        """True if propellant is given in grams."""
 
 
 def in_grams(told: Weighed, column: Column) -> Column:
-    """A column of propellant in the one unit that the whole mission is told in."""
+    """Return a column of propellant in the unit that the whole mission uses."""
     if not told.grams or column.heading is None:
         return column
     return replace(column, heading=column.heading.replace("[kg]", "[g]"), form="{:.2f}".format, scale=1e3)
 
 
 def asked(mission: Mission, result: StageResult[Any, Any], name: str, path: Path) -> float:
-    """Delta-v [m/s] of a craft's planned path: summed over its thrusters where the plan is made for them."""
+    """Return the delta-v [m/s] of a planned path, summed over thrusters if it is planned for them."""
     table = next(craft for craft in mission.scenario.craft_in(result.stage) if craft.name == name)
     thrusters = table.fired(1.0) if getattr(result.stage, "cost", None) == "delta-v" else None
     if thrusters is None or not result.flown:
         return float(path.delta_v)
-    from closeform.fuel.chunks import cells_of  # whose kernels only thrusters need
+    from closeform.fuel.chunks import cells_of  # only thrusters need these kernels
 
     return float(cells_of(path, thrusters).impulse.sum())
 
 
 def spent(mission: Mission, result: StageResult[Any, Any], name: str, path: Path) -> tuple[Any, ...]:
-    """A row of COST: of one craft on a planned path in this stage; None where not known."""
+    """Return a row of COST for a planned path of this stage; None for unknown values."""
     k = mission.scenario.names.index(name)
     speed = asked(mission, result, name, path)
     mass, burnt = mission.scenario.force_mass(name), mission.burnt(result.number, k, speed)
@@ -65,9 +65,10 @@ def spent(mission: Mission, result: StageResult[Any, Any], name: str, path: Path
 
 
 def columns(mission: Mission, paths: Iterable[Path]) -> tuple[Column, ...]:
-    """COST as it is shown of some paths: thrust in newtons where the file speaks of them.
+    """Return the columns of COST that are shown for some paths, with thrust in newtons if the file uses it.
 
-    Propellant where it is known, and of impulses neither their energy nor their thrust, which have no bounds.
+    Propellant is shown if it is known.  Paths with impulses show neither energy nor thrust, as both are
+    unbounded.
     """
     hide = {PUSH.key if mission.scenario.newtons else FORCE.key}
     if not all(isfinite(path.energy) for path in paths):
@@ -78,7 +79,7 @@ def columns(mission: Mission, paths: Iterable[Path]) -> tuple[Column, ...]:
 def shown(
     mission: Mission, columns: Iterable[Column], hide: Container[str | None] = ()
 ) -> tuple[Column, ...]:
-    """Columns as they are shown: without those of some keys, nor propellant that nobody knows."""
+    """Return the columns without some keys, and without propellant if it is unknown."""
     known = bool(np.isfinite(mission.propellant).any())
     kept = (
         replace(one, heading=None) if one.key in hide or (one.key == FUEL.key and not known) else one
@@ -88,9 +89,9 @@ def shown(
 
 
 def of_plan(shown: Iterable[Column], pulsed: bool) -> tuple[Column, ...]:
-    """Columns of a plan; where it is flown by pulses they say that delta-v and thrust are the plan's.
+    """Return columns of a plan; if pulses execute it, headings of delta-v and thrust begin with "planned".
 
-    Its propellant is not told then: thrusters burn more than the plan asks for.
+    Its propellant is then hidden, because thrusters burn more than the plan requires.
     """
     if not pulsed:
         return tuple(shown)
@@ -105,14 +106,14 @@ def of_plan(shown: Iterable[Column], pulsed: bool) -> tuple[Column, ...]:
 def figures(
     mission: Mission, result: StageResult[Any, Any], name: str, path: Path | None
 ) -> dict[str, Any] | None:
-    """The same for `summary.json`; None where there is no path."""
+    """Return the costs of a path for `summary.json`; None if there is no path."""
     return None if path is None else record(COST, spent(mission, result, name, path))
 
 
 def files(
     mission: Mission, result: StageResult[Any, Any], slots: Mapping[str, int] | None = None
 ) -> dict[str, Table]:
-    """What every craft spends, over its thrusters, and the slot that it took, counted from 1, if any."""
+    """Return each spacecraft's costs over its thrusters, and the slot that it took, counted from 1."""
     rows = []
     for k, (name, used) in enumerate(zip(result.after.names, result.delta_v.tolist(), strict=True)):
         energy, _, peak, force, _ = spent(mission, result, name, result.after.paths[k])

@@ -1,4 +1,4 @@
-"""The report of a conjunction message: how near, how many sigmas clear, how probable, and by which method."""
+"""Report of a conjunction data message: miss distance, clearance in sigmas and probability of collision."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -33,12 +33,12 @@ SURE = (
     ("ever inside, mean entries", "estimated: the interval of 95 % holds sampling and quadrature"),
     ("short encounter (2-D)", "what it assumes, straight flight and errors of one instant, may not hold"),
 )
-EDGE = 0.01  # of the probability, and of the greatest rate: what an edge of the window may have
+EDGE = 0.01  # share of the probability, or of the peak rate, allowed at an edge of the window
 
 
 @dataclass(frozen=True)
 class Judgement:
-    """Whether a probability is as small as was asked for, if anything was."""
+    """Comparison of a probability with its limit, if there is one."""
 
     value: float
     limit: float | None
@@ -57,31 +57,31 @@ class Judgement:
 
 @dataclass(frozen=True, eq=False)
 class EncounterReport:
-    """What there is to say of a conjunction message, with bodies of some `radius` [m] together."""
+    """Report of a conjunction data message for two bodies with a combined `radius` [m]."""
 
     message: Conjunction
     radius: float
     encounter: Encounter
     clearance: SigmaApproach
     probability: Probability
-    short: Probability | None  # None where the two do not pass each other in the window
+    short: Probability | None  # None if the two do not pass each other in the window
     limit: float | None
     command: Command
 
     @property
     def names(self) -> tuple[str, str]:
-        """The two objects."""
+        """The names of the two objects."""
         first, second = self.message.objects
         return first.name, second.name
 
     @property
     def title(self) -> str:
-        """Who meets whom."""
+        """The title, with the names of both objects."""
         return f"Encounter of {' and '.join(self.names)}"
 
     @property
     def opening(self) -> tuple[str, ...]:
-        """Who meets whom, how near and how fast."""
+        """The two objects, the miss distance, the relative speed and the window."""
         message, encounter = self.message, self.encounter
         first, second = (f"{each.name} ({each.designator})" for each in message.objects)
         place = ", ".join(
@@ -100,7 +100,7 @@ class EncounterReport:
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """The clearance in sigmas, and why figures may be off."""
+        """The clearance in sigmas, and warnings about the figures."""
         sigmas, time = float(self.clearance.sigmas), round(float(self.clearance.time), 1) + 0.0
         clear = f"Clear by {sigmas:.4g} sigmas, fewest at {time:.1f} s"
         if sigmas == 0.0:
@@ -109,7 +109,7 @@ class EncounterReport:
 
     @property
     def notes(self) -> Iterator[str]:
-        """What the window leaves out."""
+        """Notes on the limits of the time window."""
         if self.short is None:
             yield "No short encounter: the two are nearest at an edge of the window, and do not pass"
         found = self.probability
@@ -119,7 +119,7 @@ class EncounterReport:
 
     @property
     def tables(self) -> Sequence[Table]:
-        """The probabilities beside each other."""
+        """The table of collision probabilities by method."""
         found, short, message = self.probability, self.short, self.message
         sure = found.low, found.high
         rows = [
@@ -135,12 +135,12 @@ class EncounterReport:
 
     @property
     def verdict(self) -> Judgement:
-        """Whether the probability is as small as was asked for."""
+        """The comparison of the collision probability with its limit."""
         return Judgement(self.probability.value, self.limit)
 
     @property
     def chapters(self) -> tuple[Section, ...]:
-        """What the page tells, but for how to repeat it."""
+        """The sections of the page except the one on reproduction."""
         return (
             Section("What was asked", self.opening[:1], (self.command.table,) if self.command.given else ()),
             Section(
@@ -151,7 +151,7 @@ class EncounterReport:
 
     @property
     def limits(self) -> Iterator[str]:
-        """Where Hill's equations end here."""
+        """The assumptions of Hill's equations for this encounter."""
         yield (
             "Both are followed by Hill's equations about the first: its orbit is taken for a circle, the "
             "Earth for a point, and nothing else acts; errors are Gaussian, and grow by the same equations."
@@ -161,7 +161,7 @@ class EncounterReport:
 
     @property
     def pictures(self) -> tuple[Picture, ...]:
-        """Where the one may be relative to the other, sigmas, and the probability against time."""
+        """The uncertainty tube, the clearance in sigmas, and the collision probability over time."""
         met, (one, other) = self.encounter, self.names
         pair = met.path, met.other, Sphere(self.radius), met.errors, met.other_errors
         options: dict[str, Any] = {"sigmas": TUBE, "names": (one, other)}
@@ -178,7 +178,7 @@ class EncounterReport:
 
     @property
     def figures(self) -> dict[str, Any]:
-        """Every figure printed, in full and in SI units, for `summary.json`."""
+        """The printed figures in full precision and SI units, for `summary.json`."""
         met, verdict = self.encounter, self.verdict
         return {
             "kind": "encounter",
@@ -203,7 +203,7 @@ class EncounterReport:
     def leave(
         self, folder: Folder, progress: Progress = lambda text: None, viewer: results.Viewer | None = None
     ) -> None:
-        """Fill a result folder with all that a conjunction message comes to; `viewer`: a page that moves."""
+        """Fill a result folder with the report of the encounter; `viewer` writes the animated page."""
         met = self.encounter
         times = np.linspace(float(met.path.start), float(met.path.end), SAMPLES)
         columns: dict[str, Any] = {

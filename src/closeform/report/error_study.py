@@ -1,4 +1,4 @@
-"""The report of a study of errors: in how many cases who comes within what."""
+"""Report of a study of errors: cases and pairs with conflicts."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -26,19 +26,19 @@ COLUMNS = (
 
 @dataclass(frozen=True, eq=False)
 class ErrorStudyReport(CasesReport):
-    """What there is to say of a campaign of errors."""
+    """Report on a campaign of errors."""
 
     campaign: ErrorCampaign
 
     @property
     def hint(self) -> tuple[str, ...]:
-        """How to see the case with most entries."""
+        """The command that shows the case with most conflicts; empty without any."""
         most = self.campaign.worst
         return self.run_of(most[0][0], "the one with most entries") if most else ()
 
     @property
     def opening(self) -> tuple[str, ...]:
-        """What was flown."""
+        """The title, the number of cases, and the sampled errors."""
         campaign, results = self.campaign, self.campaign.mission.results
         craft = counted(len(campaign.scenario.craft), "craft", "craft")
         drawn = ", impulses and white noise" if campaign.scenario.noisy else " and impulses"
@@ -51,7 +51,7 @@ class ErrorStudyReport(CasesReport):
 
     @property
     def verdict(self) -> str:
-        """The last line."""
+        """The last line: no case has a conflict, or the reason why not."""
         return (
             self.campaign.reason
             or f"all {len(self.campaign)} cases {' and '.join(MET[kind] for kind in self.campaign.counts)}"
@@ -59,14 +59,14 @@ class ErrorStudyReport(CasesReport):
 
     @property
     def groups(self) -> Iterator[tuple[str, PairCounts]]:
-        """What is looked at, and what became of its pairs."""
+        """The counts of each kind of zone, with their title."""
         titles = {"zone": "Within a keep-out zone", "body": "Within the hard bodies"}
         for kind, counts in self.campaign.counts.items():
             yield titles[kind], counts
 
     @cached_property
     def tables(self) -> tuple[Table, ...]:
-        """Shares of cases with their intervals, of any pair and of each, those with the most cases first."""
+        """Shares of cases with intervals, for any pair and for each pair, most cases first."""
         made = []
         for title, found in self.groups:
             most = np.argsort(-found.inside, kind="stable")[:MOST_ROWS].tolist()
@@ -80,17 +80,17 @@ class ErrorStudyReport(CasesReport):
         return tuple(made)
 
     def row(self, who: str, inside: Any, began: Any, entries: Any) -> tuple[Any, ...]:
-        """A row of COLUMNS."""
+        """Return a row of COLUMNS."""
         share = self.share(inside)
         return who, int(inside), share, share, int(began), int(entries)
 
     def share(self, inside: Any) -> Estimate:
-        """The share of cases in which somebody is ever inside."""
+        """Return the share of cases with a conflict."""
         return estimate(int(inside), len(self.campaign))
 
     @property
     def summary(self) -> dict[str, Any]:
-        """Every figure printed, in full."""
+        """The printed figures in full precision, for `summary.json`."""
         campaign, scenario = self.campaign, self.campaign.scenario
         return {
             **self.studied,
@@ -108,7 +108,7 @@ class ErrorStudyReport(CasesReport):
         }
 
     def chapters(self, replays: Replays) -> Sequence[Section]:
-        """What the page tells, but for how to repeat it."""
+        """Return the sections of the page except the one on reproduction."""
         campaign = self.campaign
         worth = worst.of_errors(campaign)
         sure = [SHARES, *model.of_errors(True)]

@@ -1,4 +1,4 @@
-"""The section of a gathering: its search, its timeline, what everybody spent, who is where at the end."""
+"""Section of a gathering: its search, its timeline, the delta-v of each spacecraft, and the final sets."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -16,9 +16,9 @@ from closeform.report.table import MOST_ROWS, PHASE, Column, Table, minutes
 from closeform.scenario import Gather
 from closeform.search.gather_result import Event, EventKind, Gathering, GatherStatus, listed
 
-MOST_NAMES = 12  # of a set on one line; larger ones are counted
-MOMENTS = 6  # of a gathering that are shown
-FILMED, FRAMES = 200, 100  # craft at most in an animation, and its pictures beside those of locks
+MOST_NAMES = 12  # maximum number of names on one line; larger sets are counted
+MOMENTS = 6  # maximum number of times with a picture
+FILMED, FRAMES = 200, 100  # maximum spacecraft in an animation, and its frames besides those of locks
 BURNS = {
     EventKind.BURN: "burn, nulls its relative velocity",
     EventKind.CORRECTION: "correction, keeps clear of its set",
@@ -29,7 +29,7 @@ Gathered = StageResult[Gather, Gathering]
 
 
 def section(mission: Mission, result: Gathered) -> Section:
-    """A gathering."""
+    """Return the section of a gathering, with its search, timeline, delta-v, conflicts and pictures."""
     gathering, names, rounds = result.result, result.after.names, result.stage.rounds
     history = timeline(gathering, names)
     once = search.one_round(gathering.search, rounds)
@@ -58,7 +58,7 @@ def section(mission: Mission, result: Gathered) -> Section:
 
 
 def unjudged(mission: Mission, gathering: Gathering) -> tuple[str, ...]:
-    """That burns are impulses, where somebody's thrust is limited."""
+    """Return a note that burns are impulses, if thrust is limited and spacecraft burn."""
     if not mission.scenario.newtons or not np.any(gathering.delta_v):
         return ()
     return ("Burns are impulses, which take no time: max_thrust is not looked at in this stage",)
@@ -66,7 +66,7 @@ def unjudged(mission: Mission, gathering: Gathering) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class EventMoment:
-    """An event, the labels that its two craft had before it, and everybody's after it."""
+    """Event with the labels of its two spacecraft before it, and the labels of all spacecraft after it."""
 
     event: Event
     before: tuple[int, int]
@@ -74,14 +74,14 @@ class EventMoment:
 
 
 def replayed(gathering: Gathering) -> Iterator[EventMoment]:
-    """Every event with the sets before and after it; -1 lost, 0 the formation set, k knowledge set k."""
+    """Yield each event with the labels around it: -1 lost, 0 the formation set, k knowledge set k."""
     history = gathering.history.tolist()
     for event, before, after in zip(gathering.events, history[:-1], history[1:], strict=True):
         yield EventMoment(event, (before[event.first], before[event.second]), tuple(after))
 
 
 def timeline(gathering: Gathering, names: Sequence[str]) -> Table:
-    """Every event; times count from the start of the stage."""
+    """Return the table of all events; times count from the start of the stage."""
     columns = (
         Column("at [s]", "time_s", "{:.2f}".format, since="stage"),
         Column("[min:s]", None, minutes),
@@ -114,12 +114,12 @@ def timeline(gathering: Gathering, names: Sequence[str]) -> Table:
 
 
 def first_lock(gathering: Gathering) -> Event | None:
-    """The lock that begins the formation set; None where nobody locks."""
+    """Return the lock that begins the formation set; None if there is no lock."""
     return next((event for event in gathering.events if event.kind is EventKind.LOCK), None)
 
 
 def halves(gathering: Gathering) -> list[Event]:
-    """The burns with which both of the first pair null half of their relative velocity, if both can."""
+    """Return the burns by which the first pair splits its relative velocity, if both spacecraft can burn."""
     first = first_lock(gathering)
     if first is None or gathering.burns != "half":
         return []
@@ -129,7 +129,7 @@ def halves(gathering: Gathering) -> list[Event]:
 
 
 def met(moment: EventMoment, pair: Sequence[str | None]) -> str:
-    """A lock in words."""
+    """Return a lock in words."""
     label, before = moment.event.label, moment.before
     goal = f"knowledge set {label}" if label else "the formation set"
     if max(before) < 0:
@@ -140,7 +140,7 @@ def met(moment: EventMoment, pair: Sequence[str | None]) -> str:
 
 
 def progress(gathering: Gathering) -> Table:
-    """What happened in each phase, and who was where at its end."""
+    """Return the table of events in each phase, and of the sets at its end."""
     moments = list(replayed(gathering))
     starts = {(name, number): start for name, number, start, _ in gathering.search.phases}
     rows = []
@@ -165,12 +165,12 @@ def progress(gathering: Gathering) -> Table:
 
 
 def came(event: Event) -> tuple[str, int] | None:
-    """The phase of an event; None for what happens at once."""
+    """Return the phase and round of an event; None for an event at time 0."""
     return (event.phase, event.round) if event.time > 0.0 else None
 
 
 def spendings(mission: Mission, result: Gathered) -> Table:
-    """What each craft spent, and its set at the end: 0 the formation set, k a knowledge set, -1 lost."""
+    """Return each spacecraft's delta-v and final set: 0 the formation set, k a knowledge set, -1 lost."""
     gathering, names = result.result, result.after.names
     burnt = mission.propellant[result.number - 1].tolist()
     known = np.isfinite(burnt).any()
@@ -194,19 +194,19 @@ def spendings(mission: Mission, result: Gathered) -> Table:
 
 
 def with_total(spent: Table) -> Table:
-    """The same with a last row for all craft."""
+    """Return the table with a last row for all spacecraft."""
     burns, speeds, fuels = ([row[k] for row in spent.rows] for k in (3, 4, 5))
     fuel = None if None in fuels else sum(fuels)
     return replace(spent, rows=[*spent.rows, ("all", "", None, sum(burns), sum(speeds), fuel)])
 
 
 def chosen(result: Gathered) -> str:
-    """What became of the way that the first pair chose: planned, where burns are off or thrust is lost."""
+    """Return "flown" for the first pair's choice, or "planned" if burns have errors or thrust is lost."""
     return "flown" if result.commanded is None else "planned"
 
 
 def ways(result: Gathered) -> tuple[Table, ...]:
-    """What all craft spend, by exact burns, for each way in which the first pair can burn."""
+    """Return the total delta-v of exact burns for each way in which the first pair can burn."""
     gathering, names = result.result, result.after.names
     first = first_lock(gathering)
     if first is None:
@@ -223,7 +223,7 @@ def ways(result: Gathered) -> tuple[Table, ...]:
 
 
 def known(result: Gathered) -> list[bool]:
-    """Of every conflict, whether the two craft were in one set by then."""
+    """Return whether the two spacecraft of each conflict were in one set when it began."""
     place = {name: k for k, name in enumerate(result.after.names)}
     return [
         result.result.known(place[met.first], place[met.second], met.start - result.start)
@@ -232,7 +232,7 @@ def known(result: Gathered) -> list[bool]:
 
 
 def acquainted(result: Gathered, knew: list[bool]) -> tuple[tuple[str, ...], tuple[Table, ...]]:
-    """Conflicts as a line, and as a table that says whether the two craft knew each other."""
+    """Return conflicts as a line, and as a table with a column on whether the two knew each other."""
     lines, tables = search.watched(result)
     if not tables:
         return lines, tables
@@ -245,7 +245,7 @@ def acquainted(result: Gathered, knew: list[bool]) -> tuple[tuple[str, ...], tup
 
 
 def outcome(result: Gathered) -> Iterator[str]:
-    """How it ended, and who is where."""
+    """Yield the final status of a gathering and its sets."""
     gathering, names = result.result, result.after.names
     whole, rest = divmod(gathering.duration, 60.0)
     begun = f"round {gathering.rounds} of at most {result.stage.rounds}"
@@ -268,7 +268,7 @@ def outcome(result: Gathered) -> Iterator[str]:
 
 
 def incomplete(gathering: Gathering, names: Sequence[str], time: str) -> Iterator[str]:
-    """Who is where at the end."""
+    """Yield the sets and the lost spacecraft at the end of an incomplete gathering."""
     yield f"Incomplete {time}"
     for k, some in enumerate(gathering.sets):
         who = f"{len(some)} craft" if len(some) > MOST_NAMES else listed([names[i] for i in some])
@@ -278,7 +278,7 @@ def incomplete(gathering: Gathering, names: Sequence[str], time: str) -> Iterato
 
 
 def share(gathering: Gathering, names: Sequence[str]) -> str:
-    """What craft spend on average and at most."""
+    """Return the total, mean and maximum delta-v in words."""
     size, unit = speed_unit(gathering)
     each = gathering.delta_v / size
     most = int(np.argmax(each))
@@ -287,18 +287,18 @@ def share(gathering: Gathering, names: Sequence[str]) -> str:
 
 
 def speed_unit(gathering: Gathering) -> tuple[float, str]:
-    """The unit for what is spent: its size in m/s and its name."""
+    """Return the unit of delta-v: its size in m/s and its name."""
     return (1.0, "m/s") if gathering.delta_v.sum() >= 100.0 else (1e-3, "mm/s")
 
 
 def speed(gathering: Gathering, whose: str = "") -> Column:
-    """A column of what is spent."""
+    """Return a column of delta-v."""
     size, unit = speed_unit(gathering)
     return Column(f"delta-v{whose} [{unit}]", None, "{:.1f}".format, 1.0 / size)
 
 
 def figures(result: Gathered, knew: list[bool]) -> dict[str, Any]:
-    """A gathering; times count from the start of the stage."""
+    """Return the figures of a gathering; times count from the start of the stage."""
     gathering, names = result.result, result.after.names
     return {
         "ok": gathering.ok,
@@ -321,10 +321,10 @@ def figures(result: Gathered, knew: list[bool]) -> dict[str, Any]:
 
 
 def moments(gathering: Gathering) -> list[float]:
-    """When something is to be seen, at most MOMENTS times [s].
+    """Return the key moments of a gathering, at most MOMENTS times [s].
 
-    The first pair of the formation set, the end, then the locks by which most craft join the formation
-    set, then those that begin another set, then the rest.
+    The first lock and the end come first, then locks by the number of spacecraft that join the formation
+    set, then locks that begin another set, then the rest.
     """
     locks = [event for event in gathering.events if event.kind is EventKind.LOCK]
     joins = [event.time for event in gathering.events if event.kind is EventKind.BURN]
@@ -334,7 +334,7 @@ def moments(gathering: Gathering) -> list[float]:
 
 
 def pictures(gathering: Gathering, names: Sequence[str], moving: bool) -> tuple[Picture, ...]:
-    """The animation of a gathering, if it is wanted, and three views at its key moments."""
+    """Return the animation of a gathering, if requested, and three views at its key moments."""
     found: list[Picture] = []
     if moving:
         caption = "The gathering from the start of its search to its end"

@@ -1,4 +1,4 @@
-"""How near craft come to what they have: thrust, delta-v, propellant, in a stage and in all."""
+"""Use of thrust, delta-v and propellant limits, per stage and in the whole mission."""
 
 from collections.abc import Iterable
 from dataclasses import replace
@@ -24,7 +24,7 @@ def greatest(mission: Mission, result: StageResult[Any, Any]) -> dict[str, tuple
 
 
 def first_of_each(uses: Iterable[Use], idle: bool = False) -> tuple[Use, ...]:
-    """Return the largest share of each kind of limit; without any use none, or that of an `idle` craft."""
+    """Return the largest use of each kind of limit; if none is used, the first one with `idle`, else none."""
     found: dict[str, Use] = {}
     for use in uses:
         if idle:
@@ -35,7 +35,7 @@ def first_of_each(uses: Iterable[Use], idle: bool = False) -> tuple[Use, ...]:
 
 
 def lines(mission: Mission, result: StageResult[Any, Any]) -> tuple[str, ...]:
-    """The same in words."""
+    """Return the largest use of each kind of limit in words."""
 
     def told(use: Use) -> str:
         used, limit, unit = use.shown(mission.grams)
@@ -54,7 +54,7 @@ def used_up(mission: Mission) -> tuple[Table, ...]:
 
 
 def used(mission: Mission) -> Table:
-    """Return the use of each craft in the whole mission, and in its simulations if there are any."""
+    """Return the use of each spacecraft in the whole mission, and in its simulations if there are any."""
     scenario, (delta_v, propellant) = mission.scenario, mission.spent_of_each
     uses = {(use.what, use.craft): use for use in mission.uses}
     flown, how, heading = flown_delta_v(mission)
@@ -85,7 +85,7 @@ def used(mission: Mission) -> Table:
 
 
 def with_total(mission: Mission, used: Table) -> Table:
-    """The same with a last row for all craft, where several burn; in flight what all spend in one at most."""
+    """Return the table with a last row for all spacecraft, if several burn; simulated values are maxima."""
     columns = dict(zip((column.key for column in used.columns), zip(*used.rows, strict=True), strict=True))
     if sum(spent > 0.0 for spent in columns["delta_v_m_s"]) < 2:
         return used
@@ -100,7 +100,7 @@ def with_total(mission: Mission, used: Table) -> Table:
 
 
 def flown_delta_v(mission: Mission) -> tuple[list[float | None], str, str | None]:
-    """What each craft spends in flight at most [m/s], what then stands before what is planned, a heading."""
+    """Return each spacecraft's largest simulated delta-v [m/s], a prefix of planned values, and a heading."""
     if mission.flights is None:
         return [None] * len(mission.scenario.craft), "", None
     spent = mission.flights.flight.delta_v
@@ -108,7 +108,7 @@ def flown_delta_v(mission: Mission) -> tuple[list[float | None], str, str | None
 
 
 def figures(mission: Mission, result: StageResult[Any, Any]) -> dict[str, Any]:
-    """The same for `summary.json`."""
+    """Return the largest use of each kind of limit for `summary.json`."""
     found = {
         f"{use.what}_{use.unit}".replace("-", "_").replace("/", "_"): {
             "craft": use.craft,

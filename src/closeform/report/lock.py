@@ -1,4 +1,4 @@
-"""The section of a search in which nothing burns: the first lock of each pair."""
+"""Section of a search without burns: the first lock of each pair."""
 
 from dataclasses import replace
 from typing import Any
@@ -22,7 +22,7 @@ LOCKS = (
 
 
 def section(mission: Mission, result: StageResult[Lock, FirstLocks]) -> Section:
-    """The first lock of each pair, those that never lock last."""
+    """Return the section of first locks, sorted by time; pairs that never lock come last."""
     found, names = result.result, result.after.names
     locks = Table("First locks", LOCKS, [lock_row(found, k, names) for k in range(len(found.pairs))])
     shown = replace(
@@ -60,7 +60,7 @@ def section(mission: Mission, result: StageResult[Lock, FirstLocks]) -> Section:
 
 
 def lock_row(found: FirstLocks, k: int, names: tuple[str, ...]) -> tuple[Any, ...]:
-    """The first lock of pair k, if there is one."""
+    """Return a row of LOCKS for pair k, with None for a pair that never locks."""
     (one, other), leg = found.pairs[k], int(found.locks.leg[k])
     pair = names[one], names[other]
     if leg < 0:
@@ -70,21 +70,21 @@ def lock_row(found: FirstLocks, k: int, names: tuple[str, ...]) -> tuple[Any, ..
 
 
 def outcome(found: FirstLocks) -> str:
-    """How many pairs lock, and when the last does."""
+    """Return a line on how many pairs lock, and when the last one does."""
     pairs, times = len(found.pairs), found.locks.time[found.locks.leg >= 0]
     last = f", the last at {times.max():.2f} s" if len(times) else ""
     return f"{len(times)} of {counted(pairs, 'pair')} lock{'s' * (pairs == 1)}{last}"
 
 
 def by_phase(found: FirstLocks) -> Table:
-    """How many pairs lock in each phase."""
+    """Return the table of the number of pairs that lock in each phase."""
     counts = tally(found.search, found.locks.time, found.locks.leg)
     rows = list(zip(labels(found.search), counts, strict=True))
     return Table("First locks by phase", (Column("phase", words=True), Column("pairs")), rows)
 
 
 def figures(found: FirstLocks, names: tuple[str, ...]) -> dict[str, Any]:
-    """First locks; times count from the start of the stage."""
+    """Return the first locks for `summary.json`; times count from the start of the stage."""
     times = found.locks.time[found.locks.leg >= 0]
     return {
         "pairs": len(found.pairs),

@@ -1,4 +1,4 @@
-"""The report of a study of missions: how cases ended, why, and what they spent."""
+"""Report of a study of missions: how cases ended, why, and their costs."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,20 +22,20 @@ WHY = Column("why, numbers left out", words=True), Column("cases"), Column("firs
 SPREADS = Column("of the cases flown to the end", words=True), *SPREAD
 LOST = Column("of", words=True), Column("cases"), *percent("share [%]")
 SPENT = "delta-v", "What all craft spend together", "delta-v of all craft [m/s]", "delta_v_m_s", 0.95
-PLANNED = SPENT[0], f"{SPENT[1]}, as planned", f"planned {SPENT[2]}", *SPENT[3:]  # beside what is flown
-DIGITS = {"[s]": 1, "[%]": 2}  # by the unit
+PLANNED = SPENT[0], f"{SPENT[1]}, as planned", f"planned {SPENT[2]}", *SPENT[3:]  # if cases are simulated
+DIGITS = {"[s]": 1, "[%]": 2}  # decimals, by unit
 DEAREST = Column("case"), Column("delta-v of all craft [m/s]", form="{:.4f}".format)
 
 
 @dataclass(frozen=True, eq=False)
 class MissionStudyReport(CasesReport):
-    """What there is to say of a campaign of missions."""
+    """Report on a campaign of missions."""
 
     campaign: MissionCampaign
 
     @property
     def opening(self) -> tuple[str, ...]:
-        """What was flown."""
+        """The title, the number of cases, and the stages."""
         campaign, scenario = self.campaign, self.campaign.scenario
         craft = counted(len(scenario.craft), "craft", "craft")
         stages = ", ".join(stage.verb for stage in scenario.stages)
@@ -43,12 +43,12 @@ class MissionStudyReport(CasesReport):
 
     @property
     def verdict(self) -> str:
-        """The last line."""
+        """The last line: all cases meet their requirements, or the reason why not."""
         return self.campaign.reason or f"in all {len(self.campaign)} cases {WORDS['met']}"
 
     @property
     def hint(self) -> tuple[str, ...]:
-        """How to see a case in which something is not met."""
+        """The command that shows the first case in which a requirement is not met; empty without any."""
         if self.campaign.ok:
             return ()
         endings = self.campaign.endings.first
@@ -57,7 +57,7 @@ class MissionStudyReport(CasesReport):
 
     @cached_property
     def tables(self) -> tuple[Table, ...]:
-        """How cases ended, why, what they spent, and the ten that spent most."""
+        """Outcomes, causes, costs, and the ten cases of highest cost."""
         campaign = self.campaign
         ended = []
         for status, count in campaign.counts.items():
@@ -97,7 +97,7 @@ class MissionStudyReport(CasesReport):
 
     @property
     def summary(self) -> dict[str, Any]:
-        """Every figure printed, in full."""
+        """The printed figures in full precision, for `summary.json`."""
         campaign, scenario = self.campaign, self.campaign.scenario
         every = len(campaign)
         shares = {one: vars(estimate(count, every)) for one, count in campaign.counts.items()}
@@ -115,7 +115,7 @@ class MissionStudyReport(CasesReport):
         }
 
     def chapters(self, replays: Replays) -> Sequence[Section]:
-        """What the page tells, but for how to repeat it."""
+        """Return the sections of the page except the one on reproduction."""
         scenario = self.campaign.scenario
         request = scenario_summary.section(scenario)
         sure = [simulation_study.SURE] * (self.campaign.flights is not None)
@@ -128,7 +128,7 @@ class MissionStudyReport(CasesReport):
 
     @property
     def pictures(self) -> tuple[Picture, ...]:
-        """How the delta-v is spread, and what became of flights."""
+        """The distributions of delta-v and of the simulation results."""
         campaign = self.campaign
         done = ~np.isnan(campaign.column("end_s"))
         if not done.any():

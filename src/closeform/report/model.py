@@ -1,4 +1,4 @@
-"""Where the model ends: how far from real motion these numbers may be, what is certified, what estimated."""
+"""Limits of the model: the model error of Hill's equations, and which figures are certified or estimated."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -14,13 +14,13 @@ from closeform.motion.mean_motion import EARTH_MU, semi_major_axis_from_mean_mot
 from closeform.report.section import Section, plan_of
 from closeform.report.table import Column, Table
 
-# At most; how far off plans end, half of them and 95 %, is another rule: theory (84), in field/rule.py.
-# Of a craft ahead on the same circle, along a straight axis: the model is 6 pi d^2 / a off in one orbit.
+# Upper bounds; the median and 95 % errors at the end of a plan follow another rule: theory (84).
+# For a craft ahead on the same circle, along a straight axis, the model error in one orbit is 6 pi d^2 / a.
 # The others are measured: docs/validity.md (a chief of e = 0.001) and docs/ephemerides.md (GRACE-A and B).
 CURVATURE, ECCENTRICITY, FLATTENING = 6.0 * pi, 25.0, (0.012, 0.027)
-EXAMPLE = 0.001  # of an eccentricity that nobody knows
-TENTH = 0.1  # of the smallest zone: a deviation that is no longer small
-LOOKS = 201  # instants at which it is asked how far out craft are
+EXAMPLE = 0.001  # eccentricity used as an example if it is unknown
+TENTH = 0.1  # of the smallest zone: a deviation that is no longer negligible
+LOOKS = 201  # instants per flight at which the distance from the origin is sampled
 DEVIATIONS = (
     Column("what the model leaves out", "cause", words=True),
     Column("rule, for one orbit", "rule", words=True),
@@ -37,7 +37,7 @@ LOCKS = (
 
 @dataclass(frozen=True)
 class Circle:
-    """The circle that an orbit is taken for: mean motion [rad/s], `mu` [m^3/s^2], its true e where known."""
+    """Circular reference orbit: mean motion [rad/s], `mu` [m^3/s^2], and the true eccentricity if known."""
 
     mean_motion: float
     mu: float = EARTH_MU
@@ -46,9 +46,9 @@ class Circle:
 
 @dataclass(frozen=True)
 class Reach:
-    """How far out a flight leads: the `craft` that is farthest from the frame's origin, `distance` [m] away.
+    """Largest distance [m] from the frame's origin in some flights, with its `craft` and time [s].
 
-    `smallest`: how far the smallest zone reaches at least [m], None where there is none.
+    `smallest`: the smallest extent of all zones [m], None if there is none.
     """
 
     craft: str
@@ -58,7 +58,7 @@ class Reach:
 
     @classmethod
     def of(cls, flights: list[WatchedFlight]) -> "Reach":
-        """Of flights one after another, at some instants of each."""
+        """Return the reach of consecutive flights, from LOOKS instants of each."""
         found: list[tuple[float, float, str]] = []
         for flight in flights:
             times = np.linspace(float(np.max(flight.paths.start)), float(np.min(flight.paths.end)), LOOKS)
@@ -72,7 +72,7 @@ class Reach:
 
 
 def section(mission: Mission) -> Section:
-    """What holds for a mission's numbers, and what does not."""
+    """Return the section on the limits of a mission's figures."""
     flown = [result for result in mission.results if result.flown]
     sure = certain([*certainties(flown)])
     if not flown:
@@ -86,7 +86,7 @@ def section(mission: Mission) -> Section:
 
 
 def beside(mission: Mission, flown: list[StageResult[Any, Any]]) -> Iterator[str]:
-    """What is not exact so: what is predicted in a field, counted with errors, or flown."""
+    """Yield the line on inexact results: predicted in a field, uncertain, or simulated."""
     told = []
     if some := [one.number for one in flown if one.validity is not None]:
         field = next(one.validity.field for one in flown if one.validity is not None)
@@ -102,17 +102,17 @@ def beside(mission: Mission, flown: list[StageResult[Any, Any]]) -> Iterator[str
 
 
 def numbered(stages: list[int]) -> str:
-    """Stages by their numbers."""
+    """Return stage numbers in words."""
     return f"stage{'s' * (len(stages) != 1)} {', '.join(map(str, stages))}"
 
 
 def certain(rows: list[tuple[str, str]]) -> Table:
-    """How sure each figure is."""
+    """Return the table of the certainty of each figure."""
     return Table("What is certified, and what is estimated", SURE, rows)
 
 
 def beyond(reach: Reach, orbit: Circle, duration: float) -> tuple[tuple[str, ...], tuple[Table, ...]]:
-    """How far the model may be off for craft that are so far out, in a flight of a duration [s]."""
+    """Return lines and tables on the model error at a given reach, in a flight of a duration [s]."""
     far = (
         f"{reach.craft} is farthest out: {reach.distance:.1f} m from the frame's origin at {reach.time:.1f} s"
     )
@@ -136,7 +136,7 @@ def beyond(reach: Reach, orbit: Circle, duration: float) -> tuple[tuple[str, ...
 
 
 def deviations(reach: Reach, orbit: Circle) -> Iterator[tuple[Any, ...]]:
-    """Rows of DEVIATIONS on an orbit."""
+    """Yield the rows of DEVIATIONS on an orbit."""
     radius = float(semi_major_axis_from_mean_motion(orbit.mean_motion, orbit.mu))
     far, least = reach.distance, None if reach.smallest is None else TENTH * reach.smallest
     bend = CURVATURE * far**2 / radius
@@ -155,7 +155,7 @@ def deviations(reach: Reach, orbit: Circle) -> Iterator[tuple[Any, ...]]:
 
 
 def certainties(flown: list[StageResult[Any, Any]]) -> Iterator[tuple[str, str]]:
-    """Rows of SURE, of what there is in a mission."""
+    """Yield the rows of SURE for the contents of a mission."""
     if any(result.after.pairs for result in flown):
         yield (
             "Conflicts, closest approaches",
@@ -190,7 +190,7 @@ def certainties(flown: list[StageResult[Any, Any]]) -> Iterator[tuple[str, str]]
 
 
 def of_errors(known: bool) -> Iterator[tuple[str, str]]:
-    """Rows of SURE, of what errors make of a flight, if any are given."""
+    """Yield the rows of SURE on uncertainty, if it is known."""
     if known:
         yield (
             "Sigmas",

@@ -1,4 +1,4 @@
-"""The model error of Hill's equations: as predicted in a field, or estimated without one."""
+"""Model error of Hill's equations: predicted in a high-fidelity model, or estimated without one."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -13,17 +13,17 @@ from closeform.report.section import plan_of
 
 
 def lines(mission: Mission, result: StageResult[Any, Any]) -> tuple[str, ...]:
-    """What becomes of a stage in its field, before anything is said of its plan."""
+    """Return the predicted deviations of a stage in its high-fidelity model, or a note on their absence."""
     if result.validity is None:
         unflown = mission.scenario.field is not None and not result.flown
         return ("In the field: not predicted, since these paths are not flown",) * unflown
-    from closeform.dynamics.validity import in_words  # whose kernels most runs can spare
+    from closeform.dynamics.validity import in_words  # most runs do not need these kernels
 
     return in_words(result.validity, result.after.names)
 
 
 def margin(result: StageResult[Any, Any]) -> tuple[str, ...]:
-    """What a plan keeps beyond zones."""
+    """Return the keep-out margin of a plan in words."""
     asked = getattr(result.stage, "margin", None)
     plan = plan_of(result)
     if not asked or plan is None:
@@ -36,7 +36,7 @@ def margin(result: StageResult[Any, Any]) -> tuple[str, ...]:
 
 
 def figures(result: StageResult[Any, Any]) -> dict[str, Any]:
-    """The same for `summary.json`."""
+    """Return the predicted model error and the keep-out margin for `summary.json`."""
     found, names, plan = result.validity, result.after.names, plan_of(result)
     asked = getattr(result.stage, "margin", None)
     kept = {} if not asked or plan is None else {"margin_m": float(np.max(plan.padding))}
@@ -54,7 +54,7 @@ def figures(result: StageResult[Any, Any]) -> dict[str, Any]:
 
 
 def estimate(mission: Mission) -> Iterator[str]:
-    """The model error of a mission around the Earth that has no field."""
+    """Yield the estimated model error of a mission around the Earth without a high-fidelity model."""
     error = mission_error(mission)
     if error is None:
         return

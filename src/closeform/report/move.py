@@ -1,4 +1,4 @@
-"""The section of one craft's move: conflicts before, the way around, conflicts after."""
+"""Section of an avoidance manoeuvre: conflicts before it, the avoidance trajectory, conflicts after it."""
 
 from collections.abc import Iterator
 from functools import partial
@@ -21,7 +21,7 @@ MOST_CONTACTS = 4  # on one line; more are counted
 
 
 def section(mission: Mission, result: Move) -> Section:
-    """One craft moves."""
+    """Return the section of a single spacecraft that avoids the others."""
     moved = result.result
     choices, fired = Choices(mission, result, [moved.craft]), burns.StageBurns(mission, result)
     lines, before = conflicts.summed("Conflicts before", result.before, avoided=True)
@@ -59,7 +59,7 @@ def section(mission: Mission, result: Move) -> Section:
 
 
 def efforts(mission: Mission, result: Move) -> Table:
-    """What the direct path costs and what the way around that takes as long, beside each other."""
+    """Return the costs of the direct path and of the avoidance trajectory, side by side."""
     moved, path = result.result, result.result.avoidance.path
 
     def row(name: str, one: Path) -> tuple[Any, ...]:
@@ -80,7 +80,7 @@ def efforts(mission: Mission, result: Move) -> Table:
 
 
 def meanwhile(mission: Mission, result: Move) -> tuple[Table, ...]:
-    """What those spend who fly their own transfers."""
+    """Return the costs of the spacecraft that execute their own transfers, as a table if there are any."""
     paths = {fellow.craft: result.planned.path(fellow.craft) for fellow in result.stage.meanwhile}
     rows = [(name, *effort.spent(mission, result, name, path)) for name, path in paths.items()]
     shown = effort.of_plan(effort.columns(mission, paths.values()), result.pulsed is not None)
@@ -89,13 +89,13 @@ def meanwhile(mission: Mission, result: Move) -> tuple[Table, ...]:
 
 
 def clearance(result: Move) -> tuple[Table, ...]:
-    """What more clearance costs, where zones are touched."""
+    """Return the table of shadow prices of clearance, if the plan touches zones."""
     found = result.result.avoidance
     return (optimum.prices(found, result.result.names, result.after.names),) if found.prices else ()
 
 
 def arrivals(result: Move) -> Iterator[str]:
-    """Where on relative orbits the craft arrives, and those who fly their own transfers."""
+    """Yield the arrival phases of the avoiding spacecraft and of those with their own transfers."""
     stage, goals = result.stage, result.result.goals
     drifts = stage.drift is not None
     safe = stage.plans_drift and stage.is_exact
@@ -105,7 +105,7 @@ def arrivals(result: Move) -> Iterator[str]:
 
 
 def how(mission: Mission, result: Move) -> tuple[str, ...]:
-    """How the way around was found, where it touches zones, and whether it is the best there is."""
+    """Return the method, the contacts with zones, the extra cost and the optimality of the plan."""
     method, moved, avoidance = result.stage.method, result.result, result.result.avoidance
     if not avoidance.ok:
         return (f"Method {method}: {avoidance.status}",)  # the verdict has the reason
@@ -136,7 +136,7 @@ def how(mission: Mission, result: Move) -> tuple[str, ...]:
 
 
 def free_cost(mission: Mission, result: Move) -> float:
-    """What is least with no zones in the way, in the unit of what is least."""
+    """Return the cost without keep-out zones, in the unit of the stage's cost."""
     moved = result.result
     if moved.avoidance.cost == "delta-v":
         return float(effort.asked(mission, result, moved.craft, moved.plain))
@@ -144,7 +144,7 @@ def free_cost(mission: Mission, result: Move) -> float:
 
 
 def figures(mission: Mission, result: Move, choices: Choices, fired: burns.StageBurns) -> dict[str, Any]:
-    """What a move changed."""
+    """Return the figures of an avoidance manoeuvre for `summary.json`."""
     moved, avoidance = result.result, result.result.avoidance
     cost = partial(effort.figures, mission, result)
     return {
@@ -177,7 +177,7 @@ def figures(mission: Mission, result: Move, choices: Choices, fired: burns.Stage
 
 
 def pictures(mission: Mission, result: Move) -> tuple[Picture, ...]:
-    """The craft that moves and those that share the zone of the one to which it comes closest."""
+    """Return pictures of the avoiding spacecraft and of those that share the zone of the closest approach."""
     moved, before = result.result, result.before
     craft, path, around = moved.craft, moved.direct, moved.avoidance.path
     if not moved.others:

@@ -1,4 +1,4 @@
-"""How good a plan is, for one craft or for many: proven, or how far above the bound, and for which zones."""
+"""Optimality of a plan: the proof or the gap to the lower bound, and the shadow prices of clearance."""
 
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -9,15 +9,15 @@ from closeform.planning.plan import UNITS, Avoidance, Contact, Plan
 from closeform.report.table import PAIR, Column, Table, counted
 from closeform.scenario.stages import Clearing
 
-KEYS = {  # of the slopes of a cost, by the metre and by the factor of a zone
+KEYS = {  # keys of the slopes of a cost, per metre and per scale factor of a zone
     "energy": ("per_metre_m_s3", "per_factor_m2_s3"),
     "delta-v": ("per_metre_1_s", "per_factor_m_s"),
 }
-NOTHING = 1e-9  # m/s: what is left by rounding where nobody has to burn
-SAME = 1e-6  # of what is spent: a bound that is no better than that of free paths
-WIDE = 1e-3  # a gap that `prove` may close, as far as it goes
+NOTHING = 1e-9  # m/s: rounding error of a plan without burns
+SAME = 1e-6  # share of the cost: a bound that does not improve on free paths
+WIDE = 1e-3  # a gap that `prove` may reduce
 NO_ZONES, DUAL = "without zones in the way", "by duality"
-TOUCHING = 1.0 + 2e-5  # a margin up to this is for rounding only
+TOUCHING = 1.0 + 2e-5  # a clearance ratio up to this covers rounding only
 
 
 def best(found: Avoidance | Plan, fired: bool, limited: bool) -> str:
@@ -34,8 +34,8 @@ def best(found: Avoidance | Plan, fired: bool, limited: bool) -> str:
 def bounds(found: Avoidance | Plan, whose: str, free: float, stage: Clearing, fired: bool) -> Iterator[str]:
     """Yield the optimality gap, and whether the plan was made for larger zones.
 
-    `whose` the cost is; `free`: what it costs with no zones in the way, in the unit of what is least.  What
-    is `fired` by thrusters is planned for these where delta-v is least.
+    `whose`: the owner of the cost; `free`: the cost without zones, in the unit of the stage's cost;
+    `fired`: executed by thrusters, for which a plan of minimum delta-v is made.
     """
     share = f"at most {100 * found.gap:.3f} %, " if found.lower_bound > 0.0 else ""
     bound = f"{share}lower bound {found.lower_bound:.6g} {UNITS[found.cost]}"
@@ -55,17 +55,17 @@ def bounds(found: Avoidance | Plan, whose: str, free: float, stage: Clearing, fi
 
 
 def padded(found: Avoidance | Plan) -> str:
-    """What stands before zones that a plan touches, where they are larger than those of its conflicts."""
+    """Return "padded " if a plan was made for zones with a margin, else an empty text."""
     return "padded " if np.max(found.padding) > 0.0 else ""
 
 
 def meets(found: Avoidance | Plan) -> str:
-    """What a plan does where it has contacts: of drifts after failures planes stand for the zones."""
+    """Return the verb for contacts of a plan: "touches", or "is held off" if failures are considered."""
     return "is held off" if any(adrift(at) for at in found.contacts) else "touches"
 
 
 def adrift(at: Contact) -> str:
-    """Of a contact of a craft that drifts when its thrust was lost; nothing of one under way."""
+    """Return the time of thrust loss of a contact in words; empty for a contact without a loss."""
     return f" (thrust lost at {at.failed_at:.1f} s)" if at.failed_at == at.failed_at else ""
 
 
@@ -84,7 +84,7 @@ def clearance(found: Avoidance | Plan, names: Sequence[str], order: Sequence[str
 
 
 def prices(found: Avoidance | Plan, names: Sequence[str], order: Sequence[str]) -> Table:
-    """What more clearance costs, by pairs of craft, which the plan counts as `names`, in their `order`."""
+    """Return the shadow prices by pair; the plan indexes `names`, and `order` sorts the names of a pair."""
     unit, (metre, factor) = UNITS[found.cost], KEYS[found.cost]
     columns = (
         PAIR,
@@ -103,7 +103,7 @@ def prices(found: Avoidance | Plan, names: Sequence[str], order: Sequence[str]) 
 
 
 def figures(found: Avoidance | Plan, names: Sequence[str], order: Sequence[str]) -> dict[str, Any]:
-    """The same for `summary.json`."""
+    """Return the optimality of a plan for `summary.json`."""
     return {
         "ok": found.ok,
         "status": str(found.status),

@@ -1,4 +1,4 @@
-"""The result as one self-contained HTML page."""
+"""HTML page: the results as one self-contained file."""
 
 import base64
 import re
@@ -12,7 +12,7 @@ from closeform.report.picture import Shot
 from closeform.report.section import Section
 from closeform.report.table import Column, Table
 
-LONG = 40  # letters, from which on words are broken into lines
+LONG = 40  # characters above which the text of a cell wraps
 RIGHT_TO_LEFT = re.compile(
     "[\u0590-\u08ff\ufb1d-\ufdff\ufe70-\ufefc]+(?: +[\u0590-\u08ff\ufb1d-\ufdff\ufe70-\ufefc]+)*"
 )
@@ -70,9 +70,9 @@ summary {{ cursor: pointer; margin: 1rem 0 .3rem; font-weight: 600; }}
 
 @dataclass(frozen=True)
 class Head:
-    """What stands above everything: `lines` on what it is about, and how it ended, `warnings` and `links`.
+    """Header of a page: title, subject `lines`, verdict, `warnings` and `links`.
 
-    `links`: files beside the page, each with its words.
+    `links`: files next to the page, each with its link text.
     """
 
     title: str
@@ -84,7 +84,7 @@ class Head:
 
 
 def document(head: Head, sections: Sequence[Section], shots: Iterable[Shot]) -> str:
-    """A whole page: its head, contents, and sections with their pictures, of which there is one shot each."""
+    """Return a complete HTML page: header, contents and sections; `shots` holds one shot per picture."""
     drawn = iter(shots)
     marks = [anchor(told.title, place) for place, told in enumerate(sections, 1)]
     parts = [*top(head), *contents(sections, marks), "<main>"]
@@ -104,7 +104,7 @@ def document(head: Head, sections: Sequence[Section], shots: Iterable[Shot]) -> 
 
 
 def top(head: Head) -> Iterator[str]:
-    """The title, what was flown, how it ended, and what lies beside the page."""
+    """Yield the HTML of the header: title, subject lines, verdict, warnings and links."""
     yield f"<header>\n<h1>{letters(head.title)}</h1>"
     yield from (paragraph(line, "faint") for line in head.lines)
     yield paragraph(head.verdict, f"verdict {'good' if head.good else 'bad'}")
@@ -115,7 +115,7 @@ def top(head: Head) -> Iterator[str]:
 
 
 def contents(sections: Sequence[Section], marks: Sequence[str]) -> Iterator[str]:
-    """A list of the sections, each with a link to it."""
+    """Yield the HTML of the table of contents, one link per section."""
     yield '<nav aria-label="Contents"><ol>'
     yield from (
         f'<li><a href="#{mark}">{letters(told.title)}</a></li>'
@@ -125,28 +125,28 @@ def contents(sections: Sequence[Section], marks: Sequence[str]) -> Iterator[str]
 
 
 def anchor(title: str, place: int) -> str:
-    """The name by which a section at a place in the page is linked to: "stage-2", "what-was-found"."""
+    """Return the anchor of the section at a place in the page, such as "stage-2" or "what-was-found"."""
     words = re.findall(r"[a-z0-9]+", re.split('[:"]', title)[0].lower())
     return "-".join(words) or f"section-{place}"
 
 
 def letters(text: str) -> str:
-    """A text as it is, with names that read from right to left set apart from the numbers beside them."""
+    """Return escaped text with right-to-left names isolated from the numbers next to them."""
     return RIGHT_TO_LEFT.sub(r"<bdi>\g<0></bdi>", escape(text))
 
 
 def link(file: str, words: str) -> str:
-    """A link to a file beside the page."""
+    """Return the HTML link to a file next to the page."""
     return f'<a href="{escape(file)}">{letters(words)}</a>'
 
 
 def paragraph(line: str, look: str = "") -> str:
-    """A line of words."""
+    """Return one line of text as an HTML paragraph of class `look`."""
     return f'<p class="{look}">{letters(line)}</p>' if look else f"<p>{letters(line)}</p>"
 
 
 def section(told: Section, pictures: Iterable[Shot]) -> Iterator[str]:
-    """What there is to say of one thing, with its pictures."""
+    """Yield the HTML of a section and its pictures; folded tables come last."""
     yield f"<h2>{letters(told.title)}</h2>"
     yield from map(paragraph, told.lines)
     yield from (titled(one) for one in told.tables if not one.folded)
@@ -158,7 +158,7 @@ def section(told: Section, pictures: Iterable[Shot]) -> Iterator[str]:
 
 
 def links(title: str, some: Iterable[tuple[str, str, str]]) -> Iterator[str]:
-    """Files beside the page, what each shows, and why it is worth looking at; nothing without any."""
+    """Yield a titled list of links: file, what it shows and why it matters; nothing if the list is empty."""
     rows = [
         f'<li><a href="{escape(file)}">{letters(what)}</a>: {letters(why)}</li>' for file, what, why in some
     ]
@@ -167,12 +167,12 @@ def links(title: str, some: Iterable[tuple[str, str, str]]) -> Iterator[str]:
 
 
 def titled(shown: Table) -> str:
-    """A table under its title."""
+    """Return the HTML of a table under its title."""
     return (f"<h3>{escape(shown.title)}</h3>" if shown.title else "") + table(shown)
 
 
 def embedded(shot: Shot) -> str:
-    """A picture inside the page; what it says itself is for who does not see it."""
+    """Return the HTML of a picture embedded in the page, with its own text as alternative text."""
     data = base64.b64encode(shot.file.read_bytes()).decode()
     told = escape(": ".join(filter(None, (shot.caption, shot.says))))
     image = f'<img alt="{told}" src="data:image/{shot.file.suffix[1:]};base64,{data}">'
@@ -180,7 +180,7 @@ def embedded(shot: Shot) -> str:
 
 
 def table(shown: Table) -> str:
-    """A table; words to the left, numbers to the right."""
+    """Return the HTML of a table; text is aligned left, numbers right."""
     columns = shown.shown
     heads = (f'<th scope="col"{look(column)}>{letters(column.heading or "")}</th>' for column in columns)
     rows = []
@@ -195,7 +195,7 @@ def table(shown: Table) -> str:
 
 
 def look(column: Column, cell: Any = None, text: str = "") -> str:
-    """The classes of a cell, or of its heading, if any."""
+    """Return the class attribute of a cell, or of its heading; empty if it has none."""
     found = ["words"] * column.words + ["long"] * (column.words and len(text) > LONG)
     if column.judges and cell is not None:
         found.append("good" if cell else "bad")
@@ -203,5 +203,5 @@ def look(column: Column, cell: Any = None, text: str = "") -> str:
 
 
 def content(column: Column, cell: Any, text: str) -> str:
-    """What stands in a cell."""
+    """Return the HTML content of a cell."""
     return link(str(cell), text) if column.links and cell is not None else letters(text)

@@ -1,4 +1,4 @@
-"""Picture: what is to be drawn, and how it gets into a folder; loads little, for the process that draws."""
+"""Pictures to be drawn and written into a folder; this module loads little, for the drawing processes."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -14,7 +14,7 @@ Progress = Callable[[str], None]
 
 
 class Shot(NamedTuple):
-    """A picture in a folder: its `file`, its `caption`, and what it `says` in its own words, if anything."""
+    """Picture in a folder: its `file`, its `caption`, and its own text (`says`), which may be empty."""
 
     file: Path
     caption: str
@@ -23,9 +23,9 @@ class Shot(NamedTuple):
 
 @dataclass(frozen=True)
 class Picture:
-    """A picture to be drawn: `plot` names the function of `closeform.plots` that gets the `arguments`.
+    """Picture to be drawn: `plot` names the function of `closeform.plots` that takes the `arguments`.
 
-    Of one that is not public, with its module.
+    The name of a private function includes its module.
     """
 
     name: str
@@ -33,13 +33,13 @@ class Picture:
     plot: str
     arguments: tuple[Any, ...]
     options: Mapping[str, Any] = field(default_factory=dict)
-    stage: str = ""  # written above it, in red where that has
+    stage: str = ""  # written above it, in red if the stage failed
     failed: bool = False
-    shows: str = ""  # written there too, where it is not what is flown
-    flown: bool = True  # or what it says is said to be of what is not
+    shows: str = ""  # written there too, if the picture shows something other than the final paths
+    flown: bool = True  # if False, its title begins with "Not flown"
 
     def leave(self, folder: "Folder", progress: Progress) -> Shot:
-        """Draw it into a folder."""
+        """Draw the picture into a folder and return it."""
         from closeform import plots
         from closeform.plots.style import banner, headline
 
@@ -55,9 +55,9 @@ class Picture:
 
 @dataclass(frozen=True)
 class Film(Picture):
-    """A picture that moves, of up to `most` craft; its function makes the `Reel` that is drawn."""
+    """Animation of up to `most` spacecraft; its function returns the `Reel` to be drawn."""
 
-    most: int = 400  # drawn in a quarter of a minute
+    most: int = 400  # drawn in about 15 s
 
     def leave(
         self,
@@ -66,7 +66,7 @@ class Film(Picture):
         count: int = 1,
         others: Callable[[], list[Any]] = list,
     ) -> Shot:
-        """Draw it into a folder; of a `count` of shares the first, while others draw what they then give."""
+        """Save the animation from the first of `count` shares of frames and those that `others` returns."""
         reel = self.reel()
         frames: list[Any] = [None] * len(reel.moments)
 
@@ -80,7 +80,7 @@ class Film(Picture):
         return Shot(file, self.caption, "")
 
     def reel(self) -> "Reel":
-        """What is drawn."""
+        """Return the reel of the animation."""
         home, _, name = self.plot.rpartition(".")
         made: Reel = getattr(import_module(f"closeform.plots.{home}"), name)(*self.arguments, **self.options)
         return made
@@ -88,7 +88,7 @@ class Film(Picture):
 
 @dataclass(frozen=True)
 class Share:
-    """Each of `count` frames of a film, from the one of this index on, for who puts them together."""
+    """Share of a film's frames: every `count`-th frame from `index` on, to be combined with the others."""
 
     film: Film
     index: int
@@ -96,9 +96,9 @@ class Share:
 
     @property
     def name(self) -> str:
-        """Of no file."""
+        """The name of the share, for progress messages only."""
         return f"{self.film.name}, share {self.index}"
 
     def leave(self, folder: "Folder", progress: Progress) -> list[Any]:
-        """Draw the frames."""
+        """Draw the frames of the share."""
         return self.film.reel().frames(slice(self.index, None, self.count))

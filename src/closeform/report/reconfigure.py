@@ -1,4 +1,4 @@
-"""The section of a formation that moves together: who flies where, at what cost, and how near the best."""
+"""Section of a joint reconfiguration: paths, costs, contacts and optimality of the plan."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -22,10 +22,10 @@ MOST_CONTACTS = 6  # on one line; more are counted
 
 
 def section(mission: Mission, result: Moved, reached: str | None = None) -> Section:
-    """Craft that moved to new relative orbits; `reached` says what that has come to."""
+    """Return the section of spacecraft on new relative orbits; `reached` is a line about the final state."""
     moved, plan = result.result, result.result.plan
     choices, fired = Choices(mission, result, moved.movers), burns.StageBurns(mission, result)
-    direct = result.planned is result.before  # all of them
+    direct = result.planned is result.before  # every spacecraft takes its direct path
     title = "Conflicts" if direct and plan.ok else "Conflicts of the direct paths"
     lines, tables = conflicts.summed(title, result.before, avoided=not direct)
     near = conflicts.approaches("Closest approaches" + " of the direct paths" * (not direct), result.before)
@@ -57,7 +57,7 @@ def section(mission: Mission, result: Moved, reached: str | None = None) -> Sect
 
 
 def scatter(mission: Mission, result: StageResult[Scatter, ReconfigureResult]) -> Section:
-    """A formation that spread out: how far."""
+    """Return the section of a formation that spreads out, with the separation that it reaches."""
     stage, names = result.stage, result.after.names
     start, end = (result.after.paths.position(time) for time in (result.start, result.end))
     reached = None
@@ -75,25 +75,25 @@ def scatter(mission: Mission, result: StageResult[Scatter, ReconfigureResult]) -
 
 
 def regather(mission: Mission, result: StageResult[Regather, ReconfigureResult]) -> Section:
-    """A formation that is back where it was."""
+    """Return the section of a formation that returns to its earlier relative orbit."""
     reached = f'Everybody is back on the relative orbit of the start of "{result.stage.as_before}"'
     return section(mission, result, reached)
 
 
 def spent_on(mission: Mission, result: Moved, flown: Path) -> Any:
-    """What each of those who move spends on its path (N,) of what is least."""
+    """Return the cost of each moving spacecraft on its path (N,), in the unit of the stage's cost."""
     if result.stage.cost != "delta-v":
         return flown.energy
     return [effort.asked(mission, result, name, flown[k]) for k, name in enumerate(result.result.movers)]
 
 
 def free_cost(mission: Mission, result: Moved) -> float:
-    """What all of them spend with no zones in the way."""
+    """Return the total cost of the direct paths, without keep-out zones."""
     return float(np.sum(spent_on(mission, result, result.result.plan.direct)))
 
 
 def costs(mission: Mission, result: Moved) -> Iterator[Table]:
-    """What every craft flies and what that costs."""
+    """Yield the tables of each spacecraft's path and cost."""
     from closeform.fuel.burns import burns_of
 
     moved, plan = result.result, result.result.plan
@@ -131,7 +131,7 @@ def costs(mission: Mission, result: Moved) -> Iterator[Table]:
     )
     title = "Paths of the plan" if plan.ok else "Direct paths"
     if len(who) == 1:
-        rows = rows[:1]  # that is all
+        rows = rows[:1]  # the total repeats it
     many = len(who) > MOST_ROWS
     if many:
         yield Table(f"{title}, all {len(who)} craft", shown, rows[-1:])
@@ -139,13 +139,13 @@ def costs(mission: Mission, result: Moved) -> Iterator[Table]:
 
 
 def touching(moved: ReconfigureResult) -> list[tuple[tuple[str, str], float, float]]:
-    """The pair and the time [s] of every contact of the plan, and when thrust was lost, else nan."""
+    """Return the pair, the time [s] and the time of thrust loss (nan if none) of each contact of the plan."""
     names = moved.names
     return [((names[at.first], names[at.second]), at.time, at.failed_at) for at in moved.plan.contacts]
 
 
 def contacts(result: Moved) -> Iterator[Table]:
-    """Where paths of the plan touch zones."""
+    """Yield the tables of contacts with zones and of shadow prices."""
     moved = result.result
     if rows := touching(moved):
         lost = None if moved.plan.drift is None else "thrust lost at [s]"
@@ -161,7 +161,7 @@ def contacts(result: Moved) -> Iterator[Table]:
 
 
 def worth(mission: Mission, result: Moved) -> Iterator[str]:
-    """How good the plan is, where craft touch each other's zones, and what the stage has come to."""
+    """Yield the optimality of the plan, its contacts with zones, and the cost of clearance."""
     moved, plan = result.result, result.result.plan
     how = "jointly" if result.stage.plan == "joint" else "one craft after another"
     limited = mission.scenario.during(result.stage).limits(*moved.movers)
@@ -191,7 +191,7 @@ def worth(mission: Mission, result: Moved) -> Iterator[str]:
 def figures(
     mission: Mission, result: Moved, slots: dict[str, int], choices: Choices, fired: burns.StageBurns
 ) -> dict[str, Any]:
-    """How a formation moved together."""
+    """Return the figures of a joint reconfiguration for `summary.json`."""
     moved, plan = result.result, result.result.plan
     cost = partial(effort.figures, mission, result)
     efforts = zip(slots.items(), plan.starts.tolist(), plan.durations.tolist(), strict=True)
@@ -229,9 +229,9 @@ def figures(
 
 
 def pictures(mission: Mission, result: Moved) -> tuple[Picture, ...]:
-    """All paths, and how near the craft come to each other."""
+    """Return pictures of the paths, of the clearance of pairs, and of the thrust."""
     flown, zones = result.after.paths, mission.scenario.zones
-    changed = result.planned is not result.before  # pulses are seen off their plan in no picture of all
+    changed = result.planned is not result.before  # at this scale pulses cannot be told from their plan
     direct = result.before.paths if changed else flown
     names = {"names": result.after.names}
     caption = "All paths, direct and of the plan" if changed else "The direct paths"
@@ -253,7 +253,7 @@ def pictures(mission: Mission, result: Moved) -> tuple[Picture, ...]:
 
 
 def thrust(mission: Mission, result: Moved) -> Picture:
-    """How strongly each craft thrusts: in newtons where their limits are."""
+    """Return the picture of each spacecraft's thrust, in newtons if all masses are known."""
     scenario, options = mission.scenario, dict[str, Any](names=result.after.names)
     craft = scenario.craft_in(result.stage)
     if any(one.limited for one in craft):

@@ -1,4 +1,4 @@
-"""How to repeat it: the command, what was read, with which versions, and what lies beside the page."""
+"""Reproduction of results: the command, the inputs, the versions, and the files next to the page."""
 
 import shlex
 from collections.abc import Mapping, Sequence
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 OPTIONS = Column("option", "option", words=True), Column("given", "given", words=True)
 ROWS = Column("what", "what", words=True), Column("is", "is", words=True)
 FILES = Column("file", "file", words=True, links=True), Column("what it holds", "words", words=True)
-EXPANDED = {*'"$`'}  # what a shell sees between double quotes, too
+EXPANDED = {*'"$`'}  # characters that are special to a shell even in double quotes
 HOLDS = {  # files of results, in the order in which they are listed
     VIEWER: "all of it in motion, in space",
     WORST_FLIGHT: "the worst flight in the field, in motion",
@@ -51,17 +51,17 @@ HOLDS = {  # files of results, in the order in which they are listed
 
 @dataclass(frozen=True, eq=False)
 class Command:
-    """A command on some files as it was typed: its `options` by name; those that are None were not given."""
+    """Command on files as it was typed, with its `options` by name; an option that is None was not given."""
 
     name: str
     files: Sequence[Path]
     options: Mapping[str, Any]
     also: Sequence[Path] = ()  # files that options name
-    out: Path | None = None  # the option that says where results go
+    out: Path | None = None  # the option for the result folder
 
     @property
     def given(self) -> dict[str, str]:
-        """The options that were given, in words."""
+        """The given options and their values as text."""
         return {
             option: "" if value is True else str(value)
             for option, value in self.options.items()
@@ -70,7 +70,7 @@ class Command:
 
     @property
     def line(self) -> str:
-        """The command as it can be typed again where the files are."""
+        """The command line, for use in the folder of the files."""
         typed = [
             f"--{option}" + (f" {quoted(value)}" if value else "") for option, value in self.given.items()
         ]
@@ -83,30 +83,30 @@ class Command:
 
     @cached_property
     def inputs(self) -> dict[str, str]:
-        """What was read, with its hashes."""
+        """The input files by name, with their hashes."""
         return hashed([file for file in (*self.files, *self.also) if not file.is_dir()])
 
     @property
     def figures(self) -> dict[str, Any]:
-        """The same for `summary.json`."""
+        """The command and its inputs for `summary.json`."""
         return {"command": self.line, "inputs": self.inputs}
 
     def repeated(self, beside: Sequence[str]) -> Section:
-        """How to repeat it."""
+        """Return the section on reproduction."""
         return section(self.line, self.inputs, beside, self.out)
 
 
 def quoted(word: str) -> str:
-    """A word as a shell takes it."""
+    """Return a word quoted for a shell."""
     return f'"{word}"' if " " in word and not {*word} & EXPANDED else shlex.quote(word)
 
 
 def section(
     command: str, inputs: Mapping[str, str], beside: Sequence[str], out: Path | None, **more: object
 ) -> Section:
-    """How to repeat it, by a `command` from `inputs` with their hashes; `more` is what else it depends on.
+    """Return the section on reproduction: a `command`, its `inputs` with hashes, and `more` dependencies.
 
-    `out`: where results go, if that was said.
+    `out`: the result folder, if it was given.
     """
     rows = [("command", command + ("" if out is None else f" --out {quoted(str(out))}"))]
     rows += [(what, str(value)) for what, value in more.items() if value is not None]
@@ -122,13 +122,13 @@ def section(
 
 
 def beside(folder: Folder) -> list[str]:
-    """The files of a result folder that a page tells of, pictures aside: they are in it."""
+    """Return the files of a result folder that the page lists; pictures are embedded in the page."""
     there = {file.name for file in folder.path.iterdir()}
     return [name for name in HOLDS if name in there or name == SUMMARY]
 
 
 def links(names: Sequence[str]) -> list[tuple[str, str]]:
-    """What of it stands above everything."""
+    """Return the files that are linked at the top of the page, with their link texts."""
     pages = {VIEWER: "See it in motion", WORST_FLIGHT: "See the worst flight in motion"}
     return [(name, words) for name, words in pages.items() if name in names]
 
@@ -136,17 +136,17 @@ def links(names: Sequence[str]) -> list[tuple[str, str]]:
 def by_scenario(
     scenario: "Scenario", verb: str, options: str, beside: Sequence[str], out: Path | None, seed: int | None
 ) -> Section:
-    """How to repeat what a `verb` did with a scenario and `options`: by its file, or by the copy beside."""
+    """Return the section on reproduction of a `verb` with a scenario, by its file or by the copy of it."""
     command = f"closeform {verb} {quoted(Path(scenario.file).name)}{options}"
     copied = {"the same, in this folder": f"closeform {verb} {SCENARIO}{options}"}
     return section(command, inputs(scenario), beside, out, **copied, seed=seed)
 
 
 def inputs(scenario: "Scenario") -> dict[str, str]:
-    """A scenario and the files that it names, by their hashes."""
+    """Return the hashes of a scenario and of the files it names."""
     return {name: f"sha256:{digest}" for name, digest in scenario.digests.items()}
 
 
 def hashed(files: Sequence[Path]) -> dict[str, str]:
-    """Files that were read, by their hashes."""
+    """Return the hashes of files by file name."""
     return {file.name: f"sha256:{digest(file)}" for file in files}

@@ -1,4 +1,4 @@
-"""What a mission came to: of all that was asked for whether it is met, and every stage in a row."""
+"""Requirements of a mission and whether they are met, with one row per stage."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -33,13 +33,13 @@ STAGES = (
     Column("at [s]", "time_s", "{:.1f}".format),
     Column("delta-v of all [m/s]", "delta_v_m_s", "{:.6g}".format),
 )
-MOST_CRAFT = 100  # that are shown together
-WHY = 80  # letters above the overview, of where and why a mission stopped
+MOST_CRAFT = 100  # maximum number of spacecraft in the overview
+WHY = 80  # maximum characters of the reason for a stop, above the overview
 IN_FLIGHT = "No craft enters a zone in flight, with errors as they are"
 
 
 def section(mission: Mission) -> Section:
-    """What is met, what each stage came to, and all of them in one picture."""
+    """Return the section on requirements and stages, with an overview picture."""
     return Section(
         "What was found",
         tables=(
@@ -51,7 +51,7 @@ def section(mission: Mission) -> Section:
 
 
 def requirements(mission: Mission) -> Iterator[tuple[Any, ...]]:
-    """Rows of REQUIREMENTS: what holds for the whole mission, then what each stage asks for."""
+    """Yield the rows of REQUIREMENTS: those of the whole mission, then those of each stage."""
     if mission.stopped is not None:
         yield "Every stage is flown", f"stopped in {short(mission.stopped)}", False
     yield from clearance(mission)
@@ -77,7 +77,7 @@ def short(stopped: str) -> str:
 
 
 def clearance(mission: Mission) -> Iterator[tuple[Any, ...]]:
-    """Whether everybody keeps clear of the others' zones, as far as anything is flown."""
+    """Yield the requirement that no keep-out zone is violated in the stages that were executed."""
     verdict = mission.verdict
     if verdict.conflicts is None or not any(result.flown for result in mission.results):
         return
@@ -99,14 +99,14 @@ def clearance(mission: Mission) -> Iterator[tuple[Any, ...]]:
 
 
 def closest(mission: Mission) -> tuple[StageResult[Any, Any], PairApproach] | None:
-    """The pair that comes closest in all stages flown, and in which."""
+    """Return the stage and the pair of the closest approach in the mission; None if there is none."""
     flown = [(result, result.after.closest) for result in mission.results if result.flown]
     near = [(result, pair) for result, pair in flown if pair is not None]
     return min(near, key=lambda one: nearest_first(one[1].ratio, one[1].time), default=None)
 
 
 def of_stage(mission: Mission, result: StageResult[Any, Any]) -> Iterator[tuple[Any, ...]]:
-    """What a stage asks for beside that."""
+    """Yield the other requirements of a stage."""
     stage, where = result.stage, called(result)
     if stage.searches:
         everybody = "every pair locks" if isinstance(result.result, FirstLocks) else "nobody stays lost"
@@ -127,7 +127,7 @@ def of_stage(mission: Mission, result: StageResult[Any, Any]) -> Iterator[tuple[
             "drift": f"passively safe {getattr(stage, 'lasting', '')}",
             "arrival": f"arrives within {tolerance(stage)}",
         }[one.kind]
-        met = None if one.kind == "likelihood" else one.shown  # without a limit
+        met = None if one.kind == "likelihood" else one.shown  # no limit is set
         yield f"{where}: {what}", str(one), met
 
 
@@ -138,7 +138,7 @@ def tolerance(stage: Any) -> str:
 
 
 def row(result: StageResult[Any, Any]) -> tuple[Any, ...]:
-    """A row of STAGES; what failed is not flown, and has no clearance."""
+    """Return a row of STAGES; a failed stage has no clearance."""
     near = result.after.closest if result.flown else None
     close = (None, None, None) if near is None else (near.ratio, (near.first, near.second), near.time)
     before, after = (
@@ -150,7 +150,7 @@ def row(result: StageResult[Any, Any]) -> tuple[Any, ...]:
 
 
 def overview(mission: Mission) -> tuple[Picture, ...]:
-    """All stages in one picture, where there are more than one."""
+    """Return one picture of all stages, if there are at least two."""
     flown = [result for result in mission.results if result.flown]
     names = mission.scenario.names
     if len(flown) < 2 or len(names) > MOST_CRAFT or flown[0].after.pairs > ALL_PAIRS:
@@ -172,7 +172,7 @@ def overview(mission: Mission) -> tuple[Picture, ...]:
 
 
 def locks(result: StageResult[Any, Any]) -> Iterator[tuple[float, int, int]]:
-    """Who finds whom in a stage, by index, and when [s]."""
+    """Yield the time [s] and the indices of the two spacecraft of each lock in a stage."""
     found = result.result
     if isinstance(found, Gathering):
         for event in found.events:
@@ -184,5 +184,5 @@ def locks(result: StageResult[Any, Any]) -> Iterator[tuple[float, int, int]]:
 
 
 def figures(mission: Mission) -> list[dict[str, Any]]:
-    """What was asked for and whether it is met, for `summary.json`."""
+    """Return the requirements and whether they are met, for `summary.json`."""
     return Table("", REQUIREMENTS, [*requirements(mission)]).records

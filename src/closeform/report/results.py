@@ -1,4 +1,4 @@
-"""What every report leaves in a result folder: its pictures, its page and its figures."""
+"""Result folder of every report: its pictures, its page and its figures."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -11,9 +11,9 @@ from closeform.report.picture import Progress, Shot
 from closeform.report.section import Section
 from closeform.storage.result_folder import REPORT, VIEWER, Folder
 
-Viewer = Callable[[Folder, Sequence[Shot]], None]  # what writes a page that moves, beside pictures
+Viewer = Callable[[Folder, Sequence[Shot]], None]  # writes an animated page next to the pictures
 
-Pages = Callable[[Progress], object]  # what writes the pages of cases
+Pages = Callable[[Progress], object]  # writes the pages of cases
 
 
 def nothing(progress: Progress) -> None:
@@ -30,10 +30,10 @@ def leave(
     viewer: Viewer | None = None,
     pages: Pages = nothing,
 ) -> None:
-    """Draw all pictures, then write the page and, last, the summary; all other files are there.
+    """Draw all pictures, then write the page and, last, the summary; all other files already exist.
 
-    `repeated` makes the last chapter from the files beside the page; `viewer` leaves a page that moves
-    beside the pictures; `pages` writes those of cases.
+    `repeated` returns the last section from the files next to the page; `viewer` writes an animated page
+    next to the pictures; `pages` writes those of cases.
     """
     pictures = [picture for told in chapters for picture in told.pictures]
     shots = drawn(pictures, folder, progress)

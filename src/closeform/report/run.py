@@ -1,4 +1,4 @@
-"""The report of a run: a section for each stage, the same for the terminal, the page and the files."""
+"""Report of a run: one section per stage, shared by the terminal, the page and the files."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -65,21 +65,21 @@ SUBJECTS: dict[type[StageTable], Callable[[Mission, Any], Section]] = {
     Lock: lock.section,
     Gather: gather.section,
 }
-SAMPLES = 201  # instants of each craft and stage in paths.parquet
+SAMPLES = 201  # instants per spacecraft and stage in paths.parquet
 FLOWN = "Flown in the field"
-FLOWN_PATHS = "flown"  # the table of the worst flight's, beside those that were planned
+FLOWN_PATHS = "flown"  # the table of the worst simulation, next to the planned paths
 THRUST_COLUMNS = ("ux_m_s2", "uy_m_s2", "uz_m_s2")
 
 
 @dataclass(frozen=True, eq=False)
 class RunReport:
-    """What there is to say of a mission."""
+    """Report on a mission."""
 
     mission: Mission
 
     @property
     def opening(self) -> str:
-        """One line on who flies where."""
+        """One line on the spacecraft, the orbit, the duration and the epoch."""
         n, results = self.mission.orbit.mean_motion, self.mission.results
         where = f"an orbit of {2 * pi / n / 60.0:.2f} min" if n else "deep space"
         craft = counted(len(self.mission.scenario.craft), "craft", "craft")
@@ -89,21 +89,21 @@ class RunReport:
 
     @cached_property
     def sections(self) -> tuple[Section, ...]:
-        """One for each stage flown."""
+        """The sections of the stages, in order."""
         return tuple(section(self.mission, result) for result in self.mission.results)
 
     @cached_property
     def flights(self) -> "FlightTold | None":
-        """What there is to say of its flights in the field, where it has some."""
+        """The content on simulations in the high-fidelity model; None if there are none."""
         if self.mission.flights is None:
             return None
-        from closeform.report.simulation import FlightTold  # whose kernels most runs can spare
+        from closeform.report.simulation import FlightTold  # most runs do not need these kernels
 
         return FlightTold(self.mission.flights)
 
     @cached_property
     def in_flight(self) -> tuple[Section, ...]:
-        """The section of these, or why there are none where some were asked for."""
+        """The section on simulations, or on the reason for their absence if they were requested."""
         mission = self.mission
         if mission.grounded is not None:
             return (Section(FLOWN, (f"Cannot be flown: {mission.grounded}",)),)
@@ -113,7 +113,7 @@ class RunReport:
 
     @property
     def origin(self) -> tuple[str, ...]:
-        """The chief's orbit; which states at the epoch were interpolated; the model error."""
+        """The chief's orbit, notes on interpolated states, and the estimated model error."""
         chief, inputs = self.mission.scenario.chief, self.mission.scenario.inputs
         estimate = tuple(model_error.estimate(self.mission))
         if chief is None:
@@ -126,17 +126,17 @@ class RunReport:
 
     @cached_property
     def closing(self) -> tuple[Table, ...]:
-        """What each craft used in the whole mission."""
+        """The table of use in the whole mission, if there is one."""
         return limits.used_up(self.mission)
 
     @cached_property
     def thrusting(self) -> Floats:
-        """How long each craft thrusts in each stage (S, N) [s]."""
+        """The thrust time of each spacecraft in each stage (S, N) [s]."""
         return budget.thrusting(self.mission, [told.files for told in self.sections])
 
     @cached_property
     def chapters(self) -> tuple[Section, ...]:
-        """What the page tells, but for how to repeat it: around the stages what holds for all of them."""
+        """The sections of the page except the one on reproduction, with the stages in the middle."""
         mission, epoch = self.mission, self.mission.scenario.epoch
         whole = requirements.section(mission)
         if epoch is not None:
@@ -148,12 +148,12 @@ class RunReport:
 
     @property
     def seed(self) -> int | None:
-        """With which the states of a case were drawn."""
+        """The seed of a sampled case; None if the mission is not a case of a study."""
         scenario = self.mission.scenario
         return scenario.study.seed if scenario.study is not None and scenario.case is not None else None
 
     def repeat(self, out: Path | None, beside: Sequence[str]) -> Section:
-        """How to repeat it, and what lies beside the page."""
+        """Return the section on reproduction, with the files next to the page."""
         scenario = self.mission.scenario
         case = "" if scenario.case is None else f" --case {scenario.case}"
         point = "" if scenario.place is None else f" --point {scenario.place}"
@@ -161,7 +161,7 @@ class RunReport:
 
     @property
     def summary(self) -> dict[str, Any]:
-        """Every figure printed, in full and in SI units."""
+        """The printed figures in full precision and SI units."""
         mission, scenario = self.mission, self.mission.scenario
         delta_v, propellant = mission.spent_of_each
         return {
@@ -189,7 +189,7 @@ class RunReport:
 
     @property
     def files(self) -> dict[str, dict[str, list[Any]]]:
-        """The tables for Parquet: the rows of every stage below those of the one before."""
+        """The tables for Parquet, by name; rows of all stages follow each other."""
         found: dict[str, dict[str, list[Any]]] = {}
         for result, told in zip(self.mission.results, self.sections, strict=True):
             for name, table in told.files.items():
@@ -201,7 +201,7 @@ class RunReport:
 
 
 def origin(scenario: Scenario) -> dict[str, Any]:
-    """The epoch and the chief at it, of a scenario that has them."""
+    """Return the epoch and the chief's state, if the scenario has them, for `summary.json`."""
     epoch, chief = scenario.epoch, scenario.chief
     found: dict[str, Any] = {} if epoch is None else {"epoch": str(epoch), "epoch_utc": epoch.utc([0.0])[0]}
     if chief is not None:
@@ -216,7 +216,7 @@ def origin(scenario: Scenario) -> dict[str, Any]:
 
 
 def section(mission: Mission, result: StageResult[Any, Any]) -> Section:
-    """What its subject says of a stage, and what is said of every one."""
+    """Return the section of a stage: the part specific to its kind and the part common to all stages."""
     told = uncertain.told(SUBJECTS[type(result.stage)](mission, result), result, mission.scenario.names)
     used = limits.figures(mission, result) if result.result is not None else {}
     closing = limits.lines(mission, result) if result.result is not None else ()
@@ -243,7 +243,7 @@ def section(mission: Mission, result: StageResult[Any, Any]) -> Section:
                 name=f"stage-{result.number}-{picture.name}",
                 stage=fate(result),
                 failed=result.failure is not None,
-                flown=result.flown or picture.plot == "trade",  # which says what any path costs
+                flown=result.flown or picture.plot == "trade",  # which shows the cost of any path
             )
             for picture in told.pictures + drift.pictures(result)
             if not (isinstance(picture, Film) and picture.most < count)
@@ -275,7 +275,7 @@ def section(mission: Mission, result: StageResult[Any, Any]) -> Section:
 
 
 def states(mission: Mission) -> dict[str, Any]:
-    """States and thrusts as flown, at equal steps of every stage, to look at and to plot."""
+    """Return states and thrusts at equally spaced times of every stage, as columns for plots."""
     names, epoch = np.array(mission.scenario.names), mission.scenario.epoch
     parts: list[dict[str, Any]] = []
     for result in mission.results:
@@ -295,13 +295,13 @@ def states(mission: Mission) -> dict[str, Any]:
 
 
 def exact(mission: Mission) -> dict[str, dict[str, Any]]:
-    """What `load` makes the paths and searches of a mission from again, to the last bit."""
+    """Return the tables from which `load` rebuilds the paths and searches of a mission exactly."""
     arcs, legs = [], []
     for result in mission.results:
         flights = {"after": result.after} | (
             {"before": result.before} if result.before is not result.after else {}
         )
-        if result.planned is not result.after:  # of thrusters, or where a case has drawn what happens
+        if result.planned is not result.after:  # with pulsed thrusters, or in a case with sampled errors
             flights["planned"] = result.planned
         for when, flight in flights.items():
             arcs.append(arc_tables.of_paths(flight.paths, flight.names, result.number, when))
@@ -317,10 +317,9 @@ def leave(
     viewer: Viewer | None = None,
     out: Path | None = None,
 ) -> None:
-    """Fill a result folder with everything that a run leaves; `progress` is told what is under way.
+    """Fill a result folder with the files of a run; `progress` is called with the current step.
 
-    `viewer` writes the page in which the mission moves, beside the pictures that were drawn; `out` is the
-    option that said where.
+    `viewer` writes the animated page, next to the pictures; `out` is the option for the folder.
     """
     mission = report.mission
     folder.scenario(mission.scenario)

@@ -1,4 +1,4 @@
-"""What a scenario asks for, in the words of its file: the orbit, the craft, the stages in order."""
+"""Summary of a scenario in the words of its file: the orbit, the spacecraft and the stages in order."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import groupby
@@ -9,9 +9,9 @@ from closeform.report.table import MOST_ROWS, Column, Table
 from closeform.scenario import Scenario
 from closeform.scenario.load import toml
 
-OWN = {"closeform", "title", "craft", "stage"}  # tables and keys that are told in a way of their own
-TOLD = {"do", "name"}  # keys of a stage that stand in columns of their own
-DRAWN = {  # in a case of a study, by its `draws`
+OWN = {"closeform", "title", "craft", "stage"}  # tables and keys that are shown separately
+TOLD = {"do", "name"}  # keys of a stage that have their own columns
+DRAWN = {  # words for a case of a study, by its `draws`
     "vary": "whose states are",
     "errors": "flown as planned with errors that are",
     "replanned": "each stage planned from where errors led the craft, which are",
@@ -26,7 +26,7 @@ STAGES = (
 
 
 def section(scenario: Scenario) -> Section:
-    """What the file asks for, and how it begins to say so."""
+    """Return the section on what the scenario requests, opened by the file's first comment."""
     said = toml(scenario.text, "scenario")
     rest = [(key, words(value)) for key, value in said.items() if key not in OWN]
     stages = [
@@ -45,7 +45,7 @@ def section(scenario: Scenario) -> Section:
 
 
 def introduction(text: str) -> Iterator[str]:
-    """The comment with which a file begins."""
+    """Yield the comment at the beginning of the file as one line, if there is one."""
     lines = []
     for line in text.removeprefix("\ufeff").splitlines():
         if not line.startswith("#"):
@@ -56,14 +56,14 @@ def introduction(text: str) -> Iterator[str]:
 
 
 def drawn_case(scenario: Scenario) -> Iterator[str]:
-    """What of the flight is drawn, where it is a case of a study."""
+    """Yield the line that describes the sampled case, if the scenario is a case of a study."""
     if scenario.case is not None and scenario.study is not None:
         of = DRAWN[scenario.study.draws]
         yield f"Flown is case {scenario.case} of its study, {of} drawn with seed {scenario.study.seed}"
 
 
 def craft(names: Sequence[str], said: Mapping[str, Any]) -> Table:
-    """What is said of each craft; those that stand one after another and are alike in one row."""
+    """Return the table of spacecraft; consecutive ones with equal values share a row."""
     keys = [key for key in said if key != "name"]
     rows = [
         (name, *(words(said[key][k] if isinstance(said[key], list) else said[key]) for key in keys))
@@ -76,21 +76,21 @@ def craft(names: Sequence[str], said: Mapping[str, Any]) -> Table:
 
 
 def called(names: Sequence[str]) -> str:
-    """Craft that stand one after another."""
+    """Return the names of consecutive spacecraft in short form."""
     if len(names) <= 2:
         return ", ".join(names)
     return f"{names[0]} to {names[-1]} ({len(names)} craft)"
 
 
 def described(said: Mapping[str, Any], cost: str | None) -> str:
-    """What a stage is to do, and what is to be least in it, which the file may leave out."""
+    """Return the keys of a stage as text, with the cost even if the file omits it."""
     least = {"cost": cost} if cost is not None else {}
     kept = {key: value for key, value in {**said, **least}.items() if key not in TOLD}
     return "; ".join(f"{plain(key)} {words(value)}" for key, value in kept.items())
 
 
 def words(value: Any) -> str:
-    """A value of the file in words."""
+    """Return a value of the file as text."""
     if isinstance(value, Mapping):
         return ", ".join(f"{plain(key)} {inner(one)}" for key, one in value.items())
     if isinstance(value, list):
@@ -101,10 +101,10 @@ def words(value: Any) -> str:
 
 
 def plain(key: str) -> str:
-    """A key in words."""
+    """Return a key as words."""
     return key.replace("delta_v", "delta-v").replace("_", " ")
 
 
 def inner(value: Any) -> str:
-    """The same within another value: what has parts in brackets."""
+    """Return a nested value as text, in brackets if it has parts."""
     return f"({words(value)})" if isinstance(value, Mapping | list) else words(value)

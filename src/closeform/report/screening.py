@@ -1,4 +1,4 @@
-"""The report of a screening: real ephemerides in a common frame, and who comes near whom."""
+"""Report of a screening: ephemerides in a common frame, and their conflicts and closest approaches."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -26,7 +26,7 @@ from closeform.report.utc_columns import Stamps
 from closeform.storage.result_folder import Folder
 from closeform.zones.pair_zones import PairZones
 
-if TYPE_CHECKING:  # which a screening without errors can spare
+if TYPE_CHECKING:  # a screening without covariances does not need these kernels
     from closeform.uncertainty.uncertain_flight import UncertainFlight
 
 
@@ -45,7 +45,7 @@ SURE = (
 
 @dataclass(frozen=True, eq=False)
 class ScreenReport:
-    """What there is to say of a flight along ephemerides in a frame, and of the command that asked for it."""
+    """Report on a flight along ephemerides in a common frame, with the command that requested it."""
 
     frame: CommonFrame
     flight: WatchedFlight
@@ -56,13 +56,13 @@ class ScreenReport:
 
     @property
     def title(self) -> str:
-        """Who is screened."""
+        """The title, with the names or the number of the spacecraft."""
         names = self.frame.names
         return f"Screening of {' and '.join(names) if len(names) == 2 else f'{len(names)} craft'}"
 
     @property
     def opening(self) -> tuple[str, ...]:
-        """What was screened."""
+        """The spacecraft, the epochs, the frame, manoeuvres, interpolation and covariances."""
         frame = self.frame
         return (
             f"{len(frame.names)} craft, {len(frame.times)} common epochs from {frame.epoch} "
@@ -76,7 +76,7 @@ class ScreenReport:
 
     @property
     def fired(self) -> tuple[str, ...]:
-        """Who fires between segments, how often and by how much in all."""
+        """The manoeuvres between segments, with their count and total delta-v per spacecraft."""
         pairs = zip(self.frame.names, self.frame.manoeuvres, strict=True)
         told = [
             f"{name} {len(some)} ({sum(size for _, size in some):.4g} m/s)" for name, some in pairs if some
@@ -85,7 +85,7 @@ class ScreenReport:
 
     @property
     def interpolated(self) -> tuple[str, ...]:
-        """Whose states were interpolated to common epochs, and how far they may be off."""
+        """The spacecraft with states interpolated to common epochs, and the estimated error."""
         pairs = zip(self.frame.names, self.frame.interpolation_errors.tolist(), strict=True)
         moved = {name: error for name, error in pairs if error > 0.0}
         if not moved:
@@ -98,7 +98,7 @@ class ScreenReport:
 
     @property
     def known(self) -> tuple[str, ...]:
-        """Whose covariances were taken, how old they were, and who is taken for known exactly."""
+        """The covariances in use, their age, and the spacecraft that are assumed to be known exactly."""
         if self.uncertain is None:
             return ()
         pairs = [
@@ -118,7 +118,7 @@ class ScreenReport:
 
     @property
     def sigmas(self) -> tuple[Table, ...]:
-        """By how many sigmas pairs are clear, and how probable it is that they meet."""
+        """The table of clearance in sigmas and probability of zone violation."""
         if self.uncertain is None:
             return ()
         rows = [row(pair) for pair in self.uncertain.pairs[:MOST_PAIRS]]
@@ -126,13 +126,13 @@ class ScreenReport:
 
     @cached_property
     def found(self) -> tuple[tuple[str, ...], tuple[Table, ...]]:
-        """Conflicts in words, and as tables."""
+        """Conflicts as lines and as tables."""
         lines, tables = conflicts.listed("Conflicts", self.flight)
         return tuple(lines), tuple(tables)
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """How near samples tell, which zones held, and who is in conflict."""
+        """The interpolation error, the zones, the conflicts, and the number of messages."""
         found = (*conflicts.between_samples(self.flight), *conflicts.zones(self.flight), *self.found[0])
         if self.messages is None:
             return found
@@ -140,18 +140,18 @@ class ScreenReport:
 
     @property
     def stamps(self) -> Stamps:
-        """What its times are in UTC."""
+        """The UTC of its times."""
         return Stamps(Epoch(self.frame.epoch, self.frame.time_system))
 
     @property
     def tables(self) -> tuple[Table, ...]:
-        """Conflicts and closest approaches."""
+        """Conflicts, closest approaches and clearance in sigmas."""
         near = conflicts.approaches("Closest approaches", self.flight)
         return tuple(map(self.stamps.dated, (*self.found[1], *near, *self.sigmas)))
 
     @property
     def verdict(self) -> Verdict:
-        """Whether they are clear of each other."""
+        """The number of conflicts, or of pairs within the required sigmas."""
         if self.uncertain is None:
             return Verdict(None, *conflicts_in([self.flight]), exceeded=None, searched=False)
         within = len(self.uncertain.within)
@@ -159,7 +159,7 @@ class ScreenReport:
 
     @cached_property
     def chapters(self) -> tuple[Section, ...]:
-        """What the page tells, but for how to repeat it."""
+        """The sections of the page except the one on reproduction."""
         lines, frame = self.opening, self.frame
         rows = [
             (name, file.name, error or None, age)
@@ -185,7 +185,7 @@ class ScreenReport:
 
     @property
     def limits(self) -> Iterator[str]:
-        """What is taken for what it is not quite, and by how much."""
+        """The approximations of the model, and their size."""
         frame = self.frame
         radial, _, across = np.abs(frame.states[..., :3]).max(axis=(0, 1)) / frame.radius
         yield (
@@ -205,7 +205,7 @@ class ScreenReport:
 
     @property
     def pictures(self) -> Iterator[Picture]:
-        """All ways, the pairs that come closest, and what errors make of them."""
+        """All paths, the closest pairs, and the uncertainty of their clearance."""
         flight, zones = self.flight, self.zones
         yield from conflicts.coasting(flight, zones)
         if self.uncertain is not None:
@@ -218,7 +218,7 @@ class ScreenReport:
 
     @property
     def figures(self) -> dict[str, Any]:
-        """Every figure printed, in full and in SI units, for `summary.json`."""
+        """The printed figures in full precision and SI units, for `summary.json`."""
         frame = self.frame
         found = {} if self.uncertain is None else {"sigmas": self.sigmas[0].records}
         return {
@@ -242,7 +242,7 @@ class ScreenReport:
     def leave(
         self, folder: Folder, progress: Progress = lambda text: None, viewer: results.Viewer | None = None
     ) -> None:
-        """Fill a result folder with all that a screening leaves; `viewer` writes a page that moves."""
+        """Fill a result folder with the files of a screening; `viewer` writes the animated page."""
         frame, flight = self.frame, self.flight
         near = [conflicts.approach_row(one) for one in flight.approaches]
         tables = {
@@ -266,7 +266,7 @@ class ScreenReport:
 
 
 def states(frame: CommonFrame) -> dict[str, Any]:
-    """All states of all craft in the common frame, as columns."""
+    """Return all states of all spacecraft in the common frame, as columns."""
     count, stamps = len(frame.times), Stamps(Epoch(frame.epoch, frame.time_system))
     return {
         "craft": np.repeat(frame.names, count),

@@ -1,4 +1,4 @@
-"""Of a search: its phases and turns, the sun, the near field."""
+"""Tables and figures of a search: phases, turns, sun angle and near field."""
 
 from dataclasses import replace
 from functools import lru_cache
@@ -20,7 +20,7 @@ FROM, TO = (
 
 
 def turn(about: str, angle: float) -> str:
-    """A turn in words."""
+    """Return a turn in words."""
     return "wait" if about == "none" else f"{degrees(angle):+.3f} deg about the {about}"
 
 
@@ -34,20 +34,20 @@ TURNS = (
 
 @lru_cache(maxsize=4)
 def one_round(search: Search, rounds: int) -> Search:
-    """The first of the rounds of a gathering, which are all alike."""
+    """Return the first round of a gathering's search; all rounds are alike."""
     return replace(search, legs=search.legs[: len(search.legs) // rounds])
 
 
-@lru_cache(maxsize=16)  # tables and figures ask for the same
+@lru_cache(maxsize=16)  # tables and figures use the same values
 def covered(search: Search, phase: str | None) -> float:
-    """The share of the sky that one cone covers in a phase, or in all; from 0 to 1."""
+    """Return the share of the sky that one cone covers in a phase, or in the whole search; from 0 to 1."""
     return search.coverage(phase)
 
 
 def facts(search: Search, duration: float, attained: SunAngle | None = None) -> Table:
-    """Tips, sun and near field of a search that takes a `duration` [s].
+    """Return the table of tips, sun angle and near field of a search of a given `duration` [s].
 
-    `attained`: the sun angle that craft reach with their errors, where they have some.
+    `attained`: the sun angle with the errors of the spacecraft, if there are any.
     """
     rate, limit, tip = (degrees(x) for x in (search.slew_rate, search.sun_limit, search.tip_angle))
     sun = degrees(search.sun_drift) * duration / search.duration
@@ -74,12 +74,12 @@ def facts(search: Search, duration: float, attained: SunAngle | None = None) -> 
 
 
 def told(sun: SunAngle) -> str:
-    """The sun angle that a craft reaches, in words."""
+    """Return the largest sun angle of a spacecraft in words."""
     return f"{degrees(sun.angle):.3f} deg ({sun.craft})"
 
 
 def phases(search: Search, rounds: int = 1) -> Table:
-    """The phases of a search with the share of the sky that they cover."""
+    """Return the table of phases of a search with the share of the sky that they cover."""
     rows = [
         ((name, number), start, end, f"{minutes(start)} - {minutes(end)}", covered(search, name))
         for name, number, start, end in search.phases
@@ -89,13 +89,13 @@ def phases(search: Search, rounds: int = 1) -> Table:
 
 
 def spelled(search: Search) -> str:
-    """What the names of its phases stand for."""
+    """Return the full names of the phases."""
     names = dict.fromkeys(name for name, *_ in search.phases)
     return ", ".join(f"{name} {SPELLED[name]}" for name in names) + " search"
 
 
 def turns(search: Search) -> Table:
-    """Every turn of a search."""
+    """Return the table of all turns of a search."""
     rows = [
         ((leg.phase, leg.round), leg.start, leg.end, (leg.about, leg.angle), leg.sun_angle)
         for leg in search.legs
@@ -104,7 +104,7 @@ def turns(search: Search) -> Table:
 
 
 def figures(search: Search, attained: SunAngle | None = None) -> dict[str, Any]:
-    """A search, of a gathering one round: angles in radians, shares of the sky from 0 to 1."""
+    """Return the figures of a search, or one round of a gathering: angles in radians, shares from 0 to 1."""
     names = dict.fromkeys(phase for phase, *_ in search.phases)
     return {
         "duration_s": search.duration,
@@ -124,12 +124,12 @@ def figures(search: Search, attained: SunAngle | None = None) -> dict[str, Any]:
 
 
 def since(result: StageResult[Any, Any]) -> tuple[str, ...]:
-    """From when times count, where that is not plain."""
+    """Return the line that states the origin of times, if the search does not start at zero."""
     return (f"Times count from the start of the search, at {result.start:.1f} s",) if result.start else ()
 
 
 def watched(result: StageResult[Any, Any]) -> tuple[tuple[str, ...], tuple[Table, ...]]:
-    """Conflicts during a search, which may go without keep-out zones; times of the mission."""
+    """Return lines and tables of conflicts during a search, in times of the mission."""
     if not result.after.approaches:
         return ("Conflicts: not looked for, no craft has a keep_out",), ()
     return conflicts.summed("Conflicts", result.after)

@@ -1,4 +1,4 @@
-"""Section: all that a report has to say of one stage, for the terminal, the page and the files."""
+"""Section: the content of a report on one stage, for the terminal, the page and the files."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -10,18 +10,17 @@ from closeform.mission.mission_result import StageResult
 from closeform.report.picture import Film, Picture
 from closeform.report.table import Table
 
-if TYPE_CHECKING:  # which a search can spare
+if TYPE_CHECKING:  # a search does not need these
     from closeform.planning.plan import Avoidance, Plan
 
-REASON = 60  # letters in a picture, of why a stage failed
+REASON = 60  # maximum characters of the reason for a failure, in a picture
 
 
 @dataclass(frozen=True)
 class Section:
-    """A stage: `lines`, the `tables` that are shown, `closing` lines and `pictures`.
+    """Section on a stage: `lines`, the `tables` that are shown, `closing` lines and `pictures`.
 
-    `figures` go into `summary.json`; the rows of `files` into the Parquet file of that name, below
-    those of other stages.
+    `figures` go into `summary.json`; the rows of `files` are appended to the Parquet file of that name.
     """
 
     title: str
@@ -34,7 +33,7 @@ class Section:
 
 
 def not_filmed(pictures: Sequence[Picture], count: int) -> tuple[str, ...]:
-    """That there is no film, since there are too many craft."""
+    """Return a note that an animation is left out, if there are too many spacecraft."""
     films = [picture for picture in pictures if isinstance(picture, Film) and picture.most < count]
     return tuple(
         f"Animation left out: {count} craft, and more than {film.most} are not shown" for film in films
@@ -42,25 +41,25 @@ def not_filmed(pictures: Sequence[Picture], count: int) -> tuple[str, ...]:
 
 
 def plan_of(result: StageResult[Any, Any]) -> "Avoidance | Plan | None":
-    """The plan of a stage that goes around zones, of one craft or of many; None of any other."""
+    """Return the avoidance plan of a stage, of one spacecraft or of many; None for any other stage."""
     found: Avoidance | Plan | None = getattr(result.result, "plan", getattr(result.result, "avoidance", None))
     return found
 
 
 def called(result: StageResult[Any, Any]) -> str:
-    """Which stage that is, and what is done in it."""
+    """Return the number, the name and the verb of a stage."""
     named = f' "{result.stage.name}"' if result.stage.name else ""
     return f"Stage {result.number}{named}: {result.stage.verb}"
 
 
 def heading(result: StageResult[Any, Any], who: str = "") -> str:
-    """The title of a stage; `who` moves."""
+    """Return the title of a stage; `who` names the spacecraft that move."""
     moving = f", {who}" if who else ""
     return f"{called(result)}{moving}, {result.start:.1f} s to {result.end:.1f} s"
 
 
 def not_flown(result: StageResult[Any, Any]) -> tuple[str, ...]:
-    """That a stage is not flown, in its first line; all of why stands in the last of the run."""
+    """Return a line with a short reason why a stage was not executed; the verdict has the full reason."""
     if result.flown or result.failure is None:
         return ()
     plan = plan_of(result)
@@ -69,7 +68,7 @@ def not_flown(result: StageResult[Any, Any]) -> tuple[str, ...]:
 
 
 def fate(result: StageResult[Any, Any]) -> str:
-    """Which stage a picture is of, and what has become of it where it failed."""
+    """Return the stage of a picture, with the reason if it failed."""
     if result.failure is None:
         return called(result)
     shown = "" if result.flown else "; these are the direct paths, which are not flown"

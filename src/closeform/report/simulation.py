@@ -1,4 +1,4 @@
-"""What is said of a run that was flown in its field: how far off, how near, what it cost; its own report."""
+"""Report of a mission simulated in the high-fidelity model: deviations, clearance ratios and costs."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -27,33 +27,33 @@ from closeform.zones.pair_zones import PairZones
 
 @dataclass(frozen=True, eq=False)
 class FlightTold:
-    """What there is to say of a run that was `flown` in its field."""
+    """Content of a report on a mission that was `flown` in its high-fidelity model."""
 
     flown: FlownRun
 
     @property
     def title(self) -> str:
-        """What was flown."""
+        """The title of the report."""
         return f"{self.flown.run.scenario.title}: flown in the field"
 
     @property
     def flight(self) -> WatchedFlight:
-        """The worst one, for the page in which it moves."""
+        """The worst simulation, for the animated page."""
         return self.flown.worst
 
     @property
     def zones(self) -> PairZones:
-        """Who keeps which zone with whom."""
+        """The keep-out zones of all pairs."""
         return self.flown.zones
 
     @property
     def epoch(self) -> Epoch | None:
-        """The instant of time 0."""
+        """The epoch of time 0; None if it is unknown."""
         return self.flown.run.scenario.epoch
 
     @property
     def opening(self) -> tuple[str, ...]:
-        """What was flown, where, how."""
+        """The number of simulations, the force model, the control law and the errors."""
         one, told = self.flown, self.flown.told
         count = counted(len(one.flight.states), "flight")
         stages = counted(len(one.stages), "stage")
@@ -80,24 +80,24 @@ class FlightTold:
 
     @property
     def lost(self) -> tuple[str, ...]:
-        """Who drifts, since when."""
+        """The spacecraft that lose their thrust, and when; empty without any."""
         told = ", ".join(f"{one.craft} at {one.time:.1f} s" for one in self.flown.run.lost)
         return (f"Thrust lost: {told}; from then on craft drift",) * bool(told)
 
     @property
     def coasting(self) -> tuple[str, ...]:
-        """Who has no engine."""
+        """The spacecraft without an engine; empty without any."""
         told = ", ".join(np.array(self.flown.names)[~self.flown.told["engine"]])
         return (f"No engine: {told}; nobody leads back who has none, they drift in the field",) * bool(told)
 
     @property
     def unknown(self) -> str:
-        """Whether a case has drawn some of the field."""
+        """The remark that a case has sampled part of the force model, else an empty text."""
         return "" if self.flown.field is self.flown.known else " but for what is drawn"
 
     @property
     def drawn(self) -> tuple[str, ...]:
-        """What a case has drawn of its flight, which its plans do not know."""
+        """The sampled values of a case that its plans do not know."""
         scenario = self.flown.run.scenario
         if scenario.study is None or scenario.drawn_flight is None:
             return ()
@@ -110,7 +110,7 @@ class FlightTold:
 
     @property
     def thrust_errors(self) -> tuple[str, ...]:
-        """By how much thrust is off."""
+        """The execution errors of thrust, and the errors of each spacecraft."""
         size, angle = np.atleast_2d(self.flown.told["thrust_error"]).max(axis=0)
         told = [*self.pulses]
         if size or angle:
@@ -125,7 +125,7 @@ class FlightTold:
 
     @property
     def pulses(self) -> tuple[str, ...]:
-        """Who fires pulses, and by what."""
+        """The spacecraft that fire pulses; empty without any."""
         shot = self.flown.thrusters
         if not shot:
             return ()
@@ -135,12 +135,12 @@ class FlightTold:
 
     @property
     def verdict(self) -> Entered:
-        """Whether any zone is entered, and whether limits are kept."""
+        """The keep-out violations and the limits that are exceeded."""
         return self.flown.entered
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """The worst flight, certified; what the tube says."""
+        """The worst simulation, the tracking-error tube, and shortfalls of thrust."""
         flight, room, near = self.flown.flight, self.flown.tube, self.flight.closest
         told = []
         if near is not None:
@@ -175,22 +175,22 @@ class FlightTold:
 
     @cached_property
     def tables(self) -> tuple[Table, ...]:
-        """Stages, what everybody spends, the worst flights."""
+        """Stages, costs, and the worst simulations."""
         return simulation_tables.tables(self.flown)
 
     def section(self, title: str, lines: tuple[str, ...] = ()) -> Section:
-        """All of it under a title, after some lines."""
+        """Return the section on the simulations under a title, after some lines."""
         found = (*lines, *self.lines, *self.worst[0])
         return Section(title, found, (*self.tables, *self.worst[1]), pictures=tuple(self.pictures))
 
     @property
     def sure(self) -> Section:
-        """What is certified, what sampled."""
+        """The section on certified and sampled figures."""
         return simulation_tables.sure(self.flown)
 
     @property
     def worst(self) -> tuple[tuple[str, ...], tuple[Table, ...]]:
-        """Conflicts of the worst flight."""
+        """The conflicts of the worst simulation, as lines and tables."""
         if not self.flight.conflicts:
             return (), ()
         which = "worst " * (len(self.flown.flight.states) > 1)
@@ -198,7 +198,7 @@ class FlightTold:
 
     @property
     def pictures(self) -> Iterator[Picture]:
-        """Deviations, ratios, delta-v and paths."""
+        """Pictures of clearance ratios, deviations, paths and delta-v."""
         flight, names = self.flown.flight, {"names": self.flown.names}
         if flight.ratios.size:
             caption = "How near pairs come in every flight, and a close look at the nearest"
@@ -212,7 +212,7 @@ class FlightTold:
 
     @property
     def figures(self) -> dict[str, Any]:
-        """Every figure of it, in full and in SI units."""
+        """The figures in full precision and SI units."""
         one, verdict, told = self.flown, self.verdict, self.flown.told
         law, sight, room = told["feedback"], told["navigation"], one.tube
         found = {
@@ -254,7 +254,7 @@ class FlightTold:
 
     @property
     def stored(self) -> Iterator[tuple[str, dict[str, Any]]]:
-        """The tables of the folder."""
+        """The tables of the result folder, each with its name."""
         flight, names = self.flown.flight, np.array(self.flown.names)
         columns = flight.columns()
         yield "flights", {**columns, "craft": names[columns["craft"]]}
@@ -312,31 +312,31 @@ class FlightTold:
 
 @dataclass(frozen=True, eq=False)
 class FlightReport(FlightTold):
-    """The same, and of the `command` that asked for it."""
+    """Report on simulations, with the `command` that requested them."""
 
     command: Command
 
     @cached_property
     def chapters(self) -> tuple[Section, ...]:
-        """What the page tells, but for how to repeat it."""
+        """The sections of the page except the one on reproduction."""
         asked = Section("What was asked", (), (self.command.table,))
         return asked, self.section("What was found"), self.sure
 
     @property
     def figures(self) -> dict[str, Any]:
-        """Every figure printed, in full and in SI units, for `summary.json`."""
+        """The printed figures in full precision and SI units, for `summary.json`."""
         return {"kind": "flight", "title": self.title, **self.command.figures, **super().figures}
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """Whose limits are not kept, too, of which a run warns by itself."""
+        """The lines of the simulations, followed by warnings about exceeded limits."""
         exceeded = self.verdict.exceeded or ()
         return (*super().lines, *(use.warning(self.flown.grams) for use in exceeded))
 
     def leave(
         self, folder: Folder, progress: Progress = lambda text: None, viewer: results.Viewer | None = None
     ) -> None:
-        """Fill a result folder with all that flights leave; `viewer` writes the page of the worst."""
+        """Fill a result folder with the files of the simulations; `viewer` writes the animated page."""
         progress("writing tables")
         folder.scenario(self.flown.run.scenario)
         for name, columns in self.stored:

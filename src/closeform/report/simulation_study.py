@@ -1,4 +1,4 @@
-"""What a study of missions says of their flights in the field."""
+"""Simulation results of a study of missions: violations, clearance and causes of delta-v."""
 
 from typing import Any
 
@@ -22,7 +22,7 @@ SURE = (
     "one of each case, with errors of its own; least ratios at instants some seconds apart, and on cubics "
     "between them: closeform run FILE --case K certifies those of one",
 )
-PICTURES = (  # names, captions, what is spread, its column, which tail of it is the bad one
+PICTURES = (  # names, captions, axis labels, columns, and the quantile on the bad side
     ("flown-delta-v", "What all craft spend in flight", "delta-v of all craft in flight [m/s]", SPENT, 0.95),
     (
         "flown-ends",
@@ -42,7 +42,7 @@ PICTURES = (  # names, captions, what is spread, its column, which tail of it is
 
 
 def tables(flights: FlightTally) -> tuple[Table, ...]:
-    """In how many a zone is entered, how near pairs come, and what the delta-v is spent on."""
+    """Return tables of keep-out violations, of clearance, and of the delta-v by cause."""
     share = estimate(flights.entered, flights.count)
     found = [Table("Mean delta-v of all craft in flight, by cause", CAUSES, [tuple(flights.mean.values())])]
     if flights.nearest is not None and flights.nearness is not None:
@@ -58,7 +58,7 @@ def tables(flights: FlightTally) -> tuple[Table, ...]:
 
 
 def figures(flights: FlightTally) -> dict[str, Any]:
-    """The same for `summary.json`."""
+    """Return the simulation results of a study for `summary.json`."""
     near = flights.nearness
     return {
         "flown": flights.count,

@@ -1,4 +1,4 @@
-"""The tables of a run that was flown in its field: stages, what everybody spends, the worst flights."""
+"""Tables of a mission simulated in the high-fidelity model: stages, costs and the worst simulations."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -12,8 +12,8 @@ from closeform.report import effort
 from closeform.report.section import Section
 from closeform.report.table import PAIR, Column, Table
 
-WORST = 10  # flights that are told one by one
-# Of a single flight, which has neither a median nor a most: other headings, none of columns that say no more.
+WORST = 10  # number of simulations that are listed
+# Headings for a single simulation, which has neither median nor maximum; None hides a redundant column.
 ALONE = {
     **dict.fromkeys(("end_95_m", "end_most_m", "feedback_most_m_s", "seed", "violated")),
     "delta_v_m_s": "all [m/s]",
@@ -54,7 +54,7 @@ TUBE = (
 
 
 def tables(flown: FlownRun) -> tuple[Table, ...]:
-    """Stages, what everybody spends, the worst flights."""
+    """Return the tables of stages, of costs, and of the worst simulations."""
     worst = [flight(flown, seed) for seed in order(flown)[:WORST]]
     weighed = not np.isnan(flown.propellant).all()
     many = len(worst) > 1
@@ -81,7 +81,7 @@ def tables(flown: FlownRun) -> tuple[Table, ...]:
 
 
 def stage(flown: FlownRun, one: FlownStage) -> tuple[Any, ...]:
-    """A row of STAGES."""
+    """Return a row of STAGES."""
     worst = one.ends.max(axis=1)
     least: tuple[Any, ...] = (None, None, None, None)
     if one.nearest is not None:
@@ -93,7 +93,7 @@ def stage(flown: FlownRun, one: FlownStage) -> tuple[Any, ...]:
 
 
 def spent(flown: FlownRun) -> Iterator[tuple[Any, ...]]:
-    """Rows of SPENT."""
+    """Yield the rows of SPENT, one per spacecraft and one for all."""
     told, back, tanks = flown.flight, flown.flight.feedback_delta_v, flown.propellant
     bounded, engine = flown.told["max_acceleration"] is not None, flown.told["engine"]
     for k, name in enumerate(flown.names):
@@ -116,19 +116,19 @@ def spent(flown: FlownRun) -> Iterator[tuple[Any, ...]]:
 
 
 def known(value: Any) -> float | None:
-    """A number, None where it is none."""
+    """Return a number, or None in place of nan."""
     return None if np.isnan(value) else float(value)
 
 
 def order(flown: FlownRun) -> list[int]:
-    """The flights, the worst first."""
+    """Return the indices of the simulations, worst first."""
     told = flown.flight
     by = told.ratios.min(axis=1) if told.ratios.size else -told.ends.max(axis=1)
     return [int(k) for k in np.argsort(by, kind="stable")]
 
 
 def flight(flown: FlownRun, seed: int) -> tuple[Any, ...]:
-    """A row of FLIGHTS."""
+    """Return a row of FLIGHTS."""
     told, ratio, both = flown.flight, None, None
     if told.ratios.size:
         k = int(np.argmin(told.ratios[seed]))
@@ -138,20 +138,20 @@ def flight(flown: FlownRun, seed: int) -> tuple[Any, ...]:
 
 
 def pair(flown: FlownRun, row: int) -> tuple[str, str]:
-    """The names of a pair by its row."""
+    """Return the names of a pair by its row."""
     i, j = flown.flight.pairs[row]
     return flown.names[i], flown.names[j]
 
 
 def contained(flown: FlownRun) -> float:
-    """How far off craft are at most in nearly all flights [m], as said beforehand."""
+    """Return the predicted deviation that nearly all simulations stay within [m]."""
     times, room = flown.flight.times, flown.tube
     assert room is not None
     return float(np.max(room.containment(float(times[-1] - times[0]), craft=len(flown.names))))
 
 
 def sure(flown: FlownRun) -> Section:
-    """What is certified, what sampled, and what the tube takes for granted."""
+    """Return the section on certified and sampled figures, and on the parts of the tracking-error tube."""
     room, fading = flown.tube, flown.told["navigation"].correlation
     noise = f"fading to 1/e in {fading:g} s" if fading else "white from one measurement to the next"
     rows = [

@@ -1,4 +1,4 @@
-"""What is said of each craft's own errors in flights: of its start, its burns, its impulses, and noise."""
+"""Errors of each spacecraft in simulations: initial state, burns, impulses and process noise."""
 
 from collections.abc import Iterator, Sequence
 from math import degrees
@@ -8,7 +8,7 @@ import numpy as np
 
 
 def told(errors: Sequence[Any]) -> Iterator[str]:
-    """How far states are off at the start, each burn and impulse by itself, and noise: of the worst craft."""
+    """Yield the largest errors among the spacecraft: initial state, burns, impulses and process noise."""
     some = [one for one in errors if one is not None]
     axes = np.array([np.sqrt(np.diag(one.state)) for one in some]).reshape(-1, 2, 3)
     place, speed = axes.max(axis=(0, 2), initial=0.0)
@@ -29,7 +29,7 @@ def told(errors: Sequence[Any]) -> Iterator[str]:
 
 
 def figures(errors: Sequence[Any]) -> list[dict[str, Any] | None]:
-    """Those of each craft, in SI units; None of one without."""
+    """Return the errors of each spacecraft in SI units; None for a spacecraft without errors."""
     return [
         None
         if one is None

@@ -1,4 +1,4 @@
-"""The report of a study: what became of its cases, the same for the terminal, the page and the files."""
+"""Report of a study of searches: shares of cases by phase, times and delta-v, with their intervals."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ SPREAD = tuple(map(Column, ("mean", "median", "95 %", "99.9 %", "greatest", "in 
 
 @dataclass(frozen=True, eq=False)
 class StudyReport(CasesReport):
-    """What there is to say of a campaign."""
+    """Report of a campaign of searches."""
 
     campaign: Campaign
 
     @cached_property
     def subject(self) -> Subject:
-        """What its kind of search has of its own."""
+        """The content specific to the kind of search."""
         return SUBJECTS[type(self.campaign)](self.campaign)
 
     @property
     def opening(self) -> tuple[str, ...]:
-        """What was flown, and what the search is."""
+        """The title, the number of cases, and the search."""
         campaign, one = self.campaign, self.subject.search
         craft, limit = len(campaign.scenario.craft), degrees(one.sun_limit)
         lines = [
@@ -52,23 +52,23 @@ class StudyReport(CasesReport):
 
     @property
     def verdict(self) -> str:
-        """The last line: all cases done, or which were not."""
+        """The last line: all requirements are met in every case, or the reason why not."""
         return self.campaign.reason or f"all {len(self.campaign)} cases {listed(self.asked)}"
 
     @property
     def asked(self) -> list[str]:
-        """All that was asked for, in words."""
+        """The requirements in words."""
         return [self.campaign.requirement_label(what) for what in self.campaign.tally.met]
 
     @property
     def hint(self) -> tuple[str, ...]:
-        """How to see a case in which something is not met."""
+        """The command that shows the first case in which a requirement is not met; empty if there is none."""
         campaign = self.campaign
         return () if campaign.ok else self.run_of(campaign.tally.good.unmet[0], "the first of them")
 
     @cached_property
     def tables(self) -> tuple[Table, ...]:
-        """Shares by phase, times, and what this kind of search has of its own."""
+        """Shares by phase, requirements met, times, costs, and the tables of the kind of search."""
         campaign = self.campaign
         spreads = spread_table(campaign)
         costs = cost_table(campaign)
@@ -76,7 +76,7 @@ class StudyReport(CasesReport):
 
     @property
     def summary(self) -> dict[str, Any]:
-        """Every figure printed, in full."""
+        """The printed figures in full precision, for `summary.json`."""
         campaign, scenario = self.campaign, self.campaign.scenario
         return {
             **self.studied,
@@ -104,14 +104,14 @@ class StudyReport(CasesReport):
 
     @property
     def times(self) -> Binned:
-        """When what the histogram shows happens."""
+        """The histogram of the times at which cases were done."""
         campaign = self.campaign
         parts = (part for _, part in campaign.chunks.read(*campaign.wanted))
         times = (campaign.settled(part).times for part in parts)
         return Binned.of(times, campaign.search.duration, campaign.search)
 
     def chapters(self, replays: Replays) -> tuple[Section, ...]:
-        """What the page tells, but for how to repeat it."""
+        """Return the sections of the page except the one on reproduction."""
         campaign, what = self.campaign, self.subject.what
         scenario = campaign.scenario
         whole = search.facts(self.subject.search, campaign.search.duration)
@@ -129,7 +129,7 @@ class StudyReport(CasesReport):
 
 
 def share_table(campaign: Campaign) -> Table:
-    """Shares by phase; phases after the last in which something happened are left out."""
+    """Return the shares by phase, without the phases after the last one in which something happened."""
     theirs = published(campaign)
     columns = (
         Column(campaign.done, words=True),
@@ -148,7 +148,7 @@ def share_table(campaign: Campaign) -> Table:
 
 
 def wanted(campaign: Campaign) -> Iterator[tuple[str, int, Estimate]]:
-    """Of all that was asked for: what, and in how many cases it is met; last, all of it."""
+    """Yield each requirement with the count and share of cases that meet it; the last row covers all."""
     tally = campaign.tally
     told = {campaign.requirement_label(what): met for what, met in tally.met.items()}
     for what, met in {**told, "all of it": tally.good}.items():
@@ -156,7 +156,7 @@ def wanted(campaign: Campaign) -> Iterator[tuple[str, int, Estimate]]:
 
 
 def met_table(campaign: Campaign) -> tuple[Table, ...]:
-    """The same as a table, where more is asked for than to be done."""
+    """Return the table of requirements and the cases that meet them; empty for a single requirement."""
     if len(campaign.tally.met) == 1:
         return ()
     columns = Column("what was asked", words=True), Column("cases"), *percent("met in [%]")
@@ -164,20 +164,20 @@ def met_table(campaign: Campaign) -> tuple[Table, ...]:
 
 
 def spread(found: Spread) -> dict[str, Any]:
-    """Mean, quantiles with their intervals, and the greatest with its case."""
+    """Return the mean, the quantiles with their intervals, and the maximum with its case."""
     greatest, case = found.worst[0]
     return quantiles(found) | {"greatest": greatest, "case": case, "worst": found.worst}
 
 
 def quantiles(found: Spread) -> dict[str, Any]:
-    """Mean, and quantiles with their intervals."""
+    """Return the mean, and the quantiles with their intervals."""
     middle = {f"quantile_{share:g}": one.value for share, one in found.quantiles.items()}
     ends = {f"quantile_{share:g}_95": one[1:] for share, one in found.quantiles.items()}
     return {"mean": found.mean, **middle, **ends}
 
 
 def spread_table(campaign: Campaign) -> tuple[Table, ...]:
-    """Mean, quantiles and greatest of the times, and of the delta-v."""
+    """Return the table of mean, quantiles and maximum of the times and of the delta-v."""
     spreads = campaign.spreads.items()
     rows = [spread_row(name, found, 2 if name.startswith("time") else 4) for name, found in spreads]
     columns = resolved((Column(campaign.done, words=True), *SPREAD), fewest(campaign.spreads))
@@ -185,12 +185,12 @@ def spread_table(campaign: Campaign) -> tuple[Table, ...]:
 
 
 def fewest(spreads: Mapping[str, Spread]) -> int:
-    """Of how few cases some spreads are, at least."""
+    """Return the smallest number of cases among the spreads, 0 without any."""
     return min((one.count for one in spreads.values()), default=0)
 
 
 def cost_table(campaign: Campaign) -> tuple[Table, ...]:
-    """The same of what is spent, by cause and by the phase in which cases were done."""
+    """Return the spread of the delta-v by cause and by the phase in which cases were done."""
     rows = [spread_row(name, found, 4) for name, found in campaign.costs.items()]
     columns = resolved((Column("delta-v of all craft [m/s]", words=True), *SPREAD), fewest(campaign.costs))
     return (Table("By cause and phase", columns, rows),) if rows else ()
@@ -199,9 +199,9 @@ def cost_table(campaign: Campaign) -> tuple[Table, ...]:
 def resolved(
     columns: Sequence[Column], count: int, shares: Sequence[float] = QUANTILES
 ) -> tuple[Column, ...]:
-    """The columns of a spread of so many cases: no quantile beyond which not one of them lies.
+    """Return the columns of a spread of `count` cases; a quantile is hidden if no case lies beyond it.
 
-    Quantiles by `shares` stand in the middle, in their order.
+    The quantiles of `shares` follow the column "median", in their order.
     """
     first = next(k for k, column in enumerate(columns) if column.heading == "median")
     hidden = {first + k for k, share in enumerate(shares) if count * min(share, 1.0 - share) < 1.0}
@@ -209,28 +209,28 @@ def resolved(
 
 
 def spread_row(name: str, found: Spread, digits: int, scale: float = 1.0) -> tuple[Any, ...]:
-    """A name, and what SPREAD says of it, `scale` times, to so many `digits`."""
+    """Return a table row: the name and the values of SPREAD, times `scale`, with `digits` decimals."""
     greatest, case = found.worst[0]
     numbers = found.mean, *(one.value for one in found.quantiles.values()), greatest
     return name, *(f"{scale * one:.{digits}f}" for one in numbers), case
 
 
 def draws(campaign: FlownCases) -> dict[str, Any]:
-    """What was drawn, as the file says it."""
+    """Return the distributions of the study, by scenario key, as written in the file."""
     study = campaign.scenario.study
     vary = study.vary if study is not None else {}
     return {key: draw.model_dump(exclude_none=True) for key, draw in vary.items()}
 
 
 def draw_table(campaign: FlownCases) -> tuple[Table, ...]:
-    """The same as a table."""
+    """Return the distributions of the study as a table."""
     rows = [(key, *sized(draw)) for key, draw in draws(campaign).items()]
     columns = Column("key", words=True), Column("distribution"), Column("size")
     return (Table("Drawn for each case and craft", columns, rows),) if rows else ()
 
 
 def draw_lines(campaign: FlownCases) -> list[str]:
-    """The same as lines, but for what a sweep has in its table."""
+    """Return the distributions of the study as lines, without the keys of a sweep."""
     study = campaign.scenario.study
     assert study is not None
     fixed = {key: draw for key, draw in draws(campaign).items() if not any(key in one for one in study.sweep)}
@@ -244,7 +244,7 @@ def draw_lines(campaign: FlownCases) -> list[str]:
 
 
 def sized(draw: dict[str, Any]) -> tuple[str, str]:
-    """The name of a distribution, and its size, sizes or values."""
+    """Return the name of a distribution, and its size, sizes or values as text."""
     ((name, size),) = draw.items()
     if not isinstance(size, tuple):
         return name, str(size)

@@ -1,4 +1,4 @@
-"""The report of a sweep: a row for each of its points, and one picture."""
+"""Report of a sweep: one row per point, and one picture."""
 
 import re
 from collections.abc import Sequence
@@ -23,13 +23,13 @@ NUMBER = re.compile(r"(.*?)([-+]?\d[\d.]*(?:e[-+]?\d+)?)( ?\D.*|)")  # words, a 
 
 @dataclass(frozen=True, eq=False)
 class SweepReport(CasesReport):
-    """What there is to say of a sweep."""
+    """Report on a sweep."""
 
     campaign: SweepCampaign
 
     @property
     def opening(self) -> tuple[str, ...]:
-        """What was flown."""
+        """The title, the number of cases and points, and the stages."""
         campaign, scenario = self.campaign, self.campaign.scenario
         points, stages = len(campaign.points), ", ".join(stage.verb for stage in scenario.stages)
         count = f"{len(campaign)} cases at each of {points} points, seed {campaign.seed}; stages: {stages}"
@@ -37,13 +37,13 @@ class SweepReport(CasesReport):
 
     @property
     def verdict(self) -> str:
-        """The last line."""
+        """The last line: all cases at all points meet their requirements, or the reason why not."""
         campaign = self.campaign
         return campaign.reason or f"all is met in every case at all {len(campaign.points)} points"
 
     @property
     def hint(self) -> tuple[str, ...]:
-        """How to see a case."""
+        """The command that shows a case; empty if the file gives other cases."""
         if not self.campaign.as_in_file:
             return ()
         file = quoted(self.campaign.scenario.file)
@@ -51,7 +51,7 @@ class SweepReport(CasesReport):
 
     @cached_property
     def tables(self) -> tuple[Table, ...]:
-        """A row for each point."""
+        """The table of points."""
         points = self.campaign.points
         keys = (Column(key.removeprefix("study.vary.")) for key in points[0].values)
         what = next((point.name for point in points if point.name is not None), "time [s]")
@@ -60,7 +60,7 @@ class SweepReport(CasesReport):
 
     @staticmethod
     def row(point: Point) -> tuple[Any, ...]:
-        """The row of a point."""
+        """Return the row of a point."""
         found: tuple[str, ...] = ("-", "-", "-")
         if point.spread is not None:
             middle, most = (point.spread.quantiles[share].value for share in (0.5, 0.95))
@@ -69,7 +69,7 @@ class SweepReport(CasesReport):
 
     @property
     def summary(self) -> dict[str, Any]:
-        """Every figure printed, in full."""
+        """The printed figures in full precision, for `summary.json`."""
         campaign = self.campaign
         return {
             **self.studied,
@@ -86,7 +86,7 @@ class SweepReport(CasesReport):
         }
 
     def chapters(self, replays: Replays) -> Sequence[Section]:
-        """What the page tells, but for how to repeat it."""
+        """Return the sections of the page except the one on reproduction."""
         request = scenario_summary.section(self.campaign.scenario)
         return (
             Section(request.title, request.lines, (*request.tables, *draw_table(self.campaign))),
@@ -96,7 +96,7 @@ class SweepReport(CasesReport):
 
     @property
     def picture(self) -> Picture:
-        """The shares against the values of the key with most of them."""
+        """The shares against the values of the key that has most of them."""
         points = self.campaign.points
         every = {key: list(dict.fromkeys(point.values[key] for point in points)) for key in points[0].values}
         along = max(every, key=lambda key: len(every[key]))
@@ -123,9 +123,9 @@ class SweepReport(CasesReport):
 
 
 def numbered(texts: Sequence[str]) -> tuple[list[float], str, str]:
-    """The numbers of quantities of one kind, what stands before them, and the unit.
+    """Return the numbers of quantities of one kind, the text before them, and their unit.
 
-    Else the numbers of the values in their order.
+    Quantities of different kinds are numbered in their order.
     """
     found = [NUMBER.fullmatch(text) for text in texts]
     kinds = {(one[1], one[3]) for one in found if one is not None}

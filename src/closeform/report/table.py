@@ -1,6 +1,6 @@
-"""Table: numbers and names in rows, with what each column is called and how it is written.
+"""Table: rows of numbers and names, with the heading and the format of each column.
 
-The terminal, the HTML page, Parquet and `summary.json` all take the same rows.
+The terminal, the HTML page, Parquet and `summary.json` use the same rows.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -9,20 +9,20 @@ from math import isnan
 from typing import Any, Literal
 
 STATE_COLUMNS = ("x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s")
-MOST_ROWS = 40  # of a table on the terminal; longer ones are for the page, and summed up
+MOST_ROWS = 40  # in a table on the terminal; longer tables are summarised there and shown on the page
 
 
 @dataclass(frozen=True)
 class Column:
-    """A column of a table.
+    """Column of a table.
 
-    `heading`, with the unit; None for one that is stored and not shown.  `key`: its name where it is
-    stored, with the unit as in `start_s`, in SI; None for one that is only shown.  `form` writes a
-    value, times `scale`, as text; `absent` stands where there is none.  Words stand left, numbers
-    right.  A cell of several values has a name for each in `parts`: Parquet stores these, JSON the
-    whole under the `key` if there is one.  `since`: from when it counts, of a column of instants.
-    `spare`: left out where there is no room for it.  On the page a cell that
-    `links` leads to the file it names, and one that `judges` is good where it is true and bad where not.
+    `heading` includes the unit; None for a column that is stored and not shown.  `key`: name in stored
+    files, in SI, with the unit as in `start_s`; None for a column that is only shown.  `form` formats a
+    value, times `scale`, as text; `absent` stands in for a missing value.  `words`: text, aligned left;
+    numbers are aligned right.  `parts` names the values of a cell of several values: Parquet stores these,
+    JSON the whole under the `key` if there is one.  `since`: origin of times, in a column of instants.
+    `spare`: left out if there is no room for it.  On the page, a cell of a column with `links` is a link
+    to the file it names, and a cell of a column with `judges` is marked good if true and bad if false.
     """
 
     heading: str | None
@@ -38,7 +38,7 @@ class Column:
     judges: bool = False
 
     def text(self, cell: Any) -> str:
-        """A cell in words: a text as it is."""
+        """Return a cell as text; a string is returned unchanged."""
         if isinstance(cell, str):
             return cell
         if cell is None or (isinstance(cell, float) and isnan(cell)):
@@ -50,7 +50,7 @@ class Column:
 
 @dataclass(frozen=True)
 class Table:
-    """A table; `folded` on the page and not on the terminal."""
+    """Table with a title; `folded` ones are collapsed on the page and omitted from the terminal."""
 
     title: str
     columns: tuple[Column, ...]
@@ -64,14 +64,14 @@ class Table:
 
     @property
     def texts(self) -> list[list[str]]:
-        """The rows as they are shown."""
+        """The shown cells as text, row by row."""
         return [
             [column.text(cell) for column, cell in zip(self.shown, row, strict=True)] for row in self.cells
         ]
 
     @property
     def cells(self) -> list[list[Any]]:
-        """The rows of which the texts are made."""
+        """The values of the shown cells, row by row."""
         places = [k for k, column in enumerate(self.columns) if column.heading is not None]
         return [[row[k] for k in places] for row in self.rows]
 
@@ -82,7 +82,7 @@ class Table:
 
     @property
     def stored(self) -> dict[str, list[Any]]:
-        """The columns for Parquet, null where there is nothing; also without any row."""
+        """The columns for Parquet, null where a value is missing; present even without rows."""
         found: dict[str, list[Any]] = {}
         for k, column in enumerate(self.columns):
             cells = [row[k] for row in self.rows]
@@ -94,7 +94,7 @@ class Table:
 
 
 def record(columns: Iterable[Column], row: Iterable[Any]) -> dict[str, Any]:
-    """One row for JSON."""
+    """Return one row for JSON, as values by key."""
     found: dict[str, Any] = {}
     for column, cell in zip(columns, row, strict=True):
         if column.key is not None:
@@ -109,11 +109,11 @@ PHASE = Column("phase", None, "{} {}".format, words=True, parts=("phase", "round
 
 
 def minutes(time: float) -> str:
-    """A time [s] as min:s, rounded to a second."""
+    """Return a time [s] as min:s, rounded to a second."""
     whole = round(time)
     return f"{whole // 60}:{whole % 60:02d}"
 
 
 def counted(number: int, one: str, many: str = "") -> str:
-    """A number of things."""
+    """Return a number with its noun in singular or plural."""
     return f"{number} {one if number == 1 else many or one + 's'}"

@@ -1,4 +1,4 @@
-"""The section of one craft that moves alone: what it costs, and what each choice would."""
+"""Section of the transfer of a single spacecraft: its cost, and the cost of each actuator option."""
 
 from collections.abc import Iterator
 
@@ -14,7 +14,7 @@ Flown = StageResult[Transfer, TransferResult]
 
 
 def section(mission: Mission, result: Flown) -> Section:
-    """One craft moves."""
+    """Return the section of a transfer."""
     name = result.result.craft
     choices, fired = Choices(mission, result, [name]), burns.StageBurns(mission, result)
     lines, met = conflicts.summed("Conflicts", result.after) if result.after.approaches else ((), ())
@@ -46,7 +46,7 @@ def section(mission: Mission, result: Flown) -> Section:
 
 
 def worth(mission: Mission, result: Flown, choices: Choices) -> Iterator[str]:
-    """How far from the least it is."""
+    """Yield the delta-v of the plan, compared with the minimum for free thrust."""
     if not result.flown:
         yield "No such transfer: this is the path without a limit, which is not flown"
         return
@@ -61,7 +61,7 @@ def worth(mission: Mission, result: Flown, choices: Choices) -> Iterator[str]:
 
 
 def pictures(mission: Mission, result: Flown, choices: Choices) -> tuple[Picture, ...]:
-    """The path, its thrust and burns, and why they cost what they do."""
+    """Return pictures of the path, its thrust and burns, and the actuator options."""
     flown, names = result.after.paths, {"names": result.after.names}
     found = [Picture("paths", "The path", "formation_paths", (flown, flown), names)]
     craft, path = result.result.craft, result.planned.path(result.result.craft)

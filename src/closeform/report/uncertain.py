@@ -1,4 +1,4 @@
-"""What errors make of a stage, in words: sigmas, the probability of a collision, what each figure counts."""
+"""Uncertainty of a stage: clearance in sigmas and probability of collision, as tables, lines and pictures."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -9,7 +9,7 @@ from closeform.report.picture import Picture
 from closeform.report.section import Section
 from closeform.report.table import MOST_ROWS, PAIR, Column, Table, record
 
-if TYPE_CHECKING:  # whose kernels a stage without errors can spare
+if TYPE_CHECKING:  # a stage without uncertainty does not need these kernels
     from closeform.conflicts.flight import WatchedFlight
     from closeform.mission.mission_result import StageResult
     from closeform.mission.uncertainty import UncertainStage
@@ -30,31 +30,31 @@ SIGMAS = (
     Column("mean entries", "mean_entries", "{:.5g}".format),
 )
 STORED = (Column(None, "of"), *SIGMAS)
-CURVES = 4  # pairs whose sigmas are drawn against time
-TUBE_SIGMAS = 3.0  # that a tube is wide where none are asked for
-SURE = {  # what an interval is, of other methods than "entries"
+CURVES = 4  # maximum number of pairs whose clearance in sigmas is plotted
+TUBE_SIGMAS = 3.0  # width of a tube if no sigmas are required
+SURE = {  # name of the interval of each method other than "entries"
     "bound": "certainly",
     "monte-carlo": "95 % interval, by Monte Carlo: errors so thin have no rate of entries that can be told,",
 }
-DRAWN = 1e-15  # expected entries from which on they are drawn
+DRAWN = 1e-15  # expected entries above which they are plotted
 
 
 def probable(found: "Probability | None") -> tuple[Any, ...]:
-    """The cells of SIGMAS that a probability fills."""
+    """Return the cells of SIGMAS that describe a probability, all None if it is unknown."""
     if found is None:
         return None, None, None, None
     return found.value, (found.low, found.high), found.at_start, found.mean_entries
 
 
 def row(pair: "UncertainPair") -> tuple[Any, ...]:
-    """A row of SIGMAS; of pairs that no error brings together without sigmas and time."""
+    """Return a row of SIGMAS; a pair that no error brings into contact has neither sigmas nor time."""
     known = pair.sigmas < inf
     cells = (pair.sigmas, pair.time) if known else (None, None)
     return (pair.first, pair.second), *cells, *probable(pair.probability)
 
 
 def told(section: Section, result: "StageResult[Any, Any]", names: Sequence[str]) -> Section:
-    """A section with what errors make of its stage."""
+    """Return a section extended by the uncertainty results of its stage."""
     found = result.uncertain
     if found is None or len(names) < 2:
         return section
@@ -69,7 +69,7 @@ def told(section: Section, result: "StageResult[Any, Any]", names: Sequence[str]
 
 
 def lines(found: "UncertainStage") -> tuple[str, ...]:
-    """By how many sigmas all are clear, and how probable a collision is; what is counted."""
+    """Return the clearance in sigmas and the probability of collision in words."""
     from closeform.mission.uncertainty import fewest, radius
 
     many, near = found.stage.sigmas, found.nearest
@@ -104,12 +104,12 @@ def lines(found: "UncertainStage") -> tuple[str, ...]:
 
 
 def together(found: "UncertainStage") -> float | None:
-    """What the probability that any pair collides is not above; None of one pair, or where not known."""
+    """Return the upper bound of the probability that any pair collides; None for one pair or if unknown."""
     return found.bodies.any_pair if found.bodies is not None and len(found.bodies.pairs) > 1 else None
 
 
 def tables(found: "UncertainStage") -> tuple[Table, ...]:
-    """The pairs that are clear by the fewest sigmas."""
+    """Return the tables of the pairs with the smallest clearance in sigmas."""
     made = []
     for title, flight, columns in (
         ("Clearance of keep-out zones in sigmas", found.zones, FEWEST),
@@ -124,14 +124,14 @@ def tables(found: "UncertainStage") -> tuple[Table, ...]:
 
 
 def stored(found: "UncertainStage") -> Table:
-    """All pairs for Parquet."""
+    """Return all pairs as one table for Parquet."""
     both = ("keep-out zone", found.zones), ("hard bodies", found.bodies)
     rows = [(of, *row(pair)) for of, flight in both if flight is not None for pair in flight.pairs]
     return Table("", STORED, rows)
 
 
 def figures(found: "UncertainStage") -> dict[str, Any]:
-    """The pairs that are nearest, and what was asked."""
+    """Return the critical pairs and the requirements for `summary.json`."""
     near, likeliest = found.nearest, found.likeliest
     odds = None if likeliest is None else likeliest.probability
     return {
@@ -146,7 +146,7 @@ def figures(found: "UncertainStage") -> dict[str, Any]:
 
 
 def pictures(found: "UncertainStage", result: "StageResult[Any, Any]") -> tuple[Picture, ...]:
-    """What a stage's errors look like."""
+    """Return the pictures of a stage's uncertainty."""
     errors = dict(zip(result.after.names, found.errors, strict=True))
     judged, stage = found.zones or found.bodies, found.stage
     pairs = judged.pairs if judged is not None else ()
@@ -160,7 +160,7 @@ def clearances(
     pairs: "Sequence[UncertainPair]",
     asked: float | None,
 ) -> tuple[Picture, ...]:
-    """The tube of the nearest of some pairs, and the sigmas of the nearest against time."""
+    """Return the uncertainty tube of the critical pair, and the clearance in sigmas over time."""
     from closeform.uncertainty.errors import Uncertainty
 
     near = [pair for pair in pairs if pair.sigmas < inf]
@@ -187,7 +187,7 @@ def clearances(
 def collisions(
     flight: "WatchedFlight", likeliest: "UncertainPair | None", limit: float | None
 ) -> tuple[Picture, ...]:
-    """When the likeliest pair is expected to meet, where that is likely at all."""
+    """Return the picture of the collision rate of the likeliest pair, if a collision is likely at all."""
     odds = None if likeliest is None else likeliest.probability
     if likeliest is None or odds is None or len(odds.rate_times) <= 1 or odds.mean_entries <= DRAWN:
         return ()
@@ -199,5 +199,5 @@ def collisions(
 
 
 def ends(pair: "UncertainPair") -> tuple[str, str]:
-    """Who the two are."""
+    """Return the names of the two spacecraft of a pair."""
     return pair.first, pair.second

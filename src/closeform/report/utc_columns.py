@@ -1,4 +1,4 @@
-"""Stamps: UTC beside the times of a mission, in tables, in files and in figures, where its epoch is known."""
+"""Stamps: UTC next to the times of a mission, in tables, files and figures, if its epoch is known."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -12,28 +12,28 @@ from closeform.exchange.epochs import Epoch
 from closeform.report.section import Section
 from closeform.report.table import Column, Table
 
-# Keys of figures that are instants, and those of their stamps.
+# Keys of instants in figures, and the keys of their UTC.
 INSTANTS = {f"{what}_s": f"{what}_utc" for what in ("time", "start", "end", "failed_at", "until")}
 
 
 @dataclass(frozen=True)
 class Stamps:
-    """What instants are in UTC: a mission's count from its `epoch`, a stage's from its `start` [s]."""
+    """UTC of instants: a mission's times count from its `epoch`, a stage's times from its `start` [s]."""
 
     epoch: Epoch
     start: float = 0.0
 
     def utc(self, times: Sequence[float], since: str, decimals: int = 9) -> list[str]:
-        """Instants in UTC, ISO."""
+        """Return instants in UTC, in ISO format."""
         begin = self.start if since == "stage" else 0.0
         return self.epoch.utc([begin + time for time in times], decimals)
 
     def column(self, times: Floats, count: int) -> Any:
-        """Instants of a mission in UTC, for each of so many craft; objects, of which each is there once."""
+        """Return instants of a mission in UTC, repeated for `count` spacecraft; equal objects are shared."""
         return np.tile(np.array(self.epoch.utc(times), dtype=object), count)
 
     def dated(self, table: Table) -> Table:
-        """A table with UTC beside its instants: stored of all, shown of the first."""
+        """Return a table with UTC next to its instants; all are stored, and the first column is shown."""
         columns: list[Column] = []
         cells: list[list[Any]] = []
         shown = False
@@ -55,7 +55,7 @@ class Stamps:
         return replace(table, columns=tuple(columns), rows=[*zip(*cells, strict=True)])
 
     def told(self, section: Section, end: float) -> Section:
-        """What is said of a stage, with UTC beside all of its instants; it ends at `end` [s]."""
+        """Return the section of a stage that ends at `end` [s], with UTC next to all of its instants."""
         start, stop = self.epoch.utc([self.start, end], 1)
         day, until = start[:10], stop[11:-1] if stop[:10] == start[:10] else stop[:-1].replace("T", " ")
         return replace(
@@ -67,7 +67,7 @@ class Stamps:
         )
 
     def record(self, figures: Any) -> Any:
-        """Figures for JSON with UTC beside their instants."""
+        """Return figures for JSON with UTC next to their instants."""
         every: dict[str, list[float]] = {"mission": [], "stage": []}
         for since, time in instants(figures):
             every[since].append(time)
@@ -80,7 +80,7 @@ class Stamps:
 
 
 def instants(figures: Any, since: str = "mission") -> Iterator[tuple[str, float]]:
-    """All instants in figures for JSON; those of a `search` count from its stage."""
+    """Yield all instants in figures for JSON; those of a `search` count from the start of the stage."""
     if isinstance(figures, list | tuple):
         for one in figures:
             yield from instants(one, since)
@@ -92,7 +92,7 @@ def instants(figures: Any, since: str = "mission") -> Iterator[tuple[str, float]
 
 
 def with_utc(figures: Any, stamps: dict[tuple[str, float], str], since: str = "mission") -> Any:
-    """Figures with the stamp of each of their instants, None where that is not known."""
+    """Return figures with the UTC of each of their instants, None if it is unknown."""
     if isinstance(figures, list | tuple):
         return [with_utc(one, stamps, since) for one in figures]
     if not isinstance(figures, dict):
@@ -106,7 +106,7 @@ def with_utc(figures: Any, stamps: dict[tuple[str, float], str], since: str = "m
 
 
 def spread(values: Sequence[Any], places: Sequence[int], count: int) -> list[Any]:
-    """Cells of which some are known, by their places."""
+    """Return a column of `count` cells with the given values at their places, None elsewhere."""
     cells: list[Any] = [None] * count
     for place, value in zip(places, values, strict=True):
         cells[place] = value
@@ -114,7 +114,7 @@ def spread(values: Sequence[Any], places: Sequence[int], count: int) -> list[Any
 
 
 def short(stamps: Sequence[str]) -> tuple[str, list[str]]:
-    """The day that all have in common, and the times of that day; else none, and each with month and day."""
+    """Return the common day and times of day; without a common day, an empty text and full dates."""
     days = {stamp[:10] for stamp in stamps}
     if len(days) == 1:
         return days.pop(), [stamp[11:-1] for stamp in stamps]

@@ -1,4 +1,4 @@
-"""The cases of a study that are worth a look: why, and how to see each."""
+"""Noteworthy cases of a study, the reason for each, and the command that shows it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from closeform.report.section import Section
 from closeform.report.table import Column, Table
 
 if TYPE_CHECKING:
-    from closeform.campaign.error_cases import ErrorCampaign  # whose kernels searches can spare
+    from closeform.campaign.error_cases import ErrorCampaign  # searches do not need these kernels
 
 PAGES = (
     Column("in motion", "file", words=True, links=True),
@@ -40,7 +40,7 @@ GREATEST = (
 
 
 def greatest(campaign: Campaign, replays: Replays) -> Table:
-    """The ten cases in which times are longest and costs highest, with their pages if they have any."""
+    """Return the ten cases with the longest times and highest costs, with links to their pages."""
     pages = {what: page for page, what, _ in replays}
     rows = [
         (name, value, case, pages.get(f"case {case}"), command(campaign, f"case {case}"))
@@ -52,7 +52,7 @@ def greatest(campaign: Campaign, replays: Replays) -> Table:
 
 
 def section(campaign: FlownCases, replays: Replays, *tables: Table) -> Iterator[Section]:
-    """Pages of cases, and the command that flies each from the study's file; further `tables`."""
+    """Yield the section with pages of cases, the command for each of them, and further `tables`."""
     rows = [(page, what, why, command(campaign, what)) for page, what, why in replays]
     pages = [Table("", PAGES, rows)] if rows else []
     found = tuple(one for one in (*pages, *tables) if one.rows)
@@ -61,7 +61,7 @@ def section(campaign: FlownCases, replays: Replays, *tables: Table) -> Iterator[
 
 
 def command(campaign: FlownCases, what: str) -> str | None:
-    """What flies a case as a run; none where its own seed draws others, or it is no case."""
+    """Return the command that runs a case; None if the file gives other cases, or `what` is no case."""
     kind, _, number = what.partition(" ")
     if kind != "case" or not campaign.as_in_file:
         return None
@@ -69,7 +69,7 @@ def command(campaign: FlownCases, what: str) -> str | None:
 
 
 def of_errors(campaign: ErrorCampaign) -> Table:
-    """The cases in which anybody is inside, those with most entries first."""
+    """Return the table of cases with conflicts, sorted by the number of conflicts."""
     from closeform.campaign.error_cases import MOST
 
     some = f", the {MOST} with most entries" if len(campaign.worst) == MOST else ""
