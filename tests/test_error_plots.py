@@ -78,5 +78,5 @@ def test_a_collision_ends_at_what_is_expected() -> None:
     assert 1e-3 * summed == pytest.approx(found.mean_entries, rel=0.01)  # of a curve between its points
     assert f"probability of collision {found.value:.4g}" in figure._suptitle.get_text()
     drawn = cf.collision_probability(PATH, REST, cf.Sphere(10.0), KNOWN, KNOWN, "monte-carlo", 1000)
-    with pytest.raises(ValueError, match='found: by "monte-carlo" without a rate of entries'):
+    with pytest.raises(ValueError, match='found: method "monte-carlo" gave no rate of entries'):
         cf.plots.collision(drawn, PATH)

@@ -302,7 +302,7 @@ def test_the_command_leaves_rows_and_pages(missions, tmp_path: Path, capsys):
     assert replayed["verdict"] == missions.column("reason")[nearest]
     page = (tmp_path / "case" / "report.html").read_text()
     assert f"closeform run many.toml --case {nearest} --out {tmp_path / 'case'}" in page
-    assert "planned and flown" in page
+    assert "planned and simulated" in page
     assert "median flight" not in page  # of one there is none
     drawn = "orbit.field.density " + f"{case_of(missions.scenario, nearest).truth.orbit.field.density:.4g}"
     assert drawn in capsys.readouterr().out

@@ -154,7 +154,7 @@ def test_starts_are_spread_as_the_covariance_says(scenario):
 
 def test_rows_say_how_far_stages_end_off(scenario):
     campaign = flown(scenario)
-    assert "stage 3, avoid, off [m]" in campaign.spreads
+    assert "stage 3, avoid, deviation [m]" in campaign.spreads
     for case in (0, 5):
         mission = fly(case_of(scenario, case))
         for result in mission.results:

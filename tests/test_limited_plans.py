@@ -299,7 +299,12 @@ def test_burns_of_nothing_are_not_listed(touching):
     """What is told adds up without."""
     (plan, every), count = touching, len(touching[0].paths)
     after = SimpleNamespace(names=[str(k) for k in range(count)], paths=plan.paths)
-    told = [row[6] for row in burns_in(SimpleNamespace(after=after, pulsed=None), lambda k, spent: np.nan)]
+    told = [
+        row[6]
+        for row in burns_in(
+            SimpleNamespace(after=after, burning=after.paths, pulsed=None), lambda k, spent: np.nan
+        )
+    ]
     assert min(told) >= 5e-7  # what prints as 0.000000 is left out
     assert sum(told) == pytest.approx(plan.delta_v, abs=5e-7 * len(every))
 
@@ -337,7 +342,12 @@ def test_burns_of_who_burns_next_to_nothing_are_listed():
     path = orbit.impulsive(np.zeros(6), [0.0, 1e-3, 0.0, 0.0, 0.0, 0.0], orbit.period)
     assert path.delta_v < 5e-7
     after = SimpleNamespace(names=["A"], paths=[path])
-    told = [row[6] for row in burns_in(SimpleNamespace(after=after, pulsed=None), lambda k, spent: np.nan)]
+    told = [
+        row[6]
+        for row in burns_in(
+            SimpleNamespace(after=after, burning=after.paths, pulsed=None), lambda k, spent: np.nan
+        )
+    ]
     assert len(told) == len(path.impulses)
     assert sum(told) == pytest.approx(path.delta_v, rel=1e-12)
 

@@ -224,7 +224,7 @@ def test_a_stage_closes_its_gap_where_that_is_asked():
         mission = fly(parse(some, "cluster.toml", "run"))
         plans.append(mission.results[1].result.avoidance)
         said = [line for one in RunReport(mission).sections for line in one.lines + one.closing]
-        assert any("bound of" in line for line in said)
+        assert any("lower bound" in line for line in said)
         assert any('prove = "10 s" in the stage' in line for line in said) == (some is text)
     loose, close = plans
     assert loose.gap > 0.01

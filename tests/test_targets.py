@@ -325,7 +325,7 @@ MEETING = np.array([[0, 0, 0, 1.0, 0, 0], [0, 50, 0, 0, 0, 0], [200.0, 0, 0, -1.
 
 REFUSED = {
     "orbit: safety_ellipse is undefined in deep space": lambda: targets.safety_ellipse(DEEP, 3, 1.0, 1.0),
-    "orbit: separated_ring has": lambda: targets.separated_ring(DEEP, 3, 1.0, 1.0),
+    "orbit: separated_ring is undefined": lambda: targets.separated_ring(DEEP, 3, 1.0, 1.0),
     "orbit: projected_circular has": lambda: targets.projected_circular(DEEP, 3, 1.0),
     "orbit: string_of_pearls has": lambda: targets.string_of_pearls(DEEP, 3, 1.0),
     "orbit: without_eccentricity has": lambda: targets.without_eccentricity(DEEP, RING),

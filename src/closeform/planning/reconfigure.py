@@ -77,7 +77,7 @@ def reconfigure(
     orbit : Orbit
         Reference orbit; all states are in its rotating frame.
     initial : array_like of shape (N, 6) [m, m/s]
-        States at each spacecraft's `start`.  Before it the spacecraft coasts.
+        States at each spacecraft's `start`, in the rotating frame.  Before it the spacecraft coasts.
     final : array_like of shape (N, 6) [m, m/s]
         States a `duration` after each `start`; then the spacecraft coasts.  With `assign`, the states of S
         slots, shape (S, 6), S >= N.

@@ -130,7 +130,7 @@ def how(mission: Mission, result: Move) -> tuple[str, ...]:
     return (
         f"Method {method}: {optimum.meets(avoidance)} {touched}",
         f"Extra {avoidance.cost} {avoidance.spent - free:.6g} {unit} beyond the free optimum{over}; {best}",
-        *optimum.bounds(avoidance, "the avoidance trajectory", free, result.stage, result.pulsed is not None),
+        *optimum.bounds(avoidance, "", free, result.stage, result.pulsed is not None),
         *optimum.clearance(avoidance, moved.names, result.after.names),
     )
 

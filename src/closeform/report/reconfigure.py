@@ -174,7 +174,7 @@ def worth(mission: Mission, result: Moved) -> Iterator[str]:
         return
     yield f"Planned {how}: {best}"
     yield from optimum.bounds(
-        plan, "all craft", free_cost(mission, result), result.stage, result.pulsed is not None
+        plan, " of all craft", free_cost(mission, result), result.stage, result.pulsed is not None
     )
     where = [
         f"{one} - {other} at {at.time:.1f} s{optimum.adrift(at)}"
