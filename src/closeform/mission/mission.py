@@ -51,7 +51,7 @@ def fly(
 ) -> Mission:
     """Plan and evaluate the stages of a scenario, and return the Mission.
 
-    `progress` is called with a text at the start of each part of the work.  A maneuver without a clear path,
+    `progress` is called with a text at the start of each part of the work.  A manoeuvre without a clear path,
     or a search that leaves spacecraft lost, ends the mission; `stopped` of the Mission then holds the reason.
     With `predicted`, each stage carries the `validity` of its plan in the high-fidelity model of the
     scenario, if it has one.  Raises ScenarioError if a stage rejects its numbers.

@@ -171,7 +171,7 @@ class TransferResult:
 
 @dataclass(frozen=True, eq=False)
 class ReconfigureResult:
-    """Joint `plan` of a formation, in which the `movers` maneuver and the `others` coast.
+    """Joint `plan` of a formation, in which the `movers` move and the `others` coast.
 
     The plan numbers the movers first, then the others.  `asked` [s] is the requested duration.  `measures`
     describe the further attempts of the planner.

@@ -166,7 +166,7 @@ class Neglected:
 
 
 def mission_error(mission: "Mission") -> tuple[Neglected, float, float] | None:
-    """Return the orbit for the estimate, and the model error [m] that half and 95 % of missions keep.
+    """Return the orbit for the estimate, and the model error [m] as its 50 % and 95 % quantiles.
 
     Return None if the model error is unknown.
     """

@@ -15,7 +15,7 @@ from closeform.zones.shapes import BALL
 
 SURE = 1.0 - 1e-9  # fraction of the required sigmas that counts as met, for rounding
 TOLD_LAST = 1e-12  # scale of margins that rank below the margins of limits
-UNTOLD = 1e-6  # maximum probability that is not reported without a limit
+UNTOLD = 1e-6  # largest probability that is left out of the verdict if the stage has no limit
 
 
 @dataclass(frozen=True, eq=False)

@@ -256,7 +256,7 @@ class Verdict:
     - `exceeded`: uses above their limits; None without any limit.
     - `searched`: whether the run searched for lost spacecraft.
     - `late`: stages that take longer than requested.
-    - `sigmas`: navigation uncertainty, in standard deviations, with which conflicts were counted.
+    - `sigmas`: number of standard deviations of the states with which conflicts were counted; None without.
     - `asked`: further requirements of the stages.
     - `drawn`: whether the paths include the sampled errors of a case.
     - `model`: dynamics of the plan; empty in deep space.
