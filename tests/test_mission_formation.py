@@ -234,7 +234,7 @@ def test_swap(tmp_path, monkeypatch, capsys) -> None:
     told = run.summary["stages"][0]["plan"]
     assert len(told["touches"]) == len(plan.contacts) > 6
     assert f"Touches zones {len(plan.contacts)} times, from " in run.printed
-    assert f"Optimality gap, energy of all craft: at most {100 * plan.gap:.3f} %" in run.printed
+    assert f"Optimality gap of all craft: at most {100 * plan.gap:.3f} %" in run.printed
     pictures = {path.name for path in run.folder.glob("*.png")}
     names = "paths", "ratios-before", "ratios", "closest-pairs", "thrust"
     assert pictures == {f"stage-1-{name}.png" for name in names}

@@ -326,10 +326,12 @@ MEETING = np.array([[0, 0, 0, 1.0, 0, 0], [0, 50, 0, 0, 0, 0], [200.0, 0, 0, -1.
 REFUSED = {
     "orbit: safety_ellipse is undefined in deep space": lambda: targets.safety_ellipse(DEEP, 3, 1.0, 1.0),
     "orbit: separated_ring is undefined": lambda: targets.separated_ring(DEEP, 3, 1.0, 1.0),
-    "orbit: projected_circular has": lambda: targets.projected_circular(DEEP, 3, 1.0),
-    "orbit: string_of_pearls has": lambda: targets.string_of_pearls(DEEP, 3, 1.0),
-    "orbit: without_eccentricity has": lambda: targets.without_eccentricity(DEEP, RING),
-    "orbit: without_altitude_difference has": lambda: targets.without_altitude_difference(DEEP, RING),
+    "orbit: projected_circular is undefined": lambda: targets.projected_circular(DEEP, 3, 1.0),
+    "orbit: string_of_pearls is undefined": lambda: targets.string_of_pearls(DEEP, 3, 1.0),
+    "orbit: without_eccentricity is undefined": lambda: targets.without_eccentricity(DEEP, RING),
+    "orbit: without_altitude_difference is undefined": lambda: targets.without_altitude_difference(
+        DEEP, RING
+    ),
     "count: expected a whole number from 1 on, got 0": lambda: targets.string_of_pearls(ORBIT, 0, 1.0),
     "count: expected a whole number from 1 on, got 2.5": lambda: targets.line(2.5, 1.0, [1, 0, 0]),
     "radial: must be positive": lambda: targets.safety_ellipse(ORBIT, 3, -1.0, 1.0),

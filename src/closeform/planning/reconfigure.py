@@ -79,8 +79,8 @@ def reconfigure(
     initial : array_like of shape (N, 6) [m, m/s]
         States at each spacecraft's `start`, in the rotating frame.  Before it the spacecraft coasts.
     final : array_like of shape (N, 6) [m, m/s]
-        States a `duration` after each `start`; then the spacecraft coasts.  With `assign`, the states of S
-        slots, shape (S, 6), S >= N.
+        States in the rotating frame, a `duration` after each `start`; then the spacecraft coasts.  With
+        `assign`, the states of S slots, shape (S, 6), S >= N.
     duration : array_like of shape (N,) [s]
         Duration of each transfer; one number for all.
     zone : Zone, CovarianceZone, Body, None, sequence of these, or PairZones

@@ -40,7 +40,7 @@ def bounds(found: Avoidance | Plan, whose: str, free: float, stage: Clearing, fi
     share = f"at most {100 * found.gap:.3f} %, " if found.lower_bound > 0.0 else ""
     bound = f"{share}lower bound {found.lower_bound:.6g} {UNITS[found.cost]}"
     bound += " for these thrusters" * (fired and found.cost == "delta-v")
-    told = f"Optimality gap, {found.cost}{whose}: {bound}"
+    told = f"Optimality gap{whose}: {bound}"
     if found.proven:
         yield told
     else:
