@@ -121,22 +121,22 @@ def run(
     overwrite: Annotated[bool, Parameter(negative="")] = False,
     no_viewer: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
-    """Fly a scenario: who finds whom, every conflict, the cheapest way around found; leaves results.
+    """Plan and evaluate the stages of a scenario, and write a result folder.
 
     Parameters
     ----------
     scenario
         TOML file; docs/scenario.md lists its keys.
     out
-        Folder for the results; NAME-results next to where you are by default.
+        Folder for the results. Default: NAME-results in the current folder.
     case
-        One case of the study, counted from 0, instead of the nominal values.
+        Number of one case of the study, from 0, instead of the nominal values.
     point
-        One point of the study's sweep, counted from 0.
+        Number of one point of the study's sweep, from 0.
     overwrite
         Replace finished results.
     no_viewer
-        Leave viewer.html out, the page in which all of it moves.
+        Omit viewer.html, the animated page.
     """
     from closeform.storage.publishing import check_free, folder
     from closeform.storage.result_folder import WORST_FLIGHT, written
@@ -180,7 +180,7 @@ def run(
 
 @app.command(sort_key=1)
 def check(scenario: Path, /) -> int:
-    """Validate a scenario without flying it: every error, and what cannot be flown, each with its key.
+    """Validate a scenario without running it; report every error with its key.
 
     Parameters
     ----------
@@ -267,12 +267,12 @@ def view(
 
 @app.command(sort_key=5)
 def new(name: str | None = None, /) -> int:
-    """Write an example to start from as NAME.toml, here; without a name list the examples.
+    """Write an example scenario as NAME.toml in the current folder; without a name, list the examples.
 
     Parameters
     ----------
     name
-        Of the example.
+        Name of the example.
     """
     from closeform.cli import example_files as examples
 
@@ -301,12 +301,12 @@ def new(name: str | None = None, /) -> int:
 
 @app.command(sort_key=6)
 def completion(shell: Literal["bash", "zsh", "fish"], /) -> int:
-    """Print what lets a shell complete commands, options and files.
+    """Print a script with which a shell completes commands, options and files.
 
     Parameters
     ----------
     shell
-        Which.
+        Name of the shell.
     """
     print(app.generate_completion(shell=shell))
     return CLEAR

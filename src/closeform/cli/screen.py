@@ -42,7 +42,7 @@ def screen(
     out: Path | None = None,
     overwrite: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
-    """Find every conflict among real ephemerides, in the orbital frame of the first.
+    """Find every conflict among ephemerides, in the Hill frame of the first.
 
     Parameters
     ----------
@@ -59,17 +59,17 @@ def screen(
     axis
         Direction of the cylinder, radial, along-track, cross-track: "0 1 0".
     covariance
-        Of the position of every craft, rr tr tt nr nt nn: "25 0 400 0 0 25 m^2"; those of two add.
+    Number of standard deviations kept clear, of --covariance or else of the ephemerides' own.
     sigmas
-        How many standard deviations are kept clear: of --covariance, else of the ephemerides' covariances.
+        Number of standard deviations kept clear, of --covariance or else of the ephemerides' covariances.
     body
-        The zone is what each craft fills: those of two add.
+        Treat the zone as the body of each object; the bodies of two objects add.
     hard_body
-        Radius of the sphere that each craft fills: "5 m"; those of two add.
+        Radius of the sphere that encloses each object: "5 m"; those of two add.
     zones
-        TOML file with a zone for each craft: [craft] with name and keep_out, as in a scenario.
+        TOML file with a zone for each object: [craft] with name and keep_out, as in a scenario.
     interpolate
-        How far off states may be that are interpolated to common epochs: "1 m".
+        Largest error of states that are interpolated to common epochs: "1 m".
     cdm
         Write a conjunction data message for each conflict into cdm/ of the results.
     out
@@ -187,16 +187,16 @@ def encounter(
     out: Path | None = None,
     overwrite: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
-    """Tell how probable a collision is that a conjunction message warns of, however slow the two pass.
+    """Compute the probability of collision of a conjunction message, also for slow encounters.
 
     Parameters
     ----------
     message
         CCSDS conjunction data message, key-value or XML.
     radius
-        Of both bodies together: "15 m"; that of the message unless given.
+        Radius of both bodies together: "15 m"; that of the message unless given.
     window
-        How long before and after closest approach both are followed: "1420 s"; a quarter of an orbit, or as
+        Time before and after closest approach that is evaluated: "1420 s"; a quarter of an orbit, or as
         long as they are near each other.
     limit
         The largest probability that is accepted: 1e-4.  Above it the exit status is 1.
@@ -269,20 +269,20 @@ def export(
     step: str | None = None,
     overwrite: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
-    """Write what a run flew in the format of other tools: ephemerides, manoeuvres, attitudes, conjunctions.
+    """Export a run to other tools: ephemerides, manoeuvres, attitudes, conjunctions.
 
     Parameters
     ----------
     directory
         Result folder of a run of a scenario with an epoch.
     to
-        oem, oem-xml, opm, ocm, aem, cdm, csv, stk, czml or spk.
+        Format: oem, oem-xml, opm, ocm, aem, cdm, csv, stk, czml or spk.
     out
         Folder for the files; NAME-TO next to where you are by default.
     frame
         The chief's inertial frame by its name (the default), or RSW_ROTATING, the axes of Hill's frame.
     step
-        Between states: "10 s"; as long as interpolation allows by default.
+        Interval between states: "10 s"; as long as interpolation allows by default.
     overwrite
         Replace an earlier export.
     """

@@ -31,26 +31,26 @@ def simulate(
     out: Path | None = None,
     overwrite: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
-    """Fly what a run planned in the field of its scenario, many times, with errors as they are.
+    """Simulate the plans of a run many times in the force model of its scenario, with all errors.
 
     Parameters
     ----------
     directory
         Result folder of a run whose [orbit] has a field.
     every
-        From one measurement to the next: "60 s"; the scenario's unless given.
+        Interval between measurements: "60 s"; the scenario's unless given.
     horizon
-        In which a deviation would be brought to zero: "10 min".
+        Time in which feedback removes a deviation: "10 min".
     navigation
         Standard deviations of each axis that is measured: "10 cm, 0.3 mm/s".
     thrust_error
-        By how much thrust is off at most, in size and direction, all through a flight: "1 %, 1 deg".
+        Largest error of thrust in size and direction, constant over a simulation: "1 %, 1 deg".
     execution
         Standard deviations of each burn and impulse by itself, in size and direction: "1 %, 0.5 deg".
     control
-        track: measure and come back; replan: plan the rest anew; open: thrust as commanded, nobody measures.
+        track: feedback to the plan; replan: plan the remainder anew; open: commanded thrust, no feedback.
     seeds
-        How many flights.
+        Number of simulations.
     out
         Folder for the results; NAME-flights next to where you are by default.
     overwrite

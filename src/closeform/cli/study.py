@@ -28,24 +28,24 @@ def study(
     scheduler: str | None = None,
     no_pages: Annotated[bool, Parameter(negative="")] = False,
 ) -> int:
-    """Fly many cases of a scenario, each with its own draws: who is found or met when, in how many of them.
+    """Run a Monte Carlo study: many cases of a scenario, each with its own samples.
 
     Parameters
     ----------
     scenario
         TOML file with a [study] table.
     cases
-        How many cases, instead of the file's.
+        Number of cases, instead of that in the file.
     seed
-        Seed of the draws, instead of the file's.
+        Seed of the samples, instead of that in the file.
     out
         Folder for the results; NAME-study next to where you are by default.
     overwrite
         Replace finished results.
     scheduler
-        Dask scheduler whose workers fly the cases: an address such as tcp://HOST:8786, or the file it writes.
+        Dask scheduler whose workers run the cases: an address such as tcp://HOST:8786, or the file it writes.
     no_pages
-        Leave out the pages in which single cases move.
+        Omit the animated pages of single cases.
     """
     from closeform.storage.publishing import check_free, folder, settle
     from closeform.storage.result_folder import CASES, FolderError, finished, written
