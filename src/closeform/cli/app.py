@@ -43,7 +43,7 @@ def installed() -> str:
 
 app = App(
     name="closeform",
-    help="Closed-form guidance for close formation flight: craft found, conflicts certified, cheap paths.",
+    help="Guidance for spacecraft in close formation: search, certified conflicts, optimal avoidance.",
     version=installed,
     help_format="plaintext",
     result_action="return_value",

@@ -59,7 +59,7 @@ def screen(
     axis
         Direction of the cylinder, radial, along-track, cross-track: "0 1 0".
     covariance
-    Number of standard deviations kept clear, of --covariance or else of the ephemerides' own.
+        Position covariance of every object, rr tr tt nr nt nn: "25 0 400 0 0 25 m^2"; those of two add.
     sigmas
         Number of standard deviations kept clear, of --covariance or else of the ephemerides' covariances.
     body
