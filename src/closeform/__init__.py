@@ -1,4 +1,4 @@
-"""Closed-form guidance for close formation flight; the public names are in `__init__.pyi`."""
+"""Guidance for rendezvous, proximity operations and formation flying; the public names are in `__init__.pyi`."""
 
 from importlib import import_module
 from typing import Any
