@@ -1,4 +1,4 @@
-"""Guidance for rendezvous, proximity operations and formation flying; `__init__.pyi` lists the public names."""
+"""Guidance for rendezvous, proximity operations and formation flying; public names are in `__init__.pyi`."""
 
 from importlib import import_module
 from typing import Any
