@@ -302,7 +302,7 @@ class Mission(Stages):
 
     @property
     def clear(self) -> bool:
-        """Whether every stage succeeded and no conflict remains."""
+        """True if every stage succeeded and no conflict remains."""
         return self.verdict.clear
 
     @cached_property
@@ -327,7 +327,7 @@ class Mission(Stages):
 
     @cached_property
     def grams(self) -> bool:
-        """Whether propellant is printed in grams: no tank, or without tanks no use, exceeds a kilogram."""
+        """True if propellant is printed in grams: no tank, or without tanks no use, exceeds a kilogram."""
         tanks = [craft.propellant for craft in self.scenario.craft if craft.propellant is not None]
         return max(tanks, default=float(np.nansum(self.propellant, axis=0).max(initial=0.0))) <= 1.0
 

@@ -58,7 +58,7 @@ class PairDrift:
 
     @property
     def safe(self) -> bool:
-        """Whether the spacecraft provably stays out of the zone."""
+        """True if the spacecraft provably stays out of the zone."""
         return self.ratio > 1.0 and self.proven > 1.0 - ROUNDING
 
     @property
@@ -110,7 +110,7 @@ class PassiveSafety:
 
     @property
     def safe(self) -> bool:
-        """Whether no failure causes a conflict."""
+        """True if no failure causes a conflict."""
         return not self.unsafe
 
     @property

@@ -129,7 +129,7 @@ class FlownRun:
 
     @property
     def uncertain(self) -> bool:
-        """Whether flights with different seeds differ."""
+        """True if flights with different seeds differ."""
         return differs(self.control, self.told)
 
     @property
@@ -231,7 +231,7 @@ class FlownRun:
 
     @property
     def grams(self) -> bool:
-        """Whether propellant is printed in grams: no spacecraft uses more than a kilogram."""
+        """True if propellant is printed in grams: no spacecraft uses more than a kilogram."""
         return bool(np.nanmax(self.propellant, initial=0.0) <= 1.0)
 
     def stage(self, result: Any) -> FlownStage:

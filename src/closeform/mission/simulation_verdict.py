@@ -44,12 +44,12 @@ class Entered:
 
     @property
     def clear(self) -> bool:
-        """Whether no flight enters a zone."""
+        """True if no flight enters a zone."""
         return self.count == 0
 
     @property
     def ok(self) -> bool:
-        """Whether no flight enters a zone and every limit is kept."""
+        """True if no flight enters a zone and every limit is kept."""
         return self.clear and not self.exceeded
 
     @property

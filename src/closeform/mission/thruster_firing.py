@@ -61,7 +61,7 @@ class Pulsed:
         )
         if dropped := int((self.firing.dropped.craft == k).sum()):
             broken += (
-                f": pulses below its minimum_bit are not fired ({dropped}); give more time or finer thrusters"
+                f": {dropped} pulses below minimum_bit are not fired; allow more time, or use finer thrusters"
             )
         return Asked(words, broken, bool(shares[k] <= 1.0), 1.0 - float(shares[k]), "arrival")
 

@@ -39,7 +39,7 @@ class Use:
 
     @property
     def exceeded(self) -> bool:
-        """Whether the use exceeds the limit."""
+        """True if the use exceeds the limit."""
         return self.share > 1.0 + ROUNDING
 
     def shown(self, grams: bool) -> tuple[float, float, str]:
@@ -130,7 +130,7 @@ class Asked:
 
     @property
     def shown(self) -> bool | None:
-        """Whether the requirement is met; None if that is in doubt."""
+        """True if the requirement is met, None if that is in doubt."""
         return None if self.met and self.doubt else self.met
 
     def __str__(self) -> str:
@@ -153,7 +153,7 @@ class Margin:
 
     @property
     def exceeded(self) -> bool:
-        """Whether the model error can exceed the distance."""
+        """True if the model error can exceed the distance."""
         return self.unlikely > self.distance
 
     @property
@@ -235,7 +235,7 @@ class SunAngle:
 
     @property
     def within(self) -> bool:
-        """Whether the limit is kept."""
+        """True if the limit is kept."""
         return self.angle <= self.limit + ROUNDING
 
     @property
@@ -284,12 +284,12 @@ class Verdict:
 
     @property
     def enters(self) -> bool:
-        """Whether a zone that the plan keeps is entered in the high-fidelity model."""
+        """True if a zone that the plan keeps is entered in the high-fidelity model."""
         return self.predicted is not None and self.predicted < 1.0 - SAMPLED
 
     @property
     def clear(self) -> bool:
-        """Whether every stage succeeded, and no conflict remains in the plan or the high-fidelity model."""
+        """True if every stage succeeded, and no conflict remains in the plan or the high-fidelity model."""
         return self.stopped is None and not self.conflicts and not self.enters
 
     @property
@@ -300,7 +300,7 @@ class Verdict:
 
     @property
     def ok(self) -> bool:
-        """Whether the run is clear, keeps every limit, has no late stage and meets all other requirements."""
+        """True if the run is clear, keeps every limit, has no late stage and meets all other requirements."""
         met = all(one.met for one in self.asked) and not (self.strict and self.doubts)
         return self.clear and met and not self.exceeded and not self.late
 

@@ -6,8 +6,8 @@ elsewhere.  A mixed-integer linear program finds the sizes of one spacecraft's i
     minimise sum v_j   subject to   sum e_j v_j = w,   sum f_kj v_j >= h_k,   v_j = 0 or v_j >= bit_j
 
 e_j is the effect of a unit impulse on the end state, w the miss of a coast, and f_kj the effect on plane k of
-the plan.  Opposed thrusters never fire at one time: their sum would be fired, which may be below the bit.
-Spacecraft are taken in turn, with the impulses of the others as they are.
+the plan.  Opposed thrusters never fire at the same time: only their difference would act, and it may be
+below the bit.  Spacecraft are planned in turn, with the impulses of the others fixed.
 """
 
 from dataclasses import replace
@@ -23,14 +23,12 @@ from closeform.planning.impulse_checks import Spent
 from closeform.planning.impulse_local import ImpulseSolver
 from closeform.planning.impulse_scene import Planes
 
-ROUNDS = 6  # of planes where the new impulses lead into a zone; two or three are enough
+ROUNDS = 6  # planning rounds while the new impulses cause a conflict; two or three are enough
 LARGEST = 4.0  # times the delta-v and the bit, the upper bound of an impulse: a tight one shortens the search
 OPTIONS = {"node_limit": 50, "mip_rel_gap": 5e-3}  # about a second; more nodes rarely find less
-SPARE = 1.001  # times the bit: constraints are met to 1e-6, and the repair of ends changes sizes
+SPARE = 1.001  # times the bit: constraints hold to 1e-6, and the repair of the ends changes sizes
 OPPOSED = -1.0 + 1e-9  # cosine of the angle between two thrusters that push against each other, at most
-DEAREST = (
-    3.0  # times the delta-v of the plan with smaller impulses, at most: thrusters are too coarse for more
-)
+DEAREST = 3.0  # times the delta-v of the plan with smaller impulses: beyond it the thrusters are too coarse
 
 
 def in_whole_bits(solver: ImpulseSolver, best: Spent) -> Spent | None:
@@ -62,7 +60,7 @@ def in_whole_bits(solver: ImpulseSolver, best: Spent) -> Spent | None:
             kept = found.delta_v <= DEAREST * best.delta_v and not solver.below_bit(found).any()
             return found if kept else None
         changed[:] = False
-        for pair, _ in found.checked.missed:  # one of the two gives way, in the next round the other one
+        for pair, _ in found.checked.missed:  # the two take turns in being planned again
             able = [i for i in pair if i < len(changed) and solver.thrusters[i] is not None]
             changed[able[turn % len(able) :][:1]] = True
         if not changed.any():

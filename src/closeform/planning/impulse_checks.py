@@ -25,7 +25,7 @@ class Checked(NamedTuple):
 
     @property
     def clear(self) -> bool:
-        """Whether there is no conflict, with thrust or after its loss."""
+        """True if there is no conflict, with thrust or after its loss."""
         return not self.missed and self.nearest >= 1.0
 
     @property

@@ -77,7 +77,7 @@ class MaxClearance(Result):
 
     @property
     def ok(self) -> bool:
-        """Whether there is a plan within the budget."""
+        """True if there is a plan within the budget."""
         return self.plan is not None
 
 

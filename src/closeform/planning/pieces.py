@@ -36,12 +36,12 @@ class Piece:
 
     @property
     def whole(self) -> bool:
-        """Whether the piece is the whole outside."""
+        """True if the piece is the whole outside."""
         return self.normal is None
 
     @property
     def can_be_cut(self) -> bool:
-        """Whether smaller pieces give a tighter bound."""
+        """True if smaller pieces give a tighter bound."""
         return self.whole or (self.corners is not None and self.floor < FINEST)
 
     def missing(self, place: Floats) -> float:

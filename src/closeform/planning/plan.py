@@ -143,7 +143,7 @@ class Costed(Result):
 
     @property
     def ok(self) -> bool:
-        """Whether clear paths were found."""
+        """True if clear paths were found."""
         return self.status in (Status.CLEAR, Status.AVOIDED)
 
     @property

@@ -51,9 +51,8 @@ class Outcome:
     @property
     def unfireable(self) -> str:
         """Return in words how many impulses are below the minimum bit, empty without any."""
-        return f"; no plan found without the {self.below_bit} impulses below minimum_bit" * (
-            self.below_bit > 0
-        )
+        count = self.below_bit
+        return f"; no plan found without the {count} impulses below minimum_bit" if count else ""
 
     @property
     def near_miss(self) -> str:

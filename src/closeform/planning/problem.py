@@ -100,7 +100,7 @@ class Problem:
 
     @cached_property
     def round(self) -> bool:
-        """Whether no zone has edges."""
+        """True if no zone has edges."""
         return all(zone.shape == BALL for zone in self.zones)
 
     @cached_property

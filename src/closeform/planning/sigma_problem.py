@@ -137,7 +137,7 @@ class SigmaProblem(Problem):
 
     @cached_property
     def moves(self) -> bool:
-        """Whether errors depend on the plan."""
+        """True if errors depend on the plan."""
         own = self.kept.errors[: self.count]
         return any(one is not None and (one.magnitude or one.pointing or any(one.impulse)) for one in own)
 

@@ -217,7 +217,7 @@ def from_obstacle(axes: Axes, planned: Passage, ways: Sequence[Passage], zone: Z
     farthest = max(size, *(float(np.linalg.norm(one.gap[:3])) for one in (planned, *ways)))
     square(axes, (0, 0), 1.6 * farthest / unit.size)
     axes.set_xlabel(f"along the relative motion [{unit.name}]")
-    axes.set_ylabel(f"aside of it [{unit.name}]")
+    axes.set_ylabel(f"perpendicular to it [{unit.name}]")
     dress(axes)
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -30,10 +29,7 @@ from closeform.zones.made_table import is_sphere
 from closeform.zones.solids import Sphere
 
 METHOD = "CLOSEFORM-TRAJECTORY-SAMPLING"
-SAMPLES, REFINEMENTS = (
-    200,
-    40,
-)  # instants sampled in a conflict for its closest approach, repeated at most
+SAMPLES, REFINEMENTS = 200, 40  # instants sampled for a closest approach, and refinements at most
 ASSUMES = (
     "A CDM assumes a short encounter: straight relative motion and constant covariances.",
     "The objects stay within their zone for {lasts:.1f} s at {speed:.3g} m/s; slow encounters violate both.",
@@ -137,44 +133,48 @@ def screening_messages(
     Object identifiers are those of the ephemerides in `files`, and states are interpolated in them. Bodies
     are the spheres among the `own` zones.
     """
-    epoch = Epoch(frame.epoch, frame.time_system)
     for met in flight.conflicts:
-        pair = (met.first, met.second)
-        states = partial(inertial_pair, frame, pair)
-        time = nearest(lambda times, states=states: np.subtract(*states(times))[:, :3], met)  # type: ignore[misc]
-        objects = [
-            screened_object(frame, frame.names.index(name), time, state[0], own, files)
-            for name, state in zip(pair, states(np.array([time])), strict=True)
-        ]
-        identity = f"{met.first}-{met.second}-{met.start:.0f}s"
-        start, end = epoch.utc([met.start, met.end], 3)
-        told_of = Conjunction(
-            tca=epoch.utc([time])[0].removesuffix("Z"), objects=(objects[0], objects[1]), message_id=identity
-        )
-        zone = f"Within the screening zone from {start} to {end}, down to {met.ratio:.4f} of it"
-        lasts, speed = met.end - met.start, told_of.relative_speed
-        words = [zone, *(line.format(lasts=lasts, speed=speed) for line in ASSUMES)]
-        if (within := told_of.hard_body_radius) is not None:
-            try:
-                about = told_of.encounter()
-                errors = [about.errors, about.other_errors]
-                chance = probability([about.path, about.other], within, errors)
-                told_of = replace(told_of, collision_probability=chance, collision_probability_method=METHOD)
-                words.append(COUNTS_ABOUT.format(radius=within, window=about.path.end))
-            except ValueError as error:
-                words.append(f"No COLLISION_PROBABILITY: {error}")
-        yield identity, told_of, tuple(words)
+        yield screening_message(frame, met, own, files)
 
 
-def inertial_pair(frame: CommonFrame, pair: Sequence[str], times: Floats) -> list[Floats]:
-    """Return the inertial states (T, 6) of two objects."""
-    return [frame.inertial_states(name, times) for name in pair]
+def screening_message(
+    frame: CommonFrame, met: PairConflict, own: Sequence[OwnZone], files: Sequence[str]
+) -> Message:
+    """Return the message of one conflict of a screening."""
+    epoch = Epoch(frame.epoch, frame.time_system)
+
+    def between(times: Floats) -> Floats:
+        one, other = (frame.inertial_states(name, times) for name in (met.first, met.second))
+        return (one - other)[:, :3]
+
+    time = nearest(between, met)
+    first, second = (screened_object(frame, name, time, own, files) for name in (met.first, met.second))
+    identity = f"{met.first}-{met.second}-{met.start:.0f}s"
+    conjunction = Conjunction(
+        tca=epoch.utc([time])[0].removesuffix("Z"), objects=(first, second), message_id=identity
+    )
+    start, end = epoch.utc([met.start, met.end], 3)
+    zone = f"Within the screening zone from {start} to {end}; minimum clearance ratio {met.ratio:.4f}"
+    lasts, speed = met.end - met.start, conjunction.relative_speed
+    comments = [zone, *(line.format(lasts=lasts, speed=speed) for line in ASSUMES)]
+    if (within := conjunction.hard_body_radius) is not None:
+        try:
+            about = conjunction.encounter()
+            chance = probability([about.path, about.other], within, [about.errors, about.other_errors])
+            conjunction = replace(
+                conjunction, collision_probability=chance, collision_probability_method=METHOD
+            )
+            comments.append(COUNTS_ABOUT.format(radius=within, window=about.path.end))
+        except ValueError as error:
+            comments.append(f"No COLLISION_PROBABILITY: {error}")
+    return identity, conjunction, tuple(comments)
 
 
 def screened_object(
-    frame: CommonFrame, k: int, time: float, state: Floats, own: Sequence[OwnZone], files: Sequence[str]
+    frame: CommonFrame, name: str, time: float, own: Sequence[OwnZone], files: Sequence[str]
 ) -> ConjunctionObject:
-    """Return object k of a screening at its closest approach, with the latest covariance of its ephemeris."""
+    """Return an object of a screening at a closest approach, with the latest covariance of its ephemeris."""
+    k, (state,) = frame.names.index(name), frame.inertial_states(name, [time])
     segments, zone = frame.ephemerides[k], own[k]
     known = [(one, start) for one, start in zip(segments, frame._starts(k), strict=True) if one.covariances]
     if known:

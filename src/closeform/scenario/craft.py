@@ -164,7 +164,7 @@ class Craft(Engine):
 
     @property
     def astray(self) -> bool:
-        """Whether the craft deviates from its commanded search."""
+        """True if the craft deviates from its commanded search."""
         errors = *self.pointing_error, self.slew_rate_error, self.start_offset, self.silent
         return any(errors) or self.slew_acceleration is not None
 
@@ -185,12 +185,12 @@ class Craft(Engine):
 
     @property
     def limited(self) -> bool:
-        """Whether its thrust has a limit."""
+        """True if its thrust has a limit."""
         return self.engine and super().limited
 
     @property
     def unlimited(self) -> bool:
-        """Whether it has an engine without a thrust limit."""
+        """True if it has an engine without a thrust limit."""
         return self.engine and not self.limited
 
     @property

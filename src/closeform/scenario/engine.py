@@ -38,7 +38,7 @@ class Engine(Table):
 
     @property
     def limited(self) -> bool:
-        """Whether the thrust has a limit."""
+        """True if the thrust has a limit."""
         return self.max_thrust is not None or self.acceleration is not None
 
     @property

@@ -55,7 +55,7 @@ class Shape(Table):
 
     @property
     def is_open(self) -> bool:
-        """Whether the phase is the cheapest and not yet determined."""
+        """True if the phase is the cheapest and not yet determined."""
         return self.phased is not None and self.phase_angle is None
 
     def at_phase(self, phase: float) -> Self:
@@ -167,7 +167,7 @@ class Formation(Table):
 
     @property
     def orbital(self) -> bool | None:
-        """Whether it requires an orbit (True) or deep space (False); None if it suits both."""
+        """True if it requires an orbit (True) or deep space (False); None if it suits both."""
         return None if self.shape is None else self.line is None
 
 
@@ -190,7 +190,7 @@ class Start(Formation):
 
     @property
     def inertially(self) -> bool:
-        """Whether the start is an inertial state, which requires that of the chief."""
+        """True if the start is an inertial state, which requires that of the chief."""
         return self.inertial is not None or self.oem is not None
 
 
@@ -210,7 +210,7 @@ class Target(Table):
 
     @property
     def orbital(self) -> bool | None:
-        """Whether it requires an orbit (True); None if it also suits deep space."""
+        """True if it requires an orbit (True); None if it also suits deep space."""
         return True if self.palmer is not None or self.roe is not None else None
 
     def state(self, orbit: Orbit, latitude: float = 0.0) -> Floats:
@@ -242,7 +242,7 @@ class Destination(Target, Formation):
 
     @property
     def is_open(self) -> bool:
-        """Whether the phase is the cheapest and not yet determined."""
+        """True if the phase is the cheapest and not yet determined."""
         return self.shape is not None and self.shape.is_open
 
     def at_phase(self, phase: float) -> Self:

@@ -76,7 +76,7 @@ class KeepOut(Table):
 
     @property
     def of_errors(self) -> bool:
-        """Whether the zone is a position uncertainty."""
+        """True if the zone is a position uncertainty."""
         return self.covariance is not None and self.kind != "region"
 
     def own(self) -> OwnZone:

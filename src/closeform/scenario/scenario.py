@@ -124,7 +124,7 @@ class Scenario:
 
     @property
     def strict(self) -> bool:
-        """Whether a check that the model error leaves undecided is a failure."""
+        """True if a check that the model error leaves undecided is a failure."""
         return self.verdict is not None and self.verdict.model_error == "refuse"
 
     @property
@@ -141,7 +141,7 @@ class Scenario:
 
     @property
     def limited(self) -> bool:
-        """Whether any craft has a limit of delta-v, propellant or, in at least one stage, thrust."""
+        """True if any craft has a limit of delta-v, propellant or, in at least one stage, thrust."""
         tanks = any(getattr(craft, key) is not None for craft in self.craft for key in TANKS)
         return tanks or any(craft.limited for craft in self.craft_of_all)
 
@@ -182,7 +182,7 @@ class Scenario:
 
     @property
     def newtons(self) -> bool:
-        """Whether the file gives thrust in newtons."""
+        """True if the file gives thrust in newtons."""
         return any(craft.max_thrust is not None for craft in self.craft_of_all)  # all craft then have a mass
 
     def force_mass(self, name: str) -> float | None:
@@ -222,7 +222,7 @@ class Scenario:
 
     @property
     def uncertain(self) -> bool:
-        """Whether any craft has uncertainty."""
+        """True if any craft has uncertainty."""
         return any(
             (craft.covariance is not None and not craft.covariance.exact) or craft.execution is not None
             for craft in self.craft
@@ -230,7 +230,7 @@ class Scenario:
 
     @property
     def noisy(self) -> bool:
-        """Whether any craft has process noise."""
+        """True if any craft has process noise."""
         return any(craft.execution is not None and craft.execution.noise > 0.0 for craft in self.craft)
 
     @property
@@ -270,7 +270,7 @@ class Scenario:
 
     @property
     def silent(self) -> list[bool]:
-        """Whether each craft is silent throughout a search."""
+        """True if each craft is silent throughout a search."""
         return [craft.silent is True for craft in self.craft]
 
     @property
@@ -349,7 +349,7 @@ class Scenario:
 
     @property
     def searches_alone(self) -> bool:
-        """Whether it is a single search that varies only states, search errors and loss of thrust."""
+        """True if it is a single search that varies only states, search errors and loss of thrust."""
         if self.study is not None and self.study.draws == "replanned":
             return False
         vary = self.study.vary if self.study is not None else {}
@@ -358,7 +358,7 @@ class Scenario:
 
     @property
     def scattered(self) -> bool:
-        """Whether a study draws the positions, so that the nominal ones may conflict."""
+        """True if a study draws the positions, so that the nominal ones may conflict."""
         return self.study is not None and "craft.position" in self.study.vary
 
     def coincident(self) -> tuple[str, ...]:

@@ -28,7 +28,7 @@ class StageTable(Table):
 
     @property
     def assigns(self) -> bool:
-        """Whether the plan assigns the slots to the craft."""
+        """True if the plan assigns the slots to the craft."""
         return False
 
     @property
@@ -64,7 +64,7 @@ class Drifting(StageTable):
 
     @property
     def for_ever(self) -> bool:
-        """Whether the drift has no end."""
+        """True if the drift has no end."""
         return self.drift is not None and self.drift.seconds == inf
 
     @property
@@ -117,7 +117,7 @@ class Thrusting(Engine, Drifting):
 
     @property
     def plans_drift(self) -> bool:
-        """Whether a plan can be made passively safe for the drift: loss of thrust and a finite horizon."""
+        """True if a plan can be made passively safe for the drift: loss of thrust and a finite horizon."""
         lost = self.failure in (None, "thrust lost")
         return self.drift is not None and not self.for_ever and lost
 

@@ -75,8 +75,8 @@ class Clearing(Thrusting):
 
     @property
     def is_exact(self) -> bool:
-        """Whether the planning method supports uncertainty, drift and lower bounds."""
-        raise NotImplementedError
+        """True if the planning method supports uncertainty, drift and lower bounds."""
+        return True
 
     @property
     def proving(self) -> float:
@@ -88,7 +88,7 @@ class Clearing(Thrusting):
         """Setting that `prove` cannot be combined with, or None."""
         also = {
             'cost = "delta-v"': self.cost != "energy",
-            "a method that knows no bound": not self.is_exact,
+            "a method without a lower bound": not self.is_exact,
             "drift": self.plans_drift,
             "sigmas": self.sigmas is not None,
         }
@@ -99,7 +99,7 @@ class Clearing(Thrusting):
         if self.prove is not None and self.prove.orbits:
             yield 'prove is a time; write for example prove = "10 s"'
         if self.prove is not None and self.unprovable is not None:
-            yield f"prove goes without {self.unprovable}; remove one of them"
+            yield f"prove cannot be combined with {self.unprovable}; remove one of them"
 
 
 class Fellow(Table):

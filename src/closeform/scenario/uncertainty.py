@@ -51,7 +51,7 @@ class Covariance(Table):
 
     @property
     def exact(self) -> bool:
-        """Whether the state is known exactly."""
+        """True if the state is known exactly."""
         return not any((*self.position, *self.velocity))
 
     @cached_property
