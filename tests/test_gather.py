@@ -11,13 +11,12 @@ from numpy.linalg import norm
 
 import closeform as cf
 from bodies import Body
-from closeform.search.sets import case_number as compiled_case_number
+from closeform.search.sets import case_number
 from lost import BASIC, MODIFIED, Sky, depth, gathered
 from turns import turns
 
 RATE, LIMIT = np.radians(0.25), np.radians(25.0)
 WAYS = ("second", "first", "half")
-case_number = compiled_case_number.py_func  # parts of a kernel cannot be called from Python
 
 
 def modified(offset=0.0, reach=np.inf, half_angle=70.0):

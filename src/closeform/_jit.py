@@ -30,7 +30,7 @@ import llvmlite
 import numba
 import numpy as np
 from numba import types
-from numba.extending import typeof_impl
+from numba.extending import register_jitable, typeof_impl
 from platformdirs import user_cache_path
 
 # No fastmath: the certificates need IEEE arithmetic.  Not parallel: callers share chunks out to threads.
@@ -139,7 +139,9 @@ def kernel(signature: Any = None, inline: bool = False) -> Callable[[Callable[..
         return lambda function: function
     if signature is not None:
         return lambda function: Kernel(function, signature)
-    return numba.njit(inline="always" if inline else "never", **OPTIONS)
+    if inline:
+        return numba.njit(inline="always", **OPTIONS)
+    return register_jitable(**OPTIONS)
 
 
 def kernel_modules() -> list[str]:
