@@ -4,12 +4,16 @@ import copy
 import multiprocessing
 import pickle
 import re
+from base64 import b64decode
 from dataclasses import fields, is_dataclass
+from html import unescape
 from html.parser import HTMLParser
+from io import BytesIO
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
+from PIL import Image
 
 import closeform as cf
 from answers import NAMES, answers
@@ -57,7 +61,7 @@ class Cells(HTMLParser):
         self.close()
 
     def handle_starttag(self, tag: str, attributes: Any) -> None:
-        assert tag in {"table", "caption", "thead", "tbody", "tr", "th", "td"}
+        assert tag in {"table", "caption", "thead", "tbody", "tr", "th", "td", "img", "iframe"}
         self.open.append(tag)
         if tag in ("th", "td"):
             self.cells.append("")
@@ -102,6 +106,16 @@ def test_a_notebook_gets_a_table() -> None:
         cells = Cells(answers()[name]._repr_html_()).cells
         assert len(cells) >= 2
         assert not any(" at 0x" in cell for cell in cells)
+
+
+def test_a_notebook_gets_a_picture() -> None:
+    """PNG images of results that can be drawn, and the interactive page of a mission."""
+    found = re.search(r'src="data:image/png;base64,([^"]+)"', answers()["Screening"]._repr_html_())
+    assert found
+    assert Image.open(BytesIO(b64decode(found[1]))).size[0] > 300
+    page = re.search(r'<iframe [^>]*srcdoc="([^"]+)"', answers()["Mission"]._repr_html_())
+    assert page
+    assert unescape(page[1]).startswith("<!doctype html>")
 
 
 def test_names_in_a_notebook_are_text() -> None:

@@ -1,12 +1,15 @@
-"""Base classes of results: text, a table in a notebook, and columns."""
+"""Base classes of results: text, a table and a picture in a notebook, and columns."""
 
 from __future__ import annotations
 
 import inspect
 import re
+from base64 import b64encode
 from collections.abc import Iterator
 from dataclasses import MISSING, fields, is_dataclass
 from functools import cache, cached_property
+from importlib import import_module
+from io import BytesIO
 from textwrap import fill, shorten
 from typing import Any, ClassVar
 
@@ -14,6 +17,7 @@ import numpy as np
 
 WIDTH = 100  # columns of a line
 MOST_ROWS = 10  # of a table in a notebook
+FIGURE_DPI = 80  # of the picture in a notebook
 FEW = 6  # names or numbers that are listed one by one
 ENTRY = re.compile(r"^(\w+(?:, \w+)*) : .*\[([^]]*)\](?:, .*)?$", re.MULTILINE)  # entry of a numpydoc section
 UNIT = re.compile(r"\[([^]]*)\]")
@@ -36,7 +40,17 @@ class Result:
 
     def _repr_html_(self) -> str:
         rows = [[name, text] for name, text in self._facts()]
-        return _table(type(self).__name__, [], rows)
+        return _table(type(self).__name__, [], rows) + self._figure()
+
+    def _figure(self) -> str:
+        """Return the picture of `closeform.plot` as an HTML image; empty if there is nothing to draw."""
+        try:
+            figure = import_module("closeform").plot(self)  # at run time: pictures are made of results
+        except (TypeError, ValueError):  # a kind without a picture, or an empty result
+            return ""
+        figure.savefig(image := BytesIO(), format="png", dpi=FIGURE_DPI)
+        data = b64encode(image.getvalue()).decode()
+        return f'<img alt="Picture of the {type(self).__name__}" src="data:image/png;base64,{data}">'
 
     @property
     def _brief(self) -> str:
@@ -109,7 +123,7 @@ class Rows(Result):
         columns = {name: np.asarray(values) for name, values in self.columns().items()}
         shown = [values[:MOST_ROWS].tolist() for values in columns.values()]
         rows = [[told(cell, "") for cell in row] for row in zip(*shown, strict=True)]
-        return _table(f"{type(self).__name__}: {self._brief}", list(columns), rows)
+        return _table(f"{type(self).__name__}: {self._brief}", list(columns), rows) + self._figure()
 
 
 def told(value: Any, unit: str) -> str:

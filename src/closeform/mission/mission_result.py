@@ -4,6 +4,8 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property, partial
+from html import escape
+from importlib import import_module
 from math import expm1, nan
 from typing import TYPE_CHECKING, Any, Generic, TypeVar, cast
 
@@ -206,6 +208,9 @@ class FirstLocks:
         return self.pairs[self.locks.leg < 0]
 
 
+FRAME = 'style="width:100%;height:32rem;border:0"'  # of the interactive page in a notebook
+
+
 class Stages(Result, ABC):
     """Base class of evaluated and reloaded missions: `results` by stage, and properties of all stages."""
 
@@ -274,6 +279,13 @@ class Mission(Stages):
         ]
         names = ("stage", *COLUMNS)
         return {name: [row[k] for row in found] for k, name in enumerate(names)}
+
+    def _figure(self) -> str:
+        """Return the interactive page in a frame, for a notebook."""
+        page = import_module("closeform.viewer.page").of_mission(
+            self
+        )  # at run time: pages are made of missions
+        return f'<iframe title="Mission in motion" srcdoc="{escape(page)}" {FRAME}></iframe>'
 
     @cached_property
     def verdict(self) -> Verdict:

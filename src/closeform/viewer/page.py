@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from html import escape
 from pathlib import Path
 
+from closeform.mission.mission_result import Mission
 from closeform.report.page import letters
 from closeform.report.picture import Shot
 from closeform.storage.result_folder import REPORT, VIEWER, Folder
@@ -28,6 +29,11 @@ def leave(shown: Shown, folder: Folder, pictures: Sequence[Shot] = (), name: str
     """Write the interactive page into a result folder that holds `pictures`."""
     named = [(shot.file.name, shot.caption) for shot in pictures]
     folder.text(name, document(scene_of(shown, named, REPORT)))
+
+
+def of_mission(mission: Mission) -> str:
+    """Return the page of a mission whose pictures are not drawn."""
+    return document(scene_of(Shown.of_mission(mission)))
 
 
 def document(scene: Scene) -> str:
