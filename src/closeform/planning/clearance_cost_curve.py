@@ -103,7 +103,7 @@ def clearance_cost_curve(
 
     References
     ----------
-    docs/theory.md section 4, what clearance costs.
+    docs/theory.md section 4, cost of clearance.
     """
     sizes = Sizes.of(path, obstacles, zone, cost, thrusters, names)
     given = numbers("factors", factors)

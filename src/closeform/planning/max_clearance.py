@@ -139,7 +139,7 @@ def max_clearance(
 
     References
     ----------
-    docs/theory.md section 4, what clearance costs.
+    docs/theory.md section 4, cost of clearance.
     """
     limit = number("budget", budget)
     if not 0.0 < limit < inf:

@@ -155,7 +155,7 @@ def reconfigure(
 
     References
     ----------
-    docs/theory.md section 4, many craft; "sequential" follows SP11 (Sauter and Palmer 2011).
+    docs/theory.md section 4, many spacecraft; "sequential" follows SP11 (Sauter and Palmer 2011).
     """
     instance("assign", assign, bool, np.bool_)
     check_effort(budget, prove)
