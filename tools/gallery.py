@@ -61,8 +61,8 @@ EXAMPLES = {
 
 HEAD = """# Gallery
 
-The scenarios in `examples/`, each with a picture and its command. Each run leaves a folder with report, pictures
-and tables. `closeform new NAME` copies an example as the start of a [scenario](scenario.md) of your own.
+The scenarios in `examples/`, each with a picture and its command. Each run leaves a folder with report,
+pictures and tables. `closeform new NAME` copies an example as the start of a [scenario](scenario.md) of your own.
 """
 TAIL = """
 ## Simulate a run

@@ -4,6 +4,7 @@ Run from the repository: python tools/notebooks.py [FOLDER]
 """
 
 import re
+import shutil
 import sys
 from io import BytesIO
 from pathlib import Path
@@ -44,12 +45,14 @@ def write_page(notebook: nbformat.NotebookNode, file: Path) -> None:
     named = {"unique_key": file.stem, "output_files_dir": "images"}
     text, resources = MarkdownExporter().from_notebook_node(notebook, resources=named)
     text = re.sub(r" +$", "", text.strip().replace("![png]", "![output]"), flags=re.MULTILINE)
-    text = re.sub(r"\n{4,}", "\n\n", text)  # Python has two blank lines at most
+    text = re.sub(r"\n{4,}|\n{3,}(?=```)", "\n\n", text)  # Python has two blank lines at most
     resources["outputs"] = {name: small(data) for name, data in resources["outputs"].items()}
     FilesWriter(build_directory=str(PAGES)).write(f"{NOTE.format(file.name)}{text}\n", resources, file.stem)
 
 
 def main(folder: Path | None) -> None:
+    if folder is None:
+        shutil.rmtree(PAGES, ignore_errors=True)  # pictures have the numbers of their cells
     for file in sorted((ROOT / "examples" / "notebooks").glob("*.md")):
         notebook = executed(file)
         if folder is None:
