@@ -62,7 +62,7 @@ EXAMPLES = {
 HEAD = """# Gallery
 
 The scenarios in `examples/`, each with a picture and its command. Each run leaves a folder with report,
-pictures and tables. `closeform new NAME` copies an example as the start of a [scenario](scenario.md) of your own.
+pictures and tables. `closeform new NAME` copies an example as the start of a [scenario](scenario.md).
 """
 TAIL = """
 ## Simulate a run
