@@ -44,6 +44,7 @@ def small(png: bytes) -> bytes:
 def write_page(notebook: nbformat.NotebookNode, file: Path) -> None:
     named = {"unique_key": file.stem, "output_files_dir": "images"}
     text, resources = MarkdownExporter().from_notebook_node(notebook, resources=named)
+    text = re.sub(r'<img alt="Picture of [^>]*>', "", text)  # of a result, which a cell draws with names
     text = re.sub(r" +$", "", text.strip().replace("![png]", "![output]"), flags=re.MULTILINE)
     text = re.sub(r"\n{4,}|\n{3,}(?=```)", "\n\n", text)  # Python has two blank lines at most
     resources["outputs"] = {name: small(data) for name, data in resources["outputs"].items()}
