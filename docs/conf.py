@@ -29,7 +29,8 @@ CONTENTS = {
     "index": "start tour guide gallery reference background",
     "guide": (
         "choose lost_craft robustness conflicts avoidance formation targets fuel passive_safety uncertainty "
-        "ephemerides export epochs field evidence campaigns motion elements python pictures viewer"
+        "ephemerides export epochs field evidence campaigns motion elements python "
+        "notebooks/find notebooks/collide notebooks/move pictures viewer"
     ),
     "reference": "scenario command-line api messages glossary",
     "background": "certified theory papers validity benchmarks peers",

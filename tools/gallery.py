@@ -20,7 +20,7 @@ WIDTH = 1100  # of a picture [px]
 
 # By question: each example with the picture of its result folder that says most.
 EXAMPLES = {
-    "Lost craft find each other": {
+    "Search for lost spacecraft": {
         "tpf": "view-4",
         "find_then_fly": "paths",
         "s04": "histogram",
@@ -30,28 +30,28 @@ EXAMPLES = {
         "pointing_sweep": "sweep",
         "swarm": "view-6",
     },
-    "One craft passes others": {
+    "Avoid conflicts": {
         "cluster": "before-after",
         "inspector": "stage-2-paths",
         "polar_inspection": "overview",
         "three_sigmas": "tube",
         "slow_encounter": "collision",
     },
-    "A formation moves as one": {
+    "Move a formation": {
         "swap": "paths",
         "swap_deep_space": "paths",
         "f6_scatter": "stage-2-paths",
     },
-    "As little delta-v as possible, and real thrusters": {
+    "Minimise delta-v, use real thrusters": {
         "safety_ellipse": "primer",
         "swap_impulses": "paths",
         "cubesats": "pulses",
     },
-    "The real field": {
+    "Simulate in a high-fidelity model": {
         "flown_swap": "paths",
         "flown_cases": "flown-ratios",
     },
-    "Thrust fails": {
+    "Passive safety": {
         "inspector_hold": "drift",
         "passive_inspector": "drift",
         "station_ellipsoid": "drift",
@@ -61,20 +61,20 @@ EXAMPLES = {
 
 HEAD = """# Gallery
 
-Every example in `examples/` that flies, what it shows, and the command for it. Each leaves a folder with its
-report, pictures and tables; files are short, a good place to begin one of your own ([scenario](scenario.md)).
+The scenarios in `examples/`, each with a picture and its command. Each run leaves a folder with report,
+pictures and tables. `closeform new NAME` copies an example as the start of a [scenario](scenario.md).
 """
 TAIL = """
-## Flown in the real field
+## Simulate a run
 
-What `flown_swap` planned is flown a hundred times, with errors of navigation and thrust
+A hundred simulations of the plan of `flown_swap`, with navigation and thrust errors
 ([from claim to evidence](evidence.md)):
 
 ```sh
 closeform simulate flown_swap-results
 ```
 
-## Real orbits
+## Ephemerides and messages
 
 Three hours of the GRACE mission are in `examples/grace`, and `examples/slow_encounter.cdm` is a conjunction
 message ([ephemerides](ephemerides.md)):
@@ -86,8 +86,8 @@ closeform encounter examples/slow_encounter.cdm
 
 ## Notebooks
 
-`examples/notebooks` has one for each of the three questions: `find.md`, `collide.md` and `move.md` open in
-Jupyter by jupytext, and `python tools/notebooks.py` leaves them as notebooks with all that they show.
+[Will they collide?](notebooks/collide.md), [Will they find each other?](notebooks/find.md) and
+[How do they move safely and cheaply?](notebooks/move.md) show the Python interface with its output.
 """
 
 
