@@ -110,7 +110,7 @@ def test_draws_of_a_case_are_those_of_its_blocks(missions):
 
 def test_a_case_does_not_depend_on_its_chunk(missions):
     kind = MissionCases(missions.scenario, 11)
-    parts = [kind.fly(0, 3), kind.fly(3, 8)]
+    parts = [kind.evaluate(0, 3), kind.evaluate(3, 8)]
     for name in kind.names:
         np.testing.assert_array_equal(
             np.concatenate([part[name] for part in parts]), missions.column(name)[:8]
@@ -119,7 +119,7 @@ def test_a_case_does_not_depend_on_its_chunk(missions):
 
 def test_chunks_of_a_small_study_are_small(missions):
     """So that a stop loses little, and progress is told; case K is the same in any chunk."""
-    assert [missions.kind.in_chunk(count) for count in (1, 24, 100, 640, 1024, 100_000)] == [
+    assert [missions.kind.chunk_size(count) for count in (1, 24, 100, 640, 1024, 100_000)] == [
         1,
         1,
         3,

@@ -16,11 +16,8 @@ import numpy as np
 
 from closeform.arrays import instance, shown
 from closeform.campaign.cases import Cases
-from closeform.campaign.chunks import Held
-from closeform.campaign.gather_cases import GatherCases
-from closeform.campaign.lock_cases import LockCases
-from closeform.campaign.search_campaign import Campaign
-from closeform.campaign.threads import in_threads
+from closeform.campaign.chunks import Held, in_threads, ranges
+from closeform.campaign.search_cases import Campaign, GatherCases, LockCases
 from closeform.scenario import Scenario, ScenarioError, load
 from closeform.scenario.stage_table import StageTable
 from closeform.scenario.stages import Gather, Lock
@@ -33,7 +30,7 @@ if TYPE_CHECKING:
 MOST_CASES = 100_000_000
 MOST_LOCKS = 500_000_000  # lock times held as arrays with their legs: 8 GB
 Progress = Callable[[int], None]
-FLIES: dict[type[StageTable], Callable[[Scenario, int], Cases]] = {Lock: LockCases.of, Gather: GatherCases.of}
+KINDS: dict[type[StageTable], Callable[[Scenario, int], Cases]] = {Lock: LockCases.of, Gather: GatherCases.of}
 
 
 def study(
@@ -96,10 +93,8 @@ def flown(
             )
             raise ScenarioError(scenario.file, [f"study.cases: {line}; give {most} at most"])
     held, done = Held(kind, count), 0
-    size = kind.in_chunk(count)
-    for (first, end), columns in in_threads(
-        kind.prepared().flown, ((k, min(k + size, count)) for k in range(0, count, size))
-    ):
+    every = ((cases.start, cases.stop) for cases in ranges(kind, count))
+    for (first, end), columns in in_threads(kind.prepared().columns, every):
         held.take(first, columns)
         done += end - first
         progress(done)
@@ -140,7 +135,7 @@ def kind_of(scenario: Scenario, seed: int) -> Cases:
 
         return MissionCases(scenario, seed)
     try:
-        return FLIES[type(scenario.stages[0])](scenario, seed)
+        return KINDS[type(scenario.stages[0])](scenario, seed)
     except ScenarioError:
         raise
     except ValueError as error:

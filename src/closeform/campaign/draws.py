@@ -1,9 +1,9 @@
-"""Random samples of a study: case K has the same samples in whichever range it is drawn.
+"""Random samples of a study.
 
 Each varied key has its own stream of random numbers, a Philox generator keyed by the seed and the key's name.
 Craft c of N in case K takes the block of counter K N + c, and for an event e of that craft the same block of
 the e-th part of the stream. A value common to all craft takes block K. A case therefore depends neither on
-other cases nor on other keys, and can sample any number of events.
+the range in which it is drawn nor on other keys, and can sample any number of events.
 """
 
 from __future__ import annotations

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import inf
+from math import inf, isnan, nan
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,25 +12,25 @@ from scipy.special import ndtri
 
 from closeform.arrays import Floats
 from closeform.campaign.draws import WORDS, uniform
-from closeform.campaign.loss_of_thrust import (
-    Shaken,
-    flown,
-    instants,
-    missed,
-    with_losses,
-    with_reported_losses,
-)
 from closeform.campaign.process_noise import USUAL, ProcessNoise
+from closeform.conflicts.flight import watch
+from closeform.conflicts.two_paths import closest_approach
+from closeform.dynamics.natural import coast
 from closeform.mission.search_stage import gather_flawed
-from closeform.motion.joining import drifting, join
+from closeform.mission.verdict import LostThrust
+from closeform.motion.joining import drift, drifting, join, stack
 from closeform.motion.path import Path
 from closeform.scenario import Craft, Gather, Scenario
 from closeform.search.burn_flaws import BurnFlaws
+from closeform.search.gather_result import Gathering
 from closeform.uncertainty.columns import added, columns_of
 from closeform.uncertainty.covariance import root_of
 
 if TYPE_CHECKING:
     from closeform.mission.mission_result import Mission, StageResult
+
+# adds process noise after a time [s] to the path of a craft by index
+Disturbance = Callable[[Path, int, float], Path]
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ class History:
             return result
         if isinstance(result.stage, Gather) and (flaws := self.flaws(scenario, result)).any:
             return gather_flawed(scenario, result, states, flaws)
-        paths, shaken = list[Path](), self.shaken(scenario)
+        paths, disturbed = list[Path](), self.disturbed(scenario)
         for k, craft in enumerate(scenario.craft):
             path = result.after.path(craft.name)
             if self.replanned and craft.errors is not None:
@@ -99,15 +99,15 @@ class History:
                 path = added(path, columns, self.normal(key, len(columns)))
             if self.instants and (time := self.instants.get(k, inf)) < result.end:
                 path = drifting(path, time, states[k] if time <= result.start else None)
-            paths.append(shaken(path, k, path.start))
-        return flown(scenario, result, paths)
+            paths.append(disturbed(path, k, path.start))
+        return with_paths(scenario, result, paths)
 
-    def shaken(self, scenario: Scenario) -> Shaken:
+    def disturbed(self, scenario: Scenario) -> Disturbance:
         """Return a function that adds process noise to a craft's path."""
         if not (self.replanned and scenario.noisy):
             return lambda path, k, since: path
-        shaking = ProcessNoise(self.seed, scenario.orbit.build().mean_motion, USUAL)
-        return lambda path, k, since: shaking.moved(path, scenario.craft[k], self.case, since)
+        noise = ProcessNoise(self.seed, scenario.orbit.build().mean_motion, USUAL)
+        return lambda path, k, since: noise.moved(path, scenario.craft[k], self.case, since)
 
     def flaws(self, scenario: Scenario, result: StageResult[Any, Any]) -> BurnFlaws:
         """Return the flaws of a gathering's burns; each burn of a craft takes four random numbers."""
@@ -130,7 +130,7 @@ class History:
         if self.draws == "errors":
             mission = self.uncorrected(mission)
         if self.instants is None:
-            return with_losses(mission, self.fails, self.shaken(mission.scenario))
+            return with_losses(mission, self.fails, self.disturbed(mission.scenario))
         times = {k: time for k, time in self.instants.items() if time <= mission.flown[-1].end}
         return with_reported_losses(
             mission, times, {k: missed(mission, k, time) for k, time in times.items()}
@@ -139,7 +139,7 @@ class History:
     def uncorrected(self, mission: Mission) -> Mission:
         """Return a mission executed as planned, in which no craft corrects its errors."""
         scenario, end = mission.scenario, mission.flown[-1].end
-        shaking = ProcessNoise.beside_zones(scenario, self.seed, end) if scenario.noisy else None
+        noise = ProcessNoise.beside_zones(scenario, self.seed, end) if scenario.noisy else None
         errors = [
             errors_of(craft, join([result.after.path(craft.name) for result in mission.flown]), self)
             for craft in scenario.craft
@@ -148,11 +148,11 @@ class History:
         def off(k: int, path: Path) -> Path:
             own = errors[k]
             path = path if own is None else added(path, *own)
-            return path if shaking is None else shaking.moved(path, scenario.craft[k], self.case, 0.0)
+            return path if noise is None else noise.moved(path, scenario.craft[k], self.case, 0.0)
 
         def uncorrected(result: StageResult[Any, Any]) -> StageResult[Any, Any]:
             paths = [off(k, result.after.path(name)) for k, name in enumerate(scenario.names)]
-            return flown(scenario, result, paths)
+            return with_paths(scenario, result, paths)
 
         each = (uncorrected(result) if result.flown else result for result in mission.results)
         return replace(mission, results=tuple(each))
@@ -171,3 +171,88 @@ def drawn(seed: int, name: str, count: int, first: int, last: int) -> Floats:
     """Return normal random numbers (last - first, count) of one craft in some cases of a mission."""
     random = uniform(seed, f"errors of {name}", -(-count // WORDS), first, last)
     return np.asarray(ndtri(random.reshape(last - first, -1)[:, :count]))
+
+
+def instants(mission: Mission, fails: Sequence[float]) -> dict[int, float]:
+    """Return the times [s] at which craft, by index, lose their thrust; `fails` (N,) are fractions or nan."""
+    end = mission.flown[-1].end
+    return {k: float(share * end) for k, share in enumerate(fails) if not isnan(share)}
+
+
+def with_losses(mission: Mission, fails: Sequence[float], disturbed: Disturbance) -> Mission:
+    """Return a mission in which each craft (N,) loses its thrust after a fraction of it; nan: it does not.
+
+    A craft that coasts throughout has no thrust to lose. A drifting craft is still subject to process noise
+    (`disturbed`).
+    """
+    scenario, burns = mission.scenario, mission.paths.delta_v > 0.0
+    times = {k: time for k, time in instants(mission, fails).items() if burns[k]}
+    if not times:
+        return mission
+    needed = {k: thrust_after(mission.paths[k], time) for k, time in times.items()}
+    results, states = list(mission.results), dict[int, Floats]()
+    for place, result in enumerate(results):
+        if result.flown:
+            paths = [result.after.path(name) for name in scenario.names]
+            for k, time in times.items():
+                if time < result.end:
+                    paths[k] = disturbed(drifting(paths[k], time, states.get(k)), k, max(time, result.start))
+                    states[k] = paths[k].state(result.end)
+            results[place] = with_paths(scenario, result, paths)
+    return with_reported_losses(replace(mission, results=tuple(results)), times, needed)
+
+
+def with_reported_losses(mission: Mission, times: Mapping[int, float], needed: Mapping[int, bool]) -> Mission:
+    """Return the mission with its losses of thrust and the closest approach of each drifting craft."""
+    names = mission.scenario.names
+    lost = (LostThrust(names[k], time, needed[k], *nearest(mission, k, time)) for k, time in times.items())
+    return replace(mission, lost=tuple(lost))
+
+
+def missed(mission: Mission, k: int, time: float) -> bool:
+    """Return True if a craft misses a burn after a time, in a mission executed without its thrust.
+
+    In a gathering: True if it could not join for want of a burn.
+    """
+    for result in mission.flown:
+        if isinstance(result.result, Gathering):
+            if k in result.result.adrift:
+                return True
+        elif time < result.end:
+            path = result.planned.path(mission.scenario.names[k])
+            if thrust_after(path, time) if time > path.start else path.delta_v > 0.0:
+                return True
+    return False
+
+
+def with_paths(scenario: Scenario, result: StageResult[Any, Any], paths: list[Path]) -> StageResult[Any, Any]:
+    """Return a stage with the paths that the craft really followed."""
+    after = watch(stack(paths), scenario.names, scenario.zones)
+    return replace(result, after=after, commanded=result.planned)
+
+
+def thrust_after(path: Path, time: float) -> bool:
+    """Return True if a craft burns after a time of its path."""
+    burnt = path.delta_v - drifting(path, time).delta_v
+    return bool(burnt > 0.0)
+
+
+def nearest(mission: Mission, k: int, time: float) -> tuple[float, str | None]:
+    """Return the minimum clearance ratio of a craft drifting since a time, and the other craft.
+
+    The drift is propagated in the scenario's high-fidelity model if it has one, else with Hill's equations.
+    The result is nan and None without zones.
+    """
+    names, orbit, paths, field = mission.scenario.names, mission.orbit, mission.paths, mission.scenario.field
+    own = paths[k]
+    if field is None or time >= own.end:
+        alone = drift(orbit, time, own.end, own.state(time))
+    else:
+        alone = coast(own.state(time), field._of([k]), own.end - time, time, orbit=orbit)
+    zones = {j: mission.scenario.zones.between(k, j) for j in range(len(names)) if j != k}
+    ratios = [
+        (float(closest_approach(alone, paths[j], zone).ratio), names[j])
+        for j, zone in zones.items()
+        if zone is not None
+    ]
+    return min(ratios, default=(nan, None))
