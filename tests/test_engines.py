@@ -12,7 +12,7 @@ from closeform.campaign import case_of
 from closeform.cli.app import main
 from closeform.mission.mission import fly
 from closeform.scenario import parse
-from closeform.scenario.errors import ScenarioError
+from closeform.scenario.table import ScenarioError
 from test_lost_thrust import ENDS, FIELD, OFF, ORBIT, OWN, SIGHT, SPAN, START, drifted
 
 pytestmark = pytest.mark.usefixtures("unpainted")

@@ -14,7 +14,7 @@ from closeform.campaign.sweep_cases import SweepCases
 from closeform.cli.app import main
 from closeform.report.sweep_study import SweepReport, numbered
 from closeform.scenario import ScenarioError, parse
-from closeform.scenario.sweep import points
+from closeform.scenario.study import points
 from test_campaign import as_words
 from test_mission_cases import PASS
 

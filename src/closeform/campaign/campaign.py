@@ -19,8 +19,7 @@ from closeform.campaign.cases import Cases
 from closeform.campaign.chunks import Held, in_threads, ranges
 from closeform.campaign.search_cases import Campaign, GatherCases, LockCases
 from closeform.scenario import Scenario, ScenarioError, load
-from closeform.scenario.stage_table import StageTable
-from closeform.scenario.stages import Gather, Lock
+from closeform.scenario.stages import Gather, Lock, StageTable
 
 if TYPE_CHECKING:
     from closeform.campaign.error_cases import ErrorCampaign

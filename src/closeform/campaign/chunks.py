@@ -19,7 +19,7 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 
 from closeform.campaign.cases import Cases, Columns, Range
-from closeform.scenario.changes import changes
+from closeform.scenario.load import changes
 from closeform.scenario.quantity import shown
 from closeform.storage.manifest import append, entries, rewrite
 from closeform.storage.result_folder import digest

@@ -13,7 +13,7 @@ from closeform.campaign.cases import CampaignStatus, CaseChunks, Cases, Columns,
 from closeform.campaign.chunks import Part, arrow
 from closeform.campaign.spread import Spread
 from closeform.confidence import Estimate, estimate
-from closeform.scenario.sweep import text, words
+from closeform.scenario.study import text, words
 
 NAMED = 3  # number of points that a message lists
 

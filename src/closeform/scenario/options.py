@@ -7,12 +7,11 @@ from math import isfinite
 from pathlib import Path
 from typing import Any, Self
 
-from pydantic import Field, ValidationError
+from pydantic import ValidationError
 
-from closeform.scenario.errors import ScenarioError, complaints, did_you_mean
-from closeform.scenario.keep_out import KeepOut
+from closeform.scenario.craft import KeepOut
 from closeform.scenario.load import Reading, text_of, toml
-from closeform.scenario.table import Name, Table
+from closeform.scenario.table import Name, ScenarioError, Table, complaints, did_you_mean, setting
 from closeform.zones.combined_zones import OwnZone
 from closeform.zones.pair_zones import PairZones
 
@@ -103,8 +102,8 @@ class AskedZones:
 class Kept(Table):
     """One craft of a file of zones."""
 
-    name: Name = Field(examples=['["F1", "F2"]'])
-    keep_out: KeepOut = Field(examples=['{ sphere = "20 m" }'])
+    name: Name = setting('["F1", "F2"]', "names of the craft", ...)
+    keep_out: KeepOut = setting('{ sphere = "20 m" }', "keep-out zone", ...)
 
 
 def own_zones(file: Path, names: Sequence[str]) -> list[OwnZone]:

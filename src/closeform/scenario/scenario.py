@@ -16,12 +16,10 @@ from closeform.exchange.epochs import Epoch
 from closeform.motion.circular import low
 from closeform.motion.orbit import Orbit
 from closeform.scenario.craft import Craft, SearchTable, SensorTable
-from closeform.scenario.field import FeedbackTable, FlightTable, NavigationTable, VerdictTable
 from closeform.scenario.inputs import Inputs
-from closeform.scenario.orbit import OrbitTable
+from closeform.scenario.orbit import FeedbackTable, FlightTable, NavigationTable, OrbitTable, VerdictTable
 from closeform.scenario.quantity import shown
-from closeform.scenario.stage_table import StageTable, Thrusting
-from closeform.scenario.stages import Gather
+from closeform.scenario.stages import Gather, StageTable, Thrusting
 from closeform.scenario.study import FAILS, SEARCHED, STATES, UNPLANNED, Study
 from closeform.zones.combined_zones import Body, OwnZone
 from closeform.zones.pair_zones import PairZones
