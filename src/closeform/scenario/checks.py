@@ -605,7 +605,7 @@ def unfit(scenario: Scenario, key: str, values: tuple[float, ...]) -> str | None
     """Return the first flaw of a key's table with one of these values, or None."""
     section, _, name = key.rpartition(".")
     table = attrgetter(section)(scenario)
-    return next((one for value in values for one in table.model_copy(update={name: value}).flaws()), None)
+    return next((one for value in values for one in table.model_copy(update={name: value}).all_flaws()), None)
 
 
 def too_much_turn(given: tuple[Any, ...], draw: Draw, numbers: tuple[Any, ...]) -> str | None:

@@ -77,32 +77,29 @@ class KeepOut(Table):
     box: Lengths | None = setting('"20 40 20 m"', "half-widths of a box")
     ellipsoid: Lengths | None = setting('"20 40 20 m"', "semi-axes of an ellipsoid")
     covariance: Annotated[Six, Reader(AREA, 6)] | None = setting(
-        '"25 0 100 0 0 25 m^2"', "position covariance: rr tr tt nr nt nn"
+        '"25 0 100 0 0 25 m^2"', "position covariance: rr tr tt nr nt nn", needs="sigmas"
     )
-    sigmas: Annotated[float, Field(gt=0)] | None = setting("3.0", "size of the covariance ellipsoid")
+    sigmas: Annotated[float, Field(gt=0)] | None = setting(
+        "3.0", "size of the covariance ellipsoid", only_with="covariance"
+    )
     axes: Annotated[tuple[Row, Row, Row], Field(strict=False)] | None = setting(
-        "[[1, 0, 0], [0, 1, 0], [0, 0, 1]]", "axes of a box or an ellipsoid, as rows"
+        "[[1, 0, 0], [0, 1, 0], [0, 0, 1]]",
+        "axes of a box or an ellipsoid, as rows",
+        only_with="box ellipsoid",
     )
     cylinder: Annotated[tuple[float, float], Reader(LENGTH, 2, "positive")] | None = setting(
-        '"10 100 m"', "radius and half-height of a cylinder"
+        '"10 100 m"', "radius and half-height of a cylinder", needs="axis"
     )
-    axis: Row | None = setting("[0, 1, 0]", "axis of a cylinder")
+    axis: Row | None = setting("[0, 1, 0]", "axis of a cylinder", only_with="cylinder")
     half_spaces: Annotated[tuple[float, ...], Reader(LENGTH, 0, "positive")] | None = setting(
-        '"50 m"', "distances of the faces of a polyhedron"
+        '"50 m"', "distances of the faces of a polyhedron", needs="normals"
     )
     normals: Annotated[tuple[Row, ...], Field(strict=False)] | None = setting(
-        "[[1, 0, 0]]", "outward normals of the faces"
+        "[[1, 0, 0]]", "outward normals of the faces", only_with="half_spaces"
     )
 
     def flaws(self) -> Iterator[str]:
-        yield from self.only_with("sigmas", "covariance")
-        yield from self.only_with("axes", "box", "ellipsoid")
-        yield from self.only_with("axis", "cylinder")
-        yield from self.only_with("normals", "half_spaces")
         yield from self.one_of(*SHAPES)
-        for shape, key in (("covariance", "sigmas"), ("cylinder", "axis"), ("half_spaces", "normals")):
-            if getattr(self, shape) is not None and getattr(self, key) is None:
-                yield f"{shape} needs {key}; add for example {key} = {self.examples()[key]}"
         rows = np.array(self.axes or np.eye(3))
         if not np.allclose(rows @ rows.T, np.eye(3), atol=1e-9):
             yield "axes are not orthonormal; give three perpendicular rows of length 1"
@@ -111,10 +108,8 @@ class KeepOut(Table):
         if self.normals is not None and not all(map(any, self.normals)):
             yield "normals: a row is zero; give the direction out of each face"
         if self.half_spaces and self.normals and len(self.normals) != len(self.half_spaces):
-            yield (
-                f"normals: {len(self.normals)} rows for {len(self.half_spaces)} half_spaces; "
-                "give one for each"
-            )
+            rows_for = f"{len(self.normals)} rows for {len(self.half_spaces)} half_spaces"
+            yield f"normals: {rows_for}; give one for each"
         if self.covariance is not None and np.linalg.eigvalsh(self.covariance_matrix())[0] <= 0.0:
             yield "covariance is not positive definite; check its six numbers: rr tr tt nr nt nn"
         if (self.kind == "covariance") > (self.covariance is not None):
@@ -350,7 +345,7 @@ class Craft(Engine):
     mass: Mass | None = setting('"150 kg"', "initial mass")
     engine: bool = setting("true", "false for a craft without an engine", True)
     delta_v_budget: Speed | None = setting('"12 m/s"', "maximum delta-v")
-    propellant: Mass | None = setting('"2 kg"', "mass of propellant")
+    propellant: Mass | None = setting('"2 kg"', "mass of propellant", needs="specific_impulse")
     keep_out: KeepOut | None = setting('{ sphere = "20 m" }', "keep-out zone")
     covariance: Annotated[Covariance | None, BeforeValidator(as_errors)] = setting(
         '{ position = "3 6 3 m", velocity = "2 2 2 mm/s" }', 'uncertainty of the initial state, or "exact"'
@@ -398,8 +393,6 @@ class Craft(Engine):
         if not given and self.velocity is None:
             yield 'no velocity; add for example velocity = "0 0 0 m/s"'
         yield from self.unfit()
-        if self.propellant is not None and self.specific_impulse is None:
-            yield 'propellant needs specific_impulse; add for example specific_impulse = "220 s"'
         if self.propellant is not None and self.mass is not None and self.propellant >= self.mass:
             yield (
                 f"propellant of {self.propellant:g} kg leaves nothing of a mass of {self.mass:g} kg; "
@@ -417,16 +410,14 @@ class Craft(Engine):
 
     def unfit(self) -> Iterator[str]:
         """Yield one line per inconsistency between the engine and the mass."""
-        if self.max_thrust is not None and self.mass is None:
-            yield 'max_thrust needs mass; add for example mass = "150 kg"'
+        yield from self.unmet("max_thrust", needed="mass")
         if self.thrusters is not None and not super().limited:
             yield 'thrusters need max_thrust, which each gives; add for example max_thrust = "10 mN"'
-        yield from self.only_with("minimum_bit", "thrusters")
-        yield from self.only_with("period", "thrusters")
+        yield from self.unmet("minimum_bit", partners=["thrusters"])
+        yield from self.unmet("period", partners=["thrusters"])
         if self.minimum_bit is not None and self.minimum_bit.impulse and self.mass is None:
             yield 'minimum_bit in N s needs mass; add for example mass = "12 kg"'
-        if self.specific_impulse is not None and self.mass is None:
-            yield 'specific_impulse needs mass; add for example mass = "150 kg"'
+        yield from self.unmet("specific_impulse", needed="mass")
 
     def using(self, engine: Engine) -> Self:
         """Return the craft with the engine keys of a stage in place of its own."""

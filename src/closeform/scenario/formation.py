@@ -204,8 +204,10 @@ class Start(Formation):
 class Target(Table):
     """Table `to`: the state that one craft moves to, relative to the formation's origin."""
 
-    position: Position | None = setting('"0 100 0 m"', "position relative to the origin")
-    velocity: Velocity | None = setting('"0 0 0 m/s"', "velocity relative to the origin")
+    position: Position | None = setting('"0 100 0 m"', "position relative to the origin", needs="velocity")
+    velocity: Velocity | None = setting(
+        '"0 0 0 m/s"', "velocity relative to the origin", only_with="position"
+    )
     palmer: SixLengths | None = setting('"0 0 0 100 0 20 m"', "Palmer's phase-space coordinates, as lengths")
     roe: SixLengths | None = setting(
         '"0 0 0 100 0 100 m"', "relative orbital elements times the semi-major axis"
@@ -213,9 +215,6 @@ class Target(Table):
 
     def flaws(self) -> Iterator[str]:
         yield from self.one_of("position", "palmer", "roe")
-        yield from self.only_with("velocity", "position")
-        if self.position is not None and self.velocity is None:
-            yield 'position needs velocity; add for example velocity = "0 0 0 m/s"'
 
     @property
     def orbital(self) -> bool | None:
@@ -236,9 +235,6 @@ class Destination(Target, Formation):
 
     def flaws(self) -> Iterator[str]:
         yield from self.one_of("position", "palmer", "roe", *Formation.model_fields)
-        yield from self.only_with("velocity", "position")
-        if self.position is not None and self.velocity is None:
-            yield 'position needs velocity; add for example velocity = "0 0 0 m/s"'
 
     @property
     def orbital(self) -> bool | None:

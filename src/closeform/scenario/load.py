@@ -32,6 +32,17 @@ from closeform.scenario.table import (
 )
 
 FORMAT = 1
+TABLES: dict[str, type[Table]] = {
+    "orbit": OrbitTable,
+    "craft": Craft,
+    "sensor": SensorTable,
+    "search": SearchTable,
+    "feedback": FeedbackTable,
+    "navigation": NavigationTable,
+    "simulation": FlightTable,
+    "verdict": VerdictTable,
+    "study": Study,
+}
 DEEPEST = 50  # parts of a dotted key: parser memory grows with their square, and the parser may recurse
 # possessive, and from the beginning of a word only: the search time is linear in the text length
 DEEP = re.compile(rf"""(?<![\w-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){{{DEEPEST}}}""")
@@ -146,8 +157,7 @@ class Reading:
 
     def sections(self) -> dict[str, Any]:
         """Return the validated sections; `lines` collects their errors."""
-        known = ["closeform", "title", "orbit", "craft", "sensor", "search", "feedback", "navigation"]
-        known += ["simulation", "verdict", "stage", "study"]
+        known = ["closeform", "title", *TABLES, "stage"]
         for key in self.raw:
             if key not in known:
                 self.complain((key,), f"unknown key; {did_you_mean(key, known)}")
@@ -161,14 +171,12 @@ class Reading:
             "orbit": self.table("orbit", OrbitTable, '[orbit] with altitude = "500 km"')
             or OrbitTable.model_validate({"deep_space": True}),
             "craft": in_places(self.craft(Craft)),
-            "sensor": self.table("sensor", SensorTable),
-            "search": self.table("search", SearchTable),
             "stages": self.stages(),
-            "study": self.table("study", Study),
-            "feedback": self.table("feedback", FeedbackTable),
-            "navigation": self.table("navigation", NavigationTable),
-            "flights": self.table("simulation", FlightTable),
-            "verdict": self.table("verdict", VerdictTable),
+            **{
+                "flights" if key == "simulation" else key: self.table(key, model)
+                for key, model in TABLES.items()
+                if key not in ("orbit", "craft")
+            },
         }
 
     def complain(self, place: Place, text: str) -> None:
@@ -218,7 +226,7 @@ class Reading:
         except ValidationError:
             return None
         if wrong:  # otherwise its flaws are already reported
-            for text in mended.flaws():
+            for text in mended.all_flaws():
                 if not wrong & set(re.findall(r"\w+", text)):
                     self.complain(place, text)
         return mended

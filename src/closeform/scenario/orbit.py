@@ -218,16 +218,18 @@ class ChiefTable(Table):
         '"6928.137 0 0 km, 0 -1.003 7.518 km/s"', "inertial position and velocity"
     )
     oem: FileName | None = setting('"chief.oem"', "orbit ephemeris message")
-    frame: str | None = setting('"GCRF"', "inertial frame of `elements` or `state`", min_length=1)
-    center: str | None = setting('"EARTH"', "central body of `elements` or `state`", min_length=1)
+    frame: str | None = setting(
+        '"GCRF"', "inertial frame of `elements` or `state`", min_length=1, only_with="elements state"
+    )
+    center: str | None = setting(
+        '"EARTH"', "central body of `elements` or `state`", min_length=1, only_with="elements state"
+    )
     ballistic: Ballistic | None = setting(
         '"0.02 m^2/kg"', "drag coefficient times area over mass of the origin"
     )
 
     def flaws(self) -> Iterator[str]:
         yield from self.one_of("elements", "state", "oem")
-        yield from self.only_with("frame", "elements", "state")
-        yield from self.only_with("center", "elements", "state")
 
     def build(self, epoch: Epoch, mu: float, radius: float, inputs: Inputs) -> "Chief":
         """Return the chief; raise ValueError for an invalid one or one too far from a circle."""
@@ -256,26 +258,28 @@ class OrbitTable(Table):
     period: Seconds | None = setting('"95 min"', "orbital period")
     semi_major_axis: Length | None = setting('"6878 km"', "semi-major axis")
     mean_motion: Rate | None = setting('"0.0634 deg/s"', "mean motion")
-    latitude: Angle = setting('"30 deg"', "argument of latitude of the origin at the start", 0.0)
-    mu: Annotated[float, Reader(GRAVITY, least="positive")] | None = setting(
-        '"398600.4418 km^3/s^2"', "gravitational parameter"
+    latitude: Angle = setting(
+        '"30 deg"',
+        "argument of latitude of the origin at the start",
+        0.0,
+        only_with="altitude period semi_major_axis mean_motion",
     )
-    radius: Length | None = setting('"6378.137 km"', "equatorial radius of the central body")
+    mu: Annotated[float, Reader(GRAVITY, least="positive")] | None = setting(
+        '"398600.4418 km^3/s^2"', "gravitational parameter", only_with="altitude semi_major_axis chief"
+    )
+    radius: Length | None = setting(
+        '"6378.137 km"', "equatorial radius of the central body", only_with="altitude chief"
+    )
     epoch: Annotated[Epoch, BeforeValidator(as_epoch)] | None = setting(
         '"2026-11-22T12:00:00Z"', "epoch of the mission's start"
     )
-    chief: ChiefTable | None = setting('{ oem = "chief.oem" }', "orbit of the formation's origin")
-    field: FieldTable | None = setting("{ zonals = 2 }", "high-fidelity model")
+    chief: ChiefTable | None = setting(
+        '{ oem = "chief.oem" }', "orbit of the formation's origin", needs="epoch"
+    )
+    field: FieldTable | None = setting("{ zonals = 2 }", "high-fidelity model", needs="chief")
 
     def flaws(self) -> Iterator[str]:
-        yield from self.only_with("latitude", "altitude", "period", "semi_major_axis", "mean_motion")
-        yield from self.only_with("mu", "altitude", "semi_major_axis", "chief")
-        yield from self.only_with("radius", "altitude", "chief")
         yield from self.one_of("altitude", "period", "semi_major_axis", "mean_motion", "deep_space", "chief")
-        if self.chief is not None and self.epoch is None:
-            yield f"chief needs epoch; add for example epoch = {self.examples()['epoch']}"
-        if self.field is not None and self.chief is None:
-            yield "field needs epoch and chief, whose orbit is in it; add both"
 
     def build(self) -> Orbit:
         """Return the orbit that the table describes."""

@@ -121,13 +121,12 @@ class Thrusting(Engine, Drifting):
         lambda: ArrivalTolerance.model_validate({}),
     )
     cost: Cost = setting('"delta-v"', "cost to minimize", "energy")
-    failure: Failed | None = setting('"thrust lost"', "failure that precedes the drift")
+    failure: Failed | None = setting('"thrust lost"', "failure that precedes the drift", only_with="drift")
     least: Share | None = setting('"90 %"', "minimum share of the thrust or burns that remains")
     longest: Span | None = setting('"10 s"', "maximum time of a stuck thruster")
 
     def flaws(self) -> Iterator[str]:
         yield from super().flaws()
-        yield from self.only_with("failure", "drift")
         if self.least is not None and self.failure not in ("burns missed", "thrust weak"):
             yield 'least goes with failure = "burns missed" or "thrust weak" only; remove least'
         if self.least is not None and self.least >= 1.0:
@@ -339,15 +338,12 @@ class Scatter(Joint):
     factor: Annotated[float, Field(gt=1, le=1e6)] | None = setting(
         "3.0", "factor of all distances from the center"
     )
-    point: Position | None = setting('"0 0 0 m"', "point to move away from", alias="from")
-    distance: Length | None = setting('"1 km"', "distance to move away")
+    point: Position | None = setting('"0 0 0 m"', "point to move away from", alias="from", needs="distance")
+    distance: Length | None = setting('"1 km"', "distance to move away", only_with="point")
 
     def flaws(self) -> Iterator[str]:
         yield from super().flaws()
         yield from self.one_of("factor", "point")
-        yield from self.only_with("distance", "point")
-        if self.point is not None and self.distance is None:
-            yield 'from needs distance; add for example distance = "1 km"'
 
     @property
     def away(self) -> tuple[Vector, float]:

@@ -6,14 +6,14 @@ from copy import deepcopy
 from functools import cache
 from itertools import product
 from math import prod
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
 from closeform.scenario.craft import Craft, SearchTable, SensorTable
 from closeform.scenario.orbit import FeedbackTable, FieldTable, NavigationTable
 from closeform.scenario.quantity import Reader, shown
-from closeform.scenario.table import Seconds, Table, setting
+from closeform.scenario.table import Seconds, Table, notes_of, setting
 
 Pair = Annotated[tuple[str, str], Field(strict=False)]
 DRAWS = ("uniform", "normal", "ball", "shell", "chance", "choice")
@@ -81,12 +81,8 @@ def readers() -> dict[str, Reader | None]:
     found: dict[str, Reader | None] = {"craft.silent": None}
     for section, table in TABLES.items():
         for name, field in table.model_fields.items():
-            notes = [*field.metadata]
-            for part in get_args(field.annotation):  # X | None holds its metadata in X
-                notes += getattr(part, "__metadata__", ())
-            for note in notes:
-                if isinstance(note, Reader):
-                    found[f"{section}.{table.key_of(name)}"] = note
+            readers = (note for note in notes_of(field) if isinstance(note, Reader))
+            found |= {f"{section}.{table.key_of(name)}": reader for reader in readers}
     return found | {FAILS: None}
 
 

@@ -1,12 +1,13 @@
 """Base class of the tables of a scenario file, types that they share, and error messages."""
 
+import json
 import re
 import tomllib
 from collections.abc import Iterable, Iterator, Sequence
 from difflib import get_close_matches
 from math import inf
 from types import NoneType
-from typing import Annotated, Any, Literal, Self, get_args
+from typing import Annotated, Any, Literal, Self, get_args, get_origin
 
 from pydantic import (
     BaseModel,
@@ -17,6 +18,7 @@ from pydantic import (
     ValidationInfo,
     model_validator,
 )
+from pydantic.fields import FieldInfo
 
 from closeform.scenario.quantity import (
     ANGLE,
@@ -40,13 +42,17 @@ FOREVER = "forever"  # duration of a drift without an end
 ALL, EACH = "<all>", "<each>"  # the two forms of a key: one table for all craft, or a list with one per craft
 
 
-def setting(example: str, help: str, default: Any = None, **checks: Any) -> Any:
-    """Return the description of a key: an example as written in a file, one line of help, default, checks.
+def setting(
+    example: str, help: str, default: Any = None, needs: str = "", only_with: str = "", **checks: Any
+) -> Any:
+    """Return the description of a key, from which its checks, messages and reference derive.
 
-    Messages and the reference of the scenario file derive from it. A default of ... makes the key required.
+    `example` is a value as written in a file and `help` one line. A default of ... makes the key required.
+    The key `needs` another, and is allowed `only_with` one of several others, which are fields.
     """
     usual = {"default_factory": default} if callable(default) else {"default": default}
-    return Field(examples=[example], description=help, **usual, **checks)
+    rules: Any = {"needs": needs, "only_with": only_with.split()}
+    return Field(examples=[example], description=help, json_schema_extra=rules, **usual, **checks)
 
 
 class Table(BaseModel):
@@ -65,6 +71,18 @@ class Table(BaseModel):
         }
 
     @classmethod
+    def reference(cls) -> Iterator[tuple[str, str, str, str]]:
+        """Yield each key of the table: its name, values or an example, its default and its meaning."""
+        for name, field in cls.model_fields.items():
+            parts = field.annotation, *get_args(field.annotation)
+            words = [word for part in parts for word in choices(part)]
+            example = " or ".join(words) or (field.examples or [""])[0]
+            usual = field.get_default(call_default_factory=True)
+            default = json.dumps(usual) if isinstance(usual, str | int | float) else ""
+            default = "required" if field.is_required() else default
+            yield cls.key_of(name), example, default, field.description or ""
+
+    @classmethod
     def key_of(cls, name: str) -> str:
         """Return the key in the file for a field name."""
         return cls.model_fields[name].alias or name
@@ -77,13 +95,31 @@ class Table(BaseModel):
     @model_validator(mode="after")
     def fits(self, info: ValidationInfo) -> Self:
         """Raise ValueError for inconsistent keys, unless the context is FLAWED."""
-        if info.context != FLAWED and (flaws := dict.fromkeys(self.flaws())):
+        if info.context != FLAWED and (flaws := self.all_flaws()):
             raise ValueError("\n".join(flaws))
         return self
 
+    def all_flaws(self) -> list[str]:
+        """Return one line per inconsistency among the keys, as `what is wrong; remedy`."""
+        found = list(self.flaws())
+        for name, field in type(self).model_fields.items():
+            rules: Any = field.json_schema_extra or {}
+            found += self.unmet(name, rules.get("needs", ""), rules.get("only_with", []))
+        return list(dict.fromkeys(found))
+
     def flaws(self) -> Iterator[str]:
-        """Yield one line per inconsistency among the keys, as `what is wrong; remedy`."""
+        """Yield one line per inconsistency that the descriptions of the keys do not state."""
         return iter(())
+
+    def unmet(self, name: str, needed: str = "", partners: Sequence[str] = ()) -> Iterator[str]:
+        """Yield a flaw of a given key without the key that it needs, or without any of its partners."""
+        key, other = self.key_of(name), needed and self.key_of(needed)
+        if needed and getattr(self, name) is not None and getattr(self, needed) is None:
+            yield f"{key} needs {other}; add for example {other} = {self.examples()[other]}"
+        given = name in self.model_fields_set and getattr(self, name) is not None
+        if partners and given and all(getattr(self, one) is None for one in partners):
+            keys = " or ".join(map(self.key_of, partners))
+            yield f"{key} requires {keys}; add one, or remove {key}"
 
     def one_of(self, *names: str) -> Iterator[str]:
         """Yield a flaw unless exactly one of the keys is given."""
@@ -95,11 +131,19 @@ class Table(BaseModel):
             first = f"{keys[names[0]]} = {self.examples()[keys[names[0]]]}"
             yield f"needs one of {', '.join(keys.values())}; add for example {first}"
 
-    def only_with(self, key: str, *names: str) -> Iterator[str]:
-        """Yield a flaw if `key` is given without any of the keys that it requires."""
-        if key in self.model_fields_set and all(getattr(self, name) is None for name in names):
-            keys = " or ".join(self.key_of(name) for name in names)
-            yield f"{key} goes with {keys} only; remove {key}"
+
+def notes_of(field: FieldInfo) -> Iterator[Any]:
+    """Yield the annotations of a key; those of `X | None` stand with X."""
+    yield from field.metadata
+    for part in get_args(field.annotation):
+        yield from getattr(part, "__metadata__", ())
+
+
+def choices(annotation: Any) -> list[str]:
+    """Return the values of a Literal as a file writes them; true and false of a truth value."""
+    if annotation is bool:
+        return ["true", "false"]
+    return [json.dumps(one) for one in get_args(annotation)] if get_origin(annotation) is Literal else []
 
 
 def as_name(value: Any) -> str:
