@@ -7,8 +7,8 @@ from scipy.special import ndtri
 
 from bridge import hill
 from closeform.campaign import case_of, flown
-from closeform.campaign.executed_mission import History
 from closeform.campaign.mission_cases import MissionCases
+from closeform.mission.executed_mission import History
 from closeform.mission.mission import fly
 from closeform.report import uncertain
 from closeform.scenario import parse

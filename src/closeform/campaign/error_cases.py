@@ -16,8 +16,7 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.campaign.cases import CaseChunks, Cases, Columns, Statistics
-from closeform.campaign.executed_mission import drawn
-from closeform.campaign.process_noise import ProcessNoise
+from closeform.mission.executed_mission import ProcessNoise, drawn
 from closeform.mission.mission import fly
 from closeform.mission.mission_result import Mission
 from closeform.motion.joining import join, stack

@@ -499,30 +499,11 @@ class GatherCampaign(Campaign):
         phases = {number: share.label for number, share in enumerate(self.shares[:-1]) if share.cases}
         return self.each_spread(self.kind.costs(phases))
 
-    @cached_property
-    def rounds(self) -> Any:
-        """Number of searches begun."""
-        return self.column("rounds")
-
-    @cached_property
-    def left(self) -> Any:
-        """Number of craft not in the formation set."""
-        return self.column("left")
-
-    @cached_property
-    def delta_v(self) -> Floats:
-        """Delta-v of all craft together [m/s]."""
-        return np.asarray(self.column("delta_v_m_s"))
-
-    @cached_property
-    def met_unknown(self) -> Any:
-        """Number of pairs that entered their keep-out zone before they knew each other."""
-        return self.column("met_unknown")
-
-    @cached_property
-    def met_known(self) -> Any:
-        """Number of pairs that did so only after."""
-        return self.column("met_known")
+    rounds = property(lambda self: self.column("rounds"), doc="Number of searches begun.")
+    left = property(lambda self: self.column("left"), doc="Number of craft not in the formation set.")
+    delta_v = property(lambda self: self.column("delta_v_m_s"), doc="Delta-v of all craft together [m/s].")
+    met_unknown = property(lambda self: self.column("met_unknown"), doc="Conflicts of pairs without a lock.")
+    met_known = property(lambda self: self.column("met_known"), doc="Conflicts of pairs after a lock.")
 
     def conflicts(self, column: str) -> tuple[int, int]:
         """Return the cases with pairs in a keep-out zone, and the pairs, of `met_unknown` or `met_known`."""

@@ -27,9 +27,9 @@ from closeform.zones.solids import Sphere
 from closeform.zones.zone import Zone
 
 if TYPE_CHECKING:
-    from closeform.campaign.executed_mission import History
     from closeform.dynamics.field import Field
     from closeform.exchange.chief import Chief
+    from closeform.mission.executed_mission import History
     from closeform.search.schedule import Search
     from closeform.search.search_errors import SearchErrors
 
