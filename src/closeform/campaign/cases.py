@@ -63,6 +63,11 @@ class Cases(ABC):
         A chunk is some tenths of a second of work, which is what an interrupted study loses.
         """
 
+    @property
+    def numbers(self) -> int:
+        """Number of values of a case that stay in memory for the Python interface, about."""
+        return 1
+
     @abstractmethod
     def evaluate(self, first: int, last: int) -> Columns:
         """Return the columns of the cases from `first` to `last`, exclusive.

@@ -150,6 +150,11 @@ class LockCases(SearchCases):
         """Number of pairs."""
         return len(self.pairs)
 
+    @property
+    def numbers(self) -> int:
+        """Number of lock times: of each pair with exact detection, and at each step."""
+        return self.rows * (1 + len(self.steps))
+
     def chunk_size(self, count: int) -> int:
         """Return the number of cases in a chunk."""
         return max(1, PAIRS_AT_ONCE // self.rows)
