@@ -572,7 +572,7 @@ def test_messages(tmp_path, monkeypatch, capsys) -> None:
             "sensor.half_angle: 40 deg is below 45 deg; no tip covers the complementary cones; ",
         ),
         ('sun_limit = "25 deg"', 'sun_limit = "95 deg"', "search: sun_limit must be below 90 deg; "),
-        ('"A", "B", "A"', '"A", "A", "A"', "craft.group: nobody is in group B, "),
+        ('"A", "B", "A"', '"A", "A", "A"', "craft.group: group B is empty, "),
         ("deep_space = true", 'altitude = "500 km"', "orbit: a search is for deep space only; "),
         ('["60 s"]', '["1 ms"]', "study: sampled has a step below 0.01 s; "),
         ('["60 s"]', '["1 m"]', 'study.sampled[1]: "1 m" is a length, not a time; '),

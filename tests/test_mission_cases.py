@@ -192,7 +192,7 @@ def test_stages_that_search_come_first_in_a_mission(tmp_path, monkeypatch):
             "some case has -7.9 in SI units, beyond",
         ),
         ('"craft.mass"', '"craft.silent"', "is true or false; write { chance = 0.01 }"),
-        ('"craft.mass" = { uniform = "20 kg" }', '"craft.silent" = { chance = 0.1 }', "nobody searches here"),
+        ('"craft.mass" = { uniform = "20 kg" }', '"craft.silent" = { chance = 0.1 }', "no stage is a search"),
         (
             '"craft.mass"',
             '"craft.propellant"',

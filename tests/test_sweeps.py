@@ -129,7 +129,7 @@ def test_the_command_leaves_a_table_and_a_picture(tmp_path, monkeypatch, capsys,
             "[1]",
             "study.sweep: stage[2].rounds: there is no stage[2] in the file; add it, or",
         ),
-        ("stage[1].do", '["gather"]', "study.sweep: changes who flies, or what they do; leave that"),
+        ("stage[1].do", '["gather"]', "study.sweep: changes the craft or the stages; remove that key"),
         ("sensor.range", "[]", "study: sweep has no values of sensor.range; give some, or remove it"),
         (
             "search.sun_limit",

@@ -76,7 +76,7 @@ def fit(scenario: Scenario, found: "Findings") -> None:
         found.add([f"orbit: {error}; check its numbers"])
         return
     if circular and not orbit.mean_motion > 0.0:
-        found.add(["orbit: so wide that nothing turns; write deep_space = true instead"])
+        found.add(["orbit: too wide; write deep_space = true instead"])
         return
     found.add(in_orbit(scenario) if circular else deep_space(scenario))
     found.add(spans(scenario, orbit))
@@ -143,7 +143,8 @@ def stages(scenario: Scenario) -> Iterator[str]:
         if isinstance(stage, Joint):
             yield from together(scenario, number, stage)
         if isinstance(stage, Transfer) and stage.craft is None and len(scenario.craft) > 1:
-            yield f'stage[{number}].craft: missing; name who moves, for example "{scenario.names[0]}"'
+            line = "missing; name the craft that moves"
+            yield f'stage[{number}].craft: {line}, for example "{scenario.names[0]}"'
         if isinstance(stage, Avoid | Joint | Transfer):
             yield from thrusting(scenario, number, stage)
             yield from firing(scenario, number, stage)
@@ -192,10 +193,10 @@ def engines(scenario: Scenario, number: int, stage: StageTable) -> Iterator[str]
     if isinstance(stage, Reconfigure):
         others = ", ".join(f'"{name}"' for name in scenario.names if name not in idle)
         lacks = f"missing, and {idle[0]} has no engine"
-        yield f"stage[{number}].craft: {lacks}; name who moves, for example craft = [{others}]"
+        yield f"stage[{number}].craft: {lacks}; name the craft that move, for example craft = [{others}]"
         return
     remedy = "use reconfigure with craft" if isinstance(stage, Scatter | Regather) else "remove engine"
-    yield f"stage[{number}].do: {stage.verb} moves everybody, and {idle[0]} has no engine; {remedy}"
+    yield f"stage[{number}].do: {stage.verb} moves all craft, and {idle[0]} has no engine; {remedy}"
 
 
 def exact(scenario: Scenario) -> Iterator[str]:
@@ -203,7 +204,7 @@ def exact(scenario: Scenario) -> Iterator[str]:
     given = [craft.covariance for craft in scenario.craft if craft.covariance is not None]
     if given and all(one.exact for one in given):
         yield (
-            "craft.covariance: says that the state is known exactly; "
+            "craft.covariance: is zero, so that the state is known exactly; "
             'give for example position = "3 6 3 m", or remove it'
         )
 
@@ -215,7 +216,7 @@ def firing(scenario: Scenario, number: int, stage: Avoid | Joint | Transfer) -> 
     if endless and stage.cost == "energy":
         section = "craft" if stage.thrusters is None else f"stage[{number}]"
         yield (
-            f"{section}.period: missing, in which thrusters fire once while a plan of least energy thrusts; "
+            f"{section}.period: missing, and on-off thrusters need it to realize continuous thrust; "
             'add for example period = "30 s", or write cost = "delta-v" in the stage'
         )
 
@@ -232,7 +233,7 @@ def thrusting(scenario: Scenario, number: int, stage: Thrusting) -> Iterator[str
                 yield f"stage[{number}].{key}: {wrong}{' to [craft]' if ' mass = ' in wrong else ''}"
         if stage.specific_impulse is not None and craft.specific_impulse is None:
             yield (
-                f"stage[{number}].specific_impulse: stands for that of [craft], which has none; "
+                f"stage[{number}].specific_impulse: replaces that of [craft], which has none; "
                 'add for example specific_impulse = "220 s" there'
             )
 
@@ -257,7 +258,7 @@ def together(scenario: Scenario, number: int, stage: Joint) -> Iterator[str]:
     movers = stage.moving(scenario.names)
     for name in dict.fromkeys(stage.order or ()):
         if (stage.order or ()).count(name) > 1:
-            yield f"stage[{number}].order: {name} stands in it twice; name each craft once"
+            yield f"stage[{number}].order: {name} is given twice; name each craft once"
         elif name in scenario.names and name not in movers:
             yield f"stage[{number}].order: {name} does not move in this stage; leave it out"
     if isinstance(stage, Scatter) and len(scenario.craft) < 2 and stage.factor is not None:
@@ -289,7 +290,7 @@ def searching(scenario: Scenario) -> Iterator[str]:
         yield 'craft.group: missing; add for example group = ["A", "B"]'
     elif len(set(groups)) == 1:
         empty = "B" if groups[0] == "A" else "A"
-        yield f"craft.group: nobody is in group {empty}, locks are between A and B; put a craft into {empty}"
+        yield f"craft.group: group {empty} is empty, and locks are between A and B; put a craft into {empty}"
     if scenario.orbit.deep_space is None:
         yield "orbit: a search is for deep space only; write deep_space = true instead"
 
@@ -375,7 +376,7 @@ def spans(scenario: Scenario, orbit: Orbit) -> Iterator[str]:
             turns = stage.durations["within"].on(orbit.mean_motion) * orbit.mean_motion / (2.0 * pi)
             if turns > MOST_TURNS:
                 yield (
-                    f"stage[{number}].within: the least delta-v is found over at most {MOST_TURNS:g} "
+                    f"stage[{number}].within: the minimum delta-v is found over at most {MOST_TURNS:g} "
                     f"orbits, got {turns:g}; coast for the rest"
                 )
 
@@ -395,7 +396,7 @@ def doubted(scenario: Scenario, number: int, stage: StageTable) -> Iterator[str]
     if stage.max_probability is not None and any(body is None for _, body in sizes):
         yield 'craft.hard_body: missing; add for example hard_body = "5 m"'
     if stage.sigmas is not None and isinstance(stage, Avoid | Joint) and stage.plans_drift and stage.is_exact:
-        yield f"stage[{number}]: a plan keeps sigmas or a drift, not both; remove one of them"
+        yield f"stage[{number}]: sigmas cannot be combined with drift; remove one of them"
     if stage.sigmas is not None and any(zone is None and body is None for zone, body in sizes):
         yield 'craft.keep_out: missing; add for example keep_out = { sphere = "20 m" }'
 
@@ -433,13 +434,13 @@ def in_field(scenario: Scenario) -> Iterator[str]:
     }
     for key, given in tables.items():
         if given is not None:
-            yield f"{key}: is for flights in a field; {REMEDY}"
+            yield f"{key}: requires a high-fidelity model; {REMEDY}"
     for number, stage in enumerate(scenario.stages, 1):
         if getattr(stage, "margin", None) == "auto":
             key = f"stage[{number}].margin"
-            yield f"{key}: auto is for flights in a field; add field to [orbit], or give a length"
+            yield f"{key}: auto requires a high-fidelity model; add field to [orbit], or give a length"
     if any(any(craft.thrust_error) for craft in scenario.craft):
-        yield f"craft.thrust_error: is for flights in a field; {REMEDY}"
+        yield f"craft.thrust_error: requires a high-fidelity model; {REMEDY}"
 
 
 def in_air(scenario: Scenario) -> Iterator[str]:
@@ -449,14 +450,14 @@ def in_air(scenario: Scenario) -> Iterator[str]:
     if table is None or table.air is None:
         if any(one is not None for one in ballistics):
             what = REMEDY if table is None else "add density, at_altitude and scale_height to field"
-            yield f"craft.ballistic: there is no air; {what}"
+            yield f"craft.ballistic: requires an atmosphere; {what}"
         return
     if None in ballistics:
-        yield f"craft.ballistic: missing, in air; add for example ballistic = {Craft.examples()['ballistic']}"
+        yield f"craft.ballistic: missing; add for example ballistic = {Craft.examples()['ballistic']}"
     if chief is not None and chief.ballistic is None:
         yield (
-            'orbit.chief: needs ballistic in air, like craft; add for example ballistic = "0.02 m^2/kg", '
-            '"0 m^2/kg" of an orbit that feels none'
+            'orbit.chief: needs ballistic for atmospheric drag; add for example ballistic = "0.02 m^2/kg", '
+            'or "0 m^2/kg" for an orbit without drag'
         )
 
 
@@ -475,13 +476,13 @@ def in_flight(scenario: Scenario) -> Iterator[str]:
         return
     if scenario.flights.control == "replan":
         for why, without in not_anew(scenario):
-            yield f'simulation.control: {why}; write control = "track", or have {without}'
+            yield f'simulation.control: {why}; write control = "track", or give {without}'
     if scenario.study is not None and scenario.study.draws != "vary":
-        yield "study.draws: a simulation draws its own errors in each case; remove draws or [simulation]"
+        yield "study.draws: cannot be combined with [simulation]; remove one of them"
     fails = scenario.study is not None and FAILS in scenario.study.vary
     if scenario.flights.control == "replan" and fails:
         remedy = 'write control = "track", or remove it'
-        yield f"study.vary.{shown(FAILS)}: new plans would need the thrust that is lost; {remedy}"
+        yield f"study.vary.{shown(FAILS)}: cannot be combined with replanning; {remedy}"
 
 
 def flown_thrusters(scenario: Scenario) -> list[Thrusters | None]:
@@ -504,7 +505,7 @@ def throughout(scenario: Scenario, k: int) -> Craft:
         if differ and (craft.thrusters or first.thrusters) is not None:
             raise ValueError(
                 f"stage[{number}].{Craft.key_of(differ[0])}: {name} has another in an earlier stage, and "
-                "flights have one set of thrusters for each craft; give it one, or each set a file of its own"
+                "a simulation has one set of thrusters for each craft; give one set, or one file for each set"
             )
     return first or scenario.craft[k]
 
@@ -512,14 +513,17 @@ def throughout(scenario: Scenario, k: int) -> Craft:
 def not_anew(scenario: Scenario) -> Iterator[tuple[str, str]]:
     """Yield each reason why a simulation cannot replan, with the remedy."""
     if len(scenario.stages) > 1:
-        yield f"replan is for one stage, and there are {len(scenario.stages)}", "one stage"
+        yield f"replan supports one stage, and there are {len(scenario.stages)}", "one stage"
     if any(scenario.plans_impulses(stage) for stage in scenario.stages):
-        yield "replan is for thrust that lasts, and impulses are planned", 'cost = "energy" in the stage'
+        yield (
+            "replan supports continuous thrust only, and impulses are planned",
+            'cost = "energy" in the stage',
+        )
     law = scenario.feedback
     if law is not None and law.impulses:
-        yield "replan is for thrust that lasts, and feedback has impulses", "none in [feedback]"
+        yield "replan supports continuous thrust only, and feedback has impulses", "no impulses in [feedback]"
     if law is not None and law.delay:
-        yield "replan has new plans at once, and feedback has a delay", "none in [feedback]"
+        yield "replan supports no delay", "no delay in [feedback]"
 
 
 def too_blind(scenario: Scenario, orbit: Orbit) -> Iterator[str]:
@@ -535,7 +539,7 @@ def too_blind(scenario: Scenario, orbit: Orbit) -> Iterator[str]:
     least = min((float(np.min(zone.extents)) for zone in zones), default=np.inf)
     if room.of_a_pair > least:
         yield (
-            f"navigation: leaves pairs {room.of_a_pair:.3g} m off ({room.sigmas:g} sigmas), and the smallest "
+            f"navigation: pairs are off by {room.of_a_pair:.3g} m ({room.sigmas:g} sigmas), and the smallest "
             f"zone reaches {least:.3g} m; give better navigation, another feedback or larger zones"
         )
 
@@ -557,7 +561,7 @@ def draws(scenario: Scenario, sound: Callable[[str], bool]) -> Iterator[str]:
         yield from somebody_to_meet(scenario)
     astray = any(craft.astray for craft in scenario.craft) or {*SEARCHED} & {*scenario.study.vary}
     if scenario.study.sampled and astray:
-        yield "study.sampled: samples look at searches without errors; remove sampled, or those"
+        yield "study.sampled: cannot be combined with search errors; remove one of them"
     for key, draw in scenario.study.vary.items():
         place, known = dotted(("study", "vary", key)), readers()
         section = key.rpartition(".")[0]
@@ -590,7 +594,7 @@ def too_far(scenario: Scenario, key: str, draw: Draw) -> str | None:
     if reader.size != 1:
         return None
     if draw.choice is None and None in given:
-        return f"there is no {key} to add to; give it, or draw a choice"
+        return f"{key} has no nominal value to add to; give it, or draw a choice"
     reach = {"choice": 0.0, "normal": NORMAL_REACH}.get(draw.kind, 1.0) * max(numbers)
     ends = numbers if draw.choice is not None else given
     least, most = WITHIN.get(key, (-inf if reader.least == "any" else 0.0, inf))
@@ -598,7 +602,7 @@ def too_far(scenario: Scenario, key: str, draw: Draw) -> str | None:
     if (low > least and high < most) or (reader.least == "zero" and low == least):
         return unfit(scenario, key, (low, high)) if key.startswith(TABLED) else None
     worst = high if high >= most else low
-    return f"some case has {worst:.6g} in SI units, beyond what {key} may be; draw less"
+    return f"a case can have {worst:.6g} in SI units, out of range of {key}; reduce the draw"
 
 
 def unfit(scenario: Scenario, key: str, values: tuple[float, ...]) -> str | None:
@@ -615,7 +619,7 @@ def too_much_turn(given: tuple[Any, ...], draw: Draw, numbers: tuple[Any, ...]) 
     else:
         corner = {"uniform": 3.0**0.5, "normal": 3.0**0.5 * NORMAL_REACH}.get(draw.kind, 1.0)
         most = max(hypot(*value) for value in given) + corner * numbers[-1]
-    return None if most < MOST_TURN else "some body is turned by 90 deg or more; draw less"
+    return None if most < MOST_TURN else "a pointing error can reach 90 deg; reduce the draw"
 
 
 def drawn_errors(scenario: Scenario) -> Iterator[str]:
@@ -629,7 +633,7 @@ def drawn_errors(scenario: Scenario) -> Iterator[str]:
     replanned = scenario.study is not None and scenario.study.draws == "replanned"
     if scenario.noisy and replanned and searches:
         yield (
-            f"study.draws: craft search in stage {searches[0]} as they coast, without white noise; remove "
+            f"study.draws: the search in stage {searches[0]} does not support process noise; remove "
             'noise from execution, or write draws = "errors"'
         )
 

@@ -113,9 +113,9 @@ class KeepOut(Table):
         if self.covariance is not None and np.linalg.eigvalsh(self.covariance_matrix())[0] <= 0.0:
             yield "covariance is not positive definite; check its six numbers: rr tr tt nr nt nn"
         if (self.kind == "covariance") > (self.covariance is not None):
-            yield 'kind = "covariance" goes with covariance only; write "region" or "body"'
+            yield 'kind = "covariance" requires covariance; write "region" or "body"'
         if self.kind == "body" and self.covariance is not None:
-            yield "covariance is of where a craft is, not of its body; remove kind"
+            yield 'covariance cannot be combined with kind = "body"; remove kind'
 
     def covariance_matrix(self) -> Floats:
         """Return the covariance (3, 3) in m^2 from its lower triangle by rows, as in a CCSDS CDM."""
@@ -258,7 +258,7 @@ class Covariance(Table):
 
     def flaws(self) -> Iterator[str]:
         if not np.allclose(np.diag(self.correlation), 1.0, atol=1e-9):
-            yield "correlation has not 1 on its diagonal; the sizes stand in position and velocity"
+            yield "correlation has a diagonal other than 1; give the deviations in position and velocity"
             return
         try:
             root_of("correlation", self.correlation)
@@ -404,8 +404,8 @@ class Craft(Engine):
             yield 'slew_rate_error must be above -100 %; write for example "0.1 %"'
         if self.covariance is not None and self.keep_out is not None and self.keep_out.of_errors:
             yield (
-                "covariance and a keep_out that is one both say where the craft may be; "
-                "keep one, or give keep_out a size of its own"
+                "covariance cannot be combined with a keep_out that is a covariance; "
+                "keep one, or give keep_out another shape"
             )
 
     def unfit(self) -> Iterator[str]:
@@ -536,7 +536,7 @@ class SearchTable(Table):
     def flaws(self) -> Iterator[str]:
         for key in ("in_plane_turn", "tip_angle"):
             if self.method == "modified" and getattr(self, key) is not None:
-                yield f'{key} goes with method = "basic" only; remove {key}'
+                yield f'{key} requires method = "basic"; remove {key}'
         if self.sun_limit >= pi / 2.0:
             yield 'sun_limit must be below 90 deg; write for example "25 deg"'
 

@@ -129,7 +129,7 @@ class Line(Shape):
 
     def flaws(self) -> Iterator[str]:
         if not 1e-30 < max(map(abs, self.direction)) < 1e30:
-            yield "direction does not point anywhere; write for example direction = [1, 0, 0]"
+            yield "direction is zero or out of range; write for example direction = [1, 0, 0]"
 
     def states(self, orbit: Orbit, count: int) -> Floats:
         from closeform.planning import targets

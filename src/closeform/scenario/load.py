@@ -98,7 +98,7 @@ def swept(raw: dict[str, Any], scenario: Scenario, command: str) -> Iterator[Sce
         for place, (chosen, changed) in enumerate(points(raw)):
             point = told(changed, scenario.text, file, command)
             if point.names != scenario.names or [stage.verb for stage in point.stages] != same:
-                raise ScenarioError(file, ["study.sweep: changes who flies, or what they do; leave that"])
+                raise ScenarioError(file, ["study.sweep: changes the craft or the stages; remove that key"])
             yield replace(point, title=f"{scenario.title}: {words(chosen)}", point=chosen, place=place)
     except ScenarioError as error:
         line = error.lines[0].removeprefix(f"{file}: ")

@@ -29,7 +29,7 @@ def own_zone(shapes: dict[str, str | None], axis: str | None, sigmas: float | No
         raise ValueError(f'screen: give one of {names}; for example --sphere "20 m"')
     (shape,) = given
     if (shape == "cylinder") != (axis is not None):
-        raise ValueError('screen: --cylinder and --axis go together; for example --axis "0 1 0"')
+        raise ValueError('screen: --cylinder and --axis require each other; for example --axis "0 1 0"')
     if shape == "covariance" and sigmas is None:
         raise ValueError("screen: --covariance needs --sigmas; for example --sigmas 3")
     if body and shape in ("covariance", HARD_BODY):

@@ -103,7 +103,7 @@ class FeedbackTable(Table):
 
     def flaws(self) -> Iterator[str]:
         if self.impulses == 1:
-            yield "impulses is 0, thrust that lasts, or two or more; write for example impulses = 6"
+            yield "impulses is 0 (continuous thrust), or two or more; write for example impulses = 6"
         if self.horizon < self.every:
             yield (
                 f"horizon of {self.horizon:g} s is shorter than the {self.every:g} s from one measurement to "
@@ -115,7 +115,7 @@ class FeedbackTable(Table):
                 'the next; write for example delay = "5 s"'
             )
         if self.delay and self.impulses:
-            yield "delay goes with thrust that lasts; remove delay, or impulses"
+            yield "delay cannot be combined with impulses; remove one of them"
 
     def build(self) -> "Feedback":
         """Return the feedback that the table describes."""
@@ -188,7 +188,7 @@ class Elements(Table):
         yield from self.one_of("altitude", "semi_major_axis")
         yield from self.one_of("latitude", "mean_anomaly", "true_anomaly")
         if "argument_of_perigee" in self.model_fields_set and not self.eccentricity:
-            yield "argument_of_perigee goes with eccentricity only, a circle has no perigee; remove it"
+            yield "argument_of_perigee requires eccentricity; add it, or remove argument_of_perigee"
 
     def state(self, mu: float, radius: float) -> Floats:
         """Return the inertial state (6,) [m, m/s]."""
@@ -244,7 +244,7 @@ class ChiefTable(Table):
             chief = Chief(epoch.stamp, np.array(state), *place, mu)
         if chief.eccentricity > CLOSE_TO_A_CIRCLE:
             raise ValueError(
-                f"eccentricity {chief.eccentricity:.3g}, and Hill's equations, those of a circle, are of use "
+                f"eccentricity {chief.eccentricity:.3g}, and Hill's equations are useful "
                 f"up to {CLOSE_TO_A_CIRCLE:g}; give another orbit"
             )
         return chief

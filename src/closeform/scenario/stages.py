@@ -128,11 +128,11 @@ class Thrusting(Engine, Drifting):
     def flaws(self) -> Iterator[str]:
         yield from super().flaws()
         if self.least is not None and self.failure not in ("burns missed", "thrust weak"):
-            yield 'least goes with failure = "burns missed" or "thrust weak" only; remove least'
+            yield 'least requires failure = "burns missed" or "thrust weak"; remove least'
         if self.least is not None and self.least >= 1.0:
             yield 'least is a share below 100 %; write for example least = "90 %"'
         if (self.longest is not None) != (self.failure == "thrust stuck"):
-            yield 'failure = "thrust stuck" and longest go together; write for example longest = "10 s"'
+            yield 'failure = "thrust stuck" and longest belong together; write for example longest = "10 s"'
         if self.longest is not None and self.longest.orbits:
             yield 'longest is a time; write for example longest = "10 s"'
 
@@ -261,7 +261,7 @@ class Avoid(Clearing):
     def flaws(self) -> Iterator[str]:
         yield from super().flaws()
         if self.cost == "delta-v" and self.method != "exact":
-            yield f'method = "{self.method}" goes with cost = "energy" only; remove one of them'
+            yield f'method = "{self.method}" cannot be combined with cost = "{self.cost}"; remove one of them'
         names = self.moving(())
         for name in names:
             if names.count(name) > 1:
@@ -319,9 +319,9 @@ class Joint(Clearing):
     def flaws(self) -> Iterator[str]:
         yield from super().flaws()
         if self.order is not None and self.plan != "sequential":
-            yield 'order goes with plan = "sequential" only; remove order'
+            yield 'order requires plan = "sequential"; remove order'
         if self.cost == "delta-v" and self.plan != "joint":
-            yield f'plan = "{self.plan}" goes with cost = "energy" only; remove one of them'
+            yield f'plan = "{self.plan}" cannot be combined with cost = "{self.cost}"; remove one of them'
 
     def moving(self, names: Names) -> Names:
         return names
@@ -388,7 +388,7 @@ class Reconfigure(Joint):
             if (self.craft or ()).count(name) > 1:
                 yield f"{name} moves twice in one stage; name each craft once"
         if self.slots is not None and not (self.assign and isinstance(self.to, Goal) and self.to.shape):
-            yield "slots goes with assign = true and a named formation only; remove slots"
+            yield "slots requires assign = true and a named formation; remove slots"
         if isinstance(self.to, Goal) and self.to.join is not None and len(self.craft or ()) != 1:
             yield 'join is for one craft; name it, for example craft = ["F9"]'
 

@@ -106,7 +106,7 @@ class Study(Table):
         others = {"errors": ("vary", "sweep", "sampled", "published"), "replanned": ("sampled", "published")}
         for key in others.get(self.draws, ()):
             if getattr(self, key):
-                yield f'{key} goes with draws = "vary" only; remove {key}'
+                yield f'{key} requires draws = "vary"; remove {key}'
         for key, values in self.sweep.items():
             if not values:
                 yield f"sweep has no values of {key}; give some, or remove it"
