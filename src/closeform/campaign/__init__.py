@@ -1,6 +1,6 @@
 """Monte Carlo studies of a scenario: sampling, execution of the cases, and statistics."""
 
-from closeform.campaign.campaign import asked, flown, study
+from closeform.campaign.campaign import flown, requested, study
 from closeform.campaign.cases import CampaignStatus
 from closeform.campaign.draws import drawn
 from closeform.campaign.one_case import case_of
@@ -13,9 +13,9 @@ __all__ = [
     "LockCampaign",
     "SampledLocks",
     "Share",
-    "asked",
     "case_of",
     "drawn",
     "flown",
+    "requested",
     "study",
 ]

@@ -79,7 +79,7 @@ def flown(
     progress: Progress = lambda done: None,
 ) -> Any:
     """Return the campaign of a loaded scenario as arrays; `progress` receives the number of cases done."""
-    kind, count = asked(scenario, cases, seed)
+    kind, count = requested(scenario, cases, seed)
     if count * kind.numbers > MOST_NUMBERS:
         line = f"{count} with {kind.numbers} numbers each are too many to hold"
         most = MOST_NUMBERS // kind.numbers
@@ -93,7 +93,7 @@ def flown(
     return kind.campaign(held)
 
 
-def asked(scenario: Scenario, cases: int | None, seed: int | None) -> tuple[Cases, int]:
+def requested(scenario: Scenario, cases: int | None, seed: int | None) -> tuple[Cases, int]:
     """Return the kind of cases that a study of the scenario evaluates, and their number.
 
     Raises ScenarioError if the scenario cannot be studied, and ValueError for a number out of range.

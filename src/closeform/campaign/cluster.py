@@ -18,7 +18,7 @@ from tempfile import TemporaryDirectory
 from threading import Lock
 from typing import Any, NamedTuple
 
-from closeform.campaign.campaign import asked
+from closeform.campaign.campaign import requested
 from closeform.campaign.cases import Cases, Range
 from closeform.campaign.chunks import Chunk, versions
 from closeform.scenario import ScenarioError, parse
@@ -304,4 +304,4 @@ def cases_of(task: Task) -> Cases:
         except ScenarioError as error:
             lines = [line.replace(f"{folder}/", "").removeprefix(f"{task.file}: ") for line in error.lines]
             raise ScenarioError(task.file, lines) from None
-        return asked(replace(scenario, file=task.file), task.each, task.seed)[0]
+        return requested(replace(scenario, file=task.file), task.each, task.seed)[0]

@@ -58,7 +58,7 @@ def study(
     loaded = read(scenario, "study")
     if loaded is None:
         return BAD_INPUT
-    from closeform.campaign import asked
+    from closeform.campaign import requested
     from closeform.campaign.chunks import ChunkError, Stored
     from closeform.mission.verdict import MET, NOT_MET
     from closeform.report.any_study import report_of
@@ -66,7 +66,7 @@ def study(
 
     notes = stderr()
     try:
-        kind, count = asked(loaded, cases, seed)
+        kind, count = requested(loaded, cases, seed)
         if again and (status := finished_before(place, kind, count)) is not None:
             return status
         with runner_of(scheduler) as runner, folder(place, overwrite, study=True) as under_way:

@@ -62,8 +62,9 @@ def fit(scenario: Scenario, found: "Findings") -> None:
         found.add(exact(scenario))
     if searches and scenario.sensor is not None and scenario.search is not None:
         found.add(search(scenario, scenario.sensor, scenario.search), "sensor.*|search.*|study.*")
-    if searches and scenario.craft and known and not circular and not scenario.scattered:
-        found.add(at_one_place(scenario), r"craft\.(position|velocity|start)")
+    placed = known and found.sound(r"craft\.(position|velocity|start)") and not scenario.scattered
+    if searches and scenario.craft and placed and not circular:
+        found.add(scenario.coincident())
     found.add(in_flight(scenario))
     found.add(draws(scenario, found.sound))
     found.add(in_field(scenario), r"orbit\.field")
@@ -78,7 +79,7 @@ def fit(scenario: Scenario, found: "Findings") -> None:
     if circular and not orbit.mean_motion > 0.0:
         found.add(["orbit: too wide; write deep_space = true instead"])
         return
-    found.add(in_orbit(scenario) if circular else deep_space(scenario))
+    found.add(suited(scenario))
     found.add(spans(scenario, orbit))
     if scenario.craft:
         found.add(zone_conflicts(scenario, orbit), rf"craft\.({PLACED})")
@@ -154,7 +155,7 @@ def stages(scenario: Scenario) -> Iterator[str]:
             yield from drifting(scenario, number, stage)
         beside = stage.keeps_out and len(scenario.craft) > 1
         if (beside or getattr(stage, "drift", None) is not None) and None in scenario.keep_out:
-            yield 'craft.keep_out: missing; add for example keep_out = { sphere = "20 m" }'
+            yield f"craft.keep_out: {Craft.missing('keep_out')}"
         yield from doubted(scenario, number, stage)
         if stage.verb == "avoid" and len(scenario.craft) < 2:
             yield f"stage[{number}].do: avoid needs another craft; add one, or coast"
@@ -287,17 +288,12 @@ def searching(scenario: Scenario) -> Iterator[str]:
         yield 'search: missing; add [search] with method = "modified"'
     groups = [craft.group for craft in scenario.craft]
     if None in groups:
-        yield 'craft.group: missing; add for example group = ["A", "B"]'
+        yield f"craft.group: {Craft.missing('group')}"
     elif len(set(groups)) == 1:
         empty = "B" if groups[0] == "A" else "A"
         yield f"craft.group: group {empty} is empty, and locks are between A and B; put a craft into {empty}"
     if scenario.orbit.deep_space is None:
         yield "orbit: a search is for deep space only; write deep_space = true instead"
-
-
-def at_one_place(scenario: Scenario) -> Iterator[str]:
-    """Yield an error line for each craft that shares its position with another."""
-    yield from scenario.coincident()
 
 
 def search(scenario: Scenario, sensor: SensorTable, table: SearchTable) -> Iterator[str]:
@@ -331,34 +327,27 @@ def search(scenario: Scenario, sensor: SensorTable, table: SearchTable) -> Itera
             )
 
 
-def deep_space(scenario: Scenario) -> Iterator[str]:
-    """Yield an error line for each key that requires an orbit."""
-    if any(craft.start is not None and craft.start.orbital for craft in scenario.craft):
-        yield (
-            "craft.start: a relative orbit, but deep space has no orbits; give position and velocity, or line"
-        )
+def suited(scenario: Scenario) -> Iterator[str]:
+    """Yield an error line for each key that requires an orbit in deep space, or deep space in an orbit."""
+    deep = scenario.orbit.deep_space is not None
+    no_orbits, row = "but deep space has no orbits", "a line is at rest in deep space only"
+    for orbital in {craft.start.orbital for craft in scenario.craft if craft.start is not None}:
+        if deep and orbital:
+            yield f"craft.start: a relative orbit, {no_orbits}; give position and velocity, or line"
+        if not deep and orbital is False:
+            yield f"craft.start: {row}; give string_of_pearls or another relative orbit"
     for number, stage in enumerate(scenario.stages, 1):
-        if getattr(stage, "method", None) == "sauter-palmer":
+        if deep and getattr(stage, "method", None) == "sauter-palmer":
             yield f'stage[{number}].method: sauter-palmer needs an orbit; write method = "exact"'
         for key, duration in stage.durations.items():
-            if duration.orbits:
-                name = "for" if key == "length" else key
-                yield f'stage[{number}].{name}: deep space has no orbits; give a time, for example "30 min"'
+            if deep and duration.orbits:
+                yield f'stage[{number}].{key}: deep space has no orbits; give a time, for example "30 min"'
         for key, target in stage.targets.items():
-            if target.orbital:
+            if deep and target.orbital:
                 instead = "line" if isinstance(target, Goal) else "position and velocity"
-                yield f"stage[{number}].{key}: a relative orbit, but deep space has no orbits; give {instead}"
-
-
-def in_orbit(scenario: Scenario) -> Iterator[str]:
-    """Yield an error line for each key that requires deep space."""
-    remedy = "give string_of_pearls or another relative orbit"
-    if any(craft.start is not None and craft.start.orbital is False for craft in scenario.craft):
-        yield f"craft.start: a line is at rest in deep space only; {remedy}"
-    for number, stage in enumerate(scenario.stages, 1):
-        for key, target in stage.targets.items():
-            if target.orbital is False:
-                yield f"stage[{number}].{key}: a line is at rest in deep space only; {remedy}"
+                yield f"stage[{number}].{key}: a relative orbit, {no_orbits}; give {instead}"
+            if not deep and target.orbital is False:
+                yield f"stage[{number}].{key}: {row}; give string_of_pearls or another relative orbit"
 
 
 def spans(scenario: Scenario, orbit: Orbit) -> Iterator[str]:
@@ -370,8 +359,7 @@ def spans(scenario: Scenario, orbit: Orbit) -> Iterator[str]:
             if key == "drift" and duration.on(1.0) == 0.0:
                 continue  # zero: the drift ends with the stage
             if wrong := flaw(np.array([duration.on(orbit.mean_motion)]), orbit.mean_motion):
-                name = "for" if key == "length" else key
-                yield f"stage[{number}].{name}: {wrong}; give another time"
+                yield f"stage[{number}].{key}: {wrong}; give another time"
         if isinstance(stage, Thrusting) and stage.cost == "delta-v" and "within" in stage.durations:
             turns = stage.durations["within"].on(orbit.mean_motion) * orbit.mean_motion / (2.0 * pi)
             if turns > MOST_TURNS:
@@ -394,11 +382,11 @@ def doubted(scenario: Scenario, number: int, stage: StageTable) -> Iterator[str]
             yield f"stage[{number}].{key}: needs another craft; add one, or remove {key}"
     sizes = [(craft.keep_out, craft.hard_body) for craft in scenario.craft]
     if stage.max_probability is not None and any(body is None for _, body in sizes):
-        yield 'craft.hard_body: missing; add for example hard_body = "5 m"'
+        yield f"craft.hard_body: {Craft.missing('hard_body')}"
     if stage.sigmas is not None and isinstance(stage, Avoid | Joint) and stage.plans_drift and stage.is_exact:
         yield f"stage[{number}]: sigmas cannot be combined with drift; remove one of them"
     if stage.sigmas is not None and any(zone is None and body is None for zone, body in sizes):
-        yield 'craft.keep_out: missing; add for example keep_out = { sphere = "20 m" }'
+        yield f"craft.keep_out: {Craft.missing('keep_out')}"
 
 
 def drifting(scenario: Scenario, number: int, stage: Drifting) -> Iterator[str]:
@@ -453,7 +441,7 @@ def in_air(scenario: Scenario) -> Iterator[str]:
             yield f"craft.ballistic: requires an atmosphere; {what}"
         return
     if None in ballistics:
-        yield f"craft.ballistic: missing; add for example ballistic = {Craft.examples()['ballistic']}"
+        yield f"craft.ballistic: {Craft.missing('ballistic')}"
     if chief is not None and chief.ballistic is None:
         yield (
             'orbit.chief: needs ballistic for atmospheric drag; add for example ballistic = "0.02 m^2/kg", '
@@ -641,6 +629,6 @@ def drawn_errors(scenario: Scenario) -> Iterator[str]:
 def somebody_to_meet(scenario: Scenario) -> Iterator[str]:
     """Yield an error line if a study of conflicts has no zones or no second craft."""
     if all(craft.keep_out is None and craft.hard_body is None for craft in scenario.craft):
-        yield 'craft.keep_out: missing; add for example keep_out = { sphere = "20 m" }'
+        yield f"craft.keep_out: {Craft.missing('keep_out')}"
     if len(scenario.craft) < 2:
         yield "study.draws: needs another craft; add one"

@@ -240,7 +240,7 @@ class Reading:
         names = table.get("name", [])
         names = names if isinstance(names, list) else [names]
         if not names:
-            self.complain(("craft", "name"), 'missing; add for example name = ["F1", "F2"]')
+            self.complain(("craft", "name"), Craft.missing("name"))
             return ()
         columns: dict[str, list[Any]] = {}
         for key, value in table.items():

@@ -62,8 +62,9 @@ class StageTable(Table):
     @property
     def durations(self) -> dict[str, Span]:
         """Durations of the stage by key."""
-        keys = "length", "within", "drift"
-        return {key: value for key in keys if (value := getattr(self, key, None)) is not None}
+        fields = "length", "within", "drift"
+        given = {name: getattr(self, name, None) for name in fields}
+        return {self.key_of(name): value for name, value in given.items() if value is not None}
 
     @property
     def craft_named(self) -> dict[str, tuple[str, ...]]:

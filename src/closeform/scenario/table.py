@@ -83,6 +83,12 @@ class Table(BaseModel):
             yield cls.key_of(name), example, default, field.description or ""
 
     @classmethod
+    def missing(cls, key: str) -> str:
+        """Return the message for a missing key, with its remedy."""
+        example = cls.examples().get(key)
+        return f"missing; add for example {key} = {example}" if example else "missing; see docs/scenario.md"
+
+    @classmethod
     def key_of(cls, name: str) -> str:
         """Return the key in the file for a field name."""
         return cls.model_fields[name].alias or name
@@ -283,8 +289,8 @@ def message(found: Any, table: type[Table]) -> str:
     owner = owner_of(table, place)
     keys = owner.examples() if owner is not None else {}
     example = f"{key} = {keys[key]}" if keys.get(key) else "what docs/scenario.md says"
-    if kind == "missing":
-        return f"missing; add for example {example}"
+    if kind == "missing" and owner is not None:
+        return owner.missing(key)
     if kind == "extra_forbidden":
         inside = [] if owner is None or get_close_matches(key, keys) else alike(key, keys_inside(owner), 1)
         return f"unknown key; {did_you_mean(key, keys, inside or None)}"
