@@ -184,19 +184,19 @@ def test_stages_that_search_come_first_in_a_mission(tmp_path, monkeypatch):
         (
             '{ uniform = "20 kg" }',
             '{ uniform = "100 kg" }',
-            "some case has 0 in SI units, beyond",
+            "a case can have 0 in SI units, out of range",
         ),
         (
             '{ uniform = "20 kg" }',
             '{ normal = "13 kg" }',
-            "some case has -7.9 in SI units, beyond",
+            "a case can have -7.9 in SI units, out of range",
         ),
         ('"craft.mass"', '"craft.silent"', "is true or false; write { chance = 0.01 }"),
         ('"craft.mass" = { uniform = "20 kg" }', '"craft.silent" = { chance = 0.1 }', "no stage is a search"),
         (
             '"craft.mass"',
             '"craft.propellant"',
-            "there is no craft.propellant to add to; give it",
+            "craft.propellant has no nominal value to add to; give it",
         ),
     ],
 )
