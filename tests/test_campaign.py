@@ -539,10 +539,10 @@ def test_messages(tmp_path, monkeypatch, capsys) -> None:
         "--case: -1 is negative, cases count from 0; give 0 or more"
     ]
     assert refused(capsys, ["study", "s04.toml", "--cases", "0"]) == [
-        "--cases: 0 is out of range; give at least 1 and at most 100000000"
+        "--cases: expected a whole number from 1 on, got 0"
     ]
     assert refused(capsys, ["study", "s04.toml", "--seed", "-1"]) == [
-        "--seed: -1 is out of range; give at least 0"
+        "--seed: expected a whole number from 0 on, got -1"
     ]
     assert refused(capsys, ["study", "s04.toml", "--scheduler", "tcp://127.0.0.1:1"]) == [
         "--scheduler: tcp://127.0.0.1:1 does not answer within 5 s; start it, or check the address"
@@ -572,7 +572,7 @@ def test_messages(tmp_path, monkeypatch, capsys) -> None:
             "sensor.half_angle: 40 deg is below 45 deg; no tip covers the complementary cones; ",
         ),
         ('sun_limit = "25 deg"', 'sun_limit = "95 deg"', "search: sun_limit must be below 90 deg; "),
-        ('"A", "B", "A"', '"A", "A", "A"', "craft.group: nobody is in group B, "),
+        ('"A", "B", "A"', '"A", "A", "A"', "craft.group: group B is empty, "),
         ("deep_space = true", 'altitude = "500 km"', "orbit: a search is for deep space only; "),
         ('["60 s"]', '["1 ms"]', "study: sampled has a step below 0.01 s; "),
         ('["60 s"]', '["1 m"]', 'study.sampled[1]: "1 m" is a length, not a time; '),

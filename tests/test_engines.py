@@ -12,7 +12,7 @@ from closeform.campaign import case_of
 from closeform.cli.app import main
 from closeform.mission.mission import fly
 from closeform.scenario import parse
-from closeform.scenario.errors import ScenarioError
+from closeform.scenario.table import ScenarioError
 from test_lost_thrust import ENDS, FIELD, OFF, ORBIT, OWN, SIGHT, SPAN, START, drifted
 
 pytestmark = pytest.mark.usefixtures("unpainted")
@@ -262,13 +262,13 @@ def test_cases_of_a_study_fly_it():
         (
             'do = "coast"\nfor = "1 orbit"',
             'do = "scatter"\nfactor = 2.0\nwithin = "1 orbit"',
-            "stage[1].do: scatter moves everybody, and Client has no engine; use reconfigure with craft",
+            "stage[1].do: scatter moves all craft, and Client has no engine; use reconfigure with craft",
         ),
         (
             'do = "coast"\nfor = "1 orbit"',
             'do = "reconfigure"\nto = { remove = "eccentricity" }\nwithin = "1 orbit"',
-            "stage[1].craft: missing, and Client has no engine; name who moves, for example craft = "
-            '["Inspector"]',
+            "stage[1].craft: missing, and Client has no engine; name the craft that move, "
+            'for example craft = ["Inspector"]',
         ),
         ("engine = [true, false]", 'engine = "no"', "craft.engine:"),
     ],

@@ -7,8 +7,8 @@ from scipy.special import ndtri
 import closeform as cf
 from bodies import Body
 from closeform.campaign import case_of, flown
-from closeform.campaign.gather_cases import GatherCampaign
 from closeform.campaign.mission_cases import MissionCampaign
+from closeform.campaign.search_cases import GatherCampaign
 from closeform.mission.mission import fly
 from closeform.report import gather as report
 from closeform.scenario import parse
@@ -186,9 +186,9 @@ def test_who_fails_keeps_its_motion_and_the_others_gather_without_it(text):
 def test_a_study_of_failures_is_the_same_in_any_parts():
     scenario = parse(FAILING)
     kind = flown(scenario).kind
-    whole = kind.fly(0, 24)
+    whole = kind.evaluate(0, 24)
     for parts in ((0, 24), (0, 7, 8, 24)):
-        some = [kind.fly(first, last) for first, last in zip(parts, parts[1:], strict=False)]
+        some = [kind.evaluate(first, last) for first, last in zip(parts, parts[1:], strict=False)]
         for name, column in whole.items():
             np.testing.assert_array_equal(np.concatenate([part[name] for part in some]), column)
     assert "free of craft adrift" in flown(scenario).reason

@@ -194,7 +194,7 @@ def test_draws_of_a_flight_are_those_of_its_blocks(missions):
 
 def test_a_case_does_not_depend_on_its_chunk(missions):
     kind = MissionCases(missions.scenario, 7)
-    parts = [kind.fly(9, 11), kind.fly(11, 13)]
+    parts = [kind.evaluate(9, 11), kind.evaluate(11, 13)]
     for name in kind.names:
         np.testing.assert_array_equal(
             np.concatenate([part[name] for part in parts]), missions.column(name)[9:13]

@@ -360,7 +360,7 @@ def test_the_rest_of_one_stage_is_planned_anew(run: Path, tmp_path: Path, capsys
         1.2 < pulsed["spent"][2]["delta_v_m_s"] / found["spent"][2]["delta_v_m_s"] < 2.0
     )  # each thruster counts
     assert main(["simulate", str(run), "--control", "replan", "--out", str(tmp_path / "two")]) == 2
-    why = "replan is for one stage, and there are 2"
+    why = "replan supports one stage, and there are 2"
     said = f"--control: {why} in {run}; simulate it by track, or a run with one stage"
     assert capsys.readouterr().err == f"{said}\n"
     (tmp_path / "pushed").mkdir()
@@ -369,8 +369,8 @@ def test_the_rest_of_one_stage_is_planned_anew(run: Path, tmp_path: Path, capsys
     pushed = tmp_path / "pushed" / "run"
     assert main(["simulate", str(pushed), "--control", "replan", "--out", str(tmp_path / "two")]) == 2
     said = (
-        f"--control: replan is for thrust that lasts, and impulses are planned in {pushed}; simulate it by "
-        'track, or a run with cost = "energy" in the stage'
+        f"--control: replan supports continuous thrust only, and impulses are planned in {pushed}; "
+        'simulate it by track, or a run with cost = "energy" in the stage'
     )
     assert capsys.readouterr().err == f"{said}\n"
 

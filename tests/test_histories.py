@@ -7,8 +7,8 @@ from scipy.special import ndtri
 
 from bridge import hill
 from closeform.campaign import case_of, flown
-from closeform.campaign.executed_mission import History
 from closeform.campaign.mission_cases import MissionCases
+from closeform.mission.executed_mission import History
 from closeform.mission.mission import fly
 from closeform.report import uncertain
 from closeform.scenario import parse
@@ -164,7 +164,7 @@ def test_rows_say_how_far_stages_end_off(scenario):
         assert campaign.column("delta_v_m_s")[case] == pytest.approx(mission.delta_v.sum(), rel=1e-14)
     assert (campaign.column("stage_1_off_m") > 0.1).all()
     assert (campaign.column("stage_2_off_m") == 0.0).all()
-    parts = [MissionCases(scenario, 3).fly(first, first + 2) for first in (0, 2, 4)]
+    parts = [MissionCases(scenario, 3).evaluate(first, first + 2) for first in (0, 2, 4)]
     for name in ("delta_v_m_s", "stage_3_off_m", "reason"):
         np.testing.assert_array_equal(np.concatenate([part[name] for part in parts]), campaign.column(name))
 

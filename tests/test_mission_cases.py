@@ -110,7 +110,7 @@ def test_draws_of_a_case_are_those_of_its_blocks(missions):
 
 def test_a_case_does_not_depend_on_its_chunk(missions):
     kind = MissionCases(missions.scenario, 11)
-    parts = [kind.fly(0, 3), kind.fly(3, 8)]
+    parts = [kind.evaluate(0, 3), kind.evaluate(3, 8)]
     for name in kind.names:
         np.testing.assert_array_equal(
             np.concatenate([part[name] for part in parts]), missions.column(name)[:8]
@@ -119,7 +119,7 @@ def test_a_case_does_not_depend_on_its_chunk(missions):
 
 def test_chunks_of_a_small_study_are_small(missions):
     """So that a stop loses little, and progress is told; case K is the same in any chunk."""
-    assert [missions.kind.in_chunk(count) for count in (1, 24, 100, 640, 1024, 100_000)] == [
+    assert [missions.kind.chunk_size(count) for count in (1, 24, 100, 640, 1024, 100_000)] == [
         1,
         1,
         3,
@@ -184,19 +184,19 @@ def test_stages_that_search_come_first_in_a_mission(tmp_path, monkeypatch):
         (
             '{ uniform = "20 kg" }',
             '{ uniform = "100 kg" }',
-            "some case has 0 in SI units, beyond",
+            "a case can have 0 in SI units, out of range",
         ),
         (
             '{ uniform = "20 kg" }',
             '{ normal = "13 kg" }',
-            "some case has -7.9 in SI units, beyond",
+            "a case can have -7.9 in SI units, out of range",
         ),
         ('"craft.mass"', '"craft.silent"', "is true or false; write { chance = 0.01 }"),
-        ('"craft.mass" = { uniform = "20 kg" }', '"craft.silent" = { chance = 0.1 }', "nobody searches here"),
+        ('"craft.mass" = { uniform = "20 kg" }', '"craft.silent" = { chance = 0.1 }', "no stage is a search"),
         (
             '"craft.mass"',
             '"craft.propellant"',
-            "there is no craft.propellant to add to; give it",
+            "craft.propellant has no nominal value to add to; give it",
         ),
     ],
 )

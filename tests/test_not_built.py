@@ -95,7 +95,7 @@ def test_a_key_that_is_one_for_all_cases_is_refused_by_check_and_study(
         assert main([arguments[0], "two.toml", *arguments[1:]]) == 2
         assert capsys.readouterr().err == checked.err
     (line,) = checked.err.splitlines()
-    assert line.startswith(f'two.toml: study.vary."{key}": is one for all cases; ')
+    assert line.startswith(f'two.toml: study.vary."{key}": cannot vary between cases; ')
 
 
 HELD = """

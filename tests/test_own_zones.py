@@ -315,11 +315,11 @@ REFUSED = {
     ),
     "body": (
         UNSURE.replace("{", '{ kind = "body",'),
-        "craft.keep_out: covariance is of where a craft is, not of its body; remove kind",
+        'craft.keep_out: covariance cannot be combined with kind = "body"; remove kind',
     ),
     "kind": (
         '{ kind = "covariance", sphere = "20 m" }',
-        'craft.keep_out: kind = "covariance" goes with covariance only; write "region" or "body"',
+        'craft.keep_out: kind = "covariance" requires covariance; write "region" or "body"',
     ),
     "inside": (
         '{ kind = "body", sphere = "30 m" }',

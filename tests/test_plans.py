@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from closeform.campaign import case_of, flown, mission_cases
-from closeform.campaign.plans import MOST, Plans
+from closeform.campaign.mission_cases import MOST_PLANS, Plans
 from closeform.mission.mission import fly
 from closeform.scenario import ScenarioError, parse
 from test_flown_cases import MANY
@@ -46,11 +46,10 @@ def test_a_plan_is_made_once_for_all_that_it_knows(text, plans, monkeypatch):
     if text is not TWICE:  # whose plans begin where errors have led
         assert len({drawn(one.scenario) for one in runs}) == plans
     kind = type(campaign.kind)(scenario, scenario.study.seed)
-    parts = [kind.fly(first, last) for first, last in ((5, 8), (2, 5), (0, 2))][::-1]
+    parts = [kind.evaluate(first, last) for first, last in ((5, 8), (2, 5), (0, 2))][::-1]
     for case, run in enumerate(runs):
-        for name, value in mission_cases.figures(run).items():
-            if name in kind.names:
-                np.testing.assert_array_equal(campaign.column(name)[case], value)
+        for one in kind.figures:
+            np.testing.assert_array_equal(campaign.column(one.column)[case], one.of(run))
         assert campaign.statuses[case] == ("met" if run.verdict.ok else "unmet")
         assert campaign.column("reason")[case] == ("" if run.verdict.ok else str(run.verdict))
     for name in kind.names:
@@ -87,9 +86,9 @@ def test_threads_wait_for_the_plan_and_for_why_there_is_none():
 
 def test_plans_that_are_held_are_few():
     plans, made = Plans(), []
-    for key in [*range(MOST + 1), MOST, 0]:
+    for key in [*range(MOST_PLANS + 1), MOST_PLANS, 0]:
         plans.of((bytes([key]),), lambda key=key: made.append(key))
-    assert made == [*range(MOST + 1), 0]
+    assert made == [*range(MOST_PLANS + 1), 0]
 
 
 def test_who_copies_a_study_copies_no_plan():
@@ -98,7 +97,7 @@ def test_who_copies_a_study_copies_no_plan():
     for twin in (pickle.loads(pickle.dumps(campaign)), copy.deepcopy(campaign)):
         assert campaign.kind.plans.held
         assert not twin.kind.plans.held
-        rows, own = twin.kind.fly(2, 4), campaign.kind.fly(2, 4)
+        rows, own = twin.kind.evaluate(2, 4), campaign.kind.evaluate(2, 4)
         for name in campaign.kind.names:
             np.testing.assert_array_equal(rows[name], own[name])
             np.testing.assert_array_equal(twin.column(name), campaign.column(name))

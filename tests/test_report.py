@@ -34,8 +34,8 @@ TABLE = Table(
 def test_every_kind_of_stage_can_be_flown_and_told() -> None:
     kinds = set(STAGES.values())
     assert set(FLIES) == set(run.SUBJECTS) == kinds
-    assert set(campaign.FLIES) == {kind for kind in kinds if kind.searches}
-    assert len(study.SUBJECTS) == len(campaign.FLIES)
+    assert set(campaign.KINDS) == {kind for kind in kinds if kind.searches}
+    assert len(study.SUBJECTS) == len(campaign.KINDS)
 
 
 def test_a_cell_as_text() -> None:

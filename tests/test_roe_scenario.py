@@ -114,7 +114,7 @@ REFUSED = {
     ),
     "latitude in deep space": (
         FILE.replace('altitude = "500 km"', "deep_space = true"),
-        "orbit: latitude goes with altitude or period or semi_major_axis or mean_motion only",
+        "orbit: latitude requires altitude or period or semi_major_axis or mean_motion",
     ),
     "five": (
         FILE.replace("4 50 -30 300 80 250 m", "4 50 -30 300 80 m"),

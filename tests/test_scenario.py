@@ -13,10 +13,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from closeform.scenario import Avoid, Craft, KeepOut, ScenarioError, load, parse
-from closeform.scenario.craft import SearchTable, SensorTable
-from closeform.scenario.field import FeedbackTable, FieldTable, FlightTable, NavigationTable, VerdictTable
+from closeform.scenario.craft import Covariance, Execution, Gates, SearchTable, SensorTable, ThrusterTable
 from closeform.scenario.formation import Destination, Goal, Shape, Start
-from closeform.scenario.orbit import ChiefTable, Elements, OrbitTable
+from closeform.scenario.orbit import (
+    ChiefTable,
+    Elements,
+    FeedbackTable,
+    FieldTable,
+    FlightTable,
+    NavigationTable,
+    OrbitTable,
+    VerdictTable,
+)
 from closeform.scenario.quantity import (
     ANGLE,
     DURATION,
@@ -33,8 +41,6 @@ from closeform.scenario.quantity import (
 )
 from closeform.scenario.stages import STAGES
 from closeform.scenario.study import Draw, Study, readers
-from closeform.scenario.thrusters import ThrusterTable
-from closeform.scenario.uncertainty import Covariance, Execution, Gates
 from closeform.zones.containment import containing_zone, greatest_norm
 from closeform.zones.solids import Box, Cylinder, Ellipsoid, HalfSpaces, Sphere
 from closeform.zones.zone import Zone

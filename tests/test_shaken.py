@@ -9,8 +9,8 @@ from scipy.stats import chi2
 import closeform as cf
 from bridge import hill
 from closeform.campaign import case_of, flown
-from closeform.campaign.process_noise import ProcessNoise
 from closeform.dynamics.process_noise import STEP, shaken
+from closeform.mission.executed_mission import ProcessNoise
 from closeform.mission.mission import fly
 from closeform.scenario import parse
 from closeform.uncertainty.velocity_disturbance import kicked

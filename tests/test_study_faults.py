@@ -270,7 +270,7 @@ def test_a_disk_that_fills(original: Path, desk: Path) -> None:
         study = subprocess.run(STUDY, cwd=disk, capture_output=True, text=True)
         assert study.returncode == 2
         (line,) = study.stderr.splitlines()
-        assert line.startswith(f"out: no space left on device; {whole(disk)} of 40 chunks are kept in out, ")
+        assert line.startswith(f"out: no space left on device; {whole(disk)} of 40 chunks are kept in out; ")
         assert whole(disk) > 3
         subprocess.run(["mount", "-o", "remount,size=2g", str(disk)], check=True)
         assert subprocess.run(STUDY, cwd=disk, capture_output=True).returncode == 0

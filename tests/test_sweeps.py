@@ -14,7 +14,7 @@ from closeform.campaign.sweep_cases import SweepCases
 from closeform.cli.app import main
 from closeform.report.sweep_study import SweepReport, numbered
 from closeform.scenario import ScenarioError, parse
-from closeform.scenario.sweep import points
+from closeform.scenario.study import points
 from test_campaign import as_words
 from test_mission_cases import PASS
 
@@ -59,16 +59,16 @@ def test_the_command_of_a_point_can_be_pasted():
 
 def test_points_may_begin_within_chunks(swept, monkeypatch):
     """Chunks of 128 of 4 x 300 cases: the third has cases of two points."""
-    monkeypatch.setattr(SweepCases, "at_once", 128)
+    monkeypatch.setattr(SweepCases, "chunk_size", lambda kind, count: 128)
     kind = swept.kind
     held = Held(kind, 1200)
     for first in range(0, 1200, 128):
         last = min(first + 128, 1200)
-        held.take(first, kind.fly(first, last))
+        held.take(first, kind.evaluate(first, last))
     again = kind.campaign(held)
     for one, other in zip(again.points, swept.points, strict=True):
         np.testing.assert_array_equal(one.campaign.time, other.campaign.time)
-    table = kind.stored(256, 384, kind.fly(256, 384))
+    table = kind.stored(256, 384, kind.evaluate(256, 384))
     assert table["point"].to_pylist() == [0] * 44 + [1] * 84
     assert table["case"].to_pylist() == [*range(256, 300), *range(84)]
 
@@ -129,7 +129,7 @@ def test_the_command_leaves_a_table_and_a_picture(tmp_path, monkeypatch, capsys,
             "[1]",
             "study.sweep: stage[2].rounds: there is no stage[2] in the file; add it, or",
         ),
-        ("stage[1].do", '["gather"]', "study.sweep: changes who flies, or what they do; leave that"),
+        ("stage[1].do", '["gather"]', "study.sweep: changes the craft or the stages; remove that key"),
         ("sensor.range", "[]", "study: sweep has no values of sensor.range; give some, or remove it"),
         (
             "search.sun_limit",

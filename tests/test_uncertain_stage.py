@@ -254,7 +254,7 @@ def test_a_study_of_errors_counts_what_the_probability_says(tmp_path, monkeypatc
     share = summary["inside"]["Within the hard bodies"]["F1 - F2"]
     assert share["low"] < told.value < share["high"]
     count = round(20_000 * share["share"])
-    assert f"{count} of 20000 cases not free of collisions; results in a-study" in printed
+    assert f"{count} of 20000 cases not free of collisions: " in printed
     cases = pyarrow.parquet.read_table("a-study/cases/000000000.parquet").to_pydict()
     assert 20_000 - sum(cases["free_of_collisions"]) == count
     few = closeform.campaign.study("a.toml", cases=300)

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from closeform.campaign.draws import drawn
-from closeform.campaign.shares import shares
+from closeform.campaign.search_cases import shares
 from closeform.scenario import load
 from closeform.search.locks import lock_times
 from closeform.search.phases import labels, tally
@@ -38,7 +38,7 @@ def main() -> None:
         counts += tally(search, found.time, found.leg)
         for late in np.flatnonzero((found.leg < 0) | (found.leg > last)):
             print(f"case {first + late}: {found.time[late]:.2f} s, {states[late].tolist()}", flush=True)
-    for share in shares(labels(search), counts.tolist()):
+    for share in shares(search, counts.tolist()):
         inside = share.inside
         text = f"{share.cases:12d}  {inside.share:.3e} ({inside.low:.3e} to {inside.high:.3e})"
         print(f"{share.label:8} {text}")

@@ -2,28 +2,21 @@
 
     scenario -> kind of cases -> chunks of them, on all cores -> tally -> shares -> result folder
 
-This module holds no mathematics: `draws` samples the cases, and `search` and `mission` evaluate them.
+`draws` samples the cases, and `search` and `mission` evaluate them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import prod
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from closeform.arrays import instance, shown
+from closeform.arrays import instance, whole
 from closeform.campaign.cases import Cases
-from closeform.campaign.chunks import Held
-from closeform.campaign.gather_cases import GatherCases
-from closeform.campaign.lock_cases import LockCases
-from closeform.campaign.search_campaign import Campaign
-from closeform.campaign.threads import in_threads
+from closeform.campaign.chunks import Held, in_threads, ranges
+from closeform.campaign.search_cases import Campaign, GatherCases, LockCases
 from closeform.scenario import Scenario, ScenarioError, load
-from closeform.scenario.stage_table import StageTable
-from closeform.scenario.stages import Gather, Lock
+from closeform.scenario.stages import Gather, Lock, StageTable
 
 if TYPE_CHECKING:
     from closeform.campaign.error_cases import ErrorCampaign
@@ -31,9 +24,9 @@ if TYPE_CHECKING:
     from closeform.campaign.sweep_cases import SweepCampaign
 
 MOST_CASES = 100_000_000
-MOST_LOCKS = 500_000_000  # lock times held as arrays with their legs: 8 GB
+MOST_NUMBERS = 500_000_000  # of cases held as arrays: 8 GB for lock times with their legs
 Progress = Callable[[int], None]
-FLIES: dict[type[StageTable], Callable[[Scenario, int], Cases]] = {Lock: LockCases.of, Gather: GatherCases.of}
+KINDS: dict[type[StageTable], Callable[[Scenario, int], Cases]] = {Lock: LockCases.of, Gather: GatherCases.of}
 
 
 def study(
@@ -86,27 +79,21 @@ def flown(
     progress: Progress = lambda done: None,
 ) -> Any:
     """Return the campaign of a loaded scenario as arrays; `progress` receives the number of cases done."""
-    kind, count = asked(scenario, cases, seed)
-    if isinstance(kind, LockCases):
-        shape = (1 + len(kind.steps), count, len(kind.pairs))  # exact detection first, then at each step
-        if prod(shape) > MOST_LOCKS:
-            most = MOST_LOCKS // (shape[0] * shape[2])
-            line = (
-                f"{count} of {len(kind.pairs)} pairs, with {shape[0]} detection methods, are too many to hold"
-            )
-            raise ScenarioError(scenario.file, [f"study.cases: {line}; give {most} at most"])
+    kind, count = requested(scenario, cases, seed)
+    if count * kind.numbers > MOST_NUMBERS:
+        line = f"{count} with {kind.numbers} numbers each are too many to hold"
+        most = MOST_NUMBERS // kind.numbers
+        raise ScenarioError(scenario.file, [f"study.cases: {line}; give {most} at most"])
     held, done = Held(kind, count), 0
-    size = kind.in_chunk(count)
-    for (first, end), columns in in_threads(
-        kind.prepared().flown, ((k, min(k + size, count)) for k in range(0, count, size))
-    ):
+    every = ((cases.start, cases.stop) for cases in ranges(kind, count))
+    for (first, end), columns in in_threads(kind.prepared().columns, every):
         held.take(first, columns)
         done += end - first
         progress(done)
     return kind.campaign(held)
 
 
-def asked(scenario: Scenario, cases: int | None, seed: int | None) -> tuple[Cases, int]:
+def requested(scenario: Scenario, cases: int | None, seed: int | None) -> tuple[Cases, int]:
     """Return the kind of cases that a study of the scenario evaluates, and their number.
 
     Raises ScenarioError if the scenario cannot be studied, and ValueError for a number out of range.
@@ -115,18 +102,18 @@ def asked(scenario: Scenario, cases: int | None, seed: int | None) -> tuple[Case
         raise ScenarioError(scenario.file, ["study: missing; add [study] with cases = 1000 and seed = 1"])
     if lines := scenario.refused("study"):
         raise ScenarioError(scenario.file, lines)
-    count = whole("cases", scenario.study.cases if cases is None else cases, 1, MOST_CASES)
-    chosen = whole("seed", scenario.study.seed if seed is None else seed, 0, None)
+    each = whole("cases", scenario.study.cases if cases is None else cases, 1)
+    chosen = whole("seed", scenario.study.seed if seed is None else seed)
+    if each * max(1, len(scenario.points)) > MOST_CASES:
+        points = f" at each of {len(scenario.points)} points" * bool(scenario.points)
+        most = MOST_CASES // max(1, len(scenario.points))
+        raise ValueError(f"cases: {each}{points} are too many; give {most} at most")
     if not scenario.points:
-        return kind_of(scenario, chosen), count
+        return kind_of(scenario, chosen), each
     from closeform.campaign.sweep_cases import SweepCases
 
-    if count * len(scenario.points) > MOST_CASES:
-        most = MOST_CASES // len(scenario.points)
-        line = f"{count} at each of {len(scenario.points)} points are too many; give {most} at most"
-        raise ScenarioError(scenario.file, [f"study.cases: {line}"])
     kinds = tuple(kind_of(point, chosen) for point in scenario.points)
-    return SweepCases(scenario, chosen, kinds, count), count * len(kinds)
+    return SweepCases(scenario, chosen, kinds, each), each * len(kinds)
 
 
 def kind_of(scenario: Scenario, seed: int) -> Cases:
@@ -140,18 +127,8 @@ def kind_of(scenario: Scenario, seed: int) -> Cases:
 
         return MissionCases(scenario, seed)
     try:
-        return FLIES[type(scenario.stages[0])](scenario, seed)
+        return KINDS[type(scenario.stages[0])](scenario, seed)
     except ScenarioError:
         raise
     except ValueError as error:
         raise ScenarioError(scenario.file, [f"stage[1]: {error}; change [craft] or its draws"]) from error
-
-
-def whole(name: str, value: Any, least: int, most: int | None) -> int:
-    """Return an integer argument after a check of its bounds."""
-    if isinstance(value, bool) or not isinstance(value, int | np.integer):
-        raise ValueError(f"{name}: must be a whole number, got {shown(value)}")
-    if value < least or (most is not None and value > most):
-        bounds = f"at least {least}" + (f" and at most {most}" if most is not None else "")
-        raise ValueError(f"{name}: {value} is out of range; give {bounds}")
-    return int(value)

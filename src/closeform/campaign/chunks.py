@@ -1,43 +1,126 @@
-"""Chunks of a study: the finished cases, as arrays or as files with a manifest."""
+"""Chunks of a study: cases as arrays, or as Parquet files with a manifest, evaluated on all cores."""
 
 from __future__ import annotations
 
+import hashlib
 import os
 import platform
 import shutil
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, partial
 from importlib.metadata import version
+from itertools import islice
 from pathlib import Path
 from sys import maxsize
-from typing import Any, Protocol
+from typing import Any, NamedTuple, TypeVar
+
+import numpy as np
 
 from closeform.campaign.cases import Cases, Columns, Range
-from closeform.campaign.chunk import Chunk, decoded
-from closeform.scenario.changes import changes
+from closeform.scenario.load import changes
 from closeform.scenario.quantity import shown
 from closeform.storage.manifest import append, entries, rewrite
 from closeform.storage.result_folder import digest
 
 LIBRARIES = ("closeform", "numpy", "numba", "scipy", "pyarrow")
+FEW = ("first", "second", "phase", "round", "leg", "status", "reason")  # columns with few distinct values
 NAMED = 3  # number of differing keys that a message lists
 
+Found = TypeVar("Found")
+Progress = Callable[[int, int], None]  # numbers of finished cases, and of those with all requirements met
 
-class CaseChunks(Protocol):
-    """Cases of a study in chunks."""
 
-    @property
-    def count(self) -> int:
-        """Number of cases."""
-        ...
+class Chunk(NamedTuple):
+    """Cases from `first` to `last`, exclusive: their table as a Parquet file, and its SHA-256.
 
-    def read(self, *names: str, within: Range | None = None) -> Iterator[tuple[int, Columns]]:
-        """Iterate over chunks: the number of the first case, and the named columns that exist.
+    `met`: the number of cases in which all requirements are met.
+    """
 
-        With `within`, only the chunks that overlap this range of cases.
-        """
-        ...
+    first: int
+    last: int
+    data: Any
+    digest: str
+    met: int
+
+    @classmethod
+    def of(cls, cases: Cases, first: int, last: int) -> Chunk:
+        """Evaluate some cases of a study."""
+        columns = cases.columns(first, last)
+        data = encoded(cases.stored(first, last, columns))
+        met = int(cases.good(last - first, columns).sum())
+        return cls(first, last, data, hashlib.sha256(data).hexdigest(), met)
+
+
+def encoded(columns: Columns) -> Any:
+    """Return columns as the bytes of a Parquet file; nan becomes null."""
+    import pyarrow
+    import pyarrow.parquet
+
+    table = pyarrow.table({name: arrow(values) for name, values in columns.items()})
+    few = [name for name in table.column_names if name in FEW or table[name].type == "bool"]
+    sink = pyarrow.BufferOutputStream()
+    pyarrow.parquet.write_table(table, sink, compression="lz4", use_dictionary=few, store_schema=False)
+    return sink.getvalue()
+
+
+def arrow(values: Any) -> Any:
+    """Return an array of numbers, rows of numbers or words as a Parquet column."""
+    import pyarrow
+
+    if not isinstance(values, np.ndarray):
+        return values
+    if values.ndim == 2:
+        return pyarrow.FixedSizeListArray.from_arrays(pyarrow.array(values.ravel()), values.shape[1])
+    return pyarrow.array(values, from_pandas=values.dtype.kind == "f")
+
+
+def array(values: Any) -> Any:
+    """Return a Parquet column as an array, as `Cases.evaluate` returned it."""
+    import pyarrow
+
+    if pyarrow.types.is_list(values.type) or pyarrow.types.is_fixed_size_list(values.type):
+        return values.flatten().to_numpy(zero_copy_only=False).reshape(len(values), -1)
+    found = values.to_numpy(zero_copy_only=False)
+    if pyarrow.types.is_integer(values.type) and values.null_count:
+        return np.where(np.isnan(found), -1, found).astype(values.type.to_pandas_dtype())
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class Part(Mapping[str, Any]):
+    """Columns of a chunk by name, each of which `load` reads at its first use."""
+
+    names: tuple[str, ...]
+    load: Callable[[str], Any]
+    held: dict[str, Any] = field(default_factory=dict)
+
+    def __getitem__(self, name: str) -> Any:
+        if name not in self.held:
+            self.held[name] = self.load(name)
+        return self.held[name]
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.names
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.names)
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+
+def part_in(file: Path) -> Part:
+    """Return the columns of a Parquet file."""
+    import pyarrow.parquet
+
+    opened = pyarrow.parquet.ParquetFile(file)
+
+    def load(name: str) -> Any:
+        return array(opened.read([name], use_threads=False)[name].combine_chunks())
+
+    return Part(tuple(opened.schema_arrow.names), load)
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,11 +137,10 @@ class Held:
             name: values for name, values in columns.items() if name not in self.cases.drawn
         }
 
-    def read(self, *names: str, within: Range | None = None) -> Iterator[tuple[int, Columns]]:
-        """Iterate over the named columns of each chunk."""
-        for first in touching(self.columns, self.cases.in_chunk(self.count), within):
-            columns = self.columns[first]
-            yield first, {name: columns[name] for name in names if name in columns}
+    def parts(self, within: Range | None = None) -> Iterator[tuple[range, Columns]]:
+        """Iterate over the chunks."""
+        for cases in ranges(self.cases, self.count, within):
+            yield cases, self.columns[cases.start]
 
 
 class ChunkError(ValueError):
@@ -111,20 +193,19 @@ class Stored:
             "files": scenario.inputs.digests if scenario.inputs is not None else {},
             "seed": self.cases.seed,
             "cases": self.count,
-            "chunk": self.cases.in_chunk(self.count),
+            "chunk": self.cases.chunk_size(self.count),
             **versions(),
         }
 
     @property
     def missing(self) -> Iterator[Range]:
         """Ranges of the cases that remain to be evaluated, chunk by chunk."""
-        size = self.cases.in_chunk(self.count)
-        for first in range(0, self.count, size):
-            if first not in self.whole:
-                yield first, min(first + size, self.count)
+        for cases in ranges(self.cases, self.count):
+            if cases.start not in self.whole:
+                yield cases.start, cases.stop
 
     @property
-    def flown(self) -> int:
+    def done(self) -> int:
         """Number of cases in complete chunks."""
         return sum(entry["last"] - entry["first"] for entry in self.whole.values())
 
@@ -152,16 +233,55 @@ class Stored:
         append(self.manifest, entry)
         self.whole[chunk.first] = entry
 
-    def read(self, *names: str, within: Range | None = None) -> Iterator[tuple[int, Columns]]:
-        """Iterate over the named columns of each chunk, read from its file."""
-        for first in touching(self.whole, self.cases.in_chunk(self.count), within):
-            yield first, decoded(self.folder / name_of(first), names)
+    def parts(self, within: Range | None = None) -> Iterator[tuple[range, Columns]]:
+        """Iterate over the chunks, each read from its file column by column."""
+        for cases in ranges(self.cases, self.count, within):
+            yield cases, part_in(self.folder / name_of(cases.start))
+
+    def complete(self, runner: Runner, progress: Progress) -> Any:
+        """Evaluate the missing cases with a runner and return the statistics of all."""
+        done, met = self.done, sum(entry["met"] for entry in self.whole.values())
+        progress(done, met)
+        for chunk in runner(self.cases, self.missing):
+            self.take(chunk)
+            done, met = done + chunk.last - chunk.first, met + chunk.met
+            progress(done, met)
+        return self.cases.campaign(self)
 
 
-def touching(chunks: Iterable[int], size: int, within: Range | None) -> list[int]:
-    """Return the first cases of the chunks that overlap a range of cases, in order."""
-    begin, end = within or (0, maxsize)
-    return [first for first in sorted(chunks) if first < end and first + size > begin]
+# evaluates some ranges of cases, on this machine or on a cluster, and yields their chunks as they finish
+Runner = Callable[[Cases, Iterable[Range]], Iterator[Chunk]]
+
+
+def local(cases: Cases, ranges: Iterable[Range]) -> Iterator[Chunk]:
+    """Yield chunks evaluated on all cores of this machine."""
+    for _, chunk in in_threads(partial(Chunk.of, cases.prepared()), ranges):
+        yield chunk
+
+
+def in_threads(task: Callable[[int, int], Found], ranges: Iterable[Range]) -> Iterator[tuple[Range, Found]]:
+    """Yield each range of cases with the result of `task`, as they finish; few run at once."""
+    workers = os.cpu_count() or 1
+    waiting = iter(ranges)
+    with ThreadPoolExecutor(workers) as pool:
+        under_way: dict[Future[Found], Range] = {}
+        try:
+            while True:
+                for one in islice(waiting, workers + 1 - len(under_way)):
+                    under_way[pool.submit(task, *one)] = one
+                if not under_way:
+                    return
+                for done in wait(under_way, return_when=FIRST_COMPLETED).done:
+                    yield under_way.pop(done), done.result()
+        finally:
+            pool.shutdown(wait=False, cancel_futures=True)
+
+
+def ranges(cases: Cases, count: int, within: Range | None = None) -> Iterator[range]:
+    """Yield the cases of each chunk of a study of `count` cases, or of those that overlap a range."""
+    size, (begin, end) = cases.chunk_size(count), within or (0, maxsize)
+    for first in range(begin // size * size, min(count, end), size):
+        yield range(first, min(first + size, count))
 
 
 def name_of(first: int) -> str:
@@ -181,7 +301,9 @@ def differences(asked: Mapping[str, Any], known: Mapping[str, Any], chunks: int)
     keys, lines = list[str](), list[str]()
     if "text" in differing:
         keys = changes(known.get("text", ""), differing.pop("text"))
-        lines.append(f"another scenario: {some(keys)}")
+        more = f" and {len(keys) - NAMED} more" * (len(keys) > NAMED)
+        named = ", ".join(keys[:NAMED]) + more or "only comments or layout differ"
+        lines.append(f"another scenario: {named}")
     if "files" in differing:
         before, after = known.get("files", {}), differing.pop("files")
         files = (shown(name) for name in {**before, **after} if before.get(name) != after.get(name))
@@ -192,9 +314,3 @@ def differences(asked: Mapping[str, Any], known: Mapping[str, Any], chunks: int)
         f"holds {chunks} chunk{'s' * (chunks != 1)} of an unfinished study of {', '.join(lines)}; "
         "repeat the same study to continue it, or add --overwrite to start again"
     )
-
-
-def some(keys: Sequence[str]) -> str:
-    """Return the first of the keys that differ, and the number of the others."""
-    more = f" and {len(keys) - NAMED} more" * (len(keys) > NAMED)
-    return ", ".join(keys[:NAMED]) + more or "only comments or layout differ"

@@ -10,16 +10,18 @@ import time
 from collections import deque
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
+from dataclasses import replace
+from functools import lru_cache
 from itertools import islice
 from pathlib import Path
-from typing import Any
+from tempfile import TemporaryDirectory
+from threading import Lock
+from typing import Any, NamedTuple
 
-from closeform.campaign import task
+from closeform.campaign.campaign import requested
 from closeform.campaign.cases import Cases, Range
-from closeform.campaign.chunk import Chunk
-from closeform.campaign.chunks import versions
-from closeform.campaign.task import Reply, Task
-from closeform.scenario import ScenarioError
+from closeform.campaign.chunks import Chunk, versions
+from closeform.scenario import ScenarioError, parse
 from closeform.storage.result_folder import FolderError
 
 ANSWER = 5.0  # s to wait for an answer of the scheduler
@@ -32,6 +34,7 @@ DEATHS = 3  # failures of workers on the same task before the study stops
 
 ADDRESS = re.compile(r"(?:tcp|tls)://(\[[^]]+\]|[^:/]+):(\d{1,5})/?")
 Ranges = tuple[Range, ...]
+_building = Lock()
 
 
 class ClusterError(FolderError):
@@ -103,7 +106,7 @@ class Cluster:
             if not isinstance(theirs, dict):
                 what = f"worker {worker} cannot run closeform ({type(theirs).__name__})"
                 raise ClusterError(f"--scheduler: {what}; install the same version there")
-            if lines := task.unlike(versions(), theirs):
+            if lines := unlike(versions(), theirs):
                 raise ClusterError(
                     f"--scheduler: worker {worker} has {lines}; give all machines the same versions"
                 )
@@ -123,7 +126,7 @@ class Cluster:
                 some = again.popleft() if again else waiting.next_of(AHEAD * max(threads, 1))
                 if not some:
                     break
-                under_way[self.client.submit(task.fly, what, some, pure=False)] = some
+                under_way[self.client.submit(evaluate, what, some, pure=False)] = some
             if not under_way:
                 return
             for future in self.ended(under_way):
@@ -227,3 +230,78 @@ def refusal(cases: Cases, lines: tuple[str, ...]) -> Exception:
     if lines[0].startswith(prefix):
         return ScenarioError(file, [line.removeprefix(prefix) for line in lines])
     return ClusterError(f"--scheduler: {lines[0]}")
+
+
+class Task(NamedTuple):
+    """Study as sent to a worker: scenario `text`, its `file` name, the files that it names, and the seed.
+
+    `each`: the number of cases at each point of a sweep; `made_with`: the versions of the sender.
+    """
+
+    text: str
+    file: str
+    inputs: tuple[tuple[str, bytes], ...]
+    seed: int
+    each: int
+    made_with: tuple[tuple[str, str], ...]
+
+    @classmethod
+    def of(cls, cases: Cases) -> Task:
+        """Return the task of evaluating some cases of a kind."""
+        one = cases.scenario
+        inputs = tuple(one.inputs.copies.items()) if one.inputs is not None else ()
+        return cls(
+            one.text,
+            Path(one.file).name,
+            inputs,
+            cases.seed,
+            getattr(cases, "each", 1),
+            tuple(versions().items()),
+        )
+
+
+class Reply(NamedTuple):
+    """Chunks and the `seconds` that they took, or the reasons why there are none, line by line."""
+
+    chunks: tuple[Chunk, ...]
+    refused: tuple[str, ...] = ()
+    seconds: float = 0.0
+
+
+def evaluate(task: Task, ranges: Ranges) -> Reply:
+    """Evaluate some ranges of cases on this machine and return their chunks."""
+    if lines := unlike(dict(task.made_with), versions()):
+        return Reply((), (f"a worker has {lines}; install the same versions on all machines",))
+    try:
+        with _building:
+            cases = cases_of(task).prepared()
+        begin = time.perf_counter()
+        found = (Chunk.of(cases, *one) for one in ranges)
+        chunks = tuple(one._replace(data=one.data.to_pybytes()) for one in found)
+        return Reply(chunks, seconds=time.perf_counter() - begin)
+    except ScenarioError as error:
+        return Reply((), tuple(error.lines))
+
+
+def unlike(here: dict[str, str], there: dict[str, str]) -> str:
+    """Return the differences between two sets of versions in words."""
+    return ", ".join(
+        f"{name} {there.get(name, 'missing')}, not {known}"
+        for name, known in here.items()
+        if there.get(name) != known
+    )
+
+
+@lru_cache(maxsize=4)
+def cases_of(task: Task) -> Cases:
+    """Return the cases of a task, built once for all of its chunks."""
+    with TemporaryDirectory(prefix="closeform-") as folder:
+        for name, held in task.inputs:
+            (Path(folder) / name).parent.mkdir(exist_ok=True)
+            (Path(folder) / name).write_bytes(held)
+        try:
+            scenario = parse(task.text, str(Path(folder) / task.file), "study")
+        except ScenarioError as error:
+            lines = [line.replace(f"{folder}/", "").removeprefix(f"{task.file}: ") for line in error.lines]
+            raise ScenarioError(task.file, lines) from None
+        return requested(replace(scenario, file=task.file), task.each, task.seed)[0]

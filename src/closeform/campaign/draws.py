@@ -1,14 +1,10 @@
-"""Random samples of a study: case K has the same samples in whichever range it is drawn.
+"""Random samples of a study: each varied key has its own stream (`uncertainty.random_streams`).
 
-Each varied key has its own stream of random numbers, a Philox generator keyed by the seed and the key's name.
-Craft c of N in case K takes the block of counter K N + c, and for an event e of that craft the same block of
-the e-th part of the stream. A value common to all craft takes block K. A case therefore depends neither on
-other cases nor on other keys, and can sample any number of events.
+Craft c of N takes block c of N of its case; a value common to all craft takes block 0 of 1.
 """
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -17,8 +13,7 @@ from closeform.arrays import Floats
 from closeform.scenario import Scenario
 from closeform.scenario.study import FAILS, SEARCHED, STATES, TABLED, Draw
 from closeform.search.search_errors import SearchErrors
-
-WORDS = 4  # random numbers in one block of Philox
+from closeform.uncertainty.random_streams import uniform, words
 
 
 def drawn(scenario: Scenario, seed: int, first: int, last: int) -> Floats:
@@ -100,24 +95,6 @@ def lost_by(name: str) -> str:
 def flight_seed(seed: int, case: int) -> int:
     """Return the seed of the simulation of a case: 53 bits of its random block."""
     return int(words(seed, "flight", 1, case, case + 1)[0, 0, 0])
-
-
-def uniform(seed: int, key: str, blocks: int, first: int, last: int, event: int = 0) -> Floats:
-    """Return random numbers (last - first, blocks, 4) in (0, 1) of a key in some cases, for an event."""
-    return np.asarray((words(seed, key, blocks, first, last, event) + 0.5) * 2.0**-53)
-
-
-def words(seed: int, key: str, blocks: int, first: int, last: int, event: int = 0) -> Any:
-    """Return the random numbers of `uniform` as whole numbers of 53 bits."""
-    philox = np.random.Philox(key=stream_of(seed, key), counter=[first * blocks, event, 0, 0])
-    drawn = philox.random_raw((last - first) * blocks * WORDS).reshape(last - first, blocks, WORDS)
-    return drawn >> np.uint64(11)
-
-
-@lru_cache(maxsize=64)
-def stream_of(seed: int, key: str) -> Any:
-    """Return the Philox key of the stream of a scenario key."""
-    return np.random.SeedSequence(seed, spawn_key=tuple(key.encode())).generate_state(2, np.uint64)
 
 
 def spread(draw: Draw, numbers: tuple[Any, ...], random: Floats, size: int) -> Any:

@@ -1,31 +1,28 @@
-"""Monte Carlo cases of a whole mission, each with its own plan, and their statistics."""
+"""Cases of a whole mission, each with its own plan, and their statistics."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from concurrent.futures import Future
 from dataclasses import dataclass, field, replace
-from functools import cached_property
-from math import inf, nan
-from typing import Any, ClassVar, Self
+from functools import cached_property, partial
+from math import isnan, nan
+from threading import Lock
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.campaign import flight_rows
-from closeform.campaign.cases import Cases, Columns
-from closeform.campaign.chunks import CaseChunks
-from closeform.campaign.draws import lost_by, varied
-from closeform.campaign.flown_cases import FlownCases
+from closeform.campaign.cases import CaseChunks, Cases, Columns, Quantity, Statistics
+from closeform.campaign.draws import drawn, lost_by, values, varied
 from closeform.campaign.one_case import one_case
-from closeform.campaign.plans import Plans, known, recurring
-from closeform.campaign.search_campaign import CampaignStatus
 from closeform.campaign.spread import Spread
 from closeform.mission.mission import as_happened, staged
-from closeform.mission.mission_result import Mission, StageResult
+from closeform.mission.mission_result import Mission
 from closeform.scenario import Scenario, ScenarioError
 from closeform.scenario.stages import Clearing
-from closeform.scenario.study import FAILS
+from closeform.scenario.study import FAILS, STATES, UNPLANNED
 
 AT_ONCE = 32  # missions in a chunk: a few tenths of a second for a few craft, a minute for many
 CHUNKS = 32  # least number in a small study; fewer lose more work at a stop and report progress more coarsely
@@ -37,81 +34,195 @@ WORDS = {
     STOPPED: "stopped in a stage",
     REFUSED: "not feasible",
 }
-GAP, ABOVE = "gap", "above the lower bound [%]"  # the column, and its label in a table
-NAMED = 10  # number of cases that a message lists
+ABOVE = "above the lower bound [%]"  # label of the optimality gap in a table
+CAUSES = 10  # number of causes that a table lists
 NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(\.\d+)?(e[-+]?\d+)?(?!\w)")
+
+SEED, RATIO, END, SPENT = "flight_seed", "flown_ratio", "flown_end_m", "flown_delta_v_m_s"  # of a simulation
+NEAREST = 0.5, 0.05, 0.001  # quantiles of minimum clearance ratios, for which small values are bad
+BY_CAUSE = {"plan": SPENT, "field": "field_delta_v_m_s", "feedback": "feedback_delta_v_m_s"}
+
+MOST_PLANS = 32  # number of plans in memory, the most recent ones
+KEPT = 2  # missions kept for each rank; a report has no pages for more
+Known = tuple[bytes, ...]
+
+
+class Figure(NamedTuple):
+    """Number of a mission: its column, its value, and the label of its spread; None without one."""
+
+    column: str
+    of: Callable[[Mission], Any]
+    label: str | None = None
+
+
+def planned_figures(scenario: Scenario) -> Iterator[Figure]:
+    """Yield the numbers of a mission without a simulation; nan where a stage was not executed."""
+    stages = [*enumerate(scenario.stages, 1)]
+    yield Figure("delta_v_m_s", total, "delta-v of all craft [m/s]")
+    for number, stage in stages:
+        label = f"stage {number}, {stage.verb} [m/s]" if len(stages) > 1 else None
+        yield Figure(f"stage_{number}_delta_v_m_s", of_stage(number, lambda one: one.delta_v.sum()), label)
+    for k, name in enumerate(scenario.names):
+        yield Figure(f"{name}_delta_v_m_s", partial(total, k=k), f"delta-v of {name} [m/s]")
+    if scenario.study is not None and scenario.study.draws == "replanned":
+        for number, stage in stages:
+            label = f"stage {number}, {stage.verb}, deviation [m]"
+            yield Figure(f"stage_{number}_off_m", of_stage(number, deviation), label)
+    if any(isinstance(stage, Clearing) for stage in scenario.stages):
+        yield Figure("gap", gap, ABOVE)
+    yield Figure("end_s", lambda one: one.flown[-1].end if complete(one) else nan, "end [s]")
+    yield Figure("least_ratio", least_ratio)
+    yield Figure("conflicts", lambda one: sum(len(result.after.conflicts) for result in one.flown))
+    if FAILS in varied(scenario):
+        for name in scenario.names:
+            yield Figure(lost_by(name), partial(loss, name=name))
+        yield Figure("drift_ratio", lambda one: least(lost.ratio for lost in one.lost))
+
+
+def simulated_figures(scenario: Scenario) -> Iterator[Figure]:
+    """Yield the numbers of a simulation in the high-fidelity model; none if cases are not simulated."""
+    if scenario.flights is None:
+        return
+
+    def of(value: Callable[..., Any], *which: Any) -> Callable[[Mission], Any]:
+        return lambda mission: nan if mission.flights is None else value(mission.flights, *which)
+
+    def end(run: Any, number: int) -> float:
+        return next((float(one.ends.max()) for one in run.stages if one.number == number), nan)
+
+    yield Figure(SPENT, of(lambda one: one.flight.delta_v.sum()), "simulated: delta-v of all craft [m/s]")
+    yield Figure(BY_CAUSE["field"], of(lambda one: one.flight.field_delta_v.sum()))
+    yield Figure(BY_CAUSE["feedback"], of(lambda one: one.flight.feedback_delta_v.sum()))
+    for k, name in enumerate(scenario.names):
+        label = f"simulated: delta-v of {name} [m/s]"
+        yield Figure(f"{name}_flown_delta_v_m_s", of(lambda one, k: one.flight.delta_v[0, k], k), label)
+    for number, stage in enumerate(scenario.stages, 1):
+        label = f"simulated: stage {number}, {stage.verb}, end position error [m]"
+        yield Figure(f"stage_{number}_end_m", of(end, number), label)
+    off = of(lambda one: one.flight.greatest_deviation)
+    yield Figure("flown_off_m", off, "simulated: greatest deviation [m]")
+    yield Figure(END, of(lambda one: one.flight.greatest_end))
+    yield Figure(RATIO, of(lambda one: one.flight.least_ratio if one.flight.ratios.size else nan))
+
+
+def complete(mission: Mission) -> bool:
+    """Return True if all stages were executed."""
+    return mission.stopped is None and mission.grounded is None
+
+
+def total(mission: Mission, k: int | None = None) -> float:
+    """Return the delta-v [m/s] of all craft, or of one, in the executed stages."""
+    each = [result.delta_v.sum() if k is None else result.delta_v[k] for result in mission.flown]
+    return float(sum(each)) if each or k is not None else nan
+
+
+def loss(mission: Mission, name: str) -> float:
+    """Return the time [s] at which a craft loses its thrust; nan if it does not."""
+    return next((one.time for one in mission.lost if one.craft == name), nan)
+
+
+def of_stage(number: int, value: Callable[[Any], Any]) -> Callable[[Mission], Any]:
+    """Return a function with the value of the result of a stage; nan if it was not executed."""
+    return lambda mission: next((value(one) for one in mission.flown if one.number == number), nan)
+
+
+def least(values: Iterable[float | None]) -> float:
+    """Return the least of some numbers; nan without any."""
+    return float(np.fmin.reduce([nan if one is None else one for one in values], initial=nan))
+
+
+def least_ratio(mission: Mission) -> float:
+    """Return the minimum clearance ratio of all pairs; nan without zones."""
+    return least(pair.ratio for result in mission.flown for pair in result.after.approaches)
+
+
+def gap(mission: Mission) -> float:
+    """Return the greatest optimality gap of the plans, relative to each plan; nan without bounds."""
+    moved = [one.result for one in mission.flown if isinstance(one.stage, Clearing)]
+    plans = [getattr(one, "plan", None) or one.avoidance for one in moved]
+    return float(np.fmax.reduce([max(plan.gap, 0.0) for plan in plans], initial=nan))
+
+
+def deviation(result: Any) -> float:
+    """Return the greatest distance [m] between a craft and its planned end, due to burn errors.
+
+    A gathering with exact burns can end earlier; its end is then propagated by coasting.
+    """
+    if result.commanded is None:
+        return nan
+    paths, end = result.planned.paths, min(result.end, result.planned.end)
+    planned = paths.position(end)
+    if end < result.end:
+        planned = (paths.state(end) @ paths.orbit.transition(result.end - end).T)[..., :3]
+    return float(np.linalg.norm(result.after.paths.position(result.end) - planned, axis=-1).max())
 
 
 @dataclass(frozen=True, eq=False)
 class MissionCases(Cases):
-    """Cases of a mission with a row each.
+    """Cases of a mission with a row each: its `status`, the `reason`, and the numbers of `figures`.
 
-    Columns: `status`, `reason`, `end_s`, delta-v in all, by craft and by stage, `conflicts`. Simulated cases
-    have the columns of `flight_rows` beside the planned ones. `gap`: the optimality gap of a plan, relative
-    to it. `least_ratio`: the minimum clearance ratio of all pairs, nan without zones. Numbers of stages that
-    were not executed are nan. With sampled errors, the greatest deviation of a craft in each stage; with
-    failures, the time of each and `drift_ratio`, the minimum clearance ratio of drifting craft. `plans` are
-    shared between cases.
+    `plans` are shared between cases.
     """
 
-    plans: Plans = field(default_factory=Plans)
+    plans: Plans = field(default_factory=lambda: Plans())
+    failures: ClassVar = WORDS
+    unfinished: ClassVar = (STOPPED, REFUSED)
 
-    @property
-    def at_once(self) -> int:
-        """Greatest number of cases in a chunk."""
-        return AT_ONCE
-
-    def in_chunk(self, count: int) -> int:
+    def chunk_size(self, count: int) -> int:
         """Return the number of cases in a chunk of a study of `count` cases."""
         return max(1, min(AT_ONCE, count // CHUNKS))
 
-    def fly(self, first: int, last: int) -> Columns:
+    @property
+    def figures(self) -> tuple[Figure, ...]:
+        """Numbers of a case, those of its simulation first."""
+        return *simulated_figures(self.scenario), *planned_figures(self.scenario)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Columns of `evaluate`."""
+        seed = () if self.scenario.flights is None else (SEED,)
+        return "status", "reason", *seed, *(one.column for one in self.figures)
+
+    def evaluate(self, first: int, last: int) -> Columns:
         """Plan and evaluate all stages of each case, as a run of it does."""
         rows = [self.row(case) for case in range(first, last)]
         return {name: np.array([row[name] for row in rows]) for name in self.names}
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Columns of `fly`."""
-        craft = (of_craft(name) for name in self.scenario.names)
-        numbers = range(1, len(self.scenario.stages) + 1)
-        stages = (*map(of_stage, numbers), *(map(off_in, numbers) if self.replanned else ()))
-        lost = (*map(lost_by, self.scenario.names), "drift_ratio") if self.failing else ()
-        last = *lost, *flight_rows.names(self.scenario)
-        least = "least_ratio", *([GAP] if self.bounded else []), "conflicts"
-        return "status", "reason", "end_s", "delta_v_m_s", *craft, *stages, *least, *last
-
-    @property
-    def bounded(self) -> bool:
-        """True if any stage avoids zones, so that its plans have lower bounds."""
-        return any(isinstance(stage, Clearing) for stage in self.scenario.stages)
-
-    @property
-    def failing(self) -> bool:
-        """True if craft may lose their thrust."""
-        return FAILS in varied(self.scenario)
-
-    @property
-    def replanned(self) -> bool:
-        """True if errors are sampled and each stage is planned from the state that they result in."""
-        return self.scenario.study is not None and self.scenario.study.draws == "replanned"
-
     def row(self, case: int) -> dict[str, Any]:
         """Return the row of one case."""
-        row: dict[str, Any] = dict.fromkeys(self.names, nan) | {"conflicts": -1}
         scenario = one_case(self.scenario, self.seed, case)
-        if scenario.flight_seed is not None:
-            row[flight_rows.SEED] = scenario.flight_seed
+        row: dict[str, Any] = dict.fromkeys(self.names, nan) | {SEED: scenario.flight_seed, "conflicts": -1}
         try:
             mission = self.as_happened(scenario, case)
         except ScenarioError as error:
             reason = error.lines[0].removeprefix(f"{self.scenario.file}: ")
             return row | {"status": REFUSED, "reason": reason}
         row |= {"status": ended(mission), "reason": "" if mission.verdict.ok else str(mission.verdict)}
-        row |= figures(mission)
+        row |= {one.column: one.of(mission) for one in self.figures}
         if self.scenario.place is None:  # the report of a sweep shows no cases
             self.plans.keep(case, mission, ranks(case, row))
         return row
+
+    def met(self, columns: Columns) -> dict[str, Any]:
+        """Return the cases that did not end with each status other than MET."""
+        return {status: columns["status"] != status for status in STATUSES[1:]}
+
+    def quantities(self) -> dict[str, Quantity]:
+        """Return the delta-v [m/s] in all, by stage and by craft, the end time [s], and deviations [m].
+
+        Of complete missions. A mission that is simulated has each number as simulated and as planned.
+        """
+
+        def of(column: str) -> Quantity:
+            return lambda columns: columns[column] + 0.0 * columns["end_s"]
+
+        planned = "" if self.scenario.flights is None else "planned: "
+        found = {}
+        for one in self.figures:
+            if one.label is not None:
+                label = one.label if one.label.startswith("simulated") else planned + one.label
+                found[label] = of(one.column)
+        return found
 
     def mission(self, case: int) -> Mission:
         """Return the mission of one case: the stored one, else evaluated again."""
@@ -120,19 +231,15 @@ class MissionCases(Cases):
 
     def as_happened(self, scenario: Scenario, case: int) -> Mission:
         """Return the mission of a case with the events that its plan does not know."""
-        return as_happened(self.planned(scenario, case), predicted=self.scenario.flights is None)
-
-    def planned(self, scenario: Scenario, case: int) -> Mission:
-        """Return the planned mission of a case, shared with cases that have the same plan inputs."""
         predicted = self.scenario.flights is None  # a simulation gives better predictions
-        if not recurring(self.scenario):
-            return staged(scenario, predicted=predicted)
-        drawn = known(self.scenario, self.seed, case)
-        return replace(self.plans.of(drawn, lambda: staged(scenario, predicted=predicted)), scenario=scenario)
 
-    def good(self, columns: Columns) -> Any:
-        """Return the cases in which all requirements are met."""
-        return columns["status"] == MET
+        def plan() -> Mission:
+            return staged(scenario, predicted=predicted)
+
+        if recurring(self.scenario):
+            shared = self.plans.of(known(self.scenario, self.seed, case), plan)
+            return as_happened(replace(shared, scenario=scenario), predicted=predicted)
+        return as_happened(plan(), predicted=predicted)
 
     def campaign(self, chunks: CaseChunks) -> MissionCampaign:
         """Return the statistics of the cases."""
@@ -141,12 +248,12 @@ class MissionCases(Cases):
 
 def ranks(case: int, row: Mapping[str, Any]) -> dict[str, float]:
     """Return the ranks that select a case for a page, least first; nan if none does (`viewer.replays`)."""
-    last, spent = nan if np.isnan(row["end_s"]) else 0.0, row.get(flight_rows.SPENT, row["delta_v_m_s"])
+    last = nan if np.isnan(row["end_s"]) else 0.0
     return {
         **{status: case if row["status"] == status else nan for status in (UNMET, STOPPED)},
-        "spent": last - spent,
+        "spent": last - row.get(SPENT, row["delta_v_m_s"]),
         "near": row["least_ratio"],
-        "near in flight": last + row.get(flight_rows.RATIO, nan),
+        "near in flight": last + row.get(RATIO, nan),
     }
 
 
@@ -159,112 +266,97 @@ def ended(mission: Mission) -> str:
     return MET if mission.verdict.ok else UNMET
 
 
-def figures(mission: Mission) -> dict[str, Any]:
-    """Return the numbers of a mission, from its executed stages."""
-    flown = mission.flown
-    each = np.array([result.delta_v for result in flown]).reshape(-1, len(mission.scenario.craft))
-    ratios = [pair.ratio for result in flown for pair in result.after.approaches]
-    return {
-        "end_s": flown[-1].end if mission.stopped is None and mission.grounded is None else nan,
-        "delta_v_m_s": each.sum() if flown else nan,
-        **dict(zip(map(of_craft, mission.scenario.names), each.sum(axis=0), strict=True)),
-        **{of_stage(result.number): spent.sum() for result, spent in zip(flown, each, strict=True)},
-        **{off_in(result.number): off(result) for result in flown if result.commanded is not None},
-        "least_ratio": min(ratios, default=nan),
-        **({GAP: widest(flown)} if any(isinstance(one.stage, Clearing) for one in mission.results) else {}),
-        "conflicts": sum(len(result.after.conflicts) for result in flown),
-        **{lost_by(one.craft): one.time for one in mission.lost},
-        "drift_ratio": np.fmin.reduce([one.ratio for one in mission.lost], initial=nan),
-        **({} if mission.flights is None else flight_rows.figures(mission.flights)),
-    }
+class Plans:
+    """Plans by the inputs of a case that they depend on; threads wait for one that is being computed.
 
-
-def widest(results: Sequence[StageResult[Any, Any]]) -> float:
-    """Return the greatest optimality gap of the plans, relative to each plan; nan without bounds."""
-    moved = [one.result for one in results if isinstance(one.stage, Clearing)]
-    plans = [getattr(one, "plan", None) or one.avoidance for one in moved]
-    return float(np.fmax.reduce([max(plan.gap, 0.0) for plan in plans], initial=nan))
-
-
-def off(result: StageResult[Any, Any]) -> float:
-    """Return the greatest distance [m] between a craft and its planned end, due to burn errors.
-
-    A gathering with exact burns can end earlier; its end is then propagated by coasting.
+    Also holds the missions of the cases that a report will show.
     """
-    paths, end = result.planned.paths, min(result.end, result.planned.end)
-    planned = paths.position(end)
-    if end < result.end:
-        planned = (paths.state(end) @ paths.orbit.transition(result.end - end).T)[..., :3]
-    return float(np.linalg.norm(result.after.paths.position(result.end) - planned, axis=-1).max())
+
+    def __init__(self) -> None:
+        self.lock = Lock()
+        self.held: dict[Known, Future[Mission]] = {}
+        self.kept: dict[str, list[tuple[float, int, Mission]]] = {}
+
+    def keep(self, case: int, mission: Mission, ranks: Mapping[str, float]) -> None:
+        """Keep the mission of a case if it is among the first `KEPT` of a rank; nan is no rank."""
+        with self.lock:
+            for name, rank in ranks.items():
+                if not isnan(rank):
+                    first = [*self.kept.get(name, ()), (rank, case, mission)]
+                    self.kept[name] = sorted(first, key=lambda one: one[:2])[:KEPT]
+
+    def mission(self, case: int) -> Mission | None:
+        """Return the mission of a case, None if it was not kept."""
+        with self.lock:
+            every = (one for first in self.kept.values() for one in first)
+            return next((mission for _, number, mission in every if number == case), None)
+
+    def __reduce__(self) -> Any:
+        return Plans, ()  # a copy, in this or another process, is empty
+
+    def of(self, known: Known, make: Callable[[], Mission]) -> Mission:
+        """Return the plan for the given inputs, computed if absent; an error is raised in every thread."""
+        with self.lock:
+            found, new = self.held.get(known), Future[Mission]()
+            if found is None:
+                self.held[known] = new
+                if len(self.held) > MOST_PLANS:
+                    del self.held[next(iter(self.held))]
+        if found is not None:
+            return found.result()
+        try:
+            new.set_result(make())
+        except BaseException as error:  # else other threads would wait forever
+            new.set_exception(error)
+        return new.result()
 
 
-def off_in(number: int) -> str:
-    """Return the column of the greatest deviation due to burn errors in a stage."""
-    return f"stage_{number}_off_m"
+def recurring(scenario: Scenario) -> bool:
+    """Return True if cases can share plans: the planner sees only values from a finite set."""
+    study = scenario.study
+    if study is None or study.draws == "replanned":  # each stage is planned from a state with errors
+        return False
+    return all(study.vary[key].kind in ("choice", "chance") for key in planned_keys(scenario))
 
 
-def of_craft(name: str) -> str:
-    """Return the column of the delta-v of a craft."""
-    return f"{name}_delta_v_m_s"
+def known(scenario: Scenario, seed: int, case: int) -> Known:
+    """Return the sampled values of a case that plans depend on, as bytes."""
+    some = case, case + 1
+    others = [key for key in planned_keys(scenario) if key not in STATES]
+    each: list[Any] = [drawn(scenario, seed, *some), *(values(scenario, seed, key, *some) for key in others)]
+    return tuple(one.tobytes() for one in each)
 
 
-def of_stage(number: int) -> str:
-    """Return the column of the delta-v of all craft in a stage."""
-    return f"stage_{number}_delta_v_m_s"
+def planned_keys(scenario: Scenario) -> list[str]:
+    """Return the varied keys that plans depend on: neither simulation errors nor failures."""
+    return [key for key in varied(scenario) if key != FAILS and not key.startswith(UNPLANNED)]
 
 
 @dataclass(frozen=True)
-class Endings:
-    """Outcomes of cases: `counts` by status, the `first` few, the causes, and the closest pair.
+class SimulationTally:
+    """Counts over `count` complete simulations.
 
-    `drifting`: the number of cases in which a craft with a zone drifts, and in which it enters one.
+    The number with a zone `entered` and the `mean` delta-v by cause [m/s]. `nearest`: the minimum clearance
+    ratio of any pair and its case; `nearness`: the spread of the minimum ratio of each simulation. None if no
+    pair has a zone.
     """
 
-    counts: dict[str, int]
-    first: dict[str, list[int]]
-    causes: dict[str, tuple[int, int]]
+    count: int
+    entered: int
+    mean: dict[str, float]
     nearest: tuple[float, int] | None
-    drifting: tuple[int, int]
-
-    @classmethod
-    def of(cls, chunks: CaseChunks, failing: bool) -> Self:
-        """Count chunk after chunk, so that only one is in memory."""
-        drifting = np.zeros(2, dtype=np.int64)
-        counts, first = dict.fromkeys(STATUSES, 0), {status: list[int]() for status in STATUSES}
-        causes, nearest = dict[str, tuple[int, int]](), (inf, -1)
-        for begin, part in chunks.read("status", "reason", "least_ratio", *["drift_ratio"] * failing):
-            if failing:
-                drift = part["drift_ratio"]
-                drifting += [np.count_nonzero(~np.isnan(drift)), np.count_nonzero(drift < 1.0)]
-            rows = zip(part["status"].tolist(), part["reason"].tolist(), strict=True)
-            for case, (status, reason) in enumerate(rows, begin):
-                counts[status] += 1
-                if len(first[status]) < NAMED:
-                    first[status].append(case)
-                if reason:
-                    cause = NUMBER.sub("...", reason)
-                    many, since = causes.get(cause, (0, case))
-                    causes[cause] = many + 1, since
-            ratio = np.where(np.isnan(part["least_ratio"]), inf, part["least_ratio"])
-            nearest = min(nearest, (float(ratio.min()), begin + int(ratio.argmin())))
-        found = nearest if nearest[0] < inf else None
-        return cls(counts, first, causes, found, (int(drifting[0]), int(drifting[1])))
+    nearness: Spread | None
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class MissionCampaign(FlownCases):
-    """Statistics of C cases of a mission, drawn with a seed, held by `chunks`.
+class MissionCampaign(Statistics):
+    """Statistics of C cases of a mission, drawn with a seed.
 
     Arrays (C,) are read on request: `column` of any name in the files of cases, of which `statuses` are
     "met", "unmet", "stopped" or "refused".
     """
 
     kind: MissionCases
-    _told: ClassVar = ("title", "seed", "status", "reason")
-
-    def column(self, name: str) -> Any:
-        """Return one column of all cases."""
-        return np.concatenate([part[name] for _, part in self.chunks.read(name)])
 
     @cached_property
     def statuses(self) -> Any:
@@ -272,101 +364,53 @@ class MissionCampaign(FlownCases):
         return self.column("status").astype(str)
 
     @cached_property
-    def endings(self) -> Endings:
-        """Outcomes of the cases, counted chunk after chunk."""
-        return Endings.of(self.chunks, self.kind.failing)
-
-    @property
     def counts(self) -> dict[str, int]:
         """Number of cases by status, in the order of STATUSES."""
-        return self.endings.counts
-
-    @cached_property
-    def good(self) -> Any:
-        """Cases (C,) in which all requirements are met."""
-        return self.statuses == MET
-
-    @property
-    def failed(self) -> Any:
-        """Numbers (F,) of the cases in which they are not."""
-        return np.flatnonzero(~self.good)
-
-    @property
-    def met_cases(self) -> int:
-        """Number of cases in which all requirements are met."""
-        return self.counts[MET]
-
-    @property
-    def ok(self) -> bool:
-        """True if all requirements are met in every case."""
-        return self.met_cases == len(self)
-
-    @property
-    def status(self) -> CampaignStatus:
-        """Status of the campaign."""
-        if self.ok:
-            return CampaignStatus.COMPLETE
-        never = self.counts[STOPPED] + self.counts[REFUSED]
-        return CampaignStatus.INCOMPLETE if never else CampaignStatus.UNMET
-
-    @property
-    def reason(self) -> str | None:
-        """Number of cases that ended badly, and the first of them; None if there are none."""
-        parts = []
-        for status, count in self.counts.items():
-            if count and status != MET:
-                cases = self.endings.first[status]
-                named = ", ".join(map(str, cases)) + ", ..." * (count > len(cases))
-                parts.append(f"{count} of {len(self)} cases {WORDS[status]}: {named}")
-        return "; ".join(parts) or None
+        return {MET: self.met_cases} | {name: len(self) - met.count for name, met in self.tally.met.items()}
 
     @cached_property
     def causes(self) -> list[tuple[str, int, int]]:
         """Causes without their numbers, the number of cases of each and the first; most frequent first."""
-        most = sorted(self.endings.causes.items(), key=lambda row: -row[1][0])[:NAMED]
+        found = dict[str, tuple[int, int]]()
+        for cases, part in self.chunks.parts():
+            for case, reason in zip(cases, part["reason"].tolist(), strict=True):
+                if reason:
+                    cause = NUMBER.sub("...", reason)
+                    many, first = found.get(cause, (0, case))
+                    found[cause] = many + 1, first
+        most = sorted(found.items(), key=lambda row: -row[1][0])[:CAUSES]
         return [(cause, many, first) for cause, (many, first) in most]
 
     @cached_property
-    def spreads(self) -> dict[str, Spread]:
-        """Spreads of the delta-v [m/s] in all, by stage and by craft, and of the end time [s].
-
-        Over complete missions. With sampled errors, also of the deviation in each stage [m].
-        """
-        named = {"delta-v of all craft [m/s]": "delta_v_m_s"}
-        if len(self.scenario.stages) > 1:
-            stages = enumerate(self.scenario.stages, 1)
-            named |= {f"stage {number}, {stage.verb} [m/s]": of_stage(number) for number, stage in stages}
-        named |= {f"delta-v of {name} [m/s]": of_craft(name) for name in self.scenario.names}
-        if self.kind.replanned:
-            stages = enumerate(self.scenario.stages, 1)
-            named |= {
-                f"stage {number}, {stage.verb}, deviation [m]": off_in(number) for number, stage in stages
-            }
-        if self.kind.bounded:
-            named[ABOVE] = GAP
-        named["end [s]"] = "end_s"
-        if self.scenario.flights is not None:
-            planned = {f"planned: {words}": name for words, name in named.items()}
-            named = {**dict(flight_rows.named(self.scenario)), **planned}
-        found = {words: self.spread(name) for words, name in named.items()}
-        return {words: spread for words, spread in found.items() if spread is not None}
-
-    def spread(self, name: str) -> Spread | None:
-        """Return the spread of one column over the complete cases with a number in it."""
-
-        def values() -> Iterator[tuple[Floats, Any]]:
-            for first, part in self.chunks.read(name, "end_s"):
-                counts = ~np.isnan(part["end_s"] + part[name])
-                yield part[name][counts], first + np.flatnonzero(counts)
-
-        return Spread.of(values)
+    def drifting(self) -> tuple[int, int]:
+        """Number of cases in which a craft with a zone drifts, and in which it enters one."""
+        if FAILS not in varied(self.scenario):
+            return 0, 0
+        drift = self.column("drift_ratio")
+        return int((~np.isnan(drift)).sum()), int((drift < 1.0).sum())
 
     @cached_property
-    def flights(self) -> flight_rows.FlightTally | None:
-        """Counts of the simulations in the high-fidelity model; None without any."""
-        return None if self.scenario.flights is None else flight_rows.FlightTally.of(self.chunks)
-
-    @property
     def nearest(self) -> tuple[float, int] | None:
         """Minimum clearance ratio of any pair, and its case; None without zones."""
-        return self.endings.nearest
+        return self.least(lambda columns: columns["least_ratio"])
+
+    @cached_property
+    def flights(self) -> SimulationTally | None:
+        """Counts of the complete simulations in the high-fidelity model; None without any."""
+        if self.scenario.flights is None:
+            return None
+
+        def ratio(columns: Columns) -> Floats:
+            return np.asarray(columns[RATIO] + 0.0 * columns["end_s"])
+
+        def sums(columns: Columns) -> Any:
+            done = ~np.isnan(columns["end_s"])
+            each = [columns[name][done].sum() for name in BY_CAUSE.values()]
+            return np.array([done.sum(), (ratio(columns) < 1.0).sum(), *each])
+
+        count, entered, spent, field, feedback = self.total(sums).tolist()
+        if not count:
+            return None
+        causes = zip(BY_CAUSE, (spent - field - feedback, field, feedback), strict=True)
+        mean = {cause: summed / count for cause, summed in causes}
+        return SimulationTally(int(count), int(entered), mean, self.least(ratio), self.spread(ratio, NEAREST))

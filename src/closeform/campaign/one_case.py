@@ -12,7 +12,7 @@ from closeform.scenario.study import FAILS, STATES, UNPLANNED
 from closeform.search.search_errors import first_of
 
 if TYPE_CHECKING:
-    from closeform.campaign.executed_mission import History
+    from closeform.mission.executed_mission import History
 
 
 def case_of(scenario: Scenario, case: int) -> Scenario:
@@ -94,7 +94,7 @@ def history_of(scenario: Scenario, seed: int, case: int) -> History | None:
     study = scenario.study
     if study is None or (study.draws == "vary" and FAILS not in study.vary):
         return None
-    from closeform.campaign.executed_mission import History  # imported late: compiles kernels
+    from closeform.mission.executed_mission import History  # imported late: compiles kernels
 
     return History(seed, case, study.draws, failing(scenario, seed, case))
 

@@ -9,14 +9,11 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from closeform.campaign.cases import Cases, Columns, Range
-from closeform.campaign.chunk import column
-from closeform.campaign.chunks import CaseChunks
-from closeform.campaign.flown_cases import FlownCases
-from closeform.campaign.search_campaign import CampaignStatus
+from closeform.campaign.cases import CampaignStatus, CaseChunks, Cases, Columns, Range, Statistics
+from closeform.campaign.chunks import Part, arrow
 from closeform.campaign.spread import Spread
 from closeform.confidence import Estimate, estimate
-from closeform.scenario.sweep import text, words
+from closeform.scenario.study import text, words
 
 NAMED = 3  # number of points that a message lists
 
@@ -31,44 +28,36 @@ class SweepCases(Cases):
     kinds: tuple[Any, ...]
     each: int
 
-    @property
-    def at_once(self) -> int:
-        """Greatest number of cases in a chunk."""
-        return int(self.kinds[0].at_once)
-
-    def in_chunk(self, count: int) -> int:
+    def chunk_size(self, count: int) -> int:
         """Return the number of cases in a chunk of a study of `count` cases."""
-        return min(self.at_once, int(self.kinds[0].in_chunk(count)))
+        return int(self.kinds[0].chunk_size(count))
 
-    def parts(self, first: int, last: int) -> Iterator[tuple[int, int, int]]:
+    def ranges(self, first: int, last: int) -> Iterator[tuple[int, int, int]]:
         """Yield the points in a range of all cases, with the range of cases at each."""
         for point in range(first // self.each, (last - 1) // self.each + 1):
             begin = point * self.each
             yield point, max(first - begin, 0), min(last - begin, self.each)
 
-    def fly(self, first: int, last: int) -> Columns:
+    def evaluate(self, first: int, last: int) -> Columns:
         """Return the results of some cases, point after point."""
-        found = [self.kinds[point].flown(*some) for point, *some in self.parts(first, last)]
+        found = [self.kinds[point].columns(*some) for point, *some in self.ranges(first, last)]
         return {name: np.concatenate([part[name] for part in found]) for name in found[0]}
 
-    def good(self, columns: Columns) -> Any:
-        """Return the cases in which all requirements are met."""
-        return self.kinds[0].good(columns)
+    def met(self, columns: Columns) -> dict[str, Any]:
+        """Return the cases (C,) in which each requirement is met."""
+        found: dict[str, Any] = self.kinds[0].met(columns)
+        return found
 
-    def stored(self, first: int, last: int, columns: Columns) -> Columns:
+    def stored(self, first: int, last: int, columns: Columns) -> dict[str, Any]:
         """Return the tables of the points, with their numbers."""
         import pyarrow
 
-        rows = len(next(iter(columns.values()))) // (last - first)
-        tables, done = [], 0
-        for point, begin, end in self.parts(first, last):
-            some = slice(done * rows, (done + end - begin) * rows)
-            own = {name: values[some] for name, values in columns.items()}
-            own = self.kinds[point].stored(begin, end, own)
-            number = np.full((end - begin) * rows, point)
-            tables.append(
-                pyarrow.table({name: column(values) for name, values in {"point": number, **own}.items()})
-            )
+        tables, done = [], first
+        for point, begin, end in self.ranges(first, last):
+            own = rows_of(columns, range(first, last), range(done, done + end - begin))
+            table = self.kinds[point].stored(begin, end, own)
+            table = {"point": np.full(len(next(iter(table.values()))), point), **table}
+            tables.append(pyarrow.table({name: arrow(values) for name, values in table.items()}))
             done += end - begin
         whole = pyarrow.concat_tables(tables).combine_chunks()
         return {name: whole[name].chunk(0) for name in whole.column_names}
@@ -78,30 +67,31 @@ class SweepCases(Cases):
         return SweepCampaign(self, chunks)
 
 
+def rows_of(columns: Columns, cases: range, some: range) -> Part:
+    """Return the columns of `some` of the cases of a chunk."""
+
+    def load(name: str) -> Any:
+        values = columns[name]
+        rows = len(values) // len(cases)
+        return values[(some.start - cases.start) * rows : (some.stop - cases.start) * rows]
+
+    return Part(tuple(columns), load)
+
+
 @dataclass(frozen=True, eq=False)
 class PointChunks:
     """Chunks of one `point` of a sweep, of `count` cases."""
 
-    cases: SweepCases
+    count: int
     chunks: CaseChunks
     point: int
 
-    @property
-    def count(self) -> int:
-        """Number of cases."""
-        return self.cases.each
-
-    def read(self, *names: str, within: Range | None = None) -> Iterator[tuple[int, Columns]]:
-        """Iterate over the named columns of this point's part of each chunk."""
+    def parts(self, within: Range | None = None) -> Iterator[tuple[range, Columns]]:
+        """Iterate over this point's part of each chunk."""
         begin = self.point * self.count
-        for first, columns in self.chunks.read(*names, within=(begin, begin + self.count)):
-            last = min(first + self.cases.in_chunk(self.chunks.count), self.chunks.count)
-            low, high = max(begin - first, 0), min(begin + self.count, last) - first
-            own = {}
-            for name, values in columns.items():
-                rows = len(values) // (last - first)
-                own[name] = values[low * rows : high * rows]
-            yield first + low - begin, own
+        for cases, part in self.chunks.parts((begin, begin + self.count)):
+            some = range(max(cases.start, begin), min(cases.stop, begin + self.count))
+            yield range(some.start - begin, some.stop - begin), rows_of(part, cases, some)
 
 
 class Point(NamedTuple):
@@ -119,7 +109,7 @@ class Point(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class SweepCampaign(FlownCases):
+class SweepCampaign(Statistics):
     """Statistics of a sweep, drawn with a seed, at its `points`; the last key varies fastest.
 
     Its `scenario` holds all values except the swept ones.
@@ -136,7 +126,7 @@ class SweepCampaign(FlownCases):
         """Statistics at each point."""
         found = []
         for number, kind in enumerate(self.kind.kinds):
-            campaign = kind.campaign(PointChunks(self.kind, self.chunks, number))
+            campaign = kind.campaign(PointChunks(len(self), self.chunks, number))
             count = campaign.met_cases
             name, spread = next(iter(campaign.spreads.items()), (None, None))
             values = {key: text(value) for key, value in kind.scenario.point.items()}
@@ -152,10 +142,7 @@ class SweepCampaign(FlownCases):
     def status(self) -> CampaignStatus:
         """Status of the campaign."""
         found = {point.campaign.status for point in self.points}
-        for status in (CampaignStatus.INCOMPLETE, CampaignStatus.UNMET):
-            if status in found:
-                return status
-        return CampaignStatus.COMPLETE
+        return next(one for one in reversed(CampaignStatus) if one in found)
 
     @property
     def reason(self) -> str | None:

@@ -3,8 +3,7 @@
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from closeform.scenario.stage_table import Thrusting
-from closeform.scenario.stages import Avoid, Gather, Joint, Lock
+from closeform.scenario.stages import Avoid, Gather, Joint, Lock, Thrusting
 
 if TYPE_CHECKING:
     from closeform.scenario import Scenario

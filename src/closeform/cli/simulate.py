@@ -57,7 +57,7 @@ def simulate(
         Replace finished results.
     """
     from closeform.results.load import LoadedRun, load
-    from closeform.scenario.flown import not_anew
+    from closeform.scenario.checks import not_anew
     from closeform.storage.publishing import check_free
     from closeform.storage.result_folder import SUMMARY
 
@@ -116,7 +116,7 @@ class Options(NamedTuple):
     @classmethod
     def of(cls, given: dict[str, str | None]) -> "Options":
         """Read the options from their texts, by option name."""
-        from closeform.scenario.field import as_navigation, as_thrust_error
+        from closeform.scenario.orbit import as_navigation, as_thrust_error
         from closeform.scenario.quantity import TIME
 
         return cls(

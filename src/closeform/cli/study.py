@@ -14,7 +14,7 @@ from closeform.cli.inputs import BAD_INPUT, UsageError, read
 
 if TYPE_CHECKING:
     from closeform.campaign.cases import Cases
-    from closeform.campaign.stored_study import Runner
+    from closeform.campaign.chunks import Runner
 
 
 def study(
@@ -58,7 +58,7 @@ def study(
     loaded = read(scenario, "study")
     if loaded is None:
         return BAD_INPUT
-    from closeform.campaign import asked, stored_study
+    from closeform.campaign import requested
     from closeform.campaign.chunks import ChunkError, Stored
     from closeform.mission.verdict import MET, NOT_MET
     from closeform.report.any_study import report_of
@@ -66,7 +66,7 @@ def study(
 
     notes = stderr()
     try:
-        kind, count = asked(loaded, cases, seed)
+        kind, count = requested(loaded, cases, seed)
         if again and (status := finished_before(place, kind, count)) is not None:
             return status
         with runner_of(scheduler) as runner, folder(place, overwrite, study=True) as under_way:
@@ -74,12 +74,12 @@ def study(
             with written(place):
                 complain(*(f"{place}: {what}, and flown anew" for what in chunks.begin(overwrite)))
                 if chunks.whole:
-                    complain(f"{place}: going on, {chunks.flown} of {count} cases are flown")
+                    complain(f"{place}: going on, {chunks.done} of {count} cases are flown")
                 beside = Timer(0.1, import_module, ["scipy.special"])  # loaded early for the report
                 beside.daemon = True
                 beside.start()
                 with progress(notes, count) as tell:
-                    campaign = stored_study.fly(chunks, runner, tell)
+                    campaign = chunks.complete(runner, tell)
             report = report_of(campaign, loaded)
             under_way.known.update(chunks.digests)
             from closeform.report.study import draw_lines
@@ -119,10 +119,10 @@ def finished_before(place: Path, cases: "Cases", count: int) -> int | None:
 @contextmanager
 def runner_of(scheduler: str | None) -> "Iterator[Runner]":
     """Yield the runner of chunks of cases: this machine, or the workers of a Dask scheduler."""
-    from closeform.campaign import stored_study
-
     if scheduler is None:
-        yield stored_study.local
+        from closeform.campaign.chunks import local
+
+        yield local
         return
     from closeform.campaign.cluster import Cluster
 

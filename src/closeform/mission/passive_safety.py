@@ -23,7 +23,7 @@ from closeform.safety.drift_screen import drift_screen
 from closeform.safety.failures import Failure, ThrustLost
 from closeform.safety.sides import carried
 from closeform.scenario import Scenario
-from closeform.scenario.stage_table import Drifting
+from closeform.scenario.stages import Drifting
 from closeform.zones.pair_zones import PairZones, by_zone, portions
 from closeform.zones.zone import Zone
 

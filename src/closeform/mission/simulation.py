@@ -30,7 +30,7 @@ from closeform.mission.verdict import LostThrust, Use
 from closeform.motion.arc import END, START
 from closeform.motion.path import Path, fires_impulses, path_of
 from closeform.named_craft import as_listed
-from closeform.scenario.flown import flown_thrusters
+from closeform.scenario.checks import flown_thrusters
 from closeform.zones.pair_zones import PairZones
 
 Control = Literal["track", "replan", "open"]

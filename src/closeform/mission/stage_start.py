@@ -19,7 +19,7 @@ from closeform.motion.joining import join, stack
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
 from closeform.scenario import Avoid, Destination, Joint, Scenario, Target, Transfer
-from closeform.scenario.stage_table import Cost
+from closeform.scenario.stages import Cost
 from closeform.zones.combined_zones import OwnZone, enlarged
 from closeform.zones.pair_zones import PairZones
 

@@ -16,7 +16,7 @@ from closeform.mission.stage_start import BurnRoom, StageStart
 from closeform.mission.verdict import Asked
 from closeform.named_craft import as_listed
 from closeform.scenario import Avoid, Joint
-from closeform.scenario.stage_table import Thrusting
+from closeform.scenario.stages import Thrusting
 
 if TYPE_CHECKING:
     from closeform.fuel.firing import ThrusterFiring

@@ -57,7 +57,7 @@ def shown(campaign: Campaign) -> list[Share]:
 
 def locks(campaign: LockCampaign) -> Subject:
     """Return the content of a study of first locks, with results of detection at fixed steps."""
-    ways = by_detection(campaign) if campaign.tally.sampled else {}
+    ways = by_detection(campaign) if campaign.kind.steps else {}
     return Subject(
         campaign.search,
         tables=(detection_table(campaign, ways),) if ways else (),
@@ -70,9 +70,9 @@ def by_detection(campaign: LockCampaign) -> dict[str, dict[str, int]]:
     """Return the cases by phase, and the missed first locks, for each detection method."""
     names, over = labels(campaign.search), "stepped over"
     found = {"exact": {share.label: share.cases for share in campaign.shares} | {over: 0}}
-    for step, sampled in campaign.tally.sampled.items():
-        counts = dict(zip(names, sampled.phases.tolist(), strict=True))
-        found[f"every {step:g} s"] = counts | {over: sampled.over}
+    for step in campaign.kind.steps:
+        phases, skipped = campaign.detected(step)
+        found[f"every {step:g} s"] = dict(zip(names, phases, strict=True)) | {over: skipped}
     return found
 
 
@@ -95,7 +95,7 @@ def gatherings(campaign: GatherCampaign) -> Subject:
     met = {}
     if campaign.scenario.zones.pairs:
         words = {"met_unknown": "before they knew each other", "met_known": "only after"}
-        counts = {name: campaign.tally.pairs_met[key] for key, name in words.items()}
+        counts = {name: campaign.conflicts(key) for key, name in words.items()}
         met = {name: (estimate(cases, len(campaign)), pairs) for name, (cases, pairs) in counts.items()}
     columns = Column("two craft came within it", words=True), *percent("cases [%]"), Column("pairs in all")
     rows = [(name, share, share, pairs) for name, (share, pairs) in met.items()]

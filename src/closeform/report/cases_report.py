@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from closeform.campaign.flown_cases import FlownCases
+from closeform.campaign.cases import Statistics
 from closeform.mission.verdict import MET, NOT_MET
 from closeform.report import reproduction, results
 from closeform.report.page import Head
@@ -23,7 +23,7 @@ Replays = Sequence[tuple[str, str, str]]  # pages of cases: file, contents, reas
 class CasesReport(ABC):
     """Report on the cases of a `campaign` of any kind."""
 
-    campaign: FlownCases
+    campaign: Statistics
 
     @property
     @abstractmethod

@@ -11,7 +11,7 @@ from closeform.report.picture import Picture
 from closeform.report.table import MOST_ROWS, Column, Table, record
 from closeform.safety.failures import ThrustLost
 from closeform.scenario.quantity import span
-from closeform.scenario.stage_table import Drifting
+from closeform.scenario.stages import Drifting
 from closeform.zones.zone import Zone
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from closeform.campaign.mission_cases import MET, WORDS, MissionCampaign
+from closeform.campaign.mission_cases import WORDS, MissionCampaign
 from closeform.confidence import estimate
 from closeform.report import model, scenario_summary, simulation_study, worst
 from closeform.report.cases import SHARES, percent
@@ -51,9 +51,7 @@ class MissionStudyReport(CasesReport):
         """The command that shows the first case in which a requirement is not met; empty without any."""
         if self.campaign.ok:
             return ()
-        endings = self.campaign.endings.first
-        first = min(case for status, cases in endings.items() if status != MET for case in cases)
-        return self.run_of(first, "the first of them")
+        return self.run_of(self.campaign.tally.good.unmet[0], "the first of them")
 
     @cached_property
     def tables(self) -> tuple[Table, ...]:
@@ -88,7 +86,7 @@ class MissionStudyReport(CasesReport):
             columns = Column(words), Column("in case")
             ratio, case = campaign.nearest
             found.append(Table("", columns, [(f"{ratio:.6f}", case)]))
-        drifting, into = campaign.endings.drifting
+        drifting, into = campaign.drifting
         if drifting:
             some, bad = estimate(drifting, len(campaign)), estimate(into, drifting)
             lost = ("all cases", drifting, some, some), ("of these, it drifts into a zone", into, bad, bad)
@@ -110,7 +108,7 @@ class MissionStudyReport(CasesReport):
             "causes": [{"cause": why, "cases": many, "first": case} for why, many, case in campaign.causes],
             "spreads": {name: spread(one) for name, one in campaign.spreads.items()},
             "least_ratio": None if campaign.nearest is None else campaign.nearest[0],
-            "drifting": dict(zip(("cases", "into_a_zone"), campaign.endings.drifting, strict=True)),
+            "drifting": dict(zip(("cases", "into_a_zone"), campaign.drifting, strict=True)),
             **({} if campaign.flights is None else {"flights": simulation_study.figures(campaign.flights)}),
         }
 

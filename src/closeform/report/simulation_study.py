@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from closeform.campaign.flight_rows import END, RATIO, SPENT, FlightTally
+from closeform.campaign.mission_cases import END, RATIO, SPENT, SimulationTally
 from closeform.confidence import estimate
 from closeform.report.cases import percent
 from closeform.report.study import quantiles, resolved
@@ -41,7 +41,7 @@ PICTURES = (  # names, captions, axis labels, columns, and the quantile on the b
 )
 
 
-def tables(flights: FlightTally) -> tuple[Table, ...]:
+def tables(flights: SimulationTally) -> tuple[Table, ...]:
     """Return tables of keep-out violations, of clearance, and of the delta-v by cause."""
     share = estimate(flights.entered, flights.count)
     found = [Table("Mean delta-v of all craft in flight, by cause", CAUSES, [tuple(flights.mean.values())])]
@@ -57,7 +57,7 @@ def tables(flights: FlightTally) -> tuple[Table, ...]:
     return tuple(found)
 
 
-def figures(flights: FlightTally) -> dict[str, Any]:
+def figures(flights: SimulationTally) -> dict[str, Any]:
     """Return the simulation results of a study for `summary.json`."""
     near = flights.nearness
     return {

@@ -9,7 +9,7 @@ from math import degrees
 from typing import Any
 
 from closeform.campaign import Campaign
-from closeform.campaign.flown_cases import FlownCases
+from closeform.campaign.cases import Statistics
 from closeform.campaign.spread import QUANTILES, Spread
 from closeform.confidence import Estimate, estimate
 from closeform.report import model, scenario_summary, search, worst
@@ -80,7 +80,7 @@ class StudyReport(CasesReport):
         campaign, scenario = self.campaign, self.campaign.scenario
         return {
             **self.studied,
-            "failed": campaign.tally.never,
+            "failed": campaign.never,
             "asked": {what: {"cases": count, **vars(share)} for what, count, share in wanted(campaign)},
             "craft": list(scenario.names),
             "stage": scenario.stages[0].verb,
@@ -106,9 +106,7 @@ class StudyReport(CasesReport):
     def times(self) -> Binned:
         """The histogram of the times at which cases were done."""
         campaign = self.campaign
-        parts = (part for _, part in campaign.chunks.read(*campaign.wanted))
-        times = (campaign.settled(part).times for part in parts)
-        return Binned.of(times, campaign.search.duration, campaign.search)
+        return Binned.of(campaign.times, campaign.search.duration, campaign.search)
 
     def chapters(self, replays: Replays) -> tuple[Section, ...]:
         """Return the sections of the page except the one on reproduction."""
@@ -215,21 +213,21 @@ def spread_row(name: str, found: Spread, digits: int, scale: float = 1.0) -> tup
     return name, *(f"{scale * one:.{digits}f}" for one in numbers), case
 
 
-def draws(campaign: FlownCases) -> dict[str, Any]:
+def draws(campaign: Statistics) -> dict[str, Any]:
     """Return the distributions of the study, by scenario key, as written in the file."""
     study = campaign.scenario.study
     vary = study.vary if study is not None else {}
     return {key: draw.model_dump(exclude_none=True) for key, draw in vary.items()}
 
 
-def draw_table(campaign: FlownCases) -> tuple[Table, ...]:
+def draw_table(campaign: Statistics) -> tuple[Table, ...]:
     """Return the distributions of the study as a table."""
     rows = [(key, *sized(draw)) for key, draw in draws(campaign).items()]
     columns = Column("key", words=True), Column("distribution"), Column("size")
     return (Table("Drawn for each case and craft", columns, rows),) if rows else ()
 
 
-def draw_lines(campaign: FlownCases) -> list[str]:
+def draw_lines(campaign: Statistics) -> list[str]:
     """Return the distributions of the study as lines, without the keys of a sweep."""
     study = campaign.scenario.study
     assert study is not None

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from closeform.campaign import Campaign
-from closeform.campaign.flown_cases import FlownCases
-from closeform.campaign.search_campaign import LATER
+from closeform.campaign.cases import Statistics
+from closeform.campaign.search_cases import LATER
 from closeform.report.cases_report import Replays
 from closeform.report.reproduction import quoted
 from closeform.report.section import Section
@@ -51,7 +51,7 @@ def greatest(campaign: Campaign, replays: Replays) -> Table:
     return Table("The ten greatest", GREATEST, rows)
 
 
-def section(campaign: FlownCases, replays: Replays, *tables: Table) -> Iterator[Section]:
+def section(campaign: Statistics, replays: Replays, *tables: Table) -> Iterator[Section]:
     """Yield the section with pages of cases, the command for each of them, and further `tables`."""
     rows = [(page, what, why, command(campaign, what)) for page, what, why in replays]
     pages = [Table("", PAGES, rows)] if rows else []
@@ -60,7 +60,7 @@ def section(campaign: FlownCases, replays: Replays, *tables: Table) -> Iterator[
         yield Section("Cases worth a look", tables=found)
 
 
-def command(campaign: FlownCases, what: str) -> str | None:
+def command(campaign: Statistics, what: str) -> str | None:
     """Return the command that runs a case; None if the file gives other cases, or `what` is no case."""
     kind, _, number = what.partition(" ")
     if kind != "case" or not campaign.as_in_file:

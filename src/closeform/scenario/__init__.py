@@ -1,12 +1,9 @@
 """Scenario files: TOML read into validated, frozen models. Only this package parses units."""
 
-from closeform.scenario.craft import Craft
-from closeform.scenario.errors import ScenarioError
+from closeform.scenario.craft import Craft, KeepOut
 from closeform.scenario.formation import Destination, Goal, Target
-from closeform.scenario.keep_out import KeepOut
 from closeform.scenario.load import load, parse, text_of
 from closeform.scenario.scenario import Scenario
-from closeform.scenario.stage_table import StageTable
 from closeform.scenario.stages import (
     Avoid,
     Coast,
@@ -16,8 +13,10 @@ from closeform.scenario.stages import (
     Reconfigure,
     Regather,
     Scatter,
+    StageTable,
     Transfer,
 )
+from closeform.scenario.table import ScenarioError
 
 __all__ = [
     "Avoid",

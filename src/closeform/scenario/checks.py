@@ -2,23 +2,36 @@
 
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
-from math import inf, pi
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from math import hypot, inf, pi
+from operator import attrgetter
+from typing import Any
 
 import numpy as np
 
+from closeform.fuel.thrusters import Thrusters
 from closeform.motion.duration import MOST_TURNS, flaw
 from closeform.motion.orbit import Orbit
-from closeform.scenario.asked import doubted, drifting
-from closeform.scenario.clear_ends import ends, zones
-from closeform.scenario.craft import SearchTable, SensorTable
-from closeform.scenario.errors import did_you_mean, key_of, meant_by
-from closeform.scenario.flown import in_air, in_field, in_flight, too_blind
+from closeform.scenario.craft import MOST_TURN, Craft, SearchTable, SensorTable
+from closeform.scenario.foreseen import final_conflicts, zone_conflicts
 from closeform.scenario.formation import Goal
+from closeform.scenario.quantity import shown
 from closeform.scenario.scenario import Scenario
-from closeform.scenario.stage_table import Drifting, StageTable, Thrusting
-from closeform.scenario.stages import Avoid, Coast, Gather, Joint, Reconfigure, Regather, Scatter, Transfer
-from closeform.scenario.studied import study
+from closeform.scenario.stages import (
+    Avoid,
+    Coast,
+    Drifting,
+    Gather,
+    Joint,
+    Reconfigure,
+    Regather,
+    Scatter,
+    StageTable,
+    Thrusting,
+    Transfer,
+)
+from closeform.scenario.study import FAILS, NORMAL_REACH, SEARCHED, TABLED, Draw, draw_error, readers
+from closeform.scenario.table import alike, did_you_mean, dotted, key_of, meant_by
 from closeform.search.rounds import MOST_ROUNDS, all_rounds
 
 MOST_SAMPLES = 1e7
@@ -49,10 +62,11 @@ def fit(scenario: Scenario, found: "Findings") -> None:
         found.add(exact(scenario))
     if searches and scenario.sensor is not None and scenario.search is not None:
         found.add(search(scenario, scenario.sensor, scenario.search), "sensor.*|search.*|study.*")
-    if searches and scenario.craft and known and not circular and not scenario.scattered:
-        found.add(at_one_place(scenario), r"craft\.(position|velocity|start)")
+    placed = known and found.sound(r"craft\.(position|velocity|start)") and not scenario.scattered
+    if searches and scenario.craft and placed and not circular:
+        found.add(scenario.coincident())
     found.add(in_flight(scenario))
-    found.add(study(scenario, found.sound))
+    found.add(draws(scenario, found.sound))
     found.add(in_field(scenario), r"orbit\.field")
     found.add(in_air(scenario), r"orbit\.field|craft\.(name|ballistic)")
     if not known:
@@ -63,17 +77,18 @@ def fit(scenario: Scenario, found: "Findings") -> None:
         found.add([f"orbit: {error}; check its numbers"])
         return
     if circular and not orbit.mean_motion > 0.0:
-        found.add(["orbit: so wide that nothing turns; write deep_space = true instead"])
+        found.add(["orbit: too wide; write deep_space = true instead"])
         return
-    found.add(in_orbit(scenario) if circular else deep_space(scenario))
+    found.add(suited(scenario))
     found.add(spans(scenario, orbit))
     if scenario.craft:
-        found.add(zones(scenario, orbit), rf"craft\.({PLACED})")
+        found.add(zone_conflicts(scenario, orbit), rf"craft\.({PLACED})")
         found.add(too_blind(scenario, orbit), r"orbit.*|craft\.(name|keep_out)|feedback.*|navigation.*")
         for number, stage in enumerate(scenario.stages, 1):
             if isinstance(stage, Reconfigure):
                 found.add(
-                    ends(scenario, orbit, number, stage), rf"craft\.(name|keep_out)|stage\[{number}\].*"
+                    final_conflicts(scenario, orbit, number, stage),
+                    rf"craft\.(name|keep_out)|stage\[{number}\].*",
                 )
 
 
@@ -129,7 +144,8 @@ def stages(scenario: Scenario) -> Iterator[str]:
         if isinstance(stage, Joint):
             yield from together(scenario, number, stage)
         if isinstance(stage, Transfer) and stage.craft is None and len(scenario.craft) > 1:
-            yield f'stage[{number}].craft: missing; name who moves, for example "{scenario.names[0]}"'
+            line = "missing; name the craft that moves"
+            yield f'stage[{number}].craft: {line}, for example "{scenario.names[0]}"'
         if isinstance(stage, Avoid | Joint | Transfer):
             yield from thrusting(scenario, number, stage)
             yield from firing(scenario, number, stage)
@@ -139,7 +155,7 @@ def stages(scenario: Scenario) -> Iterator[str]:
             yield from drifting(scenario, number, stage)
         beside = stage.keeps_out and len(scenario.craft) > 1
         if (beside or getattr(stage, "drift", None) is not None) and None in scenario.keep_out:
-            yield 'craft.keep_out: missing; add for example keep_out = { sphere = "20 m" }'
+            yield f"craft.keep_out: {Craft.missing('keep_out')}"
         yield from doubted(scenario, number, stage)
         if stage.verb == "avoid" and len(scenario.craft) < 2:
             yield f"stage[{number}].do: avoid needs another craft; add one, or coast"
@@ -178,10 +194,10 @@ def engines(scenario: Scenario, number: int, stage: StageTable) -> Iterator[str]
     if isinstance(stage, Reconfigure):
         others = ", ".join(f'"{name}"' for name in scenario.names if name not in idle)
         lacks = f"missing, and {idle[0]} has no engine"
-        yield f"stage[{number}].craft: {lacks}; name who moves, for example craft = [{others}]"
+        yield f"stage[{number}].craft: {lacks}; name the craft that move, for example craft = [{others}]"
         return
     remedy = "use reconfigure with craft" if isinstance(stage, Scatter | Regather) else "remove engine"
-    yield f"stage[{number}].do: {stage.verb} moves everybody, and {idle[0]} has no engine; {remedy}"
+    yield f"stage[{number}].do: {stage.verb} moves all craft, and {idle[0]} has no engine; {remedy}"
 
 
 def exact(scenario: Scenario) -> Iterator[str]:
@@ -189,7 +205,7 @@ def exact(scenario: Scenario) -> Iterator[str]:
     given = [craft.covariance for craft in scenario.craft if craft.covariance is not None]
     if given and all(one.exact for one in given):
         yield (
-            "craft.covariance: says that the state is known exactly; "
+            "craft.covariance: is zero, so that the state is known exactly; "
             'give for example position = "3 6 3 m", or remove it'
         )
 
@@ -201,7 +217,7 @@ def firing(scenario: Scenario, number: int, stage: Avoid | Joint | Transfer) -> 
     if endless and stage.cost == "energy":
         section = "craft" if stage.thrusters is None else f"stage[{number}]"
         yield (
-            f"{section}.period: missing, in which thrusters fire once while a plan of least energy thrusts; "
+            f"{section}.period: missing, and on-off thrusters need it to realize continuous thrust; "
             'add for example period = "30 s", or write cost = "delta-v" in the stage'
         )
 
@@ -218,7 +234,7 @@ def thrusting(scenario: Scenario, number: int, stage: Thrusting) -> Iterator[str
                 yield f"stage[{number}].{key}: {wrong}{' to [craft]' if ' mass = ' in wrong else ''}"
         if stage.specific_impulse is not None and craft.specific_impulse is None:
             yield (
-                f"stage[{number}].specific_impulse: stands for that of [craft], which has none; "
+                f"stage[{number}].specific_impulse: replaces that of [craft], which has none; "
                 'add for example specific_impulse = "220 s" there'
             )
 
@@ -243,7 +259,7 @@ def together(scenario: Scenario, number: int, stage: Joint) -> Iterator[str]:
     movers = stage.moving(scenario.names)
     for name in dict.fromkeys(stage.order or ()):
         if (stage.order or ()).count(name) > 1:
-            yield f"stage[{number}].order: {name} stands in it twice; name each craft once"
+            yield f"stage[{number}].order: {name} is given twice; name each craft once"
         elif name in scenario.names and name not in movers:
             yield f"stage[{number}].order: {name} does not move in this stage; leave it out"
     if isinstance(stage, Scatter) and len(scenario.craft) < 2 and stage.factor is not None:
@@ -272,17 +288,12 @@ def searching(scenario: Scenario) -> Iterator[str]:
         yield 'search: missing; add [search] with method = "modified"'
     groups = [craft.group for craft in scenario.craft]
     if None in groups:
-        yield 'craft.group: missing; add for example group = ["A", "B"]'
+        yield f"craft.group: {Craft.missing('group')}"
     elif len(set(groups)) == 1:
         empty = "B" if groups[0] == "A" else "A"
-        yield f"craft.group: nobody is in group {empty}, locks are between A and B; put a craft into {empty}"
+        yield f"craft.group: group {empty} is empty, and locks are between A and B; put a craft into {empty}"
     if scenario.orbit.deep_space is None:
         yield "orbit: a search is for deep space only; write deep_space = true instead"
-
-
-def at_one_place(scenario: Scenario) -> Iterator[str]:
-    """Yield an error line for each craft that shares its position with another."""
-    yield from scenario.coincident()
 
 
 def search(scenario: Scenario, sensor: SensorTable, table: SearchTable) -> Iterator[str]:
@@ -316,34 +327,27 @@ def search(scenario: Scenario, sensor: SensorTable, table: SearchTable) -> Itera
             )
 
 
-def deep_space(scenario: Scenario) -> Iterator[str]:
-    """Yield an error line for each key that requires an orbit."""
-    if any(craft.start is not None and craft.start.orbital for craft in scenario.craft):
-        yield (
-            "craft.start: a relative orbit, but deep space has no orbits; give position and velocity, or line"
-        )
+def suited(scenario: Scenario) -> Iterator[str]:
+    """Yield an error line for each key that requires an orbit in deep space, or deep space in an orbit."""
+    deep = scenario.orbit.deep_space is not None
+    no_orbits, row = "but deep space has no orbits", "a line is at rest in deep space only"
+    for orbital in {craft.start.orbital for craft in scenario.craft if craft.start is not None}:
+        if deep and orbital:
+            yield f"craft.start: a relative orbit, {no_orbits}; give position and velocity, or line"
+        if not deep and orbital is False:
+            yield f"craft.start: {row}; give string_of_pearls or another relative orbit"
     for number, stage in enumerate(scenario.stages, 1):
-        if getattr(stage, "method", None) == "sauter-palmer":
+        if deep and getattr(stage, "method", None) == "sauter-palmer":
             yield f'stage[{number}].method: sauter-palmer needs an orbit; write method = "exact"'
         for key, duration in stage.durations.items():
-            if duration.orbits:
-                name = "for" if key == "length" else key
-                yield f'stage[{number}].{name}: deep space has no orbits; give a time, for example "30 min"'
+            if deep and duration.orbits:
+                yield f'stage[{number}].{key}: deep space has no orbits; give a time, for example "30 min"'
         for key, target in stage.targets.items():
-            if target.orbital:
+            if deep and target.orbital:
                 instead = "line" if isinstance(target, Goal) else "position and velocity"
-                yield f"stage[{number}].{key}: a relative orbit, but deep space has no orbits; give {instead}"
-
-
-def in_orbit(scenario: Scenario) -> Iterator[str]:
-    """Yield an error line for each key that requires deep space."""
-    remedy = "give string_of_pearls or another relative orbit"
-    if any(craft.start is not None and craft.start.orbital is False for craft in scenario.craft):
-        yield f"craft.start: a line is at rest in deep space only; {remedy}"
-    for number, stage in enumerate(scenario.stages, 1):
-        for key, target in stage.targets.items():
-            if target.orbital is False:
-                yield f"stage[{number}].{key}: a line is at rest in deep space only; {remedy}"
+                yield f"stage[{number}].{key}: a relative orbit, {no_orbits}; give {instead}"
+            if not deep and target.orbital is False:
+                yield f"stage[{number}].{key}: {row}; give string_of_pearls or another relative orbit"
 
 
 def spans(scenario: Scenario, orbit: Orbit) -> Iterator[str]:
@@ -355,12 +359,276 @@ def spans(scenario: Scenario, orbit: Orbit) -> Iterator[str]:
             if key == "drift" and duration.on(1.0) == 0.0:
                 continue  # zero: the drift ends with the stage
             if wrong := flaw(np.array([duration.on(orbit.mean_motion)]), orbit.mean_motion):
-                name = "for" if key == "length" else key
-                yield f"stage[{number}].{name}: {wrong}; give another time"
+                yield f"stage[{number}].{key}: {wrong}; give another time"
         if isinstance(stage, Thrusting) and stage.cost == "delta-v" and "within" in stage.durations:
             turns = stage.durations["within"].on(orbit.mean_motion) * orbit.mean_motion / (2.0 * pi)
             if turns > MOST_TURNS:
                 yield (
-                    f"stage[{number}].within: the least delta-v is found over at most {MOST_TURNS:g} "
+                    f"stage[{number}].within: the minimum delta-v is found over at most {MOST_TURNS:g} "
                     f"orbits, got {turns:g}; coast for the rest"
                 )
+
+
+def doubted(scenario: Scenario, number: int, stage: StageTable) -> Iterator[str]:
+    """Yield an error line for each `sigmas` or `max_probability` without errors, other craft or sizes."""
+    asked = [key for key in ("sigmas", "max_probability") if getattr(stage, key) is not None]
+    for key in asked:
+        if not scenario.uncertain:
+            yield (
+                f"stage[{number}].{key}: no craft has errors; add for example "
+                f"covariance = {Craft.examples()['covariance']} to [craft]"
+            )
+        if len(scenario.craft) < 2:
+            yield f"stage[{number}].{key}: needs another craft; add one, or remove {key}"
+    sizes = [(craft.keep_out, craft.hard_body) for craft in scenario.craft]
+    if stage.max_probability is not None and any(body is None for _, body in sizes):
+        yield f"craft.hard_body: {Craft.missing('hard_body')}"
+    if stage.sigmas is not None and isinstance(stage, Avoid | Joint) and stage.plans_drift and stage.is_exact:
+        yield f"stage[{number}]: sigmas cannot be combined with drift; remove one of them"
+    if stage.sigmas is not None and any(zone is None and body is None for zone, body in sizes):
+        yield f"craft.keep_out: {Craft.missing('keep_out')}"
+
+
+def drifting(scenario: Scenario, number: int, stage: Drifting) -> Iterator[str]:
+    """Yield an error line for each `drift` without other craft, an end in deep space or finite thrust."""
+    if len(scenario.craft) < 2:
+        yield f"stage[{number}].drift: needs another craft to keep clear of; add one, or remove drift"
+        return
+    if stage.for_ever and scenario.orbit.deep_space is not None:
+        yield f'stage[{number}].drift: "forever" needs an orbit; give a time, for example "24 h"'
+    jumps = any(craft.unlimited for craft in scenario.craft_in(stage))
+    if isinstance(stage, Thrusting) and stage.failure == "thrust stuck" and stage.cost == "delta-v" and jumps:
+        yield (
+            f"stage[{number}].failure: impulses have no thrust that could be stuck; "
+            "give max_thrust in [craft], or another failure"
+        )
+
+
+FIRING = "thrusters", "max_thrust", "acceleration", "minimum_bit", "period"  # fields of a Craft
+REMEDY = "add field, with epoch and chief, to [orbit], or remove it"
+
+
+def in_field(scenario: Scenario) -> Iterator[str]:
+    """Yield an error line for a field of another planet, or for each key that requires a field."""
+    table, chief = scenario.orbit.field, scenario.orbit.chief
+    if table is not None:
+        if chief is not None and (chief.center or "EARTH").upper() != "EARTH":
+            yield f"orbit.field: is the Earth's, and the chief is about {chief.center}; remove field"
+        return
+    tables = {
+        "feedback": scenario.feedback,
+        "navigation": scenario.navigation,
+        "simulation": scenario.flights,
+    }
+    for key, given in tables.items():
+        if given is not None:
+            yield f"{key}: requires a high-fidelity model; {REMEDY}"
+    for number, stage in enumerate(scenario.stages, 1):
+        if getattr(stage, "margin", None) == "auto":
+            key = f"stage[{number}].margin"
+            yield f"{key}: auto requires a high-fidelity model; add field to [orbit], or give a length"
+    if any(any(craft.thrust_error) for craft in scenario.craft):
+        yield f"craft.thrust_error: requires a high-fidelity model; {REMEDY}"
+
+
+def in_air(scenario: Scenario) -> Iterator[str]:
+    """Yield an error line if atmospheric drag lacks a ballistic coefficient, or the reverse."""
+    table, chief = scenario.orbit.field, scenario.orbit.chief
+    ballistics = [craft.ballistic for craft in scenario.craft]
+    if table is None or table.air is None:
+        if any(one is not None for one in ballistics):
+            what = REMEDY if table is None else "add density, at_altitude and scale_height to field"
+            yield f"craft.ballistic: requires an atmosphere; {what}"
+        return
+    if None in ballistics:
+        yield f"craft.ballistic: {Craft.missing('ballistic')}"
+    if chief is not None and chief.ballistic is None:
+        yield (
+            'orbit.chief: needs ballistic for atmospheric drag; add for example ballistic = "0.02 m^2/kg", '
+            'or "0 m^2/kg" for an orbit without drag'
+        )
+
+
+def in_flight(scenario: Scenario) -> Iterator[str]:
+    """Yield an error line for each setting that a simulation, or a margin for one, does not support."""
+    autos = any(getattr(stage, "margin", None) == "auto" for stage in scenario.stages)
+    if scenario.noisy and autos:
+        remedy = "remove noise, or give margins in metres"
+        yield f'craft.execution: margin = "auto" counts no white noise; {remedy}'
+    if autos or scenario.flights is not None:
+        try:
+            flown_thrusters(scenario)
+        except ValueError as error:
+            yield str(error)
+    if scenario.flights is None:
+        return
+    if scenario.flights.control == "replan":
+        for why, without in not_anew(scenario):
+            yield f'simulation.control: {why}; write control = "track", or give {without}'
+    if scenario.study is not None and scenario.study.draws != "vary":
+        yield "study.draws: cannot be combined with [simulation]; remove one of them"
+    fails = scenario.study is not None and FAILS in scenario.study.vary
+    if scenario.flights.control == "replan" and fails:
+        remedy = 'write control = "track", or remove it'
+        yield f"study.vary.{shown(FAILS)}: cannot be combined with replanning; {remedy}"
+
+
+def flown_thrusters(scenario: Scenario) -> list[Thrusters | None]:
+    """Return the thrusters of each craft, which are the same in all stages; None for a craft without any.
+
+    Raises ValueError, beginning with the key of a stage, if a craft has other thrusters in that stage.
+    """
+    return [throughout(scenario, k).fired(1.0) for k in range(len(scenario.craft))]
+
+
+def throughout(scenario: Scenario, k: int) -> Craft:
+    """Return a craft with the engine that it uses in every stage in which it moves."""
+    name, first = scenario.names[k], None
+    for number, stage in enumerate(scenario.stages, 1):
+        if name not in stage.moving(scenario.names):
+            continue
+        craft = scenario.craft_in(stage)[k]
+        first = craft if first is None else first
+        differ = [key for key in FIRING if getattr(craft, key) != getattr(first, key)]
+        if differ and (craft.thrusters or first.thrusters) is not None:
+            raise ValueError(
+                f"stage[{number}].{Craft.key_of(differ[0])}: {name} has another in an earlier stage, and "
+                "a simulation has one set of thrusters for each craft; give one set, or one file for each set"
+            )
+    return first or scenario.craft[k]
+
+
+def not_anew(scenario: Scenario) -> Iterator[tuple[str, str]]:
+    """Yield each reason why a simulation cannot replan, with the remedy."""
+    if len(scenario.stages) > 1:
+        yield f"replan supports one stage, and there are {len(scenario.stages)}", "one stage"
+    if any(scenario.plans_impulses(stage) for stage in scenario.stages):
+        yield (
+            "replan supports continuous thrust only, and impulses are planned",
+            'cost = "energy" in the stage',
+        )
+    law = scenario.feedback
+    if law is not None and law.impulses:
+        yield "replan supports continuous thrust only, and feedback has impulses", "no impulses in [feedback]"
+    if law is not None and law.delay:
+        yield "replan supports no delay", "no delay in [feedback]"
+
+
+def too_blind(scenario: Scenario, orbit: Orbit) -> Iterator[str]:
+    """Yield an error line if the tracking error of a pair exceeds the smallest keep-out zone."""
+    if scenario.field is None or scenario.navigation is None:
+        return
+    from closeform.dynamics.feedback import Feedback
+    from closeform.dynamics.tube import tube
+
+    told = scenario.flight
+    room = tube(orbit, told["feedback"] or Feedback(), told["navigation"])
+    zones = [zone for zone in scenario.zones.zones if np.isfinite(zone.extents).all()]
+    least = min((float(np.min(zone.extents)) for zone in zones), default=np.inf)
+    if room.of_a_pair > least:
+        yield (
+            f"navigation: pairs are off by {room.of_a_pair:.3g} m ({room.sigmas:g} sigmas), and the smallest "
+            f"zone reaches {least:.3g} m; give better navigation, another feedback or larger zones"
+        )
+
+
+WITHIN = {"sensor.half_angle": (0.0, pi), "craft.slew_rate_error": (-1.0, inf)}  # unchecked by readers
+NEAR = 3  # number of similar keys to suggest
+
+
+def draws(scenario: Scenario, sound: Callable[[str], bool]) -> Iterator[str]:
+    """Yield an error line for each draw for a key that cannot vary, of the wrong kind or out of range.
+
+    `sound` returns True if no key of a pattern has an error; draws for other tables are skipped.
+    """
+    if scenario.study is None:
+        return
+    if scenario.study.draws != "vary":
+        yield from drawn_errors(scenario)
+    if scenario.study.draws == "errors":
+        yield from somebody_to_meet(scenario)
+    astray = any(craft.astray for craft in scenario.craft) or {*SEARCHED} & {*scenario.study.vary}
+    if scenario.study.sampled and astray:
+        yield "study.sampled: cannot be combined with search errors; remove one of them"
+    for key, draw in scenario.study.vary.items():
+        place, known = dotted(("study", "vary", key)), readers()
+        section = key.rpartition(".")[0]
+        if key not in known:
+            near = [one for one in known if not one.startswith(TABLED) or there(scenario, one)]
+            yield f"{place}: cannot vary; {did_you_mean(key, near, alike(key, near, NEAR))}"
+        elif wrong := draw_error(key, draw):
+            yield f"{place}: {wrong}"
+        elif not (scenario.craft if section == "craft" else sound(f"{section}.*")):
+            continue
+        elif section != "craft" and not there(scenario, key):
+            yield f"{place}: there is no [{section}]; add that table or remove the draw"
+        elif wrong := too_far(scenario, key, draw):
+            yield f"{place}: {wrong}"
+
+
+def there(scenario: Scenario, key: str) -> bool:
+    """Return True if the file has the table of a key outside [craft]."""
+    return attrgetter(key.rpartition(".")[0])(scenario) is not None
+
+
+def too_far(scenario: Scenario, key: str, draw: Draw) -> str | None:
+    """Return the reason why some case of a draw exceeds the range of the key, or None."""
+    reader, numbers = readers()[key], draw.numbers(key)
+    if reader is None:
+        return None
+    given = scenario.given(key)
+    if key == "craft.pointing_error":
+        return too_much_turn(given, draw, numbers)
+    if reader.size != 1:
+        return None
+    if draw.choice is None and None in given:
+        return f"{key} has no nominal value to add to; give it, or draw a choice"
+    reach = {"choice": 0.0, "normal": NORMAL_REACH}.get(draw.kind, 1.0) * max(numbers)
+    ends = numbers if draw.choice is not None else given
+    least, most = WITHIN.get(key, (-inf if reader.least == "any" else 0.0, inf))
+    low, high = min(ends) - reach, max(ends) + reach
+    if (low > least and high < most) or (reader.least == "zero" and low == least):
+        return unfit(scenario, key, (low, high)) if key.startswith(TABLED) else None
+    worst = high if high >= most else low
+    return f"a case can have {worst:.6g} in SI units, out of range of {key}; reduce the draw"
+
+
+def unfit(scenario: Scenario, key: str, values: tuple[float, ...]) -> str | None:
+    """Return the first flaw of a key's table with one of these values, or None."""
+    section, _, name = key.rpartition(".")
+    table = attrgetter(section)(scenario)
+    return next((one for value in values for one in table.model_copy(update={name: value}).all_flaws()), None)
+
+
+def too_much_turn(given: tuple[Any, ...], draw: Draw, numbers: tuple[Any, ...]) -> str | None:
+    """Return a message if the pointing error of some case can reach 90 deg, or None."""
+    if draw.choice is not None:
+        most = max(hypot(*value) for value in numbers)
+    else:
+        corner = {"uniform": 3.0**0.5, "normal": 3.0**0.5 * NORMAL_REACH}.get(draw.kind, 1.0)
+        most = max(hypot(*value) for value in given) + corner * numbers[-1]
+    return None if most < MOST_TURN else "a pointing error can reach 90 deg; reduce the draw"
+
+
+def drawn_errors(scenario: Scenario) -> Iterator[str]:
+    """Yield an error line if a study draws errors that are absent or unsupported."""
+    if not scenario.uncertain:
+        yield (
+            "study.draws: no craft has errors; add for example "
+            f"covariance = {Craft.examples()['covariance']} to [craft]"
+        )
+    searches = [number for number, stage in enumerate(scenario.stages, 1) if stage.searches]
+    replanned = scenario.study is not None and scenario.study.draws == "replanned"
+    if scenario.noisy and replanned and searches:
+        yield (
+            f"study.draws: the search in stage {searches[0]} does not support process noise; remove "
+            'noise from execution, or write draws = "errors"'
+        )
+
+
+def somebody_to_meet(scenario: Scenario) -> Iterator[str]:
+    """Yield an error line if a study of conflicts has no zones or no second craft."""
+    if all(craft.keep_out is None and craft.hard_body is None for craft in scenario.craft):
+        yield f"craft.keep_out: {Craft.missing('keep_out')}"
+    if len(scenario.craft) < 2:
+        yield "study.draws: needs another craft; add one"

@@ -1,11 +1,13 @@
-"""Tables [craft], [sensor] and [search]."""
+"""Tables of the craft: [craft] with its engine, keep-out zone and uncertainty, [sensor] and [search]."""
 
 from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
 from math import hypot, inf, nan, pi
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import BeforeValidator, Field, PlainValidator, PrivateAttr
+from pydantic import BeforeValidator, Field, PlainValidator, PrivateAttr, model_validator
 
 from closeform.arrays import Floats
 from closeform.fuel.falling_mass import STANDARD_GRAVITY
@@ -13,30 +15,297 @@ from closeform.fuel.thrusters import Thrusters
 from closeform.motion.orbit import Orbit
 from closeform.motion.palmer import state_from_palmer
 from closeform.motion.roe import state_from_scaled_roe
-from closeform.scenario.engine import Engine
-from closeform.scenario.field import ThrustError
 from closeform.scenario.formation import Start
-from closeform.scenario.keep_out import KeepOut
+from closeform.scenario.orbit import ThrustError
 from closeform.scenario.quantity import (
+    ACCELERATION,
     ANGLE,
-    BALLISTIC,
+    AREA,
+    FORCE,
+    IMPULSE,
     LENGTH,
-    MASS,
-    RATE,
+    NOISE,
     SHARE,
     SPEED,
     TIME,
     TURNING,
     Reader,
     shown,
+    unit_of,
 )
-from closeform.scenario.table import FileName, Length, Name, Position, Table, Vector, Velocity
-from closeform.scenario.uncertainty import Covariance, Execution, as_errors
+from closeform.scenario.table import (
+    AngleDeviation,
+    Ballistic,
+    Deviation,
+    FileName,
+    Length,
+    Lengths,
+    Mass,
+    Name,
+    Position,
+    Rate,
+    Seconds,
+    Share,
+    Six,
+    Speed,
+    SpeedDeviation,
+    Table,
+    Turn,
+    Vector,
+    Velocity,
+    setting,
+)
+from closeform.uncertainty.covariance import root_of
+from closeform.zones.combined_zones import Body, CovarianceZone, OwnZone
+from closeform.zones.solids import Box, Cylinder, Ellipsoid, HalfSpaces, Sphere
+from closeform.zones.zone import Zone
 
 if TYPE_CHECKING:
     from closeform.search.schedule import Search
     from closeform.search.sensor import Sensor
     from closeform.uncertainty.errors import Uncertainty
+
+SHAPES = "sphere", "box", "ellipsoid", "covariance", "cylinder", "half_spaces"
+Row = Annotated[Vector, Field(strict=False)]
+
+
+class KeepOut(Table):
+    """Table `keep_out`: the zone around a craft that no other may enter."""
+
+    kind: Literal["region", "covariance", "body"] | None = setting('"body"', "meaning of the zone")
+    sphere: Length | None = setting('"20 m"', "radius of a sphere")
+    box: Lengths | None = setting('"20 40 20 m"', "half-widths of a box")
+    ellipsoid: Lengths | None = setting('"20 40 20 m"', "semi-axes of an ellipsoid")
+    covariance: Annotated[Six, Reader(AREA, 6)] | None = setting(
+        '"25 0 100 0 0 25 m^2"', "position covariance: rr tr tt nr nt nn", needs="sigmas"
+    )
+    sigmas: Annotated[float, Field(gt=0)] | None = setting(
+        "3.0", "size of the covariance ellipsoid", only_with="covariance"
+    )
+    axes: Annotated[tuple[Row, Row, Row], Field(strict=False)] | None = setting(
+        "[[1, 0, 0], [0, 1, 0], [0, 0, 1]]",
+        "axes of a box or an ellipsoid, as rows",
+        only_with="box ellipsoid",
+    )
+    cylinder: Annotated[tuple[float, float], Reader(LENGTH, 2, "positive")] | None = setting(
+        '"10 100 m"', "radius and half-height of a cylinder", needs="axis"
+    )
+    axis: Row | None = setting("[0, 1, 0]", "axis of a cylinder", only_with="cylinder")
+    half_spaces: Annotated[tuple[float, ...], Reader(LENGTH, 0, "positive")] | None = setting(
+        '"50 m"', "distances of the faces of a polyhedron", needs="normals"
+    )
+    normals: Annotated[tuple[Row, ...], Field(strict=False)] | None = setting(
+        "[[1, 0, 0]]", "outward normals of the faces", only_with="half_spaces"
+    )
+
+    def flaws(self) -> Iterator[str]:
+        yield from self.one_of(*SHAPES)
+        rows = np.array(self.axes or np.eye(3))
+        if not np.allclose(rows @ rows.T, np.eye(3), atol=1e-9):
+            yield "axes are not orthonormal; give three perpendicular rows of length 1"
+        if self.axis is not None and not any(self.axis):
+            yield "axis is zero; give the cylinder's direction, for example axis = [0, 1, 0]"
+        if self.normals is not None and not all(map(any, self.normals)):
+            yield "normals: a row is zero; give the direction out of each face"
+        if self.half_spaces and self.normals and len(self.normals) != len(self.half_spaces):
+            rows_for = f"{len(self.normals)} rows for {len(self.half_spaces)} half_spaces"
+            yield f"normals: {rows_for}; give one for each"
+        if self.covariance is not None and np.linalg.eigvalsh(self.covariance_matrix())[0] <= 0.0:
+            yield "covariance is not positive definite; check its six numbers: rr tr tt nr nt nn"
+        if (self.kind == "covariance") > (self.covariance is not None):
+            yield 'kind = "covariance" requires covariance; write "region" or "body"'
+        if self.kind == "body" and self.covariance is not None:
+            yield 'covariance cannot be combined with kind = "body"; remove kind'
+
+    def covariance_matrix(self) -> Floats:
+        """Return the covariance (3, 3) in m^2 from its lower triangle by rows, as in a CCSDS CDM."""
+        matrix = np.zeros((3, 3))
+        matrix[np.tril_indices(3)] = self.covariance
+        return np.asarray(matrix + np.tril(matrix, -1).T)
+
+    @property
+    def of_errors(self) -> bool:
+        """True if the zone is a position uncertainty."""
+        return self.covariance is not None and self.kind != "region"
+
+    def own(self) -> OwnZone:
+        """Return the craft's own zone: a region, a body or a position uncertainty."""
+        if self.of_errors:
+            return CovarianceZone(self.covariance_matrix(), self.sigmas or 0.0)
+        return Body(self.zone()) if self.kind == "body" else self.zone()
+
+    def zone(self) -> Zone:
+        """Return the set of positions that the table describes."""
+        if self.sphere is not None:
+            return Sphere(self.sphere)
+        if self.box is not None:
+            return Box(self.box, self.axes)
+        if self.ellipsoid is not None:
+            return Ellipsoid(self.ellipsoid, self.axes)
+        if self.cylinder is not None and self.axis is not None:
+            return Cylinder(*self.cylinder, self.axis)
+        if self.half_spaces is not None and self.normals is not None:
+            return HalfSpaces(self.normals, self.half_spaces)
+        return Ellipsoid.from_covariance(self.covariance_matrix(), self.sigmas or 0.0)
+
+
+Directions = Annotated[tuple[Annotated[Vector, Field(strict=False)], ...], Field(strict=False, min_length=1)]
+
+
+class ThrusterTable(Table):
+    """Table `thrusters`: "rtn" for one thruster along and one against each axis, or a list of directions."""
+
+    directions: Directions = setting(
+        "[[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]]", "thrust directions", ...
+    )
+    frame: Literal["orbit", "inertial"] = setting('"inertial"', "frame of the directions", "orbit")
+
+    @model_validator(mode="before")
+    @classmethod
+    def by_name(cls, value: Any) -> Any:
+        """Return the table that a name stands for; return other values unchanged."""
+        if isinstance(value, str):
+            if value != "rtn":
+                raise ValueError(f'{shown(value)} is not known here; use "rtn" or a table with directions')
+            return {"directions": Thrusters.rtn().directions.tolist()}
+        return value
+
+    def flaws(self) -> Iterator[str]:
+        try:
+            Thrusters(self.directions, self.frame)
+        except ValueError as error:
+            yield str(error)
+
+
+@dataclass(frozen=True)
+class Bit:
+    """Minimum impulse bit of a thruster: a `velocity` [m/s] or an `impulse` [N s]."""
+
+    velocity: float = 0.0
+    impulse: float = 0.0
+
+    def on(self, mass: float) -> float:
+        """Return the bit as a velocity change [m/s] of a craft of the given mass [kg]."""
+        return self.velocity + (self.impulse / mass if self.impulse else 0.0)
+
+
+def as_bit(value: Any) -> Bit:
+    """Return a minimum impulse bit, given as a speed or as an impulse."""
+    if isinstance(value, str) and unit_of(" ".join(value.split()[1:]))[1] == IMPULSE.dimension:
+        return Bit(impulse=Reader(IMPULSE, least="positive").numbers(value)[0])
+    return Bit(velocity=Reader(SPEED, least="positive").numbers(value)[0])
+
+
+MinimumBit = Annotated[Bit, BeforeValidator(as_bit)]
+
+
+IDLE = "of a craft without an engine write engine = false"
+LIMITS = "max_thrust", "acceleration"  # alternative fields: one replaces the other
+
+
+class Engine(Table):
+    """Thrust limit, thrusters and specific impulse."""
+
+    max_thrust: Annotated[float, Reader(FORCE, 1, "positive", IDLE)] | None = setting(
+        '"1.5 N"', "maximum thrust"
+    )
+    acceleration: Annotated[float, Reader(ACCELERATION, 1, "positive", IDLE)] | None = setting(
+        '"5 mm/s^2"', "maximum thrust acceleration", alias="max_acceleration"
+    )
+    thrusters: ThrusterTable | None = setting('"rtn"', "on-off thrusters")
+    minimum_bit: MinimumBit | None = setting('"1 mm/s"', "minimum impulse bit")
+    period: Seconds | None = setting('"30 s"', "firing period of on-off thrusters")
+    specific_impulse: Seconds | None = setting('"220 s"', "specific impulse")
+
+    def flaws(self) -> Iterator[str]:
+        yield from super().flaws()
+        if self.max_thrust is not None and self.acceleration is not None:
+            yield "max_thrust and max_acceleration exclude each other; keep one"
+
+    @property
+    def limited(self) -> bool:
+        """True if the thrust has a limit."""
+        return self.max_thrust is not None or self.acceleration is not None
+
+    @property
+    def told(self) -> dict[str, Any]:
+        """Given values by field; one thrust limit resets the other."""
+        given = {name: value for name in Engine.model_fields if (value := getattr(self, name)) is not None}
+        return dict.fromkeys(LIMITS) | given if self.limited else given
+
+
+Deviations = Annotated[Vector, Reader(LENGTH, 3, "zero")]
+Speeds = Annotated[Vector, Reader(SPEED, 3, "zero")]
+SixNumbers = Annotated[Six, Field(strict=False)]
+SixRows = tuple[SixNumbers, SixNumbers, SixNumbers, SixNumbers, SixNumbers, SixNumbers]
+EXACT = "exact"  # in a list: no uncertainty for this craft
+UNCORRELATED: Any = tuple(tuple(row) for row in np.eye(6, dtype=int).tolist())
+
+
+def as_errors(value: Any) -> Any:
+    """Return a table of errors unchanged, or None for "exact"."""
+    return None if value == EXACT else value
+
+
+class Covariance(Table):
+    """Table `covariance`: standard deviations and correlations of the initial position and velocity."""
+
+    position: Deviations = setting('"3 6 3 m"', "standard deviations of the position", (0.0, 0.0, 0.0))
+    velocity: Speeds = setting('"2 2 2 mm/s"', "standard deviations of the velocity", (0.0, 0.0, 0.0))
+    correlation: Annotated[SixRows, Field(strict=False)] = setting(
+        str([list(row) for row in UNCORRELATED]), "correlation matrix", UNCORRELATED
+    )
+
+    def flaws(self) -> Iterator[str]:
+        if not np.allclose(np.diag(self.correlation), 1.0, atol=1e-9):
+            yield "correlation has a diagonal other than 1; give the deviations in position and velocity"
+            return
+        try:
+            root_of("correlation", self.correlation)
+        except ValueError as error:
+            words = str(error).replace(": no covariance, ", " is none, ").replace(": must", " must")
+            words = words.replace(", scaled by its diagonal,", "")
+            yield words if ";" in words else f"{words}; give the same above and below the diagonal"
+
+    @property
+    def exact(self) -> bool:
+        """True if the state is known exactly."""
+        return not any((*self.position, *self.velocity))
+
+    @cached_property
+    def matrix(self) -> Floats:
+        """Covariance (6, 6) in m^2, m^2/s and m^2/s^2."""
+        deviations = np.array([*self.position, *self.velocity])
+        return np.asarray(np.array(self.correlation) * np.outer(deviations, deviations))
+
+
+class Gates(Table):
+    """Table `impulse` of `execution`: the four standard deviations of the Gates model of an impulse."""
+
+    speed: SpeedDeviation = setting('"1 mm/s"', "standard deviation of the size, fixed", 0.0)
+    magnitude: Share = setting('"1 %"', "standard deviation of the size, proportional", 0.0)
+    across: SpeedDeviation = setting('"1 mm/s"', "standard deviation across the impulse, fixed", 0.0)
+    pointing: AngleDeviation = setting('"0.5 deg"', "standard deviation of the direction", 0.0)
+
+
+class Execution(Table):
+    """Table `execution`: execution errors of a craft's thrust."""
+
+    magnitude: Share = setting('"1 %"', "standard deviation of the thrust magnitude", 0.0)
+    pointing: AngleDeviation = setting('"0.5 deg"', "standard deviation of the thrust direction", 0.0)
+    impulse: Gates | None = setting('{ speed = "1 mm/s", magnitude = "1 %" }', "Gates model of impulses")
+    noise: Annotated[float, Reader(NOISE, least="zero")] = setting(
+        '"1e-9 m^2/s^3"', "density of white acceleration noise", 0.0
+    )
+
+    @property
+    def gates(self) -> tuple[float, float, float, float]:
+        """Gates deviations s1 to s4 of impulses: their own, or else those of continuous thrust."""
+        if self.impulse is None:
+            return 0.0, self.magnitude, 0.0, self.pointing
+        one = self.impulse
+        return one.speed, one.magnitude, one.across, one.pointing
+
 
 Matrix = tuple[Vector, Vector, Vector]
 Intervals = tuple[tuple[float, float], ...]
@@ -63,44 +332,46 @@ def as_silence(value: Any) -> bool | Intervals:
 class Craft(Engine):
     """One craft of [craft]."""
 
-    name: Name = Field(examples=['["F1", "F2"]'])
-    group: Literal["A", "B"] | None = Field(None, examples=['["A", "B"]'])
-    position: Position | None = Field(None, examples=['["0 0 0 m", "0 100 0 m"]'])
-    velocity: Velocity | None = Field(None, examples=['["0 0 0 m/s", "0 0 0 m/s"]'])
-    start: Start | None = Field(None, examples=['{ palmer = "0 0 0 100 0 20 m" }'])
-    states: FileName | None = Field(None, examples=['"states.csv"'])
-    mass: Annotated[float, BeforeValidator(Reader(MASS, least="positive"))] | None = Field(
-        None, examples=['"150 kg"']
+    name: Name = setting('["F1", "F2"]', "names of the craft", ...)
+    group: Literal["A", "B"] | None = setting('["A", "B"]', "search group")
+    position: Position | None = setting('["0 0 0 m", "0 100 0 m"]', "initial position relative to the origin")
+    velocity: Velocity | None = setting(
+        '["0 0 0 m/s", "0 0 0 m/s"]', "initial velocity relative to the origin"
     )
-    engine: bool = Field(True, examples=["true"])
-    delta_v_budget: Annotated[float, BeforeValidator(Reader(SPEED, least="positive"))] | None = Field(
-        None, examples=['"12 m/s"']
+    start: Start | None = setting(
+        '{ palmer = "0 0 0 100 0 20 m" }', "initial relative orbit, inertial state or file"
     )
-    propellant: Annotated[float, BeforeValidator(Reader(MASS, least="positive"))] | None = Field(
-        None, examples=['"2 kg"']
+    states: FileName | None = setting('"states.csv"', "file of initial states")
+    mass: Mass | None = setting('"150 kg"', "initial mass")
+    engine: bool = setting("true", "false for a craft without an engine", True)
+    delta_v_budget: Speed | None = setting('"12 m/s"', "maximum delta-v")
+    propellant: Mass | None = setting('"2 kg"', "mass of propellant", needs="specific_impulse")
+    keep_out: KeepOut | None = setting('{ sphere = "20 m" }', "keep-out zone")
+    covariance: Annotated[Covariance | None, BeforeValidator(as_errors)] = setting(
+        '{ position = "3 6 3 m", velocity = "2 2 2 mm/s" }', 'uncertainty of the initial state, or "exact"'
     )
-    keep_out: KeepOut | None = Field(None, examples=['{ sphere = "20 m" }'])
-    covariance: Annotated[Covariance | None, BeforeValidator(as_errors)] = Field(
-        None, examples=['{ position = "3 6 3 m", velocity = "2 2 2 mm/s" }']
+    execution: Annotated[Execution | None, BeforeValidator(as_errors)] = setting(
+        '{ magnitude = "1 %", pointing = "0.5 deg" }', 'execution errors of thrust, or "exact"'
     )
-    execution: Annotated[Execution | None, BeforeValidator(as_errors)] = Field(
-        None, examples=['{ magnitude = "1 %", pointing = "0.5 deg" }']
+    ballistic: Ballistic | None = setting('"0.02 m^2/kg"', "drag coefficient times area over mass")
+    thrust_error: ThrustError = setting(
+        '"1 %, 1 deg"', "execution errors in the simulation: magnitude and pointing", (0.0, 0.0)
     )
-    ballistic: Annotated[float, BeforeValidator(Reader(BALLISTIC, least="zero"))] | None = Field(
-        None, examples=['"0.02 m^2/kg"']
+    hard_body: Length | None = setting('"5 m"', "radius of the hard body")
+    shade: Length | None = setting('"15 m"', "radius of the sunshade")
+    pointing_error: Annotated[Vector, Reader(ANGLE, 3)] = setting(
+        '"0 0 0 deg"', "attitude error in a search", (0.0, 0.0, 0.0)
     )
-    thrust_error: ThrustError = Field((0.0, 0.0), examples=['"1 %, 1 deg"'])
-    hard_body: Length | None = Field(None, examples=['"5 m"'])
-    shade: Length | None = Field(None, examples=['"15 m"'])
-    pointing_error: Annotated[Vector, BeforeValidator(Reader(ANGLE, 3))] = Field(
-        (0.0, 0.0, 0.0), examples=['"0 0 0 deg"']
+    slew_rate_error: Annotated[float, Reader(SHARE)] = setting(
+        '"0.1 %"', "error of the slew rate in a search", 0.0
     )
-    slew_rate_error: Annotated[float, BeforeValidator(Reader(SHARE))] = Field(0.0, examples=['"0.1 %"'])
-    start_offset: Annotated[float, BeforeValidator(Reader(TIME))] = Field(0.0, examples=['"2 s"'])
-    slew_acceleration: Annotated[float, BeforeValidator(Reader(TURNING, least="positive"))] | None = Field(
-        None, examples=['"0.01 deg/s^2"']
+    start_offset: Annotated[float, Reader(TIME)] = setting('"2 s"', "delay of the search", 0.0)
+    slew_acceleration: Annotated[float, Reader(TURNING, least="positive")] | None = setting(
+        '"0.01 deg/s^2"', "slew acceleration"
     )
-    silent: Annotated[bool | Intervals, PlainValidator(as_silence)] = Field(False, examples=["false"])
+    silent: Annotated[bool | Intervals, PlainValidator(as_silence)] = setting(
+        "false", "true, or the intervals in which the craft is silent", False
+    )
     _place: tuple[int, int] = PrivateAttr((0, 1))  # place and number of places in a formation
     _known: Floats | None = PrivateAttr(None)  # initial state (6,) that is inertial or in a file
 
@@ -122,8 +393,6 @@ class Craft(Engine):
         if not given and self.velocity is None:
             yield 'no velocity; add for example velocity = "0 0 0 m/s"'
         yield from self.unfit()
-        if self.propellant is not None and self.specific_impulse is None:
-            yield 'propellant needs specific_impulse; add for example specific_impulse = "220 s"'
         if self.propellant is not None and self.mass is not None and self.propellant >= self.mass:
             yield (
                 f"propellant of {self.propellant:g} kg leaves nothing of a mass of {self.mass:g} kg; "
@@ -135,22 +404,20 @@ class Craft(Engine):
             yield 'slew_rate_error must be above -100 %; write for example "0.1 %"'
         if self.covariance is not None and self.keep_out is not None and self.keep_out.of_errors:
             yield (
-                "covariance and a keep_out that is one both say where the craft may be; "
-                "keep one, or give keep_out a size of its own"
+                "covariance cannot be combined with a keep_out that is a covariance; "
+                "keep one, or give keep_out another shape"
             )
 
     def unfit(self) -> Iterator[str]:
         """Yield one line per inconsistency between the engine and the mass."""
-        if self.max_thrust is not None and self.mass is None:
-            yield 'max_thrust needs mass; add for example mass = "150 kg"'
+        yield from self.unmet("max_thrust", needed="mass")
         if self.thrusters is not None and not super().limited:
             yield 'thrusters need max_thrust, which each gives; add for example max_thrust = "10 mN"'
-        yield from self.only_with("minimum_bit", "thrusters")
-        yield from self.only_with("period", "thrusters")
+        yield from self.unmet("minimum_bit", partners=["thrusters"])
+        yield from self.unmet("period", partners=["thrusters"])
         if self.minimum_bit is not None and self.minimum_bit.impulse and self.mass is None:
             yield 'minimum_bit in N s needs mass; add for example mass = "12 kg"'
-        if self.specific_impulse is not None and self.mass is None:
-            yield 'specific_impulse needs mass; add for example mass = "150 kg"'
+        yield from self.unmet("specific_impulse", needed="mass")
 
     def using(self, engine: Engine) -> Self:
         """Return the craft with the engine keys of a stage in place of its own."""
@@ -241,11 +508,9 @@ class Craft(Engine):
 class SensorTable(Table):
     """Table [sensor]: the relative sensor that every craft carries."""
 
-    half_angle: Annotated[float, BeforeValidator(Reader(ANGLE, least="positive"))] = Field(
-        examples=['"70 deg"']
-    )
-    offset: Annotated[float, BeforeValidator(Reader(LENGTH, least="zero"))] = Field(0.0, examples=['"7.5 m"'])
-    range: Length | None = Field(None, examples=['"2 km"'])
+    half_angle: Turn = setting('"70 deg"', "half-angle of the sensor cone", ...)
+    offset: Deviation = setting('"7.5 m"', "distance of the sensor from the center", 0.0)
+    range: Length | None = setting('"2 km"', "maximum range")
 
     def flaws(self) -> Iterator[str]:
         if self.half_angle >= pi:
@@ -261,27 +526,17 @@ class SensorTable(Table):
 class SearchTable(Table):
     """Table [search]: the synchronized turns by which lost craft search for each other."""
 
-    method: Literal["basic", "modified"] = Field(examples=['"modified"'])
-    slew_rate: Annotated[float, BeforeValidator(Reader(RATE, least="positive"))] = Field(
-        examples=['"0.25 deg/s"']
-    )
-    sun_limit: Annotated[float, BeforeValidator(Reader(ANGLE, least="positive"))] = Field(
-        examples=['"25 deg"']
-    )
-    in_plane_turn: Annotated[float, BeforeValidator(Reader(ANGLE, least="positive"))] | None = Field(
-        None, examples=['"1.5 turn"']
-    )
-    tip_angle: Annotated[float, BeforeValidator(Reader(ANGLE, least="positive"))] | None = Field(
-        None, examples=['"25 deg"']
-    )
-    max_speed: Annotated[float, BeforeValidator(Reader(SPEED, least="positive"))] | None = Field(
-        None, examples=['"12 cm/s"']
-    )
+    method: Literal["basic", "modified"] = setting('"modified"', "search schedule", ...)
+    slew_rate: Rate = setting('"0.25 deg/s"', "slew rate", ...)
+    sun_limit: Turn = setting('"25 deg"', "maximum angle between body x and the sun", ...)
+    in_plane_turn: Turn | None = setting('"1.5 turn"', "angle of the in-plane search")
+    tip_angle: Turn | None = setting('"25 deg"', "tip angle of the out-of-plane search")
+    max_speed: Speed | None = setting('"12 cm/s"', "maximum relative speed")
 
     def flaws(self) -> Iterator[str]:
         for key in ("in_plane_turn", "tip_angle"):
             if self.method == "modified" and getattr(self, key) is not None:
-                yield f'{key} goes with method = "basic" only; remove {key}'
+                yield f'{key} requires method = "basic"; remove {key}'
         if self.sun_limit >= pi / 2.0:
             yield 'sun_limit must be below 90 deg; write for example "25 deg"'
 

@@ -21,10 +21,11 @@ from closeform.scenario.table import (
     Table,
     Vector,
     Velocity,
+    setting,
 )
 
-SixLengths = Annotated[Six, BeforeValidator(Reader(LENGTH, 6))]
-Signed = Annotated[float, BeforeValidator(Reader(LENGTH))]
+SixLengths = Annotated[Six, Reader(LENGTH, 6)]
+Signed = Annotated[float, Reader(LENGTH)]
 CHEAPEST = "cheapest"
 
 
@@ -76,8 +77,8 @@ class ProjectedCircular(Shape):
 
     function = "projected_circular"
     phased = "first_phase"
-    radius: Length = Field(examples=['"150 m"'])
-    first_phase: Phase = Field(0.0, examples=['"0 deg"'])
+    radius: Length = setting('"150 m"', "radius of the circle", ...)
+    first_phase: Phase = setting('"0 deg"', 'phase of the first craft, or "cheapest"', 0.0)
 
 
 class SafetyEllipse(Shape):
@@ -85,25 +86,25 @@ class SafetyEllipse(Shape):
 
     function = "safety_ellipse"
     phased = "phase"
-    radial: Length = Field(examples=['"100 m"'])
-    cross_track: Length = Field(examples=['"100 m"'])
-    along_track: Signed = Field(0.0, examples=['"0 m"'])
-    phase: Phase = Field(0.0, examples=['"0 deg"'])
+    radial: Length = setting('"100 m"', "radial semi-axis", ...)
+    cross_track: Length = setting('"100 m"', "cross-track amplitude", ...)
+    along_track: Signed = setting('"0 m"', "along-track offset of the center", 0.0)
+    phase: Phase = setting('"0 deg"', 'phase of the first craft, or "cheapest"', 0.0)
 
 
 class StringOfPearls(Shape):
     """Craft at rest, one behind the other."""
 
     function = "string_of_pearls"
-    spacing: Length = Field(examples=['"100 m"'])
+    spacing: Length = setting('"100 m"', "distance between neighbors", ...)
 
 
 class Pendulum(Shape):
     """Craft one behind the other, with cross-track oscillation."""
 
     function = "pendulum"
-    spacing: Length = Field(examples=['"100 m"'])
-    cross_track: Length = Field(examples=['"100 m"'])
+    spacing: Length = setting('"100 m"', "distance between neighbors", ...)
+    cross_track: Length = setting('"100 m"', "cross-track amplitude", ...)
 
 
 class Ring(Shape):
@@ -111,9 +112,9 @@ class Ring(Shape):
 
     function = "separated_ring"
     phased = "first_phase"
-    eccentricity: Length = Field(examples=['"100 m"'])
-    inclination: Signed = Field(examples=['"100 m"'])
-    first_phase: Phase = Field(0.0, examples=['"0 deg"'])
+    eccentricity: Length = setting('"100 m"', "size of the relative eccentricity vector", ...)
+    inclination: Signed = setting('"100 m"', "size of the relative inclination vector", ...)
+    first_phase: Phase = setting('"0 deg"', 'phase of the first craft, or "cheapest"', 0.0)
 
     def flaws(self) -> Iterator[str]:
         if self.inclination == 0.0:
@@ -123,12 +124,12 @@ class Ring(Shape):
 class Line(Shape):
     """Craft at rest in a row, in deep space."""
 
-    spacing: Length = Field(examples=['"75 m"'])
-    direction: Annotated[Vector, Field(strict=False)] = Field(examples=["[1, 0, 0]"])
+    spacing: Length = setting('"75 m"', "distance between neighbors", ...)
+    direction: Annotated[Vector, Field(strict=False)] = setting("[1, 0, 0]", "direction of the row", ...)
 
     def flaws(self) -> Iterator[str]:
         if not 1e-30 < max(map(abs, self.direction)) < 1e30:
-            yield "direction does not point anywhere; write for example direction = [1, 0, 0]"
+            yield "direction is zero or out of range; write for example direction = [1, 0, 0]"
 
     def states(self, orbit: Orbit, count: int) -> Floats:
         from closeform.planning import targets
@@ -139,14 +140,16 @@ class Line(Shape):
 class Formation(Table):
     """Formation by its name."""
 
-    projected_circular: ProjectedCircular | None = Field(None, examples=['{ radius = "150 m" }'])
-    safety_ellipse: SafetyEllipse | None = Field(
-        None, examples=['{ radial = "100 m", cross_track = "100 m" }']
+    projected_circular: ProjectedCircular | None = setting('{ radius = "150 m" }', "projected circular orbit")
+    safety_ellipse: SafetyEllipse | None = setting(
+        '{ radial = "100 m", cross_track = "100 m" }', "safety ellipse"
     )
-    string_of_pearls: StringOfPearls | None = Field(None, examples=['{ spacing = "100 m" }'])
-    pendulum: Pendulum | None = Field(None, examples=['{ spacing = "100 m", cross_track = "100 m" }'])
-    ring: Ring | None = Field(None, examples=['{ eccentricity = "100 m", inclination = "100 m" }'])
-    line: Line | None = Field(None, examples=['{ spacing = "75 m", direction = [1, 0, 0] }'])
+    string_of_pearls: StringOfPearls | None = setting('{ spacing = "100 m" }', "string of pearls")
+    pendulum: Pendulum | None = setting('{ spacing = "100 m", cross_track = "100 m" }', "pendulum")
+    ring: Ring | None = setting(
+        '{ eccentricity = "100 m", inclination = "100 m" }', "ring of separated craft"
+    )
+    line: Line | None = setting('{ spacing = "75 m", direction = [1, 0, 0] }', "row at rest, in deep space")
 
     @property
     def called(self) -> str | None:
@@ -174,10 +177,14 @@ class Formation(Table):
 class Start(Formation):
     """Table `start`: a relative orbit or an inertial state instead of a position and a velocity."""
 
-    palmer: SixLengths | None = Field(None, examples=['"0 0 0 100 0 20 m"'])
-    roe: SixLengths | None = Field(None, examples=['"0 0 0 100 0 100 m"'])
-    inertial: Inertial | None = Field(None, examples=['"6928 0.1 0 km, 0 -1.003 7.518 km/s"'])
-    oem: FileName | None = Field(None, examples=['"F1.oem"'])
+    palmer: SixLengths | None = setting('"0 0 0 100 0 20 m"', "Palmer's phase-space coordinates, as lengths")
+    roe: SixLengths | None = setting(
+        '"0 0 0 100 0 100 m"', "relative orbital elements times the semi-major axis"
+    )
+    inertial: Inertial | None = setting(
+        '"6928 0.1 0 km, 0 -1.003 7.518 km/s"', "inertial position and velocity"
+    )
+    oem: FileName | None = setting('"F1.oem"', "orbit ephemeris message")
 
     def flaws(self) -> Iterator[str]:
         yield from self.one_of("palmer", "roe", *Formation.model_fields, "inertial", "oem")
@@ -197,16 +204,17 @@ class Start(Formation):
 class Target(Table):
     """Table `to`: the state that one craft moves to, relative to the formation's origin."""
 
-    position: Position | None = Field(None, examples=['"0 100 0 m"'])
-    velocity: Velocity | None = Field(None, examples=['"0 0 0 m/s"'])
-    palmer: SixLengths | None = Field(None, examples=['"0 0 0 100 0 20 m"'])
-    roe: SixLengths | None = Field(None, examples=['"0 0 0 100 0 100 m"'])
+    position: Position | None = setting('"0 100 0 m"', "position relative to the origin", needs="velocity")
+    velocity: Velocity | None = setting(
+        '"0 0 0 m/s"', "velocity relative to the origin", only_with="position"
+    )
+    palmer: SixLengths | None = setting('"0 0 0 100 0 20 m"', "Palmer's phase-space coordinates, as lengths")
+    roe: SixLengths | None = setting(
+        '"0 0 0 100 0 100 m"', "relative orbital elements times the semi-major axis"
+    )
 
     def flaws(self) -> Iterator[str]:
         yield from self.one_of("position", "palmer", "roe")
-        yield from self.only_with("velocity", "position")
-        if self.position is not None and self.velocity is None:
-            yield 'position needs velocity; add for example velocity = "0 0 0 m/s"'
 
     @property
     def orbital(self) -> bool | None:
@@ -227,9 +235,6 @@ class Destination(Target, Formation):
 
     def flaws(self) -> Iterator[str]:
         yield from self.one_of("position", "palmer", "roe", *Formation.model_fields)
-        yield from self.only_with("velocity", "position")
-        if self.position is not None and self.velocity is None:
-            yield 'position needs velocity; add for example velocity = "0 0 0 m/s"'
 
     @property
     def orbital(self) -> bool | None:
@@ -256,8 +261,10 @@ class Destination(Target, Formation):
 class Goal(Formation):
     """Table `to`: the relative orbits that a whole formation moves to."""
 
-    remove: Literal["eccentricity", "altitude difference"] | None = Field(None, examples=['"eccentricity"'])
-    join: Names | None = Field(None, examples=['["F1", "F2"]'])
+    remove: Literal["eccentricity", "altitude difference"] | None = setting(
+        '"eccentricity"', "component of the relative orbits to remove"
+    )
+    join: Names | None = setting('["F1", "F2"]', "craft whose mean relative orbit to join")
 
     def flaws(self) -> Iterator[str]:
         yield from self.one_of(*Formation.model_fields, "remove", "join")

@@ -4,37 +4,45 @@ import os
 import re
 import sys
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
 
 from pydantic import ValidationError
 
-from closeform.scenario.checks import check
+from closeform.scenario.checks import ORBIT, Findings, check
 from closeform.scenario.craft import Craft, SearchTable, SensorTable
-from closeform.scenario.errors import (
+from closeform.scenario.inputs import Inputs
+from closeform.scenario.orbit import FeedbackTable, FlightTable, NavigationTable, OrbitTable, VerdictTable
+from closeform.scenario.quantity import shown
+from closeform.scenario.scenario import Scenario
+from closeform.scenario.stages import STAGES, StageTable, Unknown
+from closeform.scenario.study import Study, points, words
+from closeform.scenario.table import (
+    FLAWED,
     Place,
     ScenarioError,
+    Table,
     complaints,
     did_you_mean,
     dotted,
     meant_by,
     tables_inside,
 )
-from closeform.scenario.field import FeedbackTable, FlightTable, NavigationTable, VerdictTable
-from closeform.scenario.inputs import Inputs
-from closeform.scenario.orbit import OrbitTable
-from closeform.scenario.origin import located
-from closeform.scenario.quantity import shown
-from closeform.scenario.scenario import Scenario
-from closeform.scenario.stage_table import StageTable
-from closeform.scenario.stages import STAGES, Unknown
-from closeform.scenario.study import Study
-from closeform.scenario.sweep import points, words
-from closeform.scenario.table import FLAWED, Table
 
 FORMAT = 1
+TABLES: dict[str, type[Table]] = {
+    "orbit": OrbitTable,
+    "craft": Craft,
+    "sensor": SensorTable,
+    "search": SearchTable,
+    "feedback": FeedbackTable,
+    "navigation": NavigationTable,
+    "simulation": FlightTable,
+    "verdict": VerdictTable,
+    "study": Study,
+}
 DEEPEST = 50  # parts of a dotted key: parser memory grows with their square, and the parser may recurse
 # possessive, and from the beginning of a word only: the search time is linear in the text length
 DEEP = re.compile(rf"""(?<![\w-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){{{DEEPEST}}}""")
@@ -90,7 +98,7 @@ def swept(raw: dict[str, Any], scenario: Scenario, command: str) -> Iterator[Sce
         for place, (chosen, changed) in enumerate(points(raw)):
             point = told(changed, scenario.text, file, command)
             if point.names != scenario.names or [stage.verb for stage in point.stages] != same:
-                raise ScenarioError(file, ["study.sweep: changes who flies, or what they do; leave that"])
+                raise ScenarioError(file, ["study.sweep: changes the craft or the stages; remove that key"])
             yield replace(point, title=f"{scenario.title}: {words(chosen)}", point=chosen, place=place)
     except ScenarioError as error:
         line = error.lines[0].removeprefix(f"{file}: ")
@@ -149,8 +157,7 @@ class Reading:
 
     def sections(self) -> dict[str, Any]:
         """Return the validated sections; `lines` collects their errors."""
-        known = ["closeform", "title", "orbit", "craft", "sensor", "search", "feedback", "navigation"]
-        known += ["simulation", "verdict", "stage", "study"]
+        known = ["closeform", "title", *TABLES, "stage"]
         for key in self.raw:
             if key not in known:
                 self.complain((key,), f"unknown key; {did_you_mean(key, known)}")
@@ -164,14 +171,12 @@ class Reading:
             "orbit": self.table("orbit", OrbitTable, '[orbit] with altitude = "500 km"')
             or OrbitTable.model_validate({"deep_space": True}),
             "craft": in_places(self.craft(Craft)),
-            "sensor": self.table("sensor", SensorTable),
-            "search": self.table("search", SearchTable),
             "stages": self.stages(),
-            "study": self.table("study", Study),
-            "feedback": self.table("feedback", FeedbackTable),
-            "navigation": self.table("navigation", NavigationTable),
-            "flights": self.table("simulation", FlightTable),
-            "verdict": self.table("verdict", VerdictTable),
+            **{
+                "flights" if key == "simulation" else key: self.table(key, model)
+                for key, model in TABLES.items()
+                if key not in ("orbit", "craft")
+            },
         }
 
     def complain(self, place: Place, text: str) -> None:
@@ -221,7 +226,7 @@ class Reading:
         except ValidationError:
             return None
         if wrong:  # otherwise its flaws are already reported
-            for text in mended.flaws():
+            for text in mended.all_flaws():
                 if not wrong & set(re.findall(r"\w+", text)):
                     self.complain(place, text)
         return mended
@@ -235,7 +240,7 @@ class Reading:
         names = table.get("name", [])
         names = names if isinstance(names, list) else [names]
         if not names:
-            self.complain(("craft", "name"), 'missing; add for example name = ["F1", "F2"]')
+            self.complain(("craft", "name"), Craft.missing("name"))
             return ()
         columns: dict[str, list[Any]] = {}
         for key, value in table.items():
@@ -268,3 +273,71 @@ class Reading:
                 stage = self.validated(STAGES[table["do"]], table, ("stage", number))
             found.append(stage or Unknown.model_validate({}))
         return tuple(found)
+
+
+def located(
+    scenario: Scenario, inputs: Inputs, wrong: Sequence[str], complain: Callable[[Place, str], None]
+) -> Scenario:
+    """Return the scenario with its chief and the initial states of all craft.
+
+    `wrong` holds the lines already reported, whose keys are skipped; `complain` takes a place and a text.
+    """
+    found, scenario = Findings(wrong), replace(scenario, inputs=inputs)
+    if not found.sound(ORBIT):
+        return scenario
+    try:
+        chief = scenario.orbit.origin(inputs)
+    except ValueError as error:
+        complain(("orbit", "chief"), str(error))
+        return scenario
+    field = None
+    if chief is not None:
+        scenario = replace(scenario, chief=chief, orbit=scenario.orbit.following(chief))
+        if not found.sound(r"orbit\.field"):
+            return scenario
+        try:
+            field = scenario.field
+        except ValueError as error:
+            key, _, words = str(error).partition(": ")
+            complain(("orbit", key), words)
+            return scenario
+    placed = list(scenario.craft)
+    for number, craft in enumerate(placed):
+        inertially = craft.start is not None and craft.start.inertially
+        for key, begins in (("start", inertially), ("states", craft.states is not None)):
+            if begins and found.sound(rf"craft\.{key}"):
+                from closeform.scenario.start_state import at_start  # only these craft need it
+
+                try:
+                    placed[number] = craft.known_at(at_start(craft, chief, scenario.epoch, inputs, field))
+                except ValueError as error:
+                    complain(("craft", number, key), str(error))
+    return replace(scenario, craft=tuple(placed))
+
+
+def changes(before: str, after: str) -> list[str]:
+    """Return one line for each key that differs between two texts, with its new and its old value.
+
+    The list is empty if the files differ only in layout or comments.
+    """
+    old, new = (dict(leaves(toml(text, "scenario"))) for text in (before, after))
+    return [
+        f"{dotted(place)} {value_at(old, place)}, not {value_at(new, place)}"
+        for place in {**old, **new}
+        if place not in old or place not in new or old[place] != new[place]
+    ]
+
+
+def leaves(raw: Any, place: Place = ()) -> Iterator[tuple[Place, Any]]:
+    """Yield each value of a file with its place; nested tables and lists are expanded."""
+    inner = raw.items() if isinstance(raw, Mapping) else enumerate(raw)
+    for key, value in inner:
+        if isinstance(value, Mapping | list) and value:
+            yield from leaves(value, (*place, key))
+        else:
+            yield (*place, key), value
+
+
+def value_at(found: Mapping[Place, Any], place: Place) -> str:
+    """Return the value at a place as text, or "absent" if the key is missing."""
+    return shown(found[place]) if place in found else "absent"

@@ -7,12 +7,11 @@ from math import isfinite
 from pathlib import Path
 from typing import Any, Self
 
-from pydantic import Field, ValidationError
+from pydantic import ValidationError
 
-from closeform.scenario.errors import ScenarioError, complaints, did_you_mean
-from closeform.scenario.keep_out import KeepOut
+from closeform.scenario.craft import KeepOut
 from closeform.scenario.load import Reading, text_of, toml
-from closeform.scenario.table import Name, Table
+from closeform.scenario.table import Name, ScenarioError, Table, complaints, did_you_mean, setting
 from closeform.zones.combined_zones import OwnZone
 from closeform.zones.pair_zones import PairZones
 
@@ -30,7 +29,7 @@ def own_zone(shapes: dict[str, str | None], axis: str | None, sigmas: float | No
         raise ValueError(f'screen: give one of {names}; for example --sphere "20 m"')
     (shape,) = given
     if (shape == "cylinder") != (axis is not None):
-        raise ValueError('screen: --cylinder and --axis go together; for example --axis "0 1 0"')
+        raise ValueError('screen: --cylinder and --axis require each other; for example --axis "0 1 0"')
     if shape == "covariance" and sigmas is None:
         raise ValueError("screen: --covariance needs --sigmas; for example --sigmas 3")
     if body and shape in ("covariance", HARD_BODY):
@@ -103,8 +102,8 @@ class AskedZones:
 class Kept(Table):
     """One craft of a file of zones."""
 
-    name: Name = Field(examples=['["F1", "F2"]'])
-    keep_out: KeepOut = Field(examples=['{ sphere = "20 m" }'])
+    name: Name = setting('["F1", "F2"]', "names of the craft", ...)
+    keep_out: KeepOut = setting('{ sphere = "20 m" }', "keep-out zone", ...)
 
 
 def own_zones(file: Path, names: Sequence[str]) -> list[OwnZone]:

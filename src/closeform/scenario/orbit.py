@@ -1,24 +1,160 @@
-"""Table [orbit]: a circular orbit, deep space, or a chief at an epoch."""
+"""Tables of the motion: [orbit], [feedback], [navigation], [simulation] and [verdict]."""
 
 from collections.abc import Iterator
 from math import atan2, cos, pi, sin, sqrt
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BeforeValidator, Field
+from pydantic import AfterValidator, BeforeValidator, Field
 
 from closeform.arrays import Floats
 from closeform.exchange.epochs import SYSTEMS, Epoch
 from closeform.motion.elements import inertial_from_elements
 from closeform.motion.mean_motion import EARTH_MU, EARTH_RADIUS
 from closeform.motion.orbit import Orbit
-from closeform.scenario.field import FieldTable
 from closeform.scenario.inputs import Inputs
-from closeform.scenario.quantity import BALLISTIC, GRAVITY, LENGTH, RATE, TIME, Reader, shown
-from closeform.scenario.table import Angle, FileName, Inertial, Length, Table
+from closeform.scenario.quantity import (
+    ANGLE,
+    DENSITY,
+    GRAVITY,
+    LENGTH,
+    SHARE,
+    SPEED,
+    Parts,
+    Reader,
+    shown,
+)
+from closeform.scenario.table import (
+    Angle,
+    Ballistic,
+    Delay,
+    Deviation,
+    FileName,
+    Inertial,
+    Length,
+    Rate,
+    Seconds,
+    SpeedDeviation,
+    Table,
+    setting,
+)
 
 if TYPE_CHECKING:
+    from closeform.dynamics.feedback import Feedback, Navigation
     from closeform.exchange.chief import Chief
+
+DEGREES = (0, 2, 3, 4, 5, 6)
+AIR = ("density", "at_altitude", "scale_height")
+as_thrust_error = Parts(
+    (Reader(SHARE, least="zero"), Reader(ANGLE, least="zero")),
+    "a share, a comma and an angle",
+    '"1 %, 1 deg"',
+)
+as_navigation = Parts(
+    (Reader(LENGTH, least="zero"), Reader(SPEED, least="zero")),
+    "a length, a comma and a speed",
+    '"10 cm, 0.3 mm/s"',
+)
+ThrustError = Annotated[tuple[float, float], as_thrust_error]
+
+
+def as_degree(zonals: int) -> int:
+    """Return a supported degree of oblateness; raise ValueError for another."""
+    if zonals not in DEGREES:
+        raise ValueError(f"is 0 or a degree from 2 to 6, not {zonals}; write for example zonals = 2")
+    return zonals
+
+
+class FieldTable(Table):
+    """Table `field` of [orbit]: the Earth's oblateness and its atmosphere."""
+
+    zonals: Annotated[int, AfterValidator(as_degree)] = setting(
+        "2", "highest zonal harmonic: 0, or 2 to 6 for J2 to J6", 2
+    )
+    density: Annotated[float, Reader(DENSITY, least="positive")] | None = setting(
+        '"5.2e-13 kg/m^3"', "atmospheric density at `at_altitude`"
+    )
+    at_altitude: Length | None = setting('"500 km"', "altitude of that density")
+    scale_height: Length | None = setting('"60 km"', "scale height of the density")
+
+    def flaws(self) -> Iterator[str]:
+        missing = [key for key in AIR if getattr(self, key) is None]
+        if missing and len(missing) < len(AIR):
+            given = next(key for key in AIR if key not in missing)
+            yield f"{given} needs {missing[0]}; add for example {missing[0]} = {self.examples()[missing[0]]}"
+
+    @property
+    def air(self) -> tuple[float, float, float] | None:
+        """Density [kg/m^3], its altitude [m] and its scale height [m]; None without an atmosphere."""
+        if self.density is None or self.at_altitude is None or self.scale_height is None:
+            return None
+        return self.density, self.at_altitude, self.scale_height
+
+
+class FeedbackTable(Table):
+    """Table [feedback]: interval of the measurements, and horizon and form of the feedback corrections."""
+
+    every: Seconds = setting('"60 s"', "interval of the measurements", 60.0)
+    horizon: Seconds = setting('"10 min"', "time within which a correction ends", 600.0)
+    impulses: Annotated[int, Field(ge=0)] = setting(
+        "6", "number of impulses of a correction; 0 for continuous thrust", 0
+    )
+    delay: Delay = setting('"5 s"', "time from a measurement to its correction", 0.0)
+
+    def flaws(self) -> Iterator[str]:
+        if self.impulses == 1:
+            yield "impulses is 0 (continuous thrust), or two or more; write for example impulses = 6"
+        if self.horizon < self.every:
+            yield (
+                f"horizon of {self.horizon:g} s is shorter than the {self.every:g} s from one measurement to "
+                'the next; write for example horizon = "10 min"'
+            )
+        if self.delay > self.every:
+            yield (
+                f"delay of {self.delay:g} s is longer than the {self.every:g} s from one measurement to "
+                'the next; write for example delay = "5 s"'
+            )
+        if self.delay and self.impulses:
+            yield "delay cannot be combined with impulses; remove one of them"
+
+    def build(self) -> "Feedback":
+        """Return the feedback that the table describes."""
+        from closeform.dynamics.feedback import Feedback
+
+        return Feedback(self.every, self.horizon, self.impulses, self.delay)
+
+
+class NavigationTable(Table):
+    """Table [navigation]: navigation uncertainty of the measured states."""
+
+    position: Deviation = setting('"10 cm"', "noise of the measured position, 1 sigma", 0.0)
+    velocity: SpeedDeviation = setting('"0.3 mm/s"', "noise of the measured velocity, 1 sigma", 0.0)
+    position_bias: Deviation = setting('"5 cm"', "bias of the measured position, 1 sigma", 0.0)
+    velocity_bias: SpeedDeviation = setting('"0.1 mm/s"', "bias of the measured velocity, 1 sigma", 0.0)
+    correlation: Delay = setting('"5 min"', "correlation time of the bias", 0.0)
+
+    def build(self) -> "Navigation":
+        """Return the navigation that the table describes."""
+        from closeform.dynamics.feedback import Navigation
+
+        biases = self.position_bias, self.velocity_bias
+        return Navigation(self.position, self.velocity, *biases, self.correlation)
+
+
+class FlightTable(Table):
+    """Table [simulation]: number and control of the simulations of a run in the high-fidelity model."""
+
+    control: Literal["track", "replan", "open"] = setting('"track"', "control of the simulation", "track")
+    seeds: Annotated[int, Field(ge=1)] = setting("100", "number of simulations of a run", 100)
+
+
+class VerdictTable(Table):
+    """Table [verdict]: result of a run whose model error exceeds the margin."""
+
+    model_error: Literal["report", "refuse"] = setting(
+        '"refuse"', "verdict if the model error exceeds the margin", "report"
+    )
+
 
 CLOSE_TO_A_CIRCLE = 0.1  # largest eccentricity for which Hill's equations are useful
 
@@ -38,21 +174,21 @@ def as_epoch(value: Any) -> Epoch:
 class Elements(Table):
     """Table `elements`: Keplerian elements of the chief at the epoch."""
 
-    altitude: Length | None = Field(None, examples=['"550 km"'])
-    semi_major_axis: Length | None = Field(None, examples=['"6928.137 km"'])
-    eccentricity: float = Field(0.0, strict=False, ge=0.0, lt=1.0, examples=["0.001"])
-    inclination: Angle = Field(examples=['"97.6 deg"'])
-    ascending_node: Angle = Field(0.0, examples=['"30 deg"'])
-    argument_of_perigee: Angle = Field(0.0, examples=['"90 deg"'])
-    latitude: Angle | None = Field(None, examples=['"10 deg"'])
-    mean_anomaly: Angle | None = Field(None, examples=['"10 deg"'])
-    true_anomaly: Angle | None = Field(None, examples=['"10 deg"'])
+    altitude: Length | None = setting('"550 km"', "semi-major axis minus `radius`")
+    semi_major_axis: Length | None = setting('"6928.137 km"', "semi-major axis")
+    eccentricity: float = setting("0.001", "eccentricity", 0.0, strict=False, ge=0.0, lt=1.0)
+    inclination: Angle = setting('"97.6 deg"', "inclination", ...)
+    ascending_node: Angle = setting('"30 deg"', "right ascension of the ascending node", 0.0)
+    argument_of_perigee: Angle = setting('"90 deg"', "argument of perigee", 0.0)
+    latitude: Angle | None = setting('"10 deg"', "mean argument of latitude")
+    mean_anomaly: Angle | None = setting('"10 deg"', "mean anomaly")
+    true_anomaly: Angle | None = setting('"10 deg"', "true anomaly")
 
     def flaws(self) -> Iterator[str]:
         yield from self.one_of("altitude", "semi_major_axis")
         yield from self.one_of("latitude", "mean_anomaly", "true_anomaly")
         if "argument_of_perigee" in self.model_fields_set and not self.eccentricity:
-            yield "argument_of_perigee goes with eccentricity only, a circle has no perigee; remove it"
+            yield "argument_of_perigee requires eccentricity; add it, or remove argument_of_perigee"
 
     def state(self, mu: float, radius: float) -> Floats:
         """Return the inertial state (6,) [m, m/s]."""
@@ -75,21 +211,25 @@ class Elements(Table):
 class ChiefTable(Table):
     """Table `chief`: the orbit of the formation's origin."""
 
-    elements: Elements | None = Field(
-        None, examples=['{ altitude = "550 km", inclination = "97.6 deg", latitude = "0 deg" }']
+    elements: Elements | None = setting(
+        '{ altitude = "550 km", inclination = "97.6 deg", latitude = "0 deg" }', "Keplerian elements"
     )
-    state: Inertial | None = Field(None, examples=['"6928.137 0 0 km, 0 -1.003 7.518 km/s"'])
-    oem: FileName | None = Field(None, examples=['"chief.oem"'])
-    frame: str | None = Field(None, min_length=1, examples=['"GCRF"'])
-    center: str | None = Field(None, min_length=1, examples=['"EARTH"'])
-    ballistic: Annotated[float, BeforeValidator(Reader(BALLISTIC, least="zero"))] | None = Field(
-        None, examples=['"0.02 m^2/kg"']
+    state: Inertial | None = setting(
+        '"6928.137 0 0 km, 0 -1.003 7.518 km/s"', "inertial position and velocity"
+    )
+    oem: FileName | None = setting('"chief.oem"', "orbit ephemeris message")
+    frame: str | None = setting(
+        '"GCRF"', "inertial frame of `elements` or `state`", min_length=1, only_with="elements state"
+    )
+    center: str | None = setting(
+        '"EARTH"', "central body of `elements` or `state`", min_length=1, only_with="elements state"
+    )
+    ballistic: Ballistic | None = setting(
+        '"0.02 m^2/kg"', "drag coefficient times area over mass of the origin"
     )
 
     def flaws(self) -> Iterator[str]:
         yield from self.one_of("elements", "state", "oem")
-        yield from self.only_with("frame", "elements", "state")
-        yield from self.only_with("center", "elements", "state")
 
     def build(self, epoch: Epoch, mu: float, radius: float, inputs: Inputs) -> "Chief":
         """Return the chief; raise ValueError for an invalid one or one too far from a circle."""
@@ -104,7 +244,7 @@ class ChiefTable(Table):
             chief = Chief(epoch.stamp, np.array(state), *place, mu)
         if chief.eccentricity > CLOSE_TO_A_CIRCLE:
             raise ValueError(
-                f"eccentricity {chief.eccentricity:.3g}, and Hill's equations, those of a circle, are of use "
+                f"eccentricity {chief.eccentricity:.3g}, and Hill's equations are useful "
                 f"up to {CLOSE_TO_A_CIRCLE:g}; give another orbit"
             )
         return chief
@@ -113,37 +253,33 @@ class ChiefTable(Table):
 class OrbitTable(Table):
     """Table [orbit]: the circular orbit that the formation's frame follows, or deep space."""
 
-    deep_space: Literal[True] | None = Field(None, examples=["true"])
-    altitude: Annotated[float, BeforeValidator(Reader(LENGTH, least="positive"))] | None = Field(
-        None, examples=['"500 km"']
+    deep_space: Literal[True] | None = setting("true", "no gravity")
+    altitude: Length | None = setting('"500 km"', "altitude above `radius`")
+    period: Seconds | None = setting('"95 min"', "orbital period")
+    semi_major_axis: Length | None = setting('"6878 km"', "semi-major axis")
+    mean_motion: Rate | None = setting('"0.0634 deg/s"', "mean motion")
+    latitude: Angle = setting(
+        '"30 deg"',
+        "argument of latitude of the origin at the start",
+        0.0,
+        only_with="altitude period semi_major_axis mean_motion",
     )
-    period: Annotated[float, BeforeValidator(Reader(TIME, least="positive"))] | None = Field(
-        None, examples=['"95 min"']
+    mu: Annotated[float, Reader(GRAVITY, least="positive")] | None = setting(
+        '"398600.4418 km^3/s^2"', "gravitational parameter", only_with="altitude semi_major_axis chief"
     )
-    semi_major_axis: Length | None = Field(None, examples=['"6878 km"'])
-    mean_motion: Annotated[float, BeforeValidator(Reader(RATE, least="positive"))] | None = Field(
-        None, examples=['"0.0634 deg/s"']
+    radius: Length | None = setting(
+        '"6378.137 km"', "equatorial radius of the central body", only_with="altitude chief"
     )
-    latitude: Angle = Field(0.0, examples=['"30 deg"'])
-    mu: Annotated[float, BeforeValidator(Reader(GRAVITY, least="positive"))] | None = Field(
-        None, examples=['"398600.4418 km^3/s^2"']
+    epoch: Annotated[Epoch, BeforeValidator(as_epoch)] | None = setting(
+        '"2026-11-22T12:00:00Z"', "epoch of the mission's start"
     )
-    radius: Length | None = Field(None, examples=['"6378.137 km"'])
-    epoch: Annotated[Epoch, BeforeValidator(as_epoch)] | None = Field(
-        None, examples=['"2026-11-22T12:00:00Z"']
+    chief: ChiefTable | None = setting(
+        '{ oem = "chief.oem" }', "orbit of the formation's origin", needs="epoch"
     )
-    chief: ChiefTable | None = Field(None, examples=['{ oem = "chief.oem" }'])
-    field: FieldTable | None = Field(None, examples=["{ zonals = 2 }"])
+    field: FieldTable | None = setting("{ zonals = 2 }", "high-fidelity model", needs="chief")
 
     def flaws(self) -> Iterator[str]:
-        yield from self.only_with("latitude", "altitude", "period", "semi_major_axis", "mean_motion")
-        yield from self.only_with("mu", "altitude", "semi_major_axis", "chief")
-        yield from self.only_with("radius", "altitude", "chief")
         yield from self.one_of("altitude", "period", "semi_major_axis", "mean_motion", "deep_space", "chief")
-        if self.chief is not None and self.epoch is None:
-            yield f"chief needs epoch; add for example epoch = {self.examples()['epoch']}"
-        if self.field is not None and self.chief is None:
-            yield "field needs epoch and chief, whose orbit is in it; add both"
 
     def build(self) -> Orbit:
         """Return the orbit that the table describes."""

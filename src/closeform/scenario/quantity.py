@@ -11,6 +11,9 @@ import re
 from dataclasses import dataclass
 from typing import Any
 
+from pydantic import GetCoreSchemaHandler
+from pydantic_core import CoreSchema, core_schema
+
 Dimension = tuple[int, int, int, int]  # powers of metre, second, kilogram, radian
 
 NONE: Dimension = (0, 0, 0, 0)
@@ -123,6 +126,10 @@ class Reader:
         found = self.numbers(value)
         return found[0] if self.size == 1 else found
 
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        """Return the schema of a key whose annotation names this reader."""
+        return core_schema.no_info_before_validator_function(self, handler(source))
+
     def numbers(self, value: Any) -> tuple[float, ...]:
         """Return all numbers in SI units as a tuple, also for size 1."""
         numbers, unit = self.split(value)
@@ -209,6 +216,10 @@ class Parts:
         return tuple(
             one for read, part in zip(self.readers, parts, strict=True) for one in read.numbers(part.strip())
         )
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        """Return the schema of a key whose annotation names this reader."""
+        return core_schema.no_info_before_validator_function(self, handler(source))
 
 
 def span(seconds: float) -> str:

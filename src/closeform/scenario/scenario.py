@@ -16,12 +16,10 @@ from closeform.exchange.epochs import Epoch
 from closeform.motion.circular import low
 from closeform.motion.orbit import Orbit
 from closeform.scenario.craft import Craft, SearchTable, SensorTable
-from closeform.scenario.field import FeedbackTable, FlightTable, NavigationTable, VerdictTable
 from closeform.scenario.inputs import Inputs
-from closeform.scenario.orbit import OrbitTable
+from closeform.scenario.orbit import FeedbackTable, FlightTable, NavigationTable, OrbitTable, VerdictTable
 from closeform.scenario.quantity import shown
-from closeform.scenario.stage_table import StageTable, Thrusting
-from closeform.scenario.stages import Gather
+from closeform.scenario.stages import Gather, StageTable, Thrusting
 from closeform.scenario.study import FAILS, SEARCHED, STATES, UNPLANNED, Study
 from closeform.zones.combined_zones import Body, OwnZone
 from closeform.zones.pair_zones import PairZones
@@ -29,9 +27,9 @@ from closeform.zones.solids import Sphere
 from closeform.zones.zone import Zone
 
 if TYPE_CHECKING:
-    from closeform.campaign.executed_mission import History
     from closeform.dynamics.field import Field
     from closeform.exchange.chief import Chief
+    from closeform.mission.executed_mission import History
     from closeform.search.schedule import Search
     from closeform.search.search_errors import SearchErrors
 
@@ -322,7 +320,7 @@ class Scenario:
         if (fastest := float(np.nanmax(speeds, initial=0.0))) > FAST:
             name = self.names[int(np.nanargmax(speeds))]
             what = f"{name} begins at {fastest:.6g} m/s relative to the formation's origin"
-            lines.append(f"craft: {what}, which no close formation has; check units and the chief")
+            lines.append(f"craft: {what}, too fast for a close formation; check units and the chief")
         return tuple(lines)
 
     def refused(self, command: str) -> tuple[str, ...]:
@@ -340,11 +338,11 @@ class Scenario:
         for key in self.study.vary:
             place = f"study.vary.{shown(key)}"
             if key in SEARCHED and not any(stage.searches for stage in self.stages):
-                lines.append(f"{place}: nobody searches here; remove it")
+                lines.append(f"{place}: no stage is a search; remove it")
             elif key.startswith(UNPLANNED) and self.flights is None:
-                lines.append(f"{place}: is of flights, and cases fly none; add [simulation], or remove it")
+                lines.append(f"{place}: requires a simulation; add [simulation], or remove it")
             elif key not in SEARCHED and not key.startswith(("craft.", *UNPLANNED)):
-                lines.append(f"{place}: is one for all cases; run the study for each value")
+                lines.append(f"{place}: cannot vary between cases; use [study.sweep]")
         return tuple(lines)
 
     @property

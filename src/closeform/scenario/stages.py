@@ -1,29 +1,156 @@
-"""Tables of [[stage]], one model for each verb in `do`."""
+"""Tables of [[stage]]: the keys that all stages share, and one model for each verb in `do`."""
 
 from collections.abc import Iterator
-from typing import Annotated, Any, Literal
+from math import inf
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
-from pydantic import BeforeValidator, Discriminator, Field, Tag
+from pydantic import Discriminator, Field, Tag
 
 from closeform.arrays import Floats
 from closeform.motion.orbit import Orbit
+from closeform.safety.failures import DegradedThrust, Failure, MissedBurns, StuckOnThrust, ThrustLost
+from closeform.scenario.craft import Engine
 from closeform.scenario.formation import Destination, Goal, Target
 from closeform.scenario.quantity import DURATION, Duration, Reader
-from closeform.scenario.stage_table import Drifting, StageTable, Thrusting
 from closeform.scenario.table import (
     ALL,
     EACH,
+    Drift,
     Length,
     Margin,
     Name,
     Names,
     Position,
+    Share,
     Span,
+    Speed,
     Table,
     Vector,
     Velocity,
+    setting,
 )
+
+Cost = Literal["energy", "delta-v"]
+Failed = Literal["thrust lost", "burns missed", "thrust weak", "thrust stuck"]
+
+
+class StageTable(Table):
+    """Keys and properties that all stages share."""
+
+    keeps_out: ClassVar[bool] = True  # whether the stage needs keep_out in [craft]
+    searches: ClassVar[bool] = False  # whether the stage needs [sensor], [search] and craft groups
+
+    name: Name | None = setting('"threat"', "name of the stage")
+    sigmas: Annotated[float, Field(gt=0, le=1000)] | None = setting(
+        "3.0", "clearance required in standard deviations"
+    )
+    max_probability: Annotated[float, Field(gt=0, le=1)] | None = setting(
+        "1e-4", "maximum probability of collision"
+    )
+
+    @property
+    def assigns(self) -> bool:
+        """True if the plan assigns the slots to the craft."""
+        return False
+
+    @property
+    def verb(self) -> str:
+        """Value of `do`."""
+        return type(self).__name__.lower()
+
+    @property
+    def durations(self) -> dict[str, Span]:
+        """Durations of the stage by key."""
+        fields = "length", "within", "drift"
+        given = {name: getattr(self, name, None) for name in fields}
+        return {self.key_of(name): value for name, value in given.items() if value is not None}
+
+    @property
+    def craft_named(self) -> dict[str, tuple[str, ...]]:
+        """Craft that the stage names, by key."""
+        return {}
+
+    def moving(self, names: Names) -> Names:
+        """Return the names of the craft that may thrust in the stage, in planning order."""
+        return ()
+
+    @property
+    def targets(self) -> dict[str, Target | Goal]:
+        """States or formations that craft move to, by key."""
+        return {}
+
+
+class Drifting(StageTable):
+    """Stage with a passive-safety horizon: no conflict occurs during free drift for `drift` afterwards."""
+
+    drift: Drift | None = setting('"24 h"', 'passive-safety horizon, or "forever"')
+
+    @property
+    def for_ever(self) -> bool:
+        """True if the drift has no end."""
+        return self.drift is not None and self.drift.seconds == inf
+
+    @property
+    def lasting(self) -> str:
+        """Duration of the drift as text."""
+        return "for ever" if self.for_ever else f"for {self.drift}"
+
+    @property
+    def what_fails(self) -> Failure:
+        """Failure that precedes the drift."""
+        return ThrustLost()
+
+
+class ArrivalTolerance(Table):
+    """Largest arrival error that pulses of thrusters may leave.
+
+    Relative satellite navigation resolves a decimetre and a tenth of a millimetre per second, so that a
+    tighter tolerance has little meaning. An along-track error of 1 mm/s drifts 17 m per orbit at 500 km.
+    """
+
+    position: Length = setting('"1 m"', "maximum position error at arrival", 1.0)
+    velocity: Speed = setting('"1 mm/s"', "maximum velocity error at arrival", 1e-3)
+
+
+class Thrusting(Engine, Drifting):
+    """Stage with thrust: the cost to minimize, the engine and the failure to consider."""
+
+    arrival: ArrivalTolerance = setting(
+        '{ position = "1 m", velocity = "1 mm/s" }',
+        "maximum arrival error that on-off thrusters may leave",
+        lambda: ArrivalTolerance.model_validate({}),
+    )
+    cost: Cost = setting('"delta-v"', "cost to minimize", "energy")
+    failure: Failed | None = setting('"thrust lost"', "failure that precedes the drift", only_with="drift")
+    least: Share | None = setting('"90 %"', "minimum share of the thrust or burns that remains")
+    longest: Span | None = setting('"10 s"', "maximum time of a stuck thruster")
+
+    def flaws(self) -> Iterator[str]:
+        yield from super().flaws()
+        if self.least is not None and self.failure not in ("burns missed", "thrust weak"):
+            yield 'least requires failure = "burns missed" or "thrust weak"; remove least'
+        if self.least is not None and self.least >= 1.0:
+            yield 'least is a share below 100 %; write for example least = "90 %"'
+        if (self.longest is not None) != (self.failure == "thrust stuck"):
+            yield 'failure = "thrust stuck" and longest belong together; write for example longest = "10 s"'
+        if self.longest is not None and self.longest.orbits:
+            yield 'longest is a time; write for example longest = "10 s"'
+
+    @property
+    def plans_drift(self) -> bool:
+        """True if a plan can be made passively safe for the drift: loss of thrust and a finite horizon."""
+        lost = self.failure in (None, "thrust lost")
+        return self.drift is not None and not self.for_ever and lost
+
+    @property
+    def what_fails(self) -> Failure:
+        if self.failure == "thrust stuck" and self.longest is not None:
+            return StuckOnThrust(self.longest.seconds)
+        if self.failure in ("burns missed", "thrust weak"):
+            return (MissedBurns if self.failure == "burns missed" else DegradedThrust)(self.least or 0.0)
+        return ThrustLost()
+
 
 Fallback = Literal["more sides", "longer", "stagger"]
 Fallbacks = Annotated[tuple[Fallback, ...], Field(strict=False)]
@@ -31,27 +158,27 @@ ALL_FALLBACKS: tuple[Fallback, ...] = ("more sides", "longer", "stagger")
 FALLBACK_EXAMPLE = '["more sides", "longer", "stagger"]'
 
 
-Instant = Annotated[Duration, BeforeValidator(Reader(DURATION, least="zero"))]
+Instant = Annotated[Duration, Reader(DURATION, least="zero")]
 
 
 class Burn(Table):
     """Given impulse: a velocity change of one craft, `at` a time after the start of the stage."""
 
-    craft: Name = Field(examples=['"F1"'])
-    at: Instant = Field(examples=['"0.5 orbits"'])
-    delta_v: Velocity = Field(examples=['"0 0.1 0 m/s"'])
+    craft: Name = setting('"F1"', "craft that burns", ...)
+    at: Instant = setting('"0.5 orbits"', "time after the start of the stage", ...)
+    delta_v: Velocity = setting('"0 0.1 0 m/s"', "velocity change", ...)
 
 
 class Coast(Drifting):
     """Natural motion of all craft, with given impulses in `burns` and given paths for `follow`."""
 
-    do: Literal["coast"] = Field(examples=['"coast"'])
-    length: Span = Field(alias="for", examples=['"0.5 orbits"'])
-    burns: Annotated[tuple[Burn, ...], Field(strict=False)] = Field(
-        (), examples=['[{ craft = "F1", at = "10 min", delta_v = "-0.1 0 0 m/s" }]']
+    do: Literal["coast"] = setting('"coast"', "kind of stage", ...)
+    length: Span = setting('"0.5 orbits"', "duration", ..., alias="for")
+    burns: Annotated[tuple[Burn, ...], Field(strict=False)] = setting(
+        '[{ craft = "F1", at = "10 min", delta_v = "-0.1 0 0 m/s" }]', "given impulses", ()
     )
-    follow: Names = Field((), examples=['["F1"]'])
-    animation: bool = Field(False, examples=["true"])
+    follow: Names = setting('["F1"]', "craft that follow the file of their start", ())
+    animation: bool = setting("true", "true to write an animation", False)
 
     def flaws(self) -> Iterator[str]:
         yield from super().flaws()
@@ -70,8 +197,8 @@ class Coast(Drifting):
 class Clearing(Thrusting):
     """Stage whose paths avoid zones: the keep-out margin and the time for raising the lower bound."""
 
-    margin: Margin | None = Field(None, examples=['"0.5 m"'])
-    prove: Span | None = Field(None, examples=['"10 s"'])
+    margin: Margin | None = setting('"0.5 m"', 'keep-out margin, or "auto"')
+    prove: Span | None = setting('"10 s"', "time for raising the lower bound")
 
     @property
     def is_exact(self) -> bool:
@@ -105,23 +232,28 @@ class Clearing(Thrusting):
 class Fellow(Table):
     """Craft with its own transfer during another craft's move; it does not avoid others."""
 
-    craft: Name = Field(examples=['"F5"'])
-    to: Destination = Field(examples=['{ position = "0 100 0 m", velocity = "0 0 0 m/s" }'])
+    craft: Name = setting('"F5"', "craft that moves", ...)
+    to: Destination = setting('{ position = "0 100 0 m", velocity = "0 0 0 m/s" }', "destination", ...)
 
 
 class Avoid(Clearing):
     """Move of one craft among the others, around their zones, at minimum cost."""
 
-    do: Literal["avoid"] = Field(examples=['"avoid"'])
-    craft: Name = Field(examples=['"F3"'])
-    to: Destination | None = Field(None, examples=['{ position = "0 100 0 m", velocity = "0 0 0 m/s" }'])
-    within: Span = Field(examples=['"0.5 orbits"'])
-    method: Literal["exact", "sauter-palmer"] = Field("exact", examples=['"exact"'])
-    animation: bool = Field(False, examples=["true"])
-    meanwhile: Annotated[tuple[Fellow, ...], Field(strict=False)] = Field(
-        (), examples=['[{ craft = "F5", to = { position = "0 100 0 m", velocity = "0 0 0 m/s" } }]']
+    do: Literal["avoid"] = setting('"avoid"', "kind of stage", ...)
+    craft: Name = setting('"F3"', "craft that moves", ...)
+    to: Destination | None = setting(
+        '{ position = "0 100 0 m", velocity = "0 0 0 m/s" }',
+        "destination; by default where it would coast to",
     )
-    longer: bool = Field(True, examples=["false"])
+    within: Span = setting('"0.5 orbits"', "duration", ...)
+    method: Literal["exact", "sauter-palmer"] = setting('"exact"', "planning method", "exact")
+    animation: bool = setting("true", "true to write an animation", False)
+    meanwhile: Annotated[tuple[Fellow, ...], Field(strict=False)] = setting(
+        '[{ craft = "F5", to = { position = "0 100 0 m", velocity = "0 0 0 m/s" } }]',
+        "transfers of other craft",
+        (),
+    )
+    longer: bool = setting("false", "true to allow a longer duration if thrust is short", True)
 
     @property
     def is_exact(self) -> bool:
@@ -130,7 +262,7 @@ class Avoid(Clearing):
     def flaws(self) -> Iterator[str]:
         yield from super().flaws()
         if self.cost == "delta-v" and self.method != "exact":
-            yield f'method = "{self.method}" goes with cost = "energy" only; remove one of them'
+            yield f'method = "{self.method}" cannot be combined with cost = "{self.cost}"; remove one of them'
         names = self.moving(())
         for name in names:
             if names.count(name) > 1:
@@ -154,11 +286,11 @@ class Transfer(Thrusting):
     """Move of one craft without regard to others, at minimum cost, within its thrust limit."""
 
     keeps_out = False
-    do: Literal["transfer"] = Field(examples=['"transfer"'])
-    craft: Name | None = Field(None, examples=['"F1"'])
-    to: Destination = Field(examples=['{ position = "0 100 0 m", velocity = "0 0 0 m/s" }'])
-    within: Span = Field(examples=['"0.5 orbits"'])
-    animation: bool = Field(False, examples=["true"])
+    do: Literal["transfer"] = setting('"transfer"', "kind of stage", ...)
+    craft: Name | None = setting('"F1"', "craft that moves")
+    to: Destination = setting('{ position = "0 100 0 m", velocity = "0 0 0 m/s" }', "destination", ...)
+    within: Span = setting('"0.5 orbits"', "duration", ...)
+    animation: bool = setting("true", "true to write an animation", False)
 
     def moving(self, names: Names) -> Names:
         return (self.craft or names[0],)
@@ -175,11 +307,11 @@ class Transfer(Thrusting):
 class Joint(Clearing):
     """Stage in which the whole formation moves."""
 
-    within: Span = Field(examples=['"0.25 orbits"'])
-    plan: Literal["joint", "sequential"] = Field("joint", examples=['"joint"'])
-    order: Names | None = Field(None, examples=['["F3", "F1"]'])
-    if_blocked: Fallbacks = Field(ALL_FALLBACKS, examples=[FALLBACK_EXAMPLE])
-    animation: bool = Field(False, examples=["true"])
+    within: Span = setting('"0.25 orbits"', "duration", ...)
+    plan: Literal["joint", "sequential"] = setting('"joint"', "planning method", "joint")
+    order: Names | None = setting('["F3", "F1"]', "planning order")
+    if_blocked: Fallbacks = setting(FALLBACK_EXAMPLE, "fallbacks if no plan is found", ALL_FALLBACKS)
+    animation: bool = setting("true", "true to write an animation", False)
 
     @property
     def is_exact(self) -> bool:
@@ -188,9 +320,9 @@ class Joint(Clearing):
     def flaws(self) -> Iterator[str]:
         yield from super().flaws()
         if self.order is not None and self.plan != "sequential":
-            yield 'order goes with plan = "sequential" only; remove order'
+            yield 'order requires plan = "sequential"; remove order'
         if self.cost == "delta-v" and self.plan != "joint":
-            yield f'plan = "{self.plan}" goes with cost = "energy" only; remove one of them'
+            yield f'plan = "{self.plan}" cannot be combined with cost = "{self.cost}"; remove one of them'
 
     def moving(self, names: Names) -> Names:
         return names
@@ -203,17 +335,16 @@ class Joint(Clearing):
 class Scatter(Joint):
     """Move of all craft away from each other."""
 
-    do: Literal["scatter"] = Field(examples=['"scatter"'])
-    factor: Annotated[float, Field(gt=1, le=1e6)] | None = Field(None, examples=["3.0"])
-    point: Position | None = Field(None, alias="from", examples=['"0 0 0 m"'])
-    distance: Length | None = Field(None, examples=['"1 km"'])
+    do: Literal["scatter"] = setting('"scatter"', "kind of stage", ...)
+    factor: Annotated[float, Field(gt=1, le=1e6)] | None = setting(
+        "3.0", "factor of all distances from the center"
+    )
+    point: Position | None = setting('"0 0 0 m"', "point to move away from", alias="from", needs="distance")
+    distance: Length | None = setting('"1 km"', "distance to move away", only_with="point")
 
     def flaws(self) -> Iterator[str]:
         yield from super().flaws()
         yield from self.one_of("factor", "point")
-        yield from self.only_with("distance", "point")
-        if self.point is not None and self.distance is None:
-            yield 'from needs distance; add for example distance = "1 km"'
 
     @property
     def away(self) -> tuple[Vector, float]:
@@ -226,8 +357,8 @@ class Scatter(Joint):
 class Regather(Joint):
     """Return of all craft to their relative orbits at the start of an earlier stage."""
 
-    do: Literal["regather"] = Field(examples=['"regather"'])
-    as_before: Name = Field(examples=['"threat"'])
+    do: Literal["regather"] = setting('"regather"', "kind of stage", ...)
+    as_before: Name = setting('"threat"', "earlier stage whose initial relative orbits are restored", ...)
 
 
 def one_or_each(value: Any) -> str:
@@ -244,11 +375,13 @@ Goals = Annotated[
 class Reconfigure(Joint):
     """Move of all or of named craft to new relative orbits."""
 
-    do: Literal["reconfigure"] = Field(examples=['"reconfigure"'])
-    craft: Names | None = Field(None, examples=['["F9"]'])
-    to: Goals = Field(examples=['{ projected_circular = { radius = "300 m" } }'])
-    assign: bool = Field(False, examples=["true"])
-    slots: Annotated[int, Field(ge=1, le=10_000)] | None = Field(None, examples=["10"])
+    do: Literal["reconfigure"] = setting('"reconfigure"', "kind of stage", ...)
+    craft: Names | None = setting('["F9"]', "craft that move")
+    to: Goals = setting(
+        '{ projected_circular = { radius = "300 m" } }', "formation, or one state for each craft", ...
+    )
+    assign: bool = setting("true", "true to assign the slots to the craft", False)
+    slots: Annotated[int, Field(ge=1, le=10_000)] | None = setting("10", "number of slots")
 
     def flaws(self) -> Iterator[str]:
         yield from super().flaws()
@@ -256,7 +389,7 @@ class Reconfigure(Joint):
             if (self.craft or ()).count(name) > 1:
                 yield f"{name} moves twice in one stage; name each craft once"
         if self.slots is not None and not (self.assign and isinstance(self.to, Goal) and self.to.shape):
-            yield "slots goes with assign = true and a named formation only; remove slots"
+            yield "slots requires assign = true and a named formation; remove slots"
         if isinstance(self.to, Goal) and self.to.join is not None and len(self.craft or ()) != 1:
             yield 'join is for one craft; name it, for example craft = ["F9"]'
 
@@ -305,7 +438,7 @@ class Lock(StageTable):
 
     keeps_out = False
     searches = True
-    do: Literal["lock"] = Field(examples=['"lock"'])
+    do: Literal["lock"] = setting('"lock"', "kind of stage", ...)
 
 
 class Gather(StageTable):
@@ -313,10 +446,12 @@ class Gather(StageTable):
 
     keeps_out = False
     searches = True
-    do: Literal["gather"] = Field(examples=['"gather"'])
-    rounds: Annotated[int, Field(ge=1)] = Field(2, examples=["3"])
-    burns: Literal["least", "first", "second", "half"] = Field("least", examples=['"least"'])
-    animation: bool = Field(True, examples=["false"])
+    do: Literal["gather"] = setting('"gather"', "kind of stage", ...)
+    rounds: Annotated[int, Field(ge=1)] = setting("3", "maximum number of searches", 2)
+    burns: Literal["least", "first", "second", "half"] = setting(
+        '"least"', "burns of a craft that joins", "least"
+    )
+    animation: bool = setting("false", "true to write an animation", True)
 
 
 class Unknown(StageTable):

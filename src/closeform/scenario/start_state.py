@@ -16,8 +16,8 @@ from closeform.exchange.spans import Spans
 from closeform.exchange.states_csv import ephemerides_of
 from closeform.motion.frames import relative_from_inertial
 from closeform.scenario.craft import Craft
-from closeform.scenario.errors import did_you_mean
 from closeform.scenario.inputs import DOUBTFUL, Inputs
+from closeform.scenario.table import did_you_mean
 
 if TYPE_CHECKING:
     from closeform.dynamics.field import Field

@@ -1,16 +1,19 @@
-"""Table [study]: varied keys of a Monte Carlo study. A draw adds to the nominal value or replaces it."""
+"""Table [study]: varied keys of a Monte Carlo study, and the points of a sweep."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from copy import deepcopy
 from functools import cache
-from typing import Annotated, Any, Literal, get_args
+from itertools import product
+from math import prod
+from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field
+from pydantic import Field
 
 from closeform.scenario.craft import Craft, SearchTable, SensorTable
-from closeform.scenario.field import FeedbackTable, FieldTable, NavigationTable
-from closeform.scenario.quantity import TIME, Reader, shown
-from closeform.scenario.table import Table
+from closeform.scenario.orbit import FeedbackTable, FieldTable, NavigationTable
+from closeform.scenario.quantity import Reader, shown
+from closeform.scenario.table import Seconds, Table, notes_of, setting
 
 Pair = Annotated[tuple[str, str], Field(strict=False)]
 DRAWS = ("uniform", "normal", "ball", "shell", "chance", "choice")
@@ -38,19 +41,19 @@ TABLED = "navigation.", "feedback.", "orbit.field."  # one value for all craft
 UNPLANNED = "craft.ballistic", *TABLED  # values of the simulation that are unknown to plans
 NORMAL_REACH = 8.3  # sigmas: limit of a normal value from a random number of 53 bits
 ROW = re.compile(r"source|at once|never|(IPS|OPS|mOPS|NFS) [1-9][0-9]*")
-Step = Annotated[float, BeforeValidator(Reader(TIME, least="positive"))]
+Step = Seconds
 
 
 class Draw(Table):
     """Distribution of one key; the key determines the units of its texts."""
 
-    uniform: str | None = Field(None, examples=['"500 m"'])
-    normal: str | None = Field(None, examples=['"0.1 %"'])
-    ball: str | None = Field(None, examples=['"0.5 deg"'])
-    shell: Pair | None = Field(None, examples=['["1 km", "2 km"]'])
-    chance: Annotated[float, Field(ge=0, le=1)] | None = Field(None, examples=["0.01"])
-    choice: Annotated[tuple[Any, ...], Field(strict=False, min_length=1)] | None = Field(
-        None, examples=['["1 km", "2 km"]']
+    uniform: str | None = setting('"500 m"', "half-width of a uniform distribution")
+    normal: str | None = setting('"0.1 %"', "standard deviation of a normal distribution")
+    ball: str | None = setting('"0.5 deg"', "radius of a uniform ball")
+    shell: Pair | None = setting('["1 km", "2 km"]', "inner and outer radius of a uniform shell")
+    chance: Annotated[float, Field(ge=0, le=1)] | None = setting("0.01", "probability of true")
+    choice: Annotated[tuple[Any, ...], Field(strict=False, min_length=1)] | None = setting(
+        '["1 km", "2 km"]', "values to choose from"
     )
 
     def flaws(self) -> Iterator[str]:
@@ -78,34 +81,32 @@ def readers() -> dict[str, Reader | None]:
     found: dict[str, Reader | None] = {"craft.silent": None}
     for section, table in TABLES.items():
         for name, field in table.model_fields.items():
-            notes = [*field.metadata]
-            for part in get_args(field.annotation):  # X | None holds its metadata in X
-                notes += getattr(part, "__metadata__", ())
-            for note in notes:
-                if isinstance(reader := getattr(note, "func", None), Reader):
-                    found[f"{section}.{table.key_of(name)}"] = reader
+            readers = (note for note in notes_of(field) if isinstance(note, Reader))
+            found |= {f"{section}.{table.key_of(name)}": reader for reader in readers}
     return found | {FAILS: None}
 
 
 class Study(Table):
     """Table [study]: number of cases, seed and draws of a Monte Carlo study."""
 
-    cases: Annotated[int, Field(ge=1)] = Field(examples=["1000"])
-    seed: Annotated[int, Field(ge=0)] = Field(examples=["1"])
-    draws: Literal["vary", "errors", "replanned"] = Field("vary", examples=['"errors"'])
-    vary: dict[str, Draw] = Field(default_factory=dict, examples=['{ "craft.position" = { ball = "10 m" } }'])
-    sweep: dict[str, Annotated[tuple[Any, ...], Field(strict=False)]] = Field(
-        default_factory=dict, examples=['{ "sensor.half_angle" = ["65 deg", "70 deg"] }']
+    cases: Annotated[int, Field(ge=1)] = setting("1000", "number of cases", ...)
+    seed: Annotated[int, Field(ge=0)] = setting("1", "seed of the random samples", ...)
+    draws: Literal["vary", "errors", "replanned"] = setting('"errors"', "source of the samples", "vary")
+    vary: dict[str, Draw] = setting('{ "craft.position" = { ball = "10 m" } }', "distributions by key", dict)
+    sweep: dict[str, Annotated[tuple[Any, ...], Field(strict=False)]] = setting(
+        '{ "sensor.half_angle" = ["65 deg", "70 deg"] }', "values by key", dict
     )
-    sampled: Annotated[tuple[Step, ...], Field(strict=False)] = Field((), examples=['["1 s", "60 s"]'])
-    pages: bool = Field(True, examples=["false"])
-    published: dict[str, str] = Field(default_factory=dict, examples=['{ source = "S04", never = "0" }'])
+    sampled: Annotated[tuple[Step, ...], Field(strict=False)] = setting(
+        '["1 s", "60 s"]', "steps of sampled lock detection", ()
+    )
+    pages: bool = setting("false", "false to omit the pages of cases", True)
+    published: dict[str, str] = setting('{ source = "S04", never = "0" }', "published values by row", dict)
 
     def flaws(self) -> Iterator[str]:
         others = {"errors": ("vary", "sweep", "sampled", "published"), "replanned": ("sampled", "published")}
         for key in others.get(self.draws, ()):
             if getattr(self, key):
-                yield f'{key} goes with draws = "vary" only; remove {key}'
+                yield f'{key} requires draws = "vary"; remove {key}'
         for key, values in self.sweep.items():
             if not values:
                 yield f"sweep has no values of {key}; give some, or remove it"
@@ -143,3 +144,54 @@ def draw_error(key: str, draw: Draw) -> str | None:
 def one(reader: Reader) -> Reader:
     """Return the reader of a size: one non-negative number of the same kind."""
     return Reader(reader.kind, 1, "zero")
+
+
+MOST_POINTS = 1000
+PART = re.compile(r"(\w+)(?:\[(\d+)\])?")  # of a key, with an optional index that counts from 1
+DRAWN = "study.vary."
+
+
+def points(raw: Mapping[str, Any]) -> Iterator[tuple[dict[str, Any], dict[str, Any]]]:
+    """Yield each combination of the swept values, by key, with the file contents that result from it.
+
+    The contents no longer include the sweep. The last key changes fastest. Raises ValueError, beginning with
+    the key, if the file has no such place.
+    """
+    sweep = raw["study"]["sweep"]
+    if prod(map(len, sweep.values())) > MOST_POINTS:
+        raise ValueError(f"more than {MOST_POINTS} points; give fewer values")
+    for values in product(*sweep.values()):
+        changed = deepcopy(dict(raw))
+        del changed["study"]["sweep"]
+        chosen = dict(zip(sweep, values, strict=True))
+        for key, value in chosen.items():
+            put(changed, key, value)
+        yield chosen, changed
+
+
+def put(raw: dict[str, Any], key: str, value: Any) -> None:
+    """Write one value into the contents of a file."""
+    path = ["study", "vary", key.removeprefix(DRAWN)] if key.startswith(DRAWN) else key.split(".")
+    place: Any = raw
+    for part in path[:-1]:
+        found = PART.fullmatch(part)
+        place = place.get(found[1]) if found is not None and isinstance(place, dict) else None
+        if found is not None and found[2] and isinstance(place, list):
+            place = place[int(found[2]) - 1] if 0 < int(found[2]) <= len(place) else None
+        if not isinstance(place, dict):
+            raise ValueError(f"{key}: there is no {part} in the file; add it, or name a key that is there")
+    place[path[-1]] = value
+
+
+def words(chosen: Mapping[str, Any]) -> str:
+    """Return the values of a point as text."""
+    return ", ".join(f"{key} = {text(value)}" for key, value in chosen.items())
+
+
+def text(value: Any) -> str:
+    """Return a value as text; a draw as its kind and size."""
+    if isinstance(value, dict):
+        return " ".join(f"{name} {text(one)}" for name, one in value.items())
+    if isinstance(value, list):
+        return ", ".join(map(text, value))
+    return str(value)

@@ -1,18 +1,35 @@
-"""Base class and shared types of the tables of a scenario file."""
+"""Base class of the tables of a scenario file, types that they share, and error messages."""
 
+import json
+import re
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
+from difflib import get_close_matches
 from math import inf
-from typing import Annotated, Any, Literal, Self
+from types import NoneType
+from typing import Annotated, Any, Literal, Self, get_args, get_origin
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo, model_validator
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationError,
+    ValidationInfo,
+    model_validator,
+)
+from pydantic.fields import FieldInfo
 
 from closeform.scenario.quantity import (
     ANGLE,
+    BALLISTIC,
     DURATION,
     LENGTH,
+    MASS,
+    RATE,
     SHARE,
     SPEED,
+    TIME,
     Duration,
     Parts,
     Reader,
@@ -23,6 +40,19 @@ from closeform.scenario.quantity import (
 FLAWED = {"flawed": True}  # validation context that accepts inconsistent tables
 FOREVER = "forever"  # duration of a drift without an end
 ALL, EACH = "<all>", "<each>"  # the two forms of a key: one table for all craft, or a list with one per craft
+
+
+def setting(
+    example: str, help: str, default: Any = None, needs: str = "", only_with: str = "", **checks: Any
+) -> Any:
+    """Return the description of a key, from which its checks, messages and reference derive.
+
+    `example` is a value as written in a file and `help` one line. A default of ... makes the key required.
+    The key `needs` another, and is allowed `only_with` one of several others, which are fields.
+    """
+    usual = {"default_factory": default} if callable(default) else {"default": default}
+    rules: Any = {"needs": needs, "only_with": only_with.split()}
+    return Field(examples=[example], description=help, json_schema_extra=rules, **usual, **checks)
 
 
 class Table(BaseModel):
@@ -41,6 +71,24 @@ class Table(BaseModel):
         }
 
     @classmethod
+    def reference(cls) -> Iterator[tuple[str, str, str, str]]:
+        """Yield each key of the table: its name, values or an example, its default and its meaning."""
+        for name, field in cls.model_fields.items():
+            parts = field.annotation, *get_args(field.annotation)
+            words = [word for part in parts for word in choices(part)]
+            example = " or ".join(words) or (field.examples or [""])[0]
+            usual = field.get_default(call_default_factory=True)
+            default = json.dumps(usual) if isinstance(usual, str | int | float) else ""
+            default = "required" if field.is_required() else default
+            yield cls.key_of(name), example, default, field.description or ""
+
+    @classmethod
+    def missing(cls, key: str) -> str:
+        """Return the message for a missing key, with its remedy."""
+        example = cls.examples().get(key)
+        return f"missing; add for example {key} = {example}" if example else "missing; see docs/scenario.md"
+
+    @classmethod
     def key_of(cls, name: str) -> str:
         """Return the key in the file for a field name."""
         return cls.model_fields[name].alias or name
@@ -53,13 +101,31 @@ class Table(BaseModel):
     @model_validator(mode="after")
     def fits(self, info: ValidationInfo) -> Self:
         """Raise ValueError for inconsistent keys, unless the context is FLAWED."""
-        if info.context != FLAWED and (flaws := dict.fromkeys(self.flaws())):
+        if info.context != FLAWED and (flaws := self.all_flaws()):
             raise ValueError("\n".join(flaws))
         return self
 
+    def all_flaws(self) -> list[str]:
+        """Return one line per inconsistency among the keys, as `what is wrong; remedy`."""
+        found = list(self.flaws())
+        for name, field in type(self).model_fields.items():
+            rules: Any = field.json_schema_extra or {}
+            found += self.unmet(name, rules.get("needs", ""), rules.get("only_with", []))
+        return list(dict.fromkeys(found))
+
     def flaws(self) -> Iterator[str]:
-        """Yield one line per inconsistency among the keys, as `what is wrong; remedy`."""
+        """Yield one line per inconsistency that the descriptions of the keys do not state."""
         return iter(())
+
+    def unmet(self, name: str, needed: str = "", partners: Sequence[str] = ()) -> Iterator[str]:
+        """Yield a flaw of a given key without the key that it needs, or without any of its partners."""
+        key, other = self.key_of(name), needed and self.key_of(needed)
+        if needed and getattr(self, name) is not None and getattr(self, needed) is None:
+            yield f"{key} needs {other}; add for example {other} = {self.examples()[other]}"
+        given = name in self.model_fields_set and getattr(self, name) is not None
+        if partners and given and all(getattr(self, one) is None for one in partners):
+            keys = " or ".join(map(self.key_of, partners))
+            yield f"{key} requires {keys}; add one, or remove {key}"
 
     def one_of(self, *names: str) -> Iterator[str]:
         """Yield a flaw unless exactly one of the keys is given."""
@@ -71,11 +137,19 @@ class Table(BaseModel):
             first = f"{keys[names[0]]} = {self.examples()[keys[names[0]]]}"
             yield f"needs one of {', '.join(keys.values())}; add for example {first}"
 
-    def only_with(self, key: str, *names: str) -> Iterator[str]:
-        """Yield a flaw if `key` is given without any of the keys that it requires."""
-        if key in self.model_fields_set and all(getattr(self, name) is None for name in names):
-            keys = " or ".join(self.key_of(name) for name in names)
-            yield f"{key} goes with {keys} only; remove {key}"
+
+def notes_of(field: FieldInfo) -> Iterator[Any]:
+    """Yield the annotations of a key; those of `X | None` stand with X."""
+    yield from field.metadata
+    for part in get_args(field.annotation):
+        yield from getattr(part, "__metadata__", ())
+
+
+def choices(annotation: Any) -> list[str]:
+    """Return the values of a Literal as a file writes them; true and false of a truth value."""
+    if annotation is bool:
+        return ["true", "false"]
+    return [json.dumps(one) for one in get_args(annotation)] if get_origin(annotation) is Literal else []
 
 
 def as_name(value: Any) -> str:
@@ -119,13 +193,163 @@ Names = Annotated[tuple[Name, ...], Field(strict=False, min_length=1)]
 FileName = Annotated[str, Field(min_length=1)]
 Vector = tuple[float, float, float]
 Six = tuple[float, float, float, float, float, float]
-Length = Annotated[float, BeforeValidator(Reader(LENGTH, least="positive"))]
-Lengths = Annotated[Vector, BeforeValidator(Reader(LENGTH, 3, "positive"))]
-Position = Annotated[Vector, BeforeValidator(Reader(LENGTH, 3))]
-Velocity = Annotated[Vector, BeforeValidator(Reader(SPEED, 3))]
-Inertial = Annotated[Six, BeforeValidator(as_inertial)]
-Angle = Annotated[float, BeforeValidator(Reader(ANGLE))]
-Span = Annotated[Duration, BeforeValidator(Reader(DURATION, least="positive"))]
+Length = Annotated[float, Reader(LENGTH, least="positive")]
+Lengths = Annotated[Vector, Reader(LENGTH, 3, "positive")]
+Position = Annotated[Vector, Reader(LENGTH, 3)]
+Velocity = Annotated[Vector, Reader(SPEED, 3)]
+Inertial = Annotated[Six, as_inertial]
+Angle = Annotated[float, Reader(ANGLE)]
+Turn = Annotated[float, Reader(ANGLE, least="positive")]
+Rate = Annotated[float, Reader(RATE, least="positive")]
+Mass = Annotated[float, Reader(MASS, least="positive")]
+Seconds = Annotated[float, Reader(TIME, least="positive")]
+Speed = Annotated[float, Reader(SPEED, least="positive")]
+Ballistic = Annotated[float, Reader(BALLISTIC, least="zero")]
+Delay = Annotated[float, Reader(TIME, least="zero")]
+Deviation = Annotated[float, Reader(LENGTH, least="zero")]
+SpeedDeviation = Annotated[float, Reader(SPEED, least="zero")]
+AngleDeviation = Annotated[float, Reader(ANGLE, least="zero")]
+Span = Annotated[Duration, Reader(DURATION, least="positive")]
 Margin = Annotated[float | Literal["auto"], BeforeValidator(as_margin)]
 Drift = Annotated[Duration, BeforeValidator(as_drift)]
-Share = Annotated[float, BeforeValidator(Reader(SHARE, least="zero"))]
+Share = Annotated[float, Reader(SHARE, least="zero")]
+
+
+Place = tuple[int | str, ...]
+
+
+class ScenarioError(ValueError):
+    """Invalid scenario; `lines` has one line for each error."""
+
+    def __init__(self, file: str, complaints: Iterable[str]) -> None:
+        self.lines = tuple(dict.fromkeys(one_line(f"{file}: {complaint}") for complaint in complaints))
+        super().__init__("\n".join(self.lines))
+
+
+def one_line(text: str) -> str:
+    """Return the text with every unprintable character, such as a line break, as an escape."""
+    return "".join(
+        c if c.isprintable() else c.encode("unicode_escape", "backslashreplace").decode() for c in text
+    )
+
+
+def dotted(place: Place) -> str:
+    """Return a place in the file as text, such as `stage[2].keep_out.sphere`, counted from one."""
+    text = ""
+    for part in place:
+        if part in (ALL, EACH):
+            continue
+        if isinstance(part, int):
+            text += f"[{part + 1}]"
+        else:
+            key = part if re.fullmatch(r"[A-Za-z0-9_-]+", part) else shown(part)
+            text += f".{key}" if text else key
+    return text
+
+
+def key_of(line: str) -> str:
+    """Return the key that a line is about, without keys inside its value: `stage[2].to`.
+
+    For draws, the key includes the drawn key: `study.vary."craft.mass"`.
+    """
+    found = re.match(r'[a-z_]+(?:\[\d+\])?(?:\.[\w-]+)?(?:\."[^"]*")?', line)
+    return found[0] if found else line
+
+
+def meant_by(line: str) -> str | None:
+    """Return the known key that a line suggests for an unknown one, or None."""
+    found = re.search(r"unknown key; did you mean ([\w-]+)\?$", line)
+    return found[1] if found else None
+
+
+def did_you_mean(word: str, known: Iterable[str], near: Sequence[str] | None = None) -> str:
+    """Return the remedy for an unknown word; `near` replaces the similar words among the known ones."""
+    choices = list(known)
+    found = get_close_matches(word, choices, n=1, cutoff=0.6) if near is None else near
+    return f"did you mean {' or '.join(found)}?" if found else f"use one of {', '.join(choices)}"
+
+
+def alike(key: str, known: Iterable[str], most: int) -> list[str]:
+    """Return up to `most` dotted keys whose last part resembles that of `key`, the most similar first."""
+    last = {one.rpartition(".")[2]: one for one in known}
+    return [last[one] for one in get_close_matches(key.rpartition(".")[2], last, n=most, cutoff=0.7)]
+
+
+def complaints(error: ValidationError, table: type[Table]) -> Iterator[tuple[Place, str]]:
+    """Yield the place and the message of every error that pydantic found in a table."""
+    for found in error.errors(include_url=False):
+        for line in message(found, table).split("\n"):
+            yield found["loc"], line
+
+
+def message(found: Any, table: type[Table]) -> str:
+    """Return one pydantic error as `what is wrong; remedy`."""
+    place, kind, value, context = found["loc"], found["type"], found["input"], found.get("ctx", {})
+    key = next(reversed(keys_in(place)), "")
+    owner = owner_of(table, place)
+    keys = owner.examples() if owner is not None else {}
+    example = f"{key} = {keys[key]}" if keys.get(key) else "what docs/scenario.md says"
+    if kind == "missing" and owner is not None:
+        return owner.missing(key)
+    if kind == "extra_forbidden":
+        inside = [] if owner is None or get_close_matches(key, keys) else alike(key, keys_inside(owner), 1)
+        return f"unknown key; {did_you_mean(key, keys, inside or None)}"
+    if kind == "value_error":
+        return str(context["error"])
+    if kind == "literal_error":
+        choices = re.findall(r"'([^']*)'", context["expected"])
+        if choices and isinstance(value, str):
+            return f"{shown(value)} is not known here; {did_you_mean(value, choices)}"
+    what = {
+        "string_type": "is not a text",
+        "float_type": "is not a number",
+        "int_type": "is not a whole number",
+        "bool_type": "is neither true nor false",
+        "tuple_type": "is not a list",
+        "dict_type": "is not a table",
+        "model_type": "is not a table",
+        "finite_number": "is not finite",
+        "greater_than": f"is not above {context.get('gt')}",
+        "greater_than_equal": f"is below {context.get('ge')}",
+        "less_than_equal": f"is above {context.get('le')}",
+    }.get(kind, "does not fit")
+    return f"{shown(value)} {what}; write for example {example}"
+
+
+def keys_in(place: Place) -> list[str]:
+    """Return the keys of a place, without indices and the marks of a key with two forms."""
+    return [part for part in place if isinstance(part, str) and part not in (ALL, EACH)]
+
+
+def owner_of(table: type[Table], place: Place) -> type[Table] | None:
+    """Return the table class that the last key of a place belongs to, or None."""
+    owner: type[Table] | None = table
+    for key in keys_in(place)[:-1]:
+        field = {f.alias or name: f for name, f in owner.model_fields.items()}.get(key) if owner else None
+        if field is not None:  # otherwise a key of a free mapping like [study.vary]
+            tables = [*tables_in(field.annotation)]
+            owner = tables[-1 if EACH in place else 0] if tables else None
+    return owner
+
+
+def keys_inside(table: type[Table]) -> Iterator[str]:
+    """Yield the keys of nested tables, such as `elements.altitude`."""
+    for name, field in table.model_fields.items():
+        for inner in tables_in(field.annotation):
+            yield from (f"{table.key_of(name)}.{key}" for key in inner.examples())
+
+
+def tables_inside(table: type[Table]) -> Iterator[tuple[str, type[Table]]]:
+    """Yield each key that holds exactly one kind of table, without a validator, and its class."""
+    for name, field in table.model_fields.items():
+        kinds = [one for one in get_args(field.annotation) or (field.annotation,) if one is not NoneType]
+        if len(kinds) == 1 and kinds == [*tables_in(kinds[0])] and not field.metadata:
+            yield table.key_of(name), kinds[0]
+
+
+def tables_in(annotation: Any) -> Iterator[type[Table]]:
+    """Yield the table classes in an annotation."""
+    if isinstance(annotation, type) and issubclass(annotation, Table):
+        yield annotation
+    for part in get_args(annotation):
+        yield from tables_in(part)

@@ -111,7 +111,7 @@ def missions(campaign: MissionCampaign) -> Iterator[tuple[int, str]]:
     from closeform.campaign.mission_cases import STOPPED, UNMET, WORDS  # searches do not need its planners
 
     for status in (UNMET, STOPPED):
-        for case in campaign.endings.first[status][:MOST]:
+        for case in campaign.tally.met[status].unmet[:MOST]:
             yield case, WORDS[status]
     if spreads := campaign.spreads:
         cost, case = next(iter(spreads.values())).worst[0]  # as simulated, if available
@@ -125,8 +125,8 @@ def missions(campaign: MissionCampaign) -> Iterator[tuple[int, str]]:
 
 def extremes(campaign: GatherCampaign) -> Iterator[tuple[int, str]]:
     """Yield the gatherings with the highest delta-v and with the most pairs within a keep-out zone."""
-    cost, dearest = campaign.most(lambda one: one.also["delta_v_m_s"])
-    pairs, nearest = campaign.most(lambda one: one.also["met_unknown"] + one.also["met_known"])
-    yield dearest, f"most delta-v, {cost:.4g} m/s"
-    if pairs:
-        yield nearest, f"most pairs within their keep-out zone, {pairs:.0f}"
+    if most := campaign.least(lambda part: -part["delta_v_m_s"]):
+        yield most[1], f"most delta-v, {-most[0]:.4g} m/s"
+    most = campaign.least(lambda part: -1.0 * (part["met_unknown"] + part["met_known"]))
+    if most and most[0]:
+        yield most[1], f"most pairs within their keep-out zone, {-most[0]:.0f}"

@@ -14,7 +14,7 @@ from closeform.mission.verdict import MET
 from closeform.motion.joining import stack
 from closeform.motion.orbit import Orbit
 from closeform.report.run import RunReport
-from closeform.scenario.stage_table import StageTable
+from closeform.scenario.stages import StageTable
 from closeform.zones.made_table import MadeTable, set_of
 from closeform.zones.pair_zones import PairZones
 from closeform.zones.solids import Sphere
