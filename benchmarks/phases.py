@@ -42,14 +42,14 @@ def main() -> None:
         make_haste(tokens)
         import closeform._jit
         import closeform.mission.mission
-        import closeform.report.results
+        import closeform.report.page
         import closeform.report.run
-        import closeform.report.section
+        import closeform.report.picture
 
         timed(closeform._jit.Kernel, "__call__", "kernels")
         timed(closeform.mission.mission, "fly", "flying")
-        timed(closeform.report.results, "drawn", "pictures")
-        timed(closeform.report.section.Film, "leave", "animation")
+        timed(closeform.report.page, "drawn", "pictures")
+        timed(closeform.report.picture.Film, "save", "animation")
         timed(closeform.report.run, "leave", "tables, page")
 
     closeform.cli.app.make_haste = then_watch

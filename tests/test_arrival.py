@@ -10,7 +10,7 @@ from scipy.linalg import expm
 
 import closeform as cf
 from closeform.mission.mission import fly
-from closeform.report import arrival
+from closeform.report import moves
 from closeform.report.run import RunReport
 from closeform.scenario import ScenarioError, parse
 from test_least_delta_v_plans import rates
@@ -104,14 +104,14 @@ def test_a_phase_that_is_given(do):
 @pytest.mark.parametrize("phase", ["cheapest", "20 deg"])
 def test_who_asks_for_safe_drifts_is_told_that_the_cheapest_takes_no_account_of_them(phase):
     goal = mission("transfer", "delta-v", f', phase = "{phase}"').results[0].result.goal
-    plain, told = ([*arrival.lines("F1", goal, drifts)] for drifts in (False, True))
+    plain, told = ([*moves.arrival_lines("F1", goal, drifts)] for drifts in (False, True))
     assert told == [*plain, "The cheapest takes no account of where drifts from there lead"]
-    *_, last = arrival.lines("F1", goal, True, True)
+    *_, last = moves.arrival_lines("F1", goal, True, True)
     assert last == "The cheapest of those from which it drifts into no zone; a safe way there may not exist"
 
 
 def test_a_phase_that_is_given_and_the_cheapest():
-    best = arrival.phase_of(mission("transfer", "energy", ', phase = "cheapest"').results[0].result.goal)
+    best = moves.phase_of(mission("transfer", "energy", ', phase = "cheapest"').results[0].result.goal)
     flown = mission("transfer", "energy", f', phase = "{best:.2f} deg"')
     (told,) = (line for line in lines(flown) if "phase" in line or "arrives" in line)
     assert f"{best:.2f} deg, as given, the cheapest: " in told

@@ -402,7 +402,7 @@ def test_a_screening_writes_messages_of_its_conflicts(tmp_path, monkeypatch, cap
         words = name, f"2026-00{k}A", "EARTH", "EME2000", "UTC", "2026-01-01T00:00:00"
         cf.write_oem(tmp_path / f"{k}.oem", cf.Ephemeris(*words, times, circling(*orbit, times), held))
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("closeform.report.results.drawn", lambda *_: ())
+    monkeypatch.setattr("closeform.report.page.drawn", lambda *_: ())
     screen = ["screen", "1.oem", "2.oem", "3.oem", "--cdm", "--out", "found"]
     assert main([*screen, "--hard-body", "50 m"]) == 1
     assert "1 conjunction data message in cdm/" in capsys.readouterr().out
@@ -460,7 +460,7 @@ def test_messages_need_covariances(tmp_path, monkeypatch, capsys):
         words = f"C{k}", f"{k}", "EARTH", "EME2000", "UTC", "2026-01-01T00:00:00"
         cf.write_oem(tmp_path / f"{k}.oem", cf.Ephemeris(*words, times, circling(7e6, 0.0, 1e-6 * k, times)))
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("closeform.report.results.drawn", lambda *_: ())
+    monkeypatch.setattr("closeform.report.page.drawn", lambda *_: ())
     assert main(["screen", "1.oem", "2.oem", "--cdm", "--sphere", "50 m"]) == 2
     assert "C1 has no covariance" in capsys.readouterr().err
     given = ["--covariance", "25 0 400 0 0 25 m^2", "--sigmas", "3", "--out", "found"]

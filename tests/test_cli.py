@@ -349,7 +349,7 @@ def test_run_leaves_the_viewer_unless_asked_not_to(flown: tuple[Path, str], tmp_
 @pytest.fixture
 def undrawn(monkeypatch) -> None:
     """Results without pictures, which cost more than all else here."""
-    monkeypatch.setattr("closeform.report.results.drawn", lambda *_: ())
+    monkeypatch.setattr("closeform.report.page.drawn", lambda *_: ())
 
 
 def test_screen(tmp_path, monkeypatch, capsys, undrawn) -> None:
@@ -388,7 +388,7 @@ def test_ctrl_c(tmp_path, monkeypatch, capsys) -> None:
 
     monkeypatch.chdir(tmp_path)
     Path("good.toml").write_text(GOOD)
-    monkeypatch.setattr("closeform.report.results.drawn", interrupted)
+    monkeypatch.setattr("closeform.report.page.drawn", interrupted)
     assert main(["run", "good.toml"]) == 130
     assert capsys.readouterr().err == "closeform: stopped by the keyboard; nothing was written\n"
     assert [file.name for file in tmp_path.iterdir()] == ["good.toml"]

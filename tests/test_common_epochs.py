@@ -126,7 +126,7 @@ def test_the_remedy_of_the_message_runs(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     write_oem("A.oem", circular("A", times=np.arange(0.0, 600.0, 60.0)))
     write_oem("B.oem", circular("B", ahead=1e-4, times=np.arange(17.0, 600.0, 60.0)))
-    monkeypatch.setattr("closeform.report.results.drawn", lambda *_: ())
+    monkeypatch.setattr("closeform.report.page.drawn", lambda *_: ())
     asked = ["screen", "A.oem", "B.oem", "--sphere", "20 m"]
     assert main(asked) == 2
     refused = capsys.readouterr().err

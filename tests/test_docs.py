@@ -8,7 +8,7 @@ from typing import Any
 import matplotlib
 import pytest
 
-import closeform.report.gather
+import closeform.report.searches
 from closeform.cli.app import main
 
 pytestmark = pytest.mark.usefixtures("unpainted")
@@ -64,7 +64,7 @@ def test_console_blocks_show_what_is_printed(
 ) -> None:
     """`$ closeform ...` and what follows; a line of `...` stands for lines left out."""
     monkeypatch.setattr(
-        closeform.report.gather, "FILMED", 0
+        closeform.report.searches, "FILMED", 0
     )  # animations, seconds each, have tests of their own
     for _, block in blocks(SESSIONS[name], "console"):
         command, *lines = block.splitlines()

@@ -18,9 +18,7 @@ NUMBER = r"(-|[-+.e\d]+)"
 @pytest.fixture(autouse=True)
 def desk(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(
-        "closeform.report.results.drawn", lambda *_: ()
-    )  # pictures cost more than all else here
+    monkeypatch.setattr("closeform.report.page.drawn", lambda *_: ())  # pictures cost more than all else here
     for name, text in (("slow", SLOW), ("medium", MEDIUM), ("fast", FAST)):
         (tmp_path / f"{name}.cdm").write_text(text)
     return tmp_path

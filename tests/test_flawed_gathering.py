@@ -10,7 +10,7 @@ from closeform.campaign import case_of, flown
 from closeform.campaign.mission_cases import MissionCampaign
 from closeform.campaign.search_cases import GatherCampaign
 from closeform.mission.mission import fly
-from closeform.report import gather as report
+from closeform.report import searches
 from closeform.scenario import parse
 from closeform.search.burn_errors import gather_flawed
 from closeform.search.burn_flaws import BurnFlaws
@@ -420,7 +420,7 @@ def test_a_report_says_what_the_first_pair_burned():
             continue
         states = mission.scenario.states(mission.orbit)
         apart = np.linalg.norm(states[first.first, 3:] - states[first.second, 3:])
-        table = report.timeline(result.result, NAMES)
+        table = searches.timeline(result.result, NAMES)
         for _, _, kind, pair, _, _, _, _, what, size, _ in table.rows:
             if kind == "burn" and pair[0] in (NAMES[first.first], NAMES[first.second]):
                 assert size == pytest.approx(
@@ -429,6 +429,6 @@ def test_a_report_says_what_the_first_pair_burned():
                 seen.add(what)
             elif kind == "burn":
                 assert what == "burn, nulls its relative velocity"
-        ((*_, told),) = [row for row in report.ways(result)[0].rows if row[2]]
+        ((*_, told),) = [row for row in searches.ways(result)[0].rows if row[2]]
         assert told == "planned"  # what that costs is of exact burns
     assert seen == {"burn, nulls its relative velocity", "burn, nulls half of the relative velocity"}

@@ -14,9 +14,8 @@ from closeform.cli.console import WIDTH
 from closeform.fuel.bound import least_delta_v
 from closeform.mission.mission import fly
 from closeform.motion.path import ends_of
-from closeform.report import reconfigure
+from closeform.report import moves
 from closeform.report.run import RunReport
-from closeform.report.section import not_flown
 from closeform.scenario import ScenarioError, parse
 from test_mission_search import Run, run_text
 
@@ -80,11 +79,7 @@ STAGE
 @pytest.fixture(autouse=True)
 def pictureless(monkeypatch):
     """Without pictures, a second each; what is in them is tested elsewhere."""
-    for subject in ("reconfigure", "move", "burns"):
-        monkeypatch.setattr(f"closeform.report.{subject}.pictures", lambda *_: ())
-    monkeypatch.setattr("closeform.report.transfer.pictures", lambda *_: ())
-    monkeypatch.setattr("closeform.report.actuator_options.Choices.pictures", ())
-    monkeypatch.setattr("closeform.report.conflicts.coasting", lambda *_: ())
+    monkeypatch.setattr("closeform.report.page.drawn", lambda *_: ())
 
 
 @pytest.fixture
@@ -683,7 +678,7 @@ def test_what_is_proven_the_least_is_said(text, told, above):
     """A ring turns by half in half an orbit by itself; thrusters along axes or weak ones spend more."""
     mission = fly(parse(text))
     (result,) = mission.results
-    lines = list(reconfigure.worth(mission, result))
+    lines = list(moves.worth(mission, result))
     assert any(line.endswith(told) for line in lines)
     spent = float(result.delta_v.sum())
     if above is None:

@@ -60,8 +60,7 @@ def scenario(*stages: str, thrust: str = "1 mN") -> str:
 def run(text: str, tmp_path: Path, monkeypatch, capsys) -> tuple[int, str, dict, str]:
     """Status, what is printed, the summary and the page in words, of a run without pictures."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("closeform.report.move.pictures", lambda *_: ())
-    monkeypatch.setattr("closeform.report.reconfigure.pictures", lambda *_: ())
+    monkeypatch.setattr("closeform.report.page.drawn", lambda *_: ())
     Path("file.toml").write_text(text)
     status = main(["run", "file.toml", "--overwrite"])
     page = unescape(Path("file-results/report.html").read_text())

@@ -10,7 +10,7 @@ from bridge import hill
 from closeform.campaign import case_of, flown
 from closeform.campaign.draws import failing
 from closeform.mission.mission import fly
-from closeform.report.requirements import requirements
+from closeform.report.run import requirements
 from closeform.scenario import ScenarioError, parse
 from test_histories import TWICE
 

@@ -41,8 +41,7 @@ keep_out = { sphere = "20 m" }
 @pytest.fixture
 def pictureless(monkeypatch):
     """Without pictures, a second each; what is in them is tested elsewhere."""
-    monkeypatch.setattr("closeform.report.reconfigure.pictures", lambda *_: ())
-    monkeypatch.setattr("closeform.report.conflicts.coasting", lambda *_: ())
+    monkeypatch.setattr("closeform.report.page.drawn", lambda *_: ())
 
 
 def fleet(*stages: str, text: str = FLEET, **changes: str) -> str:

@@ -18,7 +18,7 @@ from closeform.cli.app import main
 from closeform.dynamics.lost_thrust import sampled_losses
 from closeform.mission.mission import fly
 from closeform.mission.passive_safety import in_field
-from closeform.report import drift
+from closeform.report import conflicts
 from closeform.report.run import RunReport
 from closeform.scenario import parse
 from test_field import textbook
@@ -217,10 +217,10 @@ FAILURES = {
 @pytest.mark.parametrize(("keys", "words"), FAILURES.items())
 def test_other_failures(keys, words):
     (result,) = flown(HEAD + APPROACH + f'drift = "2 orbits"\n{keys}\n').results
-    first, *_, second = drift.lines(result)
+    first, *_, second = conflicts.drift_lines(result)
     assert words in first or result.passive.worst.ratio > 1.0
     assert second.startswith("Judged")
-    assert drift.pictures(result) == ()
+    assert conflicts.drift_pictures(result) == ()
 
 
 def test_weaker_failures_come_less_near():

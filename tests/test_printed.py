@@ -51,8 +51,7 @@ SPENT = np.array([3 * 200 / 1000 + 3 * 200 / 2000, 3 * 100 / 2000])
 
 @pytest.fixture
 def pictureless(monkeypatch) -> None:
-    for stage in ("move", "reconfigure"):
-        monkeypatch.setattr(f"closeform.report.{stage}.pictures", lambda *_: ())
+    monkeypatch.setattr("closeform.report.page.drawn", lambda *_: ())
 
 
 def test_what_each_craft_used_in_all(pictureless, tmp_path, monkeypatch, capsys) -> None:

@@ -11,7 +11,7 @@ from closeform.campaign import campaign
 from closeform.mission.mission import FLIES, fly
 from closeform.report import run, study
 from closeform.report.page import table as as_html
-from closeform.report.table import PAIR, PHASE, Column, Table
+from closeform.report.section import PAIR, PHASE, Column, Table
 from closeform.scenario import parse
 from closeform.scenario.stages import STAGES
 from closeform.storage.result_folder import Folder

@@ -15,7 +15,7 @@ import closeform as cf
 from closeform.cli.app import main
 from closeform.exchange.oem import read_oem
 from closeform.mission.mission import fly
-from closeform.report import budget, model, requirements
+from closeform.report import effort, model, run
 from closeform.report.run import RunReport, leave
 from closeform.scenario import parse
 from closeform.storage.result_folder import Folder
@@ -76,7 +76,7 @@ def handed_in(report, tmp_path_factory):
     """The page without its pictures, in its folder."""
     place = tmp_path_factory.mktemp("handed_in")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("closeform.report.results.drawn", lambda *_: ())
+        patch.setattr("closeform.report.page.drawn", lambda *_: ())
         leave(report, Folder(place))
     return place
 
@@ -125,7 +125,7 @@ def test_each_requirement_is_told_apart(changes, broken):
         assert old in text
         text = text.replace(old, new)
     mission = fly(parse(text))
-    told = list(requirements.requirements(mission))
+    told = list(run.requirements(mission))
     unmet = [what for what, _, met in told if met is False]  # None: within the model error, not shown
     assert (not unmet) == mission.verdict.ok
     assert len(unmet) == (broken is not None), told
@@ -154,7 +154,7 @@ def test_the_budget_adds_up(report):
             on.sum() * step, abs=12 * step
         )  # edges of burns
     assert 0.0 < stages[2]["under_thrust_s"]["F3"] < 0.9 * (mission.results[2].end - mission.results[2].start)
-    told = budget.section(mission, report.thrusting)
+    told = effort.budget(mission, report.thrusting)
     every, *by_stage = told.tables
     assert [table.title for table in by_stage] == [
         "Delta-v by stage [m/s]",
@@ -272,7 +272,7 @@ def test_a_screening_leaves_what_a_run_leaves(desk, capsys):
 
 
 def test_results_of_screenings_do_not_stand_in_each_others_way(desk, monkeypatch, capsys):
-    monkeypatch.setattr("closeform.report.results.drawn", lambda *_: ())
+    monkeypatch.setattr("closeform.report.page.drawn", lambda *_: ())
     for place in ("A-screen-results", "A-screen-results-2"):
         assert main(["screen", "A.oem", "B.oem", "--sphere", "20 m"]) == 0
         assert capsys.readouterr().out.endswith(f"; results in {place}\n")

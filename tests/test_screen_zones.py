@@ -27,7 +27,7 @@ def desk(tmp_path, monkeypatch) -> Path:
     for name, ahead in (("A", 0.0), ("B", 1e-4)):  # by 700 m
         (tmp_path / f"{name}.oem").write_text(oem(name, ahead))
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("closeform.report.results.drawn", lambda *_: ())
+    monkeypatch.setattr("closeform.report.page.drawn", lambda *_: ())
     return tmp_path
 
 

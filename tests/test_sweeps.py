@@ -12,7 +12,7 @@ from closeform.campaign import flown
 from closeform.campaign.chunks import Held
 from closeform.campaign.sweep_cases import SweepCases
 from closeform.cli.app import main
-from closeform.report.sweep_study import SweepReport, numbered
+from closeform.report.mission_study import SweepReport, numbered
 from closeform.scenario import ScenarioError, parse
 from closeform.scenario.study import points
 from test_campaign import as_words

@@ -99,7 +99,7 @@ def test_digits_of_a_direction_that_is_known_well_are_carried() -> None:
 def test_the_verdict_names_the_least_sigmas(tmp_path, monkeypatch, capsys) -> None:
     """Met: within the line that says clear; not met: which stage, and status 1."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("closeform.report.results.drawn", lambda *_: ())
+    monkeypatch.setattr("closeform.report.page.drawn", lambda *_: ())
     orbit = cf.Orbit.circular(550e3)
     paths = [orbit.coast([0, y, 0, 0, 0, 0], 0.6 * orbit.period) for y in (0.0, 40.0)]
     errors = cf.Uncertainty(np.diag([1.0, 2.0, 1.0, 1e-3, 1e-3, 1e-3]) ** 2)

@@ -54,7 +54,7 @@ def passing(limits: str, stage: str = "", text: str = TWO) -> str:
 def run(text: str, tmp_path: Path, monkeypatch, capsys) -> tuple[int, str, dict, str]:
     """Status, what is printed, the summary and the page in words, of a run without pictures."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("closeform.report.move.pictures", lambda *_: ())
+    monkeypatch.setattr("closeform.report.page.drawn", lambda *_: ())
     Path("file.toml").write_text(text)
     status = main(["run", "file.toml", "--overwrite"])
     page = unescape(Path("file-results/report.html").read_text())
@@ -351,7 +351,7 @@ def test_a_craft_that_coasts_goes_to_where_coasting_leads() -> None:
     ids=["avoid", "reconfigure"],
 )
 def test_the_engine_is_too_weak_in_newtons(stage: str, tmp_path, monkeypatch, capsys) -> None:
-    monkeypatch.setattr("closeform.report.reconfigure.pictures", lambda *_: ())
+    monkeypatch.setattr("closeform.report.page.drawn", lambda *_: ())
     text = passing(f'max_thrust = "{FORCE} N"', stage, TWO[: TWO.index("[[stage]]")])
     status, printed, summary, page = run(text, tmp_path, monkeypatch, capsys)
     assert status == 1
@@ -371,8 +371,7 @@ ENGINE = 'specific_impulse = "60 s"'
 
 def test_propellant_of_every_stage_that_thrusts(tmp_path, monkeypatch, capsys) -> None:
     """By the rocket equation from the delta-v that is printed beside it, with the mass that is left."""
-    monkeypatch.setattr("closeform.report.reconfigure.pictures", lambda *_: ())
-    monkeypatch.setattr("closeform.report.gather.pictures", lambda *_: ())
+    monkeypatch.setattr("closeform.report.page.drawn", lambda *_: ())
     text = passing(ENGINE, FELLOW.replace("500 m", "-50 m") + MOVE.format("0 -100 3 m"))
     status, printed, summary, _ = run(text, tmp_path, monkeypatch, capsys)
     assert status == 0
@@ -433,7 +432,7 @@ seed = 3
 def test_propellant_of_a_gathering(tmp_path, monkeypatch, capsys) -> None:
     """Of each craft that burns and of all, by the rocket equation from its delta-v."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("closeform.report.gather.pictures", lambda *_: ())
+    monkeypatch.setattr("closeform.report.page.drawn", lambda *_: ())
     Path("lost.toml").write_text(LOST)
     main(["run", "lost.toml", "--case", "0", "--out", "out"])
     printed = capsys.readouterr().out

@@ -105,9 +105,9 @@ def make_haste(tokens: list[str]) -> None:
         tokens[:1] in (["run"], ["simulate"], ["screen"], ["encounter"], ["study"])
         and (os.cpu_count() or 1) > 1
     ):
-        from closeform.report import drawing
+        from closeform.report import picture
 
-        drawing.begin(drawing.STUDIED if tokens[0] == "study" else drawing.AHEAD)
+        picture.begin(picture.STUDIED if tokens[0] == "study" else picture.AHEAD)
 
 
 @app.command(sort_key=0)

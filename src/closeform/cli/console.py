@@ -17,12 +17,11 @@ from unicodedata import normalize
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from closeform.report.cases_report import CasesReport
-    from closeform.report.encounter import EncounterReport
     from closeform.report.run import RunReport
-    from closeform.report.screening import ScreenReport
-    from closeform.report.simulation import FlightReport
-    from closeform.report.table import Table
+    from closeform.report.screening import EncounterReport, ScreenReport
+    from closeform.report.section import Table
+    from closeform.report.simulation import SimulationReport
+    from closeform.report.study import CasesReport
 
 WIDTH = 100  # columns of a terminal's output
 # control characters except tabs and line ends; the last ranges change the writing direction
@@ -232,7 +231,7 @@ def tell_run(report: "RunReport", place: Path) -> None:
     put(console, f"{end}results in {place}", soft_wrap=True)  # do not break a path
 
 
-def tell_screen(report: "ScreenReport | EncounterReport | FlightReport", place: Path) -> None:
+def tell_screen(report: "ScreenReport | EncounterReport | SimulationReport", place: Path) -> None:
     """Print the report of a screening, an encounter or a simulation, and the place of its results."""
     console = stdout()
     say(console, *report.opening, *report.lines)

@@ -14,11 +14,10 @@ if TYPE_CHECKING:
     from closeform.conflicts.flight import WatchedFlight
     from closeform.exchange.common_frame import CommonFrame
     from closeform.exchange.conjunction import Conjunction
-    from closeform.report.encounter import EncounterReport
+    from closeform.report.page import Command
     from closeform.report.picture import Shot
-    from closeform.report.reproduction import Command
-    from closeform.report.screening import ScreenReport
-    from closeform.report.simulation import FlightReport
+    from closeform.report.screening import EncounterReport, ScreenReport
+    from closeform.report.simulation import SimulationReport
     from closeform.storage.result_folder import Folder
     from closeform.uncertainty.uncertain_flight import UncertainFlight
 
@@ -103,7 +102,7 @@ def screen(
     except ValueError as error:
         raise UsageError(str(error)) from None
     from closeform.conflicts.flight import watch
-    from closeform.report.reproduction import Command
+    from closeform.report.page import Command
     from closeform.report.screening import ScreenReport
 
     options: dict[str, object] = {
@@ -144,7 +143,7 @@ def free(out: Path | None, file: Path, command: str, overwrite: bool) -> Path:
 
 
 def left(
-    made: "Callable[[], ScreenReport | EncounterReport | FlightReport]", place: Path, overwrite: bool
+    made: "Callable[[], ScreenReport | EncounterReport | SimulationReport]", place: Path, overwrite: bool
 ) -> int:
     """Make a report, write its results, print it, and return the exit status."""
     from closeform.storage.publishing import folder
@@ -208,7 +207,7 @@ def encounter(
     """
     from closeform.exchange.cdm import read_cdm
     from closeform.exchange.message import within
-    from closeform.report.reproduction import Command
+    from closeform.report.page import Command
     from closeform.scenario.quantity import LENGTH, TIME
 
     half = quantity("window", TIME, window)
@@ -243,7 +242,7 @@ def judged(
     `half_window` [s] is the time before and after closest approach, and `limit` is the largest accepted
     probability.
     """
-    from closeform.report.encounter import EncounterReport
+    from closeform.report.screening import EncounterReport
     from closeform.uncertainty.clearance import clearance_in_sigmas
     from closeform.uncertainty.probability import collision_probability
     from closeform.uncertainty.short_encounter import NotPassing

@@ -11,7 +11,7 @@ from closeform.cli.screen import left
 
 if TYPE_CHECKING:
     from closeform.dynamics.feedback import Feedback
-    from closeform.report.simulation import FlightReport
+    from closeform.report.simulation import SimulationReport
     from closeform.scenario.quantity import Parts
 
 RESULTS, FLIGHTS = "-results", "-flights"  # suffixes of folder names
@@ -82,17 +82,17 @@ def simulate(
         raise UsageError(f"--control: {why} in {directory}; simulate it by track, or a run with {without}")
     from closeform.dynamics.infeasible import Grounded
     from closeform.mission.simulation import FlownRun, usually_led
-    from closeform.report.reproduction import Command
+    from closeform.report.page import Command
 
     told = asked.instead_of(run.scenario.truth.flight, usually_led(run, control))
     options = {**given, "control": None if control == "track" else control, "seeds": seeds}
     command = Command("simulate", [directory], options, [directory / SUMMARY], out)
 
-    def report() -> "FlightReport":
-        from closeform.report.simulation import FlightReport
+    def report() -> "SimulationReport":
+        from closeform.report.simulation import SimulationReport
 
         try:
-            return FlightReport(FlownRun.of(run, control, told, seeds), command)
+            return SimulationReport(FlownRun.of(run, control, told, seeds), command)
         except Grounded as error:
             raise UsageError(f"{directory}: cannot be flown: {error}") from None
         except ValueError as error:

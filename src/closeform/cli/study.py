@@ -104,10 +104,10 @@ def study(
 
 def finished_before(place: Path, cases: "Cases", count: int) -> int | None:
     """Return the exit status of a finished study after printing its verdict; None for another study."""
-    from closeform.report import reproduction
+    from closeform.report import page
     from closeform.storage.result_folder import summary_of, versions
 
-    done, inputs = summary_of(place), reproduction.inputs(cases.scenario)
+    done, inputs = summary_of(place), page.inputs(cases.scenario)
     asked = {"kind": "study", "seed": cases.seed, "cases": count, "versions": versions()}
     if {**done, **asked} != done or sorted(done.get("inputs", {}).values()) != sorted(inputs.values()):
         return None

@@ -13,18 +13,18 @@ from closeform.arrays import Floats
 from closeform.mission.mission_result import AvoidResult, Mission, ReconfigureResult, StageResult
 from closeform.motion.duration import MOST_TURNS
 from closeform.motion.path import Path, ends_of
-from closeform.report import burns, effort
+from closeform.report import effort
 from closeform.report.picture import Picture
-from closeform.report.table import Column, Table
+from closeform.report.section import Column, Table
 from closeform.scenario import Craft
 
 MOST = 24  # maximum number of spacecraft for which options are evaluated
 DURATIONS = np.geomspace(0.1, 3.0, 40)  # multiples of the plan's duration at which the trade is evaluated
 NOTHING = 1e-9  # m/s: lower bound of a plan below which shares are meaningless
 CHOICE = (
-    Column("choice", "choice", words=True),
+    Column("option", "choice", words=True),
     Column("delta-v [m/s]", "delta_v_m_s", "{:#.6g}".format, absent="impossible"),
-    Column("above the free least [%]", "above_least", "{:+.3f}".format, 100.0),
+    Column("above free minimum [%]", "above_least", "{:+.3f}".format, 100.0),
     effort.FUEL,
 )
 
@@ -36,11 +36,17 @@ class Choices:
     mission: Mission
     result: StageResult[Any, Any]
     movers: Sequence[str]
+    zones: bool = True  # whether the stage keeps zones
 
     @property
-    def told(self) -> bool:
-        """True if a stage that keeps zones reports the options, and its burns, in words and pictures."""
-        return self.result.stage.cost == "delta-v" or self.result.pulsed is not None
+    def shown(self) -> bool:
+        """True if options and burns are reported: with `zones`, only for minimum delta-v or pulses."""
+        return not self.zones or self.result.stage.cost == "delta-v" or self.result.pulsed is not None
+
+    @cached_property
+    def fired(self) -> effort.StageBurns:
+        """The burns of the stage."""
+        return effort.StageBurns(self.mission, self.result)
 
     @property
     def craft(self) -> Sequence[Craft]:
@@ -76,19 +82,19 @@ class Choices:
         task = initial, final, duration, start
         craft = [self.craft[k] for k in self.places]
         limits = [one.max_acceleration for one in craft]
-        told: dict[str, Callable[[], Any]] = {"least energy": lambda: orbit.transfer(*task).delta_v}
+        options: dict[str, Callable[[], Any]] = {"minimum energy": lambda: orbit.transfer(*task).delta_v}
         if orbit.mean_motion:
-            told["impulses at both ends"] = lambda: orbit.two_impulse(*task).delta_v
+            options["impulses at both ends"] = lambda: orbit.two_impulse(*task).delta_v
         if np.isfinite(limits).all():
-            told["least energy, within the limit"] = lambda: orbit.transfer(*task, limits).delta_v
-            told["burns and coasts, within the limit"] = lambda: (
+            options["minimum energy, within the limit"] = lambda: orbit.transfer(*task, limits).delta_v
+            options["burns and coasts, within the limit"] = lambda: (
                 orbit.transfer(*task, limits, "delta-v").delta_v
             )
         if all(one.thrusters is not None for one in craft):
-            told["impulses of these thrusters"] = self.by_thrusters
-        least = "free impulses" if orbit.mean_motion else "two impulses"  # in deep space: at both ends
-        told[f"least delta-v, {least}"] = lambda: self.least.upper
-        return {name: self.spent_or_why(spent) for name, spent in told.items()}
+            options["impulses of these thrusters"] = self.by_thrusters
+        impulses = "free impulses" if orbit.mean_motion else "two impulses"  # in deep space: at both ends
+        options[f"minimum delta-v, {impulses}"] = lambda: self.least.upper
+        return {name: self.spent_or_why(spent) for name, spent in options.items()}
 
     def spent_or_why(self, spent: Callable[[], Any]) -> Any:
         """Return the cost of an option, or the reason in words why it is impossible."""
@@ -96,11 +102,11 @@ class Choices:
             return spent()
         except ValueError as error:
             why = str(error).partition(": ")[2].split(";")[0].split(", at [")[0]
-            who = re.match(r"craft (\d+): ", why)
-            if who is None:
+            found = re.match(r"craft (\d+): ", why)
+            if found is None:
                 return why
-            craft = f"{self.movers[int(who[1])]}, " * (len(self.movers) > 1)
-            return f"{craft}{why[who.end() :]}"
+            craft = f"{self.movers[int(found[1])]}, " * (len(self.movers) > 1)
+            return f"{craft}{why[found.end() :]}"
 
     @cached_property
     def rows(self) -> list[tuple[Any, ...]]:
@@ -143,46 +149,53 @@ class Choices:
             ]
         )
 
-    def table(self, zones: bool) -> Iterator[Table]:
-        """Yield the table of options; nothing if there is no positive lower bound."""
-        if self.least is None or not self.lower > 0.0:
-            return
-        title = "What each choice costs" + ", each craft by itself, without zones" * zones
-        yield Table(title, effort.shown(self.mission, CHOICE), self.rows)
+    @property
+    def compared(self) -> bool:
+        """True if options are reported and have a positive lower bound."""
+        return self.shown and self.least is not None and self.lower > 0.0
+
+    @property
+    def tables(self) -> Iterator[Table]:
+        """The tables of options and of burns."""
+        if self.compared:
+            alone = ", each craft by itself, without zones" * self.zones
+            yield Table(f"Delta-v by actuator option{alone}", effort.shown(self.mission, CHOICE), self.rows)
+        if self.shown:
+            yield from self.fired.tables
 
     @property
     def lines(self) -> Iterator[str]:
         """The reasons why options are impossible, one line per option."""
-        if next(self.table(zones=False), None) is not None:
-            for name, spent in self.tried.items():
-                if isinstance(spent, str):
-                    yield f"No {name}: {spent}"
+        if self.compared:
+            yield from (f"No {name}: {why}" for name, why in self.tried.items() if isinstance(why, str))
 
     @property
     def figures(self) -> dict[str, Any]:
-        """The options as figures for `summary.json`."""
-        if self.least is None:
-            return {}
-        return {"least_m_s": self.lower, "choices": Table("", CHOICE, self.rows).records}
+        """The options and the pulses as figures for `summary.json`."""
+        if not self.shown or self.least is None:
+            return self.fired.figures
+        options = {"least_m_s": self.lower, "choices": Table("", CHOICE, self.rows).records}
+        return options | self.fired.figures
 
     @property
-    def pictures(self) -> tuple[Picture, ...]:
-        """The primer vector of the plan with the highest cost, and the trade of delta-v against duration."""
-        if self.least is None or not self.lower > 0.0:
-            return ()
-        found = []
+    def pictures(self) -> Iterator[Picture]:
+        """The burns, the primer vector of the plan with the highest cost, and delta-v against duration."""
+        if self.shown:
+            yield from effort.burn_pictures(self.result)
+        if not self.compared:
+            return
         if self.result.stage.cost == "delta-v" and self.result.flown:
-            dearest = max(self.movers, key=lambda name: float(self.plan(name).delta_v))
-            caption = f"The primer of {dearest}: where a push pays"
-            whose = f"{dearest}, who spends most" if len(self.movers) > 1 else ""
-            found.append(Picture("primer", caption, "primer", *self.primer(dearest), shows=whose))
+            most = max(self.movers, key=lambda name: float(self.plan(name).delta_v))
+            shows = f"{most}, which spends most" if len(self.movers) > 1 else ""
+            caption = f"Primer vector of {most}: impulses are optimal where its length is one"
+            yield Picture("primer", caption, "primer", *self.primer(most), shows=shows)
         plans, fired, asked = None, None, None if self.result.flown else self.ends[2]
         if self.result.flown:
             plans = [self.plan(name) for name in self.movers]
             if self.result.pulsed is not None:
                 fired = float(self.result.delta_v[self.places].sum())
-        caption = "Least delta-v against duration" + ", of all, without zones" * (len(self.movers) > 1)
-        return (*found, Picture("trade", caption, "trade", (self.trade, plans, fired, asked)))
+        caption = "Minimum delta-v against duration" + ", of all, without zones" * (len(self.movers) > 1)
+        yield Picture("trade", caption, "trade", (self.trade, plans, fired, asked))
 
     def primer(self, name: str) -> tuple[tuple[Any, ...], dict[str, Any]]:
         """Return arguments and options of a spacecraft's primer plot: its plan around zones, or its path."""
@@ -211,21 +224,3 @@ class Choices:
         ]
         spent, least = (np.sum([getattr(one, what) for one in each], axis=0) for what in ("delta_v", "lower"))
         return replace(each[0], delta_v=spent, lower=least)
-
-
-def tables_of_fuel(choices: Choices, fired: burns.StageBurns) -> Iterator[Table]:
-    """Yield the tables of options and burns, if the stage reports them."""
-    if choices.told:
-        yield from choices.table(zones=True)
-        yield from fired.tables
-
-
-def lines_of_fuel(choices: Choices) -> Iterator[str]:
-    """Yield the reasons why options are impossible, if the stage reports them."""
-    if choices.told:
-        yield from choices.lines
-
-
-def pictures_of_fuel(choices: Choices) -> tuple[Picture, ...]:
-    """Return the pictures of burns and options, if the stage reports them."""
-    return burns.pictures(choices.result) + choices.pictures if choices.told else ()

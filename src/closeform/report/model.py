@@ -10,9 +10,10 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.conflicts.flight import WatchedFlight
 from closeform.mission.mission_result import Mission, StageResult
-from closeform.motion.mean_motion import EARTH_MU, semi_major_axis_from_mean_motion
-from closeform.report.section import Section, plan_of
-from closeform.report.table import Column, Table
+from closeform.mission.simulation_verdict import mission_error
+from closeform.mission.verdict import metres
+from closeform.motion.mean_motion import EARTH_MU, EARTH_RADIUS, semi_major_axis_from_mean_motion
+from closeform.report.section import Column, Section, Table, plan_of
 
 # Upper bounds; the median and 95 % errors at the end of a plan follow another rule: theory (84).
 # For a craft ahead on the same circle, along a straight axis, the model error in one orbit is 6 pi d^2 / a.
@@ -22,16 +23,15 @@ EXAMPLE = 0.001  # eccentricity used as an example if it is unknown
 TENTH = 0.1  # of the smallest zone: a deviation that is no longer negligible
 LOOKS = 201  # instants per flight at which the distance from the origin is sampled
 DEVIATIONS = (
-    Column("what the model leaves out", "cause", words=True),
+    Column("neglected effect", "cause", words=True),
     Column("rule, for one orbit", "rule", words=True),
     Column("here [m]", "deviation_m", "{:.3g}".format),
     Column("a tenth of the smallest zone from", "limit", words=True),
 )
-SURE = Column("figure", "figure", words=True), Column("how sure it is", "words", words=True)
+SURE = Column("figure", "figure", words=True), Column("certainty", "words", words=True)
 LOCKS = (
-    "Who finds whom",
-    "certified for the attitudes and clocks as given, ideal where no errors are: no lock is missed, however "
-    "short",
+    "Locks",
+    "certified for the attitudes and clocks as given (ideal without errors); no lock is missed",
 )
 
 
@@ -87,18 +87,18 @@ def section(mission: Mission) -> Section:
 
 def beside(mission: Mission, flown: list[StageResult[Any, Any]]) -> Iterator[str]:
     """Yield the line on inexact results: predicted in a field, uncertain, or simulated."""
-    told = []
+    found = []
     if some := [one.number for one in flown if one.validity is not None]:
         field = next(one.validity.field for one in flown if one.validity is not None)
-        told.append(f"what is predicted in the field of {field} ({numbered(some)})")
+        found.append(f"predictions in the high-fidelity model with {field} ({numbered(some)})")
     if some := [one.number for one in flown if one.uncertain is not None]:
-        told.append(f"sigmas and probabilities, of errors as given ({numbered(some)})")
+        found.append(f"sigmas and probabilities, for errors as given ({numbered(some)})")
     if some := [one.number for one in flown if one.commanded is not None]:
-        told.append(f"paths with the errors that this case has drawn ({numbered(some)})")
+        found.append(f"paths with the errors drawn for this case ({numbered(some)})")
     if mission.flights is not None:
-        told.append("flights in the field, integrated with errors as drawn")
-    if told:
-        yield f"Not so: {'; '.join(told)}. How sure these are stands below."
+        found.append("simulations in the high-fidelity model, integrated with drawn errors")
+    if found:
+        yield f"Exceptions: {'; '.join(found)}. Their certainty is stated below."
 
 
 def numbered(stages: list[int]) -> str:
@@ -108,30 +108,29 @@ def numbered(stages: list[int]) -> str:
 
 def certain(rows: list[tuple[str, str]]) -> Table:
     """Return the table of the certainty of each figure."""
-    return Table("What is certified, and what is estimated", SURE, rows)
+    return Table("Certified and estimated figures", SURE, rows)
 
 
 def beyond(reach: Reach, orbit: Circle, duration: float) -> tuple[tuple[str, ...], tuple[Table, ...]]:
     """Return lines and tables on the model error at a given reach, in a flight of a duration [s]."""
-    far = (
-        f"{reach.craft} is farthest out: {reach.distance:.1f} m from the frame's origin at {reach.time:.1f} s"
-    )
+    where = f"{reach.distance:.1f} m ({reach.craft}, {reach.time:.1f} s)"
+    far = f"Greatest distance from the frame's origin: {where}"
     if not orbit.mean_motion:
         off = 0.5e-9 * duration**2
         return (
-            "Paths, conflicts and plans are exact for craft on which nothing acts but their own thrust, and "
-            "whose states at the start are as given.",
-            f"Sunlight and leaks are not in it: two craft that differ by 1 nm/s² are {off:.3g} m off after "
-            f"{duration:.1f} s, and four times as much after twice the time. {far}.",
+            "Paths, conflicts and plans are exact for craft without other forces than their own thrust, with "
+            "initial states as given.",
+            "The model neglects solar radiation pressure and leaks: a difference of 1 nm/s² between craft "
+            f"moves them {off:.3g} m apart in {duration:.1f} s, four times as far in twice the time. {far}.",
         ), ()
     orbits = duration * orbit.mean_motion / (2.0 * pi)
     lines = (
         "Paths, conflicts and plans are exact for Hill's equations: a circular orbit, a point mass, small "
-        "separations, no force but the craft's own thrust, states at the start as given.",
-        f"{far}. Real motion leaves the model by what stands below, in each of the {orbits:.3g} orbits "
-        "flown: zones are to be larger by as much as is expected until states are measured again.",
+        "separations, no force but the craft's own thrust, initial states as given.",
+        f"{far}. The table bounds the model error per orbit; the mission lasts {orbits:.3g} orbits. Enlarge "
+        "zones by the error that builds up until states are measured again.",
     )
-    title = "How far off the model may be within one orbit, cause by cause, at most"
+    title = "Upper bounds of the model error within one orbit, by cause"
     return lines, (Table(title, DEVIATIONS, [*deviations(reach, orbit)]),)
 
 
@@ -141,17 +140,19 @@ def deviations(reach: Reach, orbit: Circle) -> Iterator[tuple[Any, ...]]:
     far, least = reach.distance, None if reach.smallest is None else TENTH * reach.smallest
     bend = CURVATURE * far**2 / radius
     limit = None if least is None else f"{sqrt(least * radius / CURVATURE):.3g} m from the origin"
-    yield "the curvature of the orbit", "6π d²/a, for d from the origin", bend, limit
+    yield "curvature of the orbit", "6π d²/a, for d from the origin", bend, limit
     limit = None if least is None or not far else f"e = {least / (ECCENTRICITY * far):.2g} at this distance"
     rule = f"up to {ECCENTRICITY:g} e d, for an eccentricity e"
     known = orbit.eccentricity
-    told = f"an orbit of e = {EXAMPLE:g}, say" if known is None else f"the chief's e = {known:.5f}"
-    yield told, rule, (EXAMPLE if known is None else known) * ECCENTRICITY * far, limit
+    cause = (
+        f"eccentricity, e = {EXAMPLE:g} as an example" if known is None else f"the chief's e = {known:.5f}"
+    )
+    yield cause, rule, (EXAMPLE if known is None else known) * ECCENTRICITY * far, limit
     if orbit.mu == EARTH_MU:
         low, high = FLATTENING
         limit = None if least is None else f"{least / high:.3g} m from the origin"
         rule = f"{1e3 * low:g} to {1e3 * high:g} m per km, as measured for GRACE"
-        yield "the Earth's flattening", rule, high * far, limit
+        yield "the Earth's oblateness", rule, high * far, limit
 
 
 def certainties(flown: list[StageResult[Any, Any]]) -> Iterator[tuple[str, str]]:
@@ -159,32 +160,31 @@ def certainties(flown: list[StageResult[Any, Any]]) -> Iterator[tuple[str, str]]
     if any(result.after.pairs for result in flown):
         yield (
             "Conflicts, closest approaches",
-            "certified: searched in closed form between all instants, none is missed however short; "
-            "times to 1e-6 s, ratios to 1e-9",
+            "certified: none is missed, however short; times to 1e-6 s, ratios to 1e-9",
         )
     if any(plan_of(result) for result in flown):
         yield (
             "Cost of a plan",
-            "the least that was found; its lower bound is certified for these ends and times, and it is the "
-            "least there is where it is called proven",
+            "the minimum found; its lower bound is certified for these ends and times, and a proven minimum "
+            "cannot be improved",
         )
     for field in dict.fromkeys(one.validity.field for one in flown if one.validity is not None):
         yield (
-            f"In the field of {field}",
-            "predicted of what is flown as planned, to a few per cent; thrust corrected for it flies the "
-            "plan, and what is certified of it holds there: closeform simulate",
+            f"Model error with {field}",
+            "predicted for uncompensated thrust, to a few per cent; with compensated thrust the certified "
+            "figures hold there: closeform simulate",
         )
     if any(result.passive is not None for result in flown):
         yield (
             "Passive safety",
-            "certified for every instant of failure and all of the drift, of one craft that fails at a time",
+            "certified for every instant of failure and the whole free drift, one failing craft at a time",
         )
     if any(result.stage.searches for result in flown):
         yield LOCKS
     if any(result.pulsed is not None for result in flown):
         yield (
             "Pulses of thrusters",
-            "flown as they are fired, and certified clear; their bound on deviation holds",
+            "certified as fired; the bound on their deviation holds",
         )
     yield from of_errors(any(result.uncertain is not None for result in flown))
 
@@ -194,7 +194,62 @@ def of_errors(known: bool) -> Iterator[tuple[str, str]]:
     if known:
         yield (
             "Sigmas",
-            "certified for Gaussian errors of the sizes given; not where states are known exactly along some "
-            "direction",
+            "certified for Gaussian errors of the given size, unless a state is exact along some direction",
         )
-        yield "Probability of collision", "estimated: its interval of 95 % holds sampling and quadrature"
+        yield "Probability of collision", "estimated: its 95 % interval covers sampling and quadrature"
+
+
+def predicted(mission: Mission, result: StageResult[Any, Any]) -> tuple[str, ...]:
+    """Return the predicted deviations of a stage in its high-fidelity model, or a note on their absence."""
+    if result.validity is None:
+        unflown = mission.scenario.field is not None and not result.flown
+        return ("Model error: not predicted, since these paths are not executed",) * unflown
+    from closeform.dynamics.validity import in_words  # most runs do not need these kernels
+
+    return in_words(result.validity, result.after.names)
+
+
+def margin(result: StageResult[Any, Any]) -> tuple[str, ...]:
+    """Return the keep-out margin of a plan in words."""
+    asked = getattr(result.stage, "margin", None)
+    plan = plan_of(result)
+    if not asked or plan is None:
+        return ()
+    why = ", for the tracking error of feedback" if asked == "auto" else ""
+    padded = np.unique(np.asarray(plan.padding))
+    least, most = (f"{one:.3g}" for one in (padded[padded > 0.0].min(initial=np.inf), padded[-1]))
+    of = f"{most} m" if float(least) >= float(most) else f"{least} to {most} m, by pair"
+    return (f"Keep-out margin: {of}{why}",)
+
+
+def error_figures(result: StageResult[Any, Any]) -> dict[str, Any]:
+    """Return the predicted model error and the keep-out margin for `summary.json`."""
+    found, names, plan = result.validity, result.after.names, plan_of(result)
+    asked = getattr(result.stage, "margin", None)
+    kept = {} if not asked or plan is None else {"margin_m": float(np.max(plan.padding))}
+    if found is None:
+        return kept
+    return kept | {
+        "in_field": {
+            "field": found.field,
+            "ends_m": dict(zip(names, found.ends.tolist(), strict=True)),
+            "residual_m_s2": dict(zip(names, found.residual.tolist(), strict=True)),
+            "least_ratio": float(found.flown.min(initial=np.inf)),
+            "planned_ratio": float(found.planned.min(initial=np.inf)),
+        }
+    }
+
+
+def estimate(mission: Mission) -> Iterator[str]:
+    """Yield the estimated model error of a mission around the Earth without a high-fidelity model."""
+    error = mission_error(mission)
+    if error is None:
+        return
+    neglected, half, most = error
+    e = neglected.eccentricity
+    where = f"{(neglected.semi_major_axis - EARTH_RADIUS) / 1e3:.0f} km, e " + (
+        "not known" if e is None else f"= {e:.5f}"
+    )
+    whose = "the craft" if len(mission.scenario.craft) == 1 else "the craft with the largest error"
+    yield f"Model error of Hill's equations (estimate): about {metres(half)}, 95 % within {metres(most)}"
+    yield f"    for {whose}, at {where}"

@@ -1,9 +1,15 @@
-"""Pictures to be drawn and written into a folder; this module loads little, for the drawing processes."""
+"""Pictures of a report, drawn by parallel processes: they take most of the time of a short run."""
 
-from collections.abc import Callable, Mapping
+import signal
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
 from importlib import import_module
+from multiprocessing import get_all_start_methods, get_context
+from os import cpu_count
 from pathlib import Path
+from threading import Thread
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
@@ -11,6 +17,25 @@ if TYPE_CHECKING:
     from closeform.storage.result_folder import Folder
 
 Progress = Callable[[str], None]
+AHEAD = (  # modules for pictures of most stages; no scenario, no tables
+    "closeform.plots",
+    "matplotlib.backends.backend_agg",
+    "closeform.conflicts.two_paths",
+    "closeform.plots.fleet",
+    "closeform.plots.closest",
+    "closeform.plots.missions",
+    "PIL.PngImagePlugin",
+    "closeform.plots.space",
+    "closeform.plots.timelines",
+    "closeform.report.picture",
+    "closeform.storage.result_folder",
+    "closeform.motion.orbit",
+    "closeform.plots.drifts",
+    "scipy.special",  # for uncertainty; last, while the main process still reads the scenario
+)
+STUDIED = (*AHEAD, "closeform.plots.lockings")  # and for studies
+MOST = 4  # maximum number of drawing processes: a run has about ten pictures
+_pools: list[ProcessPoolExecutor] = []  # at most one, started by `begin`
 
 
 class Shot(NamedTuple):
@@ -36,18 +61,24 @@ class Picture:
     stage: str = ""  # written above it, in red if the stage failed
     failed: bool = False
     shows: str = ""  # written there too, if the picture shows something other than the final paths
-    flown: bool = True  # if False, its title begins with "Not flown"
+    flown: bool = True  # if False, its title begins with "Not executed"
 
-    def leave(self, folder: "Folder", progress: Progress) -> Shot:
-        """Draw the picture into a folder and return it."""
+    @property
+    def made(self) -> Any:
+        """The figure, or the `Reel` of an animation."""
         from closeform import plots
-        from closeform.plots.style import banner, headline
 
         home, _, name = self.plot.rpartition(".")
         drawn = import_module(f"closeform.plots.{home}") if home else plots
-        figure = getattr(drawn, name)(*self.arguments, **self.options)
+        return getattr(drawn, name)(*self.arguments, **self.options)
+
+    def leave(self, folder: "Folder") -> Shot:
+        """Draw the picture into a folder and return it."""
+        from closeform.plots.style import banner, headline
+
+        figure = self.made
         if not self.flown and (words := figure.get_suptitle()):
-            headline(figure, f"Not flown: {words}")
+            headline(figure, f"Not executed: {words}")
         if self.stage:
             banner(figure, "; ".join(filter(None, (self.stage, self.shows))), self.failed)
         return Shot(folder.picture(self.name, figure), self.caption, figure.get_suptitle())
@@ -59,46 +90,83 @@ class Film(Picture):
 
     most: int = 400  # drawn in about 15 s
 
-    def leave(
-        self,
-        folder: "Folder",
-        progress: Progress,
-        count: int = 1,
-        others: Callable[[], list[Any]] = list,
-    ) -> Shot:
-        """Save the animation from the first of `count` shares of frames and those that `others` returns."""
-        reel = self.reel()
+    def frames(self, first: int, step: int) -> list[Any]:
+        """Draw every `step`-th frame from the `first` one."""
+        reel: Reel = self.made
+        return reel.frames(slice(first, None, step))
+
+    def save(self, folder: "Folder", shares: Sequence[list[Any]]) -> Shot:
+        """Save the animation from shares of its frames."""
+        reel: Reel = self.made
         frames: list[Any] = [None] * len(reel.moments)
-
-        def told(done: int, share: int) -> None:
-            progress(f"animation: picture {done * len(frames) // share} of {len(frames)}")
-
-        for k, drawn in enumerate([reel.frames(slice(0, None, count), told), *others()]):
-            frames[k::count] = drawn
+        for first, share in enumerate(shares):
+            frames[first :: len(shares)] = share
         file = folder.path / f"{self.name}.gif"
         reel.save(file, frames)
         return Shot(file, self.caption, "")
 
-    def reel(self) -> "Reel":
-        """Return the reel of the animation."""
-        home, _, name = self.plot.rpartition(".")
-        made: Reel = getattr(import_module(f"closeform.plots.{home}"), name)(*self.arguments, **self.options)
-        return made
+
+def begin(ahead: tuple[str, ...] = AHEAD) -> None:
+    """Start processes that draw while this one computes; if none can start, this one draws everything.
+
+    One process loads the modules `ahead` and is forked once per core, so that matplotlib is loaded once.
+    """
+    if "forkserver" not in get_all_start_methods():
+        return
+    context = get_context("forkserver")
+    context.set_forkserver_preload(["__main__", *ahead])
+    # Ctrl-C ends this process, which then ends the others
+    ignored = signal.SIGINT, signal.SIG_IGN
+    pool = ProcessPoolExecutor(min(cpu_count() or 1, MOST), context, signal.signal, ignored)
+    _pools.append(pool)
+    # in a thread, because the first process answers only when it has loaded the modules
+    Thread(target=pool.submit, args=(int,), daemon=True).start()
 
 
-@dataclass(frozen=True)
-class Share:
-    """Share of a film's frames: every `count`-th frame from `index` on, to be combined with the others."""
+def drawn(pictures: Sequence[Picture], folder: "Folder", progress: Progress) -> list[Shot]:
+    """Draw all pictures as files in a folder, in the processes that `begin` started or else in this one.
 
-    film: Film
-    index: int
-    count: int
+    The frames of an animation are shared among the processes.
+    """
+    if _pools:
+        try:
+            return drawn_by(_pools[0], pictures, folder, progress)
+        except BrokenProcessPool:
+            _pools.clear()  # a process was killed: this one draws everything
+    shots = []
+    for number, one in enumerate(pictures, 1):
+        progress(f"picture {number} of {len(pictures)}: {one.name}")
+        shots.append(one.save(folder, [one.frames(0, 1)]) if isinstance(one, Film) else one.leave(folder))
+    return shots
 
-    @property
-    def name(self) -> str:
-        """The name of the share, for progress messages only."""
-        return f"{self.film.name}, share {self.index}"
 
-    def leave(self, folder: "Folder", progress: Progress) -> list[Any]:
-        """Draw the frames of the share."""
-        return self.film.reel().frames(slice(self.index, None, self.count))
+def drawn_by(
+    pool: ProcessPoolExecutor, pictures: Sequence[Picture], folder: "Folder", progress: Progress
+) -> list[Shot]:
+    """Draw all pictures in the processes of a pool, animations first."""
+    asked: dict[Future[Any], str] = {}
+
+    def ask(name: str, work: Callable[..., Any], *arguments: Any) -> Future[Any]:
+        future = pool.submit(work, *arguments)
+        asked[future] = name
+        return future
+
+    shares = {
+        one.name: [ask(one.name, one.frames, first, MOST) for first in range(MOST)]
+        for one in pictures
+        if isinstance(one, Film)
+    }
+    single = {one.name: ask(one.name, one.leave, folder) for one in pictures if one.name not in shares}
+    try:
+        for number, future in enumerate(as_completed(asked), 1):
+            future.result()
+            progress(f"picture {number} of {len(asked)}: {asked[future]}")
+    except BaseException:
+        pool.shutdown(wait=False, cancel_futures=True)
+        raise
+    return [
+        one.save(folder, [share.result() for share in shares[one.name]])
+        if isinstance(one, Film)
+        else single[one.name].result()
+        for one in pictures
+    ]

@@ -1,42 +1,41 @@
-"""Report of a run: one section per stage, shared by the terminal, the page and the files."""
+"""Report of a run: the request, the outcome, and one section per stage."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
+from itertools import groupby, takewhile
 from math import degrees, hypot, pi
 from pathlib import Path
+from textwrap import shorten
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.mission.mission_result import Mission, StageResult
-from closeform.report import (
-    budget,
-    coast,
-    conflicts,
-    drift,
-    effort,
-    gather,
-    limits,
-    lock,
-    model,
-    model_error,
-    move,
-    reconfigure,
-    reproduction,
-    requirements,
-    scenario_summary,
-    transfer,
-    uncertain,
+from closeform.conflicts.flight import ALL_PAIRS, PairApproach
+from closeform.conflicts.two_paths import nearest_first
+from closeform.mission.mission_result import FirstLocks, Mission, StageResult
+from closeform.mission.verdict import conflicts_of
+from closeform.report import conflicts, effort, model, moves, page, searches, uncertain
+from closeform.report.conflicts import RATIO
+from closeform.report.effort import first_of_each
+from closeform.report.page import Head, Repeat, Viewer
+from closeform.report.page import leave as leave_all
+from closeform.report.picture import Film, Picture, Progress
+from closeform.report.section import (
+    MOST_ROWS,
+    PAIR,
+    STATE_COLUMNS,
+    Column,
+    Section,
+    Stamps,
+    Table,
+    called,
+    counted,
+    fate,
+    in_short,
+    plan_of,
 )
-from closeform.report.page import Head
-from closeform.report.picture import Film, Progress
-from closeform.report.results import Viewer
-from closeform.report.results import leave as leave_all
-from closeform.report.section import Section, fate, not_filmed, not_flown
-from closeform.report.table import STATE_COLUMNS, Table, counted
-from closeform.report.utc_columns import Stamps
 from closeform.scenario import (
     Avoid,
     Coast,
@@ -49,26 +48,262 @@ from closeform.scenario import (
     StageTable,
     Transfer,
 )
+from closeform.scenario.load import toml
+from closeform.search.gather_result import EventKind, Gathering
 from closeform.storage import arc_tables
 from closeform.storage.result_folder import Folder
 
 if TYPE_CHECKING:
-    from closeform.report.simulation import FlightTold
+    from closeform.report.simulation import SimulationContent
 
-SUBJECTS: dict[type[StageTable], Callable[[Mission, Any], Section]] = {
-    Coast: coast.section,
-    Transfer: transfer.section,
-    Avoid: move.section,
-    Scatter: reconfigure.scatter,
-    Regather: reconfigure.regather,
-    Reconfigure: reconfigure.section,
-    Lock: lock.section,
-    Gather: gather.section,
+OWN = {"closeform", "title", "craft", "stage"}  # tables and keys that are shown separately
+COLUMNS_OF_STAGES = {"do", "name"}  # keys of a stage that have their own columns
+DRAWN = {  # words for a case of a study, by its `draws`
+    "vary": "its states are drawn",
+    "errors": "executed as planned, with errors drawn",
+    "replanned": "each stage planned from the state that errors cause, drawn",
 }
+FIELDS = Column("key", "table", words=True), Column("value in the file", "words", words=True)
+REQUESTED = (
+    Column("stage", "number"),
+    Column("do", "do", words=True),
+    Column("name", "name", words=True, absent=""),
+    Column("keys in the file", "words", words=True),
+)
+REQUIREMENTS = (
+    Column("requirement", "asked", words=True),
+    Column("result", "found", words=True),
+    Column("met", "met", lambda met: "yes" if met else "no", words=True, absent="-", judges=True),
+)
+STAGES = (
+    Column("stage", "number"),
+    Column("do", "do", words=True),
+    Column("from [s]", "start_s", "{:.1f}".format, since="mission"),
+    Column("to [s]", "end_s", "{:.1f}".format),
+    Column("conflicts before", "before"),
+    Column("after", "after"),
+    RATIO,
+    PAIR,
+    Column("at [s]", "time_s", "{:.1f}".format),
+    Column("delta-v of all [m/s]", "delta_v_m_s", "{:.6g}".format),
+)
+SECTIONS: dict[type[StageTable], Callable[[Mission, Any], Section]] = {
+    Coast: moves.coast,
+    Transfer: moves.transfer,
+    Avoid: moves.avoid,
+    Scatter: moves.scatter,
+    Regather: moves.regather,
+    Reconfigure: moves.reconfigure,
+    Lock: searches.lock,
+    Gather: searches.gather,
+}
+MOST_CRAFT = 100  # maximum number of spacecraft in the overview
+WHY = 80  # maximum characters of the reason for a stop, above the overview
 SAMPLES = 201  # instants per spacecraft and stage in paths.parquet
-FLOWN = "Flown in the field"
-FLOWN_PATHS = "flown"  # the table of the worst simulation, next to the planned paths
+SIMULATED = "Simulation in the high-fidelity model"
+WORST_PATHS = "flown"  # the table of the worst simulation, next to the planned paths
 THRUST_COLUMNS = ("ux_m_s2", "uy_m_s2", "uz_m_s2")
+
+
+def request(scenario: Scenario) -> Section:
+    """Return the section on what the scenario requests, opened by the file's first comment.
+
+    Consecutive spacecraft with equal values share a row.
+    """
+    file, names = toml(scenario.text, "scenario"), scenario.names
+    comment = takewhile(lambda line: line.startswith("#"), scenario.text.removeprefix("\ufeff").splitlines())
+    opening = " ".join(filter(None, (line.lstrip("#").strip() for line in comment)))
+    lines = [opening] if opening else []
+    if scenario.case is not None and scenario.study is not None:
+        how = DRAWN[scenario.study.draws]
+        lines.append(f"This is case {scenario.case} of the study: {how} with seed {scenario.study.seed}")
+    keys = [key for key in file["craft"] if key != "name"]
+    each = [file["craft"][key] for key in keys]
+    values = [
+        tuple(in_words(one[k] if isinstance(one, list) else one) for one in each) for k in range(len(names))
+    ]
+    craft = []
+    for row, some in groupby(range(len(names)), key=values.__getitem__):
+        alike = [names[k] for k in some]
+        span = f"{alike[0]} to {alike[-1]} ({len(alike)} craft)" if len(alike) > 2 else ", ".join(alike)
+        craft.append((span, *row))
+    columns = Column("craft", words=True), *(Column(plain(key), words=True) for key in keys)
+    stages = []
+    for number, (stage, written) in enumerate(zip(scenario.stages, file["stage"], strict=True), 1):
+        every = {**written, "cost": getattr(stage, "cost", None)}  # also a default cost
+        kept = {key: one for key, one in every.items() if key not in COLUMNS_OF_STAGES and one is not None}
+        words = "; ".join(f"{plain(key)} {in_words(value)}" for key, value in kept.items())
+        stages.append((number, stage.verb, stage.name, words))
+    tables = (
+        Table("", FIELDS, [(key, in_words(value)) for key, value in file.items() if key not in OWN]),
+        Table("Craft", columns, craft, folded=len(craft) > MOST_ROWS),
+        Table("Stages", REQUESTED, stages),
+    )
+    return Section("Request", tuple(lines), tables)
+
+
+def in_words(value: Any) -> str:
+    """Return a value of the file as text."""
+    if isinstance(value, Mapping):
+        return ", ".join(f"{plain(key)} {inner(one)}" for key, one in value.items())
+    if isinstance(value, list):
+        return ", ".join(map(inner, value))
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return value if isinstance(value, str) else f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def plain(key: str) -> str:
+    """Return a key as words."""
+    return key.replace("delta_v", "delta-v").replace("_", " ")
+
+
+def inner(value: Any) -> str:
+    """Return a nested value as text, in brackets if it has parts."""
+    return f"({in_words(value)})" if isinstance(value, Mapping | list) else in_words(value)
+
+
+def outcome(mission: Mission) -> Section:
+    """Return the section on requirements and stages, with an overview picture."""
+    return Section(
+        "Results",
+        tables=(
+            Table("Requirements", REQUIREMENTS, [*requirements(mission)]),
+            Table("Stages", STAGES, [stage_row(result) for result in mission.results]),
+        ),
+        pictures=overview(mission),
+    )
+
+
+def requirements(mission: Mission) -> Iterator[tuple[Any, ...]]:
+    """Yield the rows of REQUIREMENTS: those of the whole mission, then those of each stage."""
+    if mission.stopped is not None:
+        yield "Every stage is executed", f"stopped in {short(mission.stopped)}", False
+    yield from clearance(mission)
+    for use in first_of_each(mission.uses, idle=True):
+        used, limit, unit = use.shown(mission.grams)
+        most = f"at most {used:.4g} of {limit:g} {unit}, {100.0 * use.share:.3g} % ({use.craft})"
+        yield f"{use.what.capitalize()} of each craft within its limit", most, not use.exceeded
+    for result in mission.results:
+        yield from of_stage(mission, result)
+    for one in mission.lost:
+        yield f"{one.craft} reaches its target", one.asked.kept or one.asked.broken, one.asked.met
+    simulated = "No craft enters a keep-out zone in the simulation, with errors as given"
+    if mission.flights is not None:
+        entered = mission.flights.entered
+        yield simulated, entered.zones, entered.clear
+    if mission.grounded is not None:
+        yield simulated, f"not simulated: {mission.grounded}", False
+
+
+def short(stopped: str) -> str:
+    """Return the first words of why a mission stopped; the verdict has all of them."""
+    return shorten(stopped.split(";")[0], WHY, placeholder=" …")
+
+
+def clearance(mission: Mission) -> Iterator[tuple[Any, ...]]:
+    """Yield the requirement that no keep-out zone is violated in the stages that were executed."""
+    verdict = mission.verdict
+    if verdict.conflicts is None or not any(result.flown for result in mission.results):
+        return
+    found = "only one craft"
+    if (near := closest(mission)) is not None:
+        result, pair = near
+        found = (
+            f"closest approach {pair.ratio:.4f} x zone, {pair.first} - {pair.second} at {pair.time:.1f} s "
+            f"({pair.distance:.3f} m), stage {result.number}"
+        )
+    if verdict.conflicts:
+        found = f"{conflicts_of(verdict.conflicts, verdict.pairs)}: {found}"
+    met: bool | None = not verdict.conflicts and not verdict.enters
+    if verdict.enters and not verdict.conflicts:
+        found += f"; predicted in {verdict.field}: {verdict.predicted:.4f} x zone"
+    if met and verdict.margin is not None and verdict.margin.exceeded:
+        met, found = None, f"{found}; not shown beyond {verdict.model}: {verdict.margin}"
+    yield "No craft enters a keep-out zone at any instant", found, met
+
+
+def closest(mission: Mission) -> tuple[StageResult[Any, Any], PairApproach] | None:
+    """Return the stage and the pair of the closest approach in the mission; None if there is none."""
+    flown = [(result, result.after.closest) for result in mission.results if result.flown]
+    near = [(result, pair) for result, pair in flown if pair is not None]
+    return min(near, key=lambda one: nearest_first(one[1].ratio, one[1].time), default=None)
+
+
+def of_stage(mission: Mission, result: StageResult[Any, Any]) -> Iterator[tuple[Any, ...]]:
+    """Yield the other requirements of a stage."""
+    stage, where = result.stage, called(result)
+    if stage.searches:
+        goal = "every pair locks" if isinstance(result.result, FirstLocks) else "no craft stays lost"
+        done = f"after {result.end - result.start:.1f} s"
+        yield f"{where}: {goal}", result.failure or done, result.failure is None
+    if not result.flown:
+        return
+    if "within" in stage.durations:
+        asked = stage.durations["within"].on(mission.orbit.mean_motion)
+        took = f"takes {result.end - result.start:.1f} s"
+        yield f"{where}: within {asked:.1f} s", took, result.late is None
+    arrival = getattr(stage, "arrival", None)
+    tolerance = f"{arrival.position:g} m and {1e3 * arrival.velocity:g} mm/s" if arrival is not None else ""
+    for one in result.asked:
+        what = {
+            "sigmas": f"clear at {stage.sigmas} sigma",
+            "probability": f"probability of collision at most {stage.max_probability}",
+            "likelihood": "probability of collision",
+            "sun": "body x within the sun limit in every turn, with attitude errors",
+            "drift": f"passively safe {getattr(stage, 'lasting', '')}",
+            "arrival": f"arrives within {tolerance}",
+        }[one.kind]
+        met = None if one.kind == "likelihood" else one.shown  # no limit is set
+        yield f"{where}: {what}", str(one), met
+
+
+def stage_row(result: StageResult[Any, Any]) -> tuple[Any, ...]:
+    """Return a row of STAGES; a failed stage has no clearance."""
+    near = result.after.closest if result.flown else None
+    close = (None, None, None) if near is None else (near.ratio, (near.first, near.second), near.time)
+    before, after = (
+        len(flight.conflicts) if flight.pairs else None for flight in (result.before, result.after)
+    )
+    spent = float(result.delta_v.sum()) if result.flown else 0.0
+    ends = result.start, result.end
+    return result.number, result.stage.verb, *ends, before, after if result.flown else None, *close, spent
+
+
+def overview(mission: Mission) -> tuple[Picture, ...]:
+    """Return one picture of all stages, if there are at least two."""
+    flown = [result for result in mission.results if result.flown]
+    names = mission.scenario.names
+    if len(flown) < 2 or len(names) > MOST_CRAFT or flown[0].after.pairs > ALL_PAIRS:
+        return ()
+    titles = [f"{result.number} {result.stage.name or result.stage.verb}" for result in flown]
+    options = {
+        "names": names,
+        "zone": mission.scenario.zones,
+        "titles": titles,
+        "locks": [lock for result in flown for lock in locks(result)],
+    }
+    paths = [result.after.paths for result in flown]
+    whole = Picture("overview", "The whole mission", "overview", (paths,), options)
+    if mission.stopped is None:
+        return (whole,)
+    return (
+        replace(
+            whole, stage=f"Stopped in {short(mission.stopped)}; shown are the stages before that", failed=True
+        ),
+    )
+
+
+def locks(result: StageResult[Any, Any]) -> Iterator[tuple[float, int, int]]:
+    """Yield the time [s] and the indices of the two spacecraft of each lock in a stage."""
+    found = result.result
+    if isinstance(found, Gathering):
+        for event in found.events:
+            if event.kind is EventKind.LOCK:
+                yield result.start + event.time, event.first, event.second
+    elif isinstance(found, FirstLocks):
+        pairs = zip(found.pairs.tolist(), found.locks.time.tolist(), found.locks.leg.tolist(), strict=True)
+        yield from ((result.start + time, one, other) for (one, other), time, leg in pairs if leg >= 0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,29 +328,29 @@ class RunReport:
         return tuple(section(self.mission, result) for result in self.mission.results)
 
     @cached_property
-    def flights(self) -> "FlightTold | None":
+    def flights(self) -> "SimulationContent | None":
         """The content on simulations in the high-fidelity model; None if there are none."""
         if self.mission.flights is None:
             return None
-        from closeform.report.simulation import FlightTold  # most runs do not need these kernels
+        from closeform.report.simulation import SimulationContent  # most runs do not need these kernels
 
-        return FlightTold(self.mission.flights)
+        return SimulationContent(self.mission.flights)
 
     @cached_property
     def in_flight(self) -> tuple[Section, ...]:
         """The section on simulations, or on the reason for their absence if they were requested."""
         mission = self.mission
         if mission.grounded is not None:
-            return (Section(FLOWN, (f"Cannot be flown: {mission.grounded}",)),)
+            return (Section(SIMULATED, (f"Not simulated: {mission.grounded}",)),)
         if mission.scenario.flights is not None and not mission.flown:
-            return (Section(FLOWN, ("Nothing is flown: the mission stopped in its first stage",)),)
-        return () if self.flights is None else (self.flights.section(FLOWN, self.flights.opening[1:]),)
+            return (Section(SIMULATED, ("Not simulated: the mission stopped in its first stage",)),)
+        return () if self.flights is None else (self.flights.section(SIMULATED, self.flights.opening[1:]),)
 
     @property
     def origin(self) -> tuple[str, ...]:
         """The chief's orbit, notes on interpolated states, and the estimated model error."""
         chief, inputs = self.mission.scenario.chief, self.mission.scenario.inputs
-        estimate = tuple(model_error.estimate(self.mission))
+        estimate = tuple(model.estimate(self.mission))
         if chief is None:
             return estimate
         a, _, ex, ey, inclination, node = chief.elements
@@ -127,24 +362,29 @@ class RunReport:
     @cached_property
     def closing(self) -> tuple[Table, ...]:
         """The table of use in the whole mission, if there is one."""
-        return limits.used_up(self.mission)
+        return effort.used_up(self.mission)
 
     @cached_property
     def thrusting(self) -> Floats:
         """The thrust time of each spacecraft in each stage (S, N) [s]."""
-        return budget.thrusting(self.mission, [told.files for told in self.sections])
+        return effort.thrusting(self.mission, [section.files for section in self.sections])
 
     @cached_property
     def chapters(self) -> tuple[Section, ...]:
         """The sections of the page except the one on reproduction, with the stages in the middle."""
         mission, epoch = self.mission, self.mission.scenario.epoch
-        whole = requirements.section(mission)
+        whole = outcome(mission)
         if epoch is not None:
             whole = replace(whole, tables=tuple(map(Stamps(epoch).dated, whole.tables)))
-        before = scenario_summary.section(mission.scenario), whole
-        told = budget.section(mission, self.thrusting), *self.sections, *self.in_flight
-        sure = () if self.flights is None else (self.flights.sure,)
-        return *before, *told, model.section(mission), *sure
+        return (
+            request(mission.scenario),
+            whole,
+            effort.budget(mission, self.thrusting),
+            *self.sections,
+            *self.in_flight,
+            model.section(mission),
+            *(() if self.flights is None else (self.flights.sure,)),
+        )
 
     @property
     def seed(self) -> int | None:
@@ -152,12 +392,12 @@ class RunReport:
         scenario = self.mission.scenario
         return scenario.study.seed if scenario.study is not None and scenario.case is not None else None
 
-    def repeat(self, out: Path | None, beside: Sequence[str]) -> Section:
-        """Return the section on reproduction, with the files next to the page."""
+    def repeat(self, out: Path | None) -> Repeat:
+        """Return the command that reproduces the run; `out` is the option for the folder."""
         scenario = self.mission.scenario
-        case = "" if scenario.case is None else f" --case {scenario.case}"
         point = "" if scenario.place is None else f" --point {scenario.place}"
-        return reproduction.by_scenario(scenario, "run", f"{point}{case}", beside, out, self.seed)
+        case = "" if scenario.case is None else f" --case {scenario.case}"
+        return Repeat.of(scenario, "run", f"{point}{case}", out, self.seed)
 
     @property
     def summary(self) -> dict[str, Any]:
@@ -167,7 +407,7 @@ class RunReport:
         return {
             "kind": "run",
             "title": scenario.title,
-            "inputs": reproduction.inputs(scenario),
+            "inputs": page.inputs(scenario),
             **origin(scenario),
             "seed": self.seed,
             "case": scenario.case,
@@ -178,10 +418,10 @@ class RunReport:
             "craft": list(scenario.names),
             "delta_v_m_s": dict(zip(scenario.names, delta_v.tolist(), strict=True)),
             "propellant_kg": dict(zip(scenario.names, propellant.tolist(), strict=True)),
-            "used": limits.used(mission).records if self.closing else [],
-            "asked": requirements.figures(mission),
+            "used": effort.used(mission).records if self.closing else [],
+            "asked": Table("", REQUIREMENTS, [*requirements(mission)]).records,
             **({} if not mission.lost else {"lost": [one.figures for one in mission.lost]}),
-            "budget": budget.figures(mission, self.thrusting),
+            "budget": effort.budget_figures(mission, self.thrusting),
             "stages": [section.figures for section in self.sections],
             **({} if self.flights is None else {"flights": self.flights.figures}),
             **({} if mission.grounded is None else {"grounded": mission.grounded}),
@@ -191,8 +431,8 @@ class RunReport:
     def files(self) -> dict[str, dict[str, list[Any]]]:
         """The tables for Parquet, by name; rows of all stages follow each other."""
         found: dict[str, dict[str, list[Any]]] = {}
-        for result, told in zip(self.mission.results, self.sections, strict=True):
-            for name, table in told.files.items():
+        for result, section in zip(self.mission.results, self.sections, strict=True):
+            for name, table in section.files.items():
                 columns = {"stage": [result.number] * len(table.rows), **table.stored}
                 below = found.setdefault(name, {key: [] for key in columns})
                 for key, cells in columns.items():
@@ -217,25 +457,34 @@ def origin(scenario: Scenario) -> dict[str, Any]:
 
 def section(mission: Mission, result: StageResult[Any, Any]) -> Section:
     """Return the section of a stage: the part specific to its kind and the part common to all stages."""
-    told = uncertain.told(SUBJECTS[type(result.stage)](mission, result), result, mission.scenario.names)
-    used = limits.figures(mission, result) if result.result is not None else {}
-    closing = limits.lines(mission, result) if result.result is not None else ()
-    count = len(result.after.names)
+    own = SECTIONS[type(result.stage)](mission, result)
+    own = uncertain.extended(own, result, mission.scenario.names)
+    count, plan = len(result.after.names), plan_of(result)
+    found = result.result is not None
+    failed = []
+    if not result.flown and result.failure is not None:  # the verdict has the full reason
+        why = result.failure if plan is None or plan.ok else str(plan.status)
+        failed.append(f"Not executed: {in_short(why)}")
+    pictures = own.pictures + conflicts.drift_pictures(result)
+    large = [one for one in pictures if isinstance(one, Film) and one.most < count]
     whole = replace(
-        told,
+        own,
         lines=(
-            *not_flown(result),
-            *drift.lines(result),
-            *model_error.lines(mission, result),
+            *failed,
+            *conflicts.drift_lines(result),
+            *model.predicted(mission, result),
             *conflicts.zones(result.before),
-            *told.lines,
+            *own.lines,
         ),
-        tables=told.tables + drift.tables(result),
+        tables=own.tables + conflicts.drift_tables(result),
         closing=(
-            *model_error.margin(result),
-            *told.closing,
-            *closing,
-            *not_filmed(told.pictures, count),
+            *model.margin(result),
+            *own.closing,
+            *(effort.limit_lines(mission, result) if found else ()),
+            *(
+                f"Animation left out: {count} craft, more than the {one.most} that it can show"
+                for one in large
+            ),
         ),
         pictures=tuple(
             replace(
@@ -245,7 +494,7 @@ def section(mission: Mission, result: StageResult[Any, Any]) -> Section:
                 failed=result.failure is not None,
                 flown=result.flown or picture.plot == "trade",  # which shows the cost of any path
             )
-            for picture in told.pictures + drift.pictures(result)
+            for picture in pictures
             if not (isinstance(picture, Film) and picture.most < count)
         ),
         figures={
@@ -258,20 +507,20 @@ def section(mission: Mission, result: StageResult[Any, Any]) -> Section:
             "failure": result.failure,
             "before": conflicts.figures(result.before),
             "after": conflicts.figures(result.after),
-            **told.figures,
-            **used,
-            **drift.figures(result),
-            **model_error.figures(result),
+            **own.figures,
+            **(effort.limit_figures(mission, result) if found else {}),
+            **conflicts.drift_figures(result),
+            **model.error_figures(result),
         },
         files={
-            **conflicts.files(result),
+            **conflicts.tables_of({"before": result.before, "after": result.after}),
             **effort.files(mission, result),
-            **told.files,
-            **drift.files(result),
+            **own.files,
+            **conflicts.drift_files(result),
         },
     )
     epoch = mission.scenario.epoch
-    return whole if epoch is None else Stamps(epoch, result.start).told(whole, result.end)
+    return whole if epoch is None else Stamps(epoch, result.start).stage(whole, result.end)
 
 
 def states(mission: Mission) -> dict[str, Any]:
@@ -322,16 +571,16 @@ def leave(
     `viewer` writes the animated page, next to the pictures; `out` is the option for the folder.
     """
     mission = report.mission
-    folder.scenario(mission.scenario)
+    scenario = mission.scenario
+    folder.scenario(scenario)
     progress("writing tables")
     tables = {**report.files, "paths": states(mission), **exact(mission)}
     if report.flights is not None:
-        tables |= {FLOWN_PATHS if name == "paths" else name: table for name, table in report.flights.stored}
+        tables |= {WORST_PATHS if name == "paths" else name: one for name, one in report.flights.stored}
     for name, columns in tables.items():
         folder.table(name, columns)
     folder.csv("burns", report.files.get("burns", {}))
-    scenario, found = mission.scenario, mission.verdict
     lines = [f"{report.opening}; {Path(scenario.file).name}", *report.origin]
-    head = Head(scenario.title, lines, str(found), found.ok, mission.warnings)
-    repeated = partial(report.repeat, out)
-    leave_all(folder, head, report.chapters, repeated, report.summary, progress, viewer)
+    verdict = mission.verdict
+    head = Head(scenario.title, lines, str(verdict), verdict.ok, mission.warnings)
+    leave_all(folder, head, report.chapters, report.repeat(out), report.summary, progress, viewer)

@@ -1,7 +1,7 @@
 """Report of a mission simulated in the high-fidelity model: deviations, clearance ratios and costs."""
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import degrees
 from typing import Any
@@ -11,22 +11,226 @@ import numpy as np
 from closeform.conflicts.flight import WatchedFlight
 from closeform.dynamics.field import described
 from closeform.exchange.epochs import Epoch
-from closeform.mission.simulation import FlownRun
+from closeform.mission.simulation import FlownRun, FlownStage
 from closeform.mission.simulation_verdict import Entered
-from closeform.report import conflicts, results, simulation_tables, spacecraft_errors
-from closeform.report.page import Head
+from closeform.report import conflicts, effort, model, page
+from closeform.report.page import Command, Head
 from closeform.report.picture import Picture, Progress
-from closeform.report.reproduction import Command
-from closeform.report.section import Section
-from closeform.report.table import STATE_COLUMNS, Table, counted
-from closeform.report.utc_columns import Stamps
+from closeform.report.section import PAIR, STATE_COLUMNS, Column, Section, Stamps, Table, counted
 from closeform.scenario.study import UNPLANNED, readers
 from closeform.storage.result_folder import Folder
 from closeform.zones.pair_zones import PairZones
 
 
+def error_lines(errors: Sequence[Any]) -> Iterator[str]:
+    """Yield the largest errors among the spacecraft: initial state, burns, impulses and process noise."""
+    some = [one for one in errors if one is not None]
+    axes = np.array([np.sqrt(np.diag(one.state)) for one in some]).reshape(-1, 2, 3)
+    place, speed = axes.max(axis=(0, 2), initial=0.0)
+    if place or speed:
+        yield f"Initial states: {place:.3g} m and {1e3 * speed:.3g} mm/s (1 sigma, largest axis)"
+    size, turn = np.array([[one.magnitude, one.pointing] for one in some]).reshape(-1, 2).max(0, initial=0.0)
+    if size or turn:
+        yield f"Burns: {100.0 * size:.3g} % and {degrees(turn):.3g} deg each (1 sigma)"
+    gates = np.array([one.impulse for one in some]).reshape(-1, 4).max(axis=0, initial=0.0)
+    if gates.any():
+        fixed, share, across, turn = gates
+        yield (
+            f"Impulses: {1e3 * fixed:.3g} mm/s and {100.0 * share:.3g} % along each, "
+            f"{1e3 * across:.3g} mm/s and {degrees(turn):.3g} deg across (1 sigma, Gates' model)"
+        )
+    if noise := max((one.noise for one in some), default=0.0):
+        yield f"Process noise: white, {noise:.3g} m²/s³ along each axis"
+
+
+def error_figures(errors: Sequence[Any]) -> list[dict[str, Any] | None]:
+    """Return the errors of each spacecraft in SI units; None for a spacecraft without errors."""
+    return [
+        None
+        if one is None
+        else {
+            "covariance": one.state.tolist(),
+            "magnitude": one.magnitude,
+            "pointing_rad": one.pointing,
+            "gates": list(one.impulse),
+            "noise_m2_s3": one.noise,
+        }
+        for one in errors
+    ]
+
+
+WORST = 10  # number of simulations that are listed
+# Headings for a single simulation, which has neither median nor maximum; None hides a redundant column.
+ALONE = {
+    **dict.fromkeys(("end_95_m", "end_most_m", "feedback_most_m_s", "seed", "violated")),
+    "delta_v_m_s": "total [m/s]",
+}
+STAGES = (
+    Column("stage", "number"),
+    Column("do", "do", words=True),
+    Column("to [s]", "end_s", "{:.1f}".format),
+    Column("deviation [m]", "end_median_m", "{:.3g}".format),
+    Column("95 % [m]", "end_95_m", "{:.3g}".format),
+    Column("largest [m]", "end_most_m", "{:.3g}".format),
+    conflicts.RATIO,
+    PAIR,
+    Column("simulation", "seed"),
+    Column("violated [%]", "violated", "{:.4g}".format, scale=100.0),
+)
+SPENT = (
+    Column("craft", "craft", words=True),
+    Column("plan [m/s]", "plan_m_s", "{:.6g}".format),
+    Column("model error [m/s]", "field_m_s", "{:+.3g}".format),
+    Column("feedback [m/s]", "feedback_m_s", "{:+.3g}".format),
+    Column("largest [m/s]", "feedback_most_m_s", "{:+.3g}".format),
+    Column("total, largest [m/s]", "delta_v_m_s", "{:.6g}".format),
+    Column("at limit [%]", "limited", "{:.3g}".format, scale=100.0),
+)
+FLIGHTS = (
+    Column("simulation", "seed"),
+    conflicts.RATIO,
+    PAIR,
+    Column("end deviation [m]", "end_m", "{:.3g}".format),
+    Column("largest deviation [m]", "deviation_m", "{:.3g}".format),
+    Column("delta-v of all [m/s]", "delta_v_m_s", "{:.6g}".format),
+)
+TUBE = (
+    Column("cause of deviation", "cause", words=True),
+    Column("at most [m]", "most_m", "{:.3g}".format),
+)
+
+
+def tables(flown: FlownRun) -> tuple[Table, ...]:
+    """Return the tables of stages, of costs, and of the worst simulations."""
+    worst = [flight_row(flown, seed) for seed in order(flown)[:WORST]]
+    weighed = not np.isnan(flown.propellant).all()
+    many = len(worst) > 1
+    burnt = "largest [kg]" if many else "propellant [kg]"
+    fuel = effort.in_grams(flown, replace(effort.FUEL, heading=burnt if weighed else None))
+    ends = ": median, 95 % and largest deviation at the end" if many else ": deviation at the end"
+    spends = "; feedback: median and largest" if many else ""
+    if flown.control == "track" and flown.told["feedback"].impulses:
+        spends += "; feedback also cancels the model error during coasts"
+    stages, costs = (
+        some if many else tuple(replace(one, heading=ALONE.get(one.key or "", one.heading)) for one in some)
+        for some in (STAGES, (*SPENT[:-1], fuel, SPENT[-1]))
+    )
+    flights = FLIGHTS if many else (replace(FLIGHTS[0], heading=None), *FLIGHTS[1:])
+    return (
+        Table(
+            f"Stages, each from the simulated end of the one before{ends}",
+            stages,
+            [stage_row(flown, one) for one in flown.stages],
+        ),
+        Table(f"Delta-v of each craft{spends}", costs, [*spent_rows(flown)], idle=effort.UNUSED),
+        Table("Worst simulations" if many else "Simulation", flights, worst),
+    )
+
+
+def stage_row(flown: FlownRun, one: FlownStage) -> tuple[Any, ...]:
+    """Return a row of STAGES."""
+    worst = one.ends.max(axis=1)
+    least: tuple[Any, ...] = (None, None, None, None)
+    if one.nearest is not None:
+        seed, row = one.nearest
+        share = float((one.ratios < 1.0).any(axis=1).mean())
+        least = float(one.ratios[seed, row]), pair(flown, row), seed, share
+    ends = (float(v) for v in (np.median(worst), np.quantile(worst, 0.95), worst.max()))
+    return one.number, one.verb, one.end, *ends, *least
+
+
+def spent_rows(flown: FlownRun) -> Iterator[tuple[Any, ...]]:
+    """Yield the rows of SPENT, one per spacecraft and one for all."""
+    flight, back, tanks = flown.flight, flown.flight.feedback_delta_v, flown.propellant
+    bounded, engine = flown.told["max_acceleration"] is not None, flown.told["engine"]
+    for k, name in enumerate(flown.names):
+        yield (
+            name,
+            float(flight.planned_delta_v[k]),
+            float(flight.field_delta_v[k]),
+            float(np.median(back[:, k])),
+            float(back[:, k].max()),
+            float(flight.delta_v[:, k].max()),
+            known(tanks[:, k].max()),
+            float(flight.limited[:, k].max()) if (bounded or name in flown.thrusters) and engine[k] else None,
+        )
+    planned, field, every = (
+        one.sum(axis=-1) for one in (flight.planned_delta_v, flight.field_delta_v, flight.delta_v)
+    )
+    of_all = back.sum(axis=1)
+    costs = map(float, (planned, field, np.median(of_all), of_all.max(), every.max()))
+    yield "all", *costs, known(tanks.sum(axis=1).max()), None
+
+
+def known(value: Any) -> float | None:
+    """Return a number, or None in place of nan."""
+    return None if np.isnan(value) else float(value)
+
+
+def order(flown: FlownRun) -> list[int]:
+    """Return the indices of the simulations, worst first."""
+    flight = flown.flight
+    by = flight.ratios.min(axis=1) if flight.ratios.size else -flight.ends.max(axis=1)
+    return [int(k) for k in np.argsort(by, kind="stable")]
+
+
+def flight_row(flown: FlownRun, seed: int) -> tuple[Any, ...]:
+    """Return a row of FLIGHTS."""
+    flight, ratio, both = flown.flight, None, None
+    if flight.ratios.size:
+        k = int(np.argmin(flight.ratios[seed]))
+        ratio, both = float(flight.ratios[seed, k]), pair(flown, k)
+    off, cost = flight.deviations[seed], float(flight.delta_v[seed].sum())
+    return seed, ratio, both, float(off[:, -1].max()), float(off.max()), cost
+
+
+def pair(flown: FlownRun, row: int) -> tuple[str, str]:
+    """Return the names of a pair by its row."""
+    i, j = flown.flight.pairs[row]
+    return flown.names[i], flown.names[j]
+
+
+def contained(flown: FlownRun) -> float:
+    """Return the predicted deviation that nearly all simulations stay within [m]."""
+    times, tube = flown.flight.times, flown.tube
+    assert tube is not None
+    return float(np.max(tube.containment(float(times[-1] - times[0]), craft=len(flown.names))))
+
+
+def sure(flown: FlownRun) -> Section:
+    """Return the section on certified and sampled figures, and on the parts of the tracking-error tube."""
+    tube, fading = flown.tube, flown.told["navigation"].correlation
+    noise = f"correlation time {fading:g} s" if fading else "white from one measurement to the next"
+    rows = [
+        (
+            "Least clearance ratios",
+            "at instants a few seconds apart and on cubics between them; certified for the worst simulation",
+        ),
+        (
+            "High-fidelity model",
+            f"{described(flown.field)}, integrated by a Runge-Kutta method and known to the craft: "
+            "only errors of navigation and thrust remain",
+        ),
+        (
+            "Uncertainty",
+            f"{noise}; biases and thrust errors are constant in a simulation; each has its random stream",
+        ),
+    ]
+    tables = [model.certain(rows)]
+    if tube is not None:
+        parts = [("unknown part of the force model", tube.model), ("thrust errors", tube.thrust)]
+        parts += [("biases", tube.bias), (f"noise, {tube.sigmas:g} sigmas", tube.sigmas * tube.noise)]
+        parts += [("total", tube.radius), ("total, for a pair", tube.of_a_pair)]
+        share = f"{100.0 * tube.probability:.3f} % of simulations"
+        parts += [(f"all craft at all times, in {share}", contained(flown))]
+        tables.append(
+            Table("Predicted tracking-error tube", TUBE, [(one, float(np.max(part))) for one, part in parts])
+        )
+    return Section("Limits of the simulation", (), tuple(tables))
+
+
 @dataclass(frozen=True, eq=False)
-class FlightTold:
+class SimulationContent:
     """Content of a report on a mission that was `flown` in its high-fidelity model."""
 
     flown: FlownRun
@@ -34,7 +238,7 @@ class FlightTold:
     @property
     def title(self) -> str:
         """The title of the report."""
-        return f"{self.flown.run.scenario.title}: flown in the field"
+        return f"{self.flown.run.scenario.title}: simulated in the high-fidelity model"
 
     @property
     def flight(self) -> WatchedFlight:
@@ -53,85 +257,68 @@ class FlightTold:
 
     @property
     def opening(self) -> tuple[str, ...]:
-        """The number of simulations, the force model, the control law and the errors."""
-        one, told = self.flown, self.flown.told
-        count = counted(len(one.flight.states), "flight")
-        stages = counted(len(one.stages), "stage")
-        alike = "" if one.uncertain else "; nothing is uncertain, all others would be the same"
-        what = self.title, f"{count} of {len(one.names)} craft, {stages}{alike}"
-        where = f"Field: {described(one.field)}, known{self.unknown}; thrust corrected for it"
-        drawn = *self.drawn, *self.coasting, *self.lost
+        """The number of simulations, the force model, the control law, the errors and lost craft."""
+        one, given = self.flown, self.flown.told
+        law, sight = given["feedback"], given["navigation"]
+        count = f"{counted(len(one.flight.states), 'simulation')} of {len(one.names)} craft"
+        alike = "" if one.uncertain else "; without uncertainty, all others are the same"
+        lines = [self.title, f"{count}, {counted(len(one.stages), 'stage')}{alike}"]
+        unknown = "" if one.field is one.known else " except for drawn values"
+        where = f"High-fidelity model: {described(one.field)}, known{unknown}; thrust is compensated for it"
         if one.control == "open":
-            return *what, f"{where}; nobody measures", *self.thrust_errors, *drawn
-        if one.control == "replan":
-            where += "; the rest is planned anew, around the zones, at each measurement"
-        law, sight = told["feedback"], told["navigation"]
-        how = f"measured every {law.every:g} s, brought back within {law.horizon:g} s"
-        if law.impulses:
-            how += f" by {law.impulses} {'burns' if one.thrusters else 'impulses'}"
-        if law.delay:
-            how += f", {law.delay:g} s late"
-        seen = f"Navigation: {1e2 * sight.position:.3g} cm and {1e3 * sight.velocity:.3g} mm/s (1 sigma)"
-        if sight.correlation:
-            seen += f", fading in {sight.correlation:g} s"
-        if sight.position_bias or sight.velocity_bias:
-            seen += f", off by {1e2 * sight.position_bias:.3g} cm and {1e3 * sight.velocity_bias:.3g} mm/s"
-        return *what, where, f"Feedback: {how}", seen, *self.thrust_errors, *drawn
+            lines.append(f"{where}; open loop, no navigation updates")
+        else:
+            replan = "; the remainder is planned anew, around the zones, at each measurement"
+            how = f"measured every {law.every:g} s, corrected within {law.horizon:g} s"
+            if law.impulses:
+                how += f" by {law.impulses} {'burns' if one.thrusters else 'impulses'}"
+            if law.delay:
+                how += f", delayed by {law.delay:g} s"
+            seen = f"Navigation: {1e2 * sight.position:.3g} cm and {1e3 * sight.velocity:.3g} mm/s (1 sigma)"
+            if sight.correlation:
+                seen += f", correlation time {sight.correlation:g} s"
+            if sight.position_bias or sight.velocity_bias:
+                biases = f"{1e2 * sight.position_bias:.3g} cm and {1e3 * sight.velocity_bias:.3g} mm/s"
+                seen += f", bias {biases}"
+            lines += [where + replan * (one.control == "replan"), f"Feedback: {how}", seen]
+        return *lines, *self.thrust_errors, *self.drawn, *self.without_control
 
     @property
-    def lost(self) -> tuple[str, ...]:
-        """The spacecraft that lose their thrust, and when; empty without any."""
-        told = ", ".join(f"{one.craft} at {one.time:.1f} s" for one in self.flown.run.lost)
-        return (f"Thrust lost: {told}; from then on craft drift",) * bool(told)
+    def without_control(self) -> Iterator[str]:
+        """The spacecraft without an engine, and those that lose their thrust."""
+        if names := ", ".join(np.array(self.flown.names)[~self.flown.told["engine"]]):
+            yield f"No engine: {names}; they drift in the high-fidelity model without feedback"
+        if losses := ", ".join(f"{one.craft} at {one.time:.1f} s" for one in self.flown.run.lost):
+            yield f"Thrust lost: {losses}; from then on they drift"
 
     @property
-    def coasting(self) -> tuple[str, ...]:
-        """The spacecraft without an engine; empty without any."""
-        told = ", ".join(np.array(self.flown.names)[~self.flown.told["engine"]])
-        return (f"No engine: {told}; nobody leads back who has none, they drift in the field",) * bool(told)
-
-    @property
-    def unknown(self) -> str:
-        """The remark that a case has sampled part of the force model, else an empty text."""
-        return "" if self.flown.field is self.flown.known else " but for what is drawn"
-
-    @property
-    def drawn(self) -> tuple[str, ...]:
+    def drawn(self) -> Iterator[str]:
         """The sampled values of a case that its plans do not know."""
         scenario = self.flown.run.scenario
         if scenario.study is None or scenario.drawn_flight is None:
-            return ()
-        told = []
+            return
+        found = []
         for key in scenario.study.vary:
             if key.startswith(UNPLANNED) and (reader := readers()[key]) is not None:
                 values = ", ".join(f"{value:.4g}" for value in scenario.truth.given(key))
-                told.append(f"{key} {values} {reader.kind.units[0]}")
-        return (f"Drawn, and not known to plans: {'; '.join(told)}",)
+                found.append(f"{key} {values} {reader.kind.units[0]}")
+        yield f"Drawn and unknown to plans: {'; '.join(found)}"
 
     @property
-    def thrust_errors(self) -> tuple[str, ...]:
-        """The execution errors of thrust, and the errors of each spacecraft."""
+    def thrust_errors(self) -> Iterator[str]:
+        """The spacecraft that fire pulses, the execution errors of thrust, and the errors of each craft."""
+        if shot := self.flown.thrusters:
+            names = "all" if len(shot) == len(self.flown.names) else ", ".join(shot)
+            back = "" if self.flown.control == "open" else ", and feedback corrections of at least one bit"
+            yield f"Thrusters: {names} fire the compensated plan as pulses{back}"
         size, angle = np.atleast_2d(self.flown.told["thrust_error"]).max(axis=0)
-        told = [*self.pulses]
+        found = list(error_lines(self.flown.told["errors"] or ()))
         if size or angle:
-            most = f"{100.0 * size:.3g} % and {degrees(angle):.3g} deg"
-            told.append(f"Thrust: off by up to {most}, constant in a flight")
-        told += spacecraft_errors.told(self.flown.told["errors"] or ())
-        if len(told) == len(self.pulses):
-            told.append(
-                "Thrust: as commanded; thrust_error and execution of [craft] say by how much it is off"
-            )
-        return tuple(told)
-
-    @property
-    def pulses(self) -> tuple[str, ...]:
-        """The spacecraft that fire pulses; empty without any."""
-        shot = self.flown.thrusters
-        if not shot:
-            return ()
-        who = "all" if len(shot) == len(self.flown.names) else ", ".join(shot)
-        back = "" if self.flown.control == "open" else ", and what leads back, a bit or more at a time"
-        return (f"Thrusters: {who} fire the plan, less what the field does, as pulses{back}",)
+            largest = f"{100.0 * size:.3g} % and {degrees(angle):.3g} deg"
+            yield f"Thrust: error up to {largest}, constant in a simulation"
+        elif not found:
+            yield "Thrust: as commanded; set thrust_error, or execution of [craft], to give it errors"
+        yield from found
 
     @property
     def verdict(self) -> Entered:
@@ -141,42 +328,40 @@ class FlightTold:
     @property
     def lines(self) -> tuple[str, ...]:
         """The worst simulation, the tracking-error tube, and shortfalls of thrust."""
-        flight, room, near = self.flown.flight, self.flown.tube, self.flight.closest
-        told = []
+        flight, tube, near = self.flown.flight, self.flown.tube, self.flight.closest
+        lines = []
         if near is not None:
-            lead = f"Worst flight, {flight.worst}" if len(flight.states) > 1 else "Closest in flight"
-            told.append(
-                f"{lead}: {near.first} and {near.second} at {near.ratio:.4f} x zone "
+            lead = f"Worst simulation, {flight.worst}" if len(flight.states) > 1 else "Closest approach"
+            lines.append(
+                f"{lead}: {near.first} - {near.second}, {near.ratio:.4f} x zone "
                 f"({near.distance:.3f} m) at {near.time:.1f} s, certified between its states"
             )
-        if room is not None:
-            sure = f"{np.max(room.radius):.3g} m a craft, {room.of_a_pair:.3g} m a pair"
-            told.append(
-                f"Tube of any plan of such thrust: {sure}, {room.sigmas:g} sigmas along any one direction"
+        if tube is not None:
+            radius = f"{np.max(tube.radius):.3g} m per craft, {tube.of_a_pair:.3g} m per pair"
+            lines.append(
+                f"Tracking-error tube of any such plan: {radius}, {tube.sigmas:g} sigmas per direction"
             )
-            farthest, within = flight.greatest_deviation, simulation_tables.contained(self.flown)
-            told.append(
-                f"Farthest off its plan of all craft at all times: {farthest:.3g} m in space; "
-                f"{100.0 * room.probability:.3f} % of flights stay within {within:.3g} m"
+            within = (
+                f"{100.0 * tube.probability:.3f} % of simulations stay within {contained(self.flown):.3g} m"
             )
+            lines.append(f"Largest deviation from the plan: {flight.greatest_deviation:.3g} m; {within}")
         short = dict(zip(self.flown.names, flight.limited.max(axis=0).tolist(), strict=True))
-        told += [
-            f"{name}: feedback asks for more than its thrusters give in up to {100.0 * short[name]:.3g} % "
-            "of a flight: they are too weak, or none pushes that way"
+        lines += [
+            f"{name}: feedback exceeds its thrusters in up to {100.0 * short[name]:.3g} % of a simulation; "
+            "use stronger thrusters, or add one along each axis"
             for name in self.flown.thrusters
             if short[name] > 0.0
         ]
-        told += [
-            f"{name}: to some side none of its thrusters pushes; there nobody leads it back, it drifts up to "
-            f"{aside:.3g} m off"
+        lines += [
+            f"{name}: an axis without a thruster is not controlled; deviation up to {aside:.3g} m"
             for name, aside in self.flown.unled.items()
         ]
-        return tuple(told)
+        return tuple(lines)
 
     @cached_property
     def tables(self) -> tuple[Table, ...]:
         """Stages, costs, and the worst simulations."""
-        return simulation_tables.tables(self.flown)
+        return tables(self.flown)
 
     def section(self, title: str, lines: tuple[str, ...] = ()) -> Section:
         """Return the section on the simulations under a title, after some lines."""
@@ -186,7 +371,7 @@ class FlightTold:
     @property
     def sure(self) -> Section:
         """The section on certified and sampled figures."""
-        return simulation_tables.sure(self.flown)
+        return sure(self.flown)
 
     @property
     def worst(self) -> tuple[tuple[str, ...], tuple[Table, ...]]:
@@ -194,27 +379,27 @@ class FlightTold:
         if not self.flight.conflicts:
             return (), ()
         which = "worst " * (len(self.flown.flight.states) > 1)
-        return conflicts.listed(f"Conflicts of the {which}flight", self.flight)
+        return conflicts.listed(f"Conflicts of the {which}simulation", self.flight)
 
     @property
     def pictures(self) -> Iterator[Picture]:
         """Pictures of clearance ratios, deviations, paths and delta-v."""
         flight, names = self.flown.flight, {"names": self.flown.names}
         if flight.ratios.size:
-            caption = "How near pairs come in every flight, and a close look at the nearest"
+            caption = "Clearance ratios in every simulation, and those of the closest pair"
             yield Picture("flights-ratios", caption, "flight_ratios", (flight, self.zones), names)
-        caption = "How far off the plan craft are in every flight, and the tube that was said beforehand"
+        caption = "Deviation from the plan in every simulation, and the predicted tracking-error tube"
         yield Picture("flights-deviations", caption, "flight_deviations", (flight, self.flown.tube), names)
-        caption = "The paths as planned, and as flown about them, with deviations enlarged"
+        caption = "The paths as planned and as simulated, with deviations enlarged"
         yield Picture("flights-paths", caption, "flight_paths", (flight,), names)
-        caption = "What each craft spends on the plan, on the field and on feedback"
+        caption = "Delta-v of each craft for the plan, for the model error and for feedback"
         yield Picture("flights-costs", caption, "flight_costs", (flight,), names)
 
     @property
     def figures(self) -> dict[str, Any]:
         """The figures in full precision and SI units."""
-        one, verdict, told = self.flown, self.verdict, self.flown.told
-        law, sight, room = told["feedback"], told["navigation"], one.tube
+        one, verdict, given = self.flown, self.verdict, self.flown.told
+        law, sight, tube = given["feedback"], given["navigation"], one.tube
         found = {
             "status": verdict.status,
             "verdict": str(verdict),
@@ -233,8 +418,8 @@ class FlightTold:
                 "velocity_bias_m_s": sight.velocity_bias,
                 "correlation_s": sight.correlation,
             },
-            "thrust_error": np.atleast_2d(told["thrust_error"]).tolist(),
-            "errors": spacecraft_errors.figures(told["errors"] or ()),
+            "thrust_error": np.atleast_2d(given["thrust_error"]).tolist(),
+            "errors": error_figures(given["errors"] or ()),
             "flights": verdict.flights,
             "violated": verdict.count,
             "worst": one.flight.worst,
@@ -244,11 +429,11 @@ class FlightTold:
             "worst_flights": self.tables[2].records,
             "worst_flight": conflicts.figures(self.flight),
         }
-        if room is not None:
+        if tube is not None:
             found["tube"] = {
-                "radius_m": np.ravel(room.radius).tolist(),
-                "of_a_pair_m": room.of_a_pair,
-                "containment_m": simulation_tables.contained(one),
+                "radius_m": np.ravel(tube.radius).tolist(),
+                "of_a_pair_m": tube.of_a_pair,
+                "containment_m": contained(one),
             }
         return found
 
@@ -295,23 +480,23 @@ class FlightTold:
         )
         if self.flown.thrusters:
             orders = flight.orders[flight.worst]
-            who, when = orders.any(axis=2).nonzero()
+            firing, when = orders.any(axis=2).nonzero()
             given = dict(
-                zip(("radial_m_s", "along_track_m_s", "cross_track_m_s"), orders[who, when].T, strict=True)
+                zip(("radial_m_s", "along_track_m_s", "cross_track_m_s"), orders[firing, when].T, strict=True)
             )
             yield "pulses", self.flown.pulses
             yield (
                 "corrections",
-                {"craft": names[who], "time_s": flight.ordered[when], **given},
+                {"craft": names[firing], "time_s": flight.ordered[when], **given},
             )
         parts = [one.columns() for one in self.flown.commanded]
         numbers = [np.full(len(part["craft"]), one.number) for one, part in zip(stages, parts, strict=True)]
-        told = {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}
-        yield "commanded", {"stage": np.concatenate(numbers), **told, "craft": names[told["craft"]]}
+        whole = {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}
+        yield "commanded", {"stage": np.concatenate(numbers), **whole, "craft": names[whole["craft"]]}
 
 
 @dataclass(frozen=True, eq=False)
-class FlightReport(FlightTold):
+class SimulationReport(SimulationContent):
     """Report on simulations, with the `command` that requested them."""
 
     command: Command
@@ -319,8 +504,8 @@ class FlightReport(FlightTold):
     @cached_property
     def chapters(self) -> tuple[Section, ...]:
         """The sections of the page except the one on reproduction."""
-        asked = Section("What was asked", (), (self.command.table,))
-        return asked, self.section("What was found"), self.sure
+        asked = Section("Request", (), (self.command.table,))
+        return asked, self.section("Results"), self.sure
 
     @property
     def figures(self) -> dict[str, Any]:
@@ -334,7 +519,7 @@ class FlightReport(FlightTold):
         return (*super().lines, *(use.warning(self.flown.grams) for use in exceeded))
 
     def leave(
-        self, folder: Folder, progress: Progress = lambda text: None, viewer: results.Viewer | None = None
+        self, folder: Folder, progress: Progress = lambda text: None, viewer: page.Viewer | None = None
     ) -> None:
         """Fill a result folder with the files of the simulations; `viewer` writes the animated page."""
         progress("writing tables")
@@ -342,4 +527,4 @@ class FlightReport(FlightTold):
         for name, columns in self.stored:
             folder.table(name, columns)
         head = Head(self.title, self.opening[1:], str(self.verdict), self.verdict.ok)
-        results.leave(folder, head, self.chapters, self.command.repeated, self.figures, progress, viewer)
+        page.leave(folder, head, self.chapters, self.command.repeat, self.figures, progress, viewer)

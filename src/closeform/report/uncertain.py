@@ -6,8 +6,7 @@ from math import inf
 from typing import TYPE_CHECKING, Any
 
 from closeform.report.picture import Picture
-from closeform.report.section import Section
-from closeform.report.table import MOST_ROWS, PAIR, Column, Table, record
+from closeform.report.section import MOST_ROWS, PAIR, Column, Section, Table, record
 
 if TYPE_CHECKING:  # a stage without uncertainty does not need these kernels
     from closeform.conflicts.flight import WatchedFlight
@@ -24,7 +23,7 @@ FEWEST = (
 )
 SIGMAS = (
     *FEWEST,
-    Column("ever inside", "probability", "{:.5g}".format),
+    Column("probability", "probability", "{:.5g}".format),
     Column("95 % interval", None, "{:.5g} to {:.5g}".format, parts=("low", "high")),
     Column("inside at the start", "at_start", "{:.5g}".format),
     Column("mean entries", "mean_entries", "{:.5g}".format),
@@ -33,8 +32,8 @@ STORED = (Column(None, "of"), *SIGMAS)
 CURVES = 4  # maximum number of pairs whose clearance in sigmas is plotted
 TUBE_SIGMAS = 3.0  # width of a tube if no sigmas are required
 SURE = {  # name of the interval of each method other than "entries"
-    "bound": "certainly",
-    "monte-carlo": "95 % interval, by Monte Carlo: errors so thin have no rate of entries that can be told,",
+    "bound": "certified",
+    "monte-carlo": "95 % Monte Carlo interval, as errors this thin have no rate of entries,",
 }
 DRAWN = 1e-15  # expected entries above which they are plotted
 
@@ -53,7 +52,7 @@ def row(pair: "UncertainPair") -> tuple[Any, ...]:
     return (pair.first, pair.second), *cells, *probable(pair.probability)
 
 
-def told(section: Section, result: "StageResult[Any, Any]", names: Sequence[str]) -> Section:
+def extended(section: Section, result: "StageResult[Any, Any]", names: Sequence[str]) -> Section:
     """Return a section extended by the uncertainty results of its stage."""
     found = result.uncertain
     if found is None or len(names) < 2:
@@ -78,29 +77,29 @@ def lines(found: "UncertainStage") -> tuple[str, ...]:
         lead = f"{'Clear' if near is None or near.sigmas >= many else 'Not clear'} at {many:g} sigma"
     of = "keep-out zones" if found.zones is not None else "the hard bodies"
     judged = found.zones is not None or found.bodies is not None
-    told = ["Nothing is uncertain between craft that have zones"] if judged else []
+    words = ["No uncertainty between craft that have zones"] if judged else []
     if near is not None:
-        told = [f"{lead}: {fewest(near)}, of {of}"]
+        words = [f"{lead}: {fewest(near)}, of {of}"]
     pair = found.likeliest
     if (unknown := found.undrawn) is not None:
-        who = f"{unknown.first} - {unknown.second}"
-        told.append(f"Probability of collision of {who} is not told: too many burns with errors of their own")
+        both = f"{unknown.first} - {unknown.second}"
+        words.append(f"Probability of collision of {both}: unknown, too many burns with execution errors")
     if pair is None or (odds := pair.probability) is None:
-        return tuple(told)
+        return tuple(words)
     about = radius(pair)
     within = "within their hard bodies" if about is None else f"within the hard bodies' {about:g} m"
     sure = SURE.get(odds.method, "95 % interval")
     most = f"at most {odds.high:.4g} ({sure} {odds.low:.4g} to {odds.high:.4g})"
-    counts = f"; inside at its start {odds.at_start:.3g}, entries expected {odds.mean_entries:.4g}"
+    counts = f"; inside at its start {odds.at_start:.3g}, expected entries {odds.mean_entries:.4g}"
     if odds.high == 0.0:
         most, counts = "below 1e-300", ""
-    who = f"{pair.first} - {pair.second}"
-    told.append(f"Probability of collision {most}, {who}: of ever coming {within} in this stage{counts}")
+    both = f"{pair.first} - {pair.second}"
+    words.append(f"Probability of collision {most}, {both}: of ever coming {within} in this stage{counts}")
     if (bound := together(found)) is not None:
         flight = found.bodies
         every = f"the sum of {0 if flight is None else len(flight.pairs)} pairs"
-        told.append(f"Probability that any two collide at most {bound:.4g}: a bound, {every}")
-    return tuple(told)
+        words.append(f"Probability that any two collide at most {bound:.4g}: a bound, {every}")
+    return tuple(words)
 
 
 def together(found: "UncertainStage") -> float | None:
@@ -113,11 +112,11 @@ def tables(found: "UncertainStage") -> tuple[Table, ...]:
     made = []
     for title, flight, columns in (
         ("Clearance of keep-out zones in sigmas", found.zones, FEWEST),
-        ("Hard bodies: clearance in sigmas, and probability to touch", found.bodies, SIGMAS),
+        ("Hard bodies: clearance in sigmas, and probability of contact", found.bodies, SIGMAS),
     ):
         pairs = flight.pairs if flight is not None else ()
         if pairs:
-            some = f", the {MOST_ROWS} fewest of {len(pairs)}" if len(pairs) > MOST_ROWS else ""
+            some = f", the {MOST_ROWS} with fewest of {len(pairs)}" if len(pairs) > MOST_ROWS else ""
             rows = [row(pair)[: len(columns)] for pair in pairs[:MOST_ROWS]]
             made.append(Table(title + some, columns, rows))
     return tuple(made)
@@ -170,7 +169,7 @@ def clearances(
     pair = flight.facing(one.first, one.second)
     zone = one.zone if pair[0] == one.first else one.zone.mirrored
     known = errors[pair[0]] or Uncertainty(), errors[pair[1]]
-    caption = f"Where {pair[0]} may be relative to {pair[1]}, within {many:g} sigma"
+    caption = f"Position of {pair[0]} relative to {pair[1]}, within {many:g} sigma"
     ways = *(flight.path(name) for name in pair), zone, *known
     tube = Picture("tube", caption, "tube", ways, {"sigmas": many, "names": pair})
     some = near[:CURVES]
@@ -179,7 +178,7 @@ def clearances(
     ]
     theirs = [[errors[name] for name in names] for names in zip(*map(ends, some), strict=True)]
     options = {"asked": asked, "names": [f"{each.first} - {each.second}" for each in some]}
-    caption = "By how many sigmas pairs are clear, against time"
+    caption = "Clearance of pairs in sigmas against time"
     curves = *places, [each.zone for each in some], *theirs
     return tube, Picture("sigmas", caption, "sigmas", curves, options)
 
@@ -191,9 +190,9 @@ def collisions(
     odds = None if likeliest is None else likeliest.probability
     if likeliest is None or odds is None or len(odds.rate_times) <= 1 or odds.mean_entries <= DRAWN:
         return ()
-    who = f"{likeliest.first} - {likeliest.second}"
-    caption = f"When hard bodies of {who} are expected to meet, and how probable that is"
-    options = {"what": who, "limit": limit}
+    both = f"{likeliest.first} - {likeliest.second}"
+    caption = f"Rate and probability of contact of the hard bodies of {both}"
+    options = {"what": both, "limit": limit}
     path = flight.path(likeliest.first)
     return (Picture("collision", caption, "collision", (odds, path), options),)
 

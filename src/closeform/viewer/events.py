@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from closeform.mission.mission_result import FirstLocks, StageResult
-from closeform.report import drift as failing
-from closeform.report.gather import BURNS, met, replayed
+from closeform.report.conflicts import event as failure
+from closeform.report.conflicts import near as clearance
+from closeform.report.searches import BURNS, met, replayed
 from closeform.report.section import fate
 from closeform.search.gather_result import EventKind, Gathering
 from closeform.viewer.meetings import closest, flights, places_of
@@ -184,7 +185,7 @@ def told(result: StageResult[Any, Any], pair: "PairDrift") -> str:
     """Return the consequence of a failure as text."""
     assert result.passive is not None
     comes = "comes to" if not pair.safe else "stays clear, least"
-    return f"if {failing.event(result.passive)}, {comes} {failing.near(pair)} of {pair.meets}"
+    return f"if {failure(result.passive)}, {comes} {clearance(pair)} of {pair.meets}"
 
 
 def speed(size: float) -> str:

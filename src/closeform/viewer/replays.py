@@ -7,8 +7,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from closeform.campaign import Campaign, GatherCampaign, case_of
+from closeform.report.page import Pages, nothing
 from closeform.report.picture import Progress
-from closeform.report.results import Pages, nothing
 from closeform.scenario import Scenario
 from closeform.storage.result_folder import REPORT, Folder
 

@@ -21,9 +21,8 @@ from closeform.zones.solids import Sphere
 from closeform.zones.zone import Zone
 
 if TYPE_CHECKING:  # runs do not need these file readers and probability kernels
-    from closeform.report.encounter import EncounterReport
-    from closeform.report.screening import ScreenReport
-    from closeform.report.simulation import FlightReport, FlightTold
+    from closeform.report.screening import EncounterReport, ScreenReport
+    from closeform.report.simulation import SimulationContent, SimulationReport
     from closeform.uncertainty.errors import Uncertainty
     from closeform.uncertainty.uncertain_flight import UncertainFlight
 
@@ -89,7 +88,7 @@ class Shown:
         )
 
     @classmethod
-    def of_report(cls, report: "ScreenReport | EncounterReport | FlightReport") -> Self:
+    def of_report(cls, report: "ScreenReport | EncounterReport | SimulationReport") -> Self:
         """Return the scene input of a report on a screening, an encounter or a simulation."""
         # by command name: a test of the class would import the modules of the other two reports
         told: dict[str, Callable[[Any], Self]] = {
@@ -117,7 +116,7 @@ class Shown:
         return replace(shown, warnings=met.warnings)
 
     @classmethod
-    def of_flight(cls, report: "FlightTold") -> Self:
+    def of_flight(cls, report: "SimulationContent") -> Self:
         """Return the worst simulation of a run stage by stage; the title identifies it."""
         flown = report.flown
         told = cls._of_one(report, report.epoch, report.flight, report.zones, staged(Flight))
@@ -131,7 +130,7 @@ class Shown:
     @classmethod
     def _of_one(
         cls,
-        report: "ScreenReport | EncounterReport | FlightTold",
+        report: "ScreenReport | EncounterReport | SimulationContent",
         epoch: Epoch | None,
         flight: WatchedFlight,
         zones: PairZones,
