@@ -43,8 +43,8 @@ def main() -> None:
         import closeform._jit
         import closeform.mission.mission
         import closeform.report.page
-        import closeform.report.run
         import closeform.report.picture
+        import closeform.report.run
 
         timed(closeform._jit.Kernel, "__call__", "kernels")
         timed(closeform.mission.mission, "fly", "flying")

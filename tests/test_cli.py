@@ -359,7 +359,7 @@ def test_screen(tmp_path, monkeypatch, capsys, undrawn) -> None:
         (tmp_path / f"{name}.oem").write_text(oem(name, ahead))
     files = [str(tmp_path / "A.oem"), str(tmp_path / "B.oem")]
     assert main(["screen", *files, "--sphere", "500 m"]) == 0
-    assert "Conflicts: none; closest are A and B, 1.4000 x zone (700.000 m)" in capsys.readouterr().out
+    assert "Conflicts: none; closest approach A - B, 1.4000 x zone (700.000 m)" in capsys.readouterr().out
     assert main(["screen", *files, "--ellipsoid", "20 800 20 m"]) == 1
     printed = capsys.readouterr().out
     assert re.search(r"A - B +0\.000 +00:00:00\.000 +600\.000 +600\.000 ", printed)

@@ -133,5 +133,5 @@ def test_the_remedy_of_the_message_runs(tmp_path, monkeypatch, capsys):
     assert '--interpolate "1 m"' in refused
     assert main([*asked, "--interpolate", "1 m"]) == 0
     told = capsys.readouterr().out
-    assert "States of B interpolated, off by up to " in told
+    assert "States of B interpolated, error up to " in told
     assert isinstance(read_oem("A.oem"), Ephemeris)

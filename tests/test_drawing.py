@@ -2,7 +2,7 @@
 
 import os
 import signal
-from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
 
 import pytest
 
@@ -14,24 +14,19 @@ from closeform.storage.result_folder import Folder
 ORBIT = cf.Orbit(1.1e-3)
 PATH = ORBIT.coast([60, 30, 20, 0, -0.132, 0.03], 3000.0)
 OTHER = ORBIT.transfer([0] * 6, [20, 0, 0, 0, 0, 0], 3000.0)
+PAIR = PATH, OTHER, cf.Sphere(50.0)
+OPTIONS = {"zone": cf.Sphere(50.0), "frames": 7}
 PICTURES = [
-    *(
-        Picture(plot, f"caption of {plot}", plot, (PATH, OTHER, cf.Sphere(50.0)))
-        for plot in ("distances", "two_ways")
-    ),
-    Film(
-        "film", "in motion", "moving_formation.reel", ((PATH, OTHER),), {"zone": cf.Sphere(50.0), "frames": 7}
-    ),
+    Picture("distances", "caption 1", "distances", PAIR),
+    Picture("two_ways", "caption 2", "two_ways", PAIR),
+    Film("film", "in motion", "moving_formation.reel", ((PATH, OTHER),), OPTIONS),
 ]
 
 
 @pytest.fixture
-def pool(monkeypatch):
-    """The processes that `begin` starts."""
-    monkeypatch.setattr(drawing, "_pools", [])
-    drawing.begin()
-    yield drawing._pools[0]
-    drawing._pools[0].shutdown(cancel_futures=True)
+def others(monkeypatch):
+    """Other processes that draw."""
+    monkeypatch.setattr(drawing, "_begun", [True])
 
 
 def files(place, pictures=PICTURES):
@@ -47,23 +42,34 @@ def files(place, pictures=PICTURES):
 def alone(tmp_path_factory):
     """The files that one process draws."""
     found, said = files(tmp_path_factory.mktemp("alone"))
-    assert len(said) == len(PICTURES)
+    assert f"picture {len(PICTURES)} of {len(PICTURES)}: film" in said
     return found
 
 
-def test_processes_draw_the_same_pictures(tmp_path, alone, pool):
+def test_processes_draw_the_same_pictures(tmp_path, alone, others):
     found, said = files(tmp_path)
     assert found == alone
     assert said
 
 
-def test_this_process_draws_if_another_is_killed(tmp_path, alone, pool):
-    pool.submit(os.kill, pool.submit(os.getpid).result(), signal.SIGKILL)
-    assert files(tmp_path)[0] == alone
+@dataclass(frozen=True)
+class Killer(Picture):
+    """Picture that ends the process that draws it, unless this is the process `spared`."""
+
+    spared: int = 0
+
+    def leave(self, folder):
+        if os.getpid() != self.spared:
+            os.kill(os.getpid(), signal.SIGKILL)
+        return super().leave(folder)
 
 
-def test_an_error_of_a_picture_is_raised(tmp_path, pool):
+def test_this_process_draws_if_another_is_killed(tmp_path, alone, others):
+    killer = Killer("distances", "caption 1", "distances", PAIR, spared=os.getpid())
+    assert files(tmp_path, [killer, *PICTURES[1:]])[0] == alone
+
+
+def test_an_error_of_a_picture_is_raised(tmp_path, others):
     wrong = Picture("wrong", "", "distances", (PATH, OTHER, "no zone"))
     with pytest.raises(ValueError, match="zone"):
         drawing.drawn([*PICTURES, wrong], Folder(tmp_path), lambda text: None)
-    assert isinstance(pool, ProcessPoolExecutor)

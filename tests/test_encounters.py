@@ -165,7 +165,7 @@ def test_uncertain_ephemerides_against_flown_samples(ephemerides, capsys):
         min(spread), rel=0.05
     )  # 3000 samples: 1.3 % of a sigma, and the least of many
     assert time == pytest.approx(END, abs=60.0)
-    assert "Covariances of 2 ephemerides, carried by Hill's equations for up to 300.0 s (A)" in printed
+    assert "Covariances of 2 ephemerides, propagated by Hill's equations for up to 300.0 s (A)" in printed
     assert verdict(printed) == "1 conflict remains at 3 sigmas"
     assert main([*asked, "1"]) == 0
     assert verdict(capsys.readouterr().out) == "clear: no conflict remains at 1 sigma"
@@ -177,7 +177,7 @@ def test_who_has_no_covariance_is_named(ephemerides, capsys):
     assert main(["screen", "A.oem", "B.oem", "--sphere", "15 m", "--sigmas", "1.5"]) in (0, 1)
     printed = capsys.readouterr().out
     assert "Covariances of 1 ephemeris\n" in printed
-    assert "Taken for known exactly: A" in printed
+    assert "States taken as exact: A" in printed
 
 
 def test_boxes_have_sigmas_and_no_probability(ephemerides, capsys):
@@ -203,7 +203,7 @@ def test_a_window_in_which_they_do_not_pass(capsys):
             == 0
         )
         out = capsys.readouterr().out
-        assert "a longer --window gives more" in out
+        assert "give a longer --window" in out
         found[window] = float(verdict(out).split("collision probability")[-1])
         (row,) = (line.split() for line in out.splitlines() if line.startswith("short encounter (2-D)"))
         assert (row[-2] == "-") == (window == "1 h") == ("No short encounter" in out)

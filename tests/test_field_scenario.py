@@ -83,7 +83,7 @@ def test_what_is_printed_and_left(tmp_path: Path, capsys):
     assert told["field"] == "J2 to J4 and drag"
     assert told["least_ratio"] < 0.99 < told["planned_ratio"]
     assert f"{max(told['ends_m'].values()):.3g} m from the plan" in lines[at + 1]
-    assert "In the field of J2 to J4 and drag</td>" in (tmp_path / "out" / "report.html").read_text()
+    assert "Model error with J2 to J4 and drag</td>" in (tmp_path / "out" / "report.html").read_text()
     loaded = cf.load(tmp_path / "out").scenario
     assert loaded.field.drag.ballistic.tolist() == [0.02, 0.022]
     assert loaded.field.drag.chief == 0.02

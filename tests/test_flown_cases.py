@@ -219,7 +219,7 @@ def test_what_is_counted(missions):
         assert f"{said} {middle:.4g}" in headline.get_text()
     assert missions.spreads["simulated: delta-v of all craft [m/s]"].worst[0][0] == spent.max()
     captions = [one.caption for one in MissionStudyReport(missions).pictures]
-    assert captions[:2] == ["What all craft spend together, as planned", "What all craft spend in flight"]
+    assert captions[:2] == ["Delta-v of all craft, as planned", "Simulated delta-v of all craft"]
     reason = missions.column("reason")[flights.nearest[1]]
     assert reason == f"a zone is entered in flight, least {ratios.min():.4f} x zone"
 
@@ -281,7 +281,9 @@ def test_the_command_leaves_rows_and_pages(missions, tmp_path: Path, capsys):
     (tmp_path / "many.toml").write_text(MANY)
     assert main(["study", str(tmp_path / "many.toml"), "--out", str(tmp_path / "out")]) == 1
     printed = capsys.readouterr().out
-    (entered,) = [line.split() for line in printed.splitlines() if line.startswith("a zone is entered  ")]
+    (entered,) = [
+        line.split() for line in printed.splitlines() if line.startswith("keep-out zone violated  ")
+    ]
     assert int(entered[4]) == missions.flights.entered
     rows = pyarrow.parquet.read_table(tmp_path / "out" / "cases").to_pydict()
     for name in missions.kind.names:
@@ -337,7 +339,7 @@ def test_a_plan_that_cannot_be_flown_is_left_with_why(tmp_path: Path, capsys):
     assert float(rest.split()[0]) == pytest.approx(drag, rel=0.1)  # the air turns with the Earth, thrust adds
     assert rest.endswith("it gives 0.0001667; plan with a max_acceleration or more time")
     assert summary["verdict"] == f"cannot be flown: {why}"
-    assert printed.count(f"annot be flown: {why}") == 2  # where flights are told, and at the end
+    assert f"Not simulated: {why}" in printed
     assert f"cannot be flown: {why}" in (tmp_path / "run" / "report.html").read_text()
     loaded, mission = cf.load(tmp_path / "run"), cf.run(tmp_path / "weak.toml")
     assert np.array_equal(loaded.paths.arcs, mission.paths.arcs)

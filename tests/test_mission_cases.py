@@ -218,7 +218,7 @@ def test_how_far_a_plan_may_be_above_the_least_is_a_column(missions):
 
 def test_tables_have_no_more_than_cases_say(missions):
     """No 99.9 % of 24 cases, which is between the last two; no rows of what is 0 in every case."""
-    (spent,) = (one for one in MissionStudyReport(missions).tables if one.title == "What they spent")
+    (spent,) = (one for one in MissionStudyReport(missions).tables if one.title == "Cost of cases")
     assert [column.heading for column in spent.shown][1:] == ["mean", "median", "95 %", "greatest", "in case"]
     told = [row[0] for row in spent.rows]
     assert "delta-v of A [m/s]" in told

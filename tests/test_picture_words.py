@@ -205,5 +205,6 @@ def test_every_stage_that_moves_has_its_film(tmp_path):
     assert mission.stopped is None
     for told in RunReport(mission).sections:
         (film,) = [picture for picture in told.pictures if isinstance(picture, Film)]
-        short = replace(film, options={**film.options, "frames": 2}).leave(Folder(tmp_path), print)
-        assert short.file.read_bytes().startswith(b"GIF89a")
+        short = replace(film, options={**film.options, "frames": 2})
+        shot = short.save(Folder(tmp_path), [short.frames()])
+        assert shot.file.read_bytes().startswith(b"GIF89a")

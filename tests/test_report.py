@@ -9,7 +9,7 @@ import pytest
 
 from closeform.campaign import campaign
 from closeform.mission.mission import FLIES, fly
-from closeform.report import run, study
+from closeform.report import run
 from closeform.report.page import table as as_html
 from closeform.report.section import PAIR, PHASE, Column, Table
 from closeform.scenario import parse
@@ -33,9 +33,8 @@ TABLE = Table(
 
 def test_every_kind_of_stage_can_be_flown_and_told() -> None:
     kinds = set(STAGES.values())
-    assert set(FLIES) == set(run.SUBJECTS) == kinds
+    assert set(FLIES) == set(run.SECTIONS) == kinds
     assert set(campaign.KINDS) == {kind for kind in kinds if kind.searches}
-    assert len(study.SUBJECTS) == len(campaign.KINDS)
 
 
 def test_a_cell_as_text() -> None:
@@ -46,6 +45,17 @@ def test_a_cell_as_text() -> None:
         ["A - <C>", "-", "-", "OPS 2"],
         ["B - <C>", "-", "-", "-"],
     ]
+
+
+def test_rows_of_zeros_are_shown_as_one() -> None:
+    """They are counted without the total, and stored as they are."""
+    columns = Column("craft", "craft", words=True), Column("delta-v [m/s]", "delta_v_m_s", "{:.1f}".format)
+    rows = [("A", 0.0), ("B", 2.0), ("C", 0.0), ("all", 2.0)]
+    table = Table("Use", columns, rows, idle="no thrust used")
+    assert table.texts == [["B", "2.0"], ["2 of 3 craft: no thrust used", ""], ["all", "2.0"]]
+    assert "2 of 3 craft: no thrust used" in as_html(table)
+    assert table.stored == {"craft": ["A", "B", "C", "all"], "delta_v_m_s": [0.0, 2.0, 0.0, 2.0]}
+    assert Table("Use", columns, rows[:2], idle="no thrust used").texts == [["A", "0.0"], ["B", "2.0"]]
 
 
 def test_a_row_as_json() -> None:

@@ -33,14 +33,14 @@ LIMITED = (
     'to = { position = "0 200 0 m", velocity = "0 0 0 m/s" }\nwithin = "0.6 orbits"\n'
 )
 ORDER = [
-    "What was asked",
-    "What was found",
+    "Request",
+    "Results",
     "Budget",
     "Stage 1",
     "Stage 2",
     "Stage 3",
     "Limits of the model",
-    "How to repeat it",
+    "Reproduction",
 ]
 
 

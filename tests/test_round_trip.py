@@ -77,7 +77,7 @@ def test_a_plan_with_burns_comes_back_as_it_was_flown(mission, tmp_path, capsys)
     printed = capsys.readouterr().out
     assert re.search(r"Manoeuvres between segments: F3 1 \(0\.\d+ m/s\)", printed)
     nearest = min((r.after.closest for r in mission.results), key=lambda one: one.ratio)
-    told = re.search(r"closest are (F\d) and (F\d), (\S+) x zone \((\S+) m\) at (\S+) s", printed)
+    told = re.search(r"closest approach (F\d) - (F\d), (\S+) x zone \((\S+) m\) at (\S+) s", printed)
     assert {told[1], told[2]} == {nearest.first, nearest.second}
     assert float(told[4]) == pytest.approx(nearest.distance, abs=2e-3)
 

@@ -306,7 +306,7 @@ def test_a_plan_that_failed_is_shown_and_is_not_flown() -> None:
     weak = flown(text.replace('max_thrust = "0.5 N"', 'max_thrust = "1 uN"'))
     scene = scene_of(Shown.of_mission(weak)).record
     assert [stage["flown"] for stage in scene["stages"]] == [True, False]
-    assert "not flown" in scene["stages"][1]["title"]
+    assert "not executed" in scene["stages"][1]["title"]
     assert scene["stages"][1]["failure"] in scene["verdict"]
     assert not scene["ok"]
     assert {conflict["when"] for conflict in scene["conflicts"]} == {"before"}

@@ -233,7 +233,7 @@ def test_hard_bodies_judge_where_nobody_keeps_a_zone() -> None:
     assert result.uncertain.likeliest.probability.method == "bound"
     (section,) = RunReport(mission).sections
     (line,) = (line for line in section.closing if line.startswith("Probability"))
-    assert re.search(r"\(certainly .* the hard bodies' 10 m in this stage", line)
+    assert re.search(r"\(certified .* the hard bodies' 10 m in this stage", line)
 
 
 def test_a_mission_without_errors_looks_at_none(monkeypatch) -> None:

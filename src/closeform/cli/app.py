@@ -59,8 +59,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         if arguments is None:
             open_output()
-            make_haste(tokens)
         check_folder()
+        if arguments is None:
+            make_haste(tokens)
         status = app(tokens, exit_on_error=False, print_error=False)
         sys.stdout.flush()
     except CycloptsError as error:

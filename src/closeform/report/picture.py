@@ -1,15 +1,15 @@
 """Pictures of a report, drawn by parallel processes: they take most of the time of a short run."""
 
+import os
 import signal
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import suppress
 from dataclasses import dataclass, field
 from importlib import import_module
-from multiprocessing import get_all_start_methods, get_context
-from os import cpu_count
+from multiprocessing import forkserver, get_all_start_methods, get_context
 from pathlib import Path
-from threading import Thread
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ AHEAD = (  # modules for pictures of most stages; no scenario, no tables
 )
 STUDIED = (*AHEAD, "closeform.plots.lockings")  # and for studies
 MOST = 4  # maximum number of drawing processes: a run has about ten pictures
-_pools: list[ProcessPoolExecutor] = []  # at most one, started by `begin`
+_begun: list[bool] = []  # whether `begin` was called
 
 
 class Shot(NamedTuple):
@@ -90,10 +90,12 @@ class Film(Picture):
 
     most: int = 400  # drawn in about 15 s
 
-    def frames(self, first: int, step: int) -> list[Any]:
-        """Draw every `step`-th frame from the `first` one."""
+    def frames(
+        self, first: int = 0, step: int = 1, progress: Callable[[int, int], object] | None = None
+    ) -> list[Any]:
+        """Draw every `step`-th frame from the `first` one; `progress` gets the numbers done and in all."""
         reel: Reel = self.made
-        return reel.frames(slice(first, None, step))
+        return reel.frames(slice(first, None, step), progress)
 
     def save(self, folder: "Folder", shares: Sequence[list[Any]]) -> Shot:
         """Save the animation from shares of its frames."""
@@ -107,36 +109,47 @@ class Film(Picture):
 
 
 def begin(ahead: tuple[str, ...] = AHEAD) -> None:
-    """Start processes that draw while this one computes; if none can start, this one draws everything.
+    """Start a process that loads modules `ahead`, so that `drawn` can fork processes from it.
 
-    One process loads the modules `ahead` and is forked once per core, so that matplotlib is loaded once.
+    It has no standard output or error: a reader of these need not wait for its end.
     """
     if "forkserver" not in get_all_start_methods():
         return
-    context = get_context("forkserver")
-    context.set_forkserver_preload(["__main__", *ahead])
-    # Ctrl-C ends this process, which then ends the others
-    ignored = signal.SIGINT, signal.SIG_IGN
-    pool = ProcessPoolExecutor(min(cpu_count() or 1, MOST), context, signal.signal, ignored)
-    _pools.append(pool)
-    # in a thread, because the first process answers only when it has loaded the modules
-    Thread(target=pool.submit, args=(int,), daemon=True).start()
+    forkserver.set_forkserver_preload(["__main__", *ahead])
+    kept, nowhere = [os.dup(1), os.dup(2)], os.open(os.devnull, os.O_WRONLY)
+    for stream, replacement in enumerate((nowhere, nowhere), 1):
+        os.dup2(replacement, stream)
+    forkserver.ensure_running()
+    for stream, replacement in enumerate(kept, 1):
+        os.dup2(replacement, stream)
+    for copy in (*kept, nowhere):
+        os.close(copy)
+    _begun.append(True)
 
 
 def drawn(pictures: Sequence[Picture], folder: "Folder", progress: Progress) -> list[Shot]:
-    """Draw all pictures as files in a folder, in the processes that `begin` started or else in this one.
+    """Draw all pictures as files in a folder, in processes if `begin` was called, or else in this one.
 
     The frames of an animation are shared among the processes.
     """
-    if _pools:
-        try:
-            return drawn_by(_pools[0], pictures, folder, progress)
-        except BrokenProcessPool:
-            _pools.clear()  # a process was killed: this one draws everything
+    if _begun and pictures:
+        # Ctrl-C ends this process, which then ends the others
+        ignored = signal.SIGINT, signal.SIG_IGN
+        context, count = get_context("forkserver"), min(os.cpu_count() or 1, MOST)
+        pool = ProcessPoolExecutor(count, context, signal.signal, ignored)
+        with suppress(BrokenProcessPool), pool:  # a process was killed: this one draws everything
+            return drawn_by(pool, pictures, folder, progress)
+
+    def filmed(done: int, count: int) -> None:
+        progress(f"animation: picture {done} of {count}")
+
     shots = []
     for number, one in enumerate(pictures, 1):
         progress(f"picture {number} of {len(pictures)}: {one.name}")
-        shots.append(one.save(folder, [one.frames(0, 1)]) if isinstance(one, Film) else one.leave(folder))
+        if isinstance(one, Film):
+            shots.append(one.save(folder, [one.frames(progress=filmed)]))
+        else:
+            shots.append(one.leave(folder))
     return shots
 
 

@@ -25,7 +25,6 @@ from closeform.report.picture import Film, Picture, Progress
 from closeform.report.section import (
     MOST_ROWS,
     PAIR,
-    STATE_COLUMNS,
     Column,
     Section,
     Stamps,
@@ -35,6 +34,7 @@ from closeform.report.section import (
     fate,
     in_short,
     plan_of,
+    state_columns,
 )
 from closeform.scenario import (
     Avoid,
@@ -525,7 +525,7 @@ def section(mission: Mission, result: StageResult[Any, Any]) -> Section:
 
 def states(mission: Mission) -> dict[str, Any]:
     """Return states and thrusts at equally spaced times of every stage, as columns for plots."""
-    names, epoch = np.array(mission.scenario.names), mission.scenario.epoch
+    names, epoch = mission.scenario.names, mission.scenario.epoch
     parts: list[dict[str, Any]] = []
     for result in mission.results:
         times = np.linspace(result.start, result.end, SAMPLES)
@@ -533,10 +533,7 @@ def states(mission: Mission) -> dict[str, Any]:
         parts.append(
             {
                 "stage": np.full(len(names) * SAMPLES, result.number),
-                "craft": np.repeat(names, SAMPLES),
-                "time_s": np.tile(times, len(names)),
-                **({} if epoch is None else {"time_utc": Stamps(epoch).column(times, len(names))}),
-                **dict(zip(STATE_COLUMNS, paths.state(times).reshape(-1, 6).T, strict=True)),
+                **state_columns(names, times, paths.state(times), epoch),
                 **dict(zip(THRUST_COLUMNS, paths.thrust(times).reshape(-1, 3).T, strict=True)),
             }
         )

@@ -18,7 +18,7 @@ from closeform.report import conflicts, model, page, uncertain
 from closeform.report.conflicts import APPROACH, CONFLICT, MOST_PAIRS
 from closeform.report.page import Command, Head
 from closeform.report.picture import Picture, Progress
-from closeform.report.section import STATE_COLUMNS, Column, Section, Stamps, Table, counted, some_of
+from closeform.report.section import Column, Section, Stamps, Table, counted, some_of, state_columns
 from closeform.report.uncertain import SIGMAS, row
 from closeform.storage.result_folder import Folder
 from closeform.uncertainty.clearance import SigmaApproach
@@ -252,7 +252,7 @@ class ScreenReport:
         progress("writing tables")
         for name, table in tables.items():
             folder.table(name, self.stamps.dated(table).stored)
-        folder.table("states", states(frame))
+        folder.table("states", state_columns(frame.names, frame.times, frame.states, self.stamps.epoch))
         if self.messages is not None:
             place = folder.path / CDM
             place.mkdir()
@@ -261,17 +261,6 @@ class ScreenReport:
                 write_cdm(place / f"{name}.cdm", conjunction, comments=comments)
         head = Head(self.title, self.opening[:2], str(self.verdict), self.verdict.ok)
         page.leave(folder, head, self.chapters, self.command.repeat, self.figures, progress, viewer)
-
-
-def states(frame: CommonFrame) -> dict[str, Any]:
-    """Return all states of all spacecraft in the common frame, as columns."""
-    count, stamps = len(frame.times), Stamps(Epoch(frame.epoch, frame.time_system))
-    return {
-        "craft": np.repeat(frame.names, count),
-        "time_s": np.tile(frame.times, len(frame.names)),
-        "time_utc": stamps.column(frame.times, len(frame.names)),
-        **dict(zip(STATE_COLUMNS, frame.states.reshape(-1, 6).T, strict=True)),
-    }
 
 
 FIGURES = (
@@ -458,14 +447,8 @@ class EncounterReport:
         """Fill a result folder with the report of the encounter; `viewer` writes the animated page."""
         met = self.encounter
         times = np.linspace(float(met.path.start), float(met.path.end), SAMPLES)
-        columns: dict[str, Any] = {
-            "craft": np.repeat(self.names, SAMPLES),
-            "time_s": np.tile(times, 2),
-            **dict(
-                zip(STATE_COLUMNS, np.vstack([met.path.state(times), met.other.state(times)]).T, strict=True)
-            ),
-        }
-        folder.table("states", columns)
+        states = np.array([met.path.state(times), met.other.state(times)])
+        folder.table("states", state_columns(self.names, times, states, None))
         verdict = self.verdict
         head = Head(self.title, self.opening[:1], str(verdict), verdict.status == MET, met.warnings)
         page.leave(folder, head, self.chapters, self.command.repeat, self.figures, progress, viewer)

@@ -213,10 +213,6 @@ class Stamps:
         begin = self.start if since == "stage" else 0.0
         return self.epoch.utc([begin + time for time in times], decimals)
 
-    def column(self, times: Floats, count: int) -> Any:
-        """Return instants of a mission in UTC, repeated for `count` spacecraft; equal objects are shared."""
-        return np.tile(np.array(self.epoch.utc(times), dtype=object), count)
-
     def dated(self, table: Table) -> Table:
         """Return a table with UTC next to its instants; all are stored, and the first column is shown."""
         columns: list[Column] = []
@@ -280,6 +276,19 @@ class Stamps:
             for (found, key, _), stamp in zip(places, stamps, strict=True):
                 found[key] = stamp
         return whole
+
+
+def state_columns(names: Sequence[str], times: Floats, states: Floats, epoch: Epoch | None) -> dict[str, Any]:
+    """Return states (N, T, 6) of spacecraft at times (T,) [s] as columns for Parquet, with UTC if known."""
+    utc = {}
+    if epoch is not None:  # equal objects are shared
+        utc["time_utc"] = np.tile(np.array(epoch.utc(times), dtype=object), len(names))
+    return {
+        "craft": np.repeat(names, len(times)),
+        "time_s": np.tile(times, len(names)),
+        **utc,
+        **dict(zip(STATE_COLUMNS, states.reshape(-1, 6).T, strict=True)),
+    }
 
 
 def spread(values: Sequence[Any], places: Sequence[int], count: int) -> list[Any]:

@@ -16,7 +16,7 @@ from closeform.mission.simulation_verdict import Entered
 from closeform.report import conflicts, effort, model, page
 from closeform.report.page import Command, Head
 from closeform.report.picture import Picture, Progress
-from closeform.report.section import PAIR, STATE_COLUMNS, Column, Section, Stamps, Table, counted
+from closeform.report.section import PAIR, Column, Section, Table, counted, state_columns
 from closeform.scenario.study import UNPLANNED, readers
 from closeform.storage.result_folder import Folder
 from closeform.zones.pair_zones import PairZones
@@ -464,20 +464,7 @@ class SimulationContent:
                 "end_m": np.concatenate([one.ends.ravel() for one in stages]),
             },
         )
-        count, worst = len(flight.times), flight.states[flight.worst]
-        yield (
-            "paths",
-            {
-                "craft": np.repeat(names, count),
-                "time_s": np.tile(flight.times, len(names)),
-                **(
-                    {}
-                    if self.epoch is None
-                    else {"time_utc": Stamps(self.epoch).column(flight.times, len(names))}
-                ),
-                **dict(zip(STATE_COLUMNS, worst.reshape(-1, 6).T, strict=True)),
-            },
-        )
+        yield "paths", state_columns(self.flown.names, flight.times, flight.states[flight.worst], self.epoch)
         if self.flown.thrusters:
             orders = flight.orders[flight.worst]
             firing, when = orders.any(axis=2).nonzero()

@@ -333,7 +333,7 @@ class StudyReport(CasesReport):
             done,
             Column("cases"),
             *percent("in phase [%]"),
-            *percent("by its end [%]"),
+            *percent("by end [%]"),
         )
         published = Column("published" if self.published else None)
         tables = [Table("Cases by phase", (*columns, published), rows)]
