@@ -50,7 +50,7 @@ def main() -> None:
         timed(closeform.mission.mission, "fly", "flying")
         timed(closeform.report.page, "drawn", "pictures")
         timed(closeform.report.picture.Film, "save", "animation")
-        timed(closeform.report.run, "leave", "tables, page")
+        timed(closeform.report.run.RunReport, "write", "tables, page")
 
     closeform.cli.app.make_haste = then_watch
     with redirect_stdout(StringIO()):

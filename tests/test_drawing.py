@@ -58,10 +58,10 @@ class Killer(Picture):
 
     spared: int = 0
 
-    def leave(self, folder):
+    def draw(self, folder):
         if os.getpid() != self.spared:
             os.kill(os.getpid(), signal.SIGKILL)
-        return super().leave(folder)
+        return super().draw(folder)
 
 
 def test_this_process_draws_if_another_is_killed(tmp_path, alone, others):

@@ -16,7 +16,7 @@ import turns
 from closeform.cli.app import main
 from closeform.cli.console import WIDTH
 from closeform.mission.mission import fly
-from closeform.report.run import RunReport, leave
+from closeform.report.run import RunReport
 from closeform.scenario import load, parse
 from closeform.storage.publishing import folder
 from lost import BASIC, Sky, gathered
@@ -406,7 +406,7 @@ def test_work_under_way_is_told(tmp_path, monkeypatch) -> None:
     said: list[str] = []
     mission = fly(parse(searched(position=PLACES, velocity=MOVING)), said.append)
     with folder(tmp_path / "results") as under_way:
-        leave(RunReport(mission), under_way, said.append)
+        RunReport(mission).write(under_way, said.append)
     assert said[0] == "stage 1 of 1: gather"
     frames = [text.split()[-3:] for text in said if text.startswith("animation: picture")]
     assert [int(done) for done, _, _ in frames] == list(range(1, len(frames) + 1))

@@ -16,7 +16,7 @@ from closeform.cli.app import main
 from closeform.exchange.oem import read_oem
 from closeform.mission.mission import fly
 from closeform.report import effort, model, run
-from closeform.report.run import RunReport, leave
+from closeform.report.run import RunReport
 from closeform.scenario import parse
 from closeform.storage.result_folder import Folder
 from pages import assert_linked
@@ -77,7 +77,7 @@ def handed_in(report, tmp_path_factory):
     place = tmp_path_factory.mktemp("handed_in")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("closeform.report.page.drawn", lambda *_: ())
-        leave(report, Folder(place))
+        report.write(Folder(place))
     return place
 
 

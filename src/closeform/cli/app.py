@@ -153,16 +153,16 @@ def run(
     if loaded is None:
         return BAD_INPUT
     from closeform.mission.mission import fly
-    from closeform.report.run import RunReport, leave
+    from closeform.report.run import RunReport
     from closeform.scenario import ScenarioError
 
     def viewer(under_way: "Folder", pictures: "Sequence[Shot]") -> None:
         from closeform.viewer import page  # loads matplotlib while the other process draws
         from closeform.viewer.shown import Shown
 
-        page.leave(Shown.of_mission(mission), under_way, pictures)
+        page.write(Shown.of_mission(mission), under_way, pictures)
         if report.flights is not None:
-            page.leave(Shown.of_flight(report.flights), under_way, pictures, WORST_FLIGHT)
+            page.write(Shown.of_flight(report.flights), under_way, pictures, WORST_FLIGHT)
 
     notes = stderr()
     try:
@@ -170,7 +170,7 @@ def run(
             mission = fly(loaded, tell)
             report = RunReport(mission)
             with written(place):
-                leave(report, under_way, tell, None if no_viewer else viewer, out)
+                report.write(under_way, tell, None if no_viewer else viewer, out)
     except ScenarioError as error:
         complain(*error.lines)
         return BAD_INPUT

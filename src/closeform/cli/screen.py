@@ -153,13 +153,13 @@ def left(
         from closeform.viewer import page  # loads matplotlib while the other process draws
         from closeform.viewer.shown import Shown
 
-        page.leave(Shown.of_report(report), under_way, pictures)
+        page.write(Shown.of_report(report), under_way, pictures)
 
     notes = stderr()
     with working(notes, "looking") as tell, folder(place, overwrite) as under_way:
         report = made()
         with written(place):
-            report.leave(under_way, tell, viewer)
+            report.write(under_way, tell, viewer)
     with kept(place):
         tell_screen(report, place)
     return report.verdict.status

@@ -87,7 +87,7 @@ def study(
 
             with working(notes, "writing results") as show, written(place):
                 pages = replays.begin(campaign, under_way, not no_pages)
-                report.leave(under_way, *pages, out, show)
+                report.write(under_way, *pages, out, show)
     except ScenarioError as error:
         complain(*error.lines)
         return BAD_INPUT

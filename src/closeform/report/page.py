@@ -332,7 +332,7 @@ def nothing(progress: Progress) -> None:
     """Write no page."""
 
 
-def leave(
+def write(
     folder: Folder,
     head: Head,
     chapters: Sequence[Section],

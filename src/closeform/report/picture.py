@@ -72,7 +72,7 @@ class Picture:
         drawn = import_module(f"closeform.plots.{home}") if home else plots
         return getattr(drawn, name)(*self.arguments, **self.options)
 
-    def leave(self, folder: "Folder") -> Shot:
+    def draw(self, folder: "Folder") -> Shot:
         """Draw the picture into a folder and return it."""
         from closeform.plots.style import banner, headline
 
@@ -149,7 +149,7 @@ def drawn(pictures: Sequence[Picture], folder: "Folder", progress: Progress) -> 
         if isinstance(one, Film):
             shots.append(one.save(folder, [one.frames(progress=filmed)]))
         else:
-            shots.append(one.leave(folder))
+            shots.append(one.draw(folder))
     return shots
 
 
@@ -169,7 +169,7 @@ def drawn_by(
         for one in pictures
         if isinstance(one, Film)
     }
-    single = {one.name: ask(one.name, one.leave, folder) for one in pictures if one.name not in shares}
+    single = {one.name: ask(one.name, one.draw, folder) for one in pictures if one.name not in shares}
     try:
         for number, future in enumerate(as_completed(asked), 1):
             future.result()

@@ -19,8 +19,7 @@ from closeform.mission.verdict import conflicts_of
 from closeform.report import conflicts, effort, model, moves, page, searches, uncertain
 from closeform.report.conflicts import RATIO
 from closeform.report.effort import first_of_each
-from closeform.report.page import Head, Repeat, Viewer
-from closeform.report.page import leave as leave_all
+from closeform.report.page import Repeat
 from closeform.report.picture import Film, Picture, Progress
 from closeform.report.section import (
     MOST_ROWS,
@@ -439,6 +438,30 @@ class RunReport:
                     below[key] += cells
         return found
 
+    def write(
+        self,
+        folder: Folder,
+        progress: Progress = lambda text: None,
+        viewer: page.Viewer | None = None,
+        out: Path | None = None,
+    ) -> None:
+        """Fill a result folder with the files of a run; `progress` is called with the current step.
+
+        `viewer` writes the animated page, next to the pictures; `out` is the option for the folder.
+        """
+        scenario, verdict = self.mission.scenario, self.mission.verdict
+        folder.scenario(scenario)
+        progress("writing tables")
+        tables = {**self.files, "paths": states(self.mission), **exact(self.mission)}
+        if self.flights is not None:
+            tables |= {WORST_PATHS if name == "paths" else name: one for name, one in self.flights.stored}
+        for name, columns in tables.items():
+            folder.table(name, columns)
+        folder.csv("burns", self.files.get("burns", {}))
+        lines = [f"{self.opening}; {Path(scenario.file).name}", *self.origin]
+        head = page.Head(scenario.title, lines, str(verdict), verdict.ok, self.mission.warnings)
+        page.write(folder, head, self.chapters, self.repeat(out), self.summary, progress, viewer)
+
 
 def origin(scenario: Scenario) -> dict[str, Any]:
     """Return the epoch and the chief's state, if the scenario has them, for `summary.json`."""
@@ -554,30 +577,3 @@ def exact(mission: Mission) -> dict[str, dict[str, Any]]:
         if result.stage.searches:
             legs.append(arc_tables.of_legs(result.result.search.legs, result.number))
     return {name: arc_tables.together(parts) for name, parts in {"arcs": arcs, "legs": legs}.items() if parts}
-
-
-def leave(
-    report: RunReport,
-    folder: Folder,
-    progress: Progress = lambda text: None,
-    viewer: Viewer | None = None,
-    out: Path | None = None,
-) -> None:
-    """Fill a result folder with the files of a run; `progress` is called with the current step.
-
-    `viewer` writes the animated page, next to the pictures; `out` is the option for the folder.
-    """
-    mission = report.mission
-    scenario = mission.scenario
-    folder.scenario(scenario)
-    progress("writing tables")
-    tables = {**report.files, "paths": states(mission), **exact(mission)}
-    if report.flights is not None:
-        tables |= {WORST_PATHS if name == "paths" else name: one for name, one in report.flights.stored}
-    for name, columns in tables.items():
-        folder.table(name, columns)
-    folder.csv("burns", report.files.get("burns", {}))
-    lines = [f"{report.opening}; {Path(scenario.file).name}", *report.origin]
-    verdict = mission.verdict
-    head = Head(scenario.title, lines, str(verdict), verdict.ok, mission.warnings)
-    leave_all(folder, head, report.chapters, report.repeat(out), report.summary, progress, viewer)

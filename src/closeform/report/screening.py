@@ -237,7 +237,7 @@ class ScreenReport:
             **self.stamps.record({"flight": conflicts.figures(self.flight), **found}),
         }
 
-    def leave(
+    def write(
         self, folder: Folder, progress: Progress = lambda text: None, viewer: page.Viewer | None = None
     ) -> None:
         """Fill a result folder with the files of a screening; `viewer` writes the animated page."""
@@ -260,7 +260,7 @@ class ScreenReport:
             for name, (_, conjunction, comments) in zip(names, self.messages, strict=True):
                 write_cdm(place / f"{name}.cdm", conjunction, comments=comments)
         head = Head(self.title, self.opening[:2], str(self.verdict), self.verdict.ok)
-        page.leave(folder, head, self.chapters, self.command.repeat, self.figures, progress, viewer)
+        page.write(folder, head, self.chapters, self.command.repeat, self.figures, progress, viewer)
 
 
 FIGURES = (
@@ -441,7 +441,7 @@ class EncounterReport:
             "probabilities": self.tables[0].records,
         }
 
-    def leave(
+    def write(
         self, folder: Folder, progress: Progress = lambda text: None, viewer: page.Viewer | None = None
     ) -> None:
         """Fill a result folder with the report of the encounter; `viewer` writes the animated page."""
@@ -451,4 +451,4 @@ class EncounterReport:
         folder.table("states", state_columns(self.names, times, states, None))
         verdict = self.verdict
         head = Head(self.title, self.opening[:1], str(verdict), verdict.status == MET, met.warnings)
-        page.leave(folder, head, self.chapters, self.command.repeat, self.figures, progress, viewer)
+        page.write(folder, head, self.chapters, self.command.repeat, self.figures, progress, viewer)

@@ -505,7 +505,7 @@ class SimulationReport(SimulationContent):
         exceeded = self.verdict.exceeded or ()
         return (*super().lines, *(use.warning(self.flown.grams) for use in exceeded))
 
-    def leave(
+    def write(
         self, folder: Folder, progress: Progress = lambda text: None, viewer: page.Viewer | None = None
     ) -> None:
         """Fill a result folder with the files of the simulations; `viewer` writes the animated page."""
@@ -514,4 +514,4 @@ class SimulationReport(SimulationContent):
         for name, columns in self.stored:
             folder.table(name, columns)
         head = Head(self.title, self.opening[1:], str(self.verdict), self.verdict.ok)
-        page.leave(folder, head, self.chapters, self.command.repeat, self.figures, progress, viewer)
+        page.write(folder, head, self.chapters, self.command.repeat, self.figures, progress, viewer)

@@ -145,7 +145,7 @@ class CasesReport(ABC):
             options += f" --seed {campaign.seed}"
         return Repeat.of(campaign.scenario, "study", options, out, campaign.seed)
 
-    def leave(
+    def write(
         self,
         folder: Folder,
         replays: Replays = (),
@@ -161,7 +161,7 @@ class CasesReport(ABC):
         title, *lines = self.opening
         head = Head(title, lines, self.verdict, self.campaign.ok)
         chapters, repeat = list(self.chapters(replays)), self.repeat(out)
-        page.leave(folder, head, chapters, repeat, self.summary, progress, pages=pages)
+        page.write(folder, head, chapters, repeat, self.summary, progress, pages=pages)
 
 
 def percent(heading: str) -> tuple[Column, Column]:

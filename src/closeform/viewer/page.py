@@ -25,7 +25,7 @@ MOST = 1000  # largest number of craft that a browser can animate
 ENDS_SCRIPT = re.compile("</(?=script)", re.IGNORECASE)
 
 
-def leave(shown: Shown, folder: Folder, pictures: Sequence[Shot] = (), name: str = VIEWER) -> None:
+def write(shown: Shown, folder: Folder, pictures: Sequence[Shot] = (), name: str = VIEWER) -> None:
     """Write the interactive page into a result folder that holds `pictures`."""
     named = [(shot.file.name, shot.caption) for shot in pictures]
     folder.text(name, document(scene_of(shown, named, REPORT)))

@@ -49,7 +49,7 @@ def begin(campaign: Any, folder: Folder, asked: bool = True) -> tuple[tuple[Repl
     def write(progress: Progress) -> None:
         for number, (case, page) in enumerate(pages.items(), 1):
             progress(f"page {number} of {len(pages)}: {page.title}")
-            leave(mission_of(campaign, case), page.file, folder)
+            write_mission(mission_of(campaign, case), page.file, folder)
 
     return tuple(pages.values()), write
 
@@ -76,7 +76,7 @@ def mission_of(campaign: Any, case: int | None) -> Mission:
     return replace(flown, results=stages)
 
 
-def leave(mission: Mission, name: str, folder: Folder) -> None:
+def write_mission(mission: Mission, name: str, folder: Folder) -> None:
     """Write the page of a mission into a folder, with a link to the study's report."""
     from closeform.report.run import RunReport
     from closeform.viewer.page import document
