@@ -84,7 +84,7 @@ def test_a_run_flies_its_plans_as_its_command_does(tmp_path: Path, capsys):
         assert one.equals(two)
     page = (tmp_path / "run" / "report.html").read_text()
     assert "flown.html" in page
-    assert "No craft enters a zone in flight" in page
+    assert "No craft enters a keep-out zone in the simulation" in page
     assert (tmp_path / "run" / "flights-ratios.png").stat().st_size > 10_000
     assert (tmp_path / "run" / "flown.html").stat().st_size > 10_000
     plans = [cf.load(tmp_path / name).paths.arcs for name in ("run", "plain")]
@@ -284,7 +284,7 @@ def test_the_command_leaves_rows_and_pages(missions, tmp_path: Path, capsys):
     (entered,) = [
         line.split() for line in printed.splitlines() if line.startswith("keep-out zone violated  ")
     ]
-    assert int(entered[4]) == missions.flights.entered
+    assert int(entered[3]) == missions.flights.entered
     rows = pyarrow.parquet.read_table(tmp_path / "out" / "cases").to_pydict()
     for name in missions.kind.names:
         np.testing.assert_array_equal(rows[name], missions.column(name))

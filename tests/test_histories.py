@@ -197,5 +197,5 @@ def test_nothing_is_said_of_stages_in_which_nothing_is_uncertain():
     assert coast.bodies.pairs == coast.zones.pairs == ()
     assert [one.met for one in coast.asked] == [True]
     assert "clear at 3 sigma (nothing is uncertain)" in str(mission.verdict)
-    assert uncertain.lines(coast) == ("Nothing is uncertain between craft that have zones",)
+    assert uncertain.lines(coast) == ("No uncertainty between craft that have zones",)
     assert uncertain.tables(coast) == ()

@@ -168,7 +168,7 @@ def test_like_is_compared_with_like() -> None:
         took = flown.end - flown.start
         table = next(table for table in section.tables if table.title == "Change made")
         names = [row[0] for row in table.texts]
-        assert names == ["direct", "direct, longer"] + ["around", "change"] * contacts
+        assert names == ["direct", "direct, longer"] + ["avoidance", "change"] * contacts
         assert [row[1] for row in table.texts[:2]] == [f"{ASKED:.1f}", f"{took:.1f}"]
         assert table.shown[1].heading == "lasts [s]"
         again = mission.orbit.transfer(moved.direct.state(0.0), moved.direct.state(moved.direct.end), took)

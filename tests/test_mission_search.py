@@ -69,7 +69,7 @@ def two_apart(stage: str) -> str:
 
 
 def run_text(text: str, tmp_path: Path, monkeypatch, capsys) -> Run:
-    monkeypatch.setattr("closeform.report.page.drawn", lambda *_: ())
+    monkeypatch.setattr("closeform.report.searches.pictures", lambda *_: ())
     (tmp_path / "case.toml").write_text(text)
     status = main(["run", str(tmp_path / "case.toml"), "--out", str(tmp_path / "results"), "--overwrite"])
     return Run(status, capsys.readouterr().out, tmp_path / "results")

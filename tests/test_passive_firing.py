@@ -95,7 +95,7 @@ def test_pulses_without_room_say_how_much_they_need():
     mission = fly(parse(inspector("10 mm/s", "300 s")))
     plan = mission.results[0]
     assert (plan.passive.safe, mission.verdict.status) == (False, 1)
-    (said,) = (line for line in effort.pulse_lines(mission, plan) if "would need more room" in line)
+    (said,) = (line for line in effort.pulse_lines(mission, plan) if "require larger margins" in line)
     assert "larger: the path's end is" in said
     path = plan.after.path("Inspector")
     least = nearest_drift(path, plan.pulsed.firing.pulses, path.end + 86400.0, 8)

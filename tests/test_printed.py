@@ -105,7 +105,7 @@ def test_impulses_are_not_judged_by_thrust() -> None:
     """A gathering says so where the file has max_thrust, and somebody burns."""
     text = (EXAMPLES / "tpf.toml").read_text()
     limited = text.replace('mass = "700 kg"', 'mass = "700 kg"\nmax_thrust = "1 mN"')
-    said = "Burns are impulses, which take no time: max_thrust is not looked at in this stage"
+    said = "Burns are impulses, which take no time: max_thrust does not apply to this stage"
     for scenario, lines in ((text, ()), (limited, (said,))):
         assert RunReport(fly(parse(scenario))).sections[0].closing == lines
 

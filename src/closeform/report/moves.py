@@ -374,11 +374,11 @@ def arrival_lines(craft: str, goal: Arrival | None, drifts: bool, safe: bool = F
     assert shape is not None
     assert lowest is not None
     if asked or abs((lowest - phase + 180.0) % 360.0 - 180.0) < SAME_PHASE:
-        yield f"{arrives}, {'' if asked else 'as given, '}the phase of lowest cost: {spent} by free thrust"
+        yield f"{arrives}, {'' if asked else 'as given, '}lowest cost: {spent} by free thrust"
     else:
-        yield f"{arrives}, as given; the phase of lowest cost is {lowest:.2f} deg"
-        less = f"at the phase of lowest cost {best.spent:.4g} {UNITS[goal.cost]}"
-        yield f'By free thrust without obstacles: {spent}, {less} ({shape.phased} = "cheapest")'
+        yield f"{arrives}, as given; lowest cost at {lowest:.2f} deg"
+        less = f"{best.spent:.4g} {UNITS[goal.cost]}"
+        yield f'By free thrust without obstacles: {spent}; lowest cost {less} ({shape.phased} = "cheapest")'
     if safe:
         yield "The lowest cost among passively safe phases; a passively safe path there may not exist"
     elif drifts:

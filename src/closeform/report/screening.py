@@ -273,7 +273,7 @@ SAMPLES = 201  # instants in states.parquet
 TUBE = 3.0  # sigmas
 SURE_OF_ENCOUNTER = (
     ("Clearance in sigmas", "certified for the Gaussian errors of the message, in Hill's equations"),
-    ("probability, expected entries", "estimated: the 95 % interval covers sampling and quadrature"),
+    ("ever inside, mean entries", "estimated: the 95 % interval covers sampling and quadrature"),
     ("short encounter (2-D)", "its assumptions, straight motion and constant errors, may not hold"),
 )
 EDGE = 0.01  # share of the probability, or of the peak rate, allowed at an edge of the window
@@ -366,9 +366,9 @@ class EncounterReport:
         found, short, message = self.probability, self.short, self.message
         sure = found.low, found.high
         rows = [
-            ("any contact", "trajectories with at least one contact", found.value, sure),
-            ("contact at the start", "part of the above", found.at_start, None),
-            ("expected entries", "mean number after the start", found.mean_entries, None),
+            ("ever inside", "trajectories with at least one contact", found.value, sure),
+            ("inside at the start", "part of the above", found.at_start, None),
+            ("mean entries", "mean number after the start", found.mean_entries, None),
             ("short encounter (2-D)", "straight motion, constant errors", short and short.value, None),
         ]
         if message.collision_probability is not None:

@@ -23,7 +23,7 @@ FEWEST = (
 )
 SIGMAS = (
     *FEWEST,
-    Column("probability", "probability", "{:.5g}".format),
+    Column("ever inside", "probability", "{:.5g}".format),
     Column("95 % interval", None, "{:.5g} to {:.5g}".format, parts=("low", "high")),
     Column("inside at the start", "at_start", "{:.5g}".format),
     Column("mean entries", "mean_entries", "{:.5g}".format),
