@@ -204,7 +204,7 @@ for = "12000 s"
         (180, True),
         (45, True),
     ]
-    assert section.tables[0].title == "Conflicts, by pair, the 40 deepest of 45"
+    assert section.tables[0].title == "Conflicts, by pair, the 40 closest of 45"
 
 
 # avoid within a thrust limit
