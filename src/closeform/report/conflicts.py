@@ -18,7 +18,7 @@ from closeform.report.picture import Film, Picture
 from closeform.report.section import AT, MOST_ROWS, PAIR, Column, Table, counted, record
 from closeform.safety.failures import ThrustLost
 from closeform.scenario.quantity import span
-from closeform.scenario.stage_table import Drifting
+from closeform.scenario.stages import Drifting
 from closeform.zones.combined_zones import REGION
 from closeform.zones.pair_zones import PairZones
 from closeform.zones.zone import Zone

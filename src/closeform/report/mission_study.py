@@ -11,8 +11,7 @@ import numpy as np
 from closeform.campaign.error_cases import MET as CLEAR
 from closeform.campaign.error_cases import MOST as MOST_CASES
 from closeform.campaign.error_cases import ErrorCampaign, PairCounts
-from closeform.campaign.flight_rows import END, RATIO, SPENT, FlightTally
-from closeform.campaign.mission_cases import MET, WORDS, MissionCampaign
+from closeform.campaign.mission_cases import END, RATIO, SPENT, WORDS, MissionCampaign, SimulationTally
 from closeform.campaign.sweep_cases import Point, SweepCampaign
 from closeform.confidence import Estimate, estimate
 from closeform.report import model
@@ -93,9 +92,7 @@ class MissionStudyReport(CasesReport):
         """The command that shows the first case in which a requirement is not met; empty without any."""
         if self.campaign.ok:
             return ()
-        endings = self.campaign.endings.first
-        first = min(case for status, cases in endings.items() if status != MET for case in cases)
-        return self.run_of(first, "the first of them")
+        return self.run_of(self.campaign.tally.good.unmet[0], "the first of them")
 
     @cached_property
     def tables(self) -> tuple[Table, ...]:
@@ -129,7 +126,7 @@ class MissionStudyReport(CasesReport):
             columns = Column(f"least clearance ratio of any pair{planned}"), Column("in case")
             ratio, case = campaign.nearest
             found.append(Table("", columns, [(f"{ratio:.6f}", case)]))
-        drifting, into = campaign.endings.drifting
+        drifting, into = campaign.drifting
         if drifting:
             some, bad = estimate(drifting, len(campaign)), estimate(into, drifting)
             lost = (
@@ -152,7 +149,7 @@ class MissionStudyReport(CasesReport):
             "causes": [{"cause": why, "cases": many, "first": case} for why, many, case in campaign.causes],
             "spreads": {name: spread(one) for name, one in campaign.spreads.items()},
             "least_ratio": None if campaign.nearest is None else campaign.nearest[0],
-            "drifting": dict(zip(("cases", "into_a_zone"), campaign.endings.drifting, strict=True)),
+            "drifting": dict(zip(("cases", "into_a_zone"), campaign.drifting, strict=True)),
         }
         if flights is not None:
             near = flights.nearness
@@ -180,7 +177,7 @@ class MissionStudyReport(CasesReport):
         return tuple(found)
 
 
-def simulated(flights: FlightTally) -> Iterator[Table]:
+def simulated(flights: SimulationTally) -> Iterator[Table]:
     """Yield tables of keep-out violations, of clearance, and of the delta-v by cause."""
     if flights.nearest is not None and flights.nearness is not None:
         share, quantile = estimate(flights.entered, flights.count), flights.nearness.quantiles

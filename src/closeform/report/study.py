@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from closeform.campaign import Campaign, GatherCampaign, LockCampaign, Share
-from closeform.campaign.flown_cases import FlownCases
-from closeform.campaign.search_campaign import LATER
+from closeform.campaign.cases import Statistics
+from closeform.campaign.search_cases import LATER
 from closeform.campaign.spread import QUANTILES, Spread
 from closeform.confidence import Estimate, estimate
 from closeform.mission.verdict import MET, NOT_MET
@@ -49,7 +49,7 @@ GREATEST = (
 class CasesReport(ABC):
     """Report on the cases of a `campaign` of any kind."""
 
-    campaign: FlownCases
+    campaign: Statistics
 
     @property
     @abstractmethod
@@ -218,7 +218,7 @@ def spread_row(name: str, found: Spread, digits: int, scale: float = 1.0) -> tup
     return name, *(f"{scale * one:.{digits}f}" for one in numbers), case
 
 
-def draws(campaign: FlownCases) -> Any:
+def draws(campaign: Statistics) -> Any:
     """Return the distributions of the study by scenario key, as written in the file; or its `draws`."""
     study = campaign.scenario.study
     if study is not None and study.draws == "errors":
@@ -227,14 +227,14 @@ def draws(campaign: FlownCases) -> Any:
     return {key: draw.model_dump(exclude_none=True) for key, draw in vary.items()}
 
 
-def draw_table(campaign: FlownCases) -> tuple[Table, ...]:
+def draw_table(campaign: Statistics) -> tuple[Table, ...]:
     """Return the distributions of the study as a table."""
     rows = [(key, *sized(draw)) for key, draw in draws(campaign).items()]
     columns = Column("key", words=True), Column("distribution"), Column("size")
     return (Table("Drawn for each case and craft", columns, rows),) if rows else ()
 
 
-def draw_lines(campaign: FlownCases) -> list[str]:
+def draw_lines(campaign: Statistics) -> list[str]:
     """Return the distributions of the study as lines, without the keys of a sweep."""
     study = campaign.scenario.study
     assert study is not None
@@ -365,13 +365,13 @@ class StudyReport(CasesReport):
     def by_detection(self) -> dict[str, dict[str, int]]:
         """The cases by phase, and the missed first locks, by detection method; empty for a single one."""
         campaign = self.campaign
-        if not isinstance(campaign, LockCampaign) or not campaign.tally.sampled:
+        if not isinstance(campaign, LockCampaign) or not campaign.kind.steps:
             return {}
         names, over = labels(campaign.search), "stepped over"
         found = {"exact": {share.label: share.cases for share in campaign.shares} | {over: 0}}
-        for step, sampled in campaign.tally.sampled.items():
-            counts = dict(zip(names, sampled.phases.tolist(), strict=True))
-            found[f"every {step:g} s"] = counts | {over: sampled.over}
+        for step in campaign.kind.steps:
+            phases, skipped = campaign.detected(step)
+            found[f"every {step:g} s"] = dict(zip(names, phases, strict=True)) | {over: skipped}
         return found
 
     @cached_property
@@ -381,7 +381,7 @@ class StudyReport(CasesReport):
         if not isinstance(campaign, GatherCampaign) or not campaign.scenario.zones.pairs:
             return {}
         words = {"met_unknown": "before they shared a set", "met_known": "only after"}
-        counts = {name: campaign.tally.pairs_met[key] for key, name in words.items()}
+        counts = {name: campaign.conflicts(key) for key, name in words.items()}
         return {name: (estimate(cases, len(campaign)), pairs) for name, (cases, pairs) in counts.items()}
 
     @property
@@ -390,7 +390,7 @@ class StudyReport(CasesReport):
         campaign = self.campaign
         met = {name: vars(share) | {"pairs": pairs} for name, (share, pairs) in self.violations.items()}
         return {
-            "failed": campaign.tally.never,
+            "failed": campaign.never,
             "asked": {what: {"cases": count, **vars(share)} for what, count, share in self.met},
             "stage": campaign.scenario.stages[0].verb,
             "search": searches.search_figures(self.search),
@@ -420,9 +420,7 @@ class StudyReport(CasesReport):
     def times(self) -> Binned:
         """The histogram of the times at which cases were done."""
         campaign = self.campaign
-        parts = (part for _, part in campaign.chunks.read(*campaign.wanted))
-        times = (campaign.settled(part).times for part in parts)
-        return Binned.of(times, campaign.search.duration, campaign.search)
+        return Binned.of(campaign.times, campaign.search.duration, campaign.search)
 
     @property
     def requested(self) -> tuple[Table, ...]:
