@@ -150,8 +150,8 @@ def test_a_margin_that_fits_has_room_for_the_drift():
     """
     begin, over = ORBIT.period, 1.12 * ORBIT.period
     first = np.array([[0.0, 2900.0, 0, 0, 0, 0], [0.0, 3000.0, 0, 0, 0, 0]])
-    held, drifts = ORBIT.coast(first, begin), cf.coast(first[1], FIELD, over, orbit=ORBIT)
-    after = cf.coast(drifts.state(begin), FIELD, over - begin, begin, orbit=ORBIT)
+    held, drifts = ORBIT.coast(first, begin), FIELD.coast(first[1], over, orbit=ORBIT)
+    after = FIELD.coast(drifts.state(begin), over - begin, begin, orbit=ORBIT)
     direct = ORBIT.transfer(held.state(begin)[0], [0, 3100.0, -4.0, 0, 0, 0], over - begin, begin)
     client, found = ORBIT.coast(first[1], over - begin, begin), {}
     for name, there, before, engine in (

@@ -2,7 +2,7 @@
 
     python tools/beyond_hill.py
 
-Each case is a chief at 500 km and a craft some hundred metres from it that coasts in J2, by `cf.coast`.
+Each case is a chief at 500 km and a craft some hundred metres from it that coasts in J2, by `cf.Field.coast`.
 What is printed is the median of the greatest deviation, in metres for each kilometre of distance and each
 orbit.  Starts are osculating states, as they are measured; "fitted" are the starts that fit best afterwards.
 """
@@ -72,7 +72,7 @@ def deviations(seed: int, eccentricity: float, turns: int) -> list[float]:
     start = draws.normal(size=6) * 200.0 * np.repeat([1.0, orbit.mean_motion], 3)
     start[4] = -2.0 * orbit.mean_motion * start[0]
     times = np.linspace(0.0, turns * orbit.period, 60 * turns + 1)
-    flown = cf.coast(start, field, times[-1]).position(times)
+    flown = field.coast(start, times[-1]).position(times)
     hill = orbit.transition(times)
     mean = np.linalg.norm(field.chief_states(times)[:, :3], axis=1).mean()
     averaged = schweighart_sedwick(float(mean), tilt, latitude, times)
@@ -82,7 +82,7 @@ def deviations(seed: int, eccentricity: float, turns: int) -> list[float]:
         averaged @ start,
         averaged @ fitted(averaged, flown),
         cf.EccentricOrbit.from_elements(chief.elements).transition(times) @ start,
-        cf.transition(field, times) @ start,
+        field.transition(times) @ start,
     ]
     far = np.linalg.norm(flown, axis=1).max() * turns / 1e3
     return [float(np.linalg.norm(one[:, :3] - flown, axis=1).max() / far) for one in predicted]

@@ -96,13 +96,13 @@ class Start:
     @cached_property
     def changed(self) -> np.ndarray:
         """What other starts change (T, 3, 6), the same in all these fields; of metres and mm/s."""
-        return cf.transition(cf.Field(self.chief), self.times)[:, :3] * np.repeat([1.0, 1e-3], 3)
+        return cf.Field(self.chief).transition(self.times)[:, :3] * np.repeat([1.0, 1e-3], 3)
 
     def errors(self, field: cf.Field) -> tuple[float, float]:
         """How far the relative position is off at most [m], from both states and from a start that fits."""
         felt = field.accelerations(0.0, self.chief.state)
         start = cf.elements.relative_from_inertial(self.chief.state, self.other, acceleration=felt)
-        off = self.flown - cf.coast(start, field, self.times[-1], within=0.05).position(self.times)
+        off = self.flown - field.coast(start, self.times[-1], within=0.05).position(self.times)
         fit = np.linalg.lstsq(self.changed.reshape(-1, 6), off.ravel(), rcond=None)[0]
         from_both, fitted = (np.linalg.norm(one, axis=1).max() for one in (off, off - self.changed @ fit))
         return float(from_both), float(fitted)

@@ -59,7 +59,6 @@ _NAMES = {
     "dynamics.simulation_result": "Simulation",
     "dynamics.fitted": "fit_margin",
     "dynamics.tracking_margins": "TrackingMargins tracking_margins",
-    "dynamics.natural": "coast transition",
     "dynamics.tube": "Tube tube",
     "dynamics.validity": "Validity validity",
     "results.load": "load",

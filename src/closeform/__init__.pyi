@@ -39,7 +39,6 @@ from closeform.dynamics.tracking_margins import (
     TrackingMargins as TrackingMargins,
     tracking_margins as tracking_margins,
 )
-from closeform.dynamics.natural import coast as coast, transition as transition
 from closeform.dynamics.tube import Tube as Tube, tube as tube
 from closeform.dynamics.validity import Validity as Validity, validity as validity
 from closeform.exchange.common_frame import CommonFrame as CommonFrame, common_frame as common_frame

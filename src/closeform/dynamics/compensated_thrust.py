@@ -14,7 +14,6 @@ from closeform.dynamics.chief_frame import ChiefFrame
 from closeform.dynamics.engines import running_engines
 from closeform.dynamics.field import Field, described
 from closeform.dynamics.flown_plan import paths_to_fly, spanning
-from closeform.dynamics.natural import drifting
 from closeform.dynamics.residual import residuals
 from closeform.dynamics.retargeted import Retargeted, changed_impulses
 from closeform.fuel.thrusters import Thrusters, each_set
@@ -180,7 +179,7 @@ def compensated_thrust(
     running = running_engines(engine, paths, field, own)
     commanded = planned - left_out * (running & ~fires)[:, None, None]
     if len(adrift := np.flatnonzero(~running)):
-        drift = drifting(paths[adrift], field._of(adrift))
+        drift = field._of(adrift)._drift(paths[adrift])
         off = drift.position(times) - paths[adrift].position(times)
         deviation[adrift] = np.linalg.norm(off, axis=2).max(axis=1)
         each = dict(zip(adrift.tolist(), (drift[j] for j in range(len(adrift))), strict=True))

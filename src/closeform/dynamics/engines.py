@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, shown
 from closeform.dynamics.field import Field
-from closeform.dynamics.natural import drifting
 from closeform.motion.arc import START
 from closeform.motion.path import Path
 
@@ -60,6 +59,6 @@ def running_engines(engine: Any, paths: Path, field: Field, thrusters: Sequence[
 
 def _natural(path: Path, field: Field) -> bool:
     """Return True if a path (1,) is natural motion in a field."""
-    drift = drifting(path, field)
+    drift = field._drift(path)
     times = drift.arcs[:, START]
     return bool(np.abs(path.position(times) - drift.position(times)).max() < SAMPLED)

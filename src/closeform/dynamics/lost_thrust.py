@@ -16,7 +16,6 @@ from closeform.dynamics.chief_frame import ChiefFrame
 from closeform.dynamics.drawn import Draws
 from closeform.dynamics.field import Field
 from closeform.dynamics.least_ratios import cubic
-from closeform.dynamics.natural import drift_from
 from closeform.dynamics.reference_trajectory import Commands, Flights, flown, in_order
 from closeform.dynamics.timetable import impulses_of
 from closeform.motion.joining import drift, drifting, stack
@@ -148,6 +147,6 @@ def _drifts(paths: Path, field: Field | None, times: Floats) -> Callable[[int, i
     felt = field.accelerations(times, chief, field._chief_ballistic)
 
     def drifting_in_field(k: int, i: int, state: Floats) -> Floats:
-        return drift_from(state, field._of([k]), times[i:], chief[i:], felt[i:])
+        return field._of([k])._drift_from(state, times[i:], chief[i:], felt[i:])
 
     return drifting_in_field

@@ -18,7 +18,6 @@ from closeform.dynamics.field import Field
 from closeform.dynamics.flown_plan import paths_to_fly
 from closeform.dynamics.followed import Followed, instants
 from closeform.dynamics.infeasible import Grounded
-from closeform.dynamics.natural import drifting
 from closeform.dynamics.reachable import lacks
 from closeform.fuel.thrusters import Thrusters, each_set
 from closeform.motion.path import Path, fires_impulses
@@ -258,7 +257,7 @@ def _of_drifting(
     spread = np.zeros((len(paths), len(times), 3, 3))
     for k, own in enumerate(errors or ()):
         spread[k] = moved[:, :3] @ own.state @ moved[:, :3].swapaxes(1, 2)
-    shift = drifting(paths, field).position(times) - paths.position(times)
+    shift = field._drift(paths).position(times) - paths.position(times)
     none = np.zeros(len(paths))
     turn = np.zeros_like(spread)
     return TrackingMargins(times, shift, np.zeros_like(shift), turn, sizes, rest, spread, none, many, none)

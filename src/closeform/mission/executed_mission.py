@@ -18,7 +18,6 @@ from scipy.special import ndtri
 from closeform.arrays import Floats
 from closeform.conflicts.flight import watch
 from closeform.conflicts.two_paths import closest_approach
-from closeform.dynamics.natural import coast
 from closeform.mission.search_stage import gather_flawed
 from closeform.mission.verdict import LostThrust
 from closeform.motion.joining import drift, drifting, join, stack
@@ -270,7 +269,7 @@ def nearest(mission: Mission, k: int, time: float) -> tuple[float, str | None]:
     if field is None or time >= own.end:
         alone = drift(orbit, time, own.end, own.state(time))
     else:
-        alone = coast(own.state(time), field._of([k]), own.end - time, time, orbit=orbit)
+        alone = field._of([k]).coast(own.state(time), own.end - time, time, orbit=orbit)
     zones = {j: mission.scenario.zones.between(k, j) for j in range(len(names)) if j != k}
     ratios = [
         (float(closest_approach(alone, paths[j], zone).ratio), names[j])
