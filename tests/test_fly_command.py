@@ -354,7 +354,7 @@ def test_the_rest_of_one_stage_is_planned_anew(run: Path, tmp_path: Path, capsys
     (tmp_path / "pulsed").mkdir()
     swapped(tmp_path / "pulsed", swap(craft=SETS, more='margin = "3 m"\n' + NAVIGATION))
     _, pulsed, _ = flown(tmp_path / "pulsed" / "run", tmp_path / "out", "--seeds", "3", "--control", "replan")
-    assert "Thrusters: all fire the plan" in capsys.readouterr().out
+    assert "Thrusters: all fire the compensated plan" in capsys.readouterr().out
     assert pulsed["feedback"] == found["feedback"]
     assert (
         1.2 < pulsed["spent"][2]["delta_v_m_s"] / found["spent"][2]["delta_v_m_s"] < 2.0
