@@ -36,6 +36,8 @@ def descended(solver: ImpulseSolver, best: Spent) -> Spent:
 def at_rest(solver: ImpulseSolver, best: Spent, moments: Callable[[Spent], list[Moments]]) -> Spent:
     """Return the last of the rounds from clear paths, each fired at the `moments` of the one before."""
     for _ in range(ROUNDS):
+        if solver.problem.effort.beyond():
+            break
         better = step_down(solver, best, moments(best))
         if better is None:
             break
@@ -56,6 +58,8 @@ def cleared(
     for _ in range(COMING):
         if here is None or here.checked.clear:
             return here
+        if solver.problem.effort.beyond():
+            return None
         here = step_near(solver, here, near.moments if moments is None else moments(here))
     return None
 

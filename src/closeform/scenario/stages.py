@@ -9,7 +9,7 @@ from pydantic import BeforeValidator, Discriminator, Field, Tag
 from closeform.arrays import Floats
 from closeform.motion.orbit import Orbit
 from closeform.scenario.formation import Destination, Goal, Target
-from closeform.scenario.quantity import DURATION, Duration, Reader
+from closeform.scenario.quantity import DURATION, Duration, Proving, Reader
 from closeform.scenario.stage_table import Drifting, StageTable, Thrusting
 from closeform.scenario.table import (
     ALL,
@@ -19,6 +19,7 @@ from closeform.scenario.table import (
     Name,
     Names,
     Position,
+    Proof,
     Span,
     Table,
     Vector,
@@ -68,10 +69,10 @@ class Coast(Drifting):
 
 
 class Clearing(Thrusting):
-    """Stage whose paths avoid zones: the keep-out margin and the time for raising the lower bound."""
+    """Stage whose paths avoid zones: the keep-out margin, and the end of a proof of the lower bound."""
 
     margin: Margin | None = Field(None, examples=['"0.5 m"'])
-    prove: Span | None = Field(None, examples=['"10 s"'])
+    prove: Proof | None = Field(None, examples=['"10 s, 1 %"'])
 
     @property
     def is_exact(self) -> bool:
@@ -79,9 +80,9 @@ class Clearing(Thrusting):
         return True
 
     @property
-    def proving(self) -> float:
-        """Time for raising the lower bound of a plan [s]."""
-        return 0.0 if self.prove is None else self.prove.seconds
+    def proving(self) -> Proving:
+        """End of the proof of a plan; at once without `prove`."""
+        return self.prove or Proving(seconds=0.0)
 
     @property
     def unprovable(self) -> str | None:
@@ -96,8 +97,6 @@ class Clearing(Thrusting):
 
     def flaws(self) -> Iterator[str]:
         yield from super().flaws()
-        if self.prove is not None and self.prove.orbits:
-            yield 'prove is a time; write for example prove = "10 s"'
         if self.prove is not None and self.unprovable is not None:
             yield f"prove cannot be combined with {self.unprovable}; remove one of them"
 

@@ -13,8 +13,10 @@ from closeform.scenario.quantity import (
     LENGTH,
     SHARE,
     SPEED,
+    TIME,
     Duration,
     Parts,
+    Proving,
     Reader,
     as_number,
     shown,
@@ -100,6 +102,19 @@ def as_drift(value: Any) -> Duration:
     return read
 
 
+def as_proving(value: Any) -> Proving:
+    """Return the end of a proof from a time, a gap in percent, or both."""
+    parts = [part.strip() for part in value.split(",")] if isinstance(value, str) else []
+    gaps = [part for part in parts if part.endswith(("%", "ppm"))]
+    times = [part for part in parts if part not in gaps]
+    if not parts or max(len(gaps), len(times)) > 1 or any("orbit" in part for part in times):
+        raise ValueError(f'{shown(value)} is no time or gap; write for example "10 s", "1 %" or "10 s, 1 %"')
+    given = {"seconds": Reader(TIME, least="positive").numbers(times[0])[0]} if times else {}
+    if gaps:
+        given["gap"] = Reader(SHARE, least="positive").numbers(gaps[0])[0]
+    return Proving(**given)
+
+
 def as_margin(value: Any) -> float | Literal["auto"]:
     """Return a length [m], or "auto"."""
     if value == "auto":
@@ -128,4 +143,5 @@ Angle = Annotated[float, BeforeValidator(Reader(ANGLE))]
 Span = Annotated[Duration, BeforeValidator(Reader(DURATION, least="positive"))]
 Margin = Annotated[float | Literal["auto"], BeforeValidator(as_margin)]
 Drift = Annotated[Duration, BeforeValidator(as_drift)]
+Proof = Annotated[Proving, BeforeValidator(as_proving)]
 Share = Annotated[float, BeforeValidator(Reader(SHARE, least="zero"))]
