@@ -127,12 +127,15 @@ def solved(
     `by_energy` returns the paths of minimum energy, and `near` other clear paths.
     """
     problem, free = solver.problem, solver.unconstrained()
-    if free.checked.clear:
-        alone = in_bits(solver, free) or free
-        small = int(solver.below_bit(alone).sum())
-        found = Outcome(alone.flown, (), 0.0, 1.0, True, 0, delta_v=alone.delta_v, below_bit=small)
-        return found, free
     best, begun = searched(solver, free, by_energy, budget, more, near)
+    # of equally cheap optima, rounding decides which one `free` is, and whether that is clear
+    optimal = best is not None and solver.failures is None and best.delta_v <= LEAST * free.delta_v
+    if free.checked.clear or optimal:
+        alone = best if best is not None and optimal else free
+        alone = in_bits(solver, alone) or alone
+        small = int(solver.below_bit(alone).sum())
+        found = Outcome(alone.flown, (), 0.0, alone.margin, True, 0, delta_v=alone.delta_v, below_bit=small)
+        return found, free
     tried, safe = len(begun), best is not None
     if best is not None and fires(solver):
         solver, best = pulses_near(solver, free, begun, best)
