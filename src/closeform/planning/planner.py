@@ -73,13 +73,14 @@ class Outcome:
                 (one, other), drifts, time = problem.pairs[every.which[k]], every.drifts[k], every.times[k]
                 one, other = (other, one) if drifts[1] > 0.0 else (one, other)
                 lost = f" after a loss of thrust at {time - drifts.max():.6g} s" if drifts.any() else ""
-                pulses = ", by pulses for lack of acceleration" if self.unfired else ""
                 said = (
-                    f"; the nearest miss{pulses}: {names[one]} reaches {ratios[k]:.4f} x zone from "
+                    f"; the nearest miss: {names[one]} reaches {ratios[k]:.4f} x zone from "
                     f"{names[other]} at {time:.6g} s{lost}"
                 )
-            elif self.unfired:
-                said = "; pulses are clear only below the thrusters' minimum_bit"
+        if self.unfired:
+            said = (
+                f"; impulses are safe, but no safe pulses above the thrusters' minimum_bit were found{said}"
+            )
         if effort.ended:
             said += f"; the search has used its effort; a budget above {effort.usual} raises it in proportion"
         return said + unseparated(problem, names)
