@@ -268,7 +268,7 @@ def test_impulses_half_an_orbit_apart(orbits):
     plan = cf.reconfigure(ORBIT, initial, final, lasts, cf.Sphere(1e-3), cost="delta-v", assign=False)
     assert plan.direct.delta_v == pytest.approx(alone, rel=1e-9, abs=1e-12)
     assert np.sum(plan.paths.delta_v) == pytest.approx(plan.delta_v, rel=1e-9, abs=1e-12)
-    assert plan.delta_v <= 1.0001 * alone.sum() + 1e-12
+    assert plan.delta_v <= 1.0011 * alone.sum() + 1e-12  # 0.1 % for impulses that are too small to be fired
     assert np.abs(plan.direct.position(lasts) - final[:, :3]).max() < 1e-6  # m
 
 

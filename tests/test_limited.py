@@ -337,7 +337,7 @@ def test_burns_of_one_craft_are_not_told_of_another(monkeypatch):
 
 
 @pytest.mark.parametrize("start", [0.0, 1e9])
-@pytest.mark.parametrize("limit", [1e3, 1e6, 1e12, 1e50])
+@pytest.mark.parametrize("limit", [1e3, 1e6, 1e12, 9.99e59])  # numbers must be below 1e60
 def test_burns_shorter_than_the_clock_tells_are_whole(limit, start):
     """Of m/s within fractions of a tick of the clock: neither the end nor the limit suffers from rounding."""
     begins, ends, durations, _, _ = cases(44, 6, 1.0, 1.0)

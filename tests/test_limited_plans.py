@@ -13,6 +13,7 @@ from scipy.integrate import quad_vec, solve_ivp
 from scipy.linalg import expm
 
 import closeform as cf
+import passages
 from closeform.fuel.burns import burns_of
 from closeform.mission.stage_burns import burns_in
 from formations import LOW_ORBIT
@@ -280,19 +281,18 @@ def test_burns_that_are_none_are_left_out():
 
 @pytest.fixture(scope="module")
 def touching():
-    """A plan that touches its limit in passing, for nanometres a second, and the size of every burn [m/s]."""
-    orbit, draws = cf.Orbit.circular(500e3), np.random.default_rng(25)
-    count = draws.integers(3, 6)
-    angle = 2.0 * np.pi / count * np.arange(count)
-    ring = np.zeros((count, 6))
-    ring[:, 1], ring[:, 2] = 80.0 * np.cos(angle), 80.0 * np.sin(angle)
-    ring[:, :3] += draws.normal(size=(count, 3)) * 3.0
-    lasts = draws.uniform(0.25, 0.6) * orbit.period
-    limit = draws.uniform(1.5, 8.0) * orbit.impulsive(ring, -ring, lasts).delta_v.max() / lasts
-    plan = cf.reconfigure(orbit, ring, -ring, lasts, cf.Sphere(15.0), cost="delta-v", max_acceleration=limit)
-    every = np.concatenate([burns_of(plan.paths[k]).size for k in range(count)])
-    assert every.min() < 1e-8  # m/s: such a plan it is
-    return plan, every
+    """Two craft with a burn of nanometres a second between two of a decimetre, and the size of every burn."""
+    orbit, state, pieces = cf.Orbit.circular(500e3), np.zeros((2, 6)), []
+    state[:, 1] = 80.0, -80.0
+    for thrust, lasts in ((1e-3, 100.0), (0.0, 900.0), (1e-9, 5.0), (0.0, 900.0), (-1e-3, 100.0)):
+        start = pieces[-1].end.max() if pieces else 0.0
+        push = np.array([[thrust, 0.0, 0.0], [0.0, 0.0, thrust]])
+        pieces.append(orbit.burn(state, push, lasts, start))
+        state = pieces[-1].state(start + lasts)
+    paths = cf.join(pieces)
+    every = np.concatenate([burns_of(paths[k]).size for k in range(2)])
+    assert every.min() < 1e-8  # m/s
+    return SimpleNamespace(paths=paths, delta_v=paths.delta_v.sum()), every
 
 
 def test_burns_of_nothing_are_not_listed(touching):
@@ -360,3 +360,24 @@ def test_components_of_burns_that_are_rounding_are_none():
     assert burns.size > 1.1 * np.linalg.norm(burns.push, axis=1)  # it turns, and its size is its length's sum
     assert burns.push[0, 1] == 0.0
     assert (np.abs(burns.push[0, ::2]) > 0.01).all()
+
+
+@pytest.mark.parametrize(("group", "seed"), [("one box", 2), ("three ellipsoids", 0)])
+def test_no_burn_is_too_small_to_be_fired(group, seed):
+    """Burns of a tenth of a micrometre per second to 66 micrometres per second were planned here."""
+    task, limit, least = passages.passage(group, seed), 1e-2, 1e-4
+    given = task.path, task.obstacles, task.zones
+    impulses = cf.avoid(*given, cost="delta-v")
+    assert min(np.linalg.norm(push) for _, push in impulses.path.impulses) >= least
+    burns = cf.avoid(*given, cost="delta-v", max_acceleration=limit, longer=False)
+    for plan in (impulses, burns):
+        assert plan.ok
+        assert not task.conflicts(plan.path)
+        assert plan.path.state(task.duration) == pytest.approx(task.final, abs=1e-6)
+    times = np.linspace(0.0, task.duration, 200_001)
+    thrust = np.linalg.norm(burns.path.thrust(times), axis=-1)
+    level = np.digitize(thrust, [1e-12, 0.1 * limit])  # off, throttled, burning
+    edges = np.flatnonzero(np.diff(level)) + 1
+    pieces = zip(np.split(thrust, edges), np.split(level, edges), strict=True)
+    given = np.array([one.sum() * times[1] for one, at in pieces if at[0]])
+    assert given.min() >= 0.9 * least  # to a sample at either end

@@ -1,5 +1,6 @@
 """Plans of least delta-v that are safe when thrust is lost, amid impulses too: flown and solved otherwise."""
 
+import re
 from functools import lru_cache
 
 import clarabel
@@ -134,6 +135,19 @@ def test_a_hold_on_the_track_is_not_left_absurdly_dear():
     assert found.delta_v == pytest.approx(float(found.path.delta_v))
     assert found.lower_bound < found.delta_v <= 1.1 * float(by_energy.path.delta_v)
     assert cf.passively_safe(found.path, client, cf.Sphere(20.0), found.path.end + orbit.period)
+
+
+@pytest.mark.parametrize("thrusters", [None, cf.Thrusters.rtn()], ids=["any direction", "thrusters"])
+def test_a_search_without_result_ends_at_its_effort_and_reports_the_nearest_miss(monkeypatch, thrusters):
+    """A hold point cannot be left or reached safely in deep drift: a box makes each start expensive."""
+    monkeypatch.setattr("closeform.planning.problem.EFFORT", 1e6)
+    path = ORBIT.transfer([0, -200, 0, 0, 0, 0], [0, 60, 0, 0, 0, 0], 0.7 * PERIOD)
+    client = ORBIT.coast(np.zeros(6), 3.7 * PERIOD)
+    given = path, client, cf.Box([20.0, 30.0, 25.0])
+    found = cf.avoid(*given, drift=3 * PERIOD, cost="delta-v", thrusters=thrusters)
+    assert not found.ok
+    assert re.search(r"nearest miss: path reaches [\d.]+ x zone from obstacle 0 at [\d.]+ s", found.reason)
+    assert "a budget above 24" in found.reason
 
 
 @pytest.mark.slow

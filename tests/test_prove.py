@@ -215,18 +215,22 @@ def test_the_bound_covers_most_of_the_extra_energy_of_random_formations():
 
 
 def test_a_stage_closes_its_gap_where_that_is_asked():
-    """Of the cluster's crossing, 1 % above its bound: the same path, and a bound within 0.1 % of it."""
+    """Of the cluster's crossing, 1 % above its bound: the same path, and a bound within the asked gap."""
     text = (Path(__file__).parents[1] / "examples" / "cluster.toml").read_text()
-    asked = text.replace('do = "avoid"\n', 'do = "avoid"\nprove = "60 s"\n')
-    assert asked != text
+    half, asked = (
+        text.replace('do = "avoid"\n', f'do = "avoid"\nprove = "{end}"\n') for end in ("0.5 %", "60 s, 0.1 %")
+    )
     plans = []
-    for some in (text, asked):
+    for some in (text, half, asked):
         mission = fly(parse(some, "cluster.toml", "run"))
         plans.append(mission.results[1].result.avoidance)
         said = [line for one in RunReport(mission).sections for line in one.lines + one.closing]
         assert any("lower bound" in line for line in said)
         assert any('prove = "10 s" in the stage' in line for line in said) == (some is text)
-    loose, close = plans
+    loose, halfway, close = plans
+    assert halfway.gap <= 5e-3
+    assert halfway.lower_bound <= close.lower_bound * (1.0 + 1e-9)
+    assert close.gap <= 1e-3
     assert loose.gap > 0.01
     assert close.energy <= loose.energy * (1.0 + 1e-9)
     assert loose.lower_bound <= close.lower_bound <= close.energy * (1.0 + 1e-9)

@@ -100,10 +100,13 @@ def test_the_command_leaves_a_table_and_a_picture(tmp_path, monkeypatch, capsys,
     summary = json.loads(Path("swept-study/summary.json").read_text())
     assert [point["met"]["cases"] for point in summary["points"]] == [one.met_cases for one in swept.points]
     assert Path("swept-study/sweep.png").stat().st_size > 10_000
-    case = int(np.argmin(swept.points[3].campaign.good))
+    (case, *_) = np.flatnonzero(~np.isfinite(swept.points[3].campaign.time))  # it never locks
     assert main(["run", "swept.toml", "--point", "3", "--case", str(case), "--no-viewer"]) == 1
     told = json.loads(Path(f"swept-point-3-case-{case}-results/summary.json").read_text())
     assert told["status"] == 1
+    assert told["stopped"] is not None
+    locks = pyarrow.parquet.read_table(f"swept-point-3-case-{case}-results/locks.parquet").to_pydict()
+    assert not np.isfinite(np.array(locks["time_s"], dtype=float)).any()
     assert main(["run", "swept.toml", "--point", "4", "--case", "0"]) == 2
     assert (
         capsys.readouterr().err == "--point: swept.toml has points 0 to 3, got 4; give one of them, or none\n"

@@ -10,6 +10,7 @@ from scipy.linalg import expm
 from scipy.optimize import nnls
 
 import closeform as cf
+import passages
 from formations import LOW_ORBIT, cases
 from test_least_delta_v_plans import flown, passage, rates
 
@@ -260,3 +261,13 @@ def test_thrusters_too_coarse_for_a_plan_are_named():
     move = cf.reconfigure(ORBIT, *ends, 0.4 * ORBIT.period, (None,), **given)
     assert move.ok
     assert "minimum_bit" in move.reason
+
+
+def test_a_plan_that_costs_as_much_as_without_zones_is_clear():
+    """Of equally cheap optima one is in conflict, and BLAS kernels decide which one a solver finds."""
+    task = passages.passage("one box", 16)
+    path = task.orbit.impulsive(task.initial, task.final, task.duration)
+    plan = cf.avoid(path, task.obstacles, task.zones, cost="delta-v", thrusters=SIX)
+    assert plan.proven
+    assert (plan.status, plan.contacts) == (cf.Status.CLEAR, ())
+    assert not task.conflicts(plan.path)

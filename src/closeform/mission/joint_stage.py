@@ -152,7 +152,8 @@ def planned(
                 sigmas=stage.sigmas or 0.0,
                 drift=drift,
                 margin=margin,
-                prove=stage.proving,
+                prove=stage.proving.seconds,
+                gap=stage.proving.gap,
             )
 
         plan = with_margin(start, stage, who + rest, coasting, made)

@@ -86,19 +86,19 @@ def around(start: StageStart, stage: Avoid) -> StageResult[Avoid, AvoidResult]:
     craft, direct = start.scenario.craft[mover], way(1.0)
     thrusters = start.thrusters(mover, stage.cost)
     task = Around.of(start.orbit, others, zones, stage.method, None, rest, stage.cost, thrusters)
-    task = replace(task, drift=drift)
+    task = replace(task, drift=drift, gap=stage.proving.gap)
     if known is not None:
         task = task.keeping(direct, known[0], known[1:], stage.sigmas)
 
     def made(margin: Any) -> Avoidance:
         padded = task.padded(margin) if np.any(margin) else task
         if not craft.limited or thrusters is not None:
-            return padded.plan(direct, stage.proving)
+            return padded.plan(direct, stage.proving.seconds)
         return padded.keep(
             craft.max_acceleration,
             lambda factor: way(factor) if factor != 1.0 else direct,
             stage.longer,
-            stage.proving,
+            stage.proving.seconds,
         )
 
     avoidance = with_margin(start, stage, who, others, made)

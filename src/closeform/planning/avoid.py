@@ -21,6 +21,7 @@ from closeform.planning.planner import (
     check_obstacles,
 )
 from closeform.planning.problem import transfer_of
+from closeform.planning.prove import GAP
 from closeform.planning.single_craft import Around
 from closeform.zones.combined_zones import OwnZone
 from closeform.zones.pair_zones import PairZones
@@ -41,6 +42,7 @@ def avoid(
     longer: bool = True,
     budget: int | None = None,
     prove: float = 0.0,
+    gap: float = GAP,
     names: Sequence[str] | None = None,
     cost: Cost = "energy",
     thrusters: Thrusters | None = None,
@@ -77,17 +79,22 @@ def avoid(
         TOO_WEAK, and `weak` holds the shortfall.
     budget : int, optional
         Maximum number of candidates, each solved to its local optimum.  The default depends on the number of
-        zones in contact.
+        zones in contact.  With `drift` the search also ends after a counted effort of at most about 10 s,
+        the same on every machine; a budget above 24 raises it in proportion.
     prove : float [s], default 0
         Time limit for branch and bound over all passing sides.  It raises the lower bound until the
-        optimality gap is 0.1 %, and replaces the path if it finds one of lower cost (not with
+        optimality gap is at most `gap`, and replaces the path if it finds one of lower cost (not with
         `max_acceleration`).
+    gap : float, no unit, default 0.001
+        Optimality gap, as a fraction of the lower bound, at which `prove` stops.
     names : sequence of str, optional
         Names of the obstacles, for use in reasons; "obstacle 0" and so on by default.
     cost : "energy" or "delta-v", default "energy"
         The minimised cost.  With "delta-v" the path has impulses, or burns within `max_acceleration`: few,
-        except where it slides along a zone.  `budget` then counts starting points; "delta-v" cannot be
-        combined with `prove` or "sauter-palmer".
+        except where it slides along a zone.  Impulses, burns and throttled parts of burns below 0.1 mm/s, or
+        1 % of the delta-v where that is less, are dropped where the others can replace them at 0.1 % more
+        delta-v.  `budget` then counts starting points; "delta-v" cannot be combined with `prove` or
+        "sauter-palmer".
     thrusters : Thrusters, optional
         Thrusters of the craft.  They require cost "delta-v", which is then summed over the thrusters: two
         that fire at once both count.  A clear path is replanned for them.  No impulse is below `minimum_bit`
@@ -142,7 +149,7 @@ def avoid(
     def way(factor: float) -> Path:
         return path if factor == 1.0 else transfer_of(path, factor)
 
-    check_effort(budget, prove)
+    check_effort(budget, prove, gap)
     check_method(method, "exact", "sauter-palmer")
     check_cost(cost, thrusters, prove=prove > 0.0, method=method != "exact")
     instance("longer", longer, bool, np.bool_)
@@ -154,6 +161,7 @@ def avoid(
     if (after := check_drift(drift, prove, method, "exact")) is not None:
         check_obstacles(task.obstacles, path.end + after, task.names)
         task = replace(task, drift=after)
+    task = replace(task, gap=gap)
     task, sigmas = task.padded(margin), size("sigmas", sigmas)
     if check_errors((errors, other_errors), zone, prove, method != "exact", drift):
         task = task.keeping(path, errors, other_errors, sigmas)

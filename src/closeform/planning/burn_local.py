@@ -27,8 +27,17 @@ from closeform.planning.firing_times import Moments, pushes_table, sizes_of, som
 from closeform.planning.impulse_alone import answers_alone
 from closeform.planning.impulse_checks import Failures, Spent
 from closeform.planning.impulse_descent import cleared
-from closeform.planning.impulse_local import FEWER, FIRED, IDLE, LAST, WIDEST, ImpulseSolver
-from closeform.planning.problem import Problem
+from closeform.planning.impulse_local import (
+    FEWER,
+    FIRED,
+    IDLE,
+    LAST,
+    SMALL,
+    SMALL_SHARE,
+    WIDEST,
+    ImpulseSolver,
+)
+from closeform.planning.problem import Closest, Problem
 from closeform.planning.scene import Contacts
 
 SLOTS, A_TURN = 24, 60  # of a craft's time, and additional ones for each orbit
@@ -36,6 +45,7 @@ FINE = 0.03  # rad of the orbit: maximum slot with thrust along a turning primer
 FINEST = 1.0 / 64.0  # of a craft's time: upper limit of these slots
 BRIEFEST = 1e-6  # of a craft's time: no slot is shorter
 USED, FULL = 1e-6, 0.98  # of a slot's maximum: above these a slot is used, or full
+THROTTLED = 0.1  # of a limit: a slot with less thrust is judged by itself, not as a part of its burn
 BESIDE = 0.1  # of a burn: length of the slots next to it
 TOUCHING = 1e-9  # of a craft's time: burns no further apart are merged
 FURTHER = 1e-5  # of a zone: distance by which planes move out so that fewer slots stay clear
@@ -141,6 +151,7 @@ class BurnSolver(ImpulseSolver):
         """Return the solver for `factor` times the limits."""
         other = copy(self)
         other.limits = factor * self.limits
+        other.closest = self.closest if factor == 1.0 else Closest()
         return other
 
     def about(self, paths: Spent) -> Spent | None:
@@ -207,23 +218,32 @@ class BurnSolver(ImpulseSolver):
     def fewest(self, best: Spent) -> Spent:
         """Return the solution without insignificant burns, where that is clear; longer burns replace them."""
         for share, further in product((FIRED, IDLE), (0.0, FURTHER)):
-            used, start = self.with_neighbours(best, share), replace(best, margin=best.margin + further)
+            large = sizes_of(best.impulses) > share * best.delta_v
+            used, start = self.kept(best, large), replace(best, margin=best.margin + further)
 
-            def kept(_: Spent, used: list[Moments] = used) -> list[Moments]:
-                return used
-
-            found = next(self.refired(start, kept, 1.0 + FEWER, steady=True), None)
+            found = self.refired_at(used, start, 1.0 + FEWER)
             if found is not None and found.delta_v <= (1.0 + FEWER) * best.delta_v:
                 return found
         return best
 
-    def with_neighbours(self, best: Spent, share: float) -> list[Moments]:
-        """Return each craft's slots with more than a `share` of the delta-v, and the slots next to them."""
-        large = sizes_of(best.impulses) > share * best.delta_v
-        near = large.copy()
-        near[:, 1:] |= large[:, :-1]
-        near[:, :-1] |= large[:, 1:]
-        return some_of_each(best.moments, np.where(self.limits[:, None] > 0.0, near, large))
+    def kept(self, best: Spent, left: Any) -> list[Moments]:
+        """Return each craft's slots in a mask (N, J), and unused or insignificant slots next to them."""
+        near = left.copy()
+        near[:, 1:] |= left[:, :-1]
+        near[:, :-1] |= left[:, 1:]
+        near &= left | ~self.small(best)
+        return some_of_each(best.moments, np.where(self.limits[:, None] > 0.0, near, left))
+
+    def small(self, found: Spent) -> Any:
+        """Return which slots (N, J) are burns too small to be planned, or throttled parts of burns."""
+        sizes = sizes_of(found.impulses)
+        for i in np.flatnonzero(self.limits):
+            own, row = found.moments[i], sizes[i, : len(found.moments[i].times)]
+            apart = np.abs(own.times[1:] - own.times[:-1] - own.widths[:-1]) > TOUCHING * self.times[i]
+            used = row > THROTTLED * self.limits[i] * own.widths
+            burns = np.cumsum(np.append(True, apart | (used[1:] != used[:-1])))
+            row[used] = np.bincount(burns, row)[burns][used]
+        return (sizes > 0.0) & (sizes < min(SMALL, SMALL_SHARE * found.delta_v))
 
     def settled(self, best: Spent) -> Contacts:
         """Return the contacts with the multipliers of the last round, whose slots are already fine."""

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from math import inf
 
 from closeform.planning.firing_times import Moments, blended
-from closeform.planning.impulse_checks import Spent
+from closeform.planning.impulse_checks import Spent, arrive
 from closeform.planning.impulse_local import LAST, SAFER, SETTLED, ImpulseSolver
 from closeform.planning.scene import Contacts
 
@@ -36,6 +36,8 @@ def descended(solver: ImpulseSolver, best: Spent) -> Spent:
 def at_rest(solver: ImpulseSolver, best: Spent, moments: Callable[[Spent], list[Moments]]) -> Spent:
     """Return the last of the rounds from clear paths, each fired at the `moments` of the one before."""
     for _ in range(ROUNDS):
+        if solver.problem.effort.beyond():
+            break
         better = step_down(solver, best, moments(best))
         if better is None:
             break
@@ -48,14 +50,17 @@ def at_rest(solver: ImpulseSolver, best: Spent, moments: Callable[[Spent], list[
 def cleared(
     solver: ImpulseSolver, near: Spent, moments: Callable[[Spent], list[Moments]] | None = None
 ) -> Spent | None:
-    """Return clear paths reached by steps from nearly clear ones at their moments; None without any.
+    """Return clear paths that arrive, reached by steps from nearly clear ones at their moments; else None.
 
     With `moments`, each step is fired at these moments of the paths before.
     """
     here: Spent | None = near
     for _ in range(COMING):
-        if here is None or here.checked.clear:
+        # pulses that are left when others are omitted may be clear only because they lead elsewhere
+        if here is None or (here.checked.clear and arrive(solver.problem, here.flown, solver.finals)):
             return here
+        if solver.problem.effort.beyond():
+            return None
         here = step_near(solver, here, near.moments if moments is None else moments(here))
     return None
 

@@ -7,6 +7,7 @@ of its own.                                                                     
 """
 
 from collections.abc import Iterator
+from itertools import count
 from typing import Any
 
 import numpy as np
@@ -28,6 +29,7 @@ from closeform.zones.zone import scaled_norm
 
 ROOM = 600  # capacity for minima, for each pair
 STARTS, MORE_STARTS = 16, 64  # starts for minimum energy, and where these give fewer than ENOUGH paths
+STARTING = 0.3  # of the effort: the rest is for delta-v
 ENOUGH, ANOTHER = 4, 0.01  # paths, and the relative energy difference of distinct ones
 TOUCHING = 1.02  # zones: a plane that is farther away is no contact
 REACH = 1.4  # zones, within which a minimum becomes a plane
@@ -44,6 +46,7 @@ class ImpulseFailures:
     holding = False
 
     def __init__(self, problem: Problem) -> None:
+        self.known: dict[float, tuple[list[Contacts], Iterator[Contacts]]] = {}
         self.problem, self.scene = problem, problem.seen
         self.room = Contacts.none(ROOM * (1 + len(problem.pairs)))
         self.norms = np.empty(self.room.number)
@@ -82,9 +85,25 @@ class ImpulseFailures:
         return contacts.some(np.flatnonzero(touched)), bool(touched.all())
 
     def starts(self, margin: float = MARGINS[0]) -> Iterator[Contacts]:
-        """Yield contacts of passively safe paths of minimum energy, for zones enlarged by a margin."""
+        """Yield contacts of passively safe paths of minimum energy, for zones enlarged by a margin.
+
+        Each path is sought once, whichever solver asks for it.
+        """
+        found, others = self.known.setdefault(margin, ([], self.safe_paths(margin)))
+        for k in count():
+            if k == len(found):
+                another = next(others, None)
+                if another is None:
+                    return
+                found.append(another)
+            yield found[k]
+
+    def safe_paths(self, margin: float) -> Iterator[Contacts]:
+        """Yield contacts of passively safe paths of minimum energy from random starts."""
         search, known = PassiveSearch(self.problem, margin, None, False), np.empty(0)
         for number in range(MORE_STARTS + STARTS):
+            if self.problem.effort.beyond(STARTING):
+                return
             walking = number >= MORE_STARTS
             if number >= STARTS and len(known) >= (1 if walking else ENOUGH):
                 return
@@ -119,8 +138,9 @@ class ImpulseFailures:
             moments.append(np.concatenate([coasts, amid.ravel(), lost_at(known)[craft == i]]))
         most = max(map(len, moments))
         table = np.array([np.pad(row, (0, most - len(row)), mode="edge") for row in moments])
-        count = find_failures(self.scene, arcs, own, table, self.unshifted, REACH, self.room, self.norms)
-        planes, nearest = self.planes(wide, self.room.first(count), self.norms[:count].copy())
+        self.problem.effort.used += most * len(self.scene.times) * len(self.scene.pairs)
+        number = find_failures(self.scene, arcs, own, table, self.unshifted, REACH, self.room, self.norms)
+        planes, nearest = self.planes(wide, self.room.first(number), self.norms[:number].copy())
         if self.holding:
             planes = planes.joined(known.some(self.unlike(known, planes)))
         return planes, nearest

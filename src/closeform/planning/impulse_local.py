@@ -21,7 +21,7 @@ from closeform.motion.nonnegative import MOST
 from closeform.motion.reduced import COUNT, LOWER
 from closeform.motion.reduced import FIRST as FIRED_FROM
 from closeform.planning.certify import AHEAD
-from closeform.planning.firing_times import Moments, Pushes, blended, sizes_of, table_of
+from closeform.planning.firing_times import Moments, Pushes, blended, sizes_of, some_of_each, table_of
 from closeform.planning.impulse_alone import answers_alone
 from closeform.planning.impulse_checks import Checked, Failures, Spent, arrive, drifting, pushing
 from closeform.planning.impulse_flight import fly_impulses, keep_fewest
@@ -30,7 +30,7 @@ from closeform.planning.impulse_planes import fill_planes
 from closeform.planning.impulse_scene import Dual, Fleet, Planes, Priced
 from closeform.planning.joint_dual import price
 from closeform.planning.primer_maxima import find_peaks
-from closeform.planning.problem import Flown, Problem
+from closeform.planning.problem import Closest, Flown, Problem
 from closeform.planning.scene import Contacts
 
 LEAST, A_TURN = 12, 12  # times at which craft may fire, and additional ones for each orbit
@@ -55,6 +55,10 @@ PRICINGS, PRICED = 6, 1e-7  # rounds with fixed planes, and the tolerance of pri
 INSIDE = 1.0 - 1e-6  # of thrust limits: reserve for the repair of the ends
 DEARER, SAFER = 1.0002, 1.005  # cost ratio allowed for few impulses; with loss of thrust
 FEWER = 1e-4  # of the cost: additional cost allowed for even fewer
+# Impulses and burns below SMALL m/s, and this share of the delta-v, are dropped where the others can replace
+# them at hardly more cost: most engines have no shorter pulse, and a tenth of it saves next to nothing.
+SMALL, SMALL_SHARE, REPLACED = 1e-4, 1e-2, 1.001
+DROPS = 12  # maximum attempts to drop small impulses
 LIGHTER = 1.01  # times the minimum bit: a pulse gives up to 1 % more as propellant is used
 COARSE = 8  # bisection of the steps to fewer ends at this fraction of them
 
@@ -74,7 +78,7 @@ class ImpulseSolver:
         self.limits = np.zeros(problem.count)  # [m/s^2], of burns
         self.needed = inf  # factor of these limits that is proven necessary
         self.aim = self.least = AIM  # of a zone: distance of planes, and its minimum
-        self.nearest = 0.0  # largest closest-approach norm of paths that are not clear
+        self.closest = Closest()
         base = problem.base
         turns = problem.orbit.mean_motion * float((base[:, END] - base[:, START]).max()) / (2.0 * pi)
         times = np.linspace(base[:, START], base[:, END], LEAST + ceil(A_TURN * turns), axis=1)
@@ -190,21 +194,48 @@ class ImpulseSolver:
         rates = np.maximum(self.problem.orbit.mean_motion, pi / (base[:, END] - base[:, START]))
         fired = best.fired(0.0)
         steps = steps_to_fewer(fired, sizes, rates, most - best.delta_v)
-        left: dict[int, Moments] = {}
-
-        def chosen(_: Spent) -> list[Moments]:
-            return [left.get(i, own) for i, own in enumerate(fired)]
-
         kept, low, high, middle = best, 0, len(steps), len(steps)
         while high - low > len(steps) // COARSE:
             left = {step.craft: step.left for step in steps[:middle]}
-            found = next(self.refired(best, chosen, 1.0 + FEWER, steady=True), None)
+            moments = [left.get(i, own) for i, own in enumerate(fired)]
+            found = self.refired_at(moments, best, 1.0 + FEWER)
             if found is None or found.delta_v > most:
                 high = middle - 1
             else:
                 kept, low = found, middle
             middle = (low + high + 1) // 2
         return kept
+
+    def without_small(self, best: Spent) -> Spent:
+        """Return the solution without small impulses or burns, as far as the others can replace them."""
+        most, tries = REPLACED * best.delta_v, DROPS
+        while tries and (small := self.small(best)).any():
+            sizes = np.where(small, sizes_of(best.impulses), inf)
+            order = np.argsort(sizes, axis=None, kind="stable")[: np.count_nonzero(small)]
+            for those in (order, *order[:, None])[:tries]:
+                tries -= 1
+                left = sizes_of(best.impulses) > 0.0
+                left.flat[those] = False
+                found = self.refired_at(self.kept(best, left), best, REPLACED)
+                if found is not None and found.delta_v <= most:
+                    best = found
+                    break
+            else:
+                break
+        return best
+
+    def refired_at(self, moments: list[Moments], best: Spent, dearer: float) -> Spent | None:
+        """Return the first clear paths fired at moments, of at most `dearer` times the cost; None without."""
+        return next(self.refired(best, lambda _: moments, dearer, steady=True), None)
+
+    def small(self, found: Spent) -> Any:
+        """Return which impulses (N, J) are too small to be planned."""
+        sizes = sizes_of(found.impulses)
+        return (sizes > 0.0) & (sizes < min(SMALL, SMALL_SHARE * found.delta_v))
+
+    def kept(self, best: Spent, left: Any) -> list[Moments]:
+        """Return the moments in a mask (N, J)."""
+        return some_of_each(best.moments, left)
 
     def refired(
         self, best: Spent, moments: Callable[[Spent], list[Moments]], dearer: float, steady: bool
@@ -274,7 +305,7 @@ class ImpulseSolver:
         if self.pushes.fixed.any() and not arrive(self.problem, flown, self.finals):
             return None
         checked = self.checked(flown, contacts)
-        self.nearest = max(self.nearest, checked.worst)
+        self.closest.note(checked.worst, flown)
         if checked.worst > NEARLY and tolerance == LAST:
             self.aim = 0.5 * (aim + self.least) if checked.clear else aim + 1.0 - checked.worst
         spent = float(sizes_of(impulses).sum())

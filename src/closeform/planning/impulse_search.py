@@ -39,6 +39,7 @@ STRIDE = 1.0  # zones, maximum displacement of a pair in a step: other failures 
 COSTLY, ROOMS, CHEAPEST = 1.2, (0.1, 0.2, 0.3), 12
 AGAIN, GAINING = 3, 0.99  # further steps from few impulses, while the cost falls by this factor
 ABOUT = 5  # safe impulsive paths near which pulses are sought
+IN_ANY_DIRECTION, STARTING, ROOMY = 0.4, 0.6, 0.7  # of the effort, until which each part may last
 DEAR = 1.1  # times the delta-v of safe paths of minimum energy: impulses above it are rejected
 
 
@@ -62,13 +63,15 @@ def solve_impulses(
         from closeform.planning.impulse_failures import ImpulseFailures
 
         failures = ImpulseFailures(problem)
+        problem.effort.allow(problem.count, budget, MORE * (ONE if problem.count == 1 else MANY))
     impulses = ImpulseSolver(problem, thrusters, names, failures)
     if limits is None:
         fixed = failures is not None and impulses.pushes.fixed.any()
 
         def in_any_direction() -> Spent | None:
             anywhere = ImpulseSolver(problem, (None,) * problem.count, names, failures)
-            best, _ = searched(anywhere, anywhere.unconstrained(), by_energy, budget, more)
+            free = anywhere.unconstrained()
+            best, _ = searched(anywhere, free, by_energy, budget, more, until=IN_ANY_DIRECTION)
             return None if best is None else shared(impulses, best)
 
         return solved(impulses, by_energy, budget, more, in_any_direction if fixed else None)
@@ -78,7 +81,8 @@ def solve_impulses(
     safe: list[Spent] = []
 
     def near() -> Spent | None:
-        best, _ = searched(impulses, impulses.unconstrained(), by_energy, budget, more)
+        free = impulses.unconstrained()
+        best, _ = searched(impulses, free, by_energy, budget, more, until=IN_ANY_DIRECTION)
         safe.extend([] if best is None else [best])
         return None if best is None else burns.tightened(best)
 
@@ -101,7 +105,7 @@ def solve_impulses(
         found.blocked,
         enough=enough,
         limited=bool(safe),
-        nearest=burns.nearest,
+        closest=burns.closest,
     )
     return none, free
 
@@ -123,12 +127,15 @@ def solved(
     `by_energy` returns the paths of minimum energy, and `near` other clear paths.
     """
     problem, free = solver.problem, solver.unconstrained()
-    if free.checked.clear:
-        alone = in_bits(solver, free) or free
-        small = int(solver.below_bit(alone).sum())
-        found = Outcome(alone.flown, (), 0.0, 1.0, True, 0, delta_v=alone.delta_v, below_bit=small)
-        return found, free
     best, begun = searched(solver, free, by_energy, budget, more, near)
+    # of equally cheap optima, rounding decides which one `free` is, and whether that is clear
+    optimal = best is not None and solver.failures is None and best.delta_v <= LEAST * free.delta_v
+    if free.checked.clear or optimal:
+        alone = best if best is not None and optimal else free
+        alone = in_bits(solver, alone) or alone
+        small = int(solver.below_bit(alone).sum())
+        found = Outcome(alone.flown, (), 0.0, alone.margin, True, 0, delta_v=alone.delta_v, below_bit=small)
+        return found, free
     tried, safe = len(begun), best is not None
     if best is not None and fires(solver):
         solver, best = pulses_near(solver, free, begun, best)
@@ -149,9 +156,9 @@ def solved(
         return Outcome(*answer, delta_v=best.delta_v, priced=priced, below_bit=small), free
     if solver.pushes.fixed.any():
         blocking = blocked(solver, free)
-        return Outcome(None, (), nan, 1.0, False, tried, blocking, nearest=solver.nearest, unfired=safe), free
+        return Outcome(None, (), nan, 1.0, False, tried, blocking, closest=solver.closest, unfired=safe), free
     other = thrusting(problem, by_energy())
-    return replace(other, tried=tried + other.tried, nearest=solver.nearest), free
+    return replace(other, tried=tried + other.tried, closest=solver.closest), free
 
 
 def in_bits(solver: ImpulseSolver, found: Spent) -> Spent | None:
@@ -170,17 +177,25 @@ def searched(
     budget: int | None,
     more: bool,
     near: Callable[[], Spent | None] | None = None,
+    until: float = ROOMY,
 ) -> tuple[Spent | None, list[Contacts]]:
-    """Return the cheapest clear paths found, and the starts that were examined."""
+    """Return the cheapest clear paths found, and the starts that were examined.
+
+    With a loss of thrust the search ends when a share `until` of the effort is used.
+    """
     if free.checked.clear:
         return free, []
     most = budget or (ONE if solver.problem.count == 1 else MANY) * (MORE if more or solver.failures else 1)
+    effort, other = solver.problem.effort, None if near is None else near()
+    solver.closest.note(free.checked.worst, free.flown)
     best: Spent | None = None
     begun: list[Contacts] = []
     alone = solver.problem.count == 1 and solver.failures is None and not solver.limits.any()
     most = budget or ALONE if alone else most
     for start in chain(starts(solver, free, by_energy), turns(solver, lambda: best) if alone else ()):  # noqa: B023
         if len(begun) == most or (alone and best is not None and best.delta_v <= LEAST * free.least):
+            break
+        if solver.failures is not None and begun and effort.beyond(until * STARTING / ROOMY):
             break
         for holding, stride in ways_on(solver):
             if solver.failures is not None:
@@ -194,7 +209,6 @@ def searched(
         begun.append(start)
     if solver.failures is not None:
         solver.failures.holding = False
-    other = None if near is None else near()
     if other is not None and other.checked.clear and (best is None or other.delta_v < best.delta_v):
         best = other
     hop = two_impulses(solver, free)
@@ -203,7 +217,7 @@ def searched(
     best = None if best is None else fewest(solver, best)
     impulses_may_fail = solver.failures is not None and not solver.limits.any()
     if impulses_may_fail and (best is None or best.delta_v > COSTLY * free.delta_v):
-        best = roomier(solver, free, begun, best)
+        best = roomier(solver, free, begun, best, until)
     return best, begun
 
 
@@ -222,16 +236,20 @@ def two_impulses(solver: ImpulseSolver, free: Spent) -> Spent | None:
 def fewest(solver: ImpulseSolver, best: Spent) -> Spent:
     """Return clear paths with few impulses at hardly more cost."""
     best = solver.fewest(solver.focused(best))
-    return best if solver.failures is None else solver.fewest(descended(solver, best))
+    if solver.failures is not None:
+        best = solver.fewest(descended(solver, best))
+    return solver.without_small(best)
 
 
-def roomier(solver: ImpulseSolver, free: Spent, begun: list[Contacts], best: Spent | None) -> Spent | None:
+def roomier(
+    solver: ImpulseSolver, free: Spent, begun: list[Contacts], best: Spent | None, until: float
+) -> Spent | None:
     """Return the cheapest safe paths found with planes farther out, after descent to the zones.
 
     With a loss of thrust, rounds converge to one of many costs, and small changes decide which.  With planes
     farther out, more of them reach safe paths at all.
     """
-    found = [*([] if best is None else [best]), *with_room(solver, free, begun)]
+    found = [*([] if best is None else [best]), *with_room(solver, free, begun, until)]
     found = sorted(found, key=lambda one: one.delta_v)[:CHEAPEST]
     down = [at_rest(solver, one, solver.following) for one in found]
     cheapest = min(down, key=lambda one: one.delta_v, default=None)
@@ -246,12 +264,14 @@ def roomier(solver: ImpulseSolver, free: Spent, begun: list[Contacts], best: Spe
     return best
 
 
-def with_room(solver: ImpulseSolver, free: Spent, begun: list[Contacts]) -> Iterator[Spent]:
+def with_room(solver: ImpulseSolver, free: Spent, begun: list[Contacts], until: float) -> Iterator[Spent]:
     """Yield safe paths found with planes farther out, the nearer planes first."""
     assert solver.failures is not None
     for room in ROOMS:
         solver.least = AIM + room
         for start in (*begun, *islice(solver.failures.starts(solver.least), ONE)):
+            if solver.problem.effort.beyond(until):
+                return
             for holding, stride in ways_on(solver):
                 solver.least, solver.failures.holding = AIM + room, holding
                 one = solver.solve(start, inf, stride)
@@ -273,7 +293,7 @@ def pulses_near(
     from closeform.planning.pulse_local import PulseSolver  # only for pulsed thrusters
 
     pulses = PulseSolver.of(solver)
-    every = map(pulses.nearby, islice(chain([best], with_room(solver, free, begun)), ABOUT))
+    every = map(pulses.nearby, islice(chain([best], with_room(solver, free, begun, 1.0)), ABOUT))
     return pulses, next((found for found in every if found is not None), None)
 
 

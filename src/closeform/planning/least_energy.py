@@ -6,7 +6,6 @@ from math import nan
 
 import numpy as np
 
-from closeform.planning.passive_ends import unseparated
 from closeform.planning.plan import Avoidance, Status
 from closeform.planning.planner import outcome, solve
 from closeform.planning.problem import Problem
@@ -18,7 +17,7 @@ TOO_DEAR = 1e8  # times the optimum: not a practical plan
 
 
 def shaped(
-    problem: Problem, budget: int | None, seconds: float, fixed: bool, names: Sequence[str]
+    problem: Problem, budget: int | None, seconds: float, gap: float, fixed: bool, names: Sequence[str]
 ) -> Avoidance:
     """Return the avoidance of method "exact"."""
     found = solve(problem, budget)
@@ -27,14 +26,15 @@ def shaped(
     if found.flown is None:
         reason = f"no clear path among {ways}; raise budget"
         if problem.drift is not None:
-            reason = f"no passively safe path among {ways}{unseparated(problem, names)}"
+            reason = f"no passively safe path among {ways}{found.near_miss(problem, names)}"
         return refused(problem, Status.NOT_FOUND, reason, found.tried)
     # a transfer from rest to rest over one zone in a hundredth of the time costs 1e6 of these
     zone = 1.0 / max(np.abs(one.matrix).max() for one in problem.zones)
     if found.extra > TOO_DEAR * (optimum + 6.0 * zone**2 / duration**3):
         reason = f"the cheapest of {ways} costs {found.extra:.3g} m²/s³ more; allow a longer transfer"
         return refused(problem, Status.NOT_FOUND, reason, found.tried)
-    proof = prove_bound(problem, found.contacts, found.extra, optimum + found.extra, seconds, fixed=fixed)
+    energy = optimum + found.extra
+    proof = prove_bound(problem, found.contacts, found.extra, energy, seconds, gap=gap, fixed=fixed)
     if proof.better is not None:
         found = outcome(Found(proof.better, MARGINS[0], False, found.tried + proof.nodes))
     assert found.flown is not None

@@ -15,7 +15,7 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.motion.arc import END, MEAN_MOTION, PUSH, START, STATE, THRUST, WIDTH
 from closeform.motion.path import path_of
-from closeform.planning.passive_rounds import BEYOND, Rounds, pressing
+from closeform.planning.passive_rounds import BEYOND, Rounds, arrived, pressing
 from closeform.planning.passive_search import failures
 from closeform.planning.problem import Flown, Problem
 from closeform.planning.scene import Contacts
@@ -34,7 +34,7 @@ def blended_plan(problem: Problem, margin: float) -> Flown | None:
     rounds, energy = Rounds(problem, margin), inf
     here = found = spread_plan(rounds)
     for _ in range(STEPS):
-        if here is None or not problem.energy(here) < (1.0 - STEADY) * energy:
+        if here is None or problem.effort.beyond() or not problem.energy(here) < (1.0 - STEADY) * energy:
             break
         energy, found = problem.energy(here), here
         here = stepped(rounds, *here)
@@ -130,11 +130,3 @@ def states(problem: Problem, arcs: Floats, times: Floats) -> Floats:
     rows = path_of(problem.orbit, np.ascontiguousarray(arcs), np.arange(len(arcs) + 1), (len(arcs),))
     found: Floats = rows._evaluate_rows(times[:, None])[:, 0]
     return found
-
-
-def arrived(problem: Problem, arcs: Floats, offsets: Any) -> Flown:
-    """Return the craft's arcs up to the last arrival."""
-    early = arcs[:, START] < problem.arrival
-    left = arcs[early]
-    left[:, END] = np.minimum(left[:, END], problem.arrival)
-    return left, np.concatenate([[0], np.cumsum(early)])[offsets]

@@ -27,6 +27,8 @@ def settled(rounds: Rounds, safe: Relaxed) -> Relaxed:
     """Return the safe paths of the descent, or the given ones if none is cheaper."""
     now, before, ahead, idle, planes, short = safe, Contacts.none(), 0.0, 0, safe.contacts, 0.0
     for _ in range(STEPS):
+        if rounds.problem.effort.beyond():
+            break
         there = rounds.flown(extrapolated(now.contacts, before, ahead))
         tried, energy, left = kept(rounds, *there, now.contacts, COARSE, now.energy)
         gained = now.energy - energy

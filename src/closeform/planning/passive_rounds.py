@@ -17,8 +17,8 @@ from closeform.motion.arc import END, START
 from closeform.planning.deflection import fly, room_for
 from closeform.planning.failures import find_failures, slide_failures
 from closeform.planning.passive_planes import TOGETHER, press_in
-from closeform.planning.problem import MARGIN, Problem
-from closeform.planning.scene import Contacts
+from closeform.planning.problem import MARGIN, Closest, Flown, Problem
+from closeform.planning.scene import Contacts, Scene
 from closeform.zones.shapes import BALL
 
 ROUNDS, BLIND, HOPELESS = 40, 12, 6  # maximum rounds, in total, to a first plan, and without improvement
@@ -74,6 +74,7 @@ class Rounds:
         self.unshifted = np.zeros((len(scene.states), 6))
         self.room = Contacts.none(ROOM * (1 + len(scene.pairs)))
         self.norms = np.empty(self.room.number)
+        self.closest = Closest()
 
     def shifted(self, shifts: Floats) -> Contacts:
         """Return initial planes: those of the unconstrained paths, shifted by natural motions."""
@@ -136,7 +137,8 @@ class Rounds:
             direct, direct_offsets = self.flown(held)
             there = self.scene._replace(direct=direct, direct_offsets=direct_offsets)
             lift = 1.0 if short >= NEARLY else OUTWARD
-            if press_in(there, planes, lift, max(loose * LOOSER**turn, HARD), STRIDE)[0] == inf:
+            give = max(loose * LOOSER**turn, HARD)
+            if self.pressed(planes, lift, give, scene=there, stride=STRIDE)[0] == inf:
                 break
             pressed = pressing(planes)
             held = held.joined(pressed)
@@ -154,10 +156,18 @@ class Rounds:
         return arcs[: fly(self.scene, contacts, arcs, offsets)], offsets
 
     def pressed(
-        self, planes: Contacts, lift: float, give: float, most: float = TOGETHER
+        self,
+        planes: Contacts,
+        lift: float,
+        give: float,
+        most: float = TOGETHER,
+        *,
+        scene: Scene | None = None,
+        stride: float = inf,
     ) -> tuple[float, Floats, Any]:
         """Fill the planes' multipliers; return their energy and the craft's arcs."""
-        return press_in(self.scene, planes, lift, give, inf, most)
+        self.problem.effort.used += planes.number**2  # a pair of planes costs as much as a sample
+        return press_in(scene or self.scene, planes, lift, give, stride, most)
 
     def failures(self, arcs: Floats, offsets: Any, known: Contacts) -> tuple[Contacts, float]:
         """Return planes at close approaches of failed craft of some paths, and the largest shortfall.
@@ -169,8 +179,9 @@ class Rounds:
         slid, stayed, ratios = self.slid(arcs, offsets, known.joined(fresh.some(norms < NEAR)))
         order = np.argsort(ratios, kind="stable")
         both = slid.some(order).joined(stayed.first(known.number))
-        nearest = min(norms.min(initial=inf), ratios.min(initial=inf))
-        return both.some(self.once(both)).joined(fresh), max(1.0 - float(nearest), 0.0)
+        nearest = float(min(norms.min(initial=inf), ratios.min(initial=inf)))
+        self.closest.note(nearest, arrived(self.problem, arcs, offsets))
+        return both.some(self.once(both)).joined(fresh), max(1.0 - nearest, 0.0)
 
     def inside(self, arcs: Floats, offsets: Any, known: Contacts) -> tuple[Contacts, float]:
         """Return the failures of some paths inside zones, without duplicates, and the largest shortfall.
@@ -204,8 +215,17 @@ class Rounds:
     def sampled(self, arcs: Floats, offsets: Any, shifts: Floats) -> tuple[Contacts, Floats]:
         """Return the minima within REACH after sampled failures of shifted bodies, and their norms."""
         given = self.scene, arcs, offsets, self.moments, shifts, REACH, self.room, self.norms
+        self.problem.effort.used += self.moments.shape[1] * len(self.scene.times) * len(self.scene.pairs)
         count = find_failures(*given)
         return self.room.first(count), self.norms[:count].copy()
+
+
+def arrived(problem: Problem, arcs: Floats, offsets: Any) -> Flown:
+    """Return the craft's arcs up to the last arrival."""
+    early = arcs[:, START] < problem.arrival
+    left = arcs[early]
+    left[:, END] = np.minimum(left[:, END], problem.arrival)
+    return left, np.concatenate([[0], np.cumsum(early)])[offsets]
 
 
 def pressing(planes: Contacts) -> Contacts:

@@ -17,12 +17,13 @@ from closeform.planning.side_search import Found
 from closeform.safety.drift_approach import SAME, failures_at
 from closeform.safety.drift_screen import worst_drifts
 from closeform.safety.failures import ThrustLost
-from closeform.safety.search import TIME
+from closeform.safety.search import RATIO, TIME
 from closeform.safety.sides import side_of
 
 STARTS = 24  # examined at most
 PATIENCE = 8  # starts without a better plan that end the search
 FORMATION, STARTS_OF_MANY = 4, 2  # number of craft from which the starts are few, and their number
+SEARCHING = 0.6  # of the effort: the rest is for the descent from the best start
 FARTHER = 1e-5  # zones, by which planes are raised where samples missed failures; then ten times as far
 FINER = 4  # maximum rounds with failures that samples missed
 SIZE = 1.2  # of the zone: amplitudes of the natural motions that shift a start
@@ -34,7 +35,12 @@ def failures(problem: Problem, planned: Path, flown: Path) -> Contacts:
 
     `planned` (N,) are the craft's paths until they arrive, `flown` (N + M,) all bodies' with the drift.
     """
-    found, end = Contacts.none(), problem.last
+    return failures_with_norms(problem, planned, flown)[0]
+
+
+def failures_with_norms(problem: Problem, planned: Path, flown: Path) -> tuple[Contacts, Floats]:
+    """Return the contacts of `failures`, and the norms (K,) there."""
+    found, norms, end = Contacts.none(), [np.empty(0)], problem.last
     sides = side_of(planned, ThrustLost(), end), side_of(flown, None, end)
     for kind, zone in enumerate(problem.zones):
         those = np.flatnonzero(problem.kinds == kind)
@@ -46,7 +52,8 @@ def failures(problem: Problem, planned: Path, flown: Path) -> Contacts:
             drifts, time = np.zeros((len(unsafe), 2)), rows[:, TIME]
             drifts[:, side] = time - failures_at("path", rows, sides, (craft[unsafe], others[unsafe]))
             found = found.joined(Contacts.at(which[unsafe], time, drifts))
-    return found
+            norms.append(rows[:, RATIO])
+    return found, np.concatenate(norms)
 
 
 def shifts(problem: Problem, seed: int) -> Floats:
@@ -85,6 +92,7 @@ class PassiveSearch:
         starts = STARTS if self.few else STARTS_OF_MANY
         self.budget = starts * (1 + more) if budget is None else budget
         self.limited = budget is not None
+        problem.effort.allow(problem.count, budget, starts)
         self.patience = inf if self.limited else PATIENCE
         self.best: Solution | None = None
         self.tried = 0
@@ -93,6 +101,8 @@ class PassiveSearch:
         """Examine starts until no better plan is found, or the budget is spent."""
         improved = 0
         for seed, walking in self.starts():
+            if self.best is not None and self.problem.effort.beyond(SEARCHING):
+                break
             found = self.examine(seed, walking)
             self.tried += 1
             if self.best is None or found.energy < self.best.energy:

@@ -1,18 +1,20 @@
 """The planner: checks of the options, choice of the search, and its outcome as contacts in metres."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from math import inf, nan
 from typing import Any
 
 import numpy as np
 
 from closeform.arrays import Floats, number, shown, whole
+from closeform.fuel.pulses import extended
 from closeform.motion.joining import stack
 from closeform.motion.path import Path
 from closeform.planning.certify import LocalSolver, nearer
+from closeform.planning.passive_ends import unseparated
 from closeform.planning.plan import Contact
-from closeform.planning.problem import Flown, Problem, deepest
+from closeform.planning.problem import Closest, Flown, Problem, deepest
 from closeform.planning.scene import Contacts
 from closeform.planning.side_search import MARGINS, Found, Search
 from closeform.zones.combined_zones import CovarianceZone
@@ -27,9 +29,8 @@ class Outcome:
     enlarged.  `order` is the planning order of sequential planning, if it differs from the requested one.
     `delta_v` [m/s] is set where it was minimised, summed over thrusters.  `enough` (N,) [m/s^2] is the thrust
     of clear paths where none was found within limits; `limited` is True if clear paths exist without limits.
-    `priced` is True if the multipliers are slopes of the minimised cost.  `nearest` is the largest closest
-    approach ratio found where no path is clear, 0 if unknown; `unfired` is True if impulses are clear but
-    pulses are not.
+    `priced` is True if the multipliers are slopes of the minimised cost.  `closest` are the
+    paths nearest to being clear where none is; `unfired` is True if impulses are clear but pulses are not.
     """
 
     flown: Flown | None
@@ -44,7 +45,7 @@ class Outcome:
     priced: bool = True
     enough: Floats | None = None
     limited: bool = False
-    nearest: float = 0.0
+    closest: Closest = field(default_factory=Closest)
     unfired: bool = False
     below_bit: int = 0  # impulses that thrusters cannot give, where no clear plan without any was found
 
@@ -54,15 +55,35 @@ class Outcome:
         count = self.below_bit
         return f"; no plan found without the {count} impulses below minimum_bit" if count else ""
 
-    @property
-    def near_miss(self) -> str:
-        """Description of the largest closest approach found where no path is clear; empty if unknown."""
+    def near_miss(self, problem: Problem, names: Sequence[str]) -> str:
+        """Return the clearance of the closest paths of a search without safe paths, and suggestions."""
+        from closeform.planning.passive_search import failures_with_norms  # only plans with a drift need it
+
+        effort, said = problem.effort, ""
+        if self.closest.flown is not None:
+            planned = problem.path(self.closest.flown)
+            each = (planned[k] for k in range(problem.count))
+            whole = problem.with_path(*(extended(own, problem.first, problem.last) for own in each))
+            met = problem.conflicts(whole)
+            failed, norms = failures_with_norms(problem, planned, problem.bodies(whole))
+            every = problem.met(met).joined(failed)
+            if every.number:
+                ratios = np.append([row[3] for _, row in met], norms)
+                k = int(np.argmin(ratios))
+                (one, other), drifts, time = problem.pairs[every.which[k]], every.drifts[k], every.times[k]
+                one, other = (other, one) if drifts[1] > 0.0 else (one, other)
+                lost = f" after a loss of thrust at {time - drifts.max():.6g} s" if drifts.any() else ""
+                said = (
+                    f"; the nearest miss: {names[one]} reaches {ratios[k]:.4f} x zone from "
+                    f"{names[other]} at {time:.6g} s{lost}"
+                )
         if self.unfired:
-            pulses = "impulses are clear, but the thrusters' pulses"
-            if self.nearest >= 1.0:
-                return f": {pulses} are clear only below their minimum_bit"
-            return f": {pulses} reach {self.nearest:.4f} x zone at best, for lack of acceleration"
-        return f", which reach {self.nearest:.4f} x zone at best" if self.nearest else ""
+            said = (
+                f"; impulses are safe, but no safe pulses above the thrusters' minimum_bit were found{said}"
+            )
+        if effort.ended:
+            said += f"; the search has used its effort; a budget above {effort.usual} raises it in proportion"
+        return said + unseparated(problem, names)
 
 
 def solve(problem: Problem, budget: int | None = None, more: bool = False, waiting: bool = True) -> Outcome:
@@ -74,7 +95,8 @@ def solve(problem: Problem, budget: int | None = None, more: bool = False, waiti
     if problem.drift is not None:
         from closeform.planning.passive_search import PassiveSearch
 
-        passive = outcome(PassiveSearch(problem, MARGINS[0], budget, more).run())
+        search = PassiveSearch(problem, MARGINS[0], budget, more)
+        passive = replace(outcome(search.run()), closest=search.rounds.closest)
         if passive.flown is not None or not waiting:
             return passive
         from closeform.planning.passive_blend import blended_plan
@@ -99,12 +121,14 @@ def solve(problem: Problem, budget: int | None = None, more: bool = False, waiti
     return replace(outcome(found), tried=sum(search.tried for search in searches))
 
 
-def check_effort(budget: int | None, prove: float) -> None:
-    """Raise ValueError for a budget below 1, or a negative time to prove."""
+def check_effort(budget: int | None, prove: float, gap: float) -> None:
+    """Raise ValueError for a budget below 1, a negative time to prove, or a gap that is not positive."""
     if budget is not None:
         whole("budget", budget, least=1)
     if not number("prove", prove) >= 0.0:
         raise ValueError(f"prove: must be 0 s or more, got {prove}")
+    if not number("gap", gap) > 0.0:
+        raise ValueError(f"gap: must be positive, such as 0.01 for 1 %, got {gap}")
 
 
 def check_method(method: str, *known: str) -> None:

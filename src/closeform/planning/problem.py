@@ -1,7 +1,7 @@
 """Planning problem: unconstrained optima of the craft, obstacles, zones of all pairs, and times."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import pi, sqrt
 from typing import Any
@@ -26,9 +26,47 @@ from closeform.zones.zone import Zone, scaled_norm
 MARGIN = 1e-7  # of a craft's duration: contacts keep this far from its ends
 SAMPLES = 64  # of a craft's time; a minimum that they miss is found by the certified march
 A_TURN, A_DRIFT = 16, 32  # samples per revolution, where that is more; second: with `drift`
+EFFORT = 90e6  # sampled positions of failed craft in a search: 5 to 10 s for each planned craft
 
 Flown = tuple[Floats, Any]  # arcs of all bodies, and the offset of each body's first arc
 PairRow = tuple[tuple[int, int], Floats]  # a pair, and its conflict: start, end, time, ratio
+
+
+@dataclass(eq=False)
+class Effort:
+    """Counted work of the search for a passively safe plan, in sampled positions of failed craft.
+
+    The count does not depend on the machine, unlike a time limit, so that neither do plans.
+    """
+
+    limit: float = 0.0
+    usual: int = 1  # budget, in starts, that does not raise the limit
+    used: float = 0.0
+    ended: bool = False  # whether any part of the search ended for lack of effort
+
+    def allow(self, craft: int, budget: int | None, usual: int) -> None:
+        """Set the limit for a number of craft; a budget above the usual one raises it in proportion."""
+        limit = EFFORT * craft * max(1.0, (budget or 0) / usual)
+        if limit > self.limit:
+            self.limit, self.usual = limit, usual
+
+    def beyond(self, share: float = 1.0) -> bool:
+        """Return whether more than a share of the limit is used, at which a part of the search ends."""
+        self.ended |= self.used > share * self.limit
+        return self.used > share * self.limit
+
+
+@dataclass(eq=False)
+class Closest:
+    """Paths with the largest minimum `norm` of all that a search has checked."""
+
+    norm: float = 0.0
+    flown: Flown | None = None
+
+    def note(self, norm: float, flown: Flown) -> None:
+        """Record paths if none before has as large a minimum norm."""
+        if self.norm < norm:
+            self.norm, self.flown = norm, flown
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +89,7 @@ class Problem:
     first: float
     last: float
     drift: float | None = None
+    effort: Effort = field(default_factory=Effort)
 
     @classmethod
     def of(

@@ -27,8 +27,8 @@ from closeform.planning.problem import Problem
 from closeform.planning.samples import Answer, Samples
 from closeform.planning.side_search import MARGINS
 
-GAP = 1e-3  # of the lower bound: gap at which a proof ends
-LEFT = 0.999 * GAP / (1.0 + GAP)  # the same gap, of the energy
+GAP = 1e-3  # of the lower bound: gap at which a proof ends by default
+SPARE = 0.999  # of the gap, for rounding
 PROVEN = 1e-6  # of the energy: gap of rounding
 NEARLY = 0.05  # accuracy of a node's bound, of the bound or of what it lacks
 LARGEST = 80  # maximum connected contacts of a bound
@@ -86,18 +86,19 @@ def prove(
     energy: float,
     seconds: float,
     *,
+    gap: float = GAP,
     nodes: int = 1_000_000,
     fixed: bool = False,
 ) -> Proof:
     """Return the bound of a plan of `energy`, `extra` of it beyond the unconstrained optima [m^2/s^3].
 
-    The search raises it for the given seconds, or nodes, until a GAP is left; with `fixed` it does not look
-    for a plan of lower cost.
+    The search raises it for the given seconds, or nodes, until the optimality gap is at most `gap`; with
+    `fixed` it does not look for a plan of lower cost.
     """
-    bound = lower_bound(problem, contacts, extra)
-    if seconds == 0.0 or extra - bound <= LEFT * energy:
+    bound, left = lower_bound(problem, contacts, extra), SPARE * gap / (1.0 + gap)
+    if seconds == 0.0 or extra - bound <= left * energy:
         return Proof(min(bound, extra), 0, None)
-    search = _Search(problem, _samples(problem, contacts), extra, energy - extra, fixed)
+    search = _Search(problem, _samples(problem, contacts), extra, energy - extra, left, fixed)
     over = perf_counter() + seconds
     while search.queue and search.nodes < nodes and perf_counter() < over:
         search.open(heappop(search.queue))
@@ -122,9 +123,11 @@ def closeness(spent: float, bound: float, cost: Cost = "energy", limited: bool =
 class _Search:
     """Open nodes of branch and bound, and the cheapest plan so far."""
 
-    def __init__(self, problem: Problem, samples: Samples, extra: float, free: float, fixed: bool) -> None:
+    def __init__(
+        self, problem: Problem, samples: Samples, extra: float, free: float, left: float, fixed: bool
+    ) -> None:
         self.samples = samples
-        self.extra, self.free, self.fixed = extra, free, fixed
+        self.extra, self.free, self.left, self.fixed = extra, free, left, fixed
         self.solver = LocalSolver(problem, MARGINS[0])
         self.better: Solution | None = None
         self.nodes = self.starts = 0
@@ -135,7 +138,7 @@ class _Search:
     @property
     def goal(self) -> float:
         """Bound at which a node is closed."""
-        return self.extra - LEFT * (self.free + self.extra)
+        return self.extra - self.left * (self.free + self.extra)
 
     @property
     def bound(self) -> float:

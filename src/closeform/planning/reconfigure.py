@@ -18,7 +18,6 @@ from closeform.motion.within_limit import TooLittleThrust
 from closeform.planning.fallbacks import FALLBACKS, Attempt, Fallback, tried_openly, within_limits
 from closeform.planning.impulse_checks import Spent
 from closeform.planning.impulse_search import shortage, solve_impulses, unconstrained
-from closeform.planning.passive_ends import unseparated
 from closeform.planning.plan import Cost, Plan, Status, weakness
 from closeform.planning.planner import (
     Outcome,
@@ -34,7 +33,7 @@ from closeform.planning.planner import (
     solve,
 )
 from closeform.planning.problem import Problem
-from closeform.planning.prove import closeness, is_proven
+from closeform.planning.prove import GAP, closeness, is_proven
 from closeform.planning.prove import prove as prove_bound
 from closeform.planning.request import Request
 from closeform.planning.sequential import one_by_one
@@ -63,6 +62,7 @@ def reconfigure(
     names: Sequence[str] | None = None,
     budget: int | None = None,
     prove: float = 0.0,
+    gap: float = GAP,
     cost: Cost = "energy",
     thrusters: Thrusters | Sequence[Thrusters | None] | None = None,
     drift: float | None = None,
@@ -109,11 +109,14 @@ def reconfigure(
         Names of the spacecraft, or of the spacecraft and obstacles, for use in reasons.
     budget : int, optional
         Maximum number of candidates, each a choice of passing sides solved to its local optimum.  The default
-        depends on the number of pairs in contact and falls to one beyond 200.
+        depends on the number of pairs in contact and falls to one beyond 200.  With `drift` the search also
+        ends after a counted effort for each spacecraft, as in `avoid`.
     prove : float [s], default 0
         Time limit for branch and bound over all passing sides.  It raises the lower bound until the
-        optimality gap is 0.1 %, and replaces the plan if it finds one of lower cost (not with
+        optimality gap is at most `gap`, and replaces the plan if it finds one of lower cost (not with
         `max_acceleration`).
+    gap : float, no unit, default 0.001
+        Optimality gap, as a fraction of the lower bound, at which `prove` stops.
     cost : "energy" or "delta-v", default "energy"
         The minimised cost.  With "delta-v" the spacecraft fire impulses, or burns within `max_acceleration`:
         few, except where a path slides along a zone.  `budget` then counts starting points; "delta-v" cannot
@@ -158,7 +161,7 @@ def reconfigure(
     docs/theory.md section 4, many spacecraft; "sequential" follows SP11 (Sauter and Palmer 2011).
     """
     instance("assign", assign, bool, np.bool_)
-    check_effort(budget, prove)
+    check_effort(budget, prove, gap)
     check_method(method, "joint", "sequential")
     check_cost(cost, thrusters, prove=prove > 0.0, method=method != "joint")
     drift = check_drift(drift, prove, method, "joint")
@@ -198,10 +201,10 @@ def reconfigure(
         )
     attempt = _attempts(method, range(count) if order is None else order, budget)
     if not assign:
-        return _bounded(*_followed(request, attempt(request, False), attempt, if_blocked), prove)
+        return _bounded(*_followed(request, attempt(request, False), attempt, if_blocked), prove, gap)
     plan = revised(request, attempt(request, False), lambda other: attempt(other, False))
     flown, plan = _followed(request.assigned(plan.slots), plan, attempt, if_blocked)
-    return replace(_bounded(flown, plan, prove), lower_bound=flown.least_slots()[1])
+    return replace(_bounded(flown, plan, prove, gap), lower_bound=flown.least_slots()[1])
 
 
 def _followed(
@@ -245,7 +248,7 @@ def _attempts(method: str, order: Sequence[int], budget: int | None) -> Attempt:
             found = joined(problem, one_by_one(problem, order, budget, more), found)
         if found.flown is None:
             reason = _blocked(request.names, found.blocked, found.tried)
-            reason += "" if request.drift is None else unseparated(problem, request.names)
+            reason += "" if request.drift is None else found.near_miss(problem, request.names)
             return replace(plan, tried=found.tried, blocked=found.blocked, reason=reason)
         return _planned(plan, problem, found, request.names)
 
@@ -295,9 +298,8 @@ def _fired(plan: Plan, problem: Problem, request: Request, budget: int | None, m
     if found.flown is None:
         reason = _blocked(names, found.blocked, found.tried)
         if problem.drift is not None:
-            reason += found.near_miss
             reason += "" if limits is None or found.limited else ", also without thrust limits"
-            reason += unseparated(problem, names)
+            reason += found.near_miss(problem, names)
         return replace(plan, blocked=found.blocked, reason=reason)
     paths, contacts, spent = problem.path(found.flown), once(found.contacts), found.delta_v
     bound, number = min(free.least, spent), len(contacts)
@@ -325,13 +327,14 @@ def _beside(plan: Plan, problem: Problem, free: Spent) -> Plan:
     return replace(plan, direct=problem.path(free.flown), lower_bound=free.least, cost="delta-v")
 
 
-def _bounded(request: Request, plan: Plan, seconds: float) -> Plan:
+def _bounded(request: Request, plan: Plan, seconds: float, gap: float) -> Plan:
     """Return the plan with its proven lower bound, or a plan of lower cost found during the proof."""
     if not plan.contacts or plan.cost == "delta-v":
         return plan
     problem = request.problem()
     limited = request.limits is not None
-    proof = prove_bound(problem, plan.contacts, plan.extra_energy, plan.energy, seconds, fixed=limited)
+    spent = plan.extra_energy, plan.energy
+    proof = prove_bound(problem, plan.contacts, *spent, seconds, gap=gap, fixed=limited)
     if proof.better is not None:
         better = outcome(Found(proof.better, MARGINS[0], False, plan.tried + proof.nodes))
         plan = _planned(plan, problem, better, request.names)

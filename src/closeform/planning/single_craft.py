@@ -26,11 +26,11 @@ from closeform.planning.obstacles import (
     short_of,
     zones_around,
 )
-from closeform.planning.passive_ends import unsafe_end, unseparated
+from closeform.planning.passive_ends import unsafe_end
 from closeform.planning.plan import Avoidance, Cost, Status, ThrustShortfall, too_weak
 from closeform.planning.planner import is_passive, once
 from closeform.planning.problem import Problem, deepest, transfer_of
-from closeform.planning.prove import closeness, is_proven
+from closeform.planning.prove import GAP, closeness, is_proven
 from closeform.planning.sauter_palmer import deviated
 from closeform.planning.side_search import MARGINS
 from closeform.zones.combined_zones import OwnZone
@@ -60,6 +60,7 @@ class Around:
     drift: float | None = None
     kept: Margin | None = None
     padding: Padding | None = None
+    gap: float = GAP  # at which a proof ends
 
     @classmethod
     def of(
@@ -151,7 +152,7 @@ class Around:
             )
         if self.method == "sauter-palmer":
             return deviated(path, problem, self.names)
-        return shaped(problem, self.budget, prove, fixed, ("path", *self.names))
+        return shaped(problem, self.budget, prove, self.gap, fixed, ("path", *self.names))
 
     def keep(
         self, max_acceleration: float, direct: Callable[[float], Path], longer: bool, prove: float = 0.0
@@ -234,8 +235,8 @@ def impulsive(clear: Path | None, problem: Problem, task: Around) -> Avoidance:
         reason = f"no clear path among {ways}; raise budget"
         if problem.drift is not None:
             beyond_it = "" if limits is None or found.limited else ", nor without the thrust limit"
-            reason = f"no passively safe path among {ways}{found.near_miss}{beyond_it}"
-            reason += unseparated(problem, ("path", *task.names))
+            reason = f"no passively safe path among {ways}{beyond_it}"
+            reason += found.near_miss(problem, ("path", *task.names))
         none = refused(problem, Status.NOT_FOUND, reason, found.tried, free.least)
         if found.enough is None or limits is None:
             return none

@@ -108,6 +108,14 @@ class Duration:
 
 
 @dataclass(frozen=True)
+class Proving:
+    """End of the proof of a plan: a time [s], or an optimality gap at most, whichever is first."""
+
+    seconds: float = 60.0
+    gap: float = 1e-3
+
+
+@dataclass(frozen=True)
 class Reader:
     """Reader of `size` numbers of one `kind` with one unit; `size` 0 accepts any number of them.
 

@@ -12,7 +12,7 @@ from closeform.motion.orbit import Orbit
 from closeform.safety.failures import DegradedThrust, Failure, MissedBurns, StuckOnThrust, ThrustLost
 from closeform.scenario.craft import Engine
 from closeform.scenario.formation import Destination, Goal, Target
-from closeform.scenario.quantity import DURATION, Duration, Reader
+from closeform.scenario.quantity import DURATION, Duration, Proving, Reader
 from closeform.scenario.table import (
     ALL,
     EACH,
@@ -22,6 +22,7 @@ from closeform.scenario.table import (
     Name,
     Names,
     Position,
+    Proof,
     Share,
     Span,
     Speed,
@@ -195,10 +196,10 @@ class Coast(Drifting):
 
 
 class Clearing(Thrusting):
-    """Stage whose paths avoid zones: the keep-out margin and the time for raising the lower bound."""
+    """Stage whose paths avoid zones: the keep-out margin, and the end of a proof of the lower bound."""
 
     margin: Margin | None = setting('"0.5 m"', 'keep-out margin, or "auto"')
-    prove: Span | None = setting('"10 s"', "time for raising the lower bound")
+    prove: Proof | None = setting('"10 s, 1 %"', "time and optimality gap that end raising the lower bound")
 
     @property
     def is_exact(self) -> bool:
@@ -206,9 +207,9 @@ class Clearing(Thrusting):
         return True
 
     @property
-    def proving(self) -> float:
-        """Time for raising the lower bound of a plan [s]."""
-        return 0.0 if self.prove is None else self.prove.seconds
+    def proving(self) -> Proving:
+        """End of the proof of a plan; at once without `prove`."""
+        return self.prove or Proving(seconds=0.0)
 
     @property
     def unprovable(self) -> str | None:
@@ -223,8 +224,6 @@ class Clearing(Thrusting):
 
     def flaws(self) -> Iterator[str]:
         yield from super().flaws()
-        if self.prove is not None and self.prove.orbits:
-            yield 'prove is a time; write for example prove = "10 s"'
         if self.prove is not None and self.unprovable is not None:
             yield f"prove cannot be combined with {self.unprovable}; remove one of them"
 

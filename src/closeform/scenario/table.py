@@ -32,6 +32,7 @@ from closeform.scenario.quantity import (
     TIME,
     Duration,
     Parts,
+    Proving,
     Reader,
     as_number,
     shown,
@@ -174,6 +175,19 @@ def as_drift(value: Any) -> Duration:
     return read
 
 
+def as_proving(value: Any) -> Proving:
+    """Return the end of a proof from a time, a gap in percent, or both."""
+    parts = [part.strip() for part in value.split(",")] if isinstance(value, str) else []
+    gaps = [part for part in parts if part.endswith(("%", "ppm"))]
+    times = [part for part in parts if part not in gaps]
+    if not parts or max(len(gaps), len(times)) > 1 or any("orbit" in part for part in times):
+        raise ValueError(f'{shown(value)} is no time or gap; write for example "10 s", "1 %" or "10 s, 1 %"')
+    given = {"seconds": Reader(TIME, least="positive").numbers(times[0])[0]} if times else {}
+    if gaps:
+        given["gap"] = Reader(SHARE, least="positive").numbers(gaps[0])[0]
+    return Proving(**given)
+
+
 def as_margin(value: Any) -> float | Literal["auto"]:
     """Return a length [m], or "auto"."""
     if value == "auto":
@@ -212,6 +226,7 @@ AngleDeviation = Annotated[float, Reader(ANGLE, least="zero")]
 Span = Annotated[Duration, Reader(DURATION, least="positive")]
 Margin = Annotated[float | Literal["auto"], BeforeValidator(as_margin)]
 Drift = Annotated[Duration, BeforeValidator(as_drift)]
+Proof = Annotated[Proving, BeforeValidator(as_proving)]
 Share = Annotated[float, Reader(SHARE, least="zero")]
 
 
