@@ -19,7 +19,7 @@ from closeform.report.run import RunReport, states
 from closeform.scenario import ScenarioError, parse
 from test_chief import to_fifty_digits
 
-pytestmark = pytest.mark.usefixtures("unpainted")
+pytestmark = pytest.mark.usefixtures("undrawn")
 
 ROOT = Path(__file__).parents[1]
 GRACE = ROOT / "examples" / "grace"

@@ -16,7 +16,7 @@ from closeform.scenario import parse
 from field_scenario import swap
 from test_field import axes_of, chief, textbook
 
-pytestmark = pytest.mark.usefixtures("unpainted")
+pytestmark = pytest.mark.usefixtures("undrawn")
 
 FIELD = cf.Field(chief())
 ORBIT = FIELD.chief.orbit
