@@ -53,7 +53,7 @@ def test_coasts_between_impulses_are_held():
 
 def test_impulses_of_a_stage_are_those_of_the_stage_alone():
     """The impulses of a move are retargeted as they are without the coasts."""
-    before, move, after = stages(0.5 * DAY)
+    before, move, after = stages(DAY)
     flight = cf.simulate(cf.join([before, move, after]), FIELD, feedback=HELD, zones=cf.Sphere(50.0))
     alone = cf.compensated_thrust(move, FIELD).impulses
     jumps = (flight.states - flight.arrivals)[0, ..., 3:]
