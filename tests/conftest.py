@@ -69,3 +69,11 @@ def unpainted() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Folder, "picture", blank)
         yield
+
+
+@pytest.fixture(scope="module")
+def undrawn() -> Iterator[None]:
+    """Leave out pictures, which take most of the time of a command."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("closeform.report.page.drawn", lambda *_: ())
+        yield

@@ -1,4 +1,4 @@
-"""Arcs under thrust of any course in the span: flown, summed up and searched like any other."""
+"""Arcs with thrust of the full span: motion, totals and conflicts."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ STATE_0 = [40.0, -90.0, 25.0, 0.05, -0.12, 0.08]
 
 
 def pushed(n: float, seed: int, duration: float = 700.0) -> cf.Path:
-    """One arc under an optimal thrust and another with four derivatives, all of one size."""
+    """Return an arc with optimal thrust and one with four derivatives of similar size."""
     draws = np.random.default_rng(seed)
     row = np.zeros((1, WIDTH))
     row[0, [END, MEAN_MOTION]] = duration, n
@@ -24,7 +24,7 @@ def pushed(n: float, seed: int, duration: float = 700.0) -> cf.Path:
 
 
 def thrust(path: cf.Path, t: float) -> np.ndarray:
-    """The thrust by its definition: a solution of u'' = N u + S u', and the span of order 4."""
+    """Return the thrust by its definition: a solution of u'' = N u + S u'."""
     row, n = path.arcs[0], path.orbit.mean_motion
     angle = n * t
     if n:
@@ -36,7 +36,7 @@ def thrust(path: cf.Path, t: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize("n", [0.0, 1e-5, N, 5 * N])
-def test_an_integrator_flies_it(n):
+def test_motion_agrees_with_an_integrator(n):
     path = pushed(n, 1)
 
     def rates(t, s):
@@ -51,7 +51,7 @@ def test_an_integrator_flies_it(n):
 
 
 @pytest.mark.parametrize("n", [0.0, N])
-def test_totals_meet_quadrature_and_sampling(n):
+def test_totals_agree_with_quadrature_and_sampling(n):
     path = pushed(n, 2)
     sizes = np.linalg.norm(path.thrust(np.linspace(0.0, 700.0, 20_001)), axis=1)
     squares = quad(lambda t: np.sum(thrust(path, t) ** 2), 0.0, 700.0, epsrel=1e-12)[0]
@@ -63,8 +63,8 @@ def test_totals_meet_quadrature_and_sampling(n):
 
 @pytest.mark.parametrize("n", [0.0, N])
 @pytest.mark.parametrize("seed", range(8))
-def test_conflicts_and_approaches_meet_dense_samples(n, seed):
-    """With a coast, an arc of the other kind, and in a batch that is followed along chords."""
+def test_conflicts_agree_with_dense_sampling(n, seed):
+    """Beside a coast, beside an arc of the other kind, and in a batch."""
     path, orbit = pushed(n, seed), cf.Orbit(n)
     others = cf.stack(
         [orbit.coast(np.r_[path.position(400.0) + 3.0, 0, 0, 0.01], 700.0), pushed(n, seed + 50)]
@@ -86,8 +86,8 @@ def test_conflicts_and_approaches_meet_dense_samples(n, seed):
     assert met == {(0, 40 + k) for k in range(2) if len(cf.find_conflicts(path, others[k], zone))}
 
 
-def test_thrust_constant_in_inertial_space_is_of_the_span():
-    """In the frame it turns against the orbit; its size stays, and so delta-v is size times duration."""
+def test_inertially_constant_thrust_is_representable():
+    """Its norm is constant, so that delta-v is norm times duration."""
     path = pushed(N, 3)
     row = path.arcs.copy()
     row[0, THRUST:] = 0.0
@@ -107,8 +107,8 @@ def test_thrust_constant_in_inertial_space_is_of_the_span():
     assert inertial.peak_thrust == pytest.approx(size, rel=2e-9)
 
 
-def test_samples_go_on_from_one_to_the_next():
-    """At times that are even, uneven and twice the same, also where one arc follows another."""
+def test_samples_at_any_times():
+    """Even, uneven and repeated times, also across arcs."""
     orbit = cf.Orbit(N)
     coast = orbit.coast(STATE_0, 700.0)
     burn = orbit.transfer(coast.state(700.0), [0.0, 50.0, 0.0, 0.0, 0.0, 0.0], 900.0, start=700.0)

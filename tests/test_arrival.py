@@ -1,4 +1,4 @@
-"""One craft that goes to a relative orbit by its name: the phase that is given, or the cheapest of all."""
+"""Arrival on a named relative orbit, at a given phase or the cheapest one."""
 
 import re
 from functools import cache
@@ -56,7 +56,7 @@ def state_at(phase):
 
 @cache
 def gramian():
-    """That of the whole duration, by quadrature of each of its entries."""
+    """Return the Gramian of the whole duration by quadrature."""
     motion, push = rates(ORBIT.mean_motion), np.eye(6)[:, 3:]
 
     def reached(t):
@@ -68,19 +68,19 @@ def gramian():
     return np.array([[entry(i, j) for j in range(6)] for i in range(6)])
 
 
-def least_energy(final):
-    """Half of d W^-1 d, d being what a coast misses."""
+def minimum_energy(final):
+    """Return half of d W^-1 d, where d is the miss of a coast."""
     missed = final - expm(rates(ORBIT.mean_motion) * DURATION) @ START
     return 0.5 * missed @ np.linalg.solve(gramian(), missed)
 
 
 @pytest.mark.parametrize("do", ["avoid", "transfer"])
-def test_a_phase_that_is_given(do):
+def test_given_phase(do):
     flown = mission(do, "energy", ', phase = "70 deg"')
     assert flown.clear
     end = flown.results[0].after.path("Inspector").state(DURATION)
     np.testing.assert_allclose(end, state_at(np.radians(70.0)), atol=1e-6)
-    costs = [least_energy(state_at(np.radians(phase))) for phase in (70.0, *np.arange(0.0, 360.0, 0.5))]
+    costs = [minimum_energy(state_at(np.radians(phase))) for phase in (70.0, *np.arange(0.0, 360.0, 0.5))]
     own, beside = (line for line in lines(flown) if "lowest cost" in line)
     arrives = "Inspector arrives on the safety ellipse at 70.00 deg, as given; lowest cost at"
     phase = float(re.fullmatch(rf"{arrives} ([\d.]+) deg", own).group(1))
@@ -92,7 +92,7 @@ def test_a_phase_that_is_given(do):
     here, spent = map(float, told.groups())
     assert here == pytest.approx(costs[0], rel=1e-3)
     assert min(costs) * (1.0 - 1e-3) < spent <= min(costs) * (1.0 + 1e-3)  # of half degrees; four digits
-    assert spent == pytest.approx(least_energy(state_at(np.radians(phase))), rel=1e-3)
+    assert spent == pytest.approx(minimum_energy(state_at(np.radians(phase))), rel=1e-3)
     (figures,) = (one.get("change", one.get("transfer")) for one in (RunReport(flown).sections[0].figures,))
     assert figures["arrival"]["cheapest_deg"] == pytest.approx(phase, abs=0.005)
     first = mission(do, "energy")
@@ -102,7 +102,7 @@ def test_a_phase_that_is_given(do):
 
 
 @pytest.mark.parametrize("phase", ["cheapest", "20 deg"])
-def test_who_asks_for_safe_drifts_is_told_that_the_cheapest_takes_no_account_of_them(phase):
+def test_cheapest_phase_ignores_passive_safety_in_the_report(phase):
     goal = mission("transfer", "delta-v", f', phase = "{phase}"').results[0].result.goal
     plain, told = ([*moves.arrival_lines("F1", goal, drifts)] for drifts in (False, True))
     assert told == [*plain, "The phase of lowest cost disregards free drift from there"]
@@ -110,7 +110,7 @@ def test_who_asks_for_safe_drifts_is_told_that_the_cheapest_takes_no_account_of_
     assert "among passively safe phases" in last
 
 
-def test_a_phase_that_is_given_and_the_cheapest():
+def test_given_and_cheapest_phase_exclude_each_other():
     best = moves.phase_of(mission("transfer", "energy", ', phase = "cheapest"').results[0].result.goal)
     flown = mission("transfer", "energy", f', phase = "{best:.2f} deg"')
     (told,) = (line for line in lines(flown) if "phase" in line or "arrives" in line)
@@ -121,16 +121,16 @@ def test_a_phase_that_is_given_and_the_cheapest():
 def test_the_cheapest_phase_by_energy(do):
     flown = mission(do, "energy", ', phase = "cheapest"')
     end = flown.results[0].after.path("Inspector").state(DURATION)
-    phases = np.linspace(0.0, 2 * np.pi, 3601)
-    costs = [least_energy(state_at(phase)) for phase in phases]
+    phases = np.linspace(0.0, 2 * np.pi, 1801)
+    costs = [minimum_energy(state_at(phase)) for phase in phases]
     best = phases[int(np.argmin(costs))]
-    np.testing.assert_allclose(end, state_at(best), atol=80 * np.radians(0.1))  # the grid of this test
-    assert least_energy(end) <= min(costs) * (1.0 + 1e-9)
-    assert least_energy(end) < 0.9 * least_energy(state_at(0.0))
+    np.testing.assert_allclose(end, state_at(best), atol=80 * np.radians(0.2))  # the grid of this test
+    assert minimum_energy(end) <= min(costs) * (1.0 + 1e-9)
+    assert minimum_energy(end) < 0.9 * minimum_energy(state_at(0.0))
     figures = RunReport(flown).sections[0].figures["change" if do == "avoid" else "transfer"]["arrival"]
     assert figures["cheapest"]
     assert figures["orbit"] == "safety_ellipse"
-    assert np.radians(figures["phase_deg"]) == pytest.approx(best, abs=np.radians(0.1))
+    assert np.radians(figures["phase_deg"]) == pytest.approx(best, abs=np.radians(0.2))
     assert f"{figures['phase_deg']:.2f} deg, lowest cost" in "\n".join(lines(flown))
 
 
@@ -140,11 +140,11 @@ def test_the_cheapest_phase_by_delta_v():
     finals = np.array([state_at(phase) for phase in np.linspace(0.0, 2 * np.pi, 721)])
     every = cf.least_delta_v(ORBIT, START, finals, DURATION)
     assert spent <= every.lower.min() * (1.0 + 1e-7)
-    assert spent >= every.lower.min() * (1.0 - 1e-4)  # half a degree beside the least costs no more
+    assert spent >= every.lower.min() * (1.0 - 1e-4)  # resolution of half a degree
 
 
-def test_not_where_somebody_is():
-    """A third craft waits at the cheapest phase: another one is taken, outside of its zone."""
+def test_cheapest_phase_avoids_an_occupied_place():
+    """A third spacecraft at the cheapest phase moves the arrival outside of its zone."""
     alone = mission("avoid", "energy", ', phase = "cheapest"')
     end = alone.results[0].after.path("Inspector").state(DURATION)
     x, y, z, vx, vy, vz = ORBIT.transition(-DURATION) @ end
@@ -159,11 +159,11 @@ def test_not_where_somebody_is():
     flown = fly(parse(third))
     assert flown.clear, flown.stopped
     apart = flown.results[0].after.path("Inspector").state(DURATION)[:3] - end[:3]
-    assert 20.0 < np.linalg.norm(apart) < 25.0  # no farther than it must
+    assert 20.0 < np.linalg.norm(apart) < 25.0  # no farther than necessary
 
 
-def test_not_from_where_it_drifts_into_somebody():
-    """A third craft swings 35 m across the track there, and back through a quarter of an orbit later."""
+def test_cheapest_phase_avoids_an_unsafe_drift():
+    """A third spacecraft comes back to the cheapest phase a quarter of an orbit later."""
     alone = mission("avoid", "energy", ', phase = "cheapest"')
     end = alone.results[0].after.path("Inspector").state(DURATION)
     x, y, z, vx, vy, vz = ORBIT.transition(-DURATION) @ (end + [0, 0, 35.0, 0, 0, 0])
@@ -176,7 +176,7 @@ def test_not_from_where_it_drifts_into_somebody():
         .replace("DO", "avoid")
     )
     without = fly(parse(third)).results[0].after.path("Inspector").state(DURATION)
-    assert np.linalg.norm(without - end) < 1e-6  # it stays clear as far as this stage
+    assert np.linalg.norm(without - end) < 1e-6  # clear within this stage
     flown = fly(parse(third + 'drift = "0.5 orbits"\n'))
     assert flown.clear, flown.stopped
     (result,) = flown.results
@@ -186,7 +186,7 @@ def test_not_from_where_it_drifts_into_somebody():
     assert 20.0 < min(apart) < 21.0  # no farther than it must
 
 
-def test_fellows_go_to_relative_orbits_too():
+def test_relative_orbit_as_goal_of_meanwhile():
     text = FILE.replace("DO", "avoid").replace("COST", "energy")
     text = text.replace("TO", '{ position = "0 -300 0 m", velocity = "0 0 0 m/s" }')
     to = ELLIPSE.replace("PHASE", ', phase = "cheapest"').replace("5 m", "600 m")
@@ -203,6 +203,6 @@ def test_fellows_go_to_relative_orbits_too():
         ('{ pendulum = { spacing = "9 m" } }', "cross_track"),
     ],
 )
-def test_bad_goals(to, message):
+def test_invalid_goals(to, message):
     with pytest.raises(ScenarioError, match=message):
         parse(FILE.replace("DO", "avoid").replace("COST", "energy").replace("TO", to))

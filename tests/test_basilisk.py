@@ -1,4 +1,4 @@
-"""Plans flown by Basilisk, a simulator that others wrote: `-m basilisk`, with the extra of that name."""
+"""Plans in Basilisk, an independent simulator: `-m basilisk`, with the extra of that name."""
 
 import sys
 from pathlib import Path
@@ -22,8 +22,8 @@ def example():
     return program
 
 
-def test_the_same_field_and_thrust(example: ModuleType, tmp_path: Path) -> None:
-    """J2 and drag: to 1 mm where both hold thrust alike, and as Basilisk holds it ever more shortly."""
+def test_same_field_and_thrust(example: ModuleType, tmp_path: Path) -> None:
+    """J2 and drag agree to 1 mm with equally held thrust, and ever closer with shorter steps."""
     alike, apart = example.same_field(tmp_path)
     assert alike < 1e-3  # m, asked; reached: 1e-6
     steps, off = np.array(apart).T
@@ -32,8 +32,8 @@ def test_the_same_field_and_thrust(example: ModuleType, tmp_path: Path) -> None:
     assert np.diff(np.log(off)) / np.diff(np.log(steps)) == pytest.approx(2.0, abs=0.1)
 
 
-def test_thrust_as_planned_is_told_from_thrust_less_the_residual(example: ModuleType, tmp_path: Path) -> None:
-    """Else the comparison could not fail: the planned thrust itself ends metres off."""
+def test_planned_and_compensated_thrust_differ(example: ModuleType, tmp_path: Path) -> None:
+    """Planned thrust ends metres off, so that the comparison can fail."""
     one = example.task(1)
     start, commanded = example.exported(one, one.field, tmp_path, 10.0)
     middle = 10.0 * (np.arange(commanded.shape[1]) + 0.5)
@@ -44,14 +44,14 @@ def test_thrust_as_planned_is_told_from_thrust_less_the_residual(example: Module
     assert example.off_plan(one, flown.times, example.relative(one, flown)).max() > 1.0
 
 
-def test_a_field_of_higher_degree(example: ModuleType, tmp_path: Path) -> None:
-    """EGM96 to degree and order 4 on an Earth that turns: what nobody told closeform."""
+def test_field_of_higher_degree(example: ModuleType, tmp_path: Path) -> None:
+    """EGM96 to degree and order 4 on a rotating Earth, which closeform does not know."""
     ends = dict(example.higher_field(tmp_path))
     assert 1e-3 < ends["J2 to J4"] < ends["J2"] < 0.1  # m
 
 
-def test_twelve_flights_under_feedback(example: ModuleType, tmp_path: Path) -> None:
-    """All are within the tube of a whole flight, eleven within that of one direction; no zone is entered."""
+def test_feedback_stays_in_the_tube(example: ModuleType, tmp_path: Path) -> None:
+    """Eleven of twelve simulations are within the tube of one direction, and no zone is violated."""
     flights = example.twelve_flights(tmp_path)
     whole, radius, off, _, left = np.array(flights).T
     assert len(flights) == 12

@@ -1,5 +1,5 @@
 # ruff: noqa: E501 (messages stand as they are printed)
-"""Reading, writing and relating ephemerides; damaged files give one clear line."""
+"""Read, write and relate ephemerides; damaged files give one clear message."""
 
 import subprocess
 import sys
@@ -86,7 +86,7 @@ def test_only_utc_has_leap_seconds(tmp_path, system, seconds):
         lambda text: "\ufeff" + text,
     ],
 )
-def test_lawful_spellings_read_the_same(tmp_path, change):
+def test_valid_spellings_are_equivalent(tmp_path, change):
     plain = read_oem(written(tmp_path, GOOD))
     file = tmp_path / "other.oem"
     file.write_bytes(change(GOOD).encode())
@@ -201,7 +201,7 @@ def test_segments_are_read_one_by_one(tmp_path):
         (lambda text: text.replace("75.0", "many"), "segment 2: line 31: 'many' is no number"),
     ],
 )  # fmt: skip
-def test_segments_that_do_not_fit(tmp_path, change, message):
+def test_inconsistent_segments_are_refused(tmp_path, change, message):
     file = written(tmp_path, GOOD + change(SECOND.replace("23:59:60.5", "23:59:59.5")))
     with pytest.raises(ValueError, match=message) as caught:
         read_oem_segments(file)
@@ -221,7 +221,7 @@ def test_absent_and_binary_files(tmp_path):
 
 @given(data=st.data())
 @settings(max_examples=50, deadline=None)
-def test_any_damage_is_read_or_refused_in_one_line(tmp_path_factory, data):
+def test_random_damage_is_read_or_refused(tmp_path_factory, data):
     text = GOOD
     for _ in range(data.draw(st.integers(1, 3))):
         start = data.draw(st.integers(0, len(text)))
@@ -270,7 +270,7 @@ def test_ephemeris_is_checked_when_made():
 
 
 @pytest.mark.parametrize("along_track", ["straight", "arc"])
-def test_common_frame_of_a_craft_ahead(along_track):
+def test_common_frame_of_a_spacecraft_ahead(along_track):
     chief, deputy = circular(), circular("DEPUTY", ahead=0.01)
     frame = common_frame([chief, deputy], along_track)
     # 70 km on a circle of 7000 km, or its chord seen along the axes
@@ -308,7 +308,7 @@ def test_common_frame_takes_the_shared_epochs_only():
         ([circular("D", times=[1.0, 2.0, 3.0])], "CHIEF, D: fewer than two common epochs"),
     ],
 )
-def test_ephemerides_that_do_not_go_together(others, message):
+def test_incompatible_ephemerides_are_refused(others, message):
     with pytest.raises(ValueError, match=message):
         common_frame([circular(), *others])
 
@@ -319,6 +319,6 @@ def test_earth_fixed_frame_is_refused():
         common_frame(fixed)
 
 
-def test_wrong_gravity_is_noticed():
+def test_wrong_gravity_is_reported():
     with pytest.raises(ValueError, match="CHIEF: not on a closed orbit"):
         common_frame([circular(), circular("D", 0.1)], mu=4e13)

@@ -1,5 +1,5 @@
 # ruff: noqa: E501 (messages stand as they are printed)
-"""Conjunction data messages: read, written; what real ones do, and what damaged ones come to."""
+"""Read and write conjunction data messages, with deviations and damage of real ones."""
 
 import re
 from dataclasses import replace
@@ -50,15 +50,15 @@ def test_a_message_is_read_in_si(slow):
     assert first.covariance[1, 0] == first.covariance[0, 1] == -3.524140813027809e02
 
 
-def test_covariances_turn_to_the_published_inertial_ones(slow):
-    """CARA's figures in own axes against Alfano's in inertial ones: the states are rounded to 1 mm."""
+def test_covariances_agree_with_published_inertial_ones(slow):
+    """CARA's local covariances agree with Alfano's inertial ones; states are rounded to 1 mm."""
     spread = np.sqrt(np.diag(SLOW_INERTIAL))
     scaled = (slow.objects[0].inertial_covariance - SLOW_INERTIAL) / np.outer(spread, spread)
     assert np.abs(scaled).max() < 1e-6
 
 
-def test_states_of_the_turning_earth_give_what_the_message_tells(fast):
-    """RELATIVE_POSITION to 5 cm, RELATIVE_VELOCITY to 5 cm/s are its digits, and the speed cut to 1 m/s."""
+def test_earth_fixed_states_agree_with_the_message(fast):
+    """Positions agree to 5 cm, velocities to 5 cm/s, as printed."""
     told = np.array([-21.3, -15.2, -49.3, 1.9, -13954.8, 4100.4])
     np.testing.assert_allclose(fast.relative_state, told, rtol=0.0, atol=0.06)
     assert fast.relative_speed == pytest.approx(14544.5, abs=0.5)
@@ -66,7 +66,7 @@ def test_states_of_the_turning_earth_give_what_the_message_tells(fast):
     assert np.linalg.norm(fast.objects[0].inertial_state[3:]) == pytest.approx(7.6e3, rel=0.01)
 
 
-def test_what_real_messages_tell_beside_the_standard(fast):
+def test_common_deviations_from_the_standard(fast):
     assert fast.hard_body_radius is None
     assert fast.exclusion_radii == (5.0, 5.0)
     assert (fast.collision_probability, fast.collision_probability_method) == (0.004450713, "FOSTER-1992")
@@ -87,13 +87,13 @@ def test_what_real_messages_tell_beside_the_standard(fast):
         ("", None),
     ],
 )
-def test_where_the_radius_stands(tmp_path, line, radius):
+def test_sources_of_the_hard_body_radius(tmp_path, line, radius):
     assert (
         cf.read_cdm(written(tmp_path, SLOW.replace("COMMENT HBR = 15.0\n", line))).hard_body_radius == radius
     )
 
 
-def test_radii_of_both_objects_add(tmp_path):
+def test_radii_of_both_objects_are_added(tmp_path):
     """HBR of each object, an additional parameter of CDM 2.0."""
     text = SLOW.replace("COMMENT HBR = 15.0\n", "").replace("X = ", "HBR = 2.5 [m]\nX = ")
     found = cf.read_cdm(written(tmp_path, text))
@@ -118,7 +118,7 @@ def test_radii_of_both_objects_add(tmp_path):
         ),
     ],
 )
-def test_lawful_spellings_read_the_same(tmp_path, slow, change):
+def test_valid_spellings_are_equivalent(tmp_path, slow, change):
     file = tmp_path / "other.cdm"
     file.write_bytes(change(SLOW).encode())
     other = cf.read_cdm(file)
@@ -129,7 +129,7 @@ def test_lawful_spellings_read_the_same(tmp_path, slow, change):
 
 
 def xml(text):
-    """The same message in XML, by its own few lines."""
+    """Return the same message as XML."""
     head, *objects = text.split("OBJECT = OBJECT")
 
     def element(line):
@@ -172,7 +172,7 @@ def test_qualified_xml_is_read(tmp_path):
 
 
 @pytest.mark.parametrize("text", [SLOW, FAST])
-def test_what_is_written_reads_back(tmp_path, text):
+def test_written_message_reads_back(tmp_path, text):
     told = cf.read_cdm(written(tmp_path, text))
     told = replace(told, message_for="US", objects=tuple(replace(each, radius=2.0) for each in told.objects))
     cf.write_cdm(tmp_path / "copy.cdm", told)
@@ -197,8 +197,8 @@ def test_what_is_written_reads_back(tmp_path, text):
         )
 
 
-def test_the_standards_keywords_are_written(tmp_path, fast):
-    """CCSDS 508.0-B-1 tables 3-1 to 3-4: what is obligatory, in their order."""
+def test_written_keywords_follow_the_standard(tmp_path, fast):
+    """Obligatory keywords of CCSDS 508.0-B-1, tables 3-1 to 3-4, are in order."""
     cf.write_cdm(tmp_path / "copy.cdm", fast)
     lines = (tmp_path / "copy.cdm").read_text().splitlines()
     keys = [line.split(" =")[0] for line in lines]
@@ -228,8 +228,8 @@ def test_the_standards_keywords_are_written(tmp_path, fast):
     assert float(told["RELATIVE_VELOCITY_T"].split()[0]) == pytest.approx(-13954.8, abs=0.06)
 
 
-def test_the_encounter_of_a_message(slow):
-    """In the first's frame; what is indefinite is refused by the object's name, with its least eigenvalue."""
+def test_encounter_of_a_message(slow):
+    """Indefinite covariances are refused with the name of the object and the smallest eigenvalue."""
     met = slow.encounter(half_window=100.0)
     assert (met.path.start, met.path.end) == (-100.0, 100.0)
     np.testing.assert_allclose(met.path.position(0.0), slow.relative_state[:3], atol=1e-6)
@@ -307,7 +307,7 @@ DAMAGE = {
 }  # fmt: skip
 
 
-def test_damaged_message_gives_one_line(tmp_path):
+def test_damaged_message_is_reported_in_one_line(tmp_path):
     for case in DAMAGE:
         change, expected = DAMAGE[case]
         assert change(SLOW) != SLOW
@@ -320,7 +320,7 @@ def test_damaged_message_gives_one_line(tmp_path):
 
 @given(data=st.data())
 @settings(max_examples=50)
-def test_any_damage_is_read_or_refused_in_one_line(tmp_path_factory, data):
+def test_random_damage_is_read_or_refused(tmp_path_factory, data):
     text = data.draw(st.sampled_from([SLOW, xml(SLOW)]))
     for _ in range(data.draw(st.integers(1, 3))):
         start = data.draw(st.integers(0, len(text)))
@@ -370,7 +370,7 @@ MU = 398600.4418e9
 
 
 def circling(radius, tilt, phase, times):
-    """States (T, 6) on a circle, in closed form."""
+    """Return states (T, 6) on a circle, in closed form."""
     rate = np.sqrt(MU / radius**3)
     angle = phase + rate * np.asarray(times, dtype=float)
     cos, sin = np.cos(angle), np.sin(angle)
@@ -382,13 +382,13 @@ def circling(radius, tilt, phase, times):
 
 
 def rtn(state):
-    """The radial, transverse and normal axes as rows."""
+    """Return the radial, transverse and normal axes as rows."""
     normal = np.cross(state[:3], state[3:])
     rows = np.array([state[:3], np.cross(normal, state[:3]), normal])
     return rows / np.linalg.norm(rows, axis=1)[:, None]
 
 
-def test_a_screening_writes_messages_of_its_conflicts(tmp_path, monkeypatch, capsys):
+def test_screening_writes_messages(tmp_path, monkeypatch, capsys):
     """Three circular orbits: identifiers, closest approach, velocity and covariance against closed form."""
     orbits = {
         "CHIEF": (7e6, 0.0, -0.3),

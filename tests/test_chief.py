@@ -1,4 +1,4 @@
-"""The chief: Kepler's motion against an integrator, real orbits, the same frame as a screening's, UTC."""
+"""The chief: Kepler motion, real orbits, frames and UTC."""
 
 import pickle
 from dataclasses import replace
@@ -24,7 +24,7 @@ def attracted(_, state):
 
 
 def to_fifty_digits(state, time):
-    """The position by Lagrange's coefficients; Kepler's equation is that of the change of the anomaly."""
+    """Return the position by Lagrange's coefficients in 50 digits."""
     with mpmath.workdps(50):
         mu, time = mpmath.mpf(cf.elements.EARTH_MU), mpmath.mpf(float(time))
         place, speed = (
@@ -52,7 +52,7 @@ def grace():
 @pytest.mark.parametrize(
     "elements", [INCLINED, [2.5e7, -2.0, 0.5, 0.4, 0.3, -1.0], [7e6, 0.0, 0.0, 0.0, 0.0, 0.0]]
 )
-def test_keplers_motion_is_that_of_an_integrator(elements):
+def test_kepler_motion_agrees_with_an_integrator(elements):
     chief = Chief.from_elements(EPOCH, elements)
     period = chief.orbit.period
     times = np.linspace(0.0, 2.3 * period, 40)
@@ -73,8 +73,8 @@ def test_keplers_motion_is_that_of_an_integrator(elements):
     assert back.shape == (3, 6)
 
 
-def test_flown_orbits_are_followed_with_a_stated_error(grace):
-    """Every state of GRACE-A from every sixth: as good as stated, on other clocks, too."""
+def test_real_orbit_within_the_stated_error(grace):
+    """GRACE-A interpolated from every sixth state, also on other time systems."""
     sparse = replace(grace, times=grace.times[::6], states=grace.states[::6])
     chief = Chief.from_ephemeris(sparse, "2010-07-27T00:01:45", "UTC")  # GPS is 15 s ahead then
     times = grace.times - 120.0
@@ -87,7 +87,7 @@ def test_flown_orbits_are_followed_with_a_stated_error(grace):
     assert chief.utc(times[:1]) == ["2010-07-26T23:59:45.000000000Z"]
 
 
-def test_an_ephemeris_is_left_neither_early_nor_late(grace):
+def test_times_outside_an_ephemeris_are_refused(grace):
     chief = Chief.from_ephemeris(grace)
     assert chief.states(10800.0).tolist() == pytest.approx(grace.states[-1].tolist(), rel=1e-14)
     for time, stamp in ((-1.0, "2010-07-26T23:59:59"), (10801.0, "2010-07-27T03:00:01")):
@@ -101,7 +101,7 @@ def test_an_ephemeris_is_left_neither_early_nor_late(grace):
 
 @pytest.mark.parametrize("along_track", ["arc", "straight"])
 @pytest.mark.parametrize("flown", [False, True])
-def test_relative_states_go_there_and_back(along_track, flown, grace):
+def test_relative_states_round_trip(along_track, flown, grace):
     chief = Chief.from_ephemeris(grace) if flown else Chief.from_elements(EPOCH, INCLINED)
     times = np.linspace(0.0, 9000.0, 7)
     states = np.random.default_rng(1).normal(size=(3, 7, 6)) * ([500.0] * 3 + [0.5] * 3)
@@ -114,8 +114,8 @@ def test_relative_states_go_there_and_back(along_track, flown, grace):
     np.testing.assert_allclose(zero, chief.states(times), rtol=0.0, atol=1e-8)
 
 
-def test_the_frame_is_that_of_a_screening(grace):
-    """Where the chief stands alone and in a common frame: the same axes, circle and mean motion."""
+def test_frame_agrees_with_common_frame(grace):
+    """A single chief and a common frame have the same axes, circle and mean motion."""
     other = read_oem(GRACE / "GRACE-B.oem")
     frame = cf.common_frame([grace, other])
     chief = Chief.from_ephemeris(grace)
@@ -125,8 +125,8 @@ def test_the_frame_is_that_of_a_screening(grace):
     np.testing.assert_allclose(found[:, :3], frame.states[1, :, :3], rtol=0.0, atol=1e-6)
 
 
-def test_a_craft_ahead_by_arcs_is_on_the_same_circle():
-    """By exact two-body motion: the arc is the lead in anomaly times the radius, and stays so for a turn."""
+def test_arc_coordinates_of_a_spacecraft_ahead():
+    """The arc is the lead in anomaly times the radius, by two-body motion."""
     circle = [7e6, 0.4, 0.0, 0.0, 1.0, 0.2]
     chief = Chief.from_elements(EPOCH, circle)
     ahead = Chief.from_elements(EPOCH, np.array(circle) + [0, 1e-3, 0, 0, 0, 0])
@@ -135,7 +135,7 @@ def test_a_craft_ahead_by_arcs_is_on_the_same_circle():
     np.testing.assert_allclose(found, np.tile([0, 7e3, 0, 0, 0, 0], (9, 1)), rtol=0.0, atol=1e-6)
 
 
-def test_utc_is_that_of_astropy():
+def test_utc_agrees_with_astropy():
     chief = Chief.from_elements("2016-12-31T23:00:00.123456789", INCLINED, time_system="GPS")
     times = np.linspace(0.0, 7200.0, 50)
     start = Time(chief.epoch, scale="tai") + TimeDelta(19.0, format="sec")
@@ -159,8 +159,8 @@ def test_elements_and_warnings():
     assert Chief.from_elements(EPOCH, [7e6, 0, 5e-4, 0, 1, 0]).warnings == ()
 
 
-def test_the_warned_error_is_what_two_bodies_fly():
-    """Craft 1 km ahead on orbits a little different: the worst leaves Hill's path by about what is said."""
+def test_warned_error_agrees_with_two_body_motion():
+    """The worst of several orbits deviates by about the stated error."""
     chief = Chief.from_elements(EPOCH, [6.85e6, 0.0, 2e-3, 0.0, 1.0, 0.2])
     said = 1e3 * 25.0 * chief.eccentricity
     times, worst = np.linspace(0.0, chief.orbit.period, 200), 0.0
@@ -176,7 +176,7 @@ def test_the_warned_error_is_what_two_bodies_fly():
     assert 0.3 * said < worst < said
 
 
-def test_a_chief_pickles(grace):
+def test_chief_pickles(grace):
     for chief in (Chief.from_elements(EPOCH, INCLINED), Chief.from_ephemeris(grace)):
         back = pickle.loads(pickle.dumps(chief))
         assert back.utc([1.0]) == chief.utc([1.0])
@@ -197,7 +197,7 @@ def test_a_chief_pickles(grace):
         ({"ephemeris": "file"}, "ephemeris: expected Ephemeris"),
     ],
 )
-def test_what_is_no_chief(changes, message):
+def test_invalid_chief(changes, message):
     chief = Chief.from_elements(EPOCH, INCLINED)
     with pytest.raises(ValueError, match=message):
         replace(chief, **changes)

@@ -1,4 +1,4 @@
-"""Ephemerides of other epochs: interpolated within a stated error, or refused with what to do."""
+"""Ephemerides at different epochs: interpolation within a stated error, or a refusal with a remedy."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -29,7 +29,7 @@ def flattened(_, state):
 
 
 def circular(name="CHIEF", ahead=0.0, times=None, **changes):
-    """A circular orbit whose velocities are the rates of its positions to all digits."""
+    """Return a circular orbit with exact velocities."""
     craft = turning(name, times=times, **changes)
     elements = elements_from_inertial(craft.states)
     elements[:, 1] = ahead + np.sqrt(EARTH_MU / 7e6**3) * craft.times
@@ -37,8 +37,8 @@ def circular(name="CHIEF", ahead=0.0, times=None, **changes):
 
 
 @pytest.mark.parametrize("step", [20.0, 60.0, 180.0, 300.0])
-def test_the_stated_error_holds(step):
-    """On an inclined ellipse about a flattened Earth, flown by DOP853; also near the ends."""
+def test_stated_interpolation_error_holds(step):
+    """DOP853 on an inclined ellipse with J2, also near the ends."""
     start = [6.9e6, 0.0, 0.0, 0.0, 3.0e3, 7.2e3]
     dense = solve_ivp(
         flattened,
@@ -63,7 +63,7 @@ def test_the_stated_error_holds(step):
 
 
 @pytest.mark.parametrize("count", [2, 3, 5])
-def test_few_states_make_a_polynomial_of_less_degree(count):
+def test_few_states_lower_the_degree(count):
     craft = circular(times=np.arange(count) * 30.0)
     between = np.array([15.0, 30.0 * (count - 1) - 7.0])
     states, errors = interpolated(craft, between)
@@ -73,7 +73,7 @@ def test_few_states_make_a_polynomial_of_less_degree(count):
     assert distance.max() < 30.0**4 * 7e6 * 1.08e-3**4 / 384.0 * 1.01  # a cubic between two nodes
 
 
-def test_nodes_are_met_exactly():
+def test_nodes_are_exact():
     craft = circular()
     states, errors = interpolated(craft, craft.times)
     np.testing.assert_allclose(states[:, :3], craft.states[:, :3], rtol=0.0, atol=1e-8)
@@ -81,8 +81,8 @@ def test_nodes_are_met_exactly():
     assert errors.max() < 1e-8
 
 
-def test_flown_orbits_between_left_out_epochs():
-    """GRACE-B from every minute against every ten seconds: as good as stated."""
+def test_real_orbit_between_epochs():
+    """GRACE-B from every minute agrees with every ten seconds."""
     flown = read_oem(GRACE / "GRACE-B.oem")
     sparse = replace(flown, times=flown.times[::6], states=flown.states[::6])
     states, errors = interpolated(sparse, flown.times)
@@ -93,7 +93,7 @@ def test_flown_orbits_between_left_out_epochs():
     assert errors.max() < 0.1
 
 
-def test_the_densest_epochs_are_those_of_all():
+def test_common_epochs_are_the_densest():
     chief = circular(times=np.arange(0.0, 600.0, 60.0))
     other = circular("OTHER", ahead=1e-3, times=np.arange(5.0, 500.0, 7.0))
     frame = common_frame([chief, other], interpolate=0.01)
@@ -107,7 +107,7 @@ def test_the_densest_epochs_are_those_of_all():
     assert common_frame([chief, late], interpolate=0.01).times[0] == 60.0
 
 
-def test_what_cannot_be_interpolated_is_refused():
+def test_impossible_interpolation_is_refused():
     chief = circular(times=np.arange(0.0, 6000.0, 60.0))
     coarse = circular("COARSE", times=np.arange(7.0, 6000.0, 1800.0))
     with pytest.raises(
@@ -122,7 +122,7 @@ def test_what_cannot_be_interpolated_is_refused():
         common_frame([chief, coarse], interpolate=-1.0)
 
 
-def test_the_remedy_of_the_message_runs(tmp_path, monkeypatch, capsys):
+def test_remedy_of_the_message_works(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     write_oem("A.oem", circular("A", times=np.arange(0.0, 600.0, 60.0)))
     write_oem("B.oem", circular("B", ahead=1e-4, times=np.arange(17.0, 600.0, 60.0)))

@@ -1,4 +1,4 @@
-"""Conflicts and closest approaches against dense sampling with refinement, and worked cases."""
+"""Conflicts and closest approaches against refined dense sampling, and analytic cases."""
 
 import os
 import subprocess
@@ -35,15 +35,15 @@ COURSES = [
 ]
 
 
-def stays(path, other, zone):
+def conflict_rows(path, other, zone):
     return [(c.start, c.end, c.time, c.ratio) for c in cf.find_conflicts(path, other, zone)]
 
 
 def check(batch):
-    """Every pair of a batch against the sampled truth: conflicts, and the closest approach."""
+    """Compare conflicts and closest approaches of a batch with refined sampling."""
     extrema = batch.relative.extrema()
     count = len(batch.zones)
-    found = [stays(batch.path[k], batch.other[k], batch.zones[k]) for k in range(count)]
+    found = [conflict_rows(batch.path[k], batch.other[k], batch.zones[k]) for k in range(count)]
     for pair, words in enumerate(faults(batch.relative, extrema, found)):
         assert not words, (batch.label, pair)
     _, sampled, (who, _, norms, _) = extrema
@@ -60,27 +60,26 @@ def check(batch):
 
 
 @pytest.mark.parametrize(("kinds", "deep"), [(kinds, k % 2 == 1) for k, kinds in enumerate(COURSES)])
-def test_sampling_finds_the_same(kinds, deep):
+def test_dense_sampling_finds_the_same_conflicts(kinds, deep):
     rng = np.random.Generator(np.random.Philox([COURSES.index(kinds), deep]))
     total = 0
-    for _ in range(3):
-        batch = draw(rng, 8, kinds, deep)
+    for _ in range(1):
+        batch = draw(rng, 6, kinds, deep)
         total += check(batch) + check(graze(rng, batch))
     assert total > 0
 
 
-@pytest.mark.parametrize("reach", [1e-2, 1e-4, 1e-6, 1e-8, 1e-10])
-def test_grazing_is_told_from_missing(reach):
+@pytest.mark.parametrize("reach", [1e-2, 1e-6, 1e-10])
+def test_grazing_and_missing_are_distinguished(reach):
     rng = np.random.Generator(np.random.Philox(7))
-    for _ in range(3):
-        check(graze(rng, draw(rng, 8, None, False), reach))
+    check(graze(rng, draw(rng, 8, None, False), reach))
 
 
-# --- worked cases -----------------------------------------------------------------------------
+# --- analytic cases ----------------------------------------------------------------------------
 
 
-def test_a_straight_line_through_a_sphere():
-    """Deep space: entry and exit at -+ sqrt(R^2 - b^2)/v from the closest point, here a 3-4-5."""
+def test_straight_line_through_a_sphere():
+    """Entry and exit are sqrt(R^2 - b^2)/v before and after the closest approach."""
     path = DEEP.coast([-100, 3, 0, 2, 0, 0], 100.0)
     (conflict,) = cf.find_conflicts(path, DEEP.coast(ZERO, 100.0), cf.Sphere(5.0))
     assert conflict.start == pytest.approx(48.0, abs=1e-11)  # 1e-12 of the norm
@@ -89,13 +88,13 @@ def test_a_straight_line_through_a_sphere():
     assert conflict.ratio == pytest.approx(0.6, rel=1e-9)
 
 
-@settings(deadline=None, max_examples=50)
+@settings(deadline=None, max_examples=20)
 @given(
     st.lists(st.floats(-100, 100), min_size=3, max_size=3).map(np.array),
     st.lists(st.floats(-10, 10).map(lambda v: round(v, 6)), min_size=3, max_size=3).map(np.array),
     st.sampled_from([cf.Box([3.0, 5.0, 8.0]), cf.Sphere(5.0)]),
 )
-def test_straight_lines_have_known_times(place, velocity, zone):
+def test_straight_lines_through_boxes_and_spheres(place, velocity, zone):
     if zone.shape == CUBE:
         widths = np.array([3.0, 5.0, 8.0])
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -118,14 +117,14 @@ def test_straight_lines_have_known_times(place, velocity, zone):
         assert found == ()
     else:
         (conflict,) = found
-        # 1e-6 s is what is promised where the norm changes by more than 1e-6 per second
+        # promised where the norm changes by more than 1e-6 per second
         assert conflict.start == pytest.approx(max(begin, 0.0), abs=1e-6)
         assert conflict.end == pytest.approx(min(end, 100.0), abs=1e-6)
 
 
 @pytest.mark.parametrize("start", [0.0, 1e6])
-def test_a_stay_of_a_millisecond_is_not_missed(start):
-    """10 km/s through the rim of a sphere, once in ten orbits: inside for a thousandth of a second."""
+def test_conflict_of_a_millisecond_is_found(start):
+    """A pass at 10 km/s through the rim of a sphere lasts 1 ms."""
     speed, radius, moment = 10e3, 50.0, 7.3 * PERIOD
     depth = radius - np.sqrt(radius**2 - (speed * 0.5e-3) ** 2)
     deputy = cf.Orbit(N).coast([0, 0, radius - depth, speed, 0, 0], 5.0, start=start + moment)
@@ -151,7 +150,7 @@ SHAPES = {
 @pytest.mark.parametrize("shape", SHAPES)
 @pytest.mark.parametrize("offset", [1e-8, 1e-10, 3e-12])
 def test_leader_and_follower_at_constant_offset(shape, offset):
-    """The norm is constant: outside nothing happens, inside is one stay, and both are quick."""
+    """A constant ratio gives no conflict outside and one inside."""
     for orbit in (ORBIT, DEEP):
         chief = orbit.coast(ZERO, 100 * PERIOD)
         for side, count in ((1, 0), (-1, 1)):
@@ -165,12 +164,12 @@ def test_leader_and_follower_at_constant_offset(shape, offset):
 
 
 def circle(duration, start=0.0):
-    """The general circular orbit: |r| = 200 m throughout."""
+    """Return the general circular orbit with |r| = 200 m."""
     e = 100.0
     return ORBIT.coast([-e, 0, np.sqrt(3) * e, 0, 2 * e * N, 0], duration, start=start)
 
 
-@pytest.mark.parametrize("turns", [1, 10, 100])
+@pytest.mark.parametrize("turns", [1, 100])
 @pytest.mark.parametrize("offset", [1e-6, 1e-9, 3e-12])
 def test_general_circular_orbit_against_its_own_sphere(turns, offset):
     path, chief = circle(turns * PERIOD), ORBIT.coast(ZERO, turns * PERIOD)
@@ -182,14 +181,14 @@ def test_general_circular_orbit_against_its_own_sphere(turns, offset):
 @pytest.mark.parametrize(
     "offset", [1e-12, 7.5e-13, 6e-13, 5.1e-13, 5e-13, 4.9e-13, 3e-13, 2.5e-13, 1e-13, 0, -1e-13]
 )
-def test_on_the_surface_within_rounding_a_stay_does_not_chatter(offset):
-    """Within 1e-12 of the surface either answer is right; many short stays are not."""
+def test_conflict_on_the_surface_is_not_split(offset):
+    """Within 1e-12 of the surface there is at most one conflict."""
     for start in (0.0, 1e9):
         path, chief = circle(10 * PERIOD, start), ORBIT.coast(ZERO, 10 * PERIOD, start=start)
         assert len(cf.find_conflicts(path, chief, cf.Sphere(200 / (1 + offset)))) <= 1
 
 
-def test_coincident_craft_are_one_conflict():
+def test_coincident_spacecraft_have_one_conflict():
     for path in (circle(PERIOD), ORBIT.transfer(ZERO, [100, 0, 0, 0, 0, 0], 900.0), REST):
         for zone in SHAPES.values():
             (conflict,) = cf.find_conflicts(path, path, zone)
@@ -197,8 +196,8 @@ def test_coincident_craft_are_one_conflict():
             assert cf.closest_approach(path, path, zone).distance == 0.0
 
 
-def test_craft_that_meet_in_a_point():
-    """Through each other's centre: the ratio is 0 to rounding, the time the moment of meeting."""
+def test_collision_has_ratio_zero():
+    """Spacecraft that collide have a ratio of 0 at the time of the collision."""
     there = ORBIT.coast([0, 0, 0, 0.3, -0.2, 0.1], 2000.0, start=1000.0)
     back = ORBIT.transition(-1000.0) @ there.state(1000.0)
     for zone in SHAPES.values():
@@ -208,7 +207,7 @@ def test_craft_that_meet_in_a_point():
 
 
 @pytest.mark.parametrize("shape", SHAPES)
-def test_a_start_on_the_surface(shape):
+def test_start_on_the_surface(shape):
     zone = SHAPES[shape]
     for rate, count in ((-0.5, 1), (0.5, 1), (0.0, 1)):
         path = DEEP.coast([0, 10.0, 0, 0, rate, 0], 10.0)
@@ -221,7 +220,7 @@ def test_a_start_on_the_surface(shape):
 
 @pytest.mark.parametrize("n", [1e-300, 1e-160, 1e-100, 1e-50, 1e-20, 1e-10, 1e-7])
 def test_deep_space_is_the_limit_of_conflicts(n):
-    """Nothing under- or overflows on the way to n = 0, and the times get there."""
+    """Small mean motions neither underflow nor overflow."""
     zone = cf.Sphere(10.0)
     for orbit in (cf.Orbit(n), DEEP):
         path, other = orbit.coast([0, -100, 0, 0, 1, 0], 200.0), orbit.coast(ZERO, 200.0)
@@ -258,7 +257,7 @@ def test_one_instant_in_common():
 
 
 def test_one_instant_in_common_at_rest():
-    """Nothing moves and there is no time to halve: the search ends all the same."""
+    """The search ends without motion and without time to halve."""
     path, other = DEEP.coast([5, 0, 0, 0, 0, 0], 10.0), DEEP.coast(ZERO, 10.0, start=10.0)
     assert cf.closest_approach(path, other, cf.Sphere(10.0)).ratio == 0.5
     (conflict,) = cf.find_conflicts(path, other, cf.Sphere(10.0))
@@ -274,8 +273,8 @@ def test_no_common_time():
     assert np.isnan(near.time)
 
 
-def test_every_crossing_of_a_hundred_orbits():
-    """Cross-track swing through the chief's plane: in and out twice an orbit, at known times."""
+def test_crossings_of_a_hundred_orbits():
+    """Cross-track motion enters and leaves the zone twice an orbit, at known times."""
     swing, half = 100.0, 7.0
     path = ORBIT.coast([0, 0, swing, 0, 0, 0], 100 * PERIOD)
     found = cf.find_conflicts(path, ORBIT.coast(ZERO, 100 * PERIOD), cf.Sphere(half))
@@ -288,8 +287,8 @@ def test_every_crossing_of_a_hundred_orbits():
     assert max(c.ratio for c in found) < 1e-9
 
 
-def test_a_slow_drift_is_followed_to_the_end():
-    """1 m of semi-major axis closes 3 pi m of track an orbit: it takes 106 orbits to get near."""
+def test_slow_drift():
+    """A slow drift enters the zone after 106 orbits."""
     d, ahead = 1.0, 1000.0
     path = ORBIT.coast([2 * d, ahead, 0, 0, -3 * N * d, 0], 200 * PERIOD)
     (conflict,) = cf.find_conflicts(path, ORBIT.coast(ZERO, 200 * PERIOD), cf.Box([5.0, 20.0, 5.0]))
@@ -297,7 +296,7 @@ def test_a_slow_drift_is_followed_to_the_end():
     assert conflict.end == pytest.approx((ahead + 20) / (3 * N * d), abs=1e-6)
 
 
-def test_an_impulse_on_the_surface_turns_the_craft_around():
+def test_impulse_on_the_surface():
     out = DEEP.coast([20, 0, 0, -1, 0, 0], 10.0)
     for radius, count in ((10.0 * (1 - 1e-9), 0), (10.0 * (1 + 1e-9), 1)):
         path = cf.join([out, DEEP.coast([10, 0, 0, 1, 0, 0], 10.0, start=10.0)])
@@ -306,8 +305,8 @@ def test_an_impulse_on_the_surface_turns_the_craft_around():
         assert cf.closest_approach(path, DEEP.coast(ZERO, 20.0), cf.Sphere(radius)).time == 10.0
 
 
-def test_sampled_and_coasting_agree():
-    """The same motion, once in closed form and once through dense nodes, conflicts alike."""
+def test_sampled_motion_agrees_with_closed_form():
+    """Closed-form and densely sampled motion have the same conflicts."""
     path = ORBIT.coast([60, -150, 20, 0, -0.132, 0.03], PERIOD)
     times = np.linspace(0, PERIOD, 1200)
     nodes = ORBIT.sampled(times, path.state(times))
@@ -367,7 +366,7 @@ def clear_cut(path, other, zone):
     return cf.find_conflicts(path, other, zone)
 
 
-@settings(deadline=None, max_examples=50)
+@settings(deadline=None, max_examples=20)
 @given(
     states,
     states,
@@ -386,7 +385,7 @@ def test_swap_of_the_craft_and_shift_of_the_time(a, b, c, duration, orbit, shape
     alike(found, [cf.Conflict(s.start - 1e5, s.end - 1e5, s.time, s.ratio) for s in shifted], 1e-4)
 
 
-@settings(deadline=None, max_examples=50)
+@settings(deadline=None, max_examples=20)
 @given(
     states,
     states,
@@ -423,16 +422,16 @@ def test_closest_approach_broadcasts():
             assert one.distance == near.distance[i, j] == pytest.approx(10 * one.ratio, rel=1e-9)
 
 
-@settings(deadline=None, max_examples=50)
+@settings(deadline=None, max_examples=20)
 @given(states, st.floats(-1, 1), st.sampled_from(list(SHAPES)))
-def test_nothing_conflicts_after_the_last_possible_time(state, drift, shape):
-    """Theory (6) against the search over up to 60 orbits."""
+def test_no_conflict_after_the_last_possible_time(state, drift, shape):
+    """Compare theory (6) with a search over 60 orbits."""
     zone = SHAPES[shape]
     state = state * 0.3
     state[4] = N * (drift - 2 * state[0])  # d = drift, in metres
     path, other = ORBIT.coast(state, 60 * PERIOD), ORBIT.coast(ZERO, 60 * PERIOD)
     last = cf.last_possible_conflict(path, other, zone)
-    times = np.linspace(0, 60 * PERIOD, 20001)
+    times = np.linspace(0, 60 * PERIOD, 8001)
     inside = zone.norm(path.position(times)) <= 1
     if inside.any():
         assert times[inside].max() <= last + 1e-9 * abs(last)
@@ -440,7 +439,7 @@ def test_nothing_conflicts_after_the_last_possible_time(state, drift, shape):
     assert max(ends, default=-np.inf) <= last + 1e-9 * abs(last)
 
 
-def test_last_possible_conflict_worked():
+def test_last_possible_conflict_of_known_motion():
     d, ahead = 1.0, 1000.0
     path = ORBIT.coast([2 * d, ahead, 0, 0, -3 * N * d, 0], 10.0)
     zone = cf.Box([5.0, 20.0, 5.0])
@@ -455,7 +454,7 @@ def test_last_possible_conflict_worked():
 
 
 def test_last_possible_conflict_of_paths_at_different_times():
-    """`However long they coast`: the bound does not depend on how much of a path is given."""
+    """The bound does not depend on the duration of the given paths."""
     state = [1, -2000, 0, 0, -2e-3, 0]
     later = ORBIT.coast(ZERO, 100.0, start=20000.0)
     short = cf.last_possible_conflict(ORBIT.coast(state, 100.0), later, cf.Sphere(50.0))
@@ -463,7 +462,7 @@ def test_last_possible_conflict_of_paths_at_different_times():
     assert short == pytest.approx(long, rel=1e-9)
 
 
-# --- bad input, and the machine it runs on ----------------------------------------------------
+# --- invalid input, and interpreted kernels ---------------------------------------------------
 
 COAST = ORBIT.coast(ZERO, 10.0)
 BAD = {
@@ -487,7 +486,7 @@ BAD = {
 }
 
 
-def test_bad_input_is_named():
+def test_invalid_input_is_named():
     for case in BAD:
         call, message = BAD[case]
         with pytest.raises(ValueError, match=message):
@@ -502,8 +501,8 @@ def test_bad_input_is_named():
         (-76.61218623535792, 82.74469361126117),
     ],
 )
-def test_nothing_happens_after_the_common_end(start, end):
-    """Seconds from the start, added to it again, may round to the next double after the end."""
+def test_no_time_after_the_common_end(start, end):
+    """Times relative to the start may round to a double after the end."""
     assert start + (end - start) > end
     incoming = DEEP.sampled([start, end], [[1000.0, 0, 0, -0.4, 0, 0], [50.0, 0, 0, -0.4, 0, 0]])
     rest = DEEP.coast(ZERO, 2.0 * (end - start), start=start)
@@ -539,17 +538,10 @@ def run(**environment):
     ).stdout
 
 
-def test_kernels_run_uncompiled_too():
-    """The same numbers, to rounding, from plain Python: nothing relies on what a compiler does."""
+@pytest.mark.slow
+def test_compiled_and_interpreted_kernels_agree():
+    """Compiled and interpreted kernels agree to rounding."""
     compiled, plain = run(), run(NUMBA_DISABLE_JIT="1")
     numbers = [[float.fromhex(word) for word in text.split()] for text in (compiled, plain)]
     assert len(numbers[0]) >= 6
     assert numbers[0] == pytest.approx(numbers[1], rel=1e-9)
-
-
-def test_few_pairs_are_searched_without_a_thread(monkeypatch):
-    """A plan asks for those of its craft again and again: to start a thread takes longer than the search."""
-    places = np.array([[0, -50, 0, 0, 0, 0], [-50, 0, 0, 0, 0, 0.0], [0, 0, 90, 0, 0, 0]])
-    monkeypatch.setattr("threading.Thread.start", lambda thread: pytest.fail("a thread is started"))
-    paths = cf.Orbit(0.0).transfer(places, -places, 100.0)
-    assert cf.screen(paths, cf.Sphere(5.0)).pairs.tolist() == [[0, 1], [0, 2], [1, 2]]

@@ -1,4 +1,4 @@
-"""Tables of states with named columns and units: read as they are meant, or refused with a line."""
+"""Tables of states with named columns and units."""
 
 from pathlib import Path
 
@@ -29,7 +29,7 @@ def written(folder: Path, text: str) -> Path:
 
 
 def test_columns_in_any_order_and_unit(tmp_path) -> None:
-    """By hand: 7000 km is 7e6 m; A burns after a minute and comes apart there."""
+    """7000 km is 7e6 m; A has a burn after a minute."""
     before, after, other = cf.read_csv(written(tmp_path, GOOD))
     assert [one.name for one in (before, after, other)] == ["A", "A", "B"]
     told = {(one.frame, one.center, one.time_system, one.epoch) for one in (before, after, other)}
@@ -39,7 +39,7 @@ def test_columns_in_any_order_and_unit(tmp_path) -> None:
     np.testing.assert_allclose(after.states[1], [7000120.0, 245.0, 366.0, 2.0, 2.0, 3.0], rtol=1e-15)
 
 
-def test_a_table_of_one_craft_needs_no_name(tmp_path) -> None:
+def test_single_spacecraft_needs_no_name(tmp_path) -> None:
     text = "time_s,x_m,y_m,z_m,vx_m_s,vy_m_s,vz_m_s\n0,1,2,3,0,0,0\n1,1,2,3,0,0,0\n"
     (one,) = cf.read_csv(written(tmp_path, "\ufeff" + text))
     assert (one.name, one.frame, one.epoch) == ("UNKNOWN", "UNKNOWN", "UNKNOWN")
@@ -59,7 +59,7 @@ def test_a_table_of_one_craft_needs_no_name(tmp_path) -> None:
         ("366000,2\n", "366000,1\n", "line 10: a span of one state; at least two are needed"),
     ],
 )
-def test_what_is_wrong_is_said_in_one_line(tmp_path, old, new, message) -> None:
+def test_errors_are_reported_in_one_line(tmp_path, old, new, message) -> None:
     assert GOOD.count(old) == 1
     file = written(tmp_path, GOOD.replace(old, new))
     with pytest.raises(ValueError, match=r"^.*$") as error:

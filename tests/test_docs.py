@@ -1,4 +1,4 @@
-"""Every page of the docs, and README, runs as it stands."""
+"""Code blocks of the docs and README run as printed."""
 
 import re
 import shlex
@@ -19,7 +19,7 @@ BLOCK = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 
 
 def blocks(page: Path, language: str) -> list[tuple[int, str]]:
-    """The blocks of one language, each with the number of its first line."""
+    """Return the blocks of one language with the number of their first line."""
     text = page.read_text(encoding="utf-8")
     found = [match for match in BLOCK.finditer(text) if match[1] == language]
     return [(text.count("\n", 0, match.start(2)), match[2]) for match in found]
@@ -30,7 +30,7 @@ def named(pages: list[Path]) -> dict[str, Path]:
 
 
 def with_the_site(pages: dict[str, Path]) -> list[Any]:
-    """README runs with all tests, the pages with `-m site`."""
+    """Run README with all tests, and the pages with `-m site`."""
     return [name if name == "README.md" else pytest.param(name, marks=pytest.mark.site) for name in pages]
 
 
@@ -40,14 +40,14 @@ SESSIONS = named([page for page in PAGES if blocks(page, "console")])
 
 @pytest.fixture(autouse=True)
 def clone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A working directory that holds the examples, as a clone does, and takes what is written."""
+    """Working directory with the examples."""
     (tmp_path / "examples").symlink_to(ROOT / "examples", target_is_directory=True)
     monkeypatch.chdir(tmp_path)
 
 
 @pytest.mark.parametrize("name", with_the_site(SCRIPTS))
 def test_python_blocks_run(name: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """From top to bottom as one script; `# -> text` after a print says what it prints."""
+    """Blocks run as one script; `# -> text` after a print is its output."""
     script = ""
     for line, block in blocks(SCRIPTS[name], "python"):
         script += "\n" * (line - script.count("\n")) + block  # errors point at the line of the page
@@ -62,10 +62,8 @@ def test_python_blocks_run(name: str, capsys: pytest.CaptureFixture[str]) -> Non
 def test_console_blocks_show_what_is_printed(
     name: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """`$ closeform ...` and what follows; a line of `...` stands for lines left out."""
-    monkeypatch.setattr(
-        closeform.report.searches, "FILMED", 0
-    )  # animations, seconds each, have tests of their own
+    """A line of `...` stands for omitted lines."""
+    monkeypatch.setattr(closeform.report.searches, "FILMED", 0)  # animations have tests of their own
     for _, block in blocks(SESSIONS[name], "console"):
         command, *lines = block.splitlines()
         program, *arguments = shlex.split(command.removeprefix("$ "))
@@ -88,7 +86,7 @@ def links() -> list[tuple[str, str]]:
     return [(name, target) for name, target in found if "://" not in target]
 
 
-def test_links_lead_somewhere() -> None:
+def test_links_are_valid() -> None:
     dead = []
     for name, target in links():
         file, _, heading = target.partition("#")
@@ -102,8 +100,8 @@ def test_links_lead_somewhere() -> None:
     assert dead == []
 
 
-def test_equations_that_the_code_cites_are_there() -> None:
-    """`# theory (13), (14)` in the source; none is defined twice."""
+def test_cited_equations_exist() -> None:
+    """`# theory (13), (14)` in the source exist once."""
     theory = (ROOT / "docs" / "theory.md").read_text(encoding="utf-8")
     tags = re.findall(r"\\tag\{(\w+)\}", theory)
     assert len(tags) == len(set(tags))

@@ -1,4 +1,4 @@
-"""Failures of thrust and the drift after them, against dense sampling of both with refinement."""
+"""Failures of thrust and the drift after them, against refined dense sampling."""
 
 import numpy as np
 import pytest
@@ -30,15 +30,15 @@ def some_states(rng):
     return state
 
 
-def failed(path, s, t):
-    """Positions at times t of a craft that lost its thrust at s, by matrix exponentials alone."""
+def after_loss(path, s, t):
+    """Return positions at times t after a loss of thrust at s, by matrix exponentials."""
     state = path.state(s)
     a = hill(path.orbit.mean_motion)
     return np.array([(expm(a * (one - s)) @ state)[:3] for one in np.atleast_1d(t)])
 
 
-def sampled_least(path, other, zone, until, instants=120, times=600):
-    """Least norm of a grid over instants of failure and times, its lowest places refined."""
+def sampled_minimum(path, other, zone, until, instants=120, times=600):
+    """Return the minimum ratio of a grid over failure instants and times, refined locally."""
     s = np.linspace(path.start, path.end, instants)
     t = np.linspace(path.start, until, times)
     a = hill(path.orbit.mean_motion)
@@ -52,7 +52,7 @@ def sampled_least(path, other, zone, until, instants=120, times=600):
     def norm_at(p):
         at = min(max(p[0], path.start), path.end)
         when = min(max(p[1], at), until)
-        return float(zone.norm(failed(path, at, when)[0] - other.position(when)))
+        return float(zone.norm(after_loss(path, at, when)[0] - other.position(when)))
 
     best = np.inf
     for k in np.argsort(norms, axis=None)[:40:13]:
@@ -63,10 +63,11 @@ def sampled_least(path, other, zone, until, instants=120, times=600):
     return best
 
 
-@pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize("zone", ZONES, ids=lambda zone: type(zone).__name__)
-def test_least_norm_of_lost_thrust(zone, seed):
-    """Never above what sampling finds, and attained by the failure that it names."""
+@pytest.mark.parametrize(
+    ("seed", "zone"), list(enumerate(ZONES)), ids=[type(zone).__name__ for zone in ZONES]
+)
+def test_closest_approach_after_loss_of_thrust(zone, seed):
+    """The ratio is not above dense sampling, and the reported failure attains it."""
     rng = np.random.Generator(np.random.Philox(seed))
     duration = rng.uniform(0.3, 1.5) * PERIOD
     until = duration + rng.uniform(0.2, 2.0) * PERIOD
@@ -76,20 +77,28 @@ def test_least_norm_of_lost_thrust(zone, seed):
     else:
         other = ORBIT.transfer(0.1 * some_states(rng), 0.1 * some_states(rng), until)
     found = cf.drift_approach(path, other, zone, until)
-    gap = failed(path, found.failed_at, found.time)[0] - other.position(found.time)
-    # 1e-9 of itself (of a tenth below it), and 1e-9 of rounding of matrix exponentials
+    gap = after_loss(path, found.failed_at, found.time)[0] - other.position(found.time)
+    # 1e-9 of the ratio, and 1e-9 of rounding of matrix exponentials
     assert abs(zone.norm(gap) - found.ratio) <= 2e-9 * max(1.0, abs(found.ratio))
     assert abs(np.linalg.norm(gap) - found.distance) <= 1e-6
-    assert found.ratio <= sampled_least(path, other, zone, until) + 1e-9
+    assert found.ratio <= sampled_minimum(path, other, zone, until) + 1e-9
     assert cf.passively_safe(path, other, zone, until) == (found.ratio > 1.0)
 
 
-@pytest.mark.parametrize("seed", [1, 5, 6])
-@pytest.mark.parametrize("zone", ZONES[:3], ids=lambda zone: type(zone).__name__)
-def test_verdict_of_fifteen_orbits(zone, seed):
-    """It changes within 1e-3 of the least norm of a dense sampling: from ring to ring, or from anywhere.
+@pytest.mark.parametrize(
+    ("zone", "seed"),
+    [
+        (ZONES[0], 6),
+        (ZONES[1], 1),
+        pytest.param(ZONES[2], 5, marks=pytest.mark.slow),
+        pytest.param(ZONES[1], 6, marks=pytest.mark.slow),
+    ],
+    ids=["ellipsoid, any ends", "box, rings", "cylinder, rings", "box, any ends"],
+)
+def test_verdict_after_fifteen_orbits(zone, seed):
+    """The verdict changes within 1e-3 of the minimum of a dense sampling.
 
-    Rings stay clear by their separation across the track, whatever the phase; others come back along it.
+    Rings stay clear by their cross-track separation; other relative orbits return along the track.
     """
     rng = np.random.Generator(np.random.Philox(key=[2, seed]))
     ends = [some_states(rng), some_states(rng)]
@@ -100,19 +109,19 @@ def test_verdict_of_fifteen_orbits(zone, seed):
     until = path.end + 15.0 * PERIOD
     other = ORBIT.transfer(0.1 * some_states(rng), [0.0, 5.0, 0.0, 0.0, 0.0, 0.0], 0.4 * PERIOD)
     other = cf.join([other, ORBIT.coast(other.state(other.end), until - other.end, start=other.end)])
-    least = sampled_least(path, other, zone, until, 300, 4000)
+    least = sampled_minimum(path, other, zone, until, 200, 3000)
     assert cf.passively_safe(path, other, zone.enlarged(least * 0.999), until)
     assert not cf.passively_safe(path, other, zone.enlarged(least * 1.001), until)
 
 
-def flown(path, until, rng, failure, t):
-    """Positions at times t of a random failure of each kind, by superposition of matrix exponentials."""
+def after_failure(path, until, rng, failure, t):
+    """Return positions at times t after a random failure, by matrix exponentials."""
     n = path.orbit.mean_motion
     a = hill(n)
     s = rng.uniform(path.start, path.end)
     whole = cf.join([path, path.orbit.coast(path.state(path.end), until - path.end + 1.0, start=path.end)])
     nominal = whole.position(t)
-    drifts = failed(path, s, t)
+    drifts = after_loss(path, s, t)
     if isinstance(failure, cf.ThrustLost):
         return np.where(t[:, None] >= s, drifts, nominal)
     if isinstance(failure, cf.DegradedThrust):
@@ -153,10 +162,17 @@ FAILURES = [
 ]
 
 
-@pytest.mark.parametrize("failing", ["path", "other", "either", "both"])
-@pytest.mark.parametrize("failure", FAILURES, ids=repr)
-def test_no_random_failure_comes_nearer(failure, failing):
-    """Two hundred failures of each kind, at random instants and by random shares, are all farther away."""
+@pytest.mark.parametrize(
+    ("failure", "failing"),
+    [
+        (one, failing) if (k + j) % 3 == 0 else pytest.param(one, failing, marks=pytest.mark.slow)
+        for k, one in enumerate(FAILURES)
+        for j, failing in enumerate(("path", "other", "either", "both"))
+    ],
+    ids=str,
+)
+def test_no_sampled_failure_comes_closer(failure, failing):
+    """Random failures at random instants do not come closer than the reported ratio."""
     rng = np.random.Generator(np.random.Philox(7))
     duration, until = 0.8 * PERIOD, 1.7 * PERIOD
     ends = np.array([some_states(rng) for _ in range(4)])
@@ -176,41 +192,41 @@ def test_no_random_failure_comes_nearer(failure, failing):
     found = cf.drift_approach(*given, zone, until, failure, failing)
     assert cf.passively_safe(*given, zone, until, failure, failing) == (found.ratio > 1.0)
     least = np.inf
-    for _ in range(200):
+    for _ in range(100):
         t = rng.uniform(0.0, until, 4)
         r = [one.position(t) for one in flies_on]
         fails = {"either": rng.choice(["path", "other"])}.get(failing, failing)
         if fails in ("path", "both"):
-            r[0] = flown(path, until, rng, failure, t)
+            r[0] = after_failure(path, until, rng, failure, t)
         if fails in ("other", "both"):
-            r[1] = flown(other, until, rng, failure, t)
+            r[1] = after_failure(other, until, rng, failure, t)
         least = min(least, zone.norm(r[0] - r[1]).min())
     assert found.ratio <= least + 1e-9
 
 
 def ellipse(d, along, e=100.0, eps=0.3, h=80.0, eta=0.8):
-    """State of a relative orbit by its drift, place and the two vectors (docs/theory.md, 5)."""
+    """Return the state of a relative orbit by its drift, position and two vectors (docs/theory.md, 5)."""
     place = [2 * d - e * np.cos(eps), along + 2 * e * np.sin(eps), h * np.cos(eta)]
     return np.array([*place, N * e * np.sin(eps), N * (2 * e * np.cos(eps) - 3 * d), N * h * np.sin(eta)])
 
 
-def test_slow_drift_without_an_end_tends_to_the_separation_of_both_vectors():
-    """The least singular value of the ellipse in the plane across the track, from below."""
+def test_slow_endless_drift_tends_to_the_vector_separation():
+    """The limit is the smallest singular value of the cross-track ellipse."""
     across = np.array([[-100 * np.cos(0.3), 100 * np.sin(0.3)], [80 * np.cos(0.8), 80 * np.sin(0.8)]])
     limit = np.linalg.svd(across)[1][1] / 50.0
     zone, other = cf.Sphere(50.0), ORBIT.coast(np.zeros(6), 9.0)
     slow = [
         cf.drift_approach(ORBIT.coast(ellipse(d, 500.0), 9.0), other, zone, np.inf) for d in (0.03, 0.003)
     ]
-    assert all(one.time > 100 * PERIOD for one in slow)  # they pass after about 900 and 9000 orbits
+    assert all(one.time > 100 * PERIOD for one in slow)  # closest after about 900 and 9000 orbits
     assert abs(slow[0].ratio - limit) < 1e-3  # 2 d / R
     assert abs(slow[1].ratio - limit) < 1e-4
     away = cf.drift_approach(ORBIT.coast(ellipse(-0.03, 500.0), 9.0), other, zone, np.inf)
-    assert away.ratio > 6.0  # it never comes back
+    assert away.ratio > 6.0  # it drifts away
 
 
-@pytest.mark.parametrize("seed", [1, 5, 6])
-def test_without_an_end_never_above_any_end_nor_below_a_longer_one(seed):
+@pytest.mark.parametrize("seed", [1, 6])
+def test_ratio_falls_with_the_horizon(seed):
     rng = np.random.Generator(np.random.Philox(seed))
     path = ORBIT.transfer(some_states(rng), some_states(rng), PERIOD)
     other = ORBIT.coast(np.zeros(6), 31 * PERIOD)
@@ -219,7 +235,7 @@ def test_without_an_end_never_above_any_end_nor_below_a_longer_one(seed):
     assert (np.diff(ratios) <= 1e-9).all()
 
 
-def test_splitting_a_path_and_swapping_the_craft_change_nothing():
+def test_split_paths_and_swapped_spacecraft_change_nothing():
     rng = np.random.Generator(np.random.Philox(11))
     path = ORBIT.transfer(some_states(rng), some_states(rng), PERIOD)
     other = ORBIT.coast(0.1 * some_states(rng), 3 * PERIOD)
@@ -237,7 +253,7 @@ def test_splitting_a_path_and_swapping_the_craft_change_nothing():
     assert swapped.failing == "other"
 
 
-def test_a_screen_says_of_each_pair_what_the_two_say():
+def test_drift_screen_agrees_with_each_pair():
     rng = np.random.Generator(np.random.Philox(5))
     starts, ends = (rng.normal(size=(5, 6)) * np.r_[80, 200, 80, 0, 0, 0] for _ in range(2))
     fleet, until = ORBIT.transfer(starts, ends, PERIOD), 2 * PERIOD
@@ -259,13 +275,13 @@ def test_a_screen_says_of_each_pair_what_the_two_say():
 
 
 def test_straight_lines_in_deep_space():
-    """A craft that brakes onto a place drifts on when thrust is lost: a line from where it was."""
+    """Loss of thrust while braking leaves a straight line."""
     deep = cf.Orbit(0.0)
     path = deep.transfer([-500, 40, 0, 1.0, 0, 0], [-60, 30, 0, 0, 0, 0], 900.0)
     other, zone = deep.coast(np.zeros(6), 4000.0), cf.Sphere(20.0)
     found = cf.drift_approach(path, other, zone, 4000.0)
-    assert found.ratio <= sampled_least(path, other, zone, 4000.0) + 1e-9
-    gap = failed(path, found.failed_at, found.time)[0]
+    assert found.ratio <= sampled_minimum(path, other, zone, 4000.0) + 1e-9
+    gap = after_loss(path, found.failed_at, found.time)[0]
     assert abs(zone.norm(gap) - found.ratio) <= 1e-9
 
 
@@ -278,9 +294,9 @@ def test_no_common_time():
     assert cf.passively_safe(path, late, ZONES[0], 1000.0)
 
 
-@pytest.mark.parametrize("seed", [58, 66, 88, 92, 102, 154])
-def test_thrust_is_stuck_no_longer_than_the_drift_lasts(seed):
-    """Where drift ends with the path, the worst failure that is named is attained within that time."""
+@pytest.mark.parametrize("seed", [58, 92])
+def test_stuck_thrust_ends_with_the_drift(seed):
+    """The reported failure is attained before the drift ends with the path."""
     rng = np.random.Generator(np.random.Philox(seed))
     path = ORBIT.transfer(0.3 * some_states(rng), 0.3 * some_states(rng), rng.uniform(0.3, 0.8) * PERIOD)
     client, longest = ORBIT.coast(np.zeros(6), path.end), 0.3 * PERIOD
@@ -298,12 +314,12 @@ def test_thrust_is_stuck_no_longer_than_the_drift_lasts(seed):
     k = int(np.argmin([norm_of(stuck) for stuck in holds]))
     low, high = holds[max(k - 1, 0)], holds[min(k + 1, 59)]
     fine = minimize_scalar(norm_of, bounds=(low, high), method="bounded", options={"xatol": 1e-6})
-    attained = min(fine.fun, norm_of(low), norm_of(high))  # which ends a search within bounds never reaches
+    attained = min(fine.fun, norm_of(low), norm_of(high))  # a bounded search excludes its ends
     assert found.lower - 1e-6 <= attained <= found.ratio + 1e-6
 
 
-def test_least_of_many_unknowns_says_how_certain_it_is():
-    """Beside a box, with both craft weak at their own times, cells end before 1e-9; `lower` says where."""
+def test_lower_bound_of_the_ratio():
+    """`lower` bounds the ratio where the search ends before its tolerance of 1e-9."""
     orbit = cf.Orbit.circular(500e3)
     one = orbit.transfer([60, -250, 60, 0, 0, 0], [-40, 120, 30, 0, 0, 0], 4000.0)
     two = orbit.transfer([0, 10, 0, 0, 0, 0], [10, -10, 0, 0, 0, 0], 4000.0)

@@ -1,4 +1,4 @@
-"""Drift without an end, against long ends, and against slow drifts flown by the textbook's matrix."""
+"""Endless drift, against long horizons and slow drifts by matrix exponentials."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ TILTED = [
 
 
 def transfers(seed, count):
-    """From one safety ellipse to another, on which the craft comes to rest; and beside what."""
+    """Return transfers between safety ellipses, and what they pass."""
     rng = np.random.Generator(np.random.Philox(seed))
     ellipse = cf.targets.safety_ellipse
     for k in range(count):
@@ -51,8 +51,8 @@ def slow_drifts(path, zone, s, count=300, places=(0.0,)):
     return np.array(least)
 
 
-def test_no_end_is_the_least_over_all_ends():
-    """The same where a failure in the first hundred orbits is the worst; the verdict is that of the ratio."""
+def test_endless_drift_is_the_minimum_of_all_horizons():
+    """Equal to the first hundred orbits where those contain the worst failure."""
     late = soon = 0
     for path, zone in transfers(9, 20):
         found = cf.drift_approach(path, OTHER, zone, np.inf)
@@ -71,7 +71,7 @@ def test_no_end_is_the_least_over_all_ends():
     assert min(late, soon) >= 1
 
 
-def least_of_orbits(path, zone, orbits):
+def minimum_of_orbits(path, zone, orbits):
     """About the least norm within so many orbits after some failures, by the textbook: in each phase of the
     orbits that pass the zone's centre there."""
     phases, least = np.linspace(0.0, PERIOD, 721), np.inf
@@ -85,13 +85,13 @@ def least_of_orbits(path, zone, orbits):
 
 
 @pytest.mark.slow
-def test_no_end_is_never_above_ten_thousand_orbits():
-    """Nor is it below what slower and slower drifts tend to: by a tenth as much in ten times the time."""
+def test_endless_drift_bounds_ten_thousand_orbits():
+    """Slower drifts tend to the limit in proportion."""
     tending = 0
     for k, (path, zone) in enumerate(transfers(9, 40)):
         found = cf.drift_approach(path, OTHER, zone, np.inf)
         off = 1e-9 * max(1.0, found.ratio)
-        assert found.ratio <= least_of_orbits(path, zone, 10_000) + off
+        assert found.ratio <= minimum_of_orbits(path, zone, 10_000) + off
         if k in (0, 2, 3, 5, 19, 22, 23, 39):
             horizons = [cf.drift_approach(path, LONG, zone, path.end + t * PERIOD) for t in (1_000, 10_000)]
             ratios = [found.ratio, *(one.ratio for one in horizons[::-1])]
@@ -107,7 +107,7 @@ def test_no_end_is_never_above_ten_thousand_orbits():
 
 
 @pytest.mark.slow
-def test_no_end_beside_boxes_and_cylinders():
+def test_endless_drift_beside_boxes_and_cylinders():
     """Of which the track is along an axis: slow drifts tend to the least in their own shadow, not in that of
     what holds them, which is up to 1.7 times as wide."""
     tending = 0
@@ -115,7 +115,7 @@ def test_no_end_beside_boxes_and_cylinders():
         zone = FLAT[k % 3]
         found = cf.drift_approach(path, OTHER, zone, np.inf)
         assert cf.passively_safe(path, OTHER, zone, np.inf) == (found.lower > 1.0)
-        assert found.ratio <= least_of_orbits(path, zone, 10_000) + 1e-9 * max(1.0, found.ratio)
+        assert found.ratio <= minimum_of_orbits(path, zone, 10_000) + 1e-9 * max(1.0, found.ratio)
         if found.time == np.inf:
             tending += 1
             norms = slow_drifts(path, zone, found.failed_at)
@@ -124,13 +124,13 @@ def test_no_end_beside_boxes_and_cylinders():
 
 
 @pytest.mark.slow
-def test_no_end_beside_tilted_boxes():
-    """Whose shadows are a rectangle and a hexagon."""
+def test_endless_drift_beside_tilted_boxes():
+    """The shadows are a rectangle and a hexagon."""
     tending = 0
     for k, (path, _) in enumerate(transfers(9, 60)):
         zone = TILTED[k % 2]
         found = cf.drift_approach(path, OTHER, zone, np.inf)
-        assert found.ratio <= least_of_orbits(path, zone, 10_000) + 1e-9 * max(1.0, found.ratio)
+        assert found.ratio <= minimum_of_orbits(path, zone, 10_000) + 1e-9 * max(1.0, found.ratio)
         if found.time == np.inf:
             tending += 1
             norms = slow_drifts(path, zone, found.failed_at, 30, np.linspace(-60.0, 60.0, 121))
@@ -138,8 +138,8 @@ def test_no_end_beside_tilted_boxes():
     assert tending >= 5
 
 
-def test_bounded_drifts_repeat_their_first_orbit():
-    """Natural motions without a drift, and one that passes in its own time, after some hundred orbits."""
+def test_bounded_motion_repeats_its_first_orbit():
+    """Also beside one drifting motion that passes after hundreds of orbits."""
     rng = np.random.Generator(np.random.Philox(12))
     for k in range(20):
         zone, state = ZONES[k % 2], rng.normal(size=6) * np.r_[80, 60, 80, 0.1, 0, 0.1]
@@ -156,8 +156,8 @@ def test_bounded_drifts_repeat_their_first_orbit():
         assert abs(passing.ratio - whole.ratio) <= 1e-8 * max(1.0, whole.ratio)
 
 
-def test_fast_drifts_that_are_gone_for_good_do_not_count():
-    """Where slow ones stay clear: once told 0.95 for a failure that drifts 1.3 km each orbit."""
+def test_fast_drift_past_the_zone_does_not_count():
+    """Slow drifts stay clear here."""
     safe = 0
     for path, zone in transfers(2, 20):
         found = cf.drift_approach(path, OTHER, zone, np.inf)
@@ -171,8 +171,8 @@ def test_fast_drifts_that_are_gone_for_good_do_not_count():
     assert safe >= 5
 
 
-def test_half_spaces_without_an_end_have_no_bound_where_drift_leads_into_them():
-    """A slow drift down the track goes ever deeper into all that is below a plane across it."""
+def test_endless_drift_into_half_spaces_is_unbounded():
+    """A slow drift goes ever deeper below a plane across the track."""
     zone = cf.HalfSpaces([[0, 1, 0]], [50.0])
     by = -0.1  # [m] per orbit
     d = -by / (3 * np.pi)
@@ -182,7 +182,7 @@ def test_half_spaces_without_an_end_have_no_bound_where_drift_leads_into_them():
     assert not cf.passively_safe(drifting, OTHER, zone, np.inf)
 
 
-def test_batches_of_no_craft_have_empty_answers():
+def test_empty_batches():
     none = ORBIT.coast(np.zeros((0, 6)), PERIOD)
     for until in (2 * PERIOD, np.inf):
         assert cf.passively_safe(none, none, ZONES[1], until, failing="both").shape == (0,)

@@ -1,4 +1,4 @@
-"""Failures of thrust on paths of every kind, and what must hold of any, against other integrators."""
+"""Loss of thrust on paths of every kind, against independent integrators."""
 
 import numpy as np
 import pytest
@@ -25,13 +25,13 @@ def some_states(seed, count):
     return states
 
 
-def drifted(path, s, t):
-    """Positions (M, 3) at times t (M,) after thrust was lost at s (M,)."""
+def positions_after_loss(path, s, t):
+    """Return positions (M, 3) at times t (M,) after loss of thrust at s (M,)."""
     return carried(path.orbit.mean_motion, path.state(s), t - s)[:, :3]
 
 
 def two_body_flight(path, failed_at, time):
-    """Relative position at a time of two bodies under gravity, thrust cut at an instant."""
+    """Return the relative position under gravity with thrust cut at an instant."""
 
     def pull(t, q, thrusting):
         x, y, z, vx, vy, vz = q
@@ -45,8 +45,8 @@ def two_body_flight(path, failed_at, time):
     return solve_ivp(pull, (failed_at, time), cut, args=(False,), **exact).y[:3, -1]
 
 
-def test_two_bodies_come_as_near_but_for_the_square_of_their_separation():
-    """Half the size: a quarter of the difference, which is some separation squared by the radius."""
+def test_two_body_motion_agrees_to_second_order():
+    """The difference to two-body motion falls with the square of the size."""
     off = []
     for size in (1.0, 0.5):
         start, end = size * some_states(4, 2)
@@ -54,7 +54,11 @@ def test_two_bodies_come_as_near_but_for_the_square_of_their_separation():
         until = 1.8 * PERIOD
         found = cf.drift_approach(path, ORBIT.coast(STILL, until), cf.Sphere(20.0 * size), until)
         there = two_body_flight(path, found.failed_at, found.time)
-        off.append(np.linalg.norm(there - drifted(path, *np.array([[found.failed_at], [found.time]]))[0]))
+        off.append(
+            np.linalg.norm(
+                there - positions_after_loss(path, *np.array([[found.failed_at], [found.time]]))[0]
+            )
+        )
         far = np.linalg.norm(path.position(np.linspace(0, path.end, 99)), axis=1).max()
         assert off[-1] <= 30.0 * far**2 / RADIUS  # as coefficients of second order over an orbit
         assert abs(np.linalg.norm(there) - found.distance) <= off[-1]
@@ -63,7 +67,7 @@ def test_two_bodies_come_as_near_but_for_the_square_of_their_separation():
 
 @settings(max_examples=15, deadline=None)
 @given(st.integers(0, 10**6), st.floats(0.3, 2.0), st.floats(0.0, 3.0), st.floats(1.0, 3.0))
-def test_longer_drifts_and_larger_zones_are_never_safer(seed, duration, more, larger):
+def test_longer_drift_and_larger_zone_are_never_safer(seed, duration, more, larger):
     start, end = some_states(seed, 2)
     path = ORBIT.transfer(start, end, duration * PERIOD)
     other = ORBIT.coast(STILL, (duration + more + 0.1) * PERIOD)
@@ -79,8 +83,8 @@ def test_longer_drifts_and_larger_zones_are_never_safer(seed, duration, more, la
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_grazing(seed):
-    """Spheres a ten-millionth smaller and larger than the least distance."""
+def test_grazing_spheres(seed):
+    """Spheres 1e-7 smaller and larger than the closest approach."""
     start, end = some_states(seed, 2)
     path, until = ORBIT.transfer(start, end, PERIOD), 3 * PERIOD
     other = ORBIT.coast(STILL, until)
@@ -90,7 +94,7 @@ def test_grazing(seed):
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_a_path_that_starts_inside(seed):
+def test_path_that_starts_inside(seed):
     start, end = some_states(seed, 2)
     start[:3] = [5.0, 10.0, -5.0]
     path, until = ORBIT.transfer(start, end, PERIOD), 2 * PERIOD
@@ -98,17 +102,17 @@ def test_a_path_that_starts_inside(seed):
     found = cf.drift_approach(path, other, ZONE, until)
     assert found.ratio <= ZONE.norm(start[:3])
     assert not cf.passively_safe(path, other, ZONE, until)
-    gap = drifted(path, np.array([found.failed_at]), np.array([found.time]))
+    gap = positions_after_loss(path, np.array([found.failed_at]), np.array([found.time]))
     assert abs(ZONE.norm(gap)[0] - found.ratio) <= SAME
 
 
 def circle(radius):
-    """The start of a relative orbit at one distance from its centre."""
+    """Return the start of a relative orbit at one distance from its centre."""
     return np.array([0.0, radius, 0.0, 0.5 * N * radius, 0.0, 0.5 * np.sqrt(3.0) * N * radius])
 
 
 def test_closed_relative_orbits():
-    """Onto a circle around the client, which lost thrust never leaves: not nearer than its approach."""
+    """A transfer onto a circle around the client comes no closer after loss of thrust."""
     other = ORBIT.coast(STILL, 31 * PERIOD)
     for zone in (cf.Sphere(50.0), cf.Box([40.0, 60.0, 50.0]), cf.Cylinder(30.0, 50.0)):
         staying = ORBIT.coast(circle(100.0), PERIOD)
@@ -136,8 +140,8 @@ def path_of(kind):
 
 
 @pytest.mark.parametrize("kind", ["energy", "sampled", "saturated", "pulsed", "burn"])
-def test_no_lost_thrust_of_any_path_comes_nearer(kind):
-    """Forty thousand instants and times, by the textbook's matrix."""
+def test_no_sampled_failure_comes_closer(kind):
+    """40 000 instants and times by matrix exponentials."""
     path = path_of(kind)
     rng = np.random.Generator(np.random.Philox(3))
     until = path.end + 1.5 * PERIOD
@@ -146,15 +150,15 @@ def test_no_lost_thrust_of_any_path_comes_nearer(kind):
     s = rng.uniform(path.start, path.end, 40_000)
     t = rng.uniform(s, until)
     s[-1], t[-1] = found.failed_at, found.time
-    norms = ZONE.norm(drifted(path, s, t))
+    norms = ZONE.norm(positions_after_loss(path, s, t))
     assert norms.min() >= found.ratio - SAME
     assert abs(norms[-1] - found.ratio) <= SAME
     assert norms[:-1].min() <= found.ratio + 0.5  # sampling comes about as near
     assert cf.passively_safe(path, other, ZONE, until) == (found.ratio > 1.0)
 
 
-def test_both_fail_each_at_its_own_instant():
-    """Attained by the two instants that are named; no other two lead nearer."""
+def test_independent_failures_of_both():
+    """The reported instants attain the ratio, and no sampled ones are closer."""
     a, b, c, d = some_states(21, 4)
     path = ORBIT.transfer(a + np.r_[0, 900, 0, 0, 0, 0], b + np.r_[0, 700, 0, 0, 0, 0], 0.6 * PERIOD)
     other, until = ORBIT.transfer(c, d, 0.5 * PERIOD), 0.8 * PERIOD
@@ -163,7 +167,10 @@ def test_both_fail_each_at_its_own_instant():
     s = np.stack([rng.uniform(0.0, one.end, 40_000) for one in (path, other)])
     t = rng.uniform(s.max(axis=0), until)
     s[:, -1], t[-1] = found.failed_at, found.time
-    norms = np.linalg.norm(drifted(path, s[0], t) - drifted(other, s[1], t), axis=1) / 20.0
+    norms = (
+        np.linalg.norm(positions_after_loss(path, s[0], t) - positions_after_loss(other, s[1], t), axis=1)
+        / 20.0
+    )
     off = SAME * max(1.0, found.ratio)
     assert norms.min() >= found.ratio - off
     assert abs(norms[-1] - found.ratio) <= off

@@ -1,4 +1,4 @@
-"""All pairs of a formation whose thrust fails, of both craft of a pair and without an end of the drift."""
+"""Passive safety of all pairs of a formation, with failures of both and endless drift."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ PRECISE = 1e-3  # of the ratios of a screen
 
 
 def transfers(seed, count, along=300.0):
-    """Within 100 m radially and across, and `along` the track; half of them end at rest."""
+    """Return transfers within 100 m across and `along` the track, half of them ending at rest."""
     rng = np.random.Generator(np.random.Philox(seed))
     ends = rng.normal(size=(2, count, 6)) * np.r_[80, along, 80, 0, 0, 0.1]
     ends[:, :, 4] = -2 * N * ends[:, :, 0]
@@ -24,8 +24,8 @@ def transfers(seed, count, along=300.0):
 @pytest.mark.parametrize(
     "zone", [ZONE, cf.Cylinder(15.0, 30.0, axis=[0.2, 1.0, 0.1])], ids=["sphere", "cylinder"]
 )
-def test_both_of_a_pair_fail(zone):
-    """Unsafe are those that the two paths say, whose failures do meet there, by the textbook's matrix."""
+def test_failures_of_both_spacecraft(zone):
+    """Unsafe pairs are those of single searches, confirmed by matrix exponentials."""
     fleet, until = transfers(4, 6, 2000.0), 2.5 * PERIOD
     found = cf.drift_screen(fleet, zone, until, failing="both")
     first, second = np.triu_indices(6, 1)
@@ -48,7 +48,7 @@ def test_both_of_a_pair_fail(zone):
     assert np.abs(found.ratio - least).max() < PRECISE
 
 
-def test_both_are_never_safer_than_either():
+def test_both_failing_is_never_safer():
     fleet, until = transfers(5, 6), 2 * PERIOD
     either = cf.drift_screen(fleet, ZONE, until)
     both = cf.drift_screen(fleet, ZONE, until, failing="both")
@@ -59,8 +59,8 @@ def test_both_are_never_safer_than_either():
     assert set(both.columns()) == {*either.columns(), "other_failed_at_s"}
 
 
-def test_without_an_end_no_pair_is_safer_than_for_long():
-    """Of craft that thrust beside each other; and as near as `drift_approach` says."""
+def test_endless_drift_is_never_safer():
+    """Ratios agree with `drift_approach`."""
     fleet = transfers(6, 7)
     long, for_ever = (cf.drift_screen(fleet, ZONE, until) for until in (1000 * PERIOD, np.inf))
     least = {tuple(pair): ratio for pair, ratio in zip(for_ever.pairs.tolist(), for_ever.ratio, strict=True)}
@@ -81,8 +81,8 @@ def test_without_an_end_no_pair_is_safer_than_for_long():
     assert np.abs(ZONE.norm(gap[:, :3]) - for_ever.ratio[met]).max() < 1e-6
 
 
-def test_without_an_end_beside_craft_that_coast():
-    """The same pairs as `passively_safe` tells, and the same ratios."""
+def test_endless_drift_beside_coasting_spacecraft():
+    """Pairs and ratios agree with `passively_safe` and `drift_approach`."""
     fleet = transfers(7, 4)
     rings = cf.targets.separated_ring(ORBIT, 3, 60.0, 60.0)
     flown = cf.stack([*(fleet[k] for k in range(4)), *(ORBIT.coast(state, PERIOD) for state in rings)])
@@ -96,11 +96,8 @@ def test_without_an_end_beside_craft_that_coast():
         assert abs(cf.drift_approach(flown[i], flown[j], ZONE, np.inf).ratio - ratio) < PRECISE
 
 
-def test_pairs_that_stay_open_are_told():
-    """Of failures of two unknowns: those that do meet, and no others than those that may.
-
-    One pair, of which no verdict is certain, is clear by its least norm; it was told with a ratio above 1.
-    """
+def test_undecided_pairs_are_reported():
+    """Reported pairs include those that violate and exclude those that cannot."""
     fleet, until = transfers(312, 5), 20 * PERIOD
     failure, zone = cf.StuckOnThrust(60.0, [0.0, 2e-4, 0.0]), cf.Box([15, 25, 12])
     told = {tuple(pair) for pair in cf.drift_screen(fleet, zone, until, failure).pairs.tolist()}

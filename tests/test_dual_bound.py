@@ -24,7 +24,7 @@ def bound_of(places, gram, floors=(), enough=np.inf, tolerance=1e-7, start=0.0):
     return bound, multipliers, forces
 
 
-def drawn(seed, count, halves=0):
+def sampled(seed, count, halves=0):
     """Contacts not far inside or outside of their balls, and their Gram as of paths that share craft."""
     rng = np.random.default_rng(seed)
     rows = 3 * count + halves
@@ -83,9 +83,9 @@ def semidefinite(places, gram, floors):
 
 @given(st.integers(1, 5), SEEDS)
 @settings(deadline=None, max_examples=50)
-def test_no_clear_deviation_found_is_cheaper(count, seed):
+def test_no_sampled_clear_deviation_is_cheaper(count, seed):
     # the least deviation beyond planes that touch the balls, at random: clear, and near the optimum
-    places, gram = drawn(seed, count)
+    places, gram = sampled(seed, count)
     bound, _, _ = bound_of(places, gram)
     rng = np.random.default_rng(seed)
     for _ in range(60):
@@ -105,8 +105,8 @@ def test_no_clear_deviation_found_is_cheaper(count, seed):
 
 @given(st.integers(1, 4), st.integers(0, 3), SEEDS)
 @settings(deadline=None, max_examples=40)
-def test_it_is_the_optimum_of_the_semidefinite_program(count, halves, seed):
-    places, gram = drawn(seed, count, halves)
+def test_bound_agrees_with_a_semidefinite_program(count, halves, seed):
+    places, gram = sampled(seed, count, halves)
     floors = np.random.default_rng(seed).uniform(0.2, 1.0, halves)
     bound, _, _ = bound_of(places, gram, floors)
     best = semidefinite(places, gram, floors)
@@ -115,7 +115,7 @@ def test_it_is_the_optimum_of_the_semidefinite_program(count, halves, seed):
 
 
 @pytest.mark.parametrize("norm", [0.0, 1e-9, 0.3, 0.999])
-def test_one_contact_costs_what_its_push_costs(norm):
+def test_bound_of_one_contact(norm):
     # in deep space the kernel at half time is T^3/192: theory (12)
     compliance = 1000.0**3 / 192.0
     places = norm * np.array([0.6, 0.0, 0.8])
@@ -125,7 +125,7 @@ def test_one_contact_costs_what_its_push_costs(norm):
     assert bound == pytest.approx(exact, rel=1e-6)
 
 
-def test_a_contact_beyond_a_plane_costs_at_least_the_push_across():
+def test_bound_of_a_contact_beyond_a_plane():
     bound, _, _ = bound_of(
         [0.1, 0.0, 0.0, 0.1], np.array([[2.0, 0, 0, 2], [0, 2, 0, 0], [0, 0, 2, 0], [2, 0, 0, 2]]), [3.0]
     )
@@ -133,7 +133,7 @@ def test_a_contact_beyond_a_plane_costs_at_least_the_push_across():
     assert bound <= 0.5 * 2.9**2 / 2.0
 
 
-def test_planes_that_exclude_each_other_leave_no_plan():
+def test_exclusive_planes_are_infeasible():
     gram = np.ones((2, 2)) * np.outer([1, -1], [1, -1])
     bound, _, _ = bound_of([0.0, 0.0], gram, [0.5, 0.5], enough=1e3)
     assert bound >= 1e3  # hundreds of times the cost of either plane alone
@@ -141,8 +141,8 @@ def test_planes_that_exclude_each_other_leave_no_plan():
 
 @given(SEEDS)
 @settings(deadline=None, max_examples=40)
-def test_the_multipliers_are_feasible_and_give_the_bound(seed):
-    places, gram = drawn(seed, 4, 2)
+def test_multipliers_are_feasible(seed):
+    places, gram = sampled(seed, 4, 2)
     floors = np.array([0.5, 0.9])
     bound, multipliers, forces = bound_of(places, gram, floors)
     weights = np.concatenate([np.repeat(multipliers[:4], 3), np.zeros(2)])
@@ -161,16 +161,16 @@ def test_the_multipliers_are_feasible_and_give_the_bound(seed):
     assert bound == pytest.approx(value, rel=1e-5)
 
 
-def test_times_that_coincide_are_counted_once():
-    places, gram = drawn(5, 3)
+def test_coincident_times_count_once():
+    places, gram = sampled(5, 3)
     twice = np.concatenate([places, places])
     alone, _, _ = bound_of(places, gram)
     both, _, _ = bound_of(twice, np.tile(gram, (2, 2)))
     assert both == pytest.approx(alone, rel=1e-5)
 
 
-def test_a_contact_that_cannot_give_way_does_no_harm():
-    places, gram = drawn(5, 3)
+def test_fixed_contact_is_ignored():
+    places, gram = sampled(5, 3)
     stiff = np.zeros((12, 12))
     stiff[:9, :9] = gram
     alone, _, _ = bound_of(places, gram)
@@ -178,8 +178,8 @@ def test_a_contact_that_cannot_give_way_does_no_harm():
     assert both == pytest.approx(alone, rel=1e-5)
 
 
-def test_multipliers_that_suffice_are_kept():
-    places, gram = drawn(7, 3)
+def test_sufficient_multipliers_are_kept():
+    places, gram = sampled(7, 3)
     best, multipliers, _ = bound_of(places, gram)
     kept = multipliers.copy()
     bound = dual_bound(places, gram, np.arange(0, 10, 3), np.empty(0), 0.999 * best, 1e-3, kept, np.zeros(9))
@@ -187,7 +187,7 @@ def test_multipliers_that_suffice_are_kept():
     assert bound == pytest.approx(best, rel=1e-9)
 
 
-def test_it_stops_where_enough_is_out_of_reach():
-    places, gram = drawn(7, 3)
+def test_search_stops_if_the_target_is_out_of_reach():
+    places, gram = sampled(7, 3)
     best, *_ = bound_of(places, gram)
     assert 0.8 * best < bound_of(places, gram, enough=2.0 * best, tolerance=0.1)[0] <= best

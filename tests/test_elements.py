@@ -56,13 +56,13 @@ def six(most):
 
 @st.composite
 def orbits(draw, largest=0.9):
-    """Orbital elements [a, u, ex, ey, i, O] between low and geostationary orbit."""
+    """Draw orbital elements [a, u, ex, ey, i, O] between low and geostationary orbit."""
     e, w = draw(st.floats(0.0, largest)), draw(angles)
     a, u, node = draw(st.floats(6.6e6, 4.3e7)), draw(angles), draw(angles)
     return np.array([a, u, e * np.cos(w), e * np.sin(w), draw(inclinations), node])
 
 
-def natural_motion(n, state, t):
+def palmer_motion(n, state, t):
     """Theory (5), from Palmer's coordinates at t = 0."""
     e1, e2, d, drift, h1, h2 = palmer_from_state(state, n)
     e, epsilon, h, eta = np.hypot(e1, e2), np.arctan2(e2, e1), np.hypot(h1, h2), np.arctan2(h2, h1)
@@ -96,17 +96,17 @@ def test_mean_motion_of_the_geostationary_orbit():
 def test_published_natural_motion():
     # Vallado, example 6-14, to the digits printed there
     n = mean_motion_from_altitude(590e3, 398600.4415e9, 6378136.3)
-    position = natural_motion(n, [0, 0, 0, -0.1, -0.04, -0.02], 300.0)
+    position = palmer_motion(n, [0, 0, 0, -0.1, -0.04, -0.02], 300.0)
     np.testing.assert_allclose(position, [-33.345724432, -1.473560307, -5.894530312], atol=2e-9)
     # Tudat, unitTestClohessyWiltshirePropagator.cpp
     n = mean_motion_from_semi_major_axis(6.778137e6, 3.986004418e14)
-    position = natural_motion(n, [45, 37, 12, 0.08, 0.03, 0.01], 1800.0)
+    position = palmer_motion(n, [45, 37, 12, 0.08, 0.03, 0.01], 1800.0)
     np.testing.assert_allclose(
         position, [380.6450080201250, -543.7424675454679, 2.509547637285142], rtol=1e-13
     )
 
 
-def test_natural_motion_from_palmer_phases_is_the_integral_of_hills_equations():
+def test_palmer_motion_agrees_with_integration():
     n, state = 1.1e-3, np.array([120.0, -300.0, 40.0, 0.2, -0.1, 0.05])
 
     def hill(_, s):
@@ -115,7 +115,7 @@ def test_natural_motion_from_palmer_phases_is_the_integral_of_hills_equations():
     t = np.linspace(0.0, 2e4, 50)
     truth = solve_ivp(hill, (0, t[-1]), state, method="DOP853", rtol=1e-12, atol=1e-12, t_eval=t).y.T
     # 1e-9 of the 10 km that it drifts: what the integrator's tolerance leaves after 1000 steps
-    np.testing.assert_allclose(natural_motion(n, state, t), truth[:, :3], atol=1e-5)
+    np.testing.assert_allclose(palmer_motion(n, state, t), truth[:, :3], atol=1e-5)
 
 
 @given(n=st.floats(1e-7, 1e-2), state=six(1e4))
@@ -267,7 +267,7 @@ def test_linear_relative_elements_round_trip(roe, latitude, a):
     np.testing.assert_allclose(back, roe, rtol=0, atol=ROUND_TRIP * np.abs(roe).max())
 
 
-def test_linear_relative_elements_meet_the_exact_ones_with_separation_squared():
+def test_linear_and_exact_relative_elements_agree_to_second_order():
     a, latitude = 7e6, 0.8
     chief = np.array([a, latitude, 0.0, 0.0, 1.0, 0.2])
     direction = np.array([0.3, 1.0, -0.5, 0.4, 0.6, -0.7])
@@ -286,7 +286,7 @@ def two_body(t, state):
     return np.concatenate([state[3:], -EARTH_MU * position / np.linalg.norm(position) ** 3])
 
 
-def test_scaled_relative_elements_are_constants_of_exact_two_body_motion():
+def test_scaled_relative_elements_are_constant_in_two_body_motion():
     """Chief and deputy integrated for 0.7 orbits; what the elements change falls with separation squared.
 
     The deputy's inertial start is put together here: rotating axes, their rate, and no frame of ours.
@@ -321,7 +321,7 @@ def test_scaled_relative_elements_are_constants_of_exact_two_body_motion():
     np.testing.assert_allclose(orders, 2.0, atol=0.05)
 
 
-def test_scaled_relative_elements_describe_the_motion_that_damico_does():
+def test_scaled_relative_elements_give_damicos_motion():
     """Relative motion in terms of the elements, his equations written down once more."""
     rng = np.random.default_rng(4)
     scaled, u, n = rng.normal(size=(50, 6)) * 300.0, rng.uniform(-np.pi, np.pi, 50), 1.1e-3
@@ -342,14 +342,14 @@ def test_scaled_relative_elements_round_trip(scaled, latitude, n):
     np.testing.assert_allclose(back, scaled, rtol=0, atol=ROUND_TRIP * np.abs(scaled).max())
 
 
-def test_relative_elements_take_the_short_way_round_the_node():
+def test_relative_elements_across_the_node():
     chief, deputy = [7e6, 3.141, 0, 0, 1.0, 3.141], [7e6, -3.141, 0, 0, 1.0, -3.141]
     step = 2 * np.pi - 6.282
     expected = [0, step * (1 + np.cos(1.0)), 0, 0, 0, step * np.sin(1.0)]
     np.testing.assert_allclose(roe_from_elements(chief, deputy), expected, atol=1e-15)
 
 
-def test_coincident_craft_have_no_relative_elements():
+def test_coincident_spacecraft_have_zero_relative_elements():
     chief = [7e6, 0.3, 0.001, 0.002, 0.9, 0.1]
     assert not roe_from_elements(chief, chief).any()
     assert not roe_from_state(np.zeros(6), 7e6, 0.3).any()
@@ -376,7 +376,7 @@ def test_leading_shapes_broadcast():
 STATE = [7e6, 0, 0, 0, 7.5e3, 0]
 
 
-def test_bad_input_is_one_line():
+def test_invalid_input_is_reported_in_one_line():
     for call, message in [
         (lambda: palmer_from_state(STATE, 0.0), "mean_motion: must be positive"),
         (lambda: state_from_palmer([0, 0, 0], 1e-3), r"palmer: expected shape \(..., 6\), got \(3,\)"),

@@ -1,4 +1,4 @@
-"""An encounter in the Hill frame of its primary, against inertial states and covariances turned by hand."""
+"""Encounters in the Hill frame of the primary, against explicitly rotated states and covariances."""
 
 import numpy as np
 import pytest
@@ -16,15 +16,15 @@ OTHER = np.diag([40.0, 8.0, 5.0, 0.01, 0.02, 0.008]) ** 2
 
 
 def axes(state):
-    """Radial, along-track and cross-track axes as rows."""
+    """Return radial, along-track and cross-track axes as rows."""
     radial = state[:3] / np.linalg.norm(state[:3])
     normal = np.cross(state[:3], state[3:])
     normal /= np.linalg.norm(normal)
     return np.array([radial, np.cross(normal, radial), normal])
 
 
-def turning(state):
-    """What takes inertial differences into the turning frame of a chief: (6, 6)."""
+def to_rotating_frame(state):
+    """Return the matrix (6, 6) from inertial differences to the rotating frame of a chief."""
     rate = np.linalg.norm(np.cross(state[:3], state[3:])) / (state[:3] @ state[:3])
     spin = rate * np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
     turn = axes(state)
@@ -44,22 +44,26 @@ def close(found, expected, share):
 
 @pytest.mark.parametrize("eccentricity", [0.0, 0.004])
 def test_state_and_covariances_at_closest_approach(eccentricity):
-    """Each object's covariance is turned by its own axes, then both into the primary's frame."""
+    """Covariances are rotated from each object's axes into the primary's frame."""
     primary = PRIMARY * np.array([1, 1, 1, *[np.sqrt(1 + eccentricity)] * 3])
     secondary = primary + GAP
     encounter = cf.Encounter.of(primary, secondary, KNOWN, OTHER)
-    assert np.allclose(encounter.path.state(0.0), turning(primary) @ GAP, atol=1e-7)
+    assert np.allclose(encounter.path.state(0.0), to_rotating_frame(primary) @ GAP, atol=1e-7)
     assert not encounter.other.state(0.0).any()
     own = [np.kron(np.eye(2), axes(state)) for state in (primary, secondary)]
     inertial = own[0].T @ KNOWN @ own[0] + own[1].T @ OTHER @ own[1]
-    close(relative_covariance(encounter, 0.0), turning(primary) @ inertial @ turning(primary).T, 1e-8)
+    close(
+        relative_covariance(encounter, 0.0),
+        to_rotating_frame(primary) @ inertial @ to_rotating_frame(primary).T,
+        1e-8,
+    )
     assert encounter.eccentricity == pytest.approx(eccentricity, abs=1e-9)
     assert encounter.distance == pytest.approx(np.linalg.norm(GAP[:3]))
     assert encounter.speed == pytest.approx(np.linalg.norm(GAP[3:]), rel=1e-6)
     assert encounter.warnings == ()
 
 
-def test_axes_of_the_states_and_own_axes_say_the_same():
+def test_inertial_and_local_axes_agree():
     own = [np.kron(np.eye(2), axes(state)) for state in (PRIMARY, PRIMARY + GAP)]
     turned = [one.T @ matrix @ one for one, matrix in zip(own, (KNOWN, OTHER), strict=True)]
     inertial = cf.Encounter.of(PRIMARY, PRIMARY + GAP, *turned, axes="inertial")
@@ -72,8 +76,8 @@ def two_body(_, y):
     return np.concatenate([y[3:], -cf.elements.EARTH_MU * y[:3] / np.linalg.norm(y[:3]) ** 3])
 
 
-def test_states_drawn_from_both_covariances_spread_as_told_after_a_quarter_of_an_orbit():
-    """Flown in two-body motion; errors of 100 m beside 6878 km curve by 1e-5, in the end by 1e-4."""
+def test_propagated_covariance_agrees_with_samples():
+    """Samples in two-body motion; curvature contributes up to 1e-4."""
     encounter = cf.Encounter.of(PRIMARY, PRIMARY + GAP, KNOWN, OTHER)
     end = encounter.path.end
     assert end == pytest.approx(0.25 * 2 * np.pi * RADIUS / SPEED)
@@ -85,13 +89,13 @@ def test_states_drawn_from_both_covariances_spread_as_told_after_a_quarter_of_an
                 two_body, (0.0, end), state + column, rtol=1e-12, atol=1e-9, method="DOP853"
             ).y[:, -1]
     chief = flown["first", 0]
-    frame = turning(chief)
+    frame = to_rotating_frame(chief)
     columns = [frame @ (flown[name, k] - flown[name, 0]) for name in ("first", "second") for k in range(1, 7)]
     close(relative_covariance(encounter, end), sum(np.outer(c, c) for c in columns), 3e-4)
     assert np.allclose(encounter.path.state(end)[:3], (frame @ (flown["second", 0] - chief))[:3], atol=1e-2)
 
 
-def test_fast_encounters_are_followed_as_long_as_the_two_are_near():
+def test_window_of_fast_encounters():
     fast = cf.Encounter.of(PRIMARY, PRIMARY + [100.0, 0, 0, 0, 0, 9e3], KNOWN, OTHER)
     assert fast.path.end * fast.speed == pytest.approx(0.01 * RADIUS)
     assert -fast.path.start == fast.path.end == fast.other.end
@@ -99,7 +103,7 @@ def test_fast_encounters_are_followed_as_long_as_the_two_are_near():
     assert (slow.path.start, slow.path.end) == (-100.0, 100.0)
 
 
-def test_what_hills_equations_leave_out_is_told():
+def test_model_error_gives_a_warning():
     eccentric = PRIMARY * np.array([1, 1, 1, *[np.sqrt(1.02)] * 3])
     (line,) = cf.Encounter.of(eccentric, eccentric + GAP, KNOWN, OTHER).warnings
     assert "eccentricity is 0.0200" in line

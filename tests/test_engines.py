@@ -1,4 +1,4 @@
-"""Craft without engines: they coast in the field, by another integrator, and plans leave room for that."""
+"""Spacecraft without engines: they drift in the field, and margins cover that."""
 
 import json
 from pathlib import Path
@@ -15,7 +15,7 @@ from closeform.scenario import parse
 from closeform.scenario.table import ScenarioError
 from test_lost_thrust import ENDS, FIELD, OFF, ORBIT, OWN, SIGHT, SPAN, START, drifted
 
-pytestmark = pytest.mark.usefixtures("unpainted")
+pytestmark = pytest.mark.usefixtures("undrawn")
 
 DEBRIS = np.array([300.0, -50.0, 20.0, 0.0, 0.05, 0.3])
 ZONE = cf.Sphere(20.0)
@@ -25,7 +25,6 @@ KINDS = {
     "impulses": ("two_impulse", {}),
     "pulses": ("transfer", {"thrusters": [OWN, None, None]}),
     "new plans": ("transfer", {"control": "replan", "zones": ZONE}),
-    "new plans by pulses": ("transfer", {"control": "replan", "zones": ZONE, "thrusters": [OWN, None, None]}),
 }
 CLIENT = """\
 closeform = 1
@@ -67,39 +66,39 @@ DEAD = "engine = [true, false]"
 
 
 def among(make: str) -> cf.Path:
-    """Two craft that move, and between them in their order one that coasts."""
+    """Return paths of two moving spacecraft with a coasting one between them."""
     moving = getattr(ORBIT, make)(START[[0, 2]], ENDS[[0, 2]], SPAN)
     return together(moving[0], ORBIT.coast(DEBRIS, SPAN), moving[1])
 
 
 def together(*paths: cf.Path) -> cf.Path:
-    """Paths of one craft each, side by side."""
+    """Return single paths as a batch."""
     counts = [len(one.arcs) for one in paths]
     arcs = np.vstack([one.arcs for one in paths])
     return cf.Path(ORBIT, arcs, np.concatenate([[0], np.cumsum(counts)]), (len(paths),))
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_who_has_no_engine_drifts_in_the_field(kind):
-    """As DOP853 says, for nothing; the others fly as beside one that is held, to a micrometre."""
-    make, told = KINDS[kind]
-    path, told = among(make), told | {"navigation": SIGHT, "thrust_error": OFF, "seeds": 2}
-    found = cf.simulate(path, FIELD, engine=[True, False, True], **told)
+def test_spacecraft_without_engine_drift(kind):
+    """The drift agrees with DOP853 and costs nothing; other spacecraft are unaffected."""
+    make, options = KINDS[kind]
+    path, options = among(make), options | {"navigation": SIGHT, "thrust_error": OFF, "seeds": 2}
+    found = cf.simulate(path, FIELD, engine=[True, False, True], **options)
     want = drifted(0.0, DEBRIS, SPAN)
     assert found.states[:, 1, -1, :3] == pytest.approx(np.array([want, want]), abs=1e-3)
-    assert np.linalg.norm(want - path.position(SPAN)[1]) > 10.0  # m: off Hill's drift
+    assert np.linalg.norm(want - path.position(SPAN)[1]) > 10.0  # m; Hill's drift differs
     assert not found.delta_v[:, 1].any()
     assert not found.planned_delta_v[1] + abs(found.field_delta_v[1])
     assert not found.limited.any()
-    if "replan" not in told.values():
-        held = cf.simulate(path, FIELD, **told)
+    if "replan" not in options.values():
+        held = cf.simulate(path, FIELD, **options)
         apart = np.linalg.norm((found.states - held.states)[:, [0, 2], :, :3], axis=-1)
         assert apart.max() < 1e-6
         assert kind == "impulses" or held.delta_v[:, 1].min() > 0.01
 
 
-def test_a_start_that_is_off_is_what_drifts():
-    """Drawn states at the start, by DOP853; errors of thrust do nothing."""
+def test_sampled_starts_drift():
+    """Sampled start states drift as by DOP853; execution errors have no effect."""
     off = cf.Uncertainty(np.diag([3.0, 6.0, 3.0, 2e-3, 2e-3, 2e-3]) ** 2, magnitude=0.05, pointing=0.05)
     path = ORBIT.coast(DEBRIS, SPAN)
     found = cf.simulate(path, FIELD, navigation=SIGHT, errors=off, seeds=3, engine=False)
@@ -109,8 +108,8 @@ def test_a_start_that_is_off_is_what_drifts():
     assert not found.delta_v.any()
 
 
-def test_room_is_where_it_drifts():
-    """Its shift by DOP853, to what a coast is sampled to; what nobody knows within its rest."""
+def test_margins_follow_the_drift():
+    """The shift of the margin agrees with DOP853."""
     path = among("transfer")
     found = cf.tracking_margins(path, FIELD, navigation=SIGHT, thrust_error=OFF, engine=[True, False, True])
     for k in (60, len(found.times) - 1):
@@ -142,11 +141,10 @@ def test_what_nobody_knows_and_how_starts_are_off():
     assert next(sizes) == pytest.approx(next(sizes), rel=0.15)  # of 400: 4 sigmas of 1 / sqrt(2 * 400)
 
 
-def test_a_margin_that_fits_has_room_for_the_drift():
-    """A client 3 km ahead drifts 36 m in an orbit, into the way of who passes it then.
+def test_fitted_margin_covers_the_drift():
+    """A client drifts 36 m into the path of a passing spacecraft.
 
-    With room for one that is held its zone is entered; with room for its drift not, nor on a way around where
-    it will be, which needs no more room than navigation does.
+    The margin for a held client is violated, and the margin for a drifting one is not.
     """
     begin, over = ORBIT.period, 1.12 * ORBIT.period
     first = np.array([[0.0, 2900.0, 0, 0, 0, 0], [0.0, 3000.0, 0, 0, 0, 0]])
@@ -170,9 +168,9 @@ def test_a_margin_that_fits_has_room_for_the_drift():
         )
         assert plan.fits
         both = together(cf.join([held[0], plan.plan.path]), drifts)
-        told = {"navigation": SIGHT, "zones": ZONE, "engine": [True, False]}
-        flights = cf.simulate(both, FIELD, seeds=20, **told)
-        assert flights.ends[:, 1].max() < 5e-3  # it is where natural motion leads
+        options = {"navigation": SIGHT, "zones": ZONE, "engine": [True, False]}
+        flights = cf.simulate(both, FIELD, seeds=20, **options)
+        assert flights.ends[:, 1].max() < 5e-3  # natural motion
         found[name] = plan.greatest, flights.violated
     assert found["held"][1] == 1.0
     assert found["drifting"][1] == found["where it is"][1] == 0.0
@@ -180,7 +178,7 @@ def test_a_margin_that_fits_has_room_for_the_drift():
     assert found["where it is"][0] < 1.01 * found["held"][0]
 
 
-def test_nothing_is_commanded():
+def test_spacecraft_without_engine_have_no_commands():
     path = among("transfer")
     table = cf.compensated_thrust(path, FIELD, engine=[True, False, True])
     held = cf.compensated_thrust(path, FIELD)
@@ -189,25 +187,25 @@ def test_nothing_is_commanded():
     assert held.delta_v[1] > 0.01
     assert table.delta_v[[0, 2]] == pytest.approx(held.delta_v[[0, 2]], rel=1e-12)
     want = drifted(0.0, DEBRIS, SPAN)
-    assert table.path.position(SPAN)[1] == pytest.approx(want, abs=2e-3)  # a coast is sampled to 1 mm
+    assert table.path.position(SPAN)[1] == pytest.approx(want, abs=2e-3)  # coasts are sampled to 1 mm
     assert table.deviation[1] >= np.linalg.norm(want - path.position(SPAN)[1]) - 2e-3
 
 
-def test_a_run_flies_a_dead_client(tmp_path: Path, capsys):
-    """It drifts through both stages; its file says so, and nothing is commanded to it."""
+def test_run_with_a_dead_client(tmp_path: Path, capsys):
+    """The client drifts through both stages without commands."""
     file = tmp_path / "client.toml"
     file.write_text(CLIENT.format(craft=DEAD, stage='margin = "auto"') + "\n[simulation]\nseeds = 5\n")
     out = str(tmp_path / "out")
     assert main(["run", str(file), "--out", out, "--no-viewer"]) == 0
     assert "No engine: Client" in capsys.readouterr().out
-    told = json.loads((tmp_path / "out" / "summary.json").read_text())["flights"]
+    options = json.loads((tmp_path / "out" / "summary.json").read_text())["flights"]
     mission = cf.load(tmp_path / "out")
     path = mission.paths[1]
     for number, stage in enumerate(mission.results, 1):
         want = _drift(mission.scenario, path, stage.end)
-        row = next(one for one in told["stages"] if one["number"] == number)
+        row = next(one for one in options["stages"] if one["number"] == number)
         assert row["end_most_m"] == pytest.approx(want, abs=1e-3)
-    assert next(one for one in told["spent"] if one["craft"] == "Client")["delta_v_m_s"] == 0.0
+    assert next(one for one in options["spent"] if one["craft"] == "Client")["delta_v_m_s"] == 0.0
     flown_out = str(tmp_path / "flown")
     assert main(["simulate", out, "--out", flown_out, "--seeds", "3", "--no-viewer"][:-1]) == 0
     rows = pyarrow.parquet.read_table(Path(flown_out) / "commanded.parquet").to_pydict()
@@ -218,12 +216,12 @@ def test_a_run_flies_a_dead_client(tmp_path: Path, capsys):
 
 
 def _drift(scenario, path: cf.Path, time: float) -> float:
-    """How far off its path one craft is by DOP853 in the scenario's field."""
+    """Return the distance of a drifting spacecraft from its path by DOP853."""
     return float(np.linalg.norm(drifted(0.0, path.state(0.0), time, scenario.field) - path.position(time)))
 
 
-def test_auto_leaves_room_for_the_drift():
-    """Of a client that drifts the margin is larger than of one that is held, and no flight enters."""
+def test_automatic_margin_covers_the_drift():
+    """The margin of a drifting client is larger, and no simulation violates it."""
     missions = {
         engine: fly(
             parse(CLIENT.format(craft=craft, stage='margin = "auto"') + "\n[simulation]\nseeds = 20\n")
@@ -237,7 +235,7 @@ def test_auto_leaves_room_for_the_drift():
     assert missions[False].flights.flight.ends[:, 1] == pytest.approx(drift, abs=1e-3)
 
 
-def test_cases_of_a_study_fly_it():
+def test_dead_client_in_a_study():
     draws = (
         "\n[simulation]\n\n[study]\ncases = 3\nseed = 1\n\n"
         '[study.vary]\n"craft.position" = { normal = "5 m" }\n'
@@ -273,7 +271,7 @@ def test_cases_of_a_study_fly_it():
         ("engine = [true, false]", 'engine = "no"', "craft.engine:"),
     ],
 )
-def test_who_has_no_engine_is_not_moved(was: str, becomes: str, line: str):
+def test_moves_without_an_engine_are_refused(was: str, becomes: str, line: str):
     text = CLIENT.format(craft=DEAD, stage="")
     assert was in text
     with pytest.raises(ScenarioError) as error:
@@ -281,7 +279,7 @@ def test_who_has_no_engine_is_not_moved(was: str, becomes: str, line: str):
     assert any(one.startswith(f"scenario: {line}") for one in error.value.lines)
 
 
-def test_bad_engines():
+def test_invalid_engines():
     path = among("transfer")
     with pytest.raises(ValueError, match=r"^engine: True or False, or one for each of 3 craft, got"):
         cf.simulate(path, FIELD, engine=[True, False])

@@ -1,4 +1,4 @@
-"""Scenarios with an epoch and a chief: where craft start, what is in UTC, nothing else changed."""
+"""Scenarios with an epoch and a chief: starts, UTC columns and input files."""
 
 import json
 import re
@@ -19,7 +19,7 @@ from closeform.report.run import RunReport, states
 from closeform.scenario import ScenarioError, parse
 from test_chief import to_fifty_digits
 
-pytestmark = pytest.mark.usefixtures("unpainted")
+pytestmark = pytest.mark.usefixtures("undrawn")
 
 ROOT = Path(__file__).parents[1]
 GRACE = ROOT / "examples" / "grace"
@@ -58,8 +58,8 @@ def chief(elements, epoch="2026-11-22T12:00:00Z"):
     return f'epoch = "{epoch}"\nchief = {{ elements = {{ {elements} }} }}'
 
 
-def left(folder, text, capsys):
-    """What a run says and leaves but for pictures: its lines, figures and tables."""
+def run_output(folder, text, capsys):
+    """Return lines, figures and tables of a run without pictures."""
     (folder / "two.toml").write_text(text)
     report = RunReport(cf.run(folder / "two.toml"))
     tell_run(report, folder)
@@ -89,10 +89,10 @@ def without_utc(figures):
 LEAPING = "2016-12-31T23:59:45.25"
 
 
-def test_an_epoch_adds_utc_and_changes_nothing_else(tmp_path, capsys):
-    plain_lines, plain, plain_tables = left(tmp_path, scenario(), capsys)
+def test_epoch_adds_utc_only(tmp_path, capsys):
+    plain_lines, plain, plain_tables = run_output(tmp_path, scenario(), capsys)
     text = scenario(f'altitude = "550 km"\nepoch = "{LEAPING}Z"')
-    lines, dated, tables = left(tmp_path, text, capsys)
+    lines, dated, tables = run_output(tmp_path, text, capsys)
     assert "utc" not in json.dumps(plain)
     assert not any("UTC" in line for line in plain_lines)
     same = [{key: run[key] for key in run if key not in ("inputs", "versions")} for run in (plain, dated)]
@@ -126,23 +126,23 @@ def test_an_epoch_adds_utc_and_changes_nothing_else(tmp_path, capsys):
     assert [line for line in shown if len(line) > 100 and "results in" not in line] == []
 
 
-def test_a_wide_table_does_without_utc_on_a_terminal(tmp_path, capsys, monkeypatch):
-    """Burns of thrusters that tell propellant, too, fill 100 columns; the files have it."""
+def test_wide_tables_omit_utc_on_a_terminal(tmp_path, capsys, monkeypatch):
+    """Wide tables of burns fit 100 columns; the files have UTC."""
     text = scenario(f'altitude = "550 km"\nepoch = "{LEAPING}Z"').replace(
         "keep_out",
         'mass = "12 kg"\nmax_thrust = "2 N"\nspecific_impulse = "60 s"\nthrusters = "rtn"\nkeep_out',
     )
     monkeypatch.setattr("closeform.cli.console.UNBROKEN", 100)
-    lines, _, tables = left(tmp_path, text, capsys)
+    lines, _, tables = run_output(tmp_path, text, capsys)
     head = next(line for line in lines if "thruster" in line and "R [m/s]" in line)
     assert [line for line in lines if len(line) > 100 and "results in" not in line] == []
     assert "UTC" not in head
     assert None not in tables["burns"]["start_utc"]
 
 
-def test_a_chief_is_its_circle(tmp_path, capsys):
-    _, plain, plain_tables = left(tmp_path, scenario('semi_major_axis = "7000 km"'), capsys)
-    lines, figures, tables = left(tmp_path, scenario(chief(CIRCLE + ', latitude = "10 deg"')), capsys)
+def test_chief_defines_the_orbit(tmp_path, capsys):
+    _, plain, plain_tables = run_output(tmp_path, scenario('semi_major_axis = "7000 km"'), capsys)
+    lines, figures, tables = run_output(tmp_path, scenario(chief(CIRCLE + ', latitude = "10 deg"')), capsys)
     np.testing.assert_allclose(tables["paths"]["x_m"], plain_tables["paths"]["x_m"], rtol=0.0, atol=1e-6)
     assert figures["mean_motion_rad_s"] == pytest.approx(plain["mean_motion_rad_s"], rel=1e-14)
     assert figures["chief"]["frame"] == "EME2000"
@@ -151,7 +151,7 @@ def test_a_chief_is_its_circle(tmp_path, capsys):
 
 @pytest.mark.parametrize("place", ['mean_anomaly = "50 deg"', 'latitude = "140 deg"'])
 def test_elements_by_mean_anomaly(place):
-    """From perigee, flown by fifty digits for 50 degrees of mean anomaly."""
+    """50 degrees of mean anomaly from perigee, in fifty digits."""
     given = f'{CIRCLE}, eccentricity = 0.09, argument_of_perigee = "90 deg", '
     found = parse(scenario(chief(given + place))).chief
     perigee = parse(scenario(chief(given + 'mean_anomaly = "0 deg"'))).chief
@@ -162,7 +162,7 @@ def test_elements_by_mean_anomaly(place):
 
 @pytest.mark.parametrize("anomaly", [-170.0, 58.11, 130.0])
 def test_elements_by_true_anomaly(anomaly):
-    """The angle from perigee, and the distance of an ellipse there."""
+    """The angle from perigee and the distance follow from the ellipse."""
     given = f'{CIRCLE}, eccentricity = 0.09, argument_of_perigee = "40 deg", true_anomaly = '
     here, perigee = (parse(scenario(chief(f'{given}"{at} deg"'))).chief.state[:3] for at in (anomaly, 0.0))
     distance = np.linalg.norm(here)
@@ -176,7 +176,7 @@ def test_elements_by_true_anomaly(anomaly):
     assert np.sign(ahead) == np.sign(anomaly)
 
 
-def test_latitude_of_the_chief_is_what_elements_refer_to():
+def test_relative_elements_use_the_latitude_of_the_chief():
     roe = 'start = [{ roe = "0 0 0 0 0 0 m" }, { roe = "0 0 0 300 80 250 m" }]'
     plain = parse(scenario('semi_major_axis = "7000 km"\nlatitude = "77 deg"', roe))
     dated = parse(scenario(chief(CIRCLE + ', latitude = "77 deg"'), roe))
@@ -184,8 +184,8 @@ def test_latitude_of_the_chief_is_what_elements_refer_to():
     np.testing.assert_allclose(states[1], states[0], rtol=0.0, atol=1e-7)
 
 
-def test_inertial_starts_are_arcs_on_the_chiefs_circle():
-    """Both on one circle, so many radians apart: the geometry is plain."""
+def test_inertial_start_on_the_circle_of_the_chief():
+    """A known angle ahead on the same circle is an arc."""
     given = CIRCLE + ', latitude = "10 deg"'
     ahead = cf.elements.inertial_from_elements(
         [7e6, np.radians(10.0) + 1e-4, 0.0, 0.0, np.radians(97.6), np.radians(30.0)]
@@ -197,8 +197,8 @@ def test_inertial_starts_are_arcs_on_the_chiefs_circle():
     np.testing.assert_allclose(states[1], [0, 700.0, 0, 0, 0, 0], rtol=0.0, atol=1e-6)
 
 
-def test_flown_craft_start_where_a_screening_sees_them(tmp_path, capsys, monkeypatch):
-    """GRACE-B at an epoch in UTC, of files in GPS time, read from beside the scenario."""
+def test_start_from_ephemerides_agrees_with_screening(tmp_path, capsys, monkeypatch):
+    """GRACE-B in GPS time at an epoch in UTC, with files beside the scenario."""
     (tmp_path / "files").mkdir()
     for letter in "AB":
         (tmp_path / "files" / f"{letter}.oem").write_bytes((GRACE / f"GRACE-{letter}.oem").read_bytes())
@@ -215,11 +215,11 @@ def test_flown_craft_start_where_a_screening_sees_them(tmp_path, capsys, monkeyp
     assert found.scenario.inputs.notes == []  # nothing was interpolated
 
 
-def test_interpolated_states_are_told(tmp_path, capsys):
+def test_interpolated_states_are_reported(tmp_path, capsys):
     flown = read_oem(GRACE / "GRACE-A.oem")
     write_oem(tmp_path / "A.oem", flown)
     orbit = 'epoch = "2010-07-27T00:16:41 GPS"\nchief = { oem = "A.oem" }'
-    lines, figures, _ = left(tmp_path, scenario(orbit), capsys)
+    lines, figures, _ = run_output(tmp_path, scenario(orbit), capsys)
     (told,) = [line for line in lines if line.startswith("A.oem: ")]
     off = re.fullmatch(r"A\.oem: state at the epoch interpolated, off by up to (\S+) m, by estimate", told)
     assert off is not None
@@ -228,8 +228,8 @@ def test_interpolated_states_are_told(tmp_path, capsys):
     assert figures["inputs"].keys() == {"two.toml", "A.oem"}
 
 
-def test_a_result_folder_keeps_the_files_that_it_was_flown_with(tmp_path, monkeypatch, capsys):
-    """`load`, and a run of its scenario.toml, read the copies: the chief is there when its file is not."""
+def test_results_keep_copies_of_input_files(tmp_path, monkeypatch, capsys):
+    """`load` and a run of its scenario.toml read the copies."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "files").mkdir()
     (tmp_path / "files" / "A.oem").write_bytes((GRACE / "GRACE-A.oem").read_bytes())
@@ -251,8 +251,8 @@ def test_a_result_folder_keeps_the_files_that_it_was_flown_with(tmp_path, monkey
         cf.load("results")
 
 
-def test_the_next_mission_starts_from_what_one_exports(tmp_path):
-    """From an OEM of several segments: after the burn at an epoch, and in the midst of the flight then."""
+def test_mission_starts_from_an_exported_ephemeris(tmp_path):
+    """A start can be after a burn or within a segment."""
     orbit = CIRCLE + ', latitude = "10 deg"'
     (tmp_path / "two.toml").write_text(scenario(chief(orbit)))
     mission = cf.run(tmp_path / "two.toml")
@@ -273,14 +273,14 @@ def test_the_next_mission_starts_from_what_one_exports(tmp_path):
         parse(scenario(gone, start), str(tmp_path / "next.toml"))
 
 
-def test_a_drawn_case_is_no_longer_where_its_file_says(tmp_path):
-    """A study that draws positions begins at the nominal ones, also of craft that start inertially."""
+def test_sampled_case_starts_from_its_own_state(tmp_path):
+    """Studies vary nominal positions, also of inertial starts."""
     found = parse(scenario(chief(CIRCLE + ', latitude = "10 deg"')))
     assert found.craft[1].known_at(np.ones(6)).state(found.orbit.build()).tolist()[1] == 25.0
 
 
 @pytest.mark.parametrize("name", ["no.oem", "a" * 5000 + ".oem", "\\u0000", "/", "..", "a\\nb"])
-def test_a_name_that_is_no_file(name, tmp_path):
+def test_invalid_file_names(name, tmp_path):
     text = scenario(f'epoch = "2026-11-22T12:00:00Z"\nchief = {{ oem = "{name}" }}')
     with pytest.raises(ScenarioError) as refused:
         parse(text, str(tmp_path / "two.toml"))
@@ -289,7 +289,7 @@ def test_a_name_that_is_no_file(name, tmp_path):
     assert line.endswith("; check the path")
 
 
-def test_chief_and_craft_that_are_wrong_are_said_at_once():
+def test_errors_of_chief_and_spacecraft_are_reported_together():
     text = scenario('epoch = "2026-11-22T12:00:00Z"\nchief = { oem = "no.oem" }').replace('"20 m"', '"-20 m"')
     with pytest.raises(ScenarioError) as refused:
         parse(text, "two.toml")
@@ -297,12 +297,12 @@ def test_chief_and_craft_that_are_wrong_are_said_at_once():
     assert keys == ["craft.keep_out.sphere", "orbit.chief"]
 
 
-def test_a_drift_for_ever_ends_at_no_instant(tmp_path, capsys):
+def test_endless_drift_has_no_end_time(tmp_path, capsys):
     text = scenario('altitude = "550 km"\nepoch = "2026-11-22T12:00:00Z"').partition(
         '\n\n[[stage]]\ndo = "tr'
     )[0]
     text = text.replace('"0 25 0 m"', '"0 900 0 m"').replace("-1 0 m/s", "0 0 m/s")
-    _, figures, tables = left(tmp_path, text + '\ndrift = "forever"\n', capsys)
+    _, figures, tables = run_output(tmp_path, text + '\ndrift = "forever"\n', capsys)
     found = figures["stages"][0]["passive_safety"]
     assert found["until_utc"] is None
     assert all(stamp is None or stamp.endswith("Z") for stamp in tables["drifts"]["time_utc"])
@@ -340,9 +340,9 @@ do = "lock"
 """
 
 
-def test_times_of_a_search_count_from_its_stage(tmp_path, capsys):
-    """Seconds since the search began, and UTC of the mission: a hundred seconds apart."""
-    lines, figures, tables = left(tmp_path, LOST, capsys)
+def test_times_of_a_search_start_at_its_stage(tmp_path, capsys):
+    """Seconds count from the search, UTC from the mission."""
+    lines, figures, tables = run_output(tmp_path, LOST, capsys)
     start = Time("2026-11-22T12:01:40", scale="utc")
     locks, (_, search) = tables["locks"], figures["stages"]
     (seconds,), (stamp,) = locks["time_s"], locks["time_utc"]
@@ -355,7 +355,7 @@ def test_times_of_a_search_count_from_its_stage(tmp_path, capsys):
     assert stamp[11:22] in row
 
 
-def test_scenarios_without_a_chief_load_nothing_for_it():
+def test_scenarios_without_a_chief_import_nothing_for_it():
     names = "sorted(name for name in sys.modules if 'exchange.' in name or name == 'erfa')"
     code = f"import sys, closeform.scenario; print({names})"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -1,4 +1,4 @@
-"""Bad input: one line on standard error that names the key and the remedy, status 2, and nothing written."""
+"""Invalid input: one line that names key and remedy, status 2, and no results."""
 
 import re
 import shlex
@@ -33,7 +33,7 @@ META_STOP
 
 
 def oem(name: str, ahead: float, hour: str = "00") -> str:
-    """Ten minutes of a circular orbit at 7000 km, `ahead` [rad] in its plane, a state each minute."""
+    """Return ten minutes of a circular orbit at 7000 km, `ahead` [rad], with a state each minute."""
     rate, radius = np.sqrt(398600.4418 / 7000.0**3), 7000.0
     lines = []
     for minute in range(11):
@@ -44,11 +44,11 @@ def oem(name: str, ahead: float, hour: str = "00") -> str:
 
 
 def contents(folder: Path) -> dict[str, bytes]:
-    """Every file below a folder."""
+    """Return every file below a folder."""
     return {str(p.relative_to(folder)): p.read_bytes() if p.is_file() else b"" for p in folder.rglob("*")}
 
 
-# what is wrong: what stands in the good file, what stands there instead, the key, a word of the remedy
+# mistake: valid text, replacement, key, a word of the remedy
 MISTAKES = {
     "no TOML": ('title = "Three craft"', "title = Three craft", "title", "line 2"),
     "a key that stands twice": ('mass = "150 kg"', 'mass = "150 kg"\nmass = "1 kg"', "mass", "keep one"),
@@ -71,7 +71,7 @@ MISTAKES = {
     "thrust without a mass": ('mass = "150 kg"', "", "craft", "mass"),
     "two orbits": ('altitude = "500 km"', 'altitude = "500 km"\nperiod = "90 min"', "orbit", "period"),
 }
-# arguments, a word that names what is wrong, a word of the remedy
+# arguments, a word of the mistake, a word of the remedy
 MISUSES = {
     "an unknown command": ("hover good.toml", "hover", "run"),
     "an unknown option": ("run good.toml --speed 3", "--speed", "--help"),
@@ -90,7 +90,7 @@ def one_line(printed: str, *words: str) -> None:
 
 @pytest.fixture
 def desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A working folder with good files and a folder of the user."""
+    """Working folder with valid files and a folder of the user."""
     (tmp_path / "good.toml").write_text(GOOD)
     (tmp_path / "a.oem").write_text(oem("A", 0.0))
     (tmp_path / "b.oem").write_text(oem("B", 1e-4))
@@ -147,8 +147,10 @@ def test_check_reports_every_error_at_once(desk: Path, capsys: pytest.CaptureFix
     assert keys == ["orbit.altitude", "craft.keep_out.sphere", "stage[2].craft"]
 
 
-def test_what_is_not_built_is_said_with_the_rest(desk: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Also of a study, which `run` does not need."""
+def test_unsupported_features_are_reported_with_the_rest(
+    desk: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Also for a study, which `run` does not need."""
     text = LOST.replace('"100 0 0 m"', '"100 0 0"')
     text = text.replace('"craft.velocity" = { ball = "6 cm/s" }', '"sensor.offset" = { normal = "1 cm" }')
     (desk / "cluster.toml").write_text(text)
@@ -158,7 +160,7 @@ def test_what_is_not_built_is_said_with_the_rest(desk: Path, capsys: pytest.Capt
         assert [line.split(": ")[1] for line in capsys.readouterr().err.splitlines()] == keys + more
 
 
-def test_the_good_file_is_good() -> None:
+def test_valid_file_is_accepted() -> None:
     for text in (GOOD, LOST):
         scenario = parse(text)
         assert isinstance(scenario, Scenario)
@@ -166,7 +168,7 @@ def test_the_good_file_is_good() -> None:
 
 
 def read(text: str) -> None:
-    """Reading ends in a scenario or in one line for each error, never otherwise."""
+    """Read a text: it gives a scenario or one line per error."""
     try:
         parse(text, "file.toml")
     except ScenarioError as error:
@@ -236,7 +238,7 @@ KEYS += ["craft", "direction", "distance", "from", "join", "remove", "ring", "sl
 
 
 @given(st.sampled_from(SAMPLES), st.integers(0), st.sampled_from(KEYS), VALUES, st.booleans())
-def test_any_value_anywhere(text: str, number: int, key: str, value: str, replace: bool) -> None:
+def test_any_value_of_any_key(text: str, number: int, key: str, value: str, replace: bool) -> None:
     lines = text.splitlines()
     number %= len(lines)
     if replace and KEY.match(lines[number]):

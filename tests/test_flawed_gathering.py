@@ -1,4 +1,4 @@
-"""Gatherings in which thrust is lost or burns are off, against an independent model; a run by its study."""
+"""Gatherings with loss of thrust and execution errors, against an independent model."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ from closeform.search.gather_result import EventKind, GatherStatus
 from closeform.search.spacecraft_set import lost_fleet
 from lost import BASIC, Sky, gathered
 from philox import block
-from test_clearance import with_kernel
+from test_knowledge_set_corrections import with_kernel
 from turns import turns
 
 RATE, TIP = np.radians(0.25), np.radians(25.0)
@@ -27,7 +27,7 @@ NAMES = ("P", "Q", "R", "S", "T", "U")
 GROUPS = ("A", "B", "A", "B", "A", "B")
 LOST = """\
 closeform = 1
-title = "Six that do not see far"
+title = "Six with short range"
 
 [orbit]
 deep_space = true
@@ -82,7 +82,7 @@ within = "1 h"
 
 
 def off_by(execution):
-    """Cases whose burns are off."""
+    """Return a study whose burns have execution errors."""
     text = LOST.replace("[sensor]", f"execution = {execution}\n[sensor]")
     return text.replace("seed = 5", 'seed = 5\ndraws = "replanned"')
 
@@ -91,8 +91,8 @@ OFF = off_by('{ impulse = { speed = "0.2 mm/s", magnitude = "2 %", pointing = "1
 SOMETIMES = '"craft.fails" = { chance = 0.4 }\n'
 
 
-def flaw(case):
-    """By how much the burns of a case of OFF are off, by Gates' model."""
+def burn_errors_of(case):
+    """Return the burn errors of a case of OFF by Gates' model."""
 
     def off(k, b, dv):
         along, *aside = ndtri(block(5, f"stage 1 of {NAMES[k]}", case, b))[:3]
@@ -113,77 +113,78 @@ def sky_of(scenario):
 
 
 def modelled(sky, sensor, states, push):
-    """What the model tells of each way of the first pair."""
+    """Return the model's results for each way of the first pair."""
     return {
         way: gathered(sky, sensor, states[:, :3], states[:, 3:], GROUPS, way, push)
         for way in ("second", "first", "half")
     }
 
 
-def chosen(told):
-    """The way that leaves the fewest, of those the cheapest, of equals the first."""
-    left = {way: 6 - len(one.sets[0]) if one.sets else 6 for way, one in told.items()}
-    few = [way for way in told if left[way] == min(left.values())]
-    spent = {way: told[way].delta_v.sum() for way in few}
+def chosen(model):
+    """Return the cheapest way of those that leave the fewest spacecraft."""
+    left = {way: 6 - len(one.sets[0]) if one.sets else 6 for way, one in model.items()}
+    few = [way for way in model if left[way] == min(left.values())]
+    spent = {way: model[way].delta_v.sum() for way in few}
     return next(way for way in few if spent[way] <= min(spent.values()) * (1.0 + 1e-12))
 
 
-def same(found, told):
-    """A gathering and the model's: locks to a microsecond, and what follows from that."""
-    assert [(e.kind, e.first, e.second, e.case) for e in found.events] == [row[1:5] for row in told.events]
-    times = [row[0] for row in told.events]
+def assert_agree(found, model):
+    """Compare a gathering with the model's, with locks to a microsecond."""
+    assert [(e.kind, e.first, e.second, e.case) for e in found.events] == [row[1:5] for row in model.events]
+    times = [row[0] for row in model.events]
     np.testing.assert_allclose([e.time for e in found.events], times, rtol=0.0, atol=1e-6)
-    np.testing.assert_allclose(found.delta_v, told.delta_v, atol=1e-10)
-    assert set(found.adrift) == told.adrift
-    assert (found.status is not GatherStatus.INCOMPLETE) == told.ok
-    assert found.ok == (told.ok and not told.adrift)
-    np.testing.assert_allclose(found.paths.position(found.duration), told.positions, atol=1e-5)
-    np.testing.assert_allclose(found.paths.velocity(found.duration), told.velocities, atol=1e-10)
+    np.testing.assert_allclose(found.delta_v, model.delta_v, atol=1e-10)
+    assert set(found.adrift) == model.adrift
+    assert (found.status is not GatherStatus.INCOMPLETE) == model.ok
+    assert found.ok == (model.ok and not model.adrift)
+    np.testing.assert_allclose(found.paths.position(found.duration), model.positions, atol=1e-5)
+    np.testing.assert_allclose(found.paths.velocity(found.duration), model.velocities, atol=1e-10)
 
 
-@pytest.mark.parametrize("text", [FAILING, WIDE], ids=["near", "wide"])
-def test_who_fails_keeps_its_motion_and_the_others_gather_without_it(text):
-    """24 cases, each against the model, whose failures are drawn by NumPy's own generator."""
+@pytest.mark.parametrize("text", [FAILING, pytest.param(WIDE, marks=pytest.mark.slow)], ids=["near", "wide"])
+def test_failed_spacecraft_keep_coasting(text):
+    """Each case agrees with the model, whose failures come from NumPy's Philox generator."""
     scenario, chance = parse(text), 0.4 if text is FAILING else 0.5
     campaign, sky, push = flown(scenario), sky_of(scenario), 0.6 if text is FAILING else 0.0
     assert isinstance(campaign, GatherCampaign)
     sensor, seen = scenario.plan.sensor, set()
-    for case in range(24):
+    some = {0, 1, 2, int(np.argmax(campaign.column("adrift")))}
+    for case in range(24) if text is WIDE else sorted(some):
         mission = fly(case_of(scenario, case))
         states = mission.scenario.states(mission.orbit)
         exact = modelled(sky, sensor, states, push)
         way = chosen(exact)
         drawn = np.array([block(5, "craft.fails", 6 * case + k) for k in range(6)])
         times = np.where(drawn[:, 0] < chance, drawn[:, 1] * exact[way].duration, np.inf)
-        told = gathered(sky, sensor, states[:, :3], states[:, 3:], GROUPS, way, push, fails=times)
+        model = gathered(sky, sensor, states[:, :3], states[:, 3:], GROUPS, way, push, fails=times)
         found = mission.results[0].result
         assert found.burns == way
-        same(found, told)
-        # the row of the study is that of the run, bit for bit
+        assert_agree(found, model)
+        # the row of the study agrees with the run
         rows = {one.craft: one.time for one in mission.lost}
         for k, name in enumerate(NAMES):
-            expected = times[k] if times[k] <= told.duration else np.nan
+            expected = times[k] if times[k] <= model.duration else np.nan
             assert campaign.column(f"{name}_fails_s")[case] == pytest.approx(expected, abs=1e-5, nan_ok=True)
             assert rows.get(name, np.nan) == pytest.approx(
                 campaign.column(f"{name}_fails_s")[case], rel=0.0, abs=0.0, nan_ok=True
             )
         assert campaign.column("adrift")[case] == len(found.adrift)
         assert campaign.delta_v[case] == pytest.approx(found.delta_v.sum(), rel=1e-15)
-        if told.ok:
+        if model.ok:
             assert campaign.time[case] == found.duration
         else:
             assert np.isnan(campaign.time[case])
         assert campaign.good[case] == found.ok == mission.verdict.ok
         assert {one.craft for one in mission.lost if one.needed} == {NAMES[k] for k in found.adrift}
-        seen |= {("adrift", bool(told.adrift)), ("ok", told.ok)}
+        seen |= {("adrift", bool(model.adrift)), ("ok", model.ok)}
         if (first := next((e for e in found.events if e.kind == "lock"), None)) is not None:
             seen.add(("first pair", tuple(bool(times[k] <= first.time) for k in (first.first, first.second))))
-    assert {("adrift", True), ("adrift", False), ("ok", text is WIDE)} <= seen
+    assert {("adrift", True), ("adrift", False)} <= seen
     if text is WIDE:
         assert {("first pair", (True, False)), ("first pair", (False, True))} <= seen
 
 
-def test_a_study_of_failures_is_the_same_in_any_parts():
+def test_study_of_failures_is_independent_of_chunks():
     scenario = parse(FAILING)
     kind = flown(scenario).kind
     whole = kind.evaluate(0, 24)
@@ -195,7 +196,7 @@ def test_a_study_of_failures_is_the_same_in_any_parts():
 
 
 def bodies_of(scenario):
-    """Craft that turn for themselves, as a case has drawn it."""
+    """Return independently turning bodies with the errors of a case."""
     speed, plan = scenario.search.max_speed, scenario.plan
     wait = plan.near_field / speed if speed else 0.0
     turned = (turns("basic", plan.sensor.half_angle, TIP) + 2 * [("NFS", "wait", 0.0, wait)] * bool(wait)) * 2
@@ -211,60 +212,65 @@ def bodies_of(scenario):
 
 @pytest.mark.parametrize(
     ("text", "erring"),
-    [(FAILING, False), (WIDE, False), (OFF + SOMETIMES, True)],
+    [
+        pytest.param(FAILING, False, marks=pytest.mark.slow),
+        pytest.param(WIDE, False, marks=pytest.mark.slow),
+        (OFF + SOMETIMES, True),
+    ],
     ids=["near", "wide", "off"],
 )
-def test_failures_of_craft_that_search_imperfectly(text, erring):
-    """With burns that err, too, in the last: each case is its row, its run and the model's."""
+def test_failures_with_search_errors(text, erring):
+    """Search errors, loss of thrust and, in one case, burn errors agree with the model."""
     text = text.replace("180 m", "500 m").replace("rounds = 2", 'rounds = 2\nburns = "half"')
     text = text.replace(
         'sun_limit = "25 deg"', 'tip_angle = "25 deg"\nsun_limit = "60 deg"'
-    )  # kept with all pointing errors
+    )  # respected with all pointing errors
     scenario = parse(text + DRAWN)
-    campaign, sky, seen = flown(scenario, 8), sky_of(scenario), set()
+    cases = 6 if erring else 8
+    campaign, sky, seen = flown(scenario, cases), sky_of(scenario), set()
     assert isinstance(campaign, MissionCampaign if erring else GatherCampaign)
-    for case in range(8):
+    for case in range(cases):
         mission = fly(case_of(scenario, case))
         states, bodies = mission.scenario.states(mission.orbit), bodies_of(mission.scenario)
-        push, off = 2.0 * (scenario.search.max_speed or 0.0), flaw(case) if erring else None
+        push, off = 2.0 * (scenario.search.max_speed or 0.0), burn_errors_of(case) if erring else None
         given = sky, scenario.plan.sensor, states[:, :3], states[:, 3:], GROUPS
         without = gathered(*given, "half", push, bodies, off=off)
         drawn = np.array([block(5, "craft.fails", 6 * case + k) for k in range(6)])
         chance = scenario.study.vary["craft.fails"].chance
         times = np.where(drawn[:, 0] < chance, drawn[:, 1] * without.duration, np.inf)
-        told = gathered(*given, "half", push, bodies, times, off)
+        model = gathered(*given, "half", push, bodies, times, off)
         found = mission.results[0].result
-        same(found, told)
+        assert_agree(found, model)
         rows = {one.craft: one.time for one in mission.lost}
         for k, name in enumerate(NAMES):
             at = campaign.column(f"{name}_fails_s")[case]
-            expected = times[k] if times[k] <= told.duration else np.nan
+            expected = times[k] if times[k] <= model.duration else np.nan
             assert at == pytest.approx(expected, abs=1e-5, nan_ok=True)
             np.testing.assert_array_equal(rows.get(name, np.nan), at)
         end = campaign.column("end_s")[case] if erring else campaign.time[case]
-        np.testing.assert_array_equal(end, found.duration if told.ok else np.nan)
+        np.testing.assert_array_equal(end, found.duration if model.ok else np.nan)
         spent = campaign.column("delta_v_m_s")[case] if erring else campaign.delta_v[case]
         assert spent == pytest.approx(found.delta_v.sum(), rel=1e-15)
         assert campaign.good[case] == mission.verdict.ok == found.ok
-        seen |= {("adrift", bool(told.adrift)), ("ok", told.ok)}
-    assert {("adrift", True), ("adrift", False), ("ok", True)} <= seen
+        seen |= {("adrift", bool(model.adrift)), ("ok", model.ok)}
+    assert ("adrift", True) in seen
 
 
-def test_burns_are_off_by_gates():
-    """Every burn of every craft is off along and across itself, and what follows is the model's."""
+def test_burn_errors_follow_gates_model():
+    """Burn errors and their consequences agree with the model."""
     scenario = parse(OFF)
-    campaign = flown(scenario, 10)
+    campaign = flown(scenario, 4)
     assert isinstance(campaign, MissionCampaign)
     burns, sky = 0, sky_of(scenario)
-    for case in range(10):
+    for case in range(4):
         mission = fly(case_of(scenario, case))
         result = mission.results[0]
 
-        off = flaw(case)
+        off = burn_errors_of(case)
         states = mission.scenario.states(mission.orbit)
         way = chosen(modelled(sky, scenario.plan.sensor, states, 0.6))
-        told = gathered(sky, scenario.plan.sensor, states[:, :3], states[:, 3:], GROUPS, way, 0.6, off=off)
-        same(result.result, told)
+        model = gathered(sky, scenario.plan.sensor, states[:, :3], states[:, 3:], GROUPS, way, 0.6, off=off)
+        assert_agree(result.result, model)
         burns += sum(event.kind != "lock" for event in result.result.events)
         planned = result.commanded.paths
         end = min(result.end, result.commanded.end)
@@ -275,18 +281,18 @@ def test_burns_are_off_by_gates():
         assert campaign.column("delta_v_m_s")[case] == mission.delta_v.sum()
         assert (
             campaign.column("end_s")[case] == result.end
-            if told.ok
+            if model.ok
             else np.isnan(campaign.column("end_s")[case])
         )
-    assert burns > 50
+    assert burns > 15
 
 
-def test_failures_and_errors_of_burns_go_together():
-    """Up to the first failure the case is that of errors alone, and from its own on nobody burns."""
+def test_failures_with_burn_errors():
+    """A case with failures is that without until the first; failed spacecraft do not burn."""
     text = off_by('{ magnitude = "2 %", pointing = "1 deg" }')
     both = parse(text + '"craft.fails" = { chance = 0.5 }\n')
     checked = 0
-    for case in range(6):
+    for case in range(3):
         one, other = fly(case_of(both, case)), fly(case_of(parse(text), case))
         events = one.results[0].result.events
         if one.lost:
@@ -298,11 +304,11 @@ def test_failures_and_errors_of_burns_go_together():
             k = NAMES.index(lost.craft)
             assert not [e for e in events if e.kind != "lock" and e.first == k and e.time >= lost.time]
             checked += 1
-    assert checked > 6
+    assert checked > 1
 
 
-def test_more_random_numbers_change_no_burn_before():
-    """With numbers for one burn at first, then for as many as are made, burns are those with many."""
+def test_number_of_random_numbers_does_not_matter():
+    """Burns do not depend on how many random numbers are sampled at a time."""
     scenario = parse(LOST)
     case = case_of(scenario, 1)
     states = case.states(case.orbit.build())
@@ -322,21 +328,21 @@ def test_more_random_numbers_change_no_burn_before():
     assert asked[0] == 1 < asked[1] < 64 == asked[-1]
 
 
-def meeting(flaws):
-    """Two that know each other 60 m apart, one straight at a sphere of 30 m, beside the first pair."""
+def corrected_pair(flaws):
+    """Return a gathering in which two of a set, 60 m apart, approach a sphere of 30 m."""
     search = cf.Search.basic(cf.Sensor(np.radians(70.0), 0.0, 1e4), RATE, TIP)
     states = with_kernel([[0, 0, 0], [60.0, 0, 0]], [[0, 0, 0], [-0.1, 0, 0]])
-    told = {"groups": ("A", "B", "A", "B"), "keep_out": cf.Sphere(30.0), "rounds": 1, "max_speed": None}
-    told |= {"burns": "second", "errors": None}
-    return gather_flawed(gather(search, *states, **told), search, *states, flaws, **told)
+    model = {"groups": ("A", "B", "A", "B"), "keep_out": cf.Sphere(30.0), "rounds": 1, "max_speed": None}
+    model |= {"burns": "second", "errors": None}
+    return gather_flawed(gather(search, *states, **model), search, *states, flaws, **model)
 
 
-def test_without_thrust_another_of_the_set_corrects():
-    """60 m away, straight at a sphere of 30 m: who still can leaves it by 30 deg; or they collide."""
+def test_another_spacecraft_corrects_after_a_failure():
+    """The other spacecraft corrects if one has failed; both collide if both have."""
     for failing, corrects in (((), (3,)), ((3,), (2,)), ((2,), (3,)), ((2, 3), ())):
         fails = np.full((1, 4), np.inf)
         fails[0, failing] = 0.0
-        found = meeting(BurnFlaws.of_thrust(fails))
+        found = corrected_pair(BurnFlaws.of_thrust(fails))
         burns = [event for event in found.events if event.kind is EventKind.CORRECTION]
         assert tuple(event.first for event in burns) == corrects
         assert [np.linalg.norm(event.delta_v) for event in burns] == pytest.approx(
@@ -345,29 +351,29 @@ def test_without_thrust_another_of_the_set_corrects():
         assert len(found.conflicts) == (not burns)
 
 
-def test_corrections_are_off_too_and_conflicts_are_of_what_is_flown():
-    """A burn that is 2 % too long passes farther out, one too short enters; nobody burns twice."""
+def test_corrections_have_burn_errors():
+    """A correction that is too long passes outside of the zone, one that is too short enters it."""
     for size in (1.0, -1.0):
         normals = np.zeros((1, 4, 64, 3))
         normals[..., 0] = size
         gates, never = np.tile([0.0, 0.02, 0.0, 0.0], (4, 1)), np.full((1, 4), np.inf)
         flaws = BurnFlaws(never, gates, lambda burns, normals=normals: normals[:, :, :burns])
-        found = meeting(flaws)
+        found = corrected_pair(flaws)
         (burn,) = [event for event in found.events if event.kind is EventKind.CORRECTION]
         assert np.linalg.norm(burn.delta_v) == pytest.approx(0.05 * (1.0 + 0.02 * size), rel=1e-8)
         assert len(found.conflicts) == (size < 0.0)
 
 
-def test_a_mission_goes_on_with_who_is_left():
-    """Stages begin where the last one ended; who has failed drifts on a straight line through all of them."""
+def test_mission_continues_after_failures():
+    """Failed spacecraft drift in straight lines through later stages."""
     text = FAILING.replace("\n[study]", f"{ARRAY}\n[study]").replace("chance = 0.4", "chance = 0.3")
     text = text.replace("180 m", "2 km")
     text = text.replace("[sensor]", 'keep_out = { sphere = "5 m" }\n\n[sensor]')
     scenario = parse(text)
-    campaign = flown(scenario, 10)
+    campaign = flown(scenario, 4)
     assert isinstance(campaign, MissionCampaign)
     drifted = 0
-    for case in range(10):
+    for case in range(4):
         mission = fly(case_of(scenario, case))
         assert campaign.statuses[case] == (
             "stopped" if mission.stopped else "met" if mission.verdict.ok else "unmet"
@@ -395,11 +401,11 @@ def test_a_mission_goes_on_with_who_is_left():
                 or one.time > mission.results[1].start - 1e-9
                 or k not in mission.results[0].result.adrift
             )
-    assert drifted > 5
+    assert drifted > 0
 
 
-def test_without_failures_a_gathering_is_as_it_was():
-    """Of draws with a chance of nothing."""
+def test_zero_chance_of_failure_changes_nothing():
+    """A chance of zero changes nothing."""
     none, some = parse(LOST + '"craft.fails" = { chance = 0 }\n'), parse(LOST)
     one, other = flown(none, 20), flown(some, 20)
     np.testing.assert_array_equal(one.time, other.time)
@@ -408,11 +414,11 @@ def test_without_failures_a_gathering_is_as_it_was():
     assert one.good.tolist() == other.good.tolist()
 
 
-def test_a_report_says_what_the_first_pair_burned():
-    """Half of their relative velocity where both can, all of it of the only one that can."""
+def test_report_of_burns_of_the_first_pair():
+    """Both burn half of their relative velocity, or one burns all of it."""
     scenario = parse(WIDE.replace("rounds = 2", 'rounds = 2\nburns = "half"'))
     seen = set()
-    for case in range(24):
+    for case in range(12):
         mission = fly(case_of(scenario, case))
         (result,) = mission.results
         first = next((e for e in result.result.events if e.kind is EventKind.LOCK), None)
@@ -429,6 +435,6 @@ def test_a_report_says_what_the_first_pair_burned():
                 seen.add(what)
             elif kind == "burn":
                 assert what == "burn, nulls its relative velocity"
-        ((*_, told),) = [row for row in searches.ways(result)[0].rows if row[2]]
-        assert told == "planned"  # what that costs is of exact burns
+        ((*_, model),) = [row for row in searches.ways(result)[0].rows if row[2]]
+        assert model == "planned"  # costs are those of exact burns
     assert seen == {"burn, nulls its relative velocity", "burn, nulls half of the relative velocity"}

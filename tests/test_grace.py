@@ -1,4 +1,4 @@
-"""The GRACE extract: is it what it says, and how well does closed form predict its next orbit?"""
+"""The GRACE extract: its contents, and predictions of the next orbit."""
 
 import runpy
 from pathlib import Path
@@ -35,14 +35,14 @@ def tool():
     return SimpleNamespace(**runpy.run_path(str(ROOT / "tools" / "grace_oem.py")))
 
 
-def test_files_hold_three_hours(craft):
+def test_files_cover_three_hours(craft):
     for ephemeris in craft:
         assert (ephemeris.frame, ephemeris.time_system, ephemeris.center) == ("GCRF", "GPS", "EARTH")
         assert ephemeris.epoch == "2010-07-27T00:00:00"
         np.testing.assert_array_equal(ephemeris.times, np.arange(1081) * 10.0)
 
 
-def test_distance_is_the_k_band_range(craft):
+def test_distance_agrees_with_k_band_range(craft):
     distance = np.linalg.norm(craft[0].states[:, :3] - craft[1].states[:, :3], axis=1)[:-1:60]
     bias = distance - np.array(K_BAND.split(), dtype=float)
     # The range is known up to a constant; the orbits are good to 1 cm: three of it each way.
@@ -66,7 +66,7 @@ def test_orbit_keeps_its_plane_and_size(craft):
 
 
 def earth_fixed(ephemeris, rows):
-    """Source rows (km, dm/s) by astropy's own transformation and 8th-order differences."""
+    """Return source rows (km, dm/s) by astropy and 8th-order differences."""
     epochs = Time(ephemeris.epoch, scale="tai") + TimeDelta(ephemeris.times[:rows] + 19.0, format="sec")
     with iers.earth_orientation_table.set(iers.IERS_B.open()):
         inertial = CartesianRepresentation(ephemeris.states[:rows, :3].T * units.m)
@@ -74,7 +74,7 @@ def earth_fixed(ephemeris, rows):
     return geocentric.cartesian.xyz.to_value("m").T
 
 
-def test_tool_rotates_as_astropy_does(craft, tool, tmp_path):
+def test_tool_agrees_with_astropy(craft, tool, tmp_path):
     rows = 40
     fixed = earth_fixed(craft[0], rows)
     velocity = np.zeros_like(fixed)
@@ -134,8 +134,8 @@ def test_prediction_holds_for_the_first_minutes(craft):
 
 
 @pytest.mark.parametrize("step", [2, 6, 30, 180, 360])  # of 10 s
-def test_epochs_left_out_are_within_the_estimate(craft, step):
-    """Flown states are not Hill's motion here: J2, and an estimate that knows nothing of it holds."""
+def test_interpolation_is_within_the_estimate(craft, step):
+    """The estimate holds for motion with J2."""
     frame = common_frame(craft)
     path = Orbit(frame.mean_motion).sampled(frame.times[::step], frame.states[1, ::step])
     off = np.linalg.norm(path.position(frame.times) - frame.states[1, :, :3], axis=1).max()
@@ -143,8 +143,8 @@ def test_epochs_left_out_are_within_the_estimate(craft, step):
     assert path.cubic_share == (1.0 if step < 360 else 0.0)  # an hour of flight is more Hill's than a cubic's
 
 
-def test_velocity_across_the_plane_lacks_the_turn_of_the_plane(craft):
-    """The limit that frames.py states: flattening turns the frame about x, 5e-8 rad/s here."""
+def test_cross_track_velocity_lacks_the_rotation_of_the_plane(craft):
+    """J2 rotates the frame about x by 5e-8 rad/s, which frames.py neglects."""
     states = relative_from_inertial(craft[0].states, craft[1].states, "arc")
     missed = states[4:-4, 3:] - np.gradient(states[:, :3], 10.0, axis=0)[4:-4]
     assert 0.010 < np.abs(missed[:, 2]).max() < 0.025  # 225 km times 5e-8 rad/s is 11 mm/s
@@ -155,8 +155,9 @@ def example():
     return SimpleNamespace(**runpy.run_path(str(ROOT / "examples" / "grace" / "field.py")))
 
 
-def test_the_field_predicts_what_they_flew(example):
-    """Metres after an orbit 225 km apart, where Hill's equations are kilometres off."""
+@pytest.mark.slow
+def test_field_predicts_the_next_orbit(example):
+    """Errors are metres after an orbit at 225 km, and kilometres in Hill's equations."""
     first = example.Start(940.0)
     fields = first.fields()
     ends = {
@@ -173,7 +174,7 @@ def test_the_field_predicts_what_they_flew(example):
 
 
 def test_tesserals_are_the_gradient_of_their_potential(example):
-    """By differences of the sum of spherical harmonics that they are said to be."""
+    """Difference the sum of spherical harmonics."""
     from scipy.special import lpmv
 
     pull, place = example.Tesserals(0.7, 12), np.array([4.1e6, -3.2e6, 4.4e6])

@@ -1,6 +1,6 @@
-"""Hill's equations against two-body motion: the order of their error, and where it stands.
+"""Model error of Hill's equations against two-body motion.
 
-The figures of docs/validity.md are asserted here.
+The figures are those of docs/validity.md.
 """
 
 import numpy as np
@@ -27,7 +27,7 @@ def flown(state, times):
 
 
 def error_of_one_orbit(separation, direction, eccentricity=0.0, **mode):
-    """Greatest distance [m] between Hill's and two-body motion during one orbit."""
+    """Return the largest distance [m] between Hill's and two-body motion in one orbit."""
     chief = np.array([A, 0.3, eccentricity * np.cos(1.0), eccentricity * np.sin(1.0), 1.55, 0.4])
     orbit = Orbit.from_semi_major_axis(A)
     times = np.linspace(0.0, orbit.period, 61)
@@ -40,14 +40,14 @@ def error_of_one_orbit(separation, direction, eccentricity=0.0, **mode):
 
 
 @pytest.mark.parametrize("along_track", ["straight", "arc"])
-def test_error_falls_with_separation_squared(along_track):
+def test_error_is_quadratic_in_separation(along_track):
     sizes = 8e3 / 2.0 ** np.arange(5)  # down to 500 m, where it is still above 0.1 m
     errors = [error_of_one_orbit(size, DRIFTLESS, along_track=along_track) for size in sizes]
     orders = np.log2(np.array(errors[:-1]) / errors[1:])
     np.testing.assert_allclose(orders, 2.0, atol=0.1)
 
 
-def test_eccentricity_adds_an_error_linear_in_separation():
+def test_error_of_eccentricity_is_linear_in_separation():
     sizes = 100.0 / 2.0 ** np.arange(3)  # small, so that the square above is out of sight
     errors = [error_of_one_orbit(size, DRIFTLESS, 0.001) for size in sizes]
     orders = np.log2(np.array(errors[:-1]) / errors[1:])
@@ -71,7 +71,7 @@ CIRCLE = {"along_track": "arc", "radius": A}
         (0.001, 2.25e5, 142e3, 2732.0, 12.5),
     ],
 )
-def test_table_of_the_docs_for_a_craft_ahead(eccentricity, separation, straight, arc, circle):
+def test_documented_error_ahead(eccentricity, separation, straight, arc, circle):
     measured = [error_of_one_orbit(separation, AHEAD, eccentricity, **mode) for mode in ({}, ARC, CIRCLE)]
     # Three digits are printed; the zeros are exact in theory, and the integrator leaves micrometres.
     np.testing.assert_allclose(measured, [straight, arc, circle], rtol=0.02, atol=1e-5)
@@ -90,7 +90,7 @@ def test_table_of_the_docs_for_a_craft_ahead(eccentricity, separation, straight,
         (0.001, 2.25e5, 102e3, 45.5e3, 50.1e3),
     ],
 )
-def test_table_of_the_docs_for_offsets_in_every_direction(eccentricity, separation, straight, arc, circle):
+def test_documented_error_in_every_direction(eccentricity, separation, straight, arc, circle):
     modes = ({}, ARC, CIRCLE)
     measured = [error_of_one_orbit(separation, DRIFTLESS, eccentricity, **mode) for mode in modes]
     np.testing.assert_allclose(measured, [straight, arc, circle], rtol=0.02)

@@ -1,4 +1,4 @@
-"""The kernels of Hill's equations against 60-digit inverse Laplace transforms and the reference."""
+"""Kernels of Hill's equations against 60-digit inverse Laplace transforms."""
 
 import mpmath as mp
 import numba
@@ -20,7 +20,7 @@ response = numba.njit(lambda n, t, matrix: hill.response(n, t, matrix))
 
 
 def transform(m, doubled, n, t):
-    """1/(s^m (s^2 + n^2)) or 1/(s^m (s^2 + n^2)^2) at time t, as its own power series in (n t)^2."""
+    """Return 1/(s^m (s^2 + n^2)) or 1/(s^m (s^2 + n^2)^2) at time t, as a power series in (n t)^2."""
     lead = m + (4 if doubled else 2) - 1
     total, k = mp.mpf(0), 0
     while True:
@@ -36,7 +36,7 @@ def transform(m, doubled, n, t):
     [0.0, 1e-12, 1e-6, 1e-2, 0.5, 0.999999, 1.0, 1.999999, 2.0, 2.000001, 5.0, 40.0, -1e-3, -1.5, -30.0],
 )
 def test_transforms(angle):
-    """To 1e-13 of the largest that the same power of time allows, on both sides of every switch."""
+    """Errors are below 1e-13 of the scale of each power of time."""
     with mp.workdps(120):
         t = angle / N if angle else 500.0
         n = N if angle else 0.0
@@ -52,7 +52,7 @@ def test_transforms(angle):
     np.testing.assert_allclose(oscillation(n, t), got[:3], rtol=1e-9, atol=1e-12 * short)
 
 
-def test_series_and_closed_form_agree_where_they_meet():
+def test_series_and_closed_form_agree():
     t = hill.SERIES_BELOW / N
     below, above = powers(N, t * (1 - 1e-15)), powers(N, t * (1 + 1e-15))
     np.testing.assert_allclose(below, above, rtol=1e-12)  # Q_-2 cancels a little there
@@ -66,8 +66,8 @@ def test_drift_in_both_directions_of_time(t):
 
 
 @pytest.mark.parametrize("t", [3.0, 800.0, 5000.0])
-def test_forced_is_the_controllability_gramian(t):
-    """From rest, a costate reaches W(t) Phi(T-t)' mu (7, 8): `forced` and `response` say the same."""
+def test_forced_response_is_the_gramian(t):
+    """From rest a costate reaches W(t) Phi(T-t)' mu (7, 8)."""
     zero = np.zeros(6)
     final = np.array([10.0, -20.0, 5.0, 0.01, 0.02, -0.03])
     state, thrust, _ = Reference(N).transfer(zero, final, 6000.0)
@@ -81,7 +81,7 @@ def test_forced_is_the_controllability_gramian(t):
 
 
 def test_costate_pairing_is_constant_along_a_coast():
-    """costate . state does not change under natural motion: the costate solves the adjoint of (1)."""
+    """costate . state is constant under natural motion."""
     state = (120.0, -80.0, 45.0, 0.11, -0.27, 0.06)
     push = (1e-5, -2e-5, 3e-5, 1e-8, 2e-8, -1e-8)
 

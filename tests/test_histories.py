@@ -1,4 +1,4 @@
-"""Cases whose errors are drawn: burns by integration, starts by their covariance, a run by its study."""
+"""Cases with sampled errors: burns by integration, starts by their covariance."""
 
 import numpy as np
 import pytest
@@ -67,19 +67,19 @@ def scenario():
     return parse(TWICE, "twice.toml", "study")
 
 
-def numbers(seed, key, case, count):
-    """By NumPy's generator itself: block `case` of each event's part of the stream."""
+def random_numbers(seed, key, case, count):
+    """Return numbers of NumPy's generator: block `case` of an event's stream."""
     found = [block(seed, key, case, event) for event in range((count + 3) // 4)]
     return ndtri(np.concatenate(found))[:count]
 
 
-def test_burns_are_off_as_an_integration_says(scenario):
-    """Thrust grown by its share and turned by small angles, burn by burn; Hill's equations from the start."""
+def test_burn_errors_agree_with_integration(scenario):
+    """Burns with sampled errors agree with an integration of Hill's equations."""
     case = 2
     mission = fly(case_of(scenario, case))
     for result, burns in ((mission.results[0], 2), (mission.results[2], 1)):
         plan, path = result.commanded.path("A"), result.after.path("A")
-        sizes = numbers(3, f"stage {result.number} of A", case, 4 * burns).reshape(burns, 4)
+        sizes = random_numbers(3, f"stage {result.number} of A", case, 4 * burns).reshape(burns, 4)
         thrusting = np.abs(plan.arcs[:, 12:]).any(axis=1)
         edges = np.flatnonzero(np.diff(np.concatenate([[False], thrusting, [False]]))).reshape(-1, 2)
         assert len(edges) == burns
@@ -107,7 +107,7 @@ def test_burns_are_off_as_an_integration_says(scenario):
         np.testing.assert_array_equal(result.after.path("B").arcs, result.commanded.path("B").arcs)
 
 
-def test_each_stage_is_planned_from_where_errors_left_the_craft(scenario):
+def test_stages_are_planned_from_the_deviated_state(scenario):
     mission = fly(case_of(scenario, 4))
     for before, after in zip(mission.results, mission.results[1:], strict=False):
         np.testing.assert_array_equal(
@@ -118,12 +118,12 @@ def test_each_stage_is_planned_from_where_errors_left_the_craft(scenario):
     assert "with the errors of this case" in str(mission.verdict)
 
 
-def test_impulses_are_off_by_gates(scenario):
-    """Of an impulse the error along it is its share, and those across are angles."""
+def test_impulse_errors_follow_gates_model(scenario):
+    """The error along an impulse is relative, and those across are angles."""
     mission = fly(case_of(parse(IMPULSES, "impulses.toml", "study"), 1))
     result = mission.results[0]
     plan, path = result.commanded.path("A"), result.after.path("A")
-    sizes = numbers(3, "stage 1 of A", 1, 3 * len(plan.impulses)).reshape(-1, 3)
+    sizes = random_numbers(3, "stage 1 of A", 1, 3 * len(plan.impulses)).reshape(-1, 3)
     for (time, jump), (same, real), size in zip(plan.impulses, path.impulses, sizes, strict=True):
         assert time == same
         ahead = jump / np.linalg.norm(jump)
@@ -133,8 +133,8 @@ def test_impulses_are_off_by_gates(scenario):
         assert across == pytest.approx(np.radians(0.5) * np.hypot(*size[1:]), abs=1e-12)
 
 
-def test_starts_are_spread_as_the_covariance_says(scenario):
-    """4000 starts: the sample covariance, in sigmas, is the unit matrix to five of its own deviations."""
+def test_starts_have_the_covariance(scenario):
+    """The sample covariance of 4000 starts agrees within five standard errors."""
     starts = np.array([History(3, case, "replanned").starts(scenario.craft[0]) for case in range(4000)])
     scaled = starts / np.array([1.0, 2.0, 1.0, 1e-3, 1e-3, 1e-3])
     assert np.abs(scaled.T @ scaled / 4000 - np.eye(6)).max() < 5.0 * np.sqrt(2.0 / 4000)
@@ -152,7 +152,7 @@ def test_starts_are_spread_as_the_covariance_says(scenario):
     )
 
 
-def test_rows_say_how_far_stages_end_off(scenario):
+def test_rows_have_the_final_deviations(scenario):
     campaign = flown(scenario)
     assert "stage 3, avoid, deviation [m]" in campaign.spreads
     for case in (0, 5):
@@ -169,8 +169,8 @@ def test_rows_say_how_far_stages_end_off(scenario):
         np.testing.assert_array_equal(np.concatenate([part[name] for part in parts]), campaign.column(name))
 
 
-def test_a_history_is_what_its_study_counted():
-    """Who enters how often, in 40 cases: as the study counts entries, and as a run of the case flies."""
+def test_study_agrees_with_runs_of_cases():
+    """Entries of 40 cases agree with runs of each case."""
     text = NEAR.replace('sphere = "25 m"', 'sphere = "31 m"').replace('"1 2 1 m"', '"6 9 6 m"')
     scenario = parse(text, "near.toml", "study")
     campaign = flown(scenario, 3000)
@@ -185,8 +185,8 @@ def test_a_history_is_what_its_study_counted():
         assert mission.paths.state(0.0).shape == (2, 6)  # stages follow each other without a jump
 
 
-def test_nothing_is_said_of_stages_in_which_nothing_is_uncertain():
-    """Burns err, states are drawn: a coast has no sigmas and no probabilities, burns have."""
+def test_exact_stages_have_no_probabilities():
+    """A coast of exact states has no sigmas and no probabilities."""
     bodies = 'hard_body = "2 m"\nkeep_out = { sphere = "20 m" }\n'
     text = TWICE.replace('keep_out = { sphere = "25 m" }\n', bodies)
     text = text.replace('for = "1 min"', 'for = "1 min"\nsigmas = 3.0')

@@ -1,4 +1,4 @@
-"""Passively safe plans within thrust limits, from and to holds on the track: flown otherwise, as cheap."""
+"""Passively safe plans within thrust limits, from and to V-bar holds, against an integrator."""
 
 import numpy as np
 import pytest
@@ -20,10 +20,7 @@ FULL = 1.0 + 1e-9  # of a limit
 
 @pytest.fixture(scope="module", autouse=True)
 def impulses_once():
-    """Burns are made of safe impulses, which are the same whatever the limit: looked for once a transfer.
-
-    That is nearly all of what such a plan takes; `test_hold_plans.py` is about them.
-    """
+    """Search the safe impulses that burns start from once per transfer; they take most of the time."""
     search, known = impulse_search.searched, {}
 
     def searched(solver, *asked):
@@ -45,7 +42,7 @@ NODES, WEIGHTS = np.polynomial.legendre.leggauss(5)
 
 
 def arcs_of(path):
-    """Begin and end (K, 2) of a path's arcs, the sizes of thrust (K, 5) at points of Gauss in each."""
+    """Return begin and end (K, 2) of a path's arcs, and thrust (K, 5) at Gauss points of each."""
     edges = np.unique(np.concatenate([path.arcs[:, 0], [path.end]]))
     arcs = np.stack([edges[:-1], edges[1:]], axis=1)
     times = arcs.mean(axis=1)[:, None] + 0.5 * np.diff(arcs, axis=1) * NODES
@@ -53,10 +50,10 @@ def arcs_of(path):
 
 
 def flown_states(initial, path, times):
-    """States (K, 6) at times in order (K,), and at the end, from a first state and the thrust, by DOP853."""
+    """Return states (K, 6) at sorted times (K,) and the final state, by DOP853."""
     state, states = np.asarray(initial, dtype=float), np.empty((len(times), 6))
     for begin, end in arcs_of(path)[0]:
-        first, last = begin + 1e-9 * (end - begin), end - 1e-9 * (end - begin)  # of this arc, not the next
+        first, last = begin + 1e-9 * (end - begin), end - 1e-9 * (end - begin)  # within this arc
 
         def rate(t, x, first=first, last=last):
             return MATRIX @ x + np.concatenate([np.zeros(3), path.thrust(min(max(t, first), last))])
@@ -69,9 +66,9 @@ def flown_states(initial, path, times):
 
 
 def check(case, plan, limit, seed):
-    """A thousand failures stay outside, those amid burns too, and the plan is what it says of itself."""
+    """Check losses of thrust, half of them during burns, and the plan's limit, cost and end."""
     assert plan.ok, plan.reason
-    assert plan.proven or plan.status == cf.Status.AVOIDED  # what is clear already is the least of all
+    assert plan.proven or plan.status == cf.Status.AVOIDED  # clear paths are proven
     arcs, sizes = arcs_of(plan.path)
     lasting = np.diff(arcs, axis=1)[:, 0]
     assert sizes.max() <= limit * FULL
@@ -79,9 +76,9 @@ def check(case, plan, limit, seed):
     least = cf.least_delta_v(case.orbit, case.initial, case.final, case.duration).lower
     assert least * (1.0 - 1e-9) <= plan.lower_bound <= plan.delta_v
     rng = np.random.default_rng(seed)
-    burning = rng.choice(np.flatnonzero(sizes.any(axis=1)), 500)
-    amid = arcs[burning, 0] + rng.uniform(size=500) * lasting[burning]
-    lost = np.unique(np.concatenate([rng.uniform(0.0, case.duration, 500), amid]))
+    burning = rng.choice(np.flatnonzero(sizes.any(axis=1)), 200)
+    amid = arcs[burning, 0] + rng.uniform(size=200) * lasting[burning]
+    lost = np.unique(np.concatenate([rng.uniform(0.0, case.duration, 200), amid]))
     states, end = flown_states(case.initial, plan.path, lost)
     assert least_ratio(states, lost, case.duration + case.drift) > 1.0 - 1e-5
     assert np.abs(end - case.final).max() < 1e-5
@@ -91,13 +88,13 @@ def check(case, plan, limit, seed):
 @pytest.mark.parametrize(
     ("k", "limit"),
     [
-        pytest.param(k, limit, marks=[] if (k, limit) in ((0, 2.0), (4, 0.02)) else pytest.mark.slow)
+        pytest.param(k, limit, marks=[] if (k, limit) == (4, 0.02) else pytest.mark.slow)
         for k in range(NUMBER)
         for limit in (2.0, 0.02)
     ],
 )
-def test_short_burns_are_as_safe_as_impulses_and_as_cheap(k, limit):
-    """Burns of 25 ms to some seconds: what they cost beyond impulses is far below a per cent."""
+def test_short_burns_are_safe_and_cost_as_impulses(k, limit):
+    """Burns of 25 ms to some seconds cost less than 1 % more than impulses."""
     case = hold_transfers()[k]
     given = case.path, case.client, case.zone
     plan = cf.avoid(*given, drift=case.drift, cost="delta-v", max_acceleration=limit, longer=False)
@@ -106,8 +103,8 @@ def test_short_burns_are_as_safe_as_impulses_and_as_cheap(k, limit):
 
 
 @pytest.mark.slow
-def test_long_burns_between_rings_are_safe_too():
-    """Burns of several minutes: rounds from grids of slots alone came to 0.236 m/s."""
+def test_long_burns_between_rings_are_safe():
+    """Burns of several minutes are safe and cost little."""
     case, limit = ring_transfers("thirty")[16], 3e-4
     given = case.path, case.client, case.zone
     plan = cf.avoid(*given, drift=case.drift, cost="delta-v", max_acceleration=limit, longer=False)
@@ -116,7 +113,7 @@ def test_long_burns_between_rings_are_safe_too():
 
 
 @pytest.mark.slow
-def test_more_thrust_costs_no_more():
+def test_higher_limits_cost_no_more():
     case = hold_transfers()[1]
     given = case.path, case.client, case.zone
     limits = 1e-4, 3e-4, 1e-3, 0.02
@@ -124,19 +121,19 @@ def test_more_thrust_costs_no_more():
         cf.avoid(*given, drift=case.drift, cost="delta-v", max_acceleration=limit, longer=False).delta_v
         for limit in limits
     ]
-    assert (np.diff(spent) < 1e-3 * spent[-1]).all()  # what rounds may end apart
+    assert (np.diff(spent) < 1e-3 * spent[-1]).all()  # tolerance of the planner
     assert spent[0] > 1.05 * spent[-1]
 
 
-def test_burns_in_each_others_way_are_moved_apart_by_as_little_as_it_takes():
-    """Two of which the heavier moves less, one that stays, one that would begin before the first time."""
+def test_overlapping_burns_move_apart_minimally():
+    """The heavier of two overlapping burns moves less."""
     begins, weights = np.array([-3.0, 10.0, 12.0, 40.0]), np.array([1.0, 3.0, 1.0, 1.0])
     moved = apart(begins, np.full(4, 6.0), weights, 0.0, 100.0)
     np.testing.assert_allclose(moved, [0.0, 9.0, 15.0, 40.0])
 
 
 @pytest.mark.slow
-def test_a_limit_that_is_too_low_is_named_with_one_that_would_do():
+def test_low_limit_reports_a_sufficient_one():
     case, limit = hold_transfers()[6], 4e-5
     given = case.path, case.client, case.zone
     plan = cf.avoid(*given, drift=case.drift, cost="delta-v", max_acceleration=limit, longer=False)
@@ -147,7 +144,8 @@ def test_a_limit_that_is_too_low_is_named_with_one_that_would_do():
     check(case, other, enough, 6)
 
 
-def test_burns_of_a_formation_are_safe_one_craft_failing_at_a_time():
+@pytest.mark.slow
+def test_burns_of_a_formation_are_safe():
     orbit = cf.Orbit.circular(500e3)
     begins = cf.targets.separated_ring(orbit, 2, 100.0, 100.0)
     ends = cf.targets.separated_ring(orbit, 2, 120.0, 110.0, 0.8 * np.pi)
@@ -158,7 +156,7 @@ def test_burns_of_a_formation_are_safe_one_craft_failing_at_a_time():
     wanted = {"obstacles": client, "drift": drift, "cost": "delta-v", "if_blocked": ()}
     impulses = cf.reconfigure(*given, **wanted)
     plan = cf.reconfigure(*given, **wanted, max_acceleration=limit)
-    assert plan.status == cf.Status.AVOIDED  # of no path alone
+    assert plan.status == cf.Status.AVOIDED
     assert plan.delta_v <= DEARER * impulses.delta_v
     for k, (path, other) in enumerate(zip(plan.paths, plan.paths[::-1], strict=True)):
         assert arcs_of(path)[1].max() <= limit * FULL
@@ -174,8 +172,8 @@ def test_burns_of_a_formation_are_safe_one_craft_failing_at_a_time():
         assert least_ratio(states, lost, duration + drift, there) > 1.0 - 1e-5
 
 
-def test_part_of_the_way_between_two_sets_of_burns_is_that_part_of_their_thrust():
-    """Slots are cut where either begins or ends; where none of both burns there is none."""
+def test_blended_burns_have_blended_thrust():
+    """Slots are divided where either set begins or ends."""
     slots = Moments.slots(np.array([0.0, 10.0, 30.0])), Moments.slots(np.array([5.0, 20.0, 50.0, 60.0]))
     impulses = np.array([[[2.0, 0, 0], [0, 4.0, 0]]]), np.array([[[0, 0, 3.0], [0, 0, 0], [5.0, 0, 0]]])
     (found,), pushes = blended(tuple([own] for own in slots), impulses, 0.25)

@@ -1,4 +1,4 @@
-"""Passively safe plans of least delta-v from and to holds on the track: found, flown otherwise, priced."""
+"""Passively safe plans of minimum delta-v from and to V-bar holds: safety, ends and cost."""
 
 import json
 from pathlib import Path
@@ -13,13 +13,13 @@ from test_passive_delta_v import failed_states, fired, least_ratio
 
 COSTS = json.loads((Path(__file__).parent / "data" / "hold_costs.json").read_text(encoding="utf-8"))
 DEARER = 1.01
-SEVERAL = {2: 1.03, 3: 1.4, 6: 1.25}  # plans nearby, to which ends that are moved by a micrometre lead
+SEVERAL = {2: 1.03, 3: 1.4, 6: 1.25}  # neighbouring local optima
 
 
 @pytest.mark.parametrize(
-    "k", [0, 4, 8, *(pytest.param(k, marks=pytest.mark.slow) for k in set(range(NUMBER)) - {0, 4, 8})]
+    "k", [8, *(pytest.param(k, marks=pytest.mark.slow) for k in range(NUMBER) if k != 8)]
 )
-def test_plans_from_and_to_holds_are_safe_for_what_they_are_told_to_cost(k):
+def test_plans_from_and_to_holds_are_safe_at_known_cost(k):
     case = hold_transfers()[k]
     plan = cf.avoid(case.path, case.client, case.zone, drift=case.drift, cost="delta-v")
     assert plan.ok, plan.reason
@@ -34,13 +34,13 @@ def test_plans_from_and_to_holds_are_safe_for_what_they_are_told_to_cost(k):
     assert np.abs(end - case.final).max() < 1e-6
 
 
-def test_part_of_the_way_between_two_sets_of_impulses_leads_part_of_the_way():
-    """Motion is linear in impulses; one that is too small to be squared is none, and fails nothing."""
+def test_blended_impulses_have_blended_effects():
+    """Blended impulses have a blended effect; tiny impulses are dropped."""
     orbit, end = cf.Orbit.circular(500e3), 3000.0
     times = np.array([0.0, 700.0, 2000.0]), np.array([0.0, 900.0])
     impulses = np.array([[[1.0, 0, 0], [1e-170, 0, 0], [0, 2, 0]]]), np.array([[[0.0, 1, 0], [0, 0, 4]]])
 
-    def led(times, impulses):
+    def effect_of(times, impulses):
         return sum(
             orbit.transition(end - t)[:, 3:] @ push for t, push in zip(times, impulses[0], strict=True)
         )
@@ -48,5 +48,5 @@ def test_part_of_the_way_between_two_sets_of_impulses_leads_part_of_the_way():
     moments = [[Moments.instants(own, np.zeros(len(own), dtype=np.int64))] for own in times]
     (found,), pushes = blended(tuple(moments), impulses, 0.25)
     assert found.times.tolist() == [0.0, 900.0, 2000.0]
-    expected = 0.75 * led(times[0], impulses[0]) + 0.25 * led(times[1], impulses[1])
-    np.testing.assert_allclose(led(found.times, pushes), expected, rtol=1e-12)
+    expected = 0.75 * effect_of(times[0], impulses[0]) + 0.25 * effect_of(times[1], impulses[1])
+    np.testing.assert_allclose(effect_of(found.times, pushes), expected, rtol=1e-12)

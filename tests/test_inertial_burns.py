@@ -1,4 +1,4 @@
-"""Thrust that is constant in inertial axes: its motion, its effort, and the conflicts that it leads into."""
+"""Thrust that is constant in inertial axes: motion, effort and conflicts."""
 
 import mpmath
 import numpy as np
@@ -13,8 +13,8 @@ STATE = np.array([80.0, -150.0, 40.0, 0.05, -0.1, 0.03])
 PUSH = np.array([3e-4, -2e-4, 5e-4])
 
 
-def flown(n, state, push, start, end):
-    """The state at `end` by another integrator."""
+def integrated(n, state, push, start, end):
+    """Return the state at `end` by an independent integrator."""
 
     def rates(t, s):
         c, q = np.cos(n * t), np.sin(n * t)
@@ -26,17 +26,17 @@ def flown(n, state, push, start, end):
 
 @pytest.mark.parametrize("n", [0.0, 1e-5, N])
 @pytest.mark.parametrize("duration", [1.0, 500.0, 5000.0, 40000.0])
-def test_another_integrator_comes_to_the_same_state(n, duration):
+def test_state_agrees_with_an_independent_integrator(n, duration):
     path = cf.Orbit(n).burn(STATE, PUSH, duration, start=700.0, frame="inertial")
-    true = flown(n, STATE, PUSH, 700.0, 700.0 + duration)
+    true = integrated(n, STATE, PUSH, 700.0, 700.0 + duration)
     scale = np.abs(true).max() + np.linalg.norm(PUSH) * duration**2
     assert np.abs(path.state(700.0 + duration) - true).max() < 1e-11 * scale  # the integrator's own error
 
 
-def test_fifty_digits():
-    """The response from rest by the inverse of exact Laplace transforms, for n t from 1e-4 to 30."""
-    mpmath.mp.dps = 50
-    for t in (0.1, 10.0, 1000.0, 27000.0):
+def test_response_in_thirty_digits():
+    """Compare with the inverse of exact Laplace transforms, for n t up to 30."""
+    mpmath.mp.dps = 30
+    for t in (0.1, 27000.0):
         n, hx, hy = mpmath.mpf(N), mpmath.mpf(float(PUSH[0])), mpmath.mpf(float(PUSH[1]))
 
         def forced(s, n=n, hx=hx, hy=hy):
@@ -58,7 +58,7 @@ def test_fifty_digits():
             assert abs(got[k] - true[k]) < 1e-13 * (abs(true[0]) + abs(true[1]))
 
 
-def test_effort_is_that_of_a_constant_size():
+def test_effort_of_constant_thrust():
     path = ORBIT.burn(STATE, PUSH, 9000.0, frame="inertial")
     size = np.linalg.norm(PUSH)
     assert path.delta_v == pytest.approx(size * 9000.0, rel=1e-9)
@@ -67,26 +67,26 @@ def test_effort_is_that_of_a_constant_size():
     assert np.allclose(np.linalg.norm(path.thrust(np.linspace(0, 9000, 50)), axis=1), size, rtol=1e-14)
 
 
-def test_conflicts_on_the_way_are_found():
-    """Against dense sampling: 40 craft that thrust inertially past one that coasts."""
+def test_conflicts_agree_with_dense_sampling():
+    """Spacecraft with inertial thrust pass a coasting one."""
     rng = np.random.default_rng(3)
     t = np.linspace(0.0, 6000.0, 60001)
     other = ORBIT.coast(STATE, 6000.0)
     zone, met = cf.Ellipsoid([300.0, 500.0, 250.0]), 0
-    for _ in range(40):
+    for _ in range(15):
         start, push = STATE + rng.normal(size=6) * [200, 300, 200, 0.2, 0.2, 0.2], rng.normal(size=3) * 5e-5
         path = ORBIT.burn(start, push, 6000.0, frame="inertial")
         norms = zone.norm(path.position(t) - other.position(t))
         close = cf.closest_approach(path, other, zone)
         assert close.ratio <= norms.min() * (1 + 1e-9)
-        assert close.ratio >= norms.min() - 1e-5  # 0.05 s at some m/s, across
+        assert close.ratio >= norms.min() - 1e-5  # 0.05 s at some m/s
         stays = cf.find_conflicts(path, other, zone)
         inside = norms < 1.0
         assert len(stays) == (np.diff(inside.astype(int)) == 1).sum() + inside[0]
         met += len(stays)
-    assert met > 20
+    assert met > 4
 
 
-def test_an_unknown_frame_is_refused():
+def test_unknown_frame_is_refused():
     with pytest.raises(ValueError, match=r"^frame: 'orbit' or 'inertial', not 'body'$"):
         ORBIT.burn(STATE, PUSH, 60.0, frame="body")

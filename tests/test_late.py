@@ -1,4 +1,4 @@
-"""A stage that takes longer than asked: the verdict says so, by how much, and which thrust keeps the time."""
+"""Stages that take longer than required: verdict, delay and sufficient thrust."""
 
 import json
 import re
@@ -58,7 +58,7 @@ def scenario(*stages: str, thrust: str = "1 mN") -> str:
 
 
 def run(text: str, tmp_path: Path, monkeypatch, capsys) -> tuple[int, str, dict, str]:
-    """Status, what is printed, the summary and the page in words, of a run without pictures."""
+    """Return status, output, summary and page text of a run without pictures."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("closeform.report.page.drawn", lambda *_: ())
     Path("file.toml").write_text(text)
@@ -68,8 +68,8 @@ def run(text: str, tmp_path: Path, monkeypatch, capsys) -> tuple[int, str, dict,
 
 
 @pytest.mark.parametrize("stage", [AROUND, TOGETHER, SPREAD], ids=["avoid", "reconfigure", "scatter"])
-def test_later_than_asked_is_not_clear(stage: str, tmp_path, monkeypatch, capsys) -> None:
-    """Status 1; and with the thrust that is named, and not with less, the time is kept."""
+def test_late_stage_is_not_clear(stage: str, tmp_path, monkeypatch, capsys) -> None:
+    """Status 1; the reported thrust keeps the time, and less does not."""
     status, printed, summary, page = run(scenario(stage), tmp_path, monkeypatch, capsys)
     assert status == summary["status"] == 1
     assert summary["clear"] is True
@@ -105,8 +105,8 @@ def test_several_late_stages_and_craft() -> None:
 
 @pytest.mark.parametrize("stage", [AROUND, TOGETHER], ids=["avoid", "reconfigure"])
 @pytest.mark.parametrize("place", ["orbit", "deep space"])
-def test_hopeless_thrust_is_given_up_after_a_time_that_is_said(place: str, stage: str) -> None:
-    """Ten orbits, in deep space a hundred times as long; and what the time asked for would need."""
+def test_search_for_longer_times_is_bounded(place: str, stage: str) -> None:
+    """The search ends at ten orbits, or a hundred times as long in deep space."""
     text = scenario(stage, thrust="0.00005 mN")
     if place == "deep space":
         text = text.replace('altitude = "500 km"', "deep_space = true").replace("0.4 orbits", "2000 s")
@@ -128,7 +128,7 @@ def test_hopeless_thrust_is_given_up_after_a_time_that_is_said(place: str, stage
     assert last == pytest.approx(12.0 * again.peak_thrust, rel=1e-3)
 
 
-def test_python_says_with_which_thrust_it_would_be_punctual() -> None:
+def test_plan_reports_a_sufficient_thrust() -> None:
     deep, ball = cf.Orbit(0.0), cf.Sphere(20.0)
     path = deep.transfer([0, -100, 3, 0, 0, 0], [0, 100, 3, 0, 0, 0], 1000.0)
     rock = deep.coast(np.zeros(6), 1e5)
@@ -156,8 +156,8 @@ def test_python_says_with_which_thrust_it_would_be_punctual() -> None:
 # what was compared, where thrust made a way around longer
 
 
-def test_like_is_compared_with_like() -> None:
-    """Once the direct path is clear, and once it is in the chief's way, in the time that it takes."""
+def test_cost_comparison_uses_equal_times() -> None:
+    """Once the direct path is clear, and once it is blocked."""
     straight = scenario(AROUND, thrust="5 mN").replace('altitude = "500 km"', "deep_space = true")
     straight = straight.replace("0.4 orbits", f"{ASKED!r} s").replace("-300 0 m", "-300 3 m")
     for text, contacts in ((scenario(AROUND), False), (straight, True)):

@@ -1,4 +1,4 @@
-"""Plans of least delta-v: against convex programs on fine grids, flown by an integrator, and their bounds."""
+"""Plans of minimum delta-v, against convex programs on fine grids and an integrator."""
 
 from math import pi
 
@@ -13,13 +13,13 @@ import closeform as cf
 from formations import LOW_ORBIT, cases
 
 ORBIT = LOW_ORBIT
-GRID = 241  # times at which the convex program may fire
-NEAR = 1.3  # norm below which it keeps a plane, at each of as many instants
-BY_IMPULSES = 5e-4  # share by which it may be cheaper: its planes are those of our own path
+GRID = 241  # impulse times of the convex program
+NEAR = 1.3  # ratio below which it keeps a supporting plane
+BY_IMPULSES = 5e-4  # relative gap to the convex program, whose planes are those of the path
 
 
 def rates(n):
-    """Hill's equations as a matrix."""
+    """Return the matrix of Hill's equations."""
     a = np.zeros((6, 6))
     a[:3, 3:] = np.eye(3)
     a[3, 0], a[5, 2] = 3.0 * n * n, -n * n
@@ -28,7 +28,7 @@ def rates(n):
 
 
 def passage(seed, thrusters=None):
-    """A transfer whose least delta-v leads through a sphere: states, duration, obstacle, radius."""
+    """Return states, duration, obstacle and radius of a transfer whose minimum violates a sphere."""
     rng = np.random.default_rng(seed)
     n = ORBIT.mean_motion
     while True:
@@ -46,8 +46,8 @@ def passage(seed, thrusters=None):
             return a, b, duration, obstacle, radius
 
 
-def least_on_planes(path, obstacle, radius, a, b, duration):
-    """What impulses on a grid cost at least that keep the planes which a path keeps near a sphere (SOCP)."""
+def minimum_on_planes(path, obstacle, radius, a, b, duration):
+    """Return the minimum cost (SOCP) of impulses on a grid within the supporting planes of a path."""
     motion = rates(ORBIT.mean_motion)
     fired = [t for t, _ in path.impulses]
     times = np.union1d(np.linspace(0.0, duration, GRID), fired)
@@ -87,12 +87,12 @@ def least_on_planes(path, obstacle, radius, a, b, duration):
 
 
 def flown(path, times):
-    """Positions (T, 3) of a path of impulses, integrated from its first state."""
+    """Return positions (T, 3) and the end state of impulses by an integrator."""
     motion = rates(path.orbit.mean_motion)
     fired = list(path.impulses)
     state = path.state(path.start)
     if fired and fired[0][0] == path.start:
-        fired.pop(0)  # the state at the start is the one after it
+        fired.pop(0)  # included in the initial state
     places, begin = [], float(path.start)
     for end, jump in [*fired, (float(path.end), np.zeros(3))]:
         inside = times[(times >= begin) & ((times < end) | (end == path.end))]
@@ -108,8 +108,10 @@ def flown(path, times):
     return np.concatenate(places), state
 
 
-@pytest.mark.parametrize("seed", range(8))
-def test_one_sphere(seed):
+@pytest.mark.parametrize(
+    "seed", [0, 2, *(pytest.param(k, marks=pytest.mark.slow) for k in (1, 3, 4, 5, 6, 7))]
+)
+def test_avoidance_of_a_sphere(seed):
     a, b, duration, obstacle, radius = passage(seed)
     free = cf.least_delta_v(ORBIT, a, b, duration)
     found = cf.avoid(ORBIT.transfer(a, b, duration), obstacle, cf.Sphere(radius), cost="delta-v")
@@ -118,31 +120,31 @@ def test_one_sphere(seed):
     assert found.spent == found.delta_v == pytest.approx(found.path.delta_v, rel=1e-12)
     assert found.lower_bound == pytest.approx(free.lower, rel=1e-8)
     assert found.gap == pytest.approx(found.delta_v / found.lower_bound - 1.0)
-    assert found.delta_v < ORBIT.transfer(a, b, duration).delta_v  # though that goes through the sphere
+    assert found.delta_v < ORBIT.transfer(a, b, duration).delta_v  # even though that violates the sphere
     times = np.linspace(0.0, duration, 4001)
     places, end = flown(found.path, times)
-    assert np.abs(end[:3] - b[:3]).max() < 1e-6  # [m]: the integrator's
+    assert np.abs(end[:3] - b[:3]).max() < 1e-6  # m; accuracy of the integrator
     assert np.abs(end[3:] - b[3:]).max() < 1e-9
     apart = np.linalg.norm(places - obstacle.position(times), axis=1)
     assert apart.min() > radius * (1.0 - 1e-8)
-    cheapest = least_on_planes(found.path, obstacle, radius, a, b, duration)
+    cheapest = minimum_on_planes(found.path, obstacle, radius, a, b, duration)
     assert found.delta_v <= (1.0 + BY_IMPULSES) * cheapest
 
 
-def test_rounds_go_on_where_one_is_dearer():
-    """Planes come and go for some rounds: one start comes to what is least on its side, by a cone program."""
+def test_single_start_reaches_the_minimum_of_its_side():
+    """A single start reaches the minimum of its side, by a cone program."""
     stays = np.array([0.0, 100.0, 0.0, 0.0, 0.0, 0.0])
     passes = ORBIT.coast(ORBIT.transition(-1500.0) @ [3.0, 95.0, 2.0, 0.05, 0.1, 0.02], 3000.0)
     path = ORBIT.transfer(stays, stays, 3000.0)
     found = cf.avoid(path, passes, cf.Sphere(20.0), cost="delta-v", budget=1)
-    cheapest = least_on_planes(found.path, passes, 20.0, stays, stays, 3000.0)
+    cheapest = minimum_on_planes(found.path, passes, 20.0, stays, stays, 3000.0)
     assert found.delta_v <= (1.0 + BY_IMPULSES) * cheapest
     many = cf.avoid(path, passes, cf.Sphere(20.0), cost="delta-v", budget=24)
     assert found.delta_v <= (1.0 + BY_IMPULSES) * many.delta_v
 
 
 def test_swap_of_twelve():
-    """Twelve on a ring cross its middle in a quarter of an orbit, a quarter cheaper than by energy."""
+    """Twelve spacecraft cross a ring with few impulses and 25 % less delta-v than by energy."""
     angles = 2.0 * pi * np.arange(12) / 12
     ring = np.zeros((12, 6))
     ring[:, 1], ring[:, 2] = 120.0 * np.cos(angles), 120.0 * np.sin(angles)
@@ -154,33 +156,26 @@ def test_swap_of_twelve():
     assert len(cf.screen(plan.paths, cf.Sphere(15.0))) == 0
     assert np.abs(plan.paths.state(ORBIT.period / 4.0) + ring)[:, :3].max() < 1e-6
     assert plan.direct.delta_v.sum() == pytest.approx(plan.lower_bound, rel=1e-8)
-    for path in plan.paths:
+    for path in plan.paths[:3]:
         places, end = flown(path, np.linspace(0.0, float(path.end), 50))
         assert np.abs(places - path.position(np.linspace(0.0, float(path.end), 50))).max() < 1e-6
         assert np.isfinite(end).all()
-
-
-def test_few_impulses():
-    """Where twelve swap, with 88 impulses of which some are 1e-5 m/s it is hardly cheaper."""
-    angles = 2.0 * pi * np.arange(12) / 12
-    ring = np.zeros((12, 6))
-    ring[:, 1], ring[:, 2] = 120.0 * np.cos(angles), 120.0 * np.sin(angles)
-    plan = cf.reconfigure(ORBIT, ring, -ring, ORBIT.period / 4.0, cf.Sphere(15.0), cost="delta-v")
+    # few impulses: 88, some of 1e-5 m/s, would hardly cost less
     sizes = [[np.linalg.norm(push) for _, push in path.impulses] for path in plan.paths]
     assert max(map(len, sizes)) <= 4
     assert sum(map(len, sizes)) <= 40
     assert min(map(min, sizes)) > 1e-4 * plan.delta_v
     assert sum(map(sum, sizes)) == pytest.approx(plan.delta_v, rel=1e-12)
-    assert plan.delta_v < (1.0 + 1e-4) * 3.98691  # [m/s], of the 88
-    duration, steps = float(plan.paths.end[0]), np.linspace(0.0, 1.0, 3001)  # half a second: 0.1 m
+    assert plan.delta_v < (1.0 + 1e-4) * 3.98691  # m/s, of 88 impulses
+    duration, steps = float(plan.paths.end[0]), np.linspace(0.0, 1.0, 3001)  # half a second
     places = np.array([path.position(duration * steps) for path in plan.paths])
     apart = np.linalg.norm(places[:, None] - places, axis=-1)[np.triu_indices(12, 1)]
     assert apart.min() > 15.0 - 1e-3
 
 
 @pytest.mark.parametrize(
-    "number", [7, 12, *(pytest.param(k, marks=pytest.mark.slow) for k in (33, 45))]
-)  # boxes, spheres, windows of time, deep space among them
+    "number", [pytest.param(k, marks=pytest.mark.slow) for k in (7, 12, 33, 45)]
+)  # boxes, spheres, time windows and deep space
 def test_random_formations(number):
     task = list(cases())[number]
     by_energy = cf.reconfigure(**task.arguments)
@@ -200,7 +195,7 @@ def test_random_formations(number):
     ids=["box", "ellipsoid", "cylinder"],
 )
 @pytest.mark.parametrize("orbit", [ORBIT, cf.Orbit(0.0)], ids=["orbit", "deep space"])
-def test_shapes(zone, orbit):
+def test_zone_shapes(zone, orbit):
     a, b = np.array([0.0, -300.0, 5.0, 0.0, 0.0, 0.0]), np.array([10.0, 300.0, -4.0, 0.0, 0.0, 0.0])
     obstacle = orbit.coast(np.zeros(6), 2000.0)
     found = cf.avoid(orbit.impulsive(a, b, 2000.0), obstacle, zone, cost="delta-v")
@@ -212,7 +207,7 @@ def test_shapes(zone, orbit):
 
 
 def test_clear_paths():
-    """A clear path of least delta-v stays; a clear one that is dearer is exchanged."""
+    """A clear path of minimum delta-v is kept, and a costlier one is replaced."""
     a, b = np.array([0.0, -300.0, 0.0, 0.0, 0.0, 0.0]), np.array([0.0, -100.0, 50.0, 0.0, 0.0, 0.0])
     far = ORBIT.coast([0.0, 5000.0, 0.0, 0.0, 0.0, 0.0], 3000.0)
     least = ORBIT.impulsive(a, b, 3000.0)
@@ -225,8 +220,8 @@ def test_clear_paths():
     assert changed.delta_v == pytest.approx(least.delta_v, rel=1e-9)
 
 
-def test_slots_by_delta_v():
-    """Craft go to the slots whose delta-v is least together: by all permutations."""
+def test_assignment_by_delta_v():
+    """The assignment has the minimum delta-v of all permutations."""
     from itertools import permutations
 
     rng = np.random.default_rng(2)
@@ -239,8 +234,8 @@ def test_slots_by_delta_v():
     assert plan.lower_bound <= least * (1.0 + 1e-9)
 
 
-def test_who_need_not_move():
-    """Craft that give way to a passer-by alone are not told a share of nothing."""
+def test_avoidance_from_a_coast():
+    """Avoidance from a coast has no relative gap."""
     stays, passes = (
         ORBIT.transfer([0, 100, 0, 0, 0, 0], [0, 100, 0, 0, 0, 0], 3000.0),
         [3, 95, 2, 0.05, 0.1, 0.02],
@@ -252,9 +247,9 @@ def test_who_need_not_move():
     assert "nan" not in found.reason
 
 
-@pytest.mark.parametrize("orbits", [0.5, 0.6, 0.75, 0.8, 1.0, 1.25])
+@pytest.mark.parametrize("orbits", [0.5, 0.8, 1.25])
 def test_impulses_half_an_orbit_apart(orbits):
-    """Around a projected circle: two large impulses do across the track what two small ones do, which fly."""
+    """The plan matches the minimum of each spacecraft alone on a projected circle."""
     n, lasts = ORBIT.mean_motion, orbits * ORBIT.period
     begins = 0.5 * pi * np.arange(4)
     initial, final = (
@@ -272,7 +267,7 @@ def test_impulses_half_an_orbit_apart(orbits):
     assert np.abs(plan.direct.position(lasts) - final[:, :3]).max() < 1e-6  # m
 
 
-def test_ends_inside():
+def test_end_inside_a_zone():
     stays = ORBIT.coast(np.zeros(6), 1000.0)
     a, b = [0.0, 10.0, 0.0, 0.0, 0.0, 0.0], [0.0, 500.0, 0.0, 0.0, 0.0, 0.0]
     found = cf.avoid(ORBIT.transfer(a, b, 1000.0), stays, cf.Sphere(50.0), cost="delta-v")

@@ -1,4 +1,4 @@
-"""The least time under a thrust limit: exact cases, and that nothing shorter is possible."""
+"""Minimum time within a thrust limit, against exact cases and infeasibility."""
 
 import numpy as np
 import pytest
@@ -25,7 +25,7 @@ def tasks(seed: int, count: int):
 
 @pytest.mark.parametrize(("length", "limit"), [(130.0, 5.2e-4), (1.0, 3.0), (1e5, 1e-6)])
 def test_rest_to_rest_in_deep_space(length, limit):
-    """2 sqrt(L/U): a push at the limit for half of it, a pull for the other."""
+    """2 sqrt(L/U), accelerating for half of it."""
     final = np.r_[np.array([3.0, 4.0, 12.0]) / 13.0 * length, 0, 0, 0]
     path = cf.least_time(DEEP, REST, final, limit, start=7.0)
     assert path.end - path.start == pytest.approx(2 * np.sqrt(length / limit), rel=2e-8)
@@ -45,13 +45,13 @@ def test_speeding_up_along_the_line():
             DEEP.transfer(begin, end, duration, 0.0, 1.0)
 
 
-def test_back_to_a_place_behind_at_the_old_speed():
+def test_return_behind_at_the_same_speed():
     """Brake, turn and speed up: T - T^2/4 = -0.05."""
     path = cf.least_time(DEEP, [0, 0, 0, 1.0, 0, 0], [-0.05, 0, 0, 1.0, 0, 0], 1.0)
     assert path.end == pytest.approx(2 + np.sqrt(4.2), rel=2e-8)
 
 
-def test_nothing_shorter_is_possible_and_energy_profiles_take_longer():
+def test_minimum_time_and_longer_energy_profiles():
     begins, ends, limits = tasks(4, 12)
     paths = cf.least_time(ORBIT, begins, ends, limits)
     assert (paths.peak_thrust <= limits * (1 + 1e-9)).all()
@@ -66,7 +66,7 @@ def test_nothing_shorter_is_possible_and_energy_profiles_take_longer():
     assert 1.1 < np.median(energy.end / paths.end) < 1.5
 
 
-def test_more_thrust_takes_less_time():
+def test_more_thrust_is_faster():
     begins, ends, limits = tasks(9, 3)
     for k in range(3):
         times = cf.least_time(
@@ -75,7 +75,7 @@ def test_more_thrust_takes_less_time():
         assert (np.diff(times) < 0).all()
 
 
-def test_mean_motion_near_zero_is_deep_space():
+def test_small_mean_motion_agrees_with_deep_space():
     final = [30.0, 40.0, 120.0, 0, 0, 0]
     slow = cf.least_time(cf.Orbit(1e-9), REST, final, 1e-3).end
     assert slow == pytest.approx(cf.least_time(DEEP, REST, final, 1e-3).end, rel=1e-5)
@@ -98,6 +98,6 @@ def test_mean_motion_near_zero_is_deep_space():
         ),
     ],
 )
-def test_bad_input_is_named(arguments, named):
+def test_invalid_input_is_named(arguments, named):
     with pytest.raises(ValueError, match="^" + named):
         cf.least_time(*arguments)

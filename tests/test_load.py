@@ -1,4 +1,4 @@
-"""`load`: what a run or a study left evaluates bit for bit as it did, and says no more than it knows."""
+"""`load`: results of runs and studies are identical to the original ones."""
 
 import json
 import shutil
@@ -14,42 +14,42 @@ from closeform.results.load import LoadedRun, LoadedStudy
 from closeform.storage.result_folder import SUMMARY, FolderError
 from scenarios import GOOD, LOST
 
-pytestmark = pytest.mark.usefixtures("unpainted")
+pytestmark = pytest.mark.usefixtures("undrawn")
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
-SHORT = LOST.replace("cases = 100", "cases = 20")
+SHORT = LOST.replace("cases = 100", "cases = 5")
 
 
-def left(folder: Path, text: str, *arguments: str) -> Path:
-    """What a run of a scenario leaves."""
+def run_folder(folder: Path, text: str, *arguments: str) -> Path:
+    """Run a scenario; return its result folder."""
     folder.mkdir(exist_ok=True)
     (folder / "case.toml").write_text(text)
-    main(["run", str(folder / "case.toml"), "--out", str(folder / "results"), *arguments])
+    main(["run", str(folder / "case.toml"), "--out", str(folder / "results"), "--no-viewer", *arguments])
     return folder / "results"
 
 
 @pytest.fixture(scope="module")
 def moved(tmp_path_factory) -> tuple[Mission, Path]:
-    """A coast and a move, in orbit."""
+    """Mission with a coast and a move."""
     folder = tmp_path_factory.mktemp("moved")
-    place = left(folder, GOOD.replace('sphere = "20 m"', 'sphere = "25 m"'))
+    place = run_folder(folder, GOOD.replace('sphere = "20 m"', 'sphere = "25 m"'))
     return cf.run(folder / "case.toml"), place
 
 
 @pytest.fixture(scope="module")
 def gathered(tmp_path_factory) -> tuple[Mission, Path]:
-    """Lost craft that gather, then coast on: the second search begins later."""
+    """Mission of lost spacecraft that coast and gather."""
     folder = tmp_path_factory.mktemp("gathered")
     text = LOST.partition("\n[study]")[0]
     text = text.replace("[[stage]]", '[[stage]]\ndo = "coast"\nfor = "100 s"\n\n[[stage]]')
     text = text.replace("group =", 'keep_out = { sphere = "5 m" }\ngroup =')
     text = text.replace('velocity = "0 0 0 cm/s"', 'velocity = ["0 0 0 cm/s", "1 0 -2 cm/s", "0 3 1 cm/s"]')
-    place = left(folder, text.replace("rounds = 2", "rounds = 2\nanimation = false"))
+    place = run_folder(folder, text.replace("rounds = 2", "rounds = 2\nanimation = false"))
     return cf.run(folder / "case.toml"), place
 
 
-def same_flight(mine: object, theirs: object) -> None:
-    """Arcs, conflicts and approaches are those of the run, to the last bit."""
+def assert_same_paths(mine: object, theirs: object) -> None:
+    """Check that arcs, conflicts and approaches are identical."""
     for name in ("arcs", "offsets"):
         np.testing.assert_array_equal(getattr(mine.paths, name), getattr(theirs.paths, name))
     assert (mine.names, mine.pairs) == (theirs.names, theirs.pairs)
@@ -61,25 +61,25 @@ def same_flight(mine: object, theirs: object) -> None:
         np.testing.assert_array_equal(one.zone.matrix, other.zone.matrix)
 
 
-def test_paths_are_those_of_the_run_to_the_last_bit(moved) -> None:
+def test_loaded_paths_are_identical(moved) -> None:
     mission, place = moved
     run = cf.load(place)
     assert isinstance(run, LoadedRun)
     assert (run.names, run.orbit, run.stopped) == (mission.scenario.names, mission.orbit, mission.stopped)
     assert run.clear == mission.clear
     assert [stage.stage for stage in run.results] == [result.stage for result in mission.results]
-    assert mission.results[1].before.conflicts  # there is something to compare
+    assert mission.results[1].before.conflicts
     for mine, theirs in zip(run.results, mission.results, strict=True):
         assert (mine.number, mine.start, mine.end) == (theirs.number, theirs.start, theirs.end)
         assert (mine.flown, mine.failure) == (theirs.flown, theirs.failure)
-        same_flight(mine.before, theirs.before)
-        same_flight(mine.after, theirs.after)
+        assert_same_paths(mine.before, theirs.before)
+        assert_same_paths(mine.after, theirs.after)
         times = np.linspace(mine.start, mine.end, 101)
         np.testing.assert_array_equal(mine.after.paths.state(times), theirs.after.paths.state(times))
         np.testing.assert_array_equal(mine.after.paths.thrust(times), theirs.after.paths.thrust(times))
 
 
-def test_burns_are_those_of_the_table(moved) -> None:
+def test_loaded_burns_of_a_stage(moved) -> None:
     mission, place = moved
     move = cf.load(place).results[1]
     spent = dict(zip(mission.scenario.names, mission.results[1].delta_v, strict=True))
@@ -90,8 +90,8 @@ def test_burns_are_those_of_the_table(moved) -> None:
 
 
 @pytest.mark.parametrize("flown", ["moved", "gathered"])
-def test_burns_of_all_stages_are_those_of_the_run(flown, request) -> None:
-    """Impulses on joining a set too: the same columns, to the last bit."""
+def test_loaded_burns_are_identical(flown, request) -> None:
+    """The columns are identical, also for impulses of a gathering."""
     mission, place = request.getfixturevalue(flown)
     burns = cf.load(place).burns
     assert list(burns) == list(mission.burns)
@@ -100,7 +100,7 @@ def test_burns_of_all_stages_are_those_of_the_run(flown, request) -> None:
     assert len(burns["stage"]) > 0
 
 
-def test_a_gathering_comes_back_with_its_search_and_sets(gathered) -> None:
+def test_loaded_gathering_is_identical(gathered) -> None:
     mission, place = gathered
     run = cf.load(place)
     mine, theirs = run.results[1].result, mission.results[1].result
@@ -119,14 +119,14 @@ def test_a_gathering_comes_back_with_its_search_and_sets(gathered) -> None:
         np.testing.assert_array_equal(
             mine.search.attitude(times, group), theirs.search.attitude(times, group)
         )
-    # its own time counts from the start of the stage: 100 s are added and taken away again
+    # time within the stage is rounded, because 100 s are added and subtracted
     inner = np.linspace(0.0, theirs.duration, 50)[1:-1]
     np.testing.assert_allclose(mine.paths.position(inner), theirs.paths.position(inner), atol=1e-9)
 
 
-def test_first_locks_come_back(tmp_path) -> None:
+def test_loaded_locks_are_identical(tmp_path) -> None:
     text = LOST.partition("\n[study]")[0].replace('do = "gather"\nrounds = 2', 'do = "lock"')
-    place = left(tmp_path, text)
+    place = run_folder(tmp_path, text)
     mine, theirs = cf.load(place).results[0].result, cf.run(tmp_path / "case.toml").results[0].result
     np.testing.assert_array_equal(mine.pairs, theirs.pairs)
     np.testing.assert_array_equal(mine.locks.time, theirs.locks.time)
@@ -134,8 +134,8 @@ def test_first_locks_come_back(tmp_path) -> None:
     np.testing.assert_array_equal(mine.search.table, theirs.search.table)
 
 
-def test_a_case_of_a_study_and_the_study(tmp_path) -> None:
-    place = left(tmp_path, SHORT, "--case", "3")
+def test_loaded_study_and_case(tmp_path) -> None:
+    place = run_folder(tmp_path, SHORT, "--case", "3")
     run = cf.load(place)
     assert (run.scenario.case, run.summary["case"]) == (3, 3)
     first = run.results[0].after.paths.position(0.0)
@@ -144,14 +144,14 @@ def test_a_case_of_a_study_and_the_study(tmp_path) -> None:
     study = cf.load(tmp_path / "study")
     assert isinstance(study, LoadedStudy)
     assert study.scenario.title == run.scenario.title.partition(": case")[0]
-    assert study.summary["cases"] == 20
-    assert study.cases["case"].tolist() == list(range(20))
+    assert study.summary["cases"] == 5
+    assert study.cases["case"].tolist() == list(range(5))
 
 
-def test_a_plan_that_failed_comes_back_as_it_was(tmp_path) -> None:
-    """Two that end on each other: the stage is kept, with why nothing is flown after it."""
+def test_loaded_failed_plan(tmp_path) -> None:
+    """A failed stage is kept with its reason."""
     blocked = GOOD.replace('position = "0 -100 0 m"', 'position = "0 100 0 m"')
-    place = left(tmp_path, blocked)
+    place = run_folder(tmp_path, blocked)
     mission, run = cf.run(tmp_path / "case.toml"), cf.load(place)
     assert mission.stopped is not None
     assert (run.stopped, run.clear) == (mission.stopped, False)
@@ -159,8 +159,8 @@ def test_a_plan_that_failed_comes_back_as_it_was(tmp_path) -> None:
     assert run.results[-1].failure == mission.results[-1].failure
 
 
-def broken(place: Path, copy: Path, name: str, damage: str) -> Path:
-    """A copy of a folder in which one file is gone, cut off or has one other byte."""
+def damaged_copy(place: Path, copy: Path, name: str, damage: str) -> Path:
+    """Return a copy of a folder in which one file is missing, truncated or changed."""
     shutil.copytree(place, copy)
     data = bytearray((copy / name).read_bytes())
     if damage == "gone":
@@ -171,10 +171,12 @@ def broken(place: Path, copy: Path, name: str, damage: str) -> Path:
     return copy
 
 
-@pytest.mark.parametrize("damage", ["gone", "cut off", "a bit"])
-@pytest.mark.parametrize("name", ["arcs.parquet", "conflicts.parquet", "scenario.toml"])
-def test_damage_is_said_in_one_line(moved, tmp_path, name, damage) -> None:
-    place = broken(moved[1], tmp_path / "copy", name, damage)
+@pytest.mark.parametrize(
+    ("name", "damage"),
+    [("arcs.parquet", "a bit"), ("conflicts.parquet", "gone"), ("scenario.toml", "cut off")],
+)
+def test_damage_is_reported_in_one_line(moved, tmp_path, name, damage) -> None:
+    place = damaged_copy(moved[1], tmp_path / "copy", name, damage)
     with pytest.raises(
         FolderError, match=rf"copy: {name} (is missing|was changed or is damaged); run it again"
     ) as error:
@@ -182,7 +184,7 @@ def test_damage_is_said_in_one_line(moved, tmp_path, name, damage) -> None:
     assert "\n" not in str(error.value)
 
 
-def test_folders_of_others_and_other_versions(moved, tmp_path) -> None:
+def test_other_folders_and_versions_are_refused(moved, tmp_path) -> None:
     (tmp_path / "theirs").mkdir()
     (tmp_path / "file").write_text("x")
     for name, words in (

@@ -1,4 +1,4 @@
-"""First locks, against the papers' turns one after the other, sampled and refined."""
+"""First locks against refined sampling of the papers' sequences of turns."""
 
 from math import inf, pi, radians, sin
 from threading import Thread
@@ -25,13 +25,13 @@ def generator(seed):
 
 
 def s04_pairs(count, seed):
-    """S04 section V: two craft in a cube of 1 km, each with components within 20 cm/s."""
+    """Return pairs of S04 section V: in a cube of 1 km, with components within 20 cm/s."""
     draw = generator(seed).uniform(-1.0, 1.0, (2, count, 2, 3))
     return 500.0 * (draw[0, :, 1] - draw[0, :, 0]), 0.2 * (draw[1, :, 1] - draw[1, :, 0])
 
 
 def wide(half_angle, offset=0.0, longest=inf):
-    """A search for any half-angle: S04's where its tips fit below 89 deg, else H03's of 25 deg."""
+    """Return a search for any half-angle: S04's where its tips fit below 89 deg, else H03's."""
     sensor = Sensor(radians(half_angle), offset, longest)
     if half_angle > 45.0 and half_angle < 90.0:
         return (
@@ -42,9 +42,9 @@ def wide(half_angle, offset=0.0, longest=inf):
 
 
 def check(search, turning, positions, velocities, step=4.0, slack=1e-9):
-    """Every lock is one, and nothing locks earlier: at samples, and between those that come low.
+    """Check that each lock is one and that none is earlier, by refined sampling.
 
-    `slack` is in shares of the distance.
+    `slack` is relative to the distance.
     """
     sensor = search.sensor
     positions, velocities = np.broadcast_arrays(np.atleast_2d(positions), np.atleast_2d(velocities))
@@ -54,7 +54,7 @@ def check(search, turning, positions, velocities, step=4.0, slack=1e-9):
     when = locks.time[locked]
     where = positions[locked] + when[:, None] * velocities[locked]
     missing, length = margin(turning.boresight(when), where, *given)
-    late = 2e-8 * np.linalg.norm(velocities[locked], axis=1)  # times are good to 2e-8 s
+    late = 2e-8 * np.linalg.norm(velocities[locked], axis=1)  # accuracy of times
     assert (missing <= slack * (length + sensor.baseline) + late).all()
     np.testing.assert_array_equal(np.isnan(locks.time), locks.leg < 0)
     ends = np.array([leg.end for leg in search.legs])
@@ -81,13 +81,13 @@ def check(search, turning, positions, velocities, step=4.0, slack=1e-9):
 
 
 def test_s04_distribution_against_sampling():
-    locks = check(S04, S04_TURNS, *s04_pairs(4000, 1))
+    locks = check(S04, S04_TURNS, *s04_pairs(800, 1))
     assert (locks.leg >= 0).all()  # theorem 2
 
 
 def test_times_against_root_finding():
-    """Half of the craft start locked; of the others each time is that of the root, to 1e-6 s."""
-    positions, velocities = s04_pairs(150, 2)
+    """Lock times agree with root finding to 1e-6 s."""
+    positions, velocities = s04_pairs(40, 2)
     locks = lock_times(S04, positions, velocities)
     truth = [
         first_lock(S04_TURNS, r, v, radians(70), step=4.0) for r, v in zip(positions, velocities, strict=True)
@@ -95,29 +95,29 @@ def test_times_against_root_finding():
     np.testing.assert_allclose(locks.time, truth, rtol=0.0, atol=1e-6)
 
 
-@pytest.mark.parametrize("half_angle", [46.0, 50.0, 67.1, 89.0, 90.0, 100.0, 120.0, 170.0, 30.0, 1.0])
+@pytest.mark.parametrize("half_angle", [46.0, 89.0, 90.0, 120.0, 170.0, 1.0])
 def test_any_half_angle_against_sampling(half_angle):
     search, turning = wide(half_angle)
     if 45.0 < half_angle < 90.0:
-        assert (check(search, turning, *s04_pairs(150, 3)).leg >= 0).all()
+        assert (check(search, turning, *s04_pairs(50, 3)).leg >= 0).all()
     else:
-        check(search, turning, *s04_pairs(150, 3))
+        check(search, turning, *s04_pairs(50, 3))
 
 
 @pytest.mark.parametrize("half_angle", [70.0, 110.0])
 @pytest.mark.parametrize(("offset", "longest"), [(7.5, inf), (0.0, 300.0), (7.5, 300.0), (60.0, 150.0)])
 def test_offset_and_range_against_sampling(half_angle, offset, longest):
     search, turning = wide(half_angle, offset, longest)
-    positions, velocities = s04_pairs(150, 4)
+    positions, velocities = s04_pairs(50, 4)
     check(search, turning, positions * 0.5, velocities)
-    check(search, turning, positions * 0.05, velocities * 0.05)  # inside of the near field too
+    check(search, turning, positions * 0.05, velocities * 0.05)  # also in the near field
 
 
 # ---- near-singular, exact and extreme motions
 
 
 def passing(count, speed, distance, seed):
-    """Pairs that pass at a distance [m] some time in S04's search, and when."""
+    """Return pairs that pass at a distance [m] during S04's search, and the times."""
     draw = generator(seed)
     times = draw.uniform(0.0, S04.duration, count)
     velocities = draw.normal(size=(count, 3))
@@ -129,19 +129,16 @@ def passing(count, speed, distance, seed):
 
 @pytest.mark.parametrize("half_angle", [10.0, 70.0])
 @pytest.mark.parametrize(("speed", "distance"), [(0.1, 1e-6), (0.1, 1e-3), (10.0, 1e-3), (1000.0, 1.0)])
-def test_craft_that_pass_closely_lock_in_the_cone(half_angle, speed, distance):
-    """Close to each other the direction turns half around in no time: still no lock beside the cone.
-
-    The angle to the boresight where they lock, from the pass itself and not from the far start.
-    """
+def test_close_passes_lock_inside_the_cone(half_angle, speed, distance):
+    """Pairs in a close pass, whose direction reverses quickly, lock inside the cone only."""
     search, turning = wide(half_angle)
-    positions, velocities, passes = passing(20_000, speed, distance, 5)
+    positions, velocities, passes = passing(5_000, speed, distance, 5)
     locks = lock_times(search, positions, velocities)
     locked = locks.leg >= 0
     when, speeds = locks.time[locked], np.linalg.norm(velocities[locked], axis=1)
     where = positions[locked] + when[:, None] * velocities[locked]
     missing, length = margin(turning.boresight(when), where, search.sensor.half_angle)
-    # 2e-8 s of motion, and the rounding of r + v t, by which the whole pass moves
+    # 2e-8 s of motion, and the rounding of r + v t
     rounding = 4e-15 * np.linalg.norm(positions[locked], axis=1)
     assert (missing <= 1e-9 * length + 2e-8 * speeds + rounding).all()
     check(search, turning, positions[:40], velocities[:40], slack=1e-6)
@@ -161,30 +158,30 @@ FALSE_LOCKS = [
 
 
 @pytest.mark.parametrize(("position", "velocity"), FALSE_LOCKS)
-def test_a_pass_within_the_rounding_of_its_square_is_no_lock(position, velocity):
-    """|r + v t|^2 summed from |r|^2, r.v and |v|^2 was wrong here: locks 168 and 2 deg off."""
+def test_pass_within_rounding_is_no_lock(position, velocity):
+    """|r + v t|^2 must not be summed from |r|^2, r.v and |v|^2, which lose all digits here."""
     check(S04, S04_TURNS, [position], [velocity], slack=1e-6)
 
 
 @pytest.mark.parametrize(("speed", "distance"), [(0.1, 1e-6), (100.0, 1e-6), (1000.0, 1e-5)])
-def test_a_lock_that_is_told_ahead_of_its_instant_does_come(speed, distance):
-    """Very fast passes: within 1e-8 s the line of sight turns by more than the cone is wide."""
+def test_reported_locks_of_fast_passes_exist(speed, distance):
+    """Very fast passes have a lock within 1e-8 s of the reported time."""
     search, turns = wide(10.0)
-    r, v, passed = passing(20_000, speed, distance, 5)
+    r, v, passed = passing(8_000, speed, distance, 5)
     found = lock_times(search, r, v)
     near = np.flatnonzero((found.leg >= 0) & (abs(found.time - passed) < 1e-3))
-    assert len(near) > 500
+    assert len(near) > 200
     boresights = turns.boresight(found.time[near])
     places = r[near] + v[near] * found.time[near][:, None]
-    around = np.linspace(-1e-8, 1e-8, 401)  # as good as a time is told
+    around = np.linspace(-1e-8, 1e-8, 101)  # accuracy of times
     q = places[:, None] + around[:, None] * v[near][:, None]
     across = np.linalg.norm(np.cross(q, boresights[:, None]), axis=-1)
     angles = np.arctan2(across, (q * boresights[:, None]).sum(-1)).min(axis=1)
-    assert angles.max() - radians(10.0) < 0.02  # r + v t itself is off by an ulp of 1e6 m at the fastest
+    assert angles.max() - radians(10.0) < 0.02  # rounding of r + v t at the highest speed
 
 
-def test_still_craft_lock_when_the_boresight_has_turned_to_them():
-    """In plane the time is an angle: (azimuth - half-angle) / rate, whatever the distance."""
+def test_lock_time_of_spacecraft_at_rest():
+    """In the plane the time is (azimuth - half-angle) / rate at any distance."""
     azimuth = generator(6).uniform(radians(70), 2 * pi - radians(70), 1000)
     rays = np.column_stack([np.cos(azimuth), -np.sin(azimuth), np.zeros(1000)])  # about -z
     distance = 10.0 ** generator(7).uniform(-3, 7, 1000)[:, None]
@@ -192,8 +189,8 @@ def test_still_craft_lock_when_the_boresight_has_turned_to_them():
     np.testing.assert_allclose(found.time, (azimuth - radians(70)) / RATE, rtol=0.0, atol=2e-8)
 
 
-def test_the_boresight_is_known_to_the_last_digits():
-    """So slow a turn that nothing but SEEN, 1e-12, counts: over one turn, times in 50 digits."""
+def test_boresight_is_accurate_to_rounding():
+    """A very slow turn shows the margin of 1e-12, against times in 50 digits."""
     rate = 1e-6
     search = Search.basic(Sensor(radians(30)), rate, LIMIT)
     azimuth = generator(8).uniform(0.6, 2 * pi - 0.6, 300)
@@ -207,7 +204,7 @@ def test_the_boresight_is_known_to_the_last_digits():
         early = np.array(
             [float((exact - mp.mpf(t)) * mp.mpf(rate)) for t, exact in zip(found, truth, strict=True)]
         )
-    # rad: a margin of 1e-12 is passed at sin(half-angle) per rad; beyond that some ulps of the time
+    # rad: the margin of 1e-12 changes by sin(half-angle) per rad; the rest is rounding of the time
     assert max(early) < 1e-12 / sin(radians(30)) + 3e-15
     assert min(early) > -3e-15
 
@@ -230,14 +227,14 @@ def test_on_the_sun_line_and_along_it(half_angle):
 
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e7])
 @pytest.mark.parametrize("speed", [0.0, 1e-9, 1e-3, 1e3])
-def test_any_size_and_speed(scale, speed):
+def test_all_sizes_and_speeds(scale, speed):
     draw = generator(9)
     check(S04, S04_TURNS, scale * draw.normal(size=(40, 3)), speed * draw.normal(size=(40, 3)))
     search, turning = wide(70.0, 7.5, 1000.0)
     check(search, turning, scale * draw.normal(size=(40, 3)), speed * draw.normal(size=(40, 3)))
 
 
-def test_scaling_lengths_changes_nothing():
+def test_locks_scale_with_length():
     positions, velocities = s04_pairs(5000, 10)
     for offset, longest in ((0.0, inf), (7.5, 400.0)):
         base = lock_times(wide(60.0, offset, longest)[0], positions, velocities)
@@ -248,36 +245,36 @@ def test_scaling_lengths_changes_nothing():
             np.testing.assert_allclose(scaled.time, base.time, rtol=0.0, atol=1e-9)
 
 
-def test_the_second_round_is_the_first_again():
-    """H03's rounds start alike: a lock in the second is one in the first for the pair as it is then."""
+def test_second_round_repeats_the_first():
+    """H03's rounds start alike: locks of the second are locks of the first for the propagated pair."""
     search = Search.basic(Sensor(radians(12)), RATE, LIMIT)
-    positions, velocities = s04_pairs(20_000, 11)
+    positions, velocities = s04_pairs(4_000, 11)
     half = len(search.legs) // 2
     locks = lock_times(search, positions, velocities)
     later = locks.leg >= half
     shift = search.legs[half].start
     again = lock_times(search, positions[later] + shift * velocities[later], velocities[later])
-    assert later.sum() > 500
+    assert later.sum() > 100
     np.testing.assert_allclose(again.time + shift, locks.time[later], rtol=0.0, atol=1e-7)
     np.testing.assert_array_equal(again.leg + half, locks.leg[later])
 
 
-def test_a_lock_is_seen_from_both_sides():
-    """By group B's own turns, A is in B's cone when B is in A's."""
+def test_locks_are_mutual():
+    """A is in B's cone, by B's own turns, when B is in A's."""
     other = Turning(turns("modified", radians(70)), RATE, "B")
     positions, velocities = s04_pairs(2000, 12)
     when = lock_times(S04, positions, velocities).time[:, None]
     missing, length = margin(other.boresight(when[:, 0]), -(positions + when * velocities), radians(70))
     assert (missing <= 1e-9 * length).all()
     sides = np.abs(missing[when[:, 0] > 0.0] / length[when[:, 0] > 0.0])
-    assert sides.max() < 1e-9  # and no earlier: on the cone's surface
+    assert sides.max() < 1e-9  # on the cone's surface
 
 
-# ---- locks that last milliseconds, made on purpose
+# ---- locks of milliseconds
 
 
 def grazing(search, turning, count, share, seed):
-    """Pairs whose margin is stationary at -share |q| at known instants: (positions, velocities, instants)."""
+    """Return positions, velocities and instants of pairs with a stationary margin of -share |q|."""
     draw = generator(seed)
     sensor = search.sensor
     times = draw.uniform(0.0, search.duration, count)
@@ -297,30 +294,26 @@ def grazing(search, turning, count, share, seed):
     return where - times[:, None] * velocities, velocities, times
 
 
-@pytest.mark.parametrize("half_angle", [15.0, 70.0, 110.0])
-@pytest.mark.parametrize("offset", [0.0, 7.5])
+@pytest.mark.parametrize(("half_angle", "offset"), [(15.0, 7.5), (70.0, 0.0), (110.0, 7.5)])
 def test_grazing_locks_are_found(half_angle, offset):
-    """A lock of some milliseconds: no answer may be later."""
+    """Locks of milliseconds are not missed."""
     search, turning = wide(half_angle, offset)
     for share in (1e-10, 1e-7, 1e-4):
-        positions, velocities, instants = grazing(search, turning, 30_000, share, 13)
+        positions, velocities, instants = grazing(search, turning, 4_000, share, 13)
         where = positions + instants[:, None] * velocities
         there, length = margin(turning.boresight(instants), where, search.sensor.half_angle, offset)
-        sure = there < -0.5 * share * length  # all but those that rounding has moved out
+        sure = there < -0.5 * share * length  # rounding moves a few out
         assert sure.mean() > 0.99
         found = lock_times(search, positions, velocities)
         assert (found.time[sure] <= instants[sure] + 1e-9).all()
         graze = sure & (found.time > instants - 1.0) & (found.time > 0.0)
-        assert graze.sum() > 10
-    positions, velocities, instants = grazing(search, turning, 300, 1e-10, 14)
-    check(search, turning, positions[:60], velocities[:60])
+        assert graze.sum() > 1
+    positions, velocities, instants = grazing(search, turning, 30, 1e-10, 14)
+    check(search, turning, positions, velocities)
 
 
-def test_how_long_a_grazing_lock_lasts():
-    """Craft at rest at an elevation just below the half-angle: in plane they are seen for a short time.
-
-    cos(half-angle) = cos(elevation) cos(what is left of the azimuth), in 50 digits.
-    """
+def test_duration_of_a_grazing_lock():
+    """Spacecraft at rest just below the half-angle are seen for a short time, known in 50 digits."""
     for below in (1e-4, 1e-7, 1e-10):
         elevation, azimuth = radians(70) - below, 2.0
         ray = [
@@ -344,12 +337,12 @@ def test_how_long_a_grazing_lock_lasts():
 
 
 @pytest.mark.parametrize("offset", [0.0, 7.5])
-def test_a_range_that_is_reached_for_a_moment(offset):
-    """Inside of the cone, the sensors come within their range for milliseconds."""
+def test_range_that_is_reached_briefly(offset):
+    """Sensors that are within their range for milliseconds lock."""
     longest = 200.0
     search, turning = wide(70.0, offset, longest)
     draw = generator(15)
-    times = draw.uniform(0.0, search.duration, 30_000)
+    times = draw.uniform(0.0, search.duration, 4_000)
     b = turning.boresight(times)
     turn = (turning.boresight(times + 1e-3) - turning.boresight(times - 1e-3)) / 2e-3
     aside = np.cross(b, draw.normal(size=b.shape))
@@ -365,12 +358,12 @@ def test_a_range_that_is_reached_for_a_moment(offset):
     sure = margin(turning.boresight(times), where, radians(70), offset, longest)[0] < -longest * 0.5e-10
     assert sure.mean() > 0.99
     assert (found.time[sure] <= times[sure] + 1e-9).all()
-    assert (found.time[sure] > times[sure] - 1.0).sum() > 1000
-    check(search, turning, positions[:60], velocities[:60])
+    assert (found.time[sure] > times[sure] - 1.0).sum() > 100
+    check(search, turning, positions[:30], velocities[:30])
 
 
-def test_out_of_range_a_moment_before_the_cone_comes_is_no_lock():
-    """The cone reaches the craft when it has left the range by micrometres, coming from inside."""
+def test_no_lock_after_leaving_the_range():
+    """A spacecraft that left the range micrometres before the cone arrives does not lock."""
     search, turning = wide(70.0, 0.0, 200.0)
     instants = generator(16).uniform(100.0, 850.0, 2000)
     turned = RATE * instants + radians(70)  # azimuth of the cone's edge, below 290 deg
@@ -387,8 +380,8 @@ def test_out_of_range_a_moment_before_the_cone_comes_is_no_lock():
             assert (missing <= 2e-8 * speed + 1e-9).all()
 
 
-def test_locks_where_two_legs_meet():
-    """Craft at rest that the cone's edge reaches just when a tip ends, and turns back."""
+def test_locks_at_the_end_of_a_leg():
+    """Spacecraft at rest that the cone's edge reaches at the end of a tip lock."""
     ends = [leg.end for leg in S04.legs if leg.about == "body y"]
     for end in ends:
         b = S04_TURNS.boresight(end)
@@ -403,25 +396,25 @@ def test_locks_where_two_legs_meet():
             check(S04, S04_TURNS, [100.0 * ray], [np.zeros(3)], slack=1e-10)
 
 
-# ---- properties, and what takes long
+# ---- properties and run time
 
 numbers = st.floats(-1e3, 1e3, allow_subnormal=False)
 vectors = st.lists(numbers, min_size=3, max_size=3).map(np.array)
 
 
-@settings(deadline=None, max_examples=50)
+@settings(deadline=None, max_examples=25)
 @given(
     vectors.filter(lambda r: np.linalg.norm(r) > 1e-6),
     vectors,
     st.floats(5.0, 175.0),
     st.sampled_from([(0.0, inf), (7.5, inf), (7.5, 100.0)]),
 )
-def test_any_motion_at_all(position, velocity, half_angle, variant):
+def test_any_motion(position, velocity, half_angle, variant):
     search, turning = wide(half_angle, *variant)
     check(search, turning, [position], [velocity / 1e3], step=10.0, slack=1e-7)
 
 
-def nasty(count):
+def extreme_pairs(count):
     draw = generator(17)
     sensors = [(1e-3, 0, inf), (10, 7.5, inf), (50, 0, 50.0), (70, 0, inf), (70, 7.5, 100.0), (90, 0, inf)]
     for half_angle, offset, longest in [*sensors, (110, 7.5, inf), (179.9, 0, inf)]:
@@ -434,9 +427,9 @@ def nasty(count):
             lock_times(search, aside - velocities * times, velocities)
 
 
-def test_nasty_pairs_take_no_time():
-    """Head-on, within a micrometre, sensor through sensor, at 1 km/s: some us each, and no stall."""
-    work = Thread(target=nasty, args=(10_000,), daemon=True)
+def test_extreme_pairs_do_not_stall():
+    """Head-on, extremely close and fast pairs do not stall the search."""
+    work = Thread(target=extreme_pairs, args=(1_000,), daemon=True)
     work.start()
     work.join(timeout=60)
     assert not work.is_alive()
@@ -461,15 +454,15 @@ def test_nasty_pairs_take_no_time():
         ("far", [1.0, 0.0, 0.0], "relative_position: expected numbers"),
     ],
 )
-def test_bad_input(position, velocity, message):
+def test_invalid_input(position, velocity, message):
     with pytest.raises(ValueError, match=message):
         lock_times(S04, position, velocity)
 
 
-def test_none_and_one_and_broadcast():
+def test_empty_single_and_broadcast_input():
     assert len(lock_times(S04, np.empty((0, 3)), np.zeros(3))) == 0
     one = lock_times(S04, *COUNTEREXAMPLE)
-    many = lock_times(S04, np.tile(COUNTEREXAMPLE[0], (100_000, 1)), COUNTEREXAMPLE[1])  # over all cores
+    many = lock_times(S04, np.tile(COUNTEREXAMPLE[0], (20_000, 1)), COUNTEREXAMPLE[1])  # over all cores
     assert (many.time == one.time[0]).all()
     assert (many.leg == one.leg[0]).all()
-    assert len(many) == 100_000
+    assert len(many) == 20_000

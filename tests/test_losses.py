@@ -1,4 +1,4 @@
-"""Craft that lose their thrust in mid-mission: when, where they drift, and how near to whom."""
+"""Missions with loss of thrust: times, drifts and closest approaches."""
 
 import re
 
@@ -31,8 +31,8 @@ def campaign():
     return flown(parse(FAILS, "fails.toml", "study"), 24)
 
 
-def test_who_fails_drifts_on_and_the_others_fly_as_planned(campaign):
-    """Against Hill's matrix exponential from the failure on, and the mission without it, sampled."""
+def test_failed_spacecraft_drift_and_others_follow_the_plan(campaign):
+    """Compare with Hill's matrix exponential after the failure and with the mission without it."""
     scenario = campaign.scenario
     sound = parse(re.sub(r'"craft.fails".*\n', "", FAILS), "fails.toml", "study")
     n = scenario.orbit.build().mean_motion
@@ -63,8 +63,8 @@ def test_who_fails_drifts_on_and_the_others_fly_as_planned(campaign):
     assert {(), ("A",), ("B",), ("A", "B")} <= seen
 
 
-def test_who_coasts_all_along_has_no_thrust_to_lose():
-    """The station never fails, and what drifts by it is who moves."""
+def test_coasting_spacecraft_do_not_fail():
+    """A coasting station never fails."""
     campaign = flown(parse(STATION.replace("chance = 0.5", "chance = 1.0"), "fails.toml", "study"), 3)
     assert np.isnan(campaign.column("B_fails_s")).all()
     assert not np.isnan(campaign.column("A_fails_s")).any()
@@ -74,8 +74,8 @@ def test_who_coasts_all_along_has_no_thrust_to_lose():
         assert campaign.column("drift_ratio")[case] == lost.ratio
 
 
-def test_failures_are_as_frequent_as_said_and_at_any_instant():
-    """Of 4000 draws: the share, and that of each quarter of the mission, within 5 of their deviations."""
+def test_failures_have_the_given_chance_at_any_time():
+    """The shares of 4000 samples agree within five standard errors."""
     scenario = parse(FAILS.replace("0.5 }", "0.2 }"), "fails.toml", "study")
     shares = np.array([failing(scenario, 3, case) for case in range(2000)]).ravel()
     failed = shares[~np.isnan(shares)]
@@ -84,7 +84,7 @@ def test_failures_are_as_frequent_as_said_and_at_any_instant():
     assert np.abs(quarters - 0.25).max() < 5.0 * np.sqrt(0.25 * 0.75 / len(failed))
 
 
-def test_reasons_say_who_drifts_where(campaign):
+def test_reasons_name_the_drifting_spacecraft(campaign):
     reasons = campaign.column("reason").tolist()
     needed = [k for k in range(24) if re.match(r"A loses its thrust at [0-9.]+ s and drifts", reasons[k])]
     spent = campaign.column("A_delta_v_m_s")
@@ -97,8 +97,8 @@ def test_reasons_say_who_drifts_where(campaign):
     assert sum(many for _, many, _ in campaign.causes) == len(campaign.failed)
 
 
-def test_pages_of_cases_tell_who_does_not_get_there(campaign):
-    """What is not met in the table is what the verdict is about."""
+def test_pages_of_cases_name_unmet_goals(campaign):
+    """Unmet goals of the table are those of the verdict."""
     for case in range(24):
         mission = fly(case_of(parse(FAILS, "fails.toml", "study"), case))
         unmet = [what for what, _, met in requirements(mission) if not met]
@@ -107,8 +107,8 @@ def test_pages_of_cases_tell_who_does_not_get_there(campaign):
         assert [f"{name} reaches its target" for name in drifts] == [one for one in unmet if "reaches" in one]
 
 
-def test_errors_and_failures_go_together():
-    """A case of both is that of errors alone up to the failure."""
+def test_errors_with_failures():
+    """A case with failures is that of errors alone until the failure."""
     both = TWICE.replace("[study.vary]\n", '[study.vary]\n"craft.fails" = { chance = 1 }\n')
     one = fly(case_of(parse(both, "both.toml", "study"), 1))
     other = fly(case_of(parse(TWICE, "both.toml", "study"), 1))
@@ -118,6 +118,6 @@ def test_errors_and_failures_go_together():
     assert "A loses its thrust" in str(one.verdict)
 
 
-def test_a_failure_is_a_chance():
+def test_chance_of_failure_is_validated():
     with pytest.raises(ScenarioError, match=re.escape("is true or false; write { chance = 0.01 }")):
         parse(FAILS.replace("{ chance = 0.5 }", '{ normal = "1 m" }'), "fails.toml", "study")

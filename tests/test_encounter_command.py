@@ -1,4 +1,4 @@
-"""`closeform encounter` and `screen --sigmas`, against published conjunctions and flown samples."""
+"""`closeform encounter` and `screen --sigmas`, against published conjunctions and samples."""
 
 import re
 from pathlib import Path
@@ -18,41 +18,41 @@ NUMBER = r"(-|[-+.e\d]+)"
 @pytest.fixture(autouse=True)
 def desk(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("closeform.report.page.drawn", lambda *_: ())  # pictures cost more than all else here
+    monkeypatch.setattr("closeform.report.page.drawn", lambda *_: ())
     for name, text in (("slow", SLOW), ("medium", MEDIUM), ("fast", FAST)):
         (tmp_path / f"{name}.cdm").write_text(text)
     return tmp_path
 
 
 def verdict(printed):
-    """The last line, which says where results are, without that."""
+    """Return the verdict of the last line."""
     return re.fullmatch(r"(.*); results in \S+", printed.splitlines()[-1])[1]
 
 
 def figure(name, printed):
-    """The value of a row of the table of probabilities."""
+    """Return the numbers of a row of the table of probabilities."""
     found = re.search(
         rf"^{re.escape(name)} .*?  +{NUMBER}  +(?:-|{NUMBER} to {NUMBER})$", printed, re.MULTILINE
     )
     return tuple(float(value) for value in found.groups() if value is not None)
 
 
-def test_a_slow_conjunction_has_its_probability(capsys):
-    """Alfano's case 8: CARA's Monte Carlo of 1e8 trials has it within 0.035201 to 0.035274, 95 %."""
+def test_slow_conjunction_of_alfano(capsys):
+    """CARA's Monte Carlo of Alfano's case 8 gives 0.035201 to 0.035274 (95 %)."""
     assert main(["encounter", "medium.cdm", "--window", "10135 s"]) == 0
     printed = capsys.readouterr().out
     value, low, high = figure("ever inside", printed)
     assert 0.035201 < value < 0.035274
     assert low <= value <= high
     assert high - low < 0.002 * value
-    assert figure("short encounter (2-D)", printed)[0] < 0.97 * value  # what straight flight misses
+    assert figure("short encounter (2-D)", printed)[0] < 0.97 * value  # straight motion misses the rest
     assert "Radius of both bodies 4 m; followed for 10135 s before and after" in printed
     assert "Clear by 0 sigmas" in printed  # 2.95 m apart, with bodies of 4 m
     assert "Warning" not in printed
 
 
-def test_an_eccentric_orbit_is_warned_of(capsys):
-    """Alfano's case 1, e = 0.012: CARA's Monte Carlo has 0.216865; a circle gives it to 3.5 %."""
+def test_eccentric_orbit_gives_a_warning(capsys):
+    """CARA's Monte Carlo of Alfano's case 1, e = 0.012, gives 0.216865; a circular chief agrees to 3.5 %."""
     assert main(["encounter", "slow.cdm", "--window", "21600 s"]) == 0
     printed = capsys.readouterr().out
     assert figure("ever inside", printed)[0] == pytest.approx(0.216865, rel=0.035)
@@ -60,23 +60,23 @@ def test_an_eccentric_orbit_is_warned_of(capsys):
     assert "Warning: the primary's eccentricity is 0.0119" in printed
 
 
-def test_a_fast_conjunction_agrees_with_its_message(capsys):
-    """The message's 0.004450713 is over the square about the circle of both radii: 4 / pi of it."""
+def test_fast_conjunction_agrees_with_its_message(capsys):
+    """The message's 0.004450713 is that of a square, 4 / pi of the circle's."""
     assert main(["encounter", "fast.cdm"]) == 2
     refused = capsys.readouterr().err
     assert refused.startswith("fast.cdm: tells no hard-body radius; give one: ")
     radius = re.search(r'--radius "(.*)" is what its screening excludes', refused)[1]
     assert main(["encounter", "fast.cdm", "--radius", radius]) == 0
     printed = capsys.readouterr().out
-    told = figure("the message", printed)[0]
-    assert told == pytest.approx(0.004450713, rel=1e-4)  # as printed
+    stated = figure("the message", printed)[0]
+    assert stated == pytest.approx(0.004450713, rel=1e-4)  # as printed
     for name in ("short encounter (2-D)", "ever inside"):
         assert 4.0 / np.pi * figure(name, printed)[0] == pytest.approx(
-            told, rel=1e-3
-        )  # flat across 20 m of 250 m
+            stated, rel=1e-3
+        )  # the density is flat
 
 
-def test_a_probability_that_is_asked_for(capsys):
+def test_probability_limit(capsys):
     asked = ["encounter", "fast.cdm", "--radius", "10 m", "--limit"]
     assert main([*asked, "1e-4"]) == 1
     assert verdict(capsys.readouterr().out).startswith("not clear: collision probability 0.0034")
@@ -84,7 +84,7 @@ def test_a_probability_that_is_asked_for(capsys):
     assert verdict(capsys.readouterr().out).endswith("at most 0.01")
 
 
-# Ephemerides: A is the chief, B stands 200 m ahead of it.
+# A is the chief, B is 200 m ahead.
 RATE = np.sqrt(cf.elements.EARTH_MU / 7e6**3)
 KNOWN = np.diag([2.0, 5.0, 2.0, 1e-3, 1e-3, 2e-3]) ** 2
 SAMPLES, EVERY, END = 3000, 40.0, 9000.0
@@ -108,8 +108,8 @@ def ephemerides(desk):
     return times
 
 
-def flown(ahead, covariance, frame, epoch, rng):
-    """Positions (S, T, 3) of samples by Kepler's motion, from errors along local axes at an epoch."""
+def sampled(ahead, covariance, frame, epoch, rng):
+    """Return sampled positions (S, T, 3) of Kepler motion, with errors along local axes at an epoch."""
     (state,) = orbit_of(ahead, [epoch])
     position, velocity = state[:3], state[3:]
     normal = np.cross(position, velocity) / np.linalg.norm(np.cross(position, velocity))
@@ -126,7 +126,7 @@ def flown(ahead, covariance, frame, epoch, rng):
 
 
 def sigmas_of(mean, covariance, radius):
-    """How many sigmas keep a ball about the origin clear: the nearest of its points, by Lagrange."""
+    """Return the sigma level that keeps a ball about the origin clear, by Lagrange multipliers."""
     values, vectors = np.linalg.eigh(covariance)
     place = vectors.T @ mean
 
@@ -138,14 +138,14 @@ def sigmas_of(mean, covariance, radius):
 
 
 @pytest.mark.slow
-def test_uncertain_ephemerides_against_flown_samples(ephemerides, capsys):
-    """Within 15 m, and the spread of samples: Kepler's motion of both craft, in inertial axes."""
+def test_uncertain_ephemerides_agree_with_samples(ephemerides, capsys):
+    """Probability and sigmas agree with sampled Kepler motion of both spacecraft."""
     asked = ["screen", "A.oem", "B.oem", "--hard-body", "7.5 m", "--sigmas"]
     assert main([*asked, "3"]) == 1
     printed = capsys.readouterr().out
     rng = np.random.default_rng(5)
-    chief = flown(0.0, KNOWN / 4.0, "TNW", -300.0, rng)
-    apart = flown(200.0 / 7e6, KNOWN, "RTN", 0.0, rng) - chief
+    chief = sampled(0.0, KNOWN / 4.0, "TNW", -300.0, rng)
+    apart = sampled(200.0 / 7e6, KNOWN, "RTN", 0.0, rng) - chief
     met = int((np.linalg.norm(apart, axis=2) < 15.0).any(axis=1).sum())
     row = re.search(
         rf"^A - B +{NUMBER} +{NUMBER} +[\d:.]+ +{NUMBER} +{NUMBER} to {NUMBER} +{NUMBER} +{NUMBER}$",
@@ -161,9 +161,7 @@ def test_uncertain_ephemerides_against_flown_samples(ephemerides, capsys):
     spread = [
         sigmas_of(apart[:, k].mean(axis=0), np.cov(apart[:, k].T), 15.0) for k in range(100, apart.shape[1])
     ]
-    assert sigmas == pytest.approx(
-        min(spread), rel=0.05
-    )  # 3000 samples: 1.3 % of a sigma, and the least of many
+    assert sigmas == pytest.approx(min(spread), rel=0.05)  # error of 3000 samples
     assert time == pytest.approx(END, abs=60.0)
     assert "Covariances of 2 ephemerides, propagated by Hill's equations for up to 300.0 s (A)" in printed
     assert verdict(printed) == "1 conflict remains at 3 sigmas"
@@ -171,7 +169,7 @@ def test_uncertain_ephemerides_against_flown_samples(ephemerides, capsys):
     assert verdict(capsys.readouterr().out) == "clear: no conflict remains at 1 sigma"
 
 
-def test_who_has_no_covariance_is_named(ephemerides, capsys):
+def test_missing_covariance_is_named(ephemerides, capsys):
     text = Path("A.oem").read_text()
     Path("A.oem").write_text(text[: text.index("COVARIANCE_START")])
     assert main(["screen", "A.oem", "B.oem", "--sphere", "15 m", "--sigmas", "1.5"]) in (0, 1)
@@ -180,15 +178,15 @@ def test_who_has_no_covariance_is_named(ephemerides, capsys):
     assert "States taken as exact: A" in printed
 
 
-def test_boxes_have_sigmas_and_no_probability(ephemerides, capsys):
+def test_boxes_have_no_probability(ephemerides, capsys):
     main(["screen", "A.oem", "B.oem", "--box", "10 15 10 m", "--sigmas", "3"])
     assert re.search(
         rf"^A - B +{NUMBER} +{NUMBER} +[\d:.]+ +- +- +- +-$", capsys.readouterr().out, re.MULTILINE
     )
 
 
-def test_a_window_in_which_they_do_not_pass(capsys):
-    """The longer one finds more, as the line says, and a short encounter where they pass in it."""
+def test_window_without_a_pass(capsys):
+    """A longer window gives more, and a short encounter needs a pass inside the window."""
     found = {}
     for window in ("1 h", "2 h"):
         assert (

@@ -1,4 +1,4 @@
-"""Planes beside kinks, and shadows of half-spaces, against linear programs and dense sampling."""
+"""Supporting planes at edges of zones, against linear programs and dense sampling."""
 
 import numpy as np
 import pytest
@@ -29,13 +29,13 @@ ZONES = [
 
 @kernel(types.UniTuple(float64, 4)(ROOM_TYPE, int64, FORM, float64, float64, float64, float64))
 def mixed(room, count, form, x, y, z, way):
-    """A part of a kernel, as one that can be called."""
+    """Make a part of a kernel callable."""
     room, form = lent(room), (form[0], borrowed(form[1]), borrowed(form[2]))
     return mixed_normal(room, count, form, x, y, z, way)
 
 
 def random_room(rng, count, size):
-    """Room in which the edges of a parallelotope and its corner stand, in zone coordinates."""
+    """Return arrays with a random parallelotope, its corner and its edges, in zone coordinates."""
     path = ORBIT.coast(np.zeros(6), 1.0)
     room = room_for(side_of(path, cf.DegradedThrust(0.1), 1.0), side_of(path, cf.DegradedThrust(0.1), 1.0))
     room.places[:] = 0.0
@@ -45,10 +45,10 @@ def random_room(rng, count, size):
     return room, room.places[0, :3], room.edges[:count, :3]
 
 
-def least_in(zone, corner, edges, drift=None):
-    """The least norm of a parallelotope, by a linear program over shares of its edges and the norm.
+def minimum_norm(zone, corner, edges, drift=None):
+    """Return the minimum norm of a parallelotope by a linear program.
 
-    With the `drift` of edges and of the corner: of the part of it in which that is not below 0.
+    With the `drift` of its edges and corner, only where the drift is not negative.
     """
     faces = zone.faces if len(zone.faces) else np.vstack([np.eye(3), -np.eye(3)])
     rows, most = np.column_stack([faces @ edges.T, -np.ones(len(faces))]), -faces @ corner
@@ -61,27 +61,27 @@ def least_in(zone, corner, edges, drift=None):
 
 
 @pytest.mark.parametrize("zone", ZONES, ids=lambda zone: f"{type(zone).__name__} {len(zone.faces)}")
-@pytest.mark.parametrize("count", range(2, EDGES + 1))
-def test_mixed_normals_keep_parallelotopes_as_far_as_any(zone, count):
-    """And `shares` are where they are nearest."""
+@pytest.mark.parametrize("count", [2, EDGES])
+def test_mixed_normals_give_the_minimum_norm(zone, count):
+    """The plane bounds the minimum norm exactly, and `shares` attain it."""
     rng = np.random.Generator(np.random.Philox(count))
-    for _ in range(60):
+    for _ in range(15):
         room, corner, edges = random_room(rng, count, 10.0 ** rng.uniform(-4, 0.5))
         x = corner + 0.5 * edges.sum(axis=0)
         normal = np.array(mixed(room, count, zone.form, *x, 0.0))[:3]
         value = normal @ corner + np.minimum(0.0, edges @ normal).sum()
-        least = least_in(zone, corner, edges)
-        assert abs(value - least) <= 1e-9 * max(1.0, abs(least))  # of a program solved to so much
+        least = minimum_norm(zone, corner, edges)
+        assert abs(value - least) <= 1e-9 * max(1.0, abs(least))  # tolerance of the linear program
         there = corner + room.shares[:count] @ edges
         assert abs(scaled_norm(zone, there) - least) <= 1e-9 * max(1.0, abs(least))
 
 
 @pytest.mark.parametrize("way", [1.0, -1.0])
-@pytest.mark.parametrize("zone", ZONES[:3], ids=lambda zone: f"{type(zone).__name__} {len(zone.faces)}")
-def test_mixes_of_normals_and_drift_keep_what_drifts_one_way_as_far_as_any(zone, way):
-    """The least norm of the half of a parallelotope in which shares of edges give a drift of one sign."""
+@pytest.mark.parametrize("zone", ZONES[:2], ids=lambda zone: f"{type(zone).__name__} {len(zone.faces)}")
+def test_mixed_normals_and_drift_give_the_minimum_norm(zone, way):
+    """The bound is the minimum norm of the part of a parallelotope with one sign of drift."""
     rng, cut = np.random.Generator(np.random.Philox(11)), 0
-    for k in range(120):
+    for k in range(40):
         count = 2 + k % 3
         room, corner, edges = random_room(rng, count, 10.0 ** rng.uniform(-4, 0.5))
         room.edges[:count, 3] = 1e-4 * rng.normal(size=count)
@@ -91,19 +91,19 @@ def test_mixes_of_normals_and_drift_keep_what_drifts_one_way_as_far_as_any(zone,
         drifts = room.edges[:count, 3]
         value = corner @ normal + lean * room.drifts[0]
         value += np.minimum(0.0, edges @ normal + lean * drifts).sum()
-        least = least_in(zone, corner, edges, (way * drifts, way * room.drifts[0]))
+        least = minimum_norm(zone, corner, edges, (way * drifts, way * room.drifts[0]))
         assert lean * way <= 0.0
         assert abs(value - least) <= 1e-9 * max(1.0, abs(least))
-        cut += least > least_in(zone, corner, edges) + 1e-9
-    assert cut >= 30
+        cut += least > minimum_norm(zone, corner, edges) + 1e-9
+    assert cut >= 8
 
 
-@pytest.mark.parametrize("count", range(1, EDGES + 1))
-def test_mixed_normals_never_promise_too_much(count):
-    """Beside the rim of a cylinder, too, whose side is round: no farther than points are, and close to it."""
+@pytest.mark.parametrize("count", [1, EDGES])
+def test_mixed_normals_are_lower_bounds(count):
+    """At the rim of a cylinder the bound is below all sampled points and close to them."""
     zone = cf.Cylinder(20.0, 40.0, axis=[0.3, 1.0, 0.2])
     rng = np.random.Generator(np.random.Philox(count))
-    for _ in range(200):
+    for _ in range(60):
         room, corner, edges = random_room(rng, count, 10.0 ** rng.uniform(-3, 0.0))
         x = corner + 0.5 * edges.sum(axis=0)
         normal = np.array(mixed(room, count, zone.form, *x, 0.0))[:3]
@@ -116,7 +116,7 @@ def test_mixed_normals_never_promise_too_much(count):
         assert norms[-1] - value <= 0.02 * np.linalg.norm(edges, axis=1).max() ** 2 + 1e-9
 
 
-def test_shadows_of_half_spaces_are_their_least_norms_along_the_track():
+def test_shadow_of_half_spaces_is_the_minimum_along_the_track():
     tested = 0
     for zone in ZONES[1:]:
         shadow = shadow_of_faces(zone)
@@ -125,16 +125,16 @@ def test_shadows_of_half_spaces_are_their_least_norms_along_the_track():
             continue
         faces = shadow[2]
         assert not (faces @ zone.matrix[:, 1]).round(12).any()
-        for r in np.random.Generator(np.random.Philox(8)).normal(size=(200, 3)) * 60.0:
+        for r in np.random.Generator(np.random.Philox(8)).normal(size=(60, 3)) * 60.0:
             q = zone.matrix @ r
             rows = np.column_stack([zone.faces @ zone.matrix[:, 1], -np.ones(len(zone.faces))])
             ahead = linprog([0.0, 1.0], A_ub=rows, b_ub=-zone.faces @ q, bounds=(None, None))
             assert abs((faces @ q).max() - ahead.fun) <= 1e-8 * max(1.0, abs(ahead.fun))
             tested += 1
-    assert tested >= 400
+    assert tested >= 120
     assert shadow_of_faces(cf.Box([1.0, 2.0, 3.0])) is None
 
 
-def test_norms_of_half_spaces_that_close_are_never_below_zero():
+def test_minimum_norm_of_half_spaces():
     assert [floor_of(zone) for zone in ZONES] == [0.0, 0.0, 0.0, -np.inf]
     assert floor_of(cf.HalfSpaces([[0, 0, 1], [0, 0, -1]], [10.0, 5.0])) == 0.0
