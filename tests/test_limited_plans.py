@@ -288,7 +288,7 @@ def test_plans_have_no_negligible_burns():
 
 @pytest.fixture(scope="module")
 def touching():
-    """Two spacecraft with a burn of nm/s between two of a decimetre per second, and all sizes of burns [m/s]."""
+    """Two spacecraft with a burn of nm/s between two of a decimetre per second, and every size [m/s]."""
     orbit, state, pieces = cf.Orbit.circular(500e3), np.zeros((2, 6)), []
     state[:, 1] = 80.0, -80.0
     for thrust, lasts in ((1e-3, 100.0), (0.0, 900.0), (1e-9, 5.0), (0.0, 900.0), (-1e-3, 100.0)):
