@@ -24,7 +24,7 @@ from closeform.plots.palette import CONFLICT, INK, OTHER, ZONE, colours, dark
 from closeform.plots.paths import NAMED, carries
 from closeform.plots.space import AXES, INERTIAL, OBLIQUE, ORBITAL, PLANES, Camera, space_axes, three_planes
 from closeform.plots.style import clock, dress, headline, instants, sheet, wrapped
-from closeform.plots.text import SMALL, plain, short_names
+from closeform.plots.text import SMALL, follow, plain, short_names
 from closeform.zones.combined_zones import OwnZone
 from closeform.zones.outlines import drawn, shadow
 from closeform.zones.pair_zones import PairZones
@@ -35,6 +35,7 @@ TYPICAL = 5  # frames from which the palette is computed
 WIDE, NARROW = 900, 720  # width in pixels for few and for many spacecraft; many moving lines make large files
 PLAY, HOLD, LAST = 80, 1600, 2400  # ms per frame: in motion, at the closest approach, at the end
 TRAIL, TURN = 0.25, 0.5  # length of a trail: share of the total duration, but at most so many orbits
+FEW = 8  # maximum number of spacecraft with names in every view; more have names in one view
 STRIP = 1.6  # inches: height of the time strip with its labels
 MOST = 2_000_000  # maximum number of clearance ratios for the curve
 
@@ -114,7 +115,7 @@ class View:
     """View of all spacecraft from one direction; `show` moves them."""
 
     def __init__(self, axes: Axes, camera: Camera, unit: float, film: FormationFilm, named: bool) -> None:
-        self.camera, self.unit, self.film = camera, unit, film
+        self.axes, self.camera, self.unit, self.film = axes, camera, unit, film
         thin, tints = len(film.tints) > NAMED, film.tints
         faint = np.column_stack([tints[:, :3], np.full(len(tints), 0.22)])
         lines = [camera(track) / unit for track in film.tracks]
@@ -146,8 +147,7 @@ class View:
         edges = [CONFLICT if hit else tint for hit, tint in zip(film.met[step], film.tints, strict=True)]
         self.dots.set_edgecolors(edges)
         self.trails.set_segments([camera(trail) / self.unit for trail in film.trails(step)])
-        for text, point in zip(self.words, where, strict=False):
-            text.xy = point
+        follow(self.axes, self.words, where)
         outlines = [shadow(zone, camera.basis[:2]) / self.unit + where[k] for k, zone in film.kept(step)]
         self.zone.set_verts(outlines[:1])
         self.outlines.set_verts(outlines[1:])
@@ -179,12 +179,12 @@ class FormationFilm:
         sizes = [drawn(one).extents for one in dict.fromkeys(self.pairs.zone)]
         reach = np.max(sizes, axis=0, initial=0.0) if sizes else np.zeros(3)
         points = np.vstack([np.vstack(self.tracks) + sign * reach for sign in (-1.0, 1.0)])
-        named = len(self.called) <= NAMED
+        few, named = len(self.called) <= FEW, len(self.called) <= NAMED
         if orbit.mean_motion:
             self.figure, unit, ((*planes, space),) = three_planes(points, below=STRIP)
             cameras = [(axes, camera, unit.size) for axes, (_, camera) in zip(planes, PLANES, strict=True)]
             space_axes(space, ORBITAL(points), ORBITAL, AXES)
-            self.views = [View(*one, self, named) for one in cameras] + [
+            self.views = [View(*one, self, named and (few or one[0] is planes[1])) for one in cameras] + [
                 View(space, ORBITAL, 1.0, self, False)
             ]
             strip = self.figure.add_subplot(planes[0].get_subplotspec().get_gridspec()[-1, :])  # type: ignore[union-attr]

@@ -129,7 +129,7 @@ def closest_pairs(
 
     Each line is the clearance ratio of one pair over its common time, with a dot at the exact minimum. The
     axis is logarithmic above 1 if a line exceeds the linear range. Many pairs over many orbits have a panel
-    each; from 24 orbits on, a panel shows the band between the minimum and maximum of each orbit.
+    each.
 
     Parameters
     ----------

@@ -36,7 +36,7 @@ from closeform.plots.space import (
     triad,
 )
 from closeform.plots.style import DASHED, headline, legend, sheet, wrapped
-from closeform.plots.text import SMALL, plain, short_names, word
+from closeform.plots.text import SMALL, follow, plain, short_names, word
 from closeform.search.gather_result import Event, EventKind, Gathering
 from closeform.search.imperfect_attitude import OwnTurns
 from closeform.search.leg import SPELLED, SUN, Leg
@@ -268,8 +268,7 @@ class Overview:
         flat, labels = camera(where), np.array([style_of(label) for label in moment.labels])
         for label, mark in self.marks.items():
             mark.set_data(*flat[labels == label].T)
-        for text, k in zip(self.words, self.coned, strict=True):
-            text.xy = flat[k]
+        follow(self.axes, self.words, flat[list(self.coned)])
 
 
 class CloseUp:

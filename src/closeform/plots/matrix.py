@@ -33,8 +33,8 @@ def ratio_matrix(
 ) -> Figure:
     """Plot the minimum clearance ratio of each pair as a matrix; 1 is the keep-out boundary.
 
-    The matrix is symmetric. Pairs in conflict are framed, or crossed if there are many spacecraft. Pairs
-    without a zone or a common time are hatched.
+    The matrix is symmetric. Pairs in conflict are bold, or crossed if there are many spacecraft. Pairs
+    without a zone or a common time are grey.
 
     Parameters
     ----------

@@ -68,11 +68,11 @@ def overview(
     titles: Sequence[str] | None = None,
     locks: Sequence[Lock] = (),
 ) -> Figure:
-    """Plot a whole mission: all paths in space, and thrust, conflicts and closest approach against time.
+    """Plot a whole mission: all paths in space, and burns, conflicts and closest approach against time.
 
     The left panel shows every path from its start (ring) to its end (dot). The right panel has a row for each
-    spacecraft, with thrust as areas and impulses as lines, both scaled to the strongest. A lock joins the
-    rows of its two spacecraft, and so does a conflict. If there are zones, the panel below shows the minimum
+    spacecraft with a bar for each burn, as high as its delta-v. A lock joins the rows of its two spacecraft,
+    and so does a conflict. If there are zones, the panel below shows the minimum
     clearance ratio of the 300 closest pairs of each stage.
 
     Parameters

@@ -243,7 +243,7 @@ def formation_paths(
     """Plot the paths of a formation before and after a plan, side by side at one scale.
 
     Paths in an orbit are shown in the three planes of the orbital frame. Paths in deep space are shown
-    obliquely, with nearer tracks over farther ones. A ring marks the start of a path and a dot its end.
+    obliquely. A ring marks the start of a path and a dot its end.
 
     With zones, stretches in conflict are thick. The zone of the closest pair is drawn at the time of closest
     approach, around an obstacle if one is involved, otherwise around the spacecraft with less delta-v or the

@@ -218,7 +218,8 @@ def three_planes(
         sides, ups = np.full(columns, max(span[1], span[2])), span[[0, 2, 0]]
     size = min(WIDE / sides.sum(), (TALL if columns == 1 else 1.25 * TALL) / ups.sum())
     wide, high = size * np.array([sides.sum(), ups.sum()]) + FRAME
-    figure = sheet(high + below, max(wide, 7.4), layout="compressed")
+    room = below + 0.9 if below else 0.0  # with its labels
+    figure = sheet(high + room, max(wide, 7.4), layout="compressed")
     rows = [*ups] + ([below / size] if below else [])
     grid = figure.add_gridspec(len(rows), len(sides), width_ratios=sides, height_ratios=rows)
     if columns == 1:

@@ -19,7 +19,7 @@ from closeform.plots.palette import CONFLICT, FAINT, INK, OTHER, ZONE
 from closeform.plots.text import SMALL, TEXT, plain
 
 WIDTH, DPI = 10.6, 150  # inches and dots per inch: 1590 pixels
-LETTERS = 7.6  # characters of a headline per inch
+LETTERS = 8.6  # characters of a headline per inch
 BANNER = 0.3  # inches: height of a line of the headline
 DASHED, DOTTED = (0, (4, 2)), (0, (1, 1.5))
 FAR = 12.0  # maximum clearance ratio of a linear axis
