@@ -173,9 +173,8 @@ class Paths:
     zone: Any = None
 
 
-def _paths(path: Any) -> Paths:
-    batch = stack(crafts("result", path))
-    return Paths(batch, batch)
+def _twice(paths: Path, names: Sequence[str] | None = None, zone: Any = None) -> Paths:
+    return Paths(paths, paths, names, zone)
 
 
 def _avoidance(result: Any) -> Paths:
@@ -193,35 +192,18 @@ def _plan(result: Any) -> Paths:
     return Paths(result.direct, result.paths)
 
 
-def _most_clearance(result: Any) -> Paths:
+def _max_clearance(result: Any) -> Paths:
     if result.plan is None:
         raise ValueError(f"result: without a plan, {result.reason}")
     return FLYING[type(result.plan).__name__](result.plan)
 
 
-def _firing(result: Any) -> Paths:
-    before, after = (stack(crafts("result", path)) for path in (result.planned, result.path))
-    return Paths(before, after)
-
-
-def _encounter(result: Any) -> Paths:
-    both = stack([result.other, result.path])
-    return Paths(both, both, ("primary", "secondary"))
-
-
-def _conjunction(result: Any) -> Paths:
-    met = _encounter(result.encounter())
-    return Paths(met.before, met.after, [one.name for one in result.objects])
-
-
-def _common_frame(result: Any) -> Paths:
-    paths = result.paths  # a property that builds new paths at each access
-    return Paths(paths, paths, result.names)
+def _encounter(result: Any, names: Sequence[str] = ("primary", "secondary")) -> Paths:
+    return _twice(stack([result.other, result.path]), names)
 
 
 def _mission(result: Any) -> Paths:
-    paths = result.paths
-    return Paths(paths, paths, result.scenario.names, result.scenario.zones)
+    return _twice(result.paths, result.scenario.names, result.scenario.zones)
 
 
 def _stage(result: Any) -> Paths:
@@ -229,30 +211,29 @@ def _stage(result: Any) -> Paths:
 
 
 def _formation(result: Any) -> Paths:
-    return Paths(result.paths, result.paths, result.names)
+    return _twice(result.paths, result.names)
 
 
-def _worst(result: Any) -> Paths:
-    """Return the paths of the simulation run with the closest approach."""
-    paths = result.path(result.worst)
-    return Paths(paths, paths)
+def _firing(result: Any) -> Paths:
+    before, after = (stack(crafts("result", path)) for path in (result.planned, result.path))
+    return Paths(before, after)
 
 
 FLYING: dict[str, Callable[[Any], Paths]] = {
-    "Path": _paths,
+    "Path": lambda result: _twice(stack(crafts("result", result))),
     "Avoidance": _avoidance,
     "Plan": _plan,
-    "MaxClearance": _most_clearance,
+    "MaxClearance": _max_clearance,
     "ThrusterFiring": _firing,
     "Encounter": _encounter,
-    "Conjunction": _conjunction,
-    "CommonFrame": _common_frame,
+    "Conjunction": lambda one: _encounter(one.encounter(), [craft.name for craft in one.objects]),
+    "CommonFrame": _formation,
     "Mission": _mission,
     "LoadedRun": _mission,
     "StageResult": _stage,
     "LoadedStage": _stage,
     "WatchedFlight": _formation,
-    "Simulation": _worst,
+    "Simulation": lambda result: _twice(result.path(result.worst)),  # the run with the closest approach
 }
 
 
