@@ -20,6 +20,7 @@ from closeform.plots.style import (
     chart,
     headline,
     legend,
+    log_axis,
     plain_unit,
     ratio_axis,
     time_axes,
@@ -138,9 +139,8 @@ def scaled(axes: Axes, panel: Panel) -> None:
     elif panel.scale == "ratio":
         ratio_axis(axes, least, most)
     elif panel.scale == "log" and 0.0 < WIDE * least < most:
-        axes.set_yscale("log")
+        log_axis(axes)
         axes.set_ylim(0.7 * least, 1.4 * most)
-        axes.yaxis.set_major_formatter("{x:g}")
     else:
         axes.set_ylim(1.08 * min(0.0, least), 1.08 * most or 1.0)
 

@@ -31,6 +31,7 @@ from closeform.plots.style import (
     clock,
     headline,
     instants,
+    log_axis,
     other_axis,
     plain_unit,
     plural,
@@ -330,10 +331,7 @@ def trade(
     axes.axhline(costs.min(), color=BEFORE, linestyle=DASHED, linewidth=1.2)
     axes.plot(durations, costs, "o-", color=AFTER, linewidth=1.6, markersize=4)
     if costs.max() > STEEP * costs.min() > 0.0:
-        axes.set_yscale("log")
-        axes.yaxis.set_major_formatter("{x:g}")
-        axes.yaxis.set_minor_formatter("{x:g}")
-        axes.tick_params(axis="y", which="minor", labelsize=8)
+        log_axis(axes)
     changes = np.flatnonzero(np.diff(slots, prepend=slots[0] - 1))
     marks: list[tuple[float, float, str]] = []
     if 1 < len(changes) <= LABELLED:

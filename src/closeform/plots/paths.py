@@ -424,7 +424,7 @@ class SquareView:
 
 def squares(views: Sequence[SquareView], said: str) -> Figure:
     """Return a figure of square views side by side."""
-    figure = sheet(6.3)
+    figure = sheet(6.3, layout="compressed")
     shown = []
     for axes, view in zip(figure.subplots(1, len(views)), views, strict=True):
         unit = length_unit(view.half)

@@ -35,7 +35,7 @@ from closeform.zones.zone import Zone
 
 DRAWN = 300  # maximum number of runs that are drawn, besides the worst
 MOST = 24  # maximum number of spacecraft in the cost figure
-CLOSE_UP = 0.03  # of the duration: half the width of the close-up
+CLOSE_UP = 0.012  # of the duration: half the width of the close-up
 
 
 def flight_deviations(

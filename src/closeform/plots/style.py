@@ -10,13 +10,14 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.text import Text
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from closeform.arrays import Floats
 from closeform.motion.arc import START
 from closeform.motion.path import Path
 from closeform.plots.inputs import one_craft
 from closeform.plots.palette import CONFLICT, FAINT, INK, OTHER, ZONE
-from closeform.plots.text import SMALL, TEXT, plain
+from closeform.plots.text import HALO, SMALL, TEXT, plain
 
 WIDTH, DPI = 10.6, 150  # inches and dots per inch: 1590 pixels
 LETTERS = 8.6  # characters of a headline per inch
@@ -219,7 +220,8 @@ def zone_band(axes: Axes, edge: float = 1.0, name: str = "") -> None:
     axes.axhline(edge, color=ZONE, linewidth=1.6)
     place: dict[str, Any] = {"xycoords": ("axes fraction", "data"), "textcoords": "offset points"}
     if name:
-        axes.annotate(name, (0.008, edge), (0, -5), va="top", fontsize=SMALL, color="#9a6a00", **place)
+        place |= {"va": "top", "fontsize": SMALL, "color": "#9a6a00", "path_effects": HALO, "zorder": 6}
+        axes.annotate(name, (0.008, edge), (0, -5), **place)
 
 
 def ratio_axis(axes: Axes, least: float, most: float) -> None:
@@ -239,6 +241,14 @@ def ratio_axis(axes: Axes, least: float, most: float) -> None:
     ]
     axes.set_yticks(marks, [f"{mark:g}" for mark in marks])
     axes.set_yticks([], minor=True)
+
+
+def log_axis(axes: Axes) -> None:
+    """Make the vertical axis logarithmic, with labels at 1, 2 and 5 in each decade."""
+    axes.set_yscale("log")
+    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.yaxis.set_minor_formatter(NullFormatter())
 
 
 def headline(figure: Figure, text: str) -> Text:
