@@ -14,8 +14,8 @@ from PIL import Image
 
 import closeform as cf
 from answers import NAMES, answers
-from closeform.plots.answers import FLYING, PICTURES
 from closeform.plots.palette import CONFLICT
+from closeform.plots.results import FLYING, PICTURES
 
 # what users give, and parts of answers that are seen in the picture of the whole
 GIVEN = {"Orbit", "Zone", "Box", "Ellipsoid", "Sphere", "Cylinder", "HalfSpaces", "Uncertainty", "Body"}

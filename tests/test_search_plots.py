@@ -12,12 +12,9 @@ from scipy.spatial import ConvexHull
 
 from bodies import Body
 from closeform import plots
-from closeform.plots.camera import GROUP_COLOURS, Camera, hull, ring
-from closeform.plots.cones import half_rim
-from closeform.plots.gathering_views import ThreeViews, schedule
-from closeform.plots.hyperbola import CAMERA, Meeting
-from closeform.plots.panels import OBLIQUE, SUN_VIEW
-from closeform.plots.snapshot import Knots, Moment
+from closeform.plots.gatherings import SUN_VIEW, Knots, Moment, ThreeViews, schedule
+from closeform.plots.searches import CAMERA, Meeting, half_rim
+from closeform.plots.space import GROUP_COLOURS, OBLIQUE, Camera, hull, ring
 from closeform.search.gather import gather
 from closeform.search.locks import lock_times
 from closeform.search.schedule import Search
@@ -211,7 +208,7 @@ def test_bars_are_the_counts():
     assert axes.get_yscale() == "log"
     assert figure.get_suptitle() == "17 of 4 020 pairs lock at once (not shown), 4 000 later, 3 never"
     first = np.count_nonzero(later <= 2160.0)
-    assert f"IPS 1\n{first:,}".replace(",", " ") in words(figure)
+    assert f"IPS 1: {first:,}".replace(",", " ") in words(figure)
     dashed = sorted(float(line.get_xdata()[0]) * 60.0 for line in axes.lines if line.get_linestyle() == "--")
     assert dashed == pytest.approx([leg.end for leg in MODIFIED.legs])
     other = plots.histogram([0.0, 5.0], BASIC, 10.0, "formations gather")
@@ -244,10 +241,10 @@ def test_cones_have_their_apex_in_the_sensor_and_their_half_angle(time):
     views.show(time)
     sun = views.parts[1]
     turn = RATE * time
-    drawn = outlines(sun.bodies)
+    drawn = outlines(sun.cones.bodies)
     order = [0, 1, 2, 3, 4]  # those of A come first, and three of five are A
     assert FIVE.groups == ("A", "A", "A", "B", "B")
-    for outline, k, colour in zip(drawn, order, sun.bodies.get_facecolor(), strict=True):
+    for outline, k, colour in zip(drawn, order, sun.cones.bodies.get_facecolor(), strict=True):
         sign = 1.0 if FIVE.groups[k] == "A" else -1.0
         boresight = sign * np.array([cos(turn), sin(turn)])  # counter-clockwise from the right
         apex = as_the_sun_sees(FIVE.paths[k].position(time)) + 7.5 * boresight

@@ -153,14 +153,12 @@ def two_digits(value: float, up: bool) -> float:
 def draw_picture(shares: dict[str, list[tuple[float, int]]], safe: dict[str, float], cases: int) -> None:
     """The share that never locks against the size of each error; a line where nobody is lost."""
     from closeform.plots.palette import AFTER, CONFLICT, INK
-    from closeform.plots.style import SMALL, TEXT, area, dress, headline, sheet
+    from closeform.plots.style import dress, headline, sheet
+    from closeform.plots.text import SMALL, TEXT
 
     names = [name for name in shares if len(shares[name]) > 1]
     figure = sheet(3.7)
-    wide, tall = figure.get_size_inches()
-    each = (wide - 1.0 - 0.2) / len(names)
-    for k, name in enumerate(names):
-        axes = area(figure, 1.0 + k * each, 0.95, each - 0.2, tall - 0.95 - 0.65)
+    for k, (name, axes) in enumerate(zip(names, figure.subplots(1, len(names)), strict=True)):
         dress(axes)
         sizes, counts = np.array([one for one in shares[name] if one[1] > 0], dtype=float).T
         found = [estimate(int(count), cases) for count in counts]

@@ -1,4 +1,4 @@
-"""Charts of plain numbers: curves of each spacecraft, time spans, and intervals."""
+"""Charts of plain numbers: curves against time with limits, timelines, spans and intervals."""
 
 from __future__ import annotations
 
@@ -7,59 +7,142 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats
-from closeform.plots.fonts import plain, short_names
-from closeform.plots.palette import AFTER, CONFLICT, INK, colours
+from closeform.plots.palette import AFTER, ALONG, ALTERNATIVE, BEFORE, CONFLICT, CROSS, INK, OTHER
 from closeform.plots.style import (
-    DASHED,
-    SMALL,
+    DOTTED,
     Clock,
-    area,
     chart,
-    dress,
     headline,
+    legend,
+    log_axis,
     plain_unit,
-    sheet,
+    ratio_axis,
     time_axes,
     zone_band,
 )
+from closeform.plots.text import NEAR, SMALL, label, plain
 
-ENDS_NAMED = 12  # maximum number of curves with names at their ends
-LEAST_NAMED = 6  # number of smallest results with labels
-APART = (0.08, 0.06)  # of the axes: of dots closer together only the smallest has a label
-MARGIN = 0.03  # of the duration: free space on both sides
-FAR = 30.0  # times the edge: a wider range has a logarithmic axis
-MOST = 40  # maximum number of rows
-WORDS, BESIDE, ROW = 2.6, 0.4, 0.34  # inches: left margin for names, right margin, height of a row
+SURE = 1e-8  # above a limit: numerical tolerance of a minimum
+PALE = "#9ec5df"
+COLOURS = (AFTER, ALTERNATIVE, CROSS.colour, BEFORE, "#882255", "#7a6a00")
+DASHES = ("-", ALONG.dashes, CROSS.dashes, DOTTED)
+WIDE = 30.0  # times the smallest value or the limit: a wider range has a logarithmic axis
+LABELLED = 6  # number of smallest results with labels
+MOST = 40  # maximum number of intervals
 
 
-def curves(
-    times: Floats,
-    values: Floats,
-    what: str,
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """Line (T,), or family of pale lines (S, T), at `times` (T,) [s].
+
+    A `dot` (time, value) marks the exact extreme, with its `name` beside it.
+    """
+
+    times: Floats
+    values: Floats
+    label: str = ""
+    colour: Any = AFTER
+    dashes: Any = "-"
+    width: float = 2.0
+    dot: tuple[float, float] | None = None
+    name: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Panel:
+    """Curves of one quantity, named `what` with its unit, with the limit that they must stay above.
+
+    `scale` is "ratio" for clearance ratios, "log" for values that may span decades, otherwise "linear".
+    `most` is the upper end of the axis.
+    """
+
+    what: str
+    curves: Sequence[Curve]
+    limit: float | None = None
+    limit_name: str = "keep-out zone"
+    scale: str = "linear"
+    most: float | None = None
+
+
+def styled(k: int, **more: Any) -> dict[str, Any]:
+    """Return colour and dashes of curve k."""
+    return {"colour": COLOURS[k % len(COLOURS)], "dashes": DASHES[(k + k // 4) % 4], **more}
+
+
+def series(
     said: str,
-    names: Sequence[str] | None = None,
-    planned: Floats | None = None,
+    panels: Sequence[Panel],
+    ticks: Clock,
+    start: float,
+    end: float,
+    what: str = "time",
+    height: float | None = None,
 ) -> Figure:
-    """Plot non-negative values (N, T) of N spacecraft at times (T,) [s]; `planned` (N, T) is dashed."""
-    called, ticks = short_names(names, len(values)), Clock(plain_unit(float(times[-1] - times[0])), None)
-    figure, axes = chart(5.2, beside=1.1)
-    for k, tint in enumerate(colours(len(values))):
-        axes.plot(ticks(times), values[k], color=tint, linewidth=1.8)
-        if planned is not None:
-            axes.plot(ticks(times), planned[k], color=tint, linewidth=1.2, linestyle=DASHED)
-        if len(values) <= ENDS_NAMED:
-            place = (float(ticks(times[-1])), float(values[k, -1]))
-            plain(axes.annotate(called[k], place, (5, -4), textcoords="offset points", fontsize=SMALL))
-    axes.set_ylim(0.0, None)
-    axes.set_ylabel(what)
-    time_axes([axes], ticks, float(times[0]), float(times[-1]))
-    plain(headline(figure, said))
+    """Plot panels of curves against time from `start` to `end` [s], under the headline `said`."""
+    figure, column = chart(height or 3.2 + 2.2 * len(panels), [1.0] * len(panels))
+    handles, words = list[Any](), list[str]()
+    for axes, panel in zip(column, panels, strict=True):
+        draw(axes, panel, ticks, handles, words)
+    time_axes(column, ticks, start, end, what)
+    if words:
+        legend(figure, handles, words, handlelength=3.2)
+    headline(figure, said)
     return figure
+
+
+def draw(axes: Axes, panel: Panel, ticks: Clock, handles: list[Any], words: list[str]) -> None:
+    """Draw the curves of a panel, and append those with a label to the legend."""
+    if panel.limit is not None:
+        zone_band(axes, panel.limit, panel.limit_name)
+    for k, one in enumerate(panel.curves):
+        when, order = ticks(one.times), 3.0 + 0.01 * k
+        look: dict[str, Any] = {"linewidth": one.width, "linestyle": one.dashes, "color": one.colour}
+        if one.values.ndim == 2:
+            lines = np.stack([np.broadcast_to(when, one.values.shape), one.values], axis=-1)
+            made: Any = LineCollection(list(lines), zorder=2, alpha=0.6, **look)
+            axes.add_collection(made)
+        else:
+            (made,) = axes.plot(when, one.values, zorder=order, label=one.label or "_", **look)
+            if panel.limit is not None and np.nanmin(one.values) <= panel.limit * (1.0 + SURE):
+                inside = np.where(one.values <= panel.limit * (1.0 + SURE), one.values, np.nan)
+                axes.plot(when, inside, color=CONFLICT, linewidth=5.0, alpha=0.55, zorder=order - 0.5)
+        if one.dot is not None:
+            time, value = one.dot
+            hit = panel.limit is not None and value < panel.limit
+            dot: dict[str, Any] = {"color": CONFLICT if hit else one.colour, "markeredgecolor": "white"}
+            axes.plot(ticks(time), value, "o", markersize=9, zorder=5, clip_on=False, **dot)
+        if one.label:
+            handles.append(made)
+            words.append(one.label)
+    scaled(axes, panel)
+    axes.set_ylabel(panel.what)
+    named = [(*one.dot, one.name) for one in panel.curves if one.dot is not None and one.name]
+    if named:
+        points = np.array([(float(ticks(time)), value) for time, value, _ in named])
+        label(axes, points, [name for *_, name in named])
+
+
+def scaled(axes: Axes, panel: Panel) -> None:
+    """Set the vertical axis of a panel."""
+    every = np.concatenate([one.values.ravel() for one in panel.curves])
+    every = every[np.isfinite(every)]
+    least, most = (float(every.min()), float(every.max())) if len(every) else (0.0, 1.0)
+    least, most = min(least, panel.limit or least), max(most, panel.limit or most)
+    if panel.most is not None:
+        axes.set_ylim(min(0.0, least), panel.most)
+    elif panel.scale == "ratio":
+        ratio_axis(axes, least, most)
+    elif panel.scale == "log" and 0.0 < WIDE * least < most:
+        log_axis(axes)
+        axes.set_ylim(0.7 * least, 1.4 * most)
+    else:
+        axes.set_ylim(1.08 * min(0.0, least), 1.08 * most or 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,23 +161,17 @@ class Spans:
     what: str
     edge: float | None = 1.0
 
-    @property
-    def known(self) -> Any:
-        """Mask (K,) of the results that have a time and a height."""
-        return np.isfinite(self.time) & np.isfinite(self.height)
-
 
 def spans(told: Spans, said: str) -> Figure:
     """Plot results with a time as spans, under the headline `said`."""
-    known = told.known
+    rows = np.flatnonzero(np.isfinite(told.time) & np.isfinite(told.height))
     start, time, end, height = (
-        np.asarray(part, dtype=float)[known] for part in (told.start, told.time, told.end, told.height)
+        np.asarray(part, dtype=float)[rows] for part in (told.start, told.time, told.end, told.height)
     )
-    rows = np.flatnonzero(known)
-    figure, axes = chart(5.2)
+    figure, (axes,) = chart(5.2)
     first, last = (float(start.min()), float(end.max())) if len(time) else (0.0, 1.0)
     first, last = (first, last) if last > first else (first - 0.5, last + 0.5)
-    ticks = Clock(plain_unit(last - first), None)
+    ticks, room = Clock(plain_unit(last - first)), 0.03 * (last - first)
     tint = AFTER if told.edge is None else np.where(height < told.edge, CONFLICT, AFTER)
     if told.edge is not None:
         zone_band(axes, told.edge)
@@ -103,23 +180,15 @@ def spans(told: Spans, said: str) -> Figure:
         axes.add_collection(LineCollection(list(lines), colors=tint, linewidths=2.0, alpha=0.6))
         axes.scatter(ticks(time), height, s=26.0, c=tint, zorder=4, clip_on=False)
     most = float(height.max(initial=told.edge or 0.0)) or 1.0
-    if told.edge is not None and most > FAR * told.edge:
+    if told.edge is not None and most > WIDE * told.edge:
         axes.set_yscale("symlog", linthresh=2.0 * told.edge)
     axes.set_ylim(0.0, 1.12 * most)
-    late, taken = first + 0.8 * (last - first), np.empty((0, 2))
-    for k in np.argsort(height, kind="stable")[:LEAST_NAMED].tolist():
-        spot = np.array([(time[k] - first) / (last - first), height[k] / most])
-        if (np.abs(taken - spot) < APART).all(axis=1).any():
-            continue
-        taken = np.vstack([taken, spot])
-        side = (-6, "right") if time[k] > late else (6, "left")
-        look: dict[str, Any] = {"textcoords": "offset points", "fontsize": SMALL, "color": INK, "ha": side[1]}
-        place = (float(ticks(time[k])), float(height[k]))
-        plain(axes.annotate(told.called(int(rows[k])), place, (side[0], 5), **look))
     axes.set_ylabel(told.what)
-    room = MARGIN * (last - first)
     time_axes([axes], ticks, first - room, last + room)
-    plain(headline(figure, said))
+    least = np.argsort(height, kind="stable")[:LABELLED]
+    points = np.column_stack([ticks(time), height])[least]
+    label(axes, points, [told.called(int(k)) for k in rows[least]], spots=NEAR)
+    headline(figure, said)
     return figure
 
 
@@ -129,16 +198,32 @@ def intervals(
     """Plot a row for each of the first 40 names: a dot at its value, and a line from `low` to `high`."""
     value, below, above = (np.ravel(np.asarray(part, dtype=float))[:MOST] for part in (values, low, high))
     rows = np.arange(len(value))[::-1]
-    figure = sheet(1.9 + ROW * max(2, len(rows)))
-    wide, tall = figure.get_size_inches()
-    axes = area(figure, WORDS, 0.7, wide - WORDS - BESIDE, tall - 0.7 - 0.7)
-    dress(axes)
+    figure, (axes,) = chart(1.9 + 0.34 * max(2, len(rows)))
     axes.hlines(rows, below, above, color=AFTER, linewidth=5.0, alpha=0.35)
     axes.plot(value, rows, "o", color=AFTER, markersize=7, linestyle="")
-    axes.set_yticks(rows, list(names)[: len(rows)], fontsize=SMALL)
-    for words in axes.get_yticklabels():
-        plain(words)
+    name_rows(axes, rows, list(names)[: len(rows)])
     axes.set_ylim(-0.6, len(rows) - 0.4)
     axes.set_xlabel(what)
-    plain(headline(figure, said))
+    headline(figure, said)
     return figure
+
+
+def name_rows(axes: Axes, levels: Any, names: Sequence[str], tints: Sequence[Any] = ()) -> None:
+    """Write the names of rows on the left of axes."""
+    axes.set_yticks(levels, list(names), fontsize=SMALL if len(names) <= 20 else SMALL - 3)
+    axes.tick_params(axis="y", length=0)
+    for k, text in enumerate(axes.get_yticklabels()):
+        plain(text).set_color(tints[k] if len(tints) else INK)
+
+
+def timeline(axes: Axes, ticks: Clock, rows: Sequence[tuple[str, Any, Floats]]) -> None:
+    """Draw rows of bars: a name, a colour, and intervals (K, 2) [s]; edges keep short bars visible."""
+    axes.grid(visible=False, axis="y")
+    for row, (name, colour, bars) in enumerate(rows):
+        axes.axhline(row, color=OTHER, linewidth=0.7, zorder=1)
+        begin, over = ticks(np.reshape(bars, (-1, 2)).T)
+        widths = np.column_stack([begin, over - begin])
+        look: dict[str, Any] = {"facecolors": colour, "edgecolors": colour, "linewidth": 0.8}
+        axes.broken_barh(widths.tolist(), (row - 0.3, 0.6), label=name, zorder=2, **look)
+    name_rows(axes, range(len(rows)), [name for name, *_ in rows], [colour for _, colour, _ in rows])
+    axes.set_ylim(len(rows) - 0.4, -0.6)

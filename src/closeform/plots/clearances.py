@@ -1,47 +1,76 @@
-"""Cost of clearance: minimum energy or delta-v against the size of the zones."""
+"""Clearance of pairs against time: in clearance ratios, in sigmas, along each axis, and in free drift."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from closeform.arrays import Floats, instance
-from closeform.planning.clearance_cost_curve import ClearanceCostCurve, slope
-from closeform.planning.max_clearance import MaxClearance
-from closeform.planning.plan import Avoidance, Plan
-from closeform.plots.palette import AFTER, BEFORE, CONFLICT, FAINT, INK, OTHER, ZONE
+from closeform.arrays import Floats, instance, number, sequence, shown, whole
+from closeform.conflicts.two_paths import Conflict, closest_approach, find_conflicts, nearest_first
+from closeform.motion.path import Path
+from closeform.plots.charts import Curve, Panel, series, styled, timeline
+from closeform.plots.inputs import crafts, one_craft, texts
+from closeform.plots.pairs import Pairs, asked_pairs, ratio_text, verdict_of_pairs
+from closeform.plots.palette import AFTER, BEFORE, CONFLICT, DIRECTIONS, INK, ZONE
 from closeform.plots.style import (
     DASHED,
-    DOTTED,
-    HALO,
-    SMALL,
+    Clock,
     Unit,
     chart,
+    clock,
+    common_time,
     headline,
-    signed_percent,
-    speed_unit,
+    instants,
+    length_unit,
+    plain_unit,
+    time_axes,
 )
+from closeform.plots.text import SMALL, short_names
+from closeform.safety.drift_approach import DriftApproach, drift_approach
+from closeform.uncertainty.clearance import clearance_in_sigmas
+from closeform.uncertainty.errors import Uncertainty
+from closeform.zones.combined_zones import OwnZone
+from closeform.zones.pair_zones import PairZones
+from closeform.zones.shapes import CUBE
+from closeform.zones.solids import HalfSpaces
+from closeform.zones.zone import Zone
 
-STEEPEST = 3.0  # times the rise between two plans: maximum slope of a monotone cubic
-POINTS = 24  # points of a curve between two plans
-SAME = 0.0  # cosine of the angle between two normals, above which the passing side is the same
+RATIO = "clearance ratio [× zone]"
+TANGLED = 8.0  # curves times orbits above which each pair has its own panel
+BEYOND = 1e12  # [m] stands for an open side of a zone, beyond all spacecraft
+FAR = 20.0  # zone extents above which a distance has a logarithmic scale
+BRIEF = 1e-6  # s, so short that the state does not change: clearance at an instant
+INSTANTS, SHARES = 480, 64  # failure times per curve, and fractions of an impulse at which thrust is lost
+RESOLVED = 5.0  # times the largest minimum or the zone: upper limit of an axis that resolves minima
 
 
-def clearance(found: ClearanceCostCurve, most: MaxClearance | None = None) -> Figure:
-    """Plot the cost of a plan against the size of the zones: a point for each plan, a curve through them.
+def ratios(
+    before: Path,
+    after: Path,
+    obstacles: Path | Sequence[Path],
+    zone: Zone,
+    names: Sequence[str] | None = None,
+) -> Figure:
+    """Plot the clearance ratio of a spacecraft to its obstacles, before and after; below 1 is a conflict.
 
-    The curve has the slope of each plan at its point. Dots join two plans with different passing sides.
-    Crosses at the top are sizes for which no clear plan was found. The dashed line is the cost without
-    obstacles.
+    Thin lines are the ratios to each obstacle on the path after, thick lines the minimum of all. A dot marks
+    the exact minimum.
 
     Parameters
     ----------
-    found : ClearanceCostCurve
-        Result of `clearance_cost_curve`.
-    most : MaxClearance, optional
-        Result of `max_clearance`; a line shows its budget, and a ring the largest zones within that budget.
+    before, after : Path
+        Paths of one spacecraft; the same path if nothing changed.
+    obstacles : Path or sequence of Path
+        Path of any shape, or a sequence of paths; at least one.
+    zone : Zone
+        Keep-out zone around each obstacle.
+    names : sequence of str, optional
+        Names of the obstacles.
 
     Returns
     -------
@@ -51,128 +80,486 @@ def clearance(found: ClearanceCostCurve, most: MaxClearance | None = None) -> Fi
     Raises
     ------
     ValueError
-        If `found` is not a `ClearanceCostCurve` or has no plan, or `most` is not a `MaxClearance` of zones
-        with a plan.
+        If a path is a batch, there is no obstacle, one shares no time with a path, the number of names is
+        wrong, or an argument has the wrong type.
     """
-    instance("found", found, ClearanceCostCurve)
-    if not np.isfinite(found.spent).any():
-        raise ValueError("found: no clear plan was found at any size; there is nothing to show")
-    if most is not None and not instance("most", most, MaxClearance).ok:
-        raise ValueError(f"most: has no plan; {most.reason}")
-    factors, costs, slopes, plans = found.factor, found.spent, found.slope, list(found.plans)
-    if most is not None and most.sigmas == most.sigmas:
-        raise ValueError("most: of sigmas, not of the size of zones; make it without errors")
-    if most is not None and most.plan is not None:  # an ordinary point of the curve
-        own = most.factor, most.plan.spent, slope(most.plan, most.factor)
-        factors, costs, slopes = (
-            np.append(*pair) for pair in zip((factors, costs, slopes), own, strict=True)
-        )
-        plans.append(most.plan)
-    order = np.argsort(factors, kind="stable")
-    factors, costs, slopes = (each[order] for each in (factors, costs, slopes))
-    plans = [plans[k] for k in order]
-    highest = max(float(np.nanmax(costs)), 0.0 if most is None else most.budget)
-    up = speed_unit(highest) if found.cost == "delta-v" else energy_unit(highest)
+    one_craft("before", before)
+    one_craft("after", after)
+    instance("zone", zone, Zone)
+    others = crafts("obstacles", obstacles)
+    if not others:
+        raise ValueError("obstacles: give at least one path")
+    called = short_names(names, len(others), "obstacles") if names is not None else []
+    start, end = min(before.start, after.start), max(before.end, after.end)
+    ticks, curves, least, most = clock(before, start, end), list[Curve](), list[float](), 0.0
+    looks: list[tuple[Path, str, Any]] = [(after, AFTER, "-")]
+    if before is not after:
+        looks.insert(0, (before, BEFORE, DASHED))
+    for path, colour, dashes in looks:
+        times = instants(path.start, path.end, path, *others)
+        each = np.full((len(others), len(times)), np.nan)
+        for row, other in zip(each, others, strict=True):
+            first, last = common_time(path, other)
+            both = (times >= first) & (times <= last)
+            row[both] = zone.norm(path.position(times[both]) - other.position(times[both]))
+        near = [closest_approach(path, other, zone) for other in others]
+        k = min(range(len(others)), key=lambda k: nearest_first(near[k].ratio, near[k].time))
+        when = f"{near[k].ratio:.2f} × zone{f', {called[k]}' if called else ''} at {ticks.text(near[k].time)}"
+        role = "closest" if len(looks) == 1 else "after" if path is after else "before"
+        dot, label = (near[k].time, near[k].ratio), f"{role}: {when}"
+        curves.append(Curve(times, np.fmin.reduce(each), label, colour, dashes, 2.4, dot))
+        least.append(near[k].ratio)
+        most = max(most, float(np.nanmax(each)))
+        if path is after and len(others) > 1:
+            curves.insert(0, Curve(times, each, colour=AFTER, width=0.8))
+    most = min(1.05 * most, RESOLVED * max(1.0, *least))
+    change = f"Before {least[0]:.2f} × zone, after " if len(looks) > 1 else "Closest "
+    last_near = f"{least[-1]:.2f} × zone"
+    said = f"{change}{last_near} at {ticks.text(curves[-1].dot[0])}" if curves[-1].dot else change
+    return series(said, [Panel(RATIO, curves, 1.0, most=most)], ticks, start, end, height=5.9)
 
-    figure, axes = chart(5.2, beside=0.3 if not found.free > 0.0 else 1.0)
-    axes.axvline(1.0, color=FAINT, linewidth=2.0)
-    axes.axhline(found.free / up.size, color=BEFORE, linestyle=DASHED, linewidth=1.2)
-    seen = np.flatnonzero(np.isfinite(costs))
-    for k, m in zip(seen, seen[1:], strict=False):
-        ends = factors[[k, m]], costs[[k, m]], slopes[[k, m]]
-        if m == k + 1 and alike(plans[k], plans[m]) and np.isfinite(ends[2]).all():
-            across, curve = between(*ends)
-            axes.plot(across, curve / up.size, color=AFTER, linewidth=2.0)
+
+def closest_pairs(
+    paths: Path | Sequence[Path],
+    zones: OwnZone | Sequence[OwnZone | None] | PairZones | None,
+    names: Sequence[str] | None = None,
+    count: int = 4,
+) -> Figure:
+    """Plot the clearance ratio of the closest pairs against time; below 1 is a conflict.
+
+    Each line is the clearance ratio of one pair over its common time, with a dot at the exact minimum. The
+    axis is logarithmic above 1 if a line exceeds the linear range. Many pairs over many orbits have a panel
+    each.
+
+    Parameters
+    ----------
+    paths : Path or sequence of Path
+        Path of shape (N,), or N paths.
+    zones : Zone, CovarianceZone, Body, None, sequence of these, or PairZones
+        One zone for all spacecraft or one for each, combined for a pair as in `screen`; None: no zone of its
+        own.
+    names : sequence of str, optional
+        Names of the spacecraft; default: their indices.
+    count : int, default 4
+        Maximum number of pairs shown.
+
+    Returns
+    -------
+    Figure
+        Matplotlib figure; save it with its `savefig` method.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than two spacecraft, the number of names is wrong, `count` is below 1, no pair has
+        a zone and a common time, or an argument has the wrong type.
+    """
+    pairs, called = asked_pairs(paths, zones, names)
+    whole("count", count, 1)
+    chosen = pairs.order[:count]
+    sampled = [along(pairs, k) for k in chosen]
+    start = min((float(times[0]) for times, _ in sampled), default=0.0)
+    end = max((float(times[-1]) for times, _ in sampled), default=0.0)
+    if not start < end:
+        raise ValueError("paths: no two craft that have a zone share a time")
+    ticks, curves = clock(pairs.paths, start, end), list[Curve]()
+    for row, (k, (times, values)) in enumerate(zip(chosen, sampled, strict=True)):
+        one, other = (called[craft] for craft in pairs.craft[k])
+        when, ratio = float(pairs.time[k]), float(pairs.ratio[k])
+        words = f"{one} and {other}: {ratio_text(ratio)} × zone at {ticks.text(when)}"
+        curves.append(Curve(times, values, words, dot=(when, ratio), width=2.2, **styled(row)))
+    tangled = len(curves) > 1 and len(curves) * (end - start) / pairs.paths.orbit.period > TANGLED
+    groups = [[curve] for curve in curves] if tangled else [curves]
+    what, edge = ("[× zone]", "") if tangled else (RATIO, "keep-out zone")
+    panels = [Panel(what, group, 1.0, edge, scale="ratio") for group in groups]
+    more = int(pairs.hit.sum()) - sum(bool(pairs.stays[k]) for k in chosen)
+    said = verdict_of_pairs(pairs, called) + (f"; {more} more in conflict" if more else "")
+    height = 2.4 + 1.15 * len(panels) + 0.2 * len(curves) if tangled else 5.5 + 0.25 * len(curves)
+    return series(said, panels, ticks, start, end, height=height)
+
+
+def along(pairs: Pairs, k: int) -> tuple[Floats, Floats]:
+    """Return times [s] and ratios of a pair, including its minimum and the ends of conflicts."""
+    one, other = (pairs.paths[craft] for craft in pairs.craft[k].tolist())
+    start, end = max(one.start, other.start), min(one.end, other.end)
+    edges = [time for stay in pairs.stays[k] for time in (stay.start, stay.end)]
+    times = np.union1d(instants(start, end, one, other), [pairs.time[k], *edges])
+    return times, pairs.zone[k].norm(one.position(times) - other.position(times))
+
+
+@dataclass(frozen=True, eq=False)
+class Deviations:
+    """Relative states (T, 6) of two spacecraft at `times` (T,), and their covariances (T, 6, 6)."""
+
+    path: Path
+    times: Floats
+    states: Floats
+    covariances: Floats
+
+    @classmethod
+    def of(cls, path: Path, other: Path, errors: Any, other_errors: Any) -> Deviations:
+        """Sample two paths; raise ValueError if they share no time or an argument has the wrong type."""
+        start, end = common_time(path, other)
+        times = instants(start, end, path, other)
+        covariances = np.zeros((len(times), 6, 6))
+        for name, one, craft in (("errors", errors, path), ("other_errors", other_errors, other)):
+            if one is not None:
+                covariances += instance(name, one, Uncertainty).covariance(craft, times)
+        return cls(path, times, path.state(times) - other.state(times), covariances)
+
+    def sigmas(self, zone: Zone) -> Floats:
+        """Return the clearance of a zone in sigmas (T,), nan if the zone is out of reach of any error."""
+        still = self.path.orbit.coast(self.states, BRIEF)
+        there = self.path.orbit.coast(np.zeros(6), BRIEF)
+        places = np.zeros_like(self.covariances)  # velocity errors have no effect in so short a time
+        places[:, :3, :3] = self.covariances[:, :3, :3]
+        found = clearance_in_sigmas(still, there, zone, [Uncertainty(one) for one in places]).sigmas
+        return np.where(np.isfinite(found), found, np.nan)
+
+
+def sigmas(
+    path: Path | Sequence[Path],
+    other: Path | Sequence[Path],
+    zone: Zone | Sequence[Zone],
+    errors: Uncertainty | Sequence[Uncertainty | None] | None,
+    other_errors: Uncertainty | Sequence[Uncertainty | None] | None = None,
+    asked: float | None = None,
+    names: Sequence[str] | None = None,
+) -> Figure:
+    """Plot the clearance in sigmas of one or more pairs against time; a dot marks the exact minimum.
+
+    Parameters
+    ----------
+    path, other : Path or sequence of Path
+        Paths of one spacecraft each, or P paths each, in one orbit; pair k consists of both paths k.
+    zone : Zone or sequence of Zone
+        One zone for all pairs, or one for each.
+    errors : Uncertainty, sequence of these, or None
+        Uncertainty of the first spacecraft of each pair: one for all or one for each.
+    other_errors : Uncertainty, sequence of these, or None, default None
+        Uncertainty of the second spacecraft.
+    asked : float, no unit, optional
+        Required clearance in sigmas; the range below it is shaded.
+    names : sequence of str, optional
+        Names of the pairs.
+
+    Returns
+    -------
+    Figure
+        Matplotlib figure; save it with its `savefig` method.
+
+    Raises
+    ------
+    ValueError
+        If the numbers of paths, zones, errors or names differ, two paths share no time, no error of any size
+        causes a conflict, `asked` is not above 0, or an argument has the wrong type.
+    """
+    firsts, seconds = crafts("path", path), crafts("other", other)
+    if not firsts or len(firsts) != len(seconds):
+        raise ValueError(f"path, other: {len(firsts)} and {len(seconds)} craft; give pairs")
+    count = len(firsts)
+    zones = each("zone", zone, count, Zone)
+    if asked is not None and not 0.0 < number("asked", asked) < np.inf:
+        raise ValueError(f"asked: must be finite and above 0, got {asked:g}")
+    own = each("errors", errors, count, Uncertainty, type(None))
+    theirs = each("other_errors", other_errors, count, Uncertainty, type(None))
+    if not any(one is not None for one in (*own, *theirs)):
+        raise ValueError("errors: no spacecraft has any; give an Uncertainty for one of each pair")
+    called = [f"pair {k}" for k in range(count)] if names is None else texts("names", names, count, "pairs")
+
+    pairs = list(zip(firsts, seconds, zones, own, theirs, strict=True))
+    start = min(max(one.start, two.start) for one, two, *_ in pairs)
+    end = max(min(one.end, two.end) for one, two, *_ in pairs)
+    ticks, curves, least = clock(firsts[0], start, end), list[Curve](), list[tuple[float, str]]()
+    for k, (one, two, around, own_errors, their_errors) in enumerate(pairs):
+        found = Deviations.of(one, two, own_errors, their_errors)
+        near = clearance_in_sigmas(one, two, around, own_errors, their_errors)
+        known, when = np.isfinite(near.time), ticks.text(near.time)
+        dot = (near.time, near.sigmas) if known else None
+        words = f"{called[k]}: {near.sigmas:.3g} sigma at {when}"
+        curves.append(Curve(found.times, found.sigmas(around), words, dot=dot, **styled(k)))
+        if known:
+            least.append((near.sigmas, f"{near.sigmas:.2f} sigma at least: {called[k]} at {when}"))
+    if not least:
+        raise ValueError(
+            "errors: none of any size brings two of these craft together; there is nothing to show"
+        )
+    panel = Panel("clearance [sigma]", curves, asked, f"required: {asked:g}" if asked else "", "log")
+    return series(f"Clear by {min(least)[1]}", [panel], ticks, start, end, height=5.9)
+
+
+def each(name: str, given: Any, count: int, *kinds: Any) -> list[Any]:
+    """Return an argument as a list of one value per pair, or raise ValueError."""
+    some = list(sequence(name, given, *kinds)) if isinstance(given, list | tuple) else [given] * count
+    for one in some:
+        instance(name, one, *kinds)
+    if len(some) != count:
+        raise ValueError(f"{name}: {len(some)} for {count} pairs; give one, or one for each")
+    return some
+
+
+@dataclass(frozen=True, eq=False)
+class Failed:
+    """Outcome of failures of one spacecraft: `times` [s], minimum ratios, and times of closest approach."""
+
+    path: Path
+    other: Path
+    zone: Zone
+    until: float
+    times: Floats
+    ratios: Floats
+    met: Floats
+    worst: DriftApproach
+
+    @classmethod
+    def of(cls, path: Path, other: Path, zone: Zone, until: float) -> Failed:
+        """Evaluate failures over the path; raise ValueError under the same conditions as `drift_approach`."""
+        worst = drift_approach(path, other, zone, until)
+        first, last = max(path.start, other.start), path.end
+        joints = instants(first, last, path)
+        joints = joints[
+            np.isin(joints, path.arcs[:, 0]) | np.isin(np.nextafter(joints, np.inf), path.arcs[:, 0])
+        ]
+        times = np.union1d(np.linspace(first, last, INSTANTS), joints)
+        after = times < until
+        times, states = failing(path, times[after] if after.any() else times[:1])
+        if np.isfinite(until):
+            drifts = path.orbit.coast(states, until - times, times)
+            near: Any = closest_approach(drifts, other, zone)
         else:
-            axes.plot(ends[0], ends[1] / up.size, color=OTHER, linestyle=DOTTED, linewidth=1.4)
-    axes.plot(factors[seen], costs[seen] / up.size, "o", color=AFTER, markersize=4.5)
-    lost = np.setdiff1d(np.arange(len(factors)), seen)
-    if len(lost):
-        look: dict[str, Any] = {"color": CONFLICT, "transform": axes.get_xaxis_transform(), "clip_on": False}
-        axes.plot(factors[lost], np.full(len(lost), 1.0), "x", markersize=7, **look)
-    if most is not None:
-        show_most(axes, most, up)
-    scales(figure, axes, found, up)
-    headline(figure, words(found, most, up))
+            near = drift_approach(path.orbit.coast(states, 1.0, times), other, zone, until)
+        return cls(path, other, zone, until, times, near.ratio, near.time, worst)
+
+    def story(self, ticks: Clock) -> str:
+        """Return the worst failure as text."""
+        lost = f"{precise(self.worst.ratio)} × zone if thrust is lost at {ticks.text(self.worst.failed_at)}"
+        if not np.isfinite(self.worst.time):
+            return f"{lost}, in a drift without an end"
+        return f"{lost}, {duration(self.worst.time - self.worst.failed_at)} later"
+
+
+def failing(path: Path, times: Floats) -> tuple[Floats, Floats]:
+    """Return failure times (K,) [s] and states (K, 6), including partial impulses."""
+    found, states = [times], [path.state(times)]
+    for at, jump in path.impulses:
+        if times[0] <= at <= times[-1]:
+            amid = np.repeat(path.state(at)[None], SHARES, axis=0)
+            amid[:, 3:] -= np.linspace(1.0, 0.0, SHARES, endpoint=False)[:, None] * jump
+            found.append(np.full(SHARES, at))
+            states.append(amid)
+    every = np.concatenate(found)
+    order = np.argsort(np.concatenate([*found[1:], times]), kind="stable")  # partial impulses first
+    order = (order + len(times)) % len(every)
+    return every[order], np.concatenate(states)[order]
+
+
+def drift_ratios(
+    path: Path | Sequence[Path],
+    other: Path | Sequence[Path],
+    zone: Zone | Sequence[Zone],
+    until: float,
+    labels: Sequence[str] | None = None,
+    before: tuple[Path, Path, Zone] | None = None,
+) -> Figure:
+    """Plot the closest approach in free drift against the time of thrust loss; below 1 is a conflict.
+
+    Each curve is the minimum clearance ratio of a pair over the whole drift. At an impulse it covers all
+    fractions of the impulse that may have been executed. A ring marks the certified worst case of each pair,
+    which may lie between the sampled times.
+
+    Parameters
+    ----------
+    path : Path or sequence of Path
+        Paths of the failing spacecraft, one for each pair.
+    other : Path or sequence of Path
+        Paths of the other spacecraft, up to the end of the drift.
+    zone : Zone or sequence of Zone
+        One zone for each pair, or one for all.
+    until : float [s]
+        End of the drift, as in `drift_approach`.
+    labels : sequence of str, optional
+        Label of each pair.
+    before : tuple of (Path, Path, Zone), optional
+        Pair on its direct paths, without passive safety, and its zone; drawn dashed.
+
+    Returns
+    -------
+    Figure
+        Matplotlib figure; save it with its `savefig` method.
+
+    Raises
+    ------
+    ValueError
+        If the number of others, zones or labels differs from that of paths, `before` has the wrong type, or
+        under the same conditions as `drift_approach`.
+    """
+    fail, fly = crafts("path", path), crafts("other", other)
+    zones = [zone] * len(fail) if isinstance(zone, Zone) else sequence("zone", zone, Zone)
+    for name, some in (("other", fly), ("zone", zones)):
+        if len(some) != len(fail):
+            raise ValueError(f"{name}: {len(some)} for {len(fail)} paths; give one for each")
+    if not fail:
+        raise ValueError("path: give at least one")
+    called = texts("labels", labels, len(fail), "paths") if labels is not None else [""] * len(fail)
+    found = [Failed.of(*pair, until) for pair in zip(fail, fly, zones, strict=True)]
+    direct = None if before is None else Failed.of(*pair_given("before", before), until)
+    start, end = min(one.times[0] for one in found), max(one.times[-1] for one in found)
+    ticks, curves = clock(fail[0], float(start), float(end)), list[Curve]()
+    for k, (one, name) in enumerate(zip(found, called, strict=True)):
+        words = (f"{name}: " if name else "") + one.story(ticks)
+        dot = one.worst.failed_at, one.worst.ratio
+        curves.append(Curve(one.times, one.ratios, words, dot=dot, width=2.2, **styled(k)))
+    said = passive_safety(found)
+    if direct is not None:
+        words = f"direct path: {direct.story(ticks)}"
+        curves.append(Curve(direct.times, direct.ratios, words, INK, DASHED, 1.4))
+        said += f", {precise(direct.worst.ratio)} on the direct path"
+    most = max(float(one.ratios.max()) for one in found)
+    most = min(1.06 * most, RESOLVED * max(1.0, *(one.worst.ratio for one in found)))
+    panel = Panel("clearance ratio in free drift [× zone]", curves, 1.0, most=most)
+    height = 5.6 + 0.3 * len(curves)
+    return series(said, [panel], ticks, float(start), float(end), "time of thrust loss", height)
+
+
+def pair_given(name: str, given: Any) -> tuple[Path, Path, Zone]:
+    """Return a checked tuple of failing path, other path and zone."""
+    if not isinstance(given, tuple) or len(given) != 3:
+        raise ValueError(f"{name}: expected a tuple of two paths and their zone, got {shown(given)}")
+    path, other, zone = given
+    one_craft(name, path)
+    one_craft(name, other)
+    return path, other, instance(name, zone, Zone)
+
+
+def precise(ratio: float) -> str:
+    """Return a ratio as text, with more digits close to 1."""
+    return f"{ratio:.{4 if abs(ratio - 1.0) < 0.005 else 2}f}" if ratio >= 0.1 else f"{ratio:.2g}"
+
+
+def duration(seconds: float) -> str:
+    """Return a duration [s] as text."""
+    unit = plain_unit(seconds) if not 7200.0 <= seconds <= 4e5 else Unit(3600.0, "h")
+    return unit.text(seconds, 3)
+
+
+def passive_safety(found: Sequence[Failed]) -> str:
+    """Return the headline: whether all pairs are passively safe, and the share of unsafe failure times."""
+    worst = min(found, key=lambda one: one.worst.ratio)
+    drift = worst.until - worst.path.end
+    spans = f"for {duration(drift)} after the end" if np.isfinite(drift) else "without an end"
+    if worst.worst.ratio > 1.0:
+        return f"Passively safe {spans}: minimum {precise(worst.worst.ratio)} × zone"
+    risky = np.interp(np.linspace(worst.times[0], worst.times[-1], 2000), worst.times, worst.ratios) <= 1.0
+    share = 100.0 * risky.mean()  # close to 0 if only a partial impulse is unsafe
+    often = f", unsafe {share:.0f} % of the time" if share >= 0.5 else ""
+    return f"Not passively safe {spans}: {precise(worst.worst.ratio)} × zone{often}"
+
+
+def distances(path: Path, other: Path, zone: Zone, names: Sequence[str] | None = None) -> Figure:
+    """Plot the distance along each axis against time, with zone limits and timelines: SP11 figure 1.
+
+    The shaded bands are the extent of the zone. The bars below show the intervals within the extent along
+    each axis, along all three axes (the box around the zone) and, if different, in the zone itself. Their
+    edges are the exact times of `find_conflicts`.
+
+    Parameters
+    ----------
+    path, other : Path
+        Paths of one spacecraft each, in one orbit; the position of the first relative to the other is shown.
+    zone : Zone
+        Keep-out zone around the other spacecraft.
+    names : sequence of str, optional
+        Names of the two spacecraft.
+
+    Returns
+    -------
+    Figure
+        Matplotlib figure; save it with its `savefig` method.
+
+    Raises
+    ------
+    ValueError
+        If a path is a batch, orbits differ, there is no common time, the number of names is not two, or an
+        argument has the wrong type.
+
+    References
+    ----------
+    SP11 (Sauter and Palmer 2011) figure 1.
+    """
+    instance("zone", zone, Zone)
+    start, end = common_time(path, other)
+    one, two = short_names(names, 2)
+    conflicts, ticks = find_conflicts(path, other, zone), clock(path, start, end)
+    times = instants(start, end, path, other)
+    gaps = path.position(times) - other.position(times)
+    rows = [(d.name, d.colour, slab_stays(path, other, zone, axis)) for axis, d in enumerate(DIRECTIONS)]
+    aligned_box = zone.shape == CUBE and np.count_nonzero(zone.matrix) == 3
+    if not aligned_box:
+        rows.append(("all three", INK, slab_stays(path, other, zone, 0, 1, 2)))
+    rows.append(("conflict" if aligned_box else "in the zone", CONFLICT, edges(conflicts)))
+
+    figure, panels = chart(8.6, [1, 1, 1, 0.19 * len(rows) + 0.1])
+    for axis, axes in enumerate(panels[:3]):
+        distance_panel(axes, axis, ticks(times), gaps[:, axis], reach(zone, axis))
+        for conflict in conflicts:
+            axes.axvspan(ticks(conflict.start), ticks(conflict.end), color=CONFLICT, alpha=0.18, linewidth=0)
+    timeline(panels[3], ticks, rows)
+    time_axes(panels, ticks, start, end)
+    said = conflict_story(path, other, zone, conflicts, ticks)
+    headline(figure, f"{one} relative to {two}: {said[0].lower()}{said[1:]}" if names is not None else said)
     return figure
 
 
-def show_most(axes: Any, most: MaxClearance, up: Unit) -> None:
-    """Draw the budget, and the largest zones within it."""
-    assert most.plan is not None
-    height = most.plan.spent / up.size
-    axes.axhline(most.budget / up.size, color=ZONE, linewidth=1.6)
-    axes.plot(most.factor, height, "o", markersize=12, markerfacecolor="none", color=INK, zorder=6)
-    right = most.factor > np.mean(axes.get_xlim())
-    text = axes.annotate(
-        f"{most.factor:.4g} x, {most.metres:+.4g} m: {most.status}".replace("-", "−"),
-        (most.factor, height),
-        (-12, 9) if right else (12, -17),  # where the curve is not
-        textcoords="offset points",
-        ha="right" if right else "left",
-        fontsize=SMALL,
-        color=INK,
-    )
-    text.set_path_effects(HALO)
+def reach(zone: Zone, axis: int) -> Floats:
+    """Return the extent of a zone along one axis (2,), forwards and backwards; inf if it is open."""
+    way = np.eye(3)[axis]
+    return np.asarray(zone.support(np.stack([way, -way])))
 
 
-def scales(figure: Figure, axes: Any, found: ClearanceCostCurve, up: Unit) -> None:
-    """Label the axes: scale factor and metres, cost and relative increase over the plan without obstacles."""
-    axes.set_xlabel("scale factor of the zones")
-    axes.set_ylabel(f"minimum {found.cost} [{up.name}]")
-    others = []
-    metre = float(np.ptp(found.metres) / np.ptp(found.factor)) if np.ptp(found.factor) > 0.0 else 0.0
-    if metre > 0.0:
-        lengths = lambda factor: (factor - 1.0) * metre, lambda length: 1.0 + length / metre
-        above = axes.secondary_xaxis("top", functions=lengths)
-        above.set_xlabel("distance added to the zones [m]", fontsize=SMALL, color=INK)
-        others.append(above)
-    if (free := found.free / up.size) > 0.0:
-        shares = lambda cost: 100.0 * (cost / free - 1.0), lambda share: free * (1.0 + 0.01 * share)
-        beside = axes.secondary_yaxis("right", functions=shares)
-        beside.set_ylabel("increase over the plan without obstacles [%]", fontsize=SMALL, color=INK)
-        others.append(beside)
-    for one in others:
-        one.tick_params(labelsize=SMALL, colors=INK, length=3)
-        for spine in one.spines.values():
-            spine.set_color(OTHER)
+def edges(conflicts: Sequence[Conflict]) -> Floats:
+    """Return the starts and ends (K, 2) [s] of conflicts."""
+    return np.array([(one.start, one.end) for one in conflicts]).reshape(-1, 2)
 
 
-def words(found: ClearanceCostCurve, most: MaxClearance | None, up: Unit) -> str:
-    """Return the headline of the figure."""
-    if most is not None:
-        budget = f"{most.budget / up.size:.4g} {up.name}"
-        share = f" ({signed_percent(most.budget / found.free - 1.0)})" if found.free > 0.0 else ""
-        return f"{budget}{share} afford zones {most.factor:.4g} times as large"
-    seen = np.flatnonzero(np.isfinite(found.spent))
-    first, last = seen[np.argmin(found.factor[seen])], seen[np.argmax(found.factor[seen])]
-    return ", ".join(
-        f"{found.spent[k] / up.size:.4g} {up.name} at {found.factor[k]:.4g} x zone" for k in (first, last)
-    )
+def slab_stays(path: Path, other: Path, zone: Zone, *those: int) -> Floats:
+    """Return the intervals (K, 2) [s] within the extent of a zone along some axes."""
+    ways = [sign * np.eye(3)[axis] for axis in those for sign in (1.0, -1.0)]
+    offsets = np.minimum(np.concatenate([reach(zone, axis) for axis in those]), BEYOND)
+    return edges(find_conflicts(path, other, HalfSpaces(ways, offsets)))
 
 
-def between(factors: Floats, costs: Floats, slopes: Floats) -> tuple[Floats, Floats]:
-    """Return a rising cubic between two plans with their slopes, as far as they allow it."""
-    width, rise = float(np.diff(factors)[0]), float(np.diff(costs)[0])
-    first, last = np.clip(slopes * width, 0.0, STEEPEST * max(rise, 0.0))
-    t = np.linspace(0.0, 1.0, POINTS)
-    curve = costs[0] + rise * t * t * (3.0 - 2.0 * t) + t * (1.0 - t) * (first * (1.0 - t) - last * t)
-    return factors[0] + width * t, curve
+def distance_panel(axes: Axes, axis: int, times: Floats, gap: Floats, ends: Floats) -> None:
+    """Draw the distance along one axis, with the band of the zone's extent."""
+    direction = DIRECTIONS[axis]
+    extent = float(ends[np.isfinite(ends)].max(initial=0.0))
+    unit = length_unit(max(float(np.abs(gap).max()), extent))
+    axes.plot(times, gap / unit.size, color=direction.colour, linewidth=2.2)
+    scale = ""
+    if np.abs(gap).max() > FAR * extent > 0.0:
+        axes.set_yscale("symlog", linthresh=2.0 * extent / unit.size, linscale=0.6)
+        scale = ", log"
+    low, high = axes.get_ylim()
+    low, high = min(low, -1.2 * extent / unit.size), max(high, 1.2 * extent / unit.size)
+    forwards, backwards = ends / unit.size  # an open side extends to the limits
+    axes.axhspan(max(low, -backwards), min(high, forwards), color=ZONE, alpha=0.2, linewidth=0)
+    place: dict[str, Any] = {"xycoords": ("axes fraction", "data"), "textcoords": "offset points"}
+    place |= {"fontsize": SMALL, "color": "#9a6a00"}
+    for edge, sign in ((forwards, "±" if forwards == backwards else ""), (-backwards, "−")):
+        if np.isfinite(edge):
+            axes.axhline(edge, color=ZONE, linewidth=1.2)
+            if sign != "−" or forwards != backwards:
+                axes.annotate(f"{sign}{abs(edge):.3g}", (1.0, edge), (4, 0), va="center", **place)
+    axes.set_ylim(low, high)
+    axes.set_ylabel(f"{direction.name}{scale} [{unit.name}]", color=direction.colour)
 
 
-def alike(one: Avoidance | Plan, other: Avoidance | Plan) -> bool:
-    """Return True if no pair is passed on different sides in two plans."""
-    return all(
-        a.normal @ b.normal > SAME
-        for a in one.contacts
-        for b in other.contacts
-        if (a.first, a.second) == (b.first, b.second)
-    )
-
-
-def energy_unit(greatest: float) -> Unit:
-    """Return the display unit for a maximum energy [m^2/s^3]."""
-    for size, name in ((1.0, "m²/s³"), (1e-6, "mm²/s³")):
-        if greatest >= size:
-            return Unit(size, name)
-    return Unit(1e-12, "µm²/s³")
+def conflict_story(path: Path, other: Path, zone: Zone, conflicts: Sequence[Conflict], ticks: Clock) -> str:
+    """Return the headline: the conflicts, or the closest approach."""
+    if not conflicts:
+        near = closest_approach(path, other, zone)
+        return f"Clear at all times: closest {near.ratio:.2f} × zone at {ticks.text(near.time)}"
+    worst = min(conflicts, key=lambda conflict: conflict.ratio)
+    intervals = [f"{ticks(c.start):.2f} to {ticks(c.end):.2f}" for c in conflicts]
+    short = len(intervals) <= 2
+    listed = f"{', '.join(intervals)} {ticks.unit.name}" if short else f"{len(intervals)} times"
+    return f"In conflict {listed}; closest {worst.ratio:.2f} × zone at {ticks.text(worst.time)}"

@@ -1,52 +1,64 @@
-"""Overview of a mission: paths in space; thrust, conflicts, locks and clearance ratio against time."""
+"""Overview of a mission: paths in space; burns, conflicts, locks and clearance ratio against time."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 
-from closeform.arrays import Floats
+from closeform.arrays import Floats, number, sequence, shown, whole
+from closeform.fuel.burns import Burns, burns_of
 from closeform.motion.path import Path
-from closeform.plots.camera import AXES, OBLIQUE, ORBITAL, framed, window
-from closeform.plots.closest import ratio_axis
-from closeform.plots.fleet import NEAREST, in_space
-from closeform.plots.fonts import inches, plain, short_names
-from closeform.plots.label_placement import Names
-from closeform.plots.palette import AFTER, CONFLICT, FAINT, INK, OTHER, ZONE, colours
-from closeform.plots.stage_flights import Lock, StageFlight, asked, impulses, pairs_found
-from closeform.plots.style import (
-    SMALL,
-    WIDTH,
-    Clock,
-    area,
-    clock,
-    dress,
-    headline,
-    legend,
-    sheet,
-    speed,
-    thrust_unit,
-    time_axes,
-    zone_band,
-)
-from closeform.plots.tracks import NAMED, Formation, closest, together
+from closeform.plots.charts import Curve, Panel, draw
+from closeform.plots.inputs import one_path, texts
+from closeform.plots.pairs import Pairs
+from closeform.plots.palette import CONFLICT, FAINT, INK, OTHER, colours
+from closeform.plots.paths import NAMED, closest_pair, conflicts_of, ends, own_tracks, stretches
+from closeform.plots.space import AXES, INERTIAL, OBLIQUE, ORBITAL, Scene, finished, space_axes
+from closeform.plots.style import Clock, clock, dress, instants, plural, sheet, speed, time_axes
+from closeform.plots.text import SMALL, plain, short_names
+from closeform.plots.thrusts import burn_rows
 from closeform.zones.combined_zones import OwnZone
 from closeform.zones.pair_zones import PairZones
 
-HIGH, SPACE = 6.0, 4.45  # inches: height of the figure, and side of the square view in space
-LEFT, RIGHT, ABOVE, BELOW = 5.6, 0.35, 1.0, 1.25  # inches beside, above and below the panels of time
-STRIP, GAP = 0.32, 0.1  # inches of the row of stages, and between panels
-MARK = 0.75  # inches of a mark in the legend, including its margin
-THIN = 1.0  # points: pulses of seconds in hours have no width
-TALL = 0.8  # of the row height: the strongest thrust and the largest impulse
-SHADE = "#eef1f4"
+CLOSEST, LOOKS = 300, 500  # maximum number of pairs evaluated, and of sample times per stage
+SAME = 1e-9  # of the total duration: overlap of stages allowed for rounding
+ROUNDED = 6  # digits of ratios that are compared
+
+Lock = tuple[float, int, int]
+
+
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """One stage: its paths, sample `times` (T,) [s] for smooth curves, and its pairs."""
+
+    title: str
+    paths: Path
+    times: Floats
+    pairs: Pairs
+
+    @property
+    def least(self) -> float:
+        """Minimum clearance ratio of any pair; inf if there is none."""
+        return float(self.pairs.ratio.min(initial=np.inf))
+
+    @property
+    def curve(self) -> Curve:
+        """Minimum clearance ratio of any pair against time, with its exact minimum."""
+        chosen = self.pairs.order[:CLOSEST]
+        sparse = self.times[:: -(-len(self.times) // LOOKS)]
+        times = np.union1d(np.append(sparse, self.times[-1]), self.pairs.time[chosen])
+        places, least = self.paths.position(times), np.full(len(times), np.inf)
+        for zone in {id(self.pairs.zone[k]): self.pairs.zone[k] for k in chosen}.values():
+            one, other = self.pairs.craft[[k for k in chosen if self.pairs.zone[k] is zone]].T
+            least = np.minimum(least, zone._norm(places[one] - places[other]).min(axis=0))
+        near = chosen[0]
+        return Curve(times, least, dot=(float(self.pairs.time[near]), float(self.pairs.ratio[near])))
 
 
 def overview(
@@ -56,11 +68,11 @@ def overview(
     titles: Sequence[str] | None = None,
     locks: Sequence[Lock] = (),
 ) -> Figure:
-    """Plot a whole mission: all paths in space, and thrust, conflicts and closest approach against time.
+    """Plot a whole mission: all paths in space, and burns, conflicts and closest approach against time.
 
     The left panel shows every path from its start (ring) to its end (dot). The right panel has a row for each
-    spacecraft, with thrust as areas and impulses as lines, both scaled to the strongest. A lock joins the
-    rows of its two spacecraft, and so does a conflict. If there are zones, the panel below shows the minimum
+    spacecraft with a bar for each burn, as high as its delta-v. A lock joins the rows of its two spacecraft,
+    and so does a conflict. If there are zones, the panel below shows the minimum
     clearance ratio of the 300 closest pairs of each stage.
 
     Parameters
@@ -88,210 +100,130 @@ def overview(
         If there is no stage, shapes or orbits differ, a stage begins before the last has ended, the number of
         names or titles is wrong, a lock names an unknown spacecraft, or an argument has the wrong type.
     """
-    flights = asked(stages, zone, titles)
-    first = flights[0].paths
-    called = short_names(names, len(first))
-    found = pairs_found(locks, len(first))
-    figure = sheet(HIGH)
-    in_orbit, tints = bool(first.orbit.mean_motion), colours(len(first))
-    flown = whole(flights, called)
-    space = area(figure, 0.1, BELOW - 0.5, SPACE, SPACE)
-    camera = ORBITAL if in_orbit else OBLIQUE
-    window(space, camera(flown.points), camera, AXES if in_orbit else "xyz", 0.35)
-    framed(space, "")
-    in_space(space, camera, flown, Names(figure, called if len(called) <= NAMED else ()))
-    start, end = flights[0].start, flights[-1].end
-    ticks = clock(first, start, end)
-    panels = against_time(figure, bool(len(flights[0].pairs)))
-    shown = [
-        *stage_strip(panels[0], flights, ticks, end - start),
-        *rows(panels[1], flights, ticks, called, tints),
-    ]
-    shown += meetings(panels[1], flights, ticks, len(called), found)
-    if len(panels) > 2:
-        nearness(panels[2], flights, ticks)
+    flights = stages_given(stages, zone, titles)
+    first, start, end = flights[0].paths, float(flights[0].times[0]), float(flights[-1].times[-1])
+    called, ticks, tints = short_names(names, len(first)), clock(first, start, end), colours(len(first))
+    found, count = locks_given(locks, len(first)), len(first)
+
+    figure, zones = sheet(6.4), bool(len(flights[0].pairs))
+    grid = figure.add_gridspec(3 if zones else 2, 2, height_ratios=(0.12, 1.1, 0.9)[: 3 if zones else 2])
+    view = figure.add_subplot(grid[:, 0])
+    strip, rows, *below = (figure.add_subplot(grid[k, 1]) for k in range(3 if zones else 2))
+    panels = [strip, rows, *below]
     for axes in panels[1:]:
+        dress(axes)
         for flight in flights[1:]:
-            axes.axvline(float(ticks(flight.start)), color=OTHER, linewidth=0.8, zorder=1)
+            axes.axvline(float(ticks(flight.times[0])), color=OTHER, linewidth=0.8, zorder=1)
+    stage_strip(strip, flights, ticks, end - start)
+    burns = [joined([burns_of(flight.paths[k]).told for flight in flights]) for k in range(count)]
+    largest = burn_rows(
+        rows, ticks, burns, called if count <= NAMED else [""] * count, tints, end - start, False
+    )
+    rows.set_ylabel(f"burns, up to {speed(largest)}" if largest else "no burns", fontsize=SMALL)
+    events(rows, flights, ticks, count, found)
+    for axes in below:
+        curves = [flight.curve for flight in flights]
+        draw(axes, Panel("closest [× zone]", curves, 1.0, scale="ratio"), ticks, [], [])
     time_axes(panels, ticks, start, end)
-    marks(figure, flown, shown)
-    headline(figure, said(flights, flown, len(called)))
-    return figure
+    for axes in panels[:-1]:
+        axes.tick_params(labelbottom=False)
+
+    scene, conflicts, story = whole_mission(flights, called)
+    in_orbit = bool(first.orbit.mean_motion)
+    camera = ORBITAL if in_orbit else OBLIQUE
+    space_axes(view, camera(scene.points), camera, AXES if in_orbit else INERTIAL)
+    said = f"{count} craft, {plural(len(flights), 'stage')}"
+    if zones:
+        pairs = f"{conflicts} of {len(flights[0].pairs)} pairs in conflict" if conflicts else "paths clear"
+        said += f": {'; '.join(filter(None, (pairs, story)))}"
+    return finished(figure, [(view, scene, camera, 1.0), (rows, Scene([]), camera, 1.0)], said)
 
 
-def whole(flights: list[StageFlight], called: list[str]) -> Formation:
-    """Return all stages as one Formation for the view in space."""
+def stages_given(stages: Any, zone: Any, titles: Any) -> list[Stage]:
+    """Return the checked stages, each with its pairs."""
+    paths = sequence("stages", stages, Path)
+    if not paths:
+        raise ValueError("stages: give at least one path")
+    first = one_path("stages", paths[0])
+    matching = all(
+        path.shape == first.shape and path.orbit.mean_motion == first.orbit.mean_motion for path in paths
+    )
+    if len(first.shape) != 1 or not matching:
+        raise ValueError(
+            f"stages: must be of one orbit and one shape (N,), got {[one.shape for one in paths]}"
+        )
+    numbers = [str(number) for number in range(1, len(paths) + 1)]
+    words = numbers if titles is None else texts("titles", titles, len(paths), "stages")
+    found: list[Stage] = []
+    for title, path in zip(words, paths, strict=True):
+        times = instants(float(np.max(path.start)), float(np.min(path.end)), path)
+        if found and times[0] < found[-1].times[-1] - SAME * (times[-1] - found[0].times[0]):
+            raise ValueError(f"stages: {title} begins at {times[0]:g} s, before {found[-1].title} has ended")
+        found.append(Stage(title, path, times, Pairs.of(path, zone, name="zone")))
+    return found
+
+
+def locks_given(locks: Any, count: int) -> list[Lock]:
+    """Return the checked locks of `count` spacecraft."""
+    found = []
+    for lock in sequence("locks", locks, tuple):
+        if len(lock) != 3:
+            raise ValueError(f"locks: expected (time, craft, craft), got {shown(lock)}")
+        time = number("locks", lock[0])
+        one, other = (whole("locks", craft, 0) for craft in lock[1:])
+        if max(one, other) >= count:
+            raise ValueError(f"locks: there is no craft {max(one, other)}, of {count}")
+        found.append((time, one, other))
+    return found
+
+
+def whole_mission(flights: list[Stage], called: list[str]) -> tuple[Scene, int, str]:
+    """Return the scene of all stages, the number of pairs in conflict, and the closest pair as text."""
     count = len(called)
-    pieces = [flight.paths.position(flight.times) for flight in flights]
-    tracks = [np.concatenate([piece[k] for piece in pieces]) for k in range(count)]
-    stays = [
-        flight.paths[k].position(np.linspace(start, end, 60))
-        for flight in flights
-        for k, spans in enumerate(together(flight.pairs, count))
-        for start, end in spans
-    ]
-    nearest = min(flights, key=lambda flight: round(flight.least, 6))
-    near = closest(nearest.pairs, count, called)
-    hit = {tuple(pair) for flight in flights for pair in flight.pairs.craft[flight.pairs.hit].tolist()}
-    every = list(range(count))
-    return Formation("", tracks, stays, [], near, len(hit), len(flights[0].pairs), "", every, [])
+    lines = [np.concatenate([one.paths[k].position(one.times) for one in flights]) for k in range(count)]
+    tracks = own_tracks(lines)
+    for one in flights:
+        for k, intervals in enumerate(conflicts_of(one.pairs, count)):
+            tracks += stretches(one.paths[k], intervals)
+    nearest = min(flights, key=lambda one: round(one.least, ROUNDED))
+    shapes, marks, story = closest_pair(nearest.pairs, count, called)
+    hit = {tuple(pair) for one in flights for pair in one.pairs.craft[one.pairs.hit].tolist()}
+    return Scene(tracks, [*ends(lines, called), *marks], shapes), len(hit), story
 
 
-def against_time(figure: Figure, zones: bool) -> list[Axes]:
-    """Add stacked axes: the strip of stages, the rows of spacecraft and, with `zones`, the ratio."""
-    wide = WIDTH - LEFT - RIGHT
-    room = HIGH - ABOVE - BELOW - STRIP - GAP
-    shares = (0.55 * room, 0.45 * room - GAP) if zones else (room,)
-    made, top = [area(figure, LEFT, HIGH - ABOVE - STRIP, wide, STRIP)], HIGH - ABOVE - STRIP
-    for tall in shares:
-        made.append(area(figure, LEFT, top - GAP - tall, wide, tall))
-        top -= GAP + tall
-        dress(made[-1])
-        made[-1].yaxis.set_label_coords(-0.5 / wide, 0.5)
-    return made
+def joined(every: Sequence[Burns]) -> Burns:
+    """Return the burns of consecutive stages."""
+    return Burns(*(np.concatenate(column) for column in zip(*every, strict=True)))
 
 
-def stage_strip(axes: Axes, flights: list[StageFlight], ticks: Clock, duration: float) -> list[Any]:
-    """Draw the strip of stages, with titles where they fit."""
+def stage_strip(axes: Axes, flights: list[Stage], ticks: Clock, duration: float) -> None:
+    """Draw the strip of stages, with titles, or their first words, where they fit."""
     axes.set(ylim=(0.0, 1.0), yticks=[])
     axes.tick_params(bottom=False)
-    for spine in axes.spines.values():
-        spine.set_visible(False)
-    per_inch = duration / (WIDTH - LEFT - RIGHT)
+    axes.spines[:].set_visible(False)
     for k, flight in enumerate(flights):
-        begin, over = float(ticks(flight.start)), float(ticks(flight.end))
-        axes.axvspan(begin, over, color=FAINT if k % 2 else SHADE, linewidth=0)
-        room = (flight.end - flight.start) / per_inch
-        word = flight.title if inches(flight.title, SMALL) < room else flight.title.split()[0]
-        if inches(word, SMALL) < room:
-            look: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": SMALL, "color": INK}
-            plain(axes.text(0.5 * (begin + over), 0.46, word, **look))
-    return []
+        begin, over = float(ticks(flight.times[0])), float(ticks(flight.times[-1]))
+        axes.axvspan(begin, over, color=FAINT, alpha=1.0 if k % 2 else 0.5, linewidth=0)
+        letters = 52 * (flight.times[-1] - flight.times[0]) / duration  # that fit into half the page
+        fits = [word for word in (flight.title, flight.title.split()[0]) if len(word) <= letters]
+        look: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": SMALL, "color": INK}
+        plain(axes.text(0.5 * (begin + over), 0.46, fits[0] if fits else "", **look))
 
 
-def rows(axes: Axes, flights: list[StageFlight], ticks: Clock, called: list[str], tints: Floats) -> list[Any]:
-    """Draw thrust of each spacecraft as areas and impulses as lines; return legend handles."""
-    count = len(called)
-    levels = np.arange(count)[::-1]
-    thrusts = [np.linalg.norm(flight.paths.thrust(flight.times), axis=-1) for flight in flights]
-    strongest = max(float(one.max(initial=0.0)) for one in thrusts)
-    axes.hlines(
-        levels, float(ticks(flights[0].start)), float(ticks(flights[-1].end)), color=FAINT, linewidth=1.0
-    )
-    kicks = [impulses(flight.paths) for flight in flights]
-    largest = max(float(sizes.max(initial=0.0)) for _, _, sizes in kicks)
-    handles: list[Any] = []
-    if strongest > 0.0:
-        for flight, thrust in zip(flights, thrusts, strict=True):
-            if not thrust.any():
-                continue
-            along = ticks(flight.times)
-            feet = np.r_[along[0], along, along[-1]]
-            shapes = [
-                np.column_stack([feet, level + TALL * np.r_[0.0, one, 0.0] / strongest])
-                for level, one in zip(levels, thrust, strict=True)
-                if one.any()
-            ]
-            axes.add_collection(
-                PolyCollection(shapes, color=tints[thrust.any(axis=1)], linewidths=THIN, alpha=0.85, zorder=2)
-            )
-        unit = thrust_unit(strongest)
-        words = f"thrust, up to {strongest / unit.size:.3g} {unit.name}"
-        first = int(np.argmax([one.max(axis=1) for one in thrusts]) % count)
-        handles.append(Patch(facecolor=tints[first], alpha=0.85, label=words))  # colour of the strongest
-    if largest > 0.0:
-        for time, who, size in kicks:
-            feet = np.column_stack([ticks(time), levels[who]])
-            tops = np.column_stack([ticks(time), levels[who] + TALL * size / largest])
-            axes.add_collection(
-                LineCollection(
-                    list(np.stack([feet, tops], axis=1)), colors=tints[who], linewidths=2.2, zorder=2.5
-                )
-            )
-        whose, sizes = (np.concatenate([kick[k] for kick in kicks]) for k in (1, 2))
-        words = f"impulse, up to {speed(largest)}"
-        tint = tuple(tints[whose[np.argmax(sizes)]])
-        handles.append(Line2D([], [], color=tint, linewidth=2.2, label=words))
-    axes.set_ylim(-0.35, count - 1 + 1.0)
-    axes.grid(axis="y", visible=False)
-    few = count <= NAMED
-    axes.set_yticks(levels if few else [], called if few else [])
-    axes.tick_params(axis="y", labelsize=SMALL - (0.0 if count <= 10 else 2.5), length=0)
-    for word in axes.get_yticklabels():
-        plain(word)
-    if not few:
-        axes.set_ylabel(f"{count} craft")
-    return handles
-
-
-def meetings(
-    axes: Axes, flights: list[StageFlight], ticks: Clock, count: int, locks: Sequence[Lock]
-) -> list[Any]:
-    """Draw conflicts and locks between the rows of their spacecraft; return legend handles."""
-    handles: list[Any] = []
-    top = count - 1
-    met = [
-        (stay, *pair)
-        for flight in flights
-        for pair, stays in zip(flight.pairs.craft.tolist(), flight.pairs.stays, strict=True)
-        for stay in stays
-    ]
-    if met:
-        bars = [
-            [(float(ticks(stay.start)), top - k), (float(ticks(stay.end)), top - k)]
-            for stay, *two in met
-            for k in two
-        ]
+def events(axes: Axes, flights: list[Stage], ticks: Clock, count: int, locks: Sequence[Lock]) -> None:
+    """Draw conflicts and locks between the rows of their spacecraft."""
+    bars, links, top = list[Any](), list[Any](), count - 1
+    for flight in flights:
+        for pair, stays in zip(flight.pairs.craft.tolist(), flight.pairs.stays, strict=True):
+            for stay in stays:
+                bars += [[(ticks(stay.start), top - k), (ticks(stay.end), top - k)] for k in pair]
+                links.append([(ticks(stay.time), top - k) for k in pair])
+    if bars:
         axes.add_collection(LineCollection(bars, colors=CONFLICT, linewidths=5.0, zorder=3))
-        links = [[(float(ticks(stay.time)), top - k) for k in two] for stay, *two in met]
         axes.add_collection(LineCollection(links, colors=CONFLICT, linewidths=1.0, zorder=3))
-        handles.append(Line2D([], [], color=CONFLICT, linewidth=5.0, label="in conflict"))
     if len(locks):
-        joined = [[(float(ticks(time)), top - k) for k in two] for time, *two in locks]
-        axes.add_collection(LineCollection(joined, colors=INK, linewidths=1.1, zorder=4))
-        ends = np.array(joined).reshape(-1, 2)
-        axes.plot(*ends.T, "o", color=INK, markersize=4, zorder=4)
-        look: dict[str, Any] = {"marker": "o", "markersize": 4, "color": INK, "linewidth": 1.1}
-        handles.append(Line2D([], [], label="lock", **look))
-    return handles
-
-
-def nearness(axes: Axes, flights: list[StageFlight], ticks: Clock) -> None:
-    """Plot the minimum ratio of any pair against time, with a dot at the minimum of each stage."""
-    zone_band(axes)
-    curves = [flight.nearness() for flight in flights]
-    for flight, (times, least) in zip(flights, curves, strict=True):
-        axes.plot(ticks(times), least, color=AFTER, linewidth=1.8, zorder=3)
-        inside = np.where(least <= 1.0, least, np.nan)
-        axes.plot(ticks(times), inside, color=CONFLICT, linewidth=4.0, alpha=0.6, zorder=2.9)
-        near = flight.pairs.order[0]
-        dot: dict[str, Any] = {"color": AFTER, "markeredgecolor": "white", "markersize": 7, "zorder": 5}
-        axes.plot(ticks(flight.pairs.time[near]), flight.pairs.ratio[near], "o", clip_on=False, **dot)
-    ratio_axis(axes, min(flight.least for flight in flights), max(float(least.max()) for _, least in curves))
-    axes.set_ylabel("closest [× zone]")
-
-
-def marks(figure: Figure, flown: Formation, shown: list[Any]) -> None:
-    """Add the legend."""
-    ring: dict[str, Any] = {"linestyle": "", "marker": "o", "color": INK}
-    handles: list[Any] = [
-        Line2D([], [], markerfacecolor="none", markersize=8, label="start", **ring),
-        Line2D([], [], markersize=6, label="end", **ring),
-    ]
-    if flown.closest is not None:
-        handles.append(Line2D([], [], **NEAREST, label="closest pair then"))
-        handles.append(Patch(facecolor=ZONE, edgecolor=ZONE, alpha=0.4, label="its zone"))
-    handles += shown
-    words = [str(one.get_label()) for one in handles]
-    lines = -(-sum(inches(word, SMALL) + MARK for word in words) // WIDTH)
-    legend(figure, handles, words, ncols=int(-(-len(words) // lines)), columnspacing=1.3)
-
-
-def said(flights: list[StageFlight], flown: Formation, count: int) -> str:
-    """Return the headline: numbers of spacecraft and stages, conflicts, and the closest pair."""
-    number = f"{len(flights)} stage{'s' * (len(flights) > 1)}"
-    words = f"{count} craft, {number}"
-    if not flown.pairs:
-        return words
-    clear = f"{flown.conflicts} of {flown.pairs} pairs in conflict" if flown.conflicts else "paths clear"
-    return f"{words}: {clear}" + (f"; {flown.story}" if flown.story else "")
+        joins = [[(float(ticks(time)), top - k) for k in pair] for time, *pair in locks]
+        axes.add_collection(LineCollection(joins, colors=INK, linewidths=1.1, zorder=4))
+        axes.plot(
+            *np.array(joins).reshape(-1, 2).T, "o-", color=INK, markersize=4, linewidth=0.0, label="lock"
+        )

@@ -13,8 +13,8 @@ from closeform.conflicts.flight import nearest
 from closeform.conflicts.two_paths import Conflict, closest_approach, find_conflicts, nearest_first
 from closeform.motion.joining import stack
 from closeform.motion.path import Path
-from closeform.plots.fonts import short_names
 from closeform.plots.inputs import crafts
+from closeform.plots.text import short_names
 from closeform.zones.made_table import NONE
 from closeform.zones.pair_zones import by_zone, pair_zones
 from closeform.zones.zone import Zone
@@ -107,7 +107,7 @@ class Pairs:
         return [k for k in ranked if near[k][0] < np.inf]
 
 
-def asked(paths: Any, zones: Any, names: Sequence[str] | None) -> tuple[Pairs, list[str]]:
+def asked_pairs(paths: Any, zones: Any, names: Sequence[str] | None) -> tuple[Pairs, list[str]]:
     """Return the pairs to show and the labels of their spacecraft."""
     flown = crafts("paths", paths)
     if len(flown) < 2:
@@ -119,7 +119,7 @@ def asked(paths: Any, zones: Any, names: Sequence[str] | None) -> tuple[Pairs, l
     return pairs, called
 
 
-def title(pairs: Pairs, called: list[str]) -> str:
+def verdict_of_pairs(pairs: Pairs, called: list[str]) -> str:
     """Return the headline: number of conflicts, and the closest pair."""
     hits, total = int(pairs.hit.sum()), len(pairs)
     if not pairs.order:

@@ -49,3 +49,8 @@ def rgba(written: tuple[str, ...]) -> Floats:
 def written(colour: Floats) -> str:
     """Return a colour (RGB or RGBA) as a #rrggbb string."""
     return "#" + bytes(np.rint(255.0 * colour[:3]).astype(np.uint8)).hex()
+
+
+def dark(tint: Any) -> str:
+    """Return a darker colour in which a name is readable, from an RGBA colour."""
+    return written(0.75 * np.asarray(tint, dtype=np.float64))

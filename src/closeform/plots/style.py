@@ -1,31 +1,29 @@
-"""Common style of all figures: sizes, units, axes layout, headlines and legends."""
+"""Common style of all figures: units, clocks, charts and their axes, headlines and legends."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from io import BytesIO
+from textwrap import fill
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patheffects import withStroke
 from matplotlib.text import Text
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from closeform.arrays import Floats
 from closeform.motion.arc import START
 from closeform.motion.path import Path
-from closeform.plots.fonts import plain
 from closeform.plots.inputs import one_craft
 from closeform.plots.palette import CONFLICT, FAINT, INK, OTHER, ZONE
+from closeform.plots.text import HALO, SMALL, TEXT, plain
 
 WIDTH, DPI = 10.6, 150  # inches and dots per inch: 1590 pixels
-LEFT, ABOVE, GAP = 1.0, 0.92, 0.14  # inches: left margin, top margin for the headline, gap between axes
-LETTERS = 7.6  # characters of a headline per inch
-BANNER = 0.3  # inches: height of the banner
-TEXT, SMALL = 13.0, 11.5  # points, readable at half size
-
-HALO = [withStroke(linewidth=4, foreground="white")]  # keeps words readable on lines
+LETTERS = 8.6  # characters of a headline per inch
+BANNER = 0.3  # inches: height of a line of the headline
 DASHED, DOTTED = (0, (4, 2)), (0, (1, 1.5))
+FAR = 12.0  # maximum clearance ratio of a linear axis
 
 
 @dataclass(frozen=True)
@@ -35,18 +33,42 @@ class Unit:
     size: float
     name: str
 
+    def text(self, value: float, digits: int = 4) -> str:
+        """Return a value in SI as text with the unit."""
+        return f"{value / self.size:.{digits}g} {self.name}"
+
+
+def prefixed(greatest: float, name: str, prefixes: str = " mµn") -> Unit:
+    """Return a unit with the prefix in which numbers up to `greatest` are above 0.1, if there is one."""
+    sizes = {prefix: 1e-3**k for k, prefix in enumerate(prefixes)}
+    known = [prefix for prefix, size in sizes.items() if greatest >= 0.1 * size]
+    chosen = known[0] if known else prefixes[-1] if greatest > 0.0 else prefixes[1]
+    return Unit(sizes[chosen], chosen.strip() + name)
+
 
 def length_unit(longest: float) -> Unit:
     """Return the display unit of a length [m]: km from 10 km, mm below 0.1 m, otherwise m."""
-    if longest >= 1e4:
-        return Unit(1e3, "km")
-    return Unit(1.0, "m") if longest >= 0.1 else Unit(1e-3, "mm")
+    return Unit(1e3, "km") if longest >= 1e4 else prefixed(longest or 1.0, "m", " m")
+
+
+def thrust_unit(greatest: float, basic: str = "m/s²") -> Unit:
+    """Return the display unit for a maximum thrust [m/s^2 or N]."""
+    return prefixed(greatest, basic)
+
+
+def speed_unit(greatest: float) -> Unit:
+    """Return the display unit for a maximum speed [m/s]."""
+    return prefixed(greatest, "m/s", " m")
 
 
 def length(value: float) -> str:
     """Return a length [m] as text with its unit."""
-    unit = length_unit(value)
-    return f"{value / unit.size:.3g} {unit.name}"
+    return length_unit(value).text(value, 3)
+
+
+def speed(value: float) -> str:
+    """Return a speed [m/s] as text with its unit."""
+    return speed_unit(value).text(value)
 
 
 def rounded_down(most: float) -> float:
@@ -55,23 +77,14 @@ def rounded_down(most: float) -> float:
     return float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= most))
 
 
-def thrust_unit(greatest: float, basic: str = "m/s²") -> Unit:
-    """Return the display unit for a maximum thrust [m/s^2 or N]; the milli unit if it is zero."""
-    for size, prefix in ((1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n")):
-        if greatest >= 0.1 * size:
-            return Unit(size, prefix + basic)
-    return Unit(1e-9, f"n{basic}") if greatest > 0 else Unit(1e-3, f"m{basic}")
+def plural(count: int, noun: str) -> str:
+    """Return a count with its noun."""
+    return f"{count} {noun}{'s' * (count != 1)}"
 
 
-def speed_unit(greatest: float) -> Unit:
-    """Return the display unit for a maximum speed [m/s]."""
-    return Unit(1.0, "m/s") if greatest >= 0.1 else Unit(1e-3, "mm/s")
-
-
-def speed(value: float) -> str:
-    """Return a speed [m/s] as text with its unit."""
-    unit = speed_unit(value)
-    return f"{value / unit.size:.4g} {unit.name}"
+def signed_percent(share: float) -> str:
+    """Return a relative change as a signed percentage."""
+    return f"{100 * share:+.3g} %".replace("-", "−")
 
 
 @dataclass(frozen=True)
@@ -79,7 +92,7 @@ class Clock:
     """Time axis with its `unit`; `other` is the unit of the upper axis (None in deep space)."""
 
     unit: Unit
-    other: Unit | None
+    other: Unit | None = None
 
     def __call__(self, time: Any) -> Any:
         """Return times [s] in the unit of the axis."""
@@ -106,7 +119,7 @@ def clock(path: Path, start: float, end: float) -> Clock:
     """
     plain, period = plain_unit(end - start), path.orbit.period
     if not np.isfinite(period):
-        return Clock(plain, None)
+        return Clock(plain)
     orbits = Unit(period, "orbits")
     return Clock(orbits, plain) if end - start >= 4 * period else Clock(plain, orbits)
 
@@ -118,146 +131,6 @@ def instants(start: float, end: float, *paths: Path) -> Floats:
     joints = np.concatenate([path.arcs[:, START] for path in paths])
     joints = joints[(joints > start) & (joints <= end)]
     return np.unique(np.concatenate([grid, joints, np.nextafter(joints, -np.inf)]))
-
-
-class Sheet(Figure):
-    """Figure that displays in a notebook without pyplot."""
-
-    def _repr_png_(self) -> bytes:
-        file = BytesIO()
-        self.savefig(file, format="png")
-        return file.getvalue()
-
-
-def sheet(height: float, width: float = WIDTH) -> Figure:
-    """Return an empty figure (inches); axes are placed by hand because automatic layout is slow."""
-    return Sheet(figsize=(width, height), dpi=DPI, facecolor="white")
-
-
-def area(figure: Figure, left: float, bottom: float, wide: float, high: float) -> Axes:
-    """Add axes at a position and of a size in inches."""
-    across, up = figure.get_size_inches()
-    axes = figure.add_axes((left / across, bottom / up, wide / across, high / up))
-    for axis in (axes.xaxis, axes.yaxis):
-        axis.label.set(fontsize=TEXT, color=INK)
-    return axes
-
-
-def column(figure: Figure, shares: Sequence[float], below: float = 0.7, beside: float = 0.3) -> list[Axes]:
-    """Return stacked axes with heights in `shares`; leave `below` and `beside` inches for labels."""
-    wide, high = figure.get_size_inches()
-    room = high - below - ABOVE - GAP * (len(shares) - 1)
-    found: list[Axes] = []
-    top = high - ABOVE
-    for share in shares:
-        tall = room * share / sum(shares)
-        axes = area(figure, LEFT, top - tall, wide - LEFT - beside, tall)
-        axes.yaxis.set_label_coords(-0.72 / (wide - LEFT - beside), 0.5)
-        dress(axes)
-        found.append(axes)
-        top -= tall + GAP
-    return found
-
-
-def chart(height: float, below: float = 0.7, beside: float = 0.3) -> tuple[Figure, Axes]:
-    """Return a figure of one panel, with `below` and `beside` inches for labels."""
-    figure = sheet(height)
-    return figure, column(figure, [1.0], below, beside)[0]
-
-
-def zone_band(axes: Axes, edge: float = 1.0) -> None:
-    """Shade the keep-out zone: clearance ratios below `edge`."""
-    axes.axhspan(min(-1.0, -edge), edge, color=ZONE, alpha=0.2, linewidth=0)
-    axes.axhline(edge, color=ZONE, linewidth=1.6)
-
-
-def headline(figure: Figure, text: str) -> Text:
-    """Add a one-line headline; shrink the font for long text."""
-    size = min(TEXT + 1, (TEXT + 1) * LETTERS * float(figure.get_figwidth()) / max(1, len(text)))
-    words = figure.suptitle(text, x=0.01, y=1.0 - 0.1 / figure.get_figheight(), ha="left", va="top")
-    words.set(fontsize=size, color=INK, fontweight="bold")
-    return plain(words)
-
-
-def banner(figure: Figure, text: str, bad: bool = False) -> Text:
-    """Add a line above the headline and extend the page for it; `bad` makes it red."""
-    wide, high = (float(side) for side in figure.get_size_inches())
-    kept = high / (high + BANNER)  # of the new page
-    figure.set_size_inches(wide, high + BANNER)
-    for axes in figure.axes:
-        left, low, across, up = axes.get_position(original=True).bounds
-        axes.set_position((left, low * kept, across, up * kept))
-    for words in figure.texts:
-        words.set_y(words.get_position()[1] * kept)
-    for made in figure.legends:
-        anchor = made.get_bbox_to_anchor().transformed(figure.transFigure.inverted())
-        made.set_bbox_to_anchor((anchor.x0, anchor.y0 * kept, anchor.width, anchor.height * kept))
-    size = min(TEXT, TEXT * LETTERS * 1.08 * wide / max(1, len(text)))
-    look: dict[str, Any] = {"ha": "left", "va": "top", "fontsize": size, "color": CONFLICT if bad else INK}
-    return plain(figure.text(0.01, 1.0 - 0.1 / (high + BANNER), text, **look))
-
-
-def legend(figure: Figure, handles: Sequence[Any], words: Sequence[str], **look: Any) -> Any:
-    """Add a legend to a figure; labels that begin with `_` are kept."""
-    style: dict[str, Any] = {"loc": "lower center", "frameon": False, "fontsize": SMALL} | look
-    made = figure.legend(handles=list(handles), labels=["?"] * len(handles), **style)
-    for text, word in zip(made.get_texts(), words, strict=True):
-        text.set_text(word)
-        plain(text)
-    return made
-
-
-def say_scale(axes: Axes, words: str, low: bool = False) -> None:
-    """Label a non-linear axis in its upper right corner, or the lower right one if `low`."""
-    corner: dict[str, Any] = {
-        "xycoords": "axes fraction",
-        "textcoords": "offset points",
-        "ha": "right",
-        "va": "bottom" if low else "top",
-    }
-    place, shift = ((1.0, 0.0), (-4, 3)) if low else ((1.0, 1.0), (-4, -3))
-    axes.annotate(words, place, shift, fontsize=SMALL - 2.0, color=OTHER, **corner)
-
-
-def dress(axes: Axes) -> None:
-    """Apply the common frame, grid and text sizes to axes."""
-    axes.tick_params(labelsize=SMALL, colors=INK, length=3)
-    axes.grid(color=FAINT, linewidth=0.7)
-    axes.set_axisbelow(True)
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
-    for spine in axes.spines.values():
-        spine.set_color(OTHER)
-
-
-def right_axis(axes: Axes, colour: str) -> Axes:
-    """Add a frameless axis on the right with tick labels in the colour of its curve."""
-    right = axes.twinx()
-    right.tick_params(labelsize=SMALL, colors=colour, length=3)
-    for side in ("top", "left", "bottom", "right"):
-        right.spines[side].set_visible(False)
-    return right
-
-
-def time_axes(column: list[Axes], ticks: Clock, start: float, end: float) -> None:
-    """Set one time axis for stacked axes, with its second unit above the first."""
-    for axes in column:
-        axes.set_xlim(ticks(start), ticks(end))
-        axes.tick_params(labelbottom=axes is column[-1])
-    column[-1].set_xlabel(f"time [{ticks.unit.name}]")
-    if ticks.other is not None:
-        factor = ticks.unit.size / ticks.other.size
-
-        def forward(time: Any) -> Any:
-            return time * factor
-
-        def backward(time: Any) -> Any:
-            return time / factor
-
-        above = column[0].secondary_xaxis("top", functions=(forward, backward))
-        above.set_xlabel(f"time [{ticks.other.name}]", fontsize=SMALL, color=INK)
-        above.tick_params(labelsize=SMALL, colors=INK, length=3)
-        above.spines["top"].set_color(OTHER)
 
 
 def common_time(path: Path, other: Path) -> tuple[float, float]:
@@ -273,6 +146,140 @@ def common_time(path: Path, other: Path) -> tuple[float, float]:
     return start, end
 
 
-def signed_percent(share: float) -> str:
-    """Return a relative change as a signed percentage."""
-    return f"{100 * share:+.3g} %".replace("-", "−")
+class Sheet(Figure):
+    """Figure that displays in a notebook without pyplot."""
+
+    def _repr_png_(self) -> bytes:
+        file = BytesIO()
+        self.savefig(file, format="png")
+        return file.getvalue()
+
+
+def sheet(height: float, width: float = WIDTH, layout: Any = "constrained") -> Figure:
+    """Return an empty figure (inches) whose axes matplotlib arranges."""
+    return Sheet(figsize=(width, height), dpi=DPI, facecolor="white", layout=layout)
+
+
+def chart(height: float, shares: Sequence[float] = (1.0,), width: float = WIDTH) -> tuple[Figure, list[Axes]]:
+    """Return a figure with stacked axes that share the horizontal axis, with heights in `shares`."""
+    figure = sheet(height, width)
+    made = figure.subplots(len(shares), 1, sharex=True, squeeze=False, height_ratios=list(shares))[:, 0]
+    for axes in made:
+        dress(axes)
+    figure.align_ylabels(list(made))
+    return figure, list(made)
+
+
+def dress(axes: Axes) -> None:
+    """Apply the common frame, grid and text sizes to axes."""
+    axes.tick_params(labelsize=SMALL, colors=INK, length=3)
+    axes.grid(color=FAINT, linewidth=0.7)
+    axes.set_axisbelow(True)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.spines[:].set_color(OTHER)
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.label.set(fontsize=TEXT, color=INK)
+
+
+def other_axis(axes: Axes, where: str, functions: Any, what: str) -> None:
+    """Add a second scale above axes or on their right."""
+    made: Any
+    if where == "top":
+        made = axes.secondary_xaxis("top", functions=functions)
+        made.set_xlabel(what, fontsize=SMALL, color=INK)
+    else:
+        made = axes.secondary_yaxis("right", functions=functions)
+        made.set_ylabel(what, fontsize=SMALL, color=INK)
+    made.tick_params(labelsize=SMALL, colors=INK, length=3)
+    made.spines[:].set_color(OTHER)
+
+
+def right_axis(axes: Axes, what: str, colour: str) -> Axes:
+    """Add an axis on the right for a curve of another quantity, in the colour of that curve."""
+    right = axes.twinx()
+    right.tick_params(labelsize=SMALL, colors=colour, length=3)
+    right.spines[:].set_visible(False)
+    right.set_ylabel(what, fontsize=SMALL, color=colour)
+    return right
+
+
+def time_axes(column: Sequence[Axes], ticks: Clock, start: float, end: float, what: str = "time") -> None:
+    """Set one time axis for stacked axes, with its second unit above the first."""
+    for axes in column:
+        axes.set_xlim(ticks(start), ticks(end))
+    column[-1].set_xlabel(f"{what} [{ticks.unit.name}]")
+    if ticks.other is not None:
+        factor = ticks.unit.size / ticks.other.size
+        functions = (lambda time: time * factor), (lambda time: time / factor)
+        other_axis(column[0], "top", functions, f"time [{ticks.other.name}]")
+
+
+def zone_band(axes: Axes, edge: float = 1.0, name: str = "") -> None:
+    """Shade the keep-out zone: clearances below `edge`."""
+    axes.axhspan(min(-1.0, -edge), edge, color=ZONE, alpha=0.2, linewidth=0)
+    axes.axhline(edge, color=ZONE, linewidth=1.6)
+    place: dict[str, Any] = {"xycoords": ("axes fraction", "data"), "textcoords": "offset points"}
+    if name:
+        place |= {"va": "top", "fontsize": SMALL, "color": "#9a6a00", "path_effects": HALO, "zorder": 6}
+        axes.annotate(name, (0.008, edge), (0, -5), **place)
+
+
+def ratio_axis(axes: Axes, least: float, most: float) -> None:
+    """Set the axis of clearance ratios from 0 to `most`, logarithmic above 1 if the range is wide."""
+    bottom = 0.0 if least > 0.02 else -0.03  # keeps a line at 0 visible
+    if most <= FAR:
+        axes.set_ylim(bottom, 1.06 * max(most, 1.2))
+        return
+    axes.set_yscale("symlog", linthresh=1.0, linscale=0.7)
+    axes.set_ylim(bottom, 1.2 * most)
+    decades = 10.0 ** np.arange(np.ceil(np.log10(1.2 * most)))
+    steps = (1, 2, 5) if len(decades) <= 3 else (1,)
+    marks = [
+        0.0,
+        0.5,
+        *(step * decade for decade in decades for step in steps if step * decade <= 1.2 * most),
+    ]
+    axes.set_yticks(marks, [f"{mark:g}" for mark in marks])
+    axes.set_yticks([], minor=True)
+
+
+def log_axis(axes: Axes) -> None:
+    """Make the vertical axis logarithmic, with labels at 1, 2 and 5 in each decade."""
+    axes.set_yscale("log")
+    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.yaxis.set_minor_formatter(NullFormatter())
+
+
+def headline(figure: Figure, text: str) -> Text:
+    """Add a headline, which wraps if it is long."""
+    words = figure.suptitle(wrapped(figure, text), x=0.01, ha="left")
+    words.set(fontsize=TEXT + 1, color=INK, fontweight="bold")
+    return plain(words)
+
+
+def wrapped(figure: Figure, text: str) -> str:
+    """Return the lines of a headline, broken where they are wider than a figure."""
+    room = int(LETTERS * figure.get_figwidth())
+    return "\n".join(fill(line, room) for line in text.split("\n"))
+
+
+def banner(figure: Figure, text: str, bad: bool = False) -> None:
+    """Add text above the headline and extend the page for it; `bad` makes both red."""
+    wide, high = (float(side) for side in figure.get_size_inches())
+    figure.set_size_inches(wide, high + BANNER * (1 + wrapped(figure, text).count("\n")))
+    words = headline(figure, f"{text}\n{figure.get_suptitle()}")
+    words.set_color(CONFLICT if bad else INK)
+
+
+def legend(figure: Figure, handles: Sequence[Any], words: Sequence[str], **look: Any) -> Any:
+    """Add a legend below the axes of a figure; labels that begin with `_` are kept."""
+    style: dict[str, Any] = {"loc": "outside lower center", "frameon": False, "fontsize": SMALL}
+    wide = [1.0 + 0.085 * len(said) for said in words]  # inches
+    room = float(figure.get_figwidth()) - 0.4
+    columns = len(words) if sum(wide) <= room else max(1, int(room / max(wide)))
+    made = figure.legend(list(handles), ["?"] * len(handles), **style | {"ncols": columns} | look)
+    for text, said in zip(made.get_texts(), words, strict=True):
+        text.set_text(said)
+        plain(text)
+    return made

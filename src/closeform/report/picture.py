@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
-    from closeform.plots.reel import Reel
+    from closeform.plots.animations import Reel
     from closeform.storage.result_folder import Folder
 
 Progress = Callable[[str], None]
@@ -21,19 +21,15 @@ AHEAD = (  # modules for pictures of most stages; no scenario, no tables
     "closeform.plots",
     "matplotlib.backends.backend_agg",
     "closeform.conflicts.two_paths",
-    "closeform.plots.fleet",
-    "closeform.plots.closest",
+    "closeform.plots.paths",
     "closeform.plots.missions",
     "PIL.PngImagePlugin",
-    "closeform.plots.space",
-    "closeform.plots.timelines",
     "closeform.report.picture",
     "closeform.storage.result_folder",
     "closeform.motion.orbit",
-    "closeform.plots.drifts",
     "scipy.special",  # for uncertainty; last, while the main process still reads the scenario
 )
-STUDIED = (*AHEAD, "closeform.plots.lockings")  # and for studies
+STUDIED = (*AHEAD, "closeform.plots.studies")  # and for studies
 MOST = 4  # maximum number of drawing processes: a run has about ten pictures
 _begun: list[bool] = []  # whether `begin` was called
 
@@ -77,11 +73,13 @@ class Picture:
         from closeform.plots.style import banner, headline
 
         figure = self.made
-        if not self.flown and (words := figure.get_suptitle()):
-            headline(figure, f"Not executed: {words}")
+        says = figure.get_suptitle().replace("\n", " ")
+        if not self.flown and says:
+            says = f"Not executed: {says}"
+            headline(figure, says)
         if self.stage:
             banner(figure, "; ".join(filter(None, (self.stage, self.shows))), self.failed)
-        return Shot(folder.picture(self.name, figure), self.caption, figure.get_suptitle())
+        return Shot(folder.picture(self.name, figure), self.caption, says)
 
 
 @dataclass(frozen=True)

@@ -433,7 +433,7 @@ class StudyReport(CasesReport):
         campaign = self.campaign
         what = {"what": "pairs lock" if isinstance(campaign, LockCampaign) else "formations gather"}
         caption = f"Time at which cases were {campaign.done}"
-        return (Picture("histogram", caption, "lockings.binned", (self.times, campaign.search), what),)
+        return (Picture("histogram", caption, "studies.binned", (self.times, campaign.search), what),)
 
     def notable(self, replays: Replays) -> tuple[Table, ...]:
         """Return the ten cases with the longest times and highest costs, with links to their pages."""

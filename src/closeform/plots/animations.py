@@ -1,0 +1,327 @@
+"""Animated figures as GIF files, and the animation of a formation with its closest pair."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from os import PathLike
+from typing import IO, Any
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.figure import Figure
+from PIL import Image
+
+from closeform.arrays import Floats
+from closeform.motion.path import Path
+from closeform.plots.charts import Curve, Panel, draw
+from closeform.plots.inputs import crafts, filmed
+from closeform.plots.pairs import Pairs, ratio_text
+from closeform.plots.palette import CONFLICT, INK, OTHER, ZONE, colours, dark
+from closeform.plots.paths import NAMED, carries
+from closeform.plots.space import AXES, INERTIAL, OBLIQUE, ORBITAL, PLANES, Camera, space_axes, three_planes
+from closeform.plots.style import clock, dress, headline, instants, sheet, wrapped
+from closeform.plots.text import SMALL, follow, plain, short_names
+from closeform.zones.combined_zones import OwnZone
+from closeform.zones.outlines import drawn, shadow
+from closeform.zones.pair_zones import PairZones
+from closeform.zones.zone import Zone
+
+COLOURS = 128  # per animation; twice as many make the file 10 % larger without a visible gain
+TYPICAL = 5  # frames from which the palette is computed
+WIDE, NARROW = 900, 720  # width in pixels for few and for many spacecraft; many moving lines make large files
+PLAY, HOLD, LAST = 80, 1600, 2400  # ms per frame: in motion, at the closest approach, at the end
+TRAIL, TURN = 0.25, 0.5  # length of a trail: share of the total duration, but at most so many orbits
+FEW = 8  # maximum number of spacecraft with names in every view; more have names in one view
+STRIP = 1.6  # inches: height of the time strip with its labels
+MOST = 2_000_000  # maximum number of clearance ratios for the curve
+
+
+@dataclass(frozen=True)
+class Reel:
+    """Animated figure, `pixels` wide.
+
+    `show` moves the `moving` artists, ordered from back to front, to a time [s]. Each entry of `moments` is a
+    time [s] and the duration of its frame [ms].
+    """
+
+    figure: Figure
+    moving: Callable[[], Sequence[Artist]]
+    show: Callable[[float], None]
+    moments: Sequence[tuple[float, int]]
+    pixels: int
+
+    def frames(self, share: slice, progress: Callable[[int, int], object] | None = None) -> list[Image.Image]:
+        """Return the frames of a slice of `moments` in one palette; the static background is drawn once."""
+        self.figure.set_dpi(self.pixels / self.figure.get_figwidth())
+        canvas = FigureCanvasAgg(self.figure)
+        times = [time for time, _ in self.moments]
+        self.show(times[0])
+        for artist in self.moving():
+            artist.set_animated(True)  # canvas.draw skips it
+        canvas.draw()
+        still = canvas.copy_from_bbox(self.figure.bbox)
+
+        def picture(time: float) -> Image.Image:
+            canvas.restore_region(still)
+            self.show(time)
+            for artist in self.moving():
+                (artist.axes or self.figure).draw_artist(artist)
+            return Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3].copy())
+
+        typical = {time: picture(time) for time in times[:: max(1, len(times) // TYPICAL)]}
+        together = Image.fromarray(np.vstack([np.asarray(one) for one in typical.values()]))
+        palette = together.quantize(COLOURS, Image.Quantize.MAXCOVERAGE)
+        coded = []
+        for done, time in enumerate(times[share], start=1):
+            frame = typical.get(time) or picture(time)
+            coded.append(frame.quantize(palette=palette, dither=Image.Dither.NONE))
+            if progress is not None:
+                progress(done, len(times[share]))
+        return coded
+
+    def save(self, file: str | PathLike[str] | IO[bytes], frames: Sequence[Image.Image]) -> None:
+        """Write all frames as an animated GIF; `optimize` stores only the pixels that change."""
+        stays = [stay for _, stay in self.moments]
+        frames[0].save(
+            file, "GIF", save_all=True, append_images=frames[1:], duration=stays, loop=0, optimize=True
+        )
+
+
+def ratios_at(pairs: Pairs, places: Floats, times: Floats) -> Floats:
+    """Return clearance ratios (M, T) of all pairs from positions (N, T, 3); inf where one has no path."""
+    found = np.full((len(pairs), len(times)), np.inf)
+    for zone in dict.fromkeys(pairs.zone):
+        for row in [k for k, one in enumerate(pairs.zone) if one is zone]:
+            gap = np.subtract(*places[pairs.craft[row]])
+            both = np.isfinite(gap[:, 0])
+            found[row, both] = zone._norm(gap[both])
+    return found
+
+
+def places_at(paths: Sequence[Path], times: Floats) -> Floats:
+    """Return positions (N, T, 3) [m] of spacecraft, nan outside of their paths."""
+    found = np.full((len(paths), len(times), 3), np.nan)
+    for places, path in zip(found, paths, strict=True):
+        there = (times >= path.start) & (times <= path.end)
+        places[there] = path.position(times[there])
+    return found
+
+
+class View:
+    """View of all spacecraft from one direction; `show` moves them."""
+
+    def __init__(self, axes: Axes, camera: Camera, unit: float, film: FormationFilm, named: bool) -> None:
+        self.axes, self.camera, self.unit, self.film = axes, camera, unit, film
+        thin, tints = len(film.tints) > NAMED, film.tints
+        faint = np.column_stack([tints[:, :3], np.full(len(tints), 0.22)])
+        lines = [camera(track) / unit for track in film.tracks]
+        axes.add_collection(LineCollection(lines, colors=faint, linewidths=0.8 if thin else 1.2, zorder=1.5))
+        self.zone = PolyCollection([], facecolors=ZONE, edgecolors=ZONE, alpha=0.45, linewidths=1.2)
+        self.outlines = PolyCollection([], facecolors="none", edgecolors=ZONE, linewidths=0.9)
+        self.trails = LineCollection([], colors=tints, linewidths=1.2 if thin else 2.4)
+        (self.link,) = axes.plot([], [], color=INK, linewidth=1.0)
+        for collection in (self.zone, self.outlines, self.trails):
+            axes.add_collection(collection, autolim=False)
+        where, size = camera(film.where[:, 0]) / unit, 14.0 if thin else 40.0
+        self.dots: Any = axes.scatter(where[:, 0], where[:, 1], s=size, c=tints, linewidths=1.8, zorder=4)
+        self.words: list[Any] = []
+        for name, tint in zip(film.called if named else (), tints, strict=False):
+            look: dict[str, Any] = {"color": dark(tint), "fontsize": SMALL, "annotation_clip": True}
+            text = axes.annotate(name, (0, 0), (6, 5), textcoords="offset points", **look)
+            self.words.append(plain(text))
+
+    @property
+    def artists(self) -> list[Artist]:
+        """Moving artists, from back to front."""
+        return [self.zone, self.outlines, self.trails, self.link, self.dots, *self.words]
+
+    def show(self, step: int) -> None:
+        """Move all artists to a step of the animation."""
+        film, camera = self.film, self.camera
+        where = camera(film.where[:, step]) / self.unit
+        self.dots.set_offsets(where)
+        edges = [CONFLICT if hit else tint for hit, tint in zip(film.met[step], film.tints, strict=True)]
+        self.dots.set_edgecolors(edges)
+        self.trails.set_segments([camera(trail) / self.unit for trail in film.trails(step)])
+        follow(self.axes, self.words, where)
+        outlines = [shadow(zone, camera.basis[:2]) / self.unit + where[k] for k, zone in film.kept(step)]
+        self.zone.set_verts(outlines[:1])
+        self.outlines.set_verts(outlines[1:])
+        near = film.closest_at(step)
+        self.link.set_data(*([], []) if near is None else where[film.pairs.craft[near]].T)
+
+
+class FormationFilm:
+    """Figure of the animation of a formation, with its views and its time strip."""
+
+    def __init__(self, paths: Any, names: Sequence[str] | None, zone: Any, frames: int) -> None:
+        self.paths = crafts("paths", paths)
+        self.called, self.tints = short_names(names, len(self.paths)), colours(len(self.paths))
+        self.pairs = Pairs.of(self.paths, zone, name="zone")
+        start, end = min(path.start for path in self.paths), max(path.end for path in self.paths)
+        self.closest = float(self.pairs.time[self.pairs.order[0]]) if self.pairs.order else start
+        self.times = np.union1d(np.linspace(start, end, frames), [self.closest])
+        self.tracks = [path.position(instants(path.start, path.end, path)) for path in self.paths]
+        self.where = places_at(self.paths, self.times)
+        self.ratios = ratios_at(self.pairs, self.where, self.times)
+        self.met = np.zeros((len(self.times), len(self.paths)), dtype=bool)
+        for row, step in np.argwhere(self.ratios <= 1.0).tolist():
+            self.met[step, self.pairs.craft[row]] = True
+        orbit = self.paths[0].orbit
+        self.trail, self.ticks = (
+            min(TRAIL * (end - start), TURN * orbit.period),
+            clock(self.paths[0], start, end),
+        )
+        sizes = [drawn(one).extents for one in dict.fromkeys(self.pairs.zone)]
+        reach = np.max(sizes, axis=0, initial=0.0) if sizes else np.zeros(3)
+        points = np.vstack([np.vstack(self.tracks) + sign * reach for sign in (-1.0, 1.0)])
+        few, named = len(self.called) <= FEW, len(self.called) <= NAMED
+        if orbit.mean_motion:
+            self.figure, unit, ((*planes, space),) = three_planes(points, below=STRIP)
+            cameras = [(axes, camera, unit.size) for axes, (_, camera) in zip(planes, PLANES, strict=True)]
+            space_axes(space, ORBITAL(points), ORBITAL, AXES)
+            self.views = [View(*one, self, named and (few or one[0] is planes[1])) for one in cameras] + [
+                View(space, ORBITAL, 1.0, self, False)
+            ]
+            strip = self.figure.add_subplot(planes[0].get_subplotspec().get_gridspec()[-1, :])  # type: ignore[union-attr]
+        else:
+            self.figure = sheet(8.2, 8.4)
+            view, strip = self.figure.subplots(2, 1, height_ratios=[6.6, STRIP])
+            space_axes(view, OBLIQUE(points), OBLIQUE, INERTIAL)
+            self.views = [View(view, OBLIQUE, 1.0, self, named)]
+        self.strip(strip, start, end)
+        self.story = headline(self.figure, " \n ")
+        plain(self.story, *self.called)
+
+    def strip(self, axes: Axes, start: float, end: float) -> None:
+        """Draw the minimum ratio of all pairs against time, with a moving cursor."""
+        dress(axes)
+        if len(self.pairs):
+            fine = min(4 * len(self.times), max(len(self.times), MOST // len(self.pairs)))
+            some = self.pairs.time[self.pairs.order[:50]]
+            times = np.unique(np.concatenate([np.linspace(start, end, fine), some]))
+            least = ratios_at(self.pairs, places_at(self.paths, times), times).min(axis=0)
+            curve = Curve(times, np.where(least < np.inf, least, np.nan), colour=INK, width=1.6)
+            draw(axes, Panel("closest\n[× zone]", [curve], 1.0, "", "ratio"), self.ticks, [], [])
+            axes.yaxis.label.set_fontsize(SMALL)
+        else:
+            axes.set_yticks([])
+        axes.set_xlim(self.ticks(start), self.ticks(end))
+        axes.set_xlabel(f"time [{self.ticks.unit.name}]")
+        self.cursor = axes.axvline(self.ticks(start), color=OTHER, linewidth=2.5)
+
+    @property
+    def artists(self) -> list[Artist]:
+        """All moving artists."""
+        return [*(one for view in self.views for one in view.artists), self.cursor, self.story]
+
+    def closest_at(self, step: int) -> int | None:
+        """Return the row of the closest pair at a step, or None if no pair shares this time."""
+        ratios = self.ratios[:, step]
+        return int(ratios.argmin()) if len(ratios) and ratios.min() < np.inf else None
+
+    def trails(self, step: int) -> list[Floats]:
+        """Return the recent track (K, 3) [m] of each spacecraft."""
+        now, found = self.times[step], list[Floats]()
+        for path in self.paths:
+            first, last = max(path.start, now - self.trail), min(path.end, now)
+            found.append(path.position(np.linspace(first, last, 40)) if first < last else np.zeros((0, 3)))
+        return found
+
+    def kept(self, step: int) -> list[tuple[int, Zone]]:
+        """Return the zones to draw, each with the index of its spacecraft; that of the closest pair is first.
+
+        With few spacecraft, each has the zone between it and its nearest neighbour.
+        """
+        pairs, found, near = self.pairs, dict[int, Zone](), self.closest_at(step)
+        if near is None:
+            return []
+        one, other = pairs.craft[near].tolist()
+        found[other if carries(pairs.paths, len(self.called), other, one) else one] = pairs.zone[near]
+        if 2 < len(self.called) <= NAMED:
+            for k in np.argsort(self.ratios[:, step], kind="stable")[1:].tolist():
+                if self.ratios[k, step] < np.inf:
+                    for craft in pairs.craft[k].tolist():
+                        found.setdefault(craft, pairs.zone[k])
+        return list(found.items())
+
+    def show(self, time: float) -> None:
+        """Move all artists to the time [s] of a frame."""
+        step = int(np.searchsorted(self.times, time))
+        for view in self.views:
+            view.show(step)
+        self.cursor.set_xdata([self.ticks(time)] * 2)
+        other, near = self.ticks.other, self.closest_at(step)
+        said = self.ticks.text(time) + (f", {time / other.size:.2f} {other.name}" if other else "")
+        if near is not None:
+            pair = self.pairs.craft[near]
+            apart = np.linalg.norm(np.subtract(*self.where[pair, step]))
+            ratio = ratio_text(float(self.ratios[near, step]))
+            said += (
+                f"\nclosest now: {' and '.join(self.called[k] for k in pair)}, {ratio} × zone, {apart:.4g} m"
+            )
+        self.story.set_text(wrapped(self.figure, said))
+
+
+def formation_animation(
+    paths: Path | Sequence[Path],
+    file: str | PathLike[str] | IO[bytes],
+    names: Sequence[str] | None = None,
+    zone: OwnZone | Sequence[OwnZone | None] | PairZones | None = None,
+    *,
+    frames: int = 100,
+    progress: Callable[[int, int], object] | None = None,
+) -> None:
+    """Write an animated GIF of a formation: every spacecraft with its trail.
+
+    Paths in an orbit are shown in the three planes of the orbital frame and in space; paths in deep space in
+    one oblique view. With zones, a line joins the closest pair, and its zone is filled. In a formation of up
+    to 20, each spacecraft has the outline of the zone between it and its nearest neighbour. A spacecraft in
+    conflict has a red edge. The strip below shows the minimum ratio of all pairs against time.
+
+    Parameters
+    ----------
+    paths : Path or sequence of Path
+        Path of shape (N,), such as the paths of a plan, or N paths.
+    file : str, path-like or file of bytes
+        Output file; an existing file is overwritten.
+    names : sequence of str, optional
+        Names of the spacecraft; default: their indices.
+    zone : Zone, CovarianceZone, Body, None, sequence of these, or PairZones, optional
+        One zone for all spacecraft or one for each, combined for a pair as in `screen`; None: no zone of its
+        own.
+    frames : int, default 100
+        Number of frames, at least 2, evenly spaced in time; one more at the closest approach, where the
+        animation pauses.
+    progress : callable of int and int, optional
+        Function called with the number of finished frames and the total.
+
+    Raises
+    ------
+    ValueError
+        If `frames` is below 2, the number of names is wrong, two zones cannot be combined for a pair, or an
+        argument has the wrong type.
+    """
+    filmed(file, frames, progress)
+    found = reel(paths, names, zone, frames=frames)
+    found.save(file, found.frames(slice(None), progress))
+
+
+def reel(
+    paths: Path | Sequence[Path],
+    names: Sequence[str] | None = None,
+    zone: OwnZone | Sequence[OwnZone | None] | PairZones | None = None,
+    *,
+    frames: int = 100,
+) -> Reel:
+    """Return the animation of `formation_animation` without drawing it."""
+    film = FormationFilm(paths, names, zone, frames)
+    waits = np.where((film.times == film.closest) & (len(film.pairs) > 0), HOLD, PLAY)
+    waits[-1] = LAST
+    moments = list(zip(film.times.tolist(), waits.tolist(), strict=True))
+    pixels = WIDE if len(film.called) <= NAMED else NARROW
+    return Reel(film.figure, lambda: film.artists, film.show, moments, pixels)

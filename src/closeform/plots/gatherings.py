@@ -1,0 +1,541 @@
+"""Gathering of lost spacecraft in three views, still or animated: from the Sun, oblique, and a close-up."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from math import degrees, pi
+from os import PathLike
+from typing import IO, Any, Self
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from closeform.arrays import Floats, instance, number
+from closeform.motion.arc import END, START
+from closeform.motion.path import Path
+from closeform.plots.animations import NARROW, PLAY, WIDE, Reel
+from closeform.plots.inputs import filmed
+from closeform.plots.palette import BEFORE, CONFLICT, FAINT, INK, OTHER
+from closeform.plots.space import (
+    GROUP_COLOURS,
+    OBLIQUE,
+    SUN_COLOUR,
+    Camera,
+    fitted,
+    ring,
+    solid,
+    space_axes,
+    triad,
+)
+from closeform.plots.style import DASHED, headline, legend, sheet, wrapped
+from closeform.plots.text import SMALL, follow, plain, short_names, word
+from closeform.search.gather_result import Event, EventKind, Gathering
+from closeform.search.imperfect_attitude import OwnTurns
+from closeform.search.leg import SPELLED, SUN, Leg
+from closeform.search.search_errors import SearchErrors, of_each
+from closeform.search.sets import FORMATION, LOST
+
+NORTH, EAST = np.array([0.0, -1.0, 0.0]), np.array([1.0, 0.0, 0.0])  # up and right, as seen from the Sun
+SUN_VIEW = Camera(np.array([EAST, NORTH, SUN]))
+DIRECTIONS = {"x": EAST, "y": -NORTH, "z": -SUN}
+SEEN = 1e-6  # of the distance: tolerance, so that a pair is in lock at the time of its lock
+NARROWEST, SPACIOUS = 0.035, 0.35  # of the time strip: bands for a short and a full phase name
+FEW = 12  # maximum number of spacecraft that all have cones, shades and names
+SHADE = "#c9ced6"
+HOLD, LAST = 1200, 3000  # ms per frame: at a lock, at the end
+STOPS = 12_000  # ms: maximum total pause at locks
+SET_NAMES = {LOST: "lost", FORMATION: "formation set"}
+STYLES: dict[int, tuple[str, str, str]] = {  # of sets: marker, edge and face colour
+    LOST: ("o", BEFORE, "white"),
+    FORMATION: ("o", INK, INK),
+    1: ("s", "#00614a", "#009E73"),
+    2: ("D", "#7a2a7a", "#CC79A7"),
+    3: ("^", "#8a6d00", "#F0E442"),
+    4: ("v", "#1f6f9c", "#56B4E9"),
+}
+
+
+def style_of(label: int) -> int:
+    """Return the style key of a set; knowledge sets beyond the fourth reuse the four styles."""
+    return label if label <= FORMATION else 1 + (label - 1) % 4
+
+
+@dataclass(frozen=True, eq=False)
+class Knots:
+    """Start, burns and end of one path: `times` (K,) [s] and `points` (K, 3) [m]."""
+
+    times: Floats
+    points: Floats
+
+    @classmethod
+    def of(cls, path: Path) -> Self:
+        times = np.append(path.arcs[:, START], path.arcs[-1, END])
+        return cls(times, path.position(times))
+
+
+@dataclass(frozen=True, eq=False)
+class Moment:
+    """Gathering at a `time` [s]: positions, attitudes, locks and sets of its spacecraft."""
+
+    gathering: Gathering
+    knots: Sequence[Knots]
+    time: float
+
+    @cached_property
+    def positions(self) -> Floats:
+        """Positions (N, 3) [m]."""
+        return self.gathering.paths.position(self.time)
+
+    @cached_property
+    def attitudes(self) -> Floats:
+        """Actual attitudes (N, 3, 3); columns are the body axes."""
+        gathering = self.gathering
+        return OwnTurns(gathering.search, gathering.groups, self.errors).attitudes(self.time)
+
+    @cached_property
+    def errors(self) -> SearchErrors:
+        """Errors of each spacecraft (N,) relative to the search."""
+        return of_each(self.gathering.errors or SearchErrors(), (len(self.gathering.groups),))
+
+    @cached_property
+    def half_angles(self) -> Floats:
+        """Half-angles (N,) [rad] of the sensor cones."""
+        return np.asarray(self.gathering.search.sensor.half_angle + self.errors.half_angle)
+
+    @property
+    def leg(self) -> Leg:
+        """Current leg of the search; the last one at the end."""
+        legs = self.gathering.search.legs
+        return next((leg for leg in legs if leg.start <= self.time < leg.end), legs[-1])
+
+    @cached_property
+    def locks(self) -> list[Event]:
+        """Locks up to this time."""
+        return [one for one in self.gathering.events if one.kind == EventKind.LOCK and one.time <= self.time]
+
+    @cached_property
+    def labels(self) -> Any:
+        """Set of each spacecraft (N,): -1 lost, 0 the formation set, k >= 1 knowledge set k."""
+        times = [event.time for event in self.gathering.events]
+        return self.gathering.history[np.searchsorted(times, self.time, side="right")]
+
+    @cached_property
+    def trails(self) -> list[Floats]:
+        """Track of each spacecraft so far, (K, 3) each: its start, its burns and its position now."""
+        both = zip(self.knots, self.positions, strict=True)
+        return [np.vstack([one.points[one.times < self.time], now]) for one, now in both]
+
+    def in_lock(self, pairs: Any) -> Any:
+        """Return which pairs (M, 2) of one A and one B see each other now, as (M,) of bool; theory (13)."""
+        sensor, look = self.gathering.search.sensor, self.attitudes[:, :, 2]
+        sensors = self.positions + sensor.offset * look
+        gap = sensors[pairs[:, 1]] - sensors[pairs[:, 0]]
+        distance = np.linalg.norm(gap, axis=1)
+        ranges = np.full(len(look), sensor.range) if self.errors.range is None else self.errors.range
+        mute = self.errors.silent
+        if (outages := self.errors.outages) is not None:
+            mute = mute | ((outages[..., 0] <= self.time) & (self.time < outages[..., 1])).any(axis=-1)
+        reach = np.where(mute, 0.0, ranges)[pairs].min(axis=1)
+        both = distance <= reach * (1.0 + SEEN)
+        cosines = np.cos(self.half_angles)
+        for one, way in ((pairs[:, 0], 1.0), (pairs[:, 1], -1.0)):
+            ahead = way * (gap * look[one]).sum(axis=1)
+            both &= ahead >= distance * (cosines[one] - SEEN)
+        return both
+
+
+def clock_text(time: float) -> str:
+    """Return a time [s] as minutes and seconds."""
+    minutes, seconds = divmod(int(time + 0.5), 60)
+    return f"{minutes:02d}:{seconds:02d}"
+
+
+class ConeArt:
+    """Sensor cones and shades of some spacecraft, as artists that move."""
+
+    def __init__(self, axes: Axes, camera: Camera, width: float) -> None:
+        self.camera = camera
+        self.bodies = PolyCollection([], linewidths=0.0)
+        self.mouths = PolyCollection([], linewidths=width)
+        self.edges = LineCollection([], linewidths=0.6 * width)
+        self.shades = PolyCollection([], facecolors=SHADE, edgecolors=INK, linewidths=width)
+        for one in self.artists:
+            axes.add_collection(one, autolim=False)
+
+    @property
+    def artists(self) -> list[Any]:
+        """Moving artists, from back to front."""
+        return [self.bodies, self.mouths, self.edges, self.shades]
+
+    def show(self, cones: Sequence[tuple[Floats, Floats, Floats, str]]) -> None:
+        """Draw cones, each with its apex (3,), rim (K, 3) relative to it, shade outline (K, 3) and colour."""
+        camera, colours = self.camera, [colour for *_, colour in cones]
+        self.bodies.set_verts([solid(camera, apex, apex + rim) for apex, rim, *_ in cones])
+        self.bodies.set_facecolor([tint(colour, 0.2) for colour in colours])
+        self.mouths.set_verts([camera(apex + rim) for apex, rim, *_ in cones])
+        facing = [0.3 if camera.nearness(rim.mean(axis=0)) > 0.0 else 0.0 for _, rim, *_ in cones]
+        self.mouths.set_facecolor([tint(*both) for both in zip(colours, facing, strict=True)])
+        self.mouths.set_edgecolor([tint(colour, 0.75) for colour in colours])
+        rays = [camera(np.array([apex, apex + tip])) for apex, rim, *_ in cones for tip in rim[:-1:12]]
+        self.edges.set_segments(rays)
+        self.edges.set_color([tint(colour, 0.6) for _, rim, _, colour in cones for _ in rim[:-1:12]])
+        self.shades.set_verts([camera(shade) for *_, shade, _ in cones])
+
+
+class Overview:
+    """View of all spacecraft from one direction, at one scale for the whole gathering."""
+
+    def __init__(
+        self,
+        axes: Axes,
+        title: str,
+        camera: Camera,
+        gathering: Gathering,
+        knots: Sequence[Knots],
+        craft: int,
+        names: Sequence[str],
+    ) -> None:
+        self.axes, self.camera, self.gathering = axes, camera, gathering
+        groups, sensor = gathering.groups, gathering.search.sensor
+        self.few = len(groups) <= FEW
+        self.coned = sorted(range(len(groups)) if self.few else [craft], key=lambda k: groups[k])
+        points = np.vstack([one.points for one in knots])
+        span = max(float(np.ptp(points, axis=0).max()), 10.0 * sensor.offset) or 10.0
+        self.cone = min(sensor.range, (0.17 if self.few else 0.12) * span)
+        self.shade, margin = max(sensor.offset, 0.017 * span), 0.9 * self.cone + sensor.offset
+        space_axes(axes, np.vstack([camera(points) - margin, camera(points) + margin]), camera, DIRECTIONS)
+        axes.set_title(title, loc="left", fontsize=SMALL, color=INK)
+        if self.few:
+            pairs = [(i, j) for i, a in enumerate(groups) for j, b in enumerate(groups) if a < b]
+        else:  # those that joined sets
+            locks = [event for event in gathering.events if event.kind == EventKind.LOCK]
+            pairs = [(event.first, event.second) for event in locks]
+        self.pairs = np.array(pairs, dtype=int).reshape(-1, 2)
+        self.cones = ConeArt(axes, camera, 0.9)
+        self.trails = LineCollection([], colors=OTHER, linewidths=1.3 if self.few else 0.6)
+        self.past_look: dict[str, Any] = {"color": BEFORE, "linewidth": 1.0, "linestyle": DASHED}
+        self.now_look: dict[str, Any] = {"color": INK, "linewidth": 2.4}
+        if not self.few:
+            self.past_look, self.now_look = (
+                {"color": OTHER, "linewidth": 0.4},
+                {"color": INK, "linewidth": 0.7},
+            )
+        self.past, self.now = LineCollection([], **self.past_look), LineCollection([], **self.now_look)
+        for one in (self.trails, self.past, self.now):
+            axes.add_collection(one, autolim=False)
+        (self.kinks,) = axes.plot([], [], ".", color=INK, markersize=5 if self.few else 0)
+        self.marks = {
+            label: axes.plot([], [], marker, color=edge, markerfacecolor=face, markersize=5.0)[0]
+            for label, (marker, edge, face) in STYLES.items()
+        }
+        self.words: list[Any] = [
+            plain(word(axes, (0, 0), names[k], shift=(5, 9), ha="left")) for k in self.coned
+        ]
+
+    @property
+    def artists(self) -> list[Artist]:
+        """Moving artists, from back to front."""
+        lines = [*self.cones.artists, self.trails, self.past, self.kinks, self.now]
+        return [*lines, *self.marks.values(), *self.words]
+
+    def show(self, moment: Moment) -> None:
+        """Move all artists to a moment."""
+        where, camera, offset = moment.positions, self.camera, self.gathering.search.sensor.offset
+        cones = []
+        for k in self.coned:
+            attitude, colour = moment.attitudes[k], GROUP_COLOURS[self.gathering.groups[k]]
+            rim = ring(attitude[:, 2], float(moment.half_angles[k]), self.cone)
+            shade = where[k] + ring(attitude[:, 0], pi / 2.0, self.shade)
+            cones.append((where[k] + offset * attitude[:, 2], rim, shade, colour))
+        self.cones.show(cones)
+        trails = moment.trails
+        self.trails.set_segments([camera(trail) for trail in trails])
+        bends = camera(np.vstack([np.empty((0, 3)), *(trail[1:-1] for trail in trails)]))
+        self.kinks.set_data(bends[:, 0], bends[:, 1])
+        seen = moment.in_lock(self.pairs)
+        met = {frozenset((event.first, event.second)) for event in moment.locks}
+        known = np.array([frozenset(pair) in met for pair in self.pairs.tolist()], dtype=bool)
+        self.past.set_segments(list(camera(where[self.pairs[known & ~seen]])))
+        self.now.set_segments(list(camera(where[self.pairs[seen if self.few else seen & known]])))
+        flat, labels = camera(where), np.array([style_of(label) for label in moment.labels])
+        for label, mark in self.marks.items():
+            mark.set_data(*flat[labels == label].T)
+        follow(self.axes, self.words, flat[list(self.coned)])
+
+
+class CloseUp:
+    """Close-up of one spacecraft: its shade and normal, the sensor cone, and the sun line."""
+
+    def __init__(self, axes: Axes, gathering: Gathering, craft: int, name: str) -> None:
+        self.gathering, self.craft, self.camera = gathering, craft, OBLIQUE
+        fitted(axes, (-2.2, -1.8), (2.2, 2.2))
+        axes.set(xticks=[], yticks=[])
+        axes.spines[:].set_color(OTHER)
+        plain(axes.set_title(f"Close view: {name}", loc="left", fontsize=SMALL, color=INK))
+        triad(axes, self.camera, DIRECTIONS)
+        sun = self.camera(np.array([np.zeros(3), 2.05 * SUN]))
+        axes.plot(*sun.T, color=OTHER, linestyle=DASHED, linewidth=1.2)
+        axes.plot(*sun[1], "o", color=SUN_COLOUR, markeredgecolor=INK, markersize=11)
+        word(axes, sun[1], "Sun", shift=(12, 0), ha="left")
+        self.colour = GROUP_COLOURS[gathering.groups[craft]]
+        self.cones = ConeArt(axes, self.camera, 1.2)
+        self.arrows = LineCollection([], colors=[INK, self.colour], linewidths=[2.0, 2.4])
+        axes.add_collection(self.arrows, autolim=False)
+        (self.heads,) = axes.plot([], [], "o", color=INK, markersize=3.5)
+        self.words = [word(axes, (0, 0), "body x"), word(axes, (0, 0), "boresight", self.colour)]
+        self.turn = word(axes, (0, 1), "", shift=(5, -5), xycoords="axes fraction", ha="left", va="top")
+
+    @property
+    def artists(self) -> list[Artist]:
+        """Moving artists, from back to front."""
+        return [*self.cones.artists, self.arrows, self.heads, *self.words, self.turn]
+
+    def show(self, moment: Moment) -> None:
+        """Turn the spacecraft to its attitude at a moment."""
+        attitude, camera = moment.attitudes[self.craft], self.camera
+        normal, boresight = attitude[:, 0], attitude[:, 2]
+        offset = self.gathering.search.sensor.offset
+        apex = boresight if offset > 0.0 else np.zeros(3)  # shade radius equals the offset
+        rim = ring(boresight, float(moment.half_angles[self.craft]), 1.1)
+        self.cones.show([(apex, rim, ring(normal, pi / 2.0), self.colour)])
+        tips = np.array([1.25 * normal, apex + 0.95 * boresight])
+        self.arrows.set_segments(list(camera(np.stack([[np.zeros(3), apex], tips], axis=1))))
+        self.heads.set_data(*camera(tips).T)
+        for text, tip in zip(self.words, camera(tips + 0.2 * np.array([normal, boresight])), strict=True):
+            text.xy = tip
+        leg, off_sun = moment.leg, float(np.arccos(np.clip(normal @ SUN, -1.0, 1.0)))
+        axis = "the sun line" if leg.about == "sun line" else leg.about
+        about = f"turning about\n{axis}" if leg.angle else "waiting"
+        self.turn.set_text(f"{about}\nSun angle {degrees(off_sun):.1f}°")
+
+
+class Strip:
+    """Time strip of the whole gathering with its phases, locks and a cursor."""
+
+    def __init__(self, axes: Axes, gathering: Gathering) -> None:
+        end = gathering.duration or 1.0
+        axes.set(xlim=(0.0, end), ylim=(0.0, 1.0), xticks=[], yticks=[])
+        axes.spines[:].set_color(OTHER)
+        for k, (name, _, first, last) in enumerate(gathering.search.phases):
+            if first < end:
+                share = (min(last, end) - first) / end
+                axes.axvspan(first, min(last, end), facecolor=FAINT, alpha=0.35 + 0.5 * (k % 2), linewidth=0)
+                told = f"{name}: {SPELLED[name]} search" if share > SPACIOUS else name
+                if share > NARROWEST:
+                    word(axes, (first, 0.5), told, shift=(5, 0), ha="left")
+        times = sorted({event.time for event in gathering.events if event.kind == EventKind.LOCK})
+        apart, free = 0.06 * end, -end  # between two labels
+        axes.vlines(times, 0.0, 1.0, color=INK, linewidth=1.4 if len(times) <= FEW else 0.6)
+        named = [time for time in times if time >= free and (free := time + apart)]
+        axes.set_xticks(named, [clock_text(time) for time in named], fontsize=SMALL, color=INK)
+        axes.set_xlabel("locks [min:s]", fontsize=SMALL, color=INK)
+        (self.cursor,) = axes.plot([], [], color=CONFLICT, linewidth=3.0, clip_on=False)
+
+    @property
+    def artists(self) -> list[Artist]:
+        """Moving artists."""
+        return [self.cursor]
+
+    def show(self, moment: Moment) -> None:
+        """Move the cursor."""
+        self.cursor.set_data([moment.time, moment.time], [-0.15, 1.15])
+
+
+def tint(colour: str, share: float) -> tuple[float, float, float, float]:
+    """Return a colour as red, green, blue and opacity."""
+    return (*to_rgb(colour), share)
+
+
+class ThreeViews:
+    """Figure with its three views and time strip; `show` moves them to a time."""
+
+    def __init__(self, gathering: Gathering, craft: int, names: Sequence[str] | None) -> None:
+        count = len(gathering.groups)
+        instance("craft", craft, int, np.integer)
+        if isinstance(craft, bool) or not 0 <= craft < count:
+            raise ValueError(f"craft: must be from 0 to {count - 1}, got {craft!r}")
+        self.gathering, self.names = gathering, short_names(names, count)
+        self.knots = [Knots.of(gathering.paths[k]) for k in range(count)]
+        self.figure = sheet(7.9)
+        axes = self.figure.subplot_mosaic(
+            [["oblique", "sun"], ["oblique", "close"], ["strip", "strip"]],
+            width_ratios=[0.58, 0.42],
+            height_ratios=[0.5, 0.5, 0.06],
+        )
+        shared = (gathering, self.knots, craft, self.names)
+        self.oblique = Overview(axes["oblique"], "Oblique view", OBLIQUE, *shared)
+        sun = Overview(axes["sun"], "Sun view", SUN_VIEW, *shared)
+        close = CloseUp(axes["close"], gathering, craft, self.names[craft])
+        self.parts = (self.oblique, sun, close, Strip(axes["strip"], gathering))
+        self.story = headline(self.figure, " ")
+        plain(self.story, *self.names)
+        handles = self.legend()
+        legend(self.figure, handles, [str(one.get_label()) for one in handles], ncols=4, columnspacing=1.6)
+
+    @property
+    def artists(self) -> list[Artist]:
+        """Moving artists, from back to front."""
+        return [*(artist for part in self.parts for artist in part.artists), self.story]
+
+    def show(self, time: float) -> None:
+        """Move all parts to a time [s]."""
+        moment = Moment(self.gathering, self.knots, time)
+        for part in self.parts:
+            part.show(moment)
+        past = [event for event in self.gathering.events if event.time <= time]
+        said = self.told(past) if past else "all spacecraft are lost"
+        self.story.set_text(wrapped(self.figure, f"{clock_text(time)}  {moment.leg.phase}: {said}"))
+
+    def told(self, past: list[Event]) -> str:
+        """Return the last lock, or the last separate burn after it, as text."""
+        told = [event for event in past if event.kind != EventKind.BURN]
+        last = [event for event in told if event.time == told[-1].time]
+        event = max(last, key=lambda one: one.kind == EventKind.LOCK)
+        when, name = clock_text(event.time), self.names[event.first]
+        if event.kind == EventKind.LOCK:
+            labels = Moment(self.gathering, self.knots, event.time).labels
+            held = [self.names[k] for k in np.flatnonzero(labels == event.label)]
+            what = "formation set" if event.label == FORMATION else f"knowledge set {event.label}"
+            members = ", ".join(held) if len(held) <= 8 else f"{len(held)} craft"
+            return f"{name} and {self.names[event.second]} lock at {when}; {what}: {members}"
+        size = 1e3 * float(np.linalg.norm(event.delta_v))
+        why = "to keep clear" if event.kind == EventKind.CORRECTION else "out of the near field"
+        return f"{name} burns {size:.3g} mm/s at {when} {why}"
+
+    def legend(self) -> list[Artist]:
+        """Return legend handles for marks, tracks, locks and cones; only for the sets that occur."""
+        labels = {event.label for event in self.gathering.events if event.kind == EventKind.LOCK}
+        lines: list[tuple[str, dict[str, Any]]] = []
+        for style, (marker, edge, face) in STYLES.items():
+            several = sorted(label for label in labels if label > FORMATION and style_of(label) == style)
+            if style in SET_NAMES or several:
+                name = SET_NAMES.get(style) or "knowledge set " + ", ".join(map(str, several[:3]))
+                name += ", …" if len(several) > 3 else ""
+                mark = {"marker": marker, "color": edge, "markerfacecolor": face, "markersize": 7}
+                lines.append((name, mark | {"linestyle": ""}))
+        view = self.oblique
+        way = {"color": OTHER, "linewidth": 1.3, "marker": "." if view.few else ""}
+        bend = {"markerfacecolor": INK, "markeredgecolor": INK}
+        lines.append(("track so far, burns" if view.few else "track so far", way | bend))
+        lines += [("in lock now", view.now_look), ("locked before", view.past_look)]
+        handles: list[Artist] = [Line2D([], [], label=name, **look) for name, look in lines]
+        for group, colour in GROUP_COLOURS.items():
+            name = f"cone of {group}, cut at {float(f'{view.cone:.2g}'):g} m"
+            handles.append(Patch(facecolor=tint(colour, 0.3), edgecolor=colour, label=name))
+        return handles
+
+
+def three_views(
+    gathering: Gathering, time: float, craft: int = 0, names: Sequence[str] | None = None
+) -> Figure:
+    """Plot a gathering at one time in three views: H03 figures 9 to 11.
+
+    The views are oblique, from the Sun, and a close-up of one spacecraft. The close-up shows its shade, whose
+    radius is the offset of the sensor, and the sensor cone. Cones have the colour of their group and marks
+    the style of their set: lost, formation set or a knowledge set. Trails lead from the start and bend at
+    burns. The scale is the same for all times of a gathering. For more than 12 spacecraft only the selected
+    one has a cone, shade and name, and only locks that joined sets are drawn.
+
+    Parameters
+    ----------
+    gathering : Gathering
+        Gathering to draw.
+    time : float [s]
+        Time from the start of the search, up to the duration of the gathering.
+    craft : int, default 0
+        Index of the spacecraft in the close-up.
+    names : sequence of str, optional
+        Names of the spacecraft; default: their indices.
+
+    Returns
+    -------
+    Figure
+        Matplotlib figure; save it with its `savefig` method.
+
+    Raises
+    ------
+    ValueError
+        If `time` is outside the gathering, there is no such spacecraft, the number of names is wrong, or
+        an argument has the wrong type.
+
+    References
+    ----------
+    H03 (Hadaegh, Scharf and Ploen 2003) figures 9 to 11.
+    """
+    instance("gathering", gathering, Gathering)
+    if not 0.0 <= number("time", time) <= gathering.duration:
+        raise ValueError(f"time: must lie in the gathering, from 0 to {gathering.duration:g} s, got {time:g}")
+    views = ThreeViews(gathering, craft, names)
+    views.show(time)
+    return views.figure
+
+
+def animation(
+    gathering: Gathering,
+    file: str | PathLike[str] | IO[bytes],
+    craft: int = 0,
+    names: Sequence[str] | None = None,
+    *,
+    frames: int = 150,
+    progress: Callable[[int, int], object] | None = None,
+) -> None:
+    """Write an animated GIF of a gathering in three views, as in the simulation of H03.
+
+    Parameters
+    ----------
+    gathering : Gathering
+        Gathering to draw.
+    file : str, path-like or file of bytes
+        Output file; an existing file is overwritten.
+    craft : int, default 0
+        Index of the spacecraft in the close-up, as in `three_views`.
+    names : sequence of str, optional
+        Names of the spacecraft; default: their indices.
+    frames : int, default 150
+        Number of frames, at least 2, evenly spaced in time; one more at each lock, where the animation
+        pauses, as it does at the end.
+    progress : callable of int and int, optional
+        Function called with the number of finished frames and the total.
+
+    Raises
+    ------
+    ValueError
+        If `frames` is below 2, there is no such spacecraft, the number of names is wrong, or an argument
+        has the wrong type.
+
+    References
+    ----------
+    H03 (Hadaegh, Scharf and Ploen 2003) figures 9 to 11.
+    """
+    filmed(file, frames, progress)
+    found = reel(gathering, craft, names, frames=frames)
+    found.save(file, found.frames(slice(None), progress))
+
+
+def reel(
+    gathering: Gathering, craft: int = 0, names: Sequence[str] | None = None, *, frames: int = 150
+) -> Reel:
+    """Return the animation of `animation` without drawing it."""
+    instance("gathering", gathering, Gathering)
+    views = ThreeViews(gathering, craft, names)
+    pixels = WIDE if len(gathering.groups) <= FEW else NARROW
+    moments = schedule(gathering, frames)
+    return Reel(views.figure, lambda: views.artists, views.show, moments, pixels)
+
+
+def schedule(gathering: Gathering, frames: int) -> list[tuple[float, int]]:
+    """Return the times [s] of the frames with their durations [ms]."""
+    locks = np.unique([event.time for event in gathering.events if event.kind == EventKind.LOCK])
+    times = np.unique(np.concatenate([np.linspace(0.0, gathering.duration, frames), locks]))
+    stop = min(HOLD, STOPS // max(1, len(locks)) // 10 * 10)
+    stays = np.where(np.isin(times, locks), max(stop, PLAY), PLAY)
+    stays[-1] = LAST
+    return list(zip(times.tolist(), stays.tolist(), strict=True))

@@ -1,0 +1,231 @@
+"""Simulations in the high-fidelity model: deviations, clearance ratios and costs of all runs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from closeform.arrays import Floats, instance
+from closeform.dynamics.least_ratios import nearest_pair, nearest_pairs
+from closeform.dynamics.simulation_result import Simulation
+from closeform.dynamics.tube import Tube
+from closeform.plots.charts import PALE, Curve, Panel, draw, name_rows, series
+from closeform.plots.palette import AFTER, ALTERNATIVE, BEFORE, CONFLICT, INK, ZONE
+from closeform.plots.style import (
+    DASHED,
+    Clock,
+    clock,
+    dress,
+    headline,
+    legend,
+    length,
+    length_unit,
+    plural,
+    sheet,
+    speed,
+    speed_unit,
+    time_axes,
+)
+from closeform.plots.text import short_names
+from closeform.zones.pair_zones import PairZones
+from closeform.zones.zone import Zone
+
+DRAWN = 300  # maximum number of runs that are drawn, besides the worst
+MOST = 24  # maximum number of spacecraft in the cost figure
+CLOSE_UP = 0.012  # of the duration: half the width of the close-up
+
+
+def flight_deviations(
+    flight: Simulation, tube: Tube | None = None, names: Sequence[str] | None = None
+) -> Figure:
+    """Plot the largest deviation from the plan against time, for every simulation run, with the tube.
+
+    Each pale line is the largest deviation of any spacecraft in one run. The blue line is the median of all
+    runs; the red line is the run with the largest deviation.
+
+    Parameters
+    ----------
+    flight : Simulation
+        Result of `simulate`.
+    tube : Tube, optional
+        Tracking-error tube predicted by `tube`.
+    names : sequence of str, optional
+        Names of the spacecraft; default: their indices.
+
+    Returns
+    -------
+    Figure
+        Matplotlib figure; save it with its `savefig` method.
+
+    Raises
+    ------
+    ValueError
+        If the number of names is wrong, or an argument has the wrong type.
+    """
+    instance("flight", flight, Simulation)
+    instance("tube", tube, Tube, type(None))
+    called = short_names(names, flight.states.shape[1])
+    off, worst = flight.deviations.max(axis=1), int(np.argmax(flight.deviations))
+    run, craft, step = (int(k) for k in np.unravel_index(worst, flight.deviations.shape))
+    radius, share = 0.0, ""
+    if tube is not None:
+        lasts = float(flight.times[-1] - flight.times[0])
+        radius = float(np.max(tube.containment(lasts, craft=flight.states.shape[1])))
+        share = f"; predicted: {100.0 * tube.probability:.3f} % of runs within {length(radius)}"
+    unit = length_unit(max(float(off.max()), radius))
+    dot = (float(flight.times[step]), off[run, step] / unit.size)
+    words = ("each run: largest of all craft", "median", f"largest deviation, run {run}")
+    curves = runs(flight, flight.times, off / unit.size, run, words, dot, called[craft])
+    if tube is not None:
+        flat = np.full(2, radius / unit.size)
+        curves.append(Curve(flight.times[[0, -1]], flat, "tracking-error tube", ZONE, DASHED))
+    most = f"Deviation at most {length(float(off.max()))} in {plural(len(off), 'run')}"
+    panel = Panel(f"deviation from the plan [{unit.name}]", curves)
+    start, end = flight.times[[0, -1]].tolist()
+    return series(most + share, [panel], clock_of(flight), start, end, height=5.8)
+
+
+def flight_ratios(flight: Simulation, zone: Zone | PairZones, names: Sequence[str] | None = None) -> Figure:
+    """Plot the minimum clearance ratio of all pairs against time, for every run, with a close-up.
+
+    Each pale line is the minimum of all pairs in one run; the dashed line is that of the plan. The blue line
+    is the median of all runs; the red line is the run with the closest approach. A ratio below 1 is a
+    conflict.
+
+    Parameters
+    ----------
+    flight : Simulation
+        Result of `simulate`.
+    zone : Zone or PairZones
+        One zone for all pairs, or one for each.
+    names : sequence of str, optional
+        Names of the spacecraft; default: their indices.
+
+    Returns
+    -------
+    Figure
+        Matplotlib figure; save it with its `savefig` method.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than two spacecraft, no pair has a zone, the number of names is wrong, or an
+        argument has the wrong type.
+    """
+    instance("flight", flight, Simulation)
+    instance("zone", zone, Zone, PairZones)
+    count = flight.states.shape[1]
+    called = short_names(names, count)
+    if count < 2:
+        raise ValueError("flight: has one spacecraft and so no pair; give a simulation of two or more")
+    least = np.stack([nearest_pairs(one, zone) for one in flight.states])
+    if not np.isfinite(least).any():
+        raise ValueError("zone: no pair has one; give a zone")
+    planned = nearest_pairs(flight.planned.state(flight.times), zone)
+    run, step = (int(k) for k in np.unravel_index(int(np.argmin(least)), least.shape))
+    pair = " and ".join(called[k] for k in nearest_pair(flight.states[run, :, step], zone))
+    dot = (float(flight.times[step]), float(least[run, step]))
+    words = ("each run", "median", f"closest approach, run {run}")
+    curves = runs(flight, flight.times, least, run, words, dot, f"{pair}, {dot[1]:.4f} × zone")
+    curves.append(Curve(flight.times, planned, "plan", INK, DASHED, 1.4))
+
+    ticks, (start, end) = clock_of(flight), flight.times[[0, -1]].tolist()
+    figure, handles, legends = sheet(8.6), list[Any](), list[str]()
+    above, below = figure.subplots(2, 1)
+    for axes in (above, below):
+        dress(axes)
+    near = np.abs(flight.times - dot[0]) <= CLOSE_UP * (end - start)
+    near[max(0, step - 2) : step + 3] = True
+    close = [
+        Curve(flight.times[near], one.values[..., near], "", one.colour, one.dashes, one.width, one.dot)
+        for one in curves
+    ]
+    top = max(float(planned[near].max()), float(np.median(least[:, near], axis=0).max()))
+    room = 0.15 * (top - dot[1]) or 0.05
+    draw(above, Panel("minimum of all pairs [× zone]", curves, 1.0, scale="ratio"), ticks, handles, legends)
+    draw(below, Panel("close-up [× zone]", close, 1.0, ""), ticks, [], [])
+    below.set_ylim(dot[1] - room, top + room)
+    time_axes([above], ticks, start, end)
+    time_axes([below], Clock(ticks.unit), *flight.times[near][[0, -1]].tolist())
+    legend(figure, handles, legends)
+    entered = int(
+        (flight.ratios.min(axis=1) < 1.0).sum() if flight.ratios.size else (least.min(axis=1) < 1.0).sum()
+    )
+    runs_in = plural(len(least), "run")
+    found = f"Conflicts in {entered} of {runs_in}" if entered else f"No conflict in {runs_in}"
+    headline(figure, f"{found}; minimum {dot[1]:.4f} × zone simulated, {planned.min():.4f} planned")
+    return figure
+
+
+def runs(
+    flight: Simulation, times: Floats, values: Floats, worst: int, words: Sequence[str], dot: Any, name: str
+) -> list[Curve]:
+    """Return the curves of all runs (S, T), of their median, and of the worst run."""
+    if len(values) == 1:
+        return [Curve(times, values[0], "simulated", CONFLICT, width=1.4, dot=dot, name=name)]
+    return [
+        Curve(times, values[:DRAWN], words[0], PALE, width=0.6),
+        Curve(times, np.median(values, axis=0), words[1], AFTER, width=1.8),
+        Curve(times, values[worst], words[2], CONFLICT, width=1.4, dot=dot, name=name),
+    ]
+
+
+def clock_of(flight: Simulation) -> Clock:
+    """Return the time axis of a simulation."""
+    return clock(flight.planned[0], float(flight.times[0]), float(flight.times[-1]))
+
+
+def flight_costs(flight: Simulation, names: Sequence[str] | None = None) -> Figure:
+    """Plot the delta-v of each spacecraft in every run: plan, model compensation and feedback.
+
+    Only the spacecraft with the largest delta-v are shown if there are many.
+
+    Parameters
+    ----------
+    flight : Simulation
+        Result of `simulate`.
+    names : sequence of str, optional
+        Names of the spacecraft; default: their indices.
+
+    Returns
+    -------
+    Figure
+        Matplotlib figure; save it with its `savefig` method.
+
+    Raises
+    ------
+    ValueError
+        If the number of names is wrong, or an argument has the wrong type.
+    """
+    instance("flight", flight, Simulation)
+    called = short_names(names, flight.states.shape[1])
+    shown = np.sort(np.argsort(-flight.delta_v.max(axis=0), kind="stable")[:MOST])
+    rows, many = np.arange(len(shown))[::-1], len(flight.states) > 1
+    parts = {
+        "plan": (flight.planned_delta_v[None, shown], BEFORE),
+        "model compensation": (flight.field_delta_v[None, shown], ALTERNATIVE),
+        "feedback": (np.asarray(flight.feedback_delta_v)[:, shown], AFTER),
+    }
+    figure = sheet(1.8 + 0.42 * len(shown))
+    panels = figure.subplots(1, 3, sharey=True)
+    for axes, (what, (part, tint)) in zip(panels, parts.items(), strict=True):
+        dress(axes)
+        unit = speed_unit(float(np.abs(part).max()))
+        axes.barh(rows, np.median(part, axis=0) / unit.size, height=0.62, color=tint, alpha=0.8)
+        if len(part) > 1:
+            spread = np.linspace(-0.24, 0.24, len(part))[:, None]
+            axes.plot(part / unit.size, rows + spread, ".", color=tint, markersize=3.0, alpha=0.6)
+        axes.axvline(0.0, color=INK, linewidth=0.8)
+        axes.set_xlabel(f"{what}{', each run' * (len(part) > 1)} [{unit.name}]")
+    name_rows(panels[0], rows, [called[k] for k in shown])
+    total, planned = float(flight.delta_v.sum(axis=1).mean()), float(flight.planned_delta_v.sum())
+    extra = f" ({100.0 * (total / planned - 1.0):+.2g} %)".replace("-", "−") if planned else ""
+    mean = "mean of " if many else ""
+    headline(
+        figure,
+        f"Delta-v {speed(total)}, {mean}{plural(len(flight.states), 'run')}; {speed(planned)} planned{extra}",
+    )
+    return figure

@@ -1,0 +1,365 @@
+"""Studies of many cases: distributions, lock times, sweeps, and collision probability."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import floor, log10
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+from matplotlib.transforms import ScaledTranslation
+from numpy.typing import ArrayLike
+
+from closeform.arrays import instance, number, numbers, sequence
+from closeform.motion.path import Path
+from closeform.plots.inputs import one_craft
+from closeform.plots.palette import AFTER, ALTERNATIVE, BEFORE, CONFLICT, INK, OTHER, colours
+from closeform.plots.style import (
+    DASHED,
+    Clock,
+    Unit,
+    chart,
+    clock,
+    headline,
+    legend,
+    plain_unit,
+    right_axis,
+    time_axes,
+)
+from closeform.plots.text import NEAR, fonts, label
+from closeform.search.histogram import FINER, Binned
+from closeform.search.schedule import Search
+from closeform.uncertainty.probability import Probability
+
+BINS = 60  # maximum; few cases have twice the root of their number
+CURVE = "#7a2a10"
+PHASE_COLOURS = {"IPS": AFTER, "OPS": ALTERNATIVE, "mOPS": ALTERNATIVE, "NFS": "#AA4499"}
+MOST, LONG = 12, 40  # maximum number of lines of a sweep, and characters of a name
+ASIDE, SPREAD = 0.06, 0.24  # inches at one value: maximum between bars, and over all bars
+FAR = 5.0  # times the largest value: a limit above that is not shown
+
+
+def distribution(values: ArrayLike, what: str, tail: float = 0.95) -> Figure:
+    """Plot a histogram of values, and the cumulative share of cases up to each value.
+
+    Dashed lines mark the median and the `tail` quantile. Quantiles interpolate linearly between two cases, as
+    in NumPy and in the tables of studies.
+
+    Parameters
+    ----------
+    values : array_like of shape (M,), no unit
+        One value per case, in the unit that `what` states; nan if a case has none, counted in the headline.
+    what : str
+        Name of the quantity with its unit, such as "delta-v [m/s]".
+    tail : float, no unit, default 0.95
+        Share of cases below the second dashed line, between 0 and 1; use 0.05 if small values are critical.
+
+    Returns
+    -------
+    Figure
+        Matplotlib figure; save it with its `savefig` method.
+
+    Raises
+    ------
+    ValueError
+        If `values` has another shape, is infinite or all nan, `tail` is not between 0 and 1, or an argument
+        has the wrong type.
+
+    References
+    ----------
+    docs/scenario.md.
+    """
+    given = numbers("values", values)
+    instance("what", what, str)
+    if not 0.0 < (end := number("tail", tail)) < 1.0:
+        raise ValueError(f"tail: a share between 0 and 1, got {end:g}")
+    if given.ndim != 1:
+        raise ValueError(f"values: expected shape (M,), got {given.shape}")
+    found = np.sort(given[~np.isnan(given)])
+    if not len(found) or not np.isfinite(found).all():
+        raise ValueError("values: expected finite numbers, nan where a case has none; got none, or infinity")
+    figure, (axes,) = chart(5.4)
+    low, high = float(found[0]), float(found[-1])
+    room = 0.02 * (high - low) or 0.01 * max(abs(high), 1.0)
+    bins = min(BINS, int(np.ceil(2.0 * np.sqrt(len(found)))))
+    counts, edges = np.histogram(found, bins, (low - room, high + room))
+    axes.stairs(counts, edges, fill=True, color=OTHER, zorder=3)
+    axes.set_xlim(low - room, high + room)
+    axes.set_xlabel(what)
+    axes.set_ylabel("cases")
+    axes.yaxis.set_major_locator(MaxNLocator(integer=True))
+    right = right_axis(axes, "cumulative share [%]", AFTER)
+    right.ecdf(found, color=AFTER, linewidth=2.2, zorder=4)
+    right.set_ylim(0.0, 1.03)
+    right.set_yticks(np.linspace(0.0, 1.0, 6), [f"{share}" for share in range(0, 101, 20)])
+    middle, most = (float(np.quantile(found, one)) for one in (0.5, end))
+    for value in (middle, most):
+        axes.axvline(value, color=INK, linewidth=1.0, linestyle=DASHED, zorder=5)
+    without = f", {len(given) - len(found)} without" if len(found) < len(given) else ""
+    name, _, unit = what.partition(" [")
+    marked = f"median {middle:.4g}, {100.0 * end:g} % {most:.4g} {unit.rstrip(']')}"
+    said = f"{name} of {len(found)} cases{without}: {marked}"
+    headline(figure, f"{said[0].upper()}{said[1:]}".rstrip())
+    return figure
+
+
+def histogram(
+    times: ArrayLike, search: Search | None = None, bin: float = 60.0, what: str = "pairs lock"
+) -> Figure:
+    """Plot how many pairs lock in each bin of a search: S04 figure 7.
+
+    Pairs that lock at once (time 0) are counted in the headline but not in the bars, as in S04. The count has
+    a logarithmic axis. The curve is the cumulative share of all pairs, on the right axis. Bands are the
+    phases of the search with their counts, up to the phase of the last lock. Dashed lines are the ends of
+    turns.
+
+    Parameters
+    ----------
+    times : array_like of shape (M,) [s]
+        Lock times from `lock_times`; nan if there was no lock.
+    search : Search, optional
+        Search in which the times lie; without it, phases and turns are not shown.
+    bin : float [s], default 60
+        Width of a bin.
+    what : str, default "pairs lock"
+        Plural noun and verb of the event, such as "formations gather" for the durations of `gather_cases`.
+
+    Returns
+    -------
+    Figure
+        Matplotlib figure; save it with its `savefig` method.
+
+    Raises
+    ------
+    ValueError
+        If `times` has another shape or lies outside the search, `bin` is not positive and finite, or an
+        argument has the wrong type.
+
+    References
+    ----------
+    S04 (Scharf, Ploen, Hadaegh and Sohl 2004) figure 7.
+    """
+    instance("search", search, Search, type(None))
+    instance("what", what, str)
+    given = numbers("times", times)
+    if given.ndim != 1:
+        raise ValueError(f"times: expected shape (M,), got {given.shape}")
+    if not 0.0 < number("bin", bin) < np.inf:
+        raise ValueError(f"bin: must be positive and finite, got {bin!r} s")
+    found = given[~np.isnan(given)]
+    longest = search.duration if search is not None else max(bin, float(found.max(initial=0.0)))
+    if found.size and not (found.min() >= 0.0 and found.max() <= longest < np.inf):
+        raise ValueError(f"times: must lie in the search, from 0 to {longest:g} s")
+    return binned(Binned.of([given], longest, search, bin), search, what)
+
+
+def binned(times: Binned, search: Search | None = None, what: str = "pairs lock") -> Figure:
+    """Plot the histogram of times that are already counted."""
+    edges = times.bin * np.arange(len(times.counts) + 1)
+    figure, (axes,) = chart(5.8)
+    end = float(edges[-1])
+    if search is not None:  # up to the end of the phase with the last event
+        end = next((end for *_, end in search.phases if end >= times.last), search.duration)
+    unit, noun = plain_unit(end), what.partition(" ")[0]
+    axes.set_yscale("log")
+    axes.set_ylim(0.7, 6.0 * max(10.0, float(times.counts.max(initial=0))))
+    axes.set_xlim(0.0, end / unit.size)
+    axes.set_xlabel(f"time [{unit.name}]")
+    axes.set_ylabel(f"{noun} [1 per {times.bin:g} s]")
+    axes.stairs(times.counts, edges / unit.size, baseline=0.7, fill=True, color=OTHER, zorder=3)
+    right = right_axis(axes, "cumulative share [%]", CURVE)
+    finer = np.minimum(times.bin / FINER * np.arange(len(times.finer) + 1), end) / unit.size
+    done = times.at_once + np.concatenate([[0], np.cumsum(times.finer)])
+    right.plot(finer, 100.0 * done / max(1, times.every), color=CURVE, linewidth=2.2)
+    right.set_ylim(0.0, 133.0)
+    right.set_yticks(range(0, 101, 20))
+    if search is not None:
+        phases(axes, search, unit, times.inside, end)
+    found, verb = times.at_once + times.later, what.partition(" ")[2]
+    said = f"{spaced(times.at_once)} of {spaced(times.every)} {noun} {verb} at once (not shown), "
+    said += f"{spaced(times.later)} later"
+    headline(figure, said + (f", {spaced(times.every - found)} never" if found < times.every else ""))
+    return figure
+
+
+def phases(axes: Axes, search: Search, unit: Unit, counts: Any, until: float) -> None:
+    """Draw bands for the phases with their counts where there is room, and the ends of the turns."""
+    points, words = list[tuple[float, float]](), list[str]()
+    for (name, turn, start, end), count in zip(search.phases, counts.tolist(), strict=True):
+        colour = PHASE_COLOURS.get(name, OTHER)
+        axes.axvspan(start / unit.size, end / unit.size, facecolor=colour, alpha=0.13, linewidth=0.0)
+        axes.axvline(end / unit.size, color=OTHER, linewidth=1.2)
+        if start < until:
+            points.append((0.5 * (start + min(end, until)) / unit.size, axes.get_ylim()[1] / 3.0))
+            words.append(f"{name} {turn}: {spaced(count)}")
+    for leg in search.legs:
+        axes.axvline(leg.end / unit.size, ymax=0.76, color=BEFORE, linewidth=0.7, linestyle=(0, (3, 3)))
+    label(axes, np.array(points), words, spots=NEAR, first=NEAR - 2)
+
+
+def spaced(count: int) -> str:
+    """Return a count with spaces between thousands."""
+    return f"{count:,}".replace(",", " ")
+
+
+def sweep(
+    values: ArrayLike,
+    share: ArrayLike,
+    low: ArrayLike,
+    high: ArrayLike,
+    what: str,
+    names: Sequence[str] = ("",),
+) -> Figure:
+    """Plot the share of cases against a swept value, with a line for each combination of other values.
+
+    Error bars are 95 % confidence intervals; bars at the same value are drawn slightly apart.
+
+    Parameters
+    ----------
+    values : array_like of shape (P,), no unit
+        Swept values, in the unit that `what` states.
+    share : array_like of shape (K, P), no unit
+        Share of cases at each point, from 0 to 1; the first 12 lines are drawn.
+    low, high : array_like of shape (K, P), no unit
+        Ends of the intervals.
+    what : str
+        Name of the swept quantity with its unit.
+    names : sequence of str, default one without a name
+        Names of the K lines.
+
+    Returns
+    -------
+    Figure
+        Matplotlib figure; save it with its `savefig` method.
+
+    Raises
+    ------
+    ValueError
+        If shapes are wrong, a number is not finite, or an argument has the wrong type.
+
+    References
+    ----------
+    docs/scenario.md.
+    """
+    where, called = numbers("values", values), sequence("names", names, str)
+    instance("what", what, str)
+    given = {"share": share, "low": low, "high": high}
+    parts = {name: numbers(name, one) for name, one in given.items()}
+    if where.ndim != 1 or not where.size or not np.isfinite(where).all():
+        raise ValueError(f"values: expected finite numbers of shape (P,), got {where.shape}")
+    for name, part in parts.items():
+        if part.shape != (len(called), len(where)) or not np.isfinite(part).all():
+            raise ValueError(f"{name}: expected finite numbers of shape (K, P), K names, got {part.shape}")
+    words = [f"#{k}" if None in fonts(name) else name for k, name in enumerate(called[:MOST], 1)]
+    words = [name if len(name) <= LONG else f"{name[: LONG - 1]}…" for name in words]
+    figure, (axes,) = chart(5.4)
+    shown = 100.0 * np.stack([parts["share"], parts["low"], parts["high"]])[:, :MOST]
+    lines, step = [], min(ASIDE, SPREAD / shown.shape[1])
+    for k, tint in enumerate(colours(shown.shape[1])):
+        middle, below, above = shown[:, k]
+        bars = np.maximum([middle - below, above - middle], 0.0)
+        aside = ScaledTranslation(step * (k - (shown.shape[1] - 1) / 2), 0.0, figure.dpi_scale_trans)
+        look: dict[str, Any] = {"color": tint, "marker": "o", "linewidth": 1.6, "capsize": 3}
+        lines.append(axes.errorbar(where, middle, bars, transform=axes.transData + aside, **look))
+    axes.update_datalim(np.column_stack([np.tile(where, shown.size // len(where)), shown.ravel()]))
+    axes.autoscale_view()
+    axes.set_xlabel(what)
+    axes.set_ylabel("cases that meet all requirements [%]")
+    if any(called):
+        legend(figure, lines, words)
+    least, most = 100.0 * float(parts["share"].min()), 100.0 * float(parts["share"].max())
+    between = f"{least:.4g} to {most:.4g}" if most > least else f"{most:.4g}"
+    headline(figure, f"All requirements are met in {between} % of cases")
+    return figure
+
+
+def collision(
+    found: Probability, path: Path | None = None, limit: float | None = None, what: str = ""
+) -> Figure:
+    """Plot the mean rate of entries into the zone and, below it, the cumulative probability, against time.
+
+    The lower curve is the probability of being inside at the start plus the expected number of entries so
+    far. It is an upper bound on the probability of a conflict up to that time, and equals it if each case
+    enters at most once. The mark at the end is the probability of ever being inside, with its interval.
+
+    Parameters
+    ----------
+    found : Probability
+        Result of `collision_probability` with the method "entries" or "bound", which compute the rate.
+    path : Path, optional
+        Path of either spacecraft, which defines the time axis by its start, end and orbit; default: the times
+        at which the rate was computed.
+    limit : float, no unit, optional
+        Required maximum probability.
+    what : str, default ""
+        Name of the pair, placed at the start of the headline.
+
+    Returns
+    -------
+    Figure
+        Matplotlib figure; save it with its `savefig` method.
+
+    Raises
+    ------
+    ValueError
+        If `found` has no rate because of its method or because there are no entries, the path is a batch,
+        `limit` is not a probability above 0, or an argument has the wrong type.
+    """
+    instance("found", found, Probability)
+    if path is not None:
+        one_craft("path", path)
+    instance("what", what, str)
+    if limit is not None and not 0.0 < number("limit", limit) <= 1.0:
+        raise ValueError(f"limit: a probability above 0, up to 1, got {limit:g}")
+    if len(found.rate_times) < 2 or not found.mean_entries > 0.0:
+        raise ValueError(
+            f'found: method "{found.method}" gave no rate of entries; give one of method="entries" above 0'
+        )
+    order = np.argsort(found.rate_times)
+    start, end = (path.start, path.end) if path is not None else found.rate_times[order[[0, -1]]].tolist()
+    ticks = clock(path, start, end) if path is not None else Clock(plain_unit(end - start))
+    times, rates = found.rate_times[order], found.rates[order]
+    times = np.concatenate([[min(start, times[0])], times, [max(end, times[-1])]])
+    rates = np.concatenate([rates[:1], rates, rates[-1:]])
+    so_far = np.concatenate([[0.0], np.cumsum(np.diff(times) * 0.5 * (rates[1:] + rates[:-1]))])
+    so_far = found.at_start + so_far * (found.mean_entries / so_far[-1])
+
+    figure, (above, below) = chart(7.2, [1.0, 1.0])
+    size, power = scaled(float(rates.max()) * ticks.unit.size)
+    rate = rates * ticks.unit.size / size
+    above.fill_between(ticks(times), rate, color=CONFLICT, alpha=0.18, linewidth=0)
+    above.plot(ticks(times), rate, color=CONFLICT, linewidth=2.0)
+    above.set_ylim(0.0, None)
+    above.set_ylabel(f"entries per {'orbit' if ticks.unit.name == 'orbits' else ticks.unit.name}{power}")
+    most = max(so_far[-1], found.high)
+    size, power = scaled(most)
+    (line,) = below.plot(ticks(times), so_far / size, color=AFTER, linewidth=2.4)
+    apart = np.maximum([[found.value - found.low], [found.high - found.value]], 0.0) / size
+    look: dict[str, Any] = {"fmt": "D", "color": ALTERNATIVE, "markersize": 8, "capsize": 5, "zorder": 5}
+    mark = below.errorbar([ticks(end)], [found.value / size], apart, clip_on=False, **look)
+    handles: list[Any] = [line, mark]
+    words = [
+        "inside at the start, and entries so far",
+        f"ever inside: {found.value:.4g} ({found.low:.4g} to {found.high:.4g})",
+    ]
+    if limit is not None:
+        handles.append(below.axhline(limit / size, color=INK, linestyle=DASHED, linewidth=1.4))
+        words.append(f"required: at most {limit:g}")
+        most = max(most, limit) if limit < FAR * most else most
+    below.set_ylim(0.0, 1.12 * most / size)
+    below.set_ylabel(f"probability{power}")
+    time_axes([above, below], ticks, start, end)
+    legend(figure, handles, words)
+    highest = ticks.text(float(times[np.argmax(rates)]))
+    lead = f"{what}: p" if what else "P"
+    headline(figure, f"{lead}robability of collision {found.value:.4g}, highest entry rate at {highest}")
+    return figure
+
+
+def scaled(greatest: float) -> tuple[float, str]:
+    """Return the power of ten in which numbers up to `greatest` are shown, and its axis label."""
+    power = floor(log10(greatest))
+    return (1.0, "") if -2 <= power < 4 else (10.0**power, f" [$10^{{{power}}}$]")

@@ -1,0 +1,545 @@
+"""Thrust, burns and thruster pulses against time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from numpy.typing import ArrayLike
+
+from closeform.arrays import Floats, instance, number, numbers, shown, whole
+from closeform.fuel.allocation import Allocation
+from closeform.fuel.burns import Burns, burns_of, burns_of_pulses
+from closeform.fuel.chunks import thrust_in_frame
+from closeform.fuel.firing import ThrusterFiring
+from closeform.fuel.pulses import Pulses
+from closeform.fuel.thrusters import Thrusters
+from closeform.motion.path import Path
+from closeform.plots.charts import Curve, Panel, name_rows, series
+from closeform.plots.inputs import crafts, texts
+from closeform.plots.palette import (
+    AFTER,
+    ALTERNATIVE,
+    BEFORE,
+    CONFLICT,
+    DIRECTIONS,
+    FAINT,
+    INK,
+    OTHER,
+    colours,
+)
+from closeform.plots.style import (
+    DASHED,
+    DOTTED,
+    Clock,
+    chart,
+    clock,
+    headline,
+    instants,
+    legend,
+    length_unit,
+    plural,
+    right_axis,
+    speed,
+    speed_unit,
+    thrust_unit,
+    time_axes,
+)
+from closeform.plots.text import NEAR, SMALL, label, short_names, word
+
+FEW = 12  # maximum number of spacecraft in the legend
+FAR = 3.0  # times the maximum: a limit above that would flatten all curves
+ROUNDING = 1e-9  # of a limit
+LINES = ((AFTER, "-"), (BEFORE, DASHED), (ALTERNATIVE, DOTTED))  # last path first
+NARROWEST = 1.0 / 400.0  # of the time axis: minimum width of a burn
+LABELLED = 8  # maximum number of larger burns in a row with labels
+SMALLEST = 0.1  # of the largest burn: smaller burns have no label
+HIGH = 0.8  # of the row height: the largest burn
+MOST_ROWS = 60
+MOST = 8  # maximum number of panels; the thrusters with the largest delta-v are kept
+OPPOSITE = 1e-9  # largest component of the sum of two opposite directions
+IDLE = 1e-6  # of the largest delta-v of a thruster; smaller values count as zero
+
+
+def thrust(paths: Path | Sequence[Path], labels: Sequence[str], mass: float | None = None) -> Figure:
+    """Plot the magnitude and the components of the thrust of up to three paths against time.
+
+    Impulses are stems with their own axis on the right.
+
+    Parameters
+    ----------
+    paths : Path or sequence of Path
+        Batch or single paths, such as before and after; the last one is drawn in the main colour.
+    labels : sequence of str
+        Label of each path.
+    mass : float [kg], optional
+        Mass of the spacecraft; if given, thrust is shown in newtons instead of m/s^2.
+
+    Returns
+    -------
+    Figure
+        Matplotlib figure; save it with its `savefig` method.
+
+    Raises
+    ------
+    ValueError
+        If there are more than three paths or none, the number of labels is wrong, `mass` is not positive and
+        finite, or an argument has the wrong type.
+    """
+    if mass is not None and not 0.0 < number("mass", mass) < np.inf:
+        raise ValueError(f"mass: must be positive and finite [kg], got {mass!r:.60}")
+    flown = crafts("paths", paths)
+    if not 1 <= len(flown) <= len(LINES):
+        raise ValueError(f"paths: from one to {len(LINES)}, got {len(flown)}")
+    labels = texts("labels", labels, len(flown), "paths")
+    start, end = min(path.start for path in flown), max(path.end for path in flown)
+    ticks = clock(flown[0], start, end)
+    force, basic = (1.0, "m/s²") if mass is None else (mass, "N")
+    unit = thrust_unit(force * max(path.peak_thrust for path in flown), basic)
+    greatest = max((float(np.linalg.norm(jump)) for path in flown for _, jump in path.impulses), default=0.0)
+
+    figure, panels = chart(9.0, [1.25, 1, 1, 1])
+    names = [("magnitude", INK), *((d.name, d.colour) for d in DIRECTIONS)]
+    for axes, (name, colour) in zip(panels, names, strict=True):
+        axes.set_ylabel(f"{name} [{unit.name}]", fontsize=SMALL, color=colour)
+        if axes is not panels[0]:
+            axes.axhline(0, color=INK, linewidth=0.8)
+    spent = speed_unit(max(path.delta_v for path in flown))
+    lines, words = [], []
+    for path, (colour, dashes), name in zip(flown, LINES[len(flown) - 1 :: -1], labels, strict=True):
+        times = instants(path.start, path.end, path)
+        push = force * path.thrust(times)
+        energy = f", energy {path.energy:.4g} m²/s³" if np.isfinite(path.energy) else ""
+        words.append(f"{name}: Δv {spent.text(path.delta_v)}{energy}")
+        for axes, curve in zip(panels, [np.linalg.norm(push, axis=1), *push.T], strict=True):
+            look: dict[str, Any] = {"color": colour, "linestyle": dashes, "linewidth": 2.2}
+            (line,) = axes.plot(ticks(times), curve / unit.size, **look)
+        lines.append(line)
+    for axes in panels:
+        level(axes, 1.1 * max(np.abs(axes.get_ylim())), axes is panels[0])
+    if greatest > 0:
+        stems(panels, flown, ticks, greatest)
+    time_axes(panels, ticks, start, end)
+    legend(figure, lines, words, handlelength=2.6)
+    most = max(range(len(flown)), key=lambda k: flown[k].delta_v)
+    headline(
+        figure, f"Thrust and impulses; {labels[most]} has the largest delta-v, {speed(flown[most].delta_v)}"
+    )
+    return figure
+
+
+def level(axes: Axes, top: float, positive: bool) -> None:
+    """Set the range from zero, or symmetric about zero for signed values."""
+    axes.set_ylim(0 if positive else -top, top)
+
+
+def stems(panels: list[Axes], flown: list[Path], ticks: Clock, greatest: float) -> None:
+    """Draw impulses on a right axis whose zero coincides with that of the thrust."""
+    unit = speed_unit(greatest)
+    for row, axes in enumerate(panels):
+        right = right_axis(axes, f"impulse [{unit.name}]", INK)
+        level(right, 1.15 * greatest / unit.size, row == 0)
+        for path, (colour, dashes) in zip(flown, LINES[len(flown) - 1 :: -1], strict=True):
+            for time, jump in path.impulses:
+                height = float(np.linalg.norm(jump) if row == 0 else jump[row - 1]) / unit.size
+                at = float(ticks(time))
+                right.plot([at, at], [0.0, height], color=colour, linestyle=dashes, linewidth=2)
+                right.plot(at, height, "o", color=colour, markersize=7, clip_on=False)
+        right.spines["right"].set(visible=True, color=OTHER)
+
+
+def formation_thrust(
+    paths: Path | Sequence[Path],
+    names: Sequence[str] | None = None,
+    limits: ArrayLike | None = None,
+    masses: ArrayLike | None = None,
+    on_off: ArrayLike = False,
+) -> Figure:
+    """Plot the thrust magnitude of each spacecraft of a formation against time, with its limit.
+
+    Up to 12 spacecraft have a legend. For on-off thrusters, curves are the planned thrust and limits the
+    thrust of one thruster while it is on; `pulses` shows the pulses.
+
+    Parameters
+    ----------
+    paths : Path or sequence of Path
+        Path of shape (N,), or N paths.
+    names : sequence of str, optional
+        Names of the spacecraft; default: their indices.
+    limits : array_like of shape (N,) [m/s^2], optional
+        Maximum thrust accelerations; nan or inf for no limit. If they differ, a second panel shows the share
+        of its own limit that each spacecraft uses.
+    masses : array_like of shape (N,) [kg], optional
+        Masses of the spacecraft; if given, thrust is shown in newtons instead of m/s^2.
+    on_off : array_like of bool of shape () or (N,), default False
+        True for spacecraft whose limit is the thrust of one on-off thruster.
+
+    Returns
+    -------
+    Figure
+        Matplotlib figure; save it with its `savefig` method.
+
+    Raises
+    ------
+    ValueError
+        If the number of names, limits, masses or on_off is wrong, masses are not positive, or an argument
+        has the wrong type.
+    """
+    flown = crafts("paths", paths)
+    called, count = short_names(names, len(flown)), len(flown)
+    kilograms = np.ones(count) if masses is None else vector("masses", masses, count)
+    if not (kilograms > 0.0).all():
+        raise ValueError("masses: must be positive")
+    most = np.full(count, np.nan) if limits is None else vector("limits", limits, count)
+    pulsed = np.asarray(on_off)
+    if pulsed.dtype != bool or pulsed.shape not in ((), (count,)):
+        raise ValueError(
+            f"on_off: expected True, False, or one for each of {count} craft, got {shown(on_off)}"
+        )
+    pulsed = np.broadcast_to(pulsed, count)
+    peaks, most = np.array([path.peak_thrust for path in flown]) * kilograms, most * kilograms
+    known, basic = np.isfinite(most), "m/s²" if masses is None else "N"
+    unit = thrust_unit(float(peaks.max() or most[known].max(initial=0.0)), basic)
+    start, end = min(path.start for path in flown), max(path.end for path in flown)
+
+    tints, few = colours(count), 1 < count <= FEW
+    pushes, shares = list[Curve](), list[Curve]()
+    for k, path in enumerate(flown):
+        times = instants(path.start, path.end, path)
+        push = np.linalg.norm(path.thrust(times), axis=1) * kilograms[k]
+        look: dict[str, Any] = {"colour": tints[k], "width": 2.0 if count <= FEW else 1.0}
+        pushes.append(Curve(times, push / unit.size, called[k] if few else "", **look))
+        if known[k]:
+            shares.append(Curve(times, 100.0 * push / most[k], **look))
+    panels = [Panel(f"{'planned ' if pulsed.any() else ''}thrust [{unit.name}]", pushes)]
+    limit = most[known].max(initial=0.0)
+    unlike = bool(known.any()) and limit > (1.0 + ROUNDING) * most[known].min() > 0.0
+    if unlike:
+        panels.append(Panel("share of own limit [%]", shares))
+    figure = series(
+        thrust_verdict(called, peaks, most, pulsed, basic), panels, clock(flown[0], start, end), start, end
+    )
+    if unlike:
+        limited(figure.axes[1], 100.0, "thrust of one thruster" if pulsed[known].all() else "limit of each")
+    elif known.any():
+        own = thrust_unit(limit, basic).text(limit)
+        limited(
+            figure.axes[0],
+            limit / unit.size,
+            f"{'thrust of one thruster' if pulsed.any() else 'limit'} {own}",
+        )
+    return figure
+
+
+def limited(axes: Axes, limit: float, words: str) -> None:
+    """Draw a dashed line at a limit; only mention a limit far above all curves."""
+    top = axes.get_ylim()[1] / 1.08
+    near = limit <= FAR * top
+    if near:
+        axes.set_ylim(0.0, 1.15 * max(top, limit))
+        axes.axhline(limit, color=INK, linewidth=1.2, linestyle=DASHED)
+    place: dict[str, Any] = {
+        "xycoords": axes.get_yaxis_transform() if near else "axes fraction",
+        "ha": "right",
+    }
+    said = words if near else f"{words}, far above"
+    word(
+        axes,
+        (0.995, limit if near else 1.0),
+        said,
+        shift=(0, 3 if near else -4),
+        va="bottom" if near else "top",
+        **place,
+    )
+
+
+def thrust_verdict(called: list[str], peaks: Floats, limits: Floats, pulsed: Any, basic: str) -> str:
+    """Return the headline: the largest thrust, and how it compares with the limits."""
+    k = int(peaks.argmax())
+    if not peaks[k] > 0.0:
+        return "No spacecraft thrusts"
+    most = thrust_unit(peaks[k], basic).text(peaks[k])
+    if pulsed[k] and np.isfinite(limits[k]):
+        own = thrust_unit(limits[k], basic).text(limits[k])
+        return f"{called[k]} has the largest planned thrust, {most}; its thrusters have {own} each, on or off"
+    said = f"{called[k]} has the largest thrust: {most}"
+    if not np.isfinite(limits).any():
+        return said
+    over = int((peaks > limits * (1.0 + ROUNDING)).sum())
+    return (
+        f"{said}; {f'{over} of {len(peaks)} craft above their limit' if over else 'all within their limits'}"
+    )
+
+
+def vector(name: str, given: ArrayLike, count: int) -> Floats:
+    """Return an argument as one number per spacecraft, or raise ValueError."""
+    values = numbers(name, given)
+    if values.shape != (count,):
+        raise ValueError(f"{name}: expected shape ({count},), got {values.shape}")
+    return values
+
+
+def burns(paths: Path | Sequence[Path] | ThrusterFiring, names: Sequence[str] | None = None) -> Figure:
+    """Plot the burns of each spacecraft: a row per spacecraft, a bar per burn, scaled to its delta-v.
+
+    An impulse or a thruster pulse is a thin bar. Continuous thrust from one coast to the next is one bar of
+    that length.
+
+    Parameters
+    ----------
+    paths : Path, sequence of Path, or ThrusterFiring
+        Path of shape (N,), up to 60 paths, or a `ThrusterFiring`, whose pulses are shown.
+    names : sequence of str, optional
+        Names of the spacecraft; default: their indices.
+
+    Returns
+    -------
+    Figure
+        Matplotlib figure; save it with its `savefig` method.
+
+    Raises
+    ------
+    ValueError
+        If there are more than 60 paths, the number of names is wrong, or an argument has the wrong type.
+    """
+    firing = paths if isinstance(paths, ThrusterFiring) else None
+    flown = crafts("paths", paths.path if isinstance(paths, ThrusterFiring) else paths)
+    if len(flown) > MOST_ROWS:
+        raise ValueError(f"paths: up to {MOST_ROWS}, got {len(flown)}; show some of them")
+    called, count = short_names(names, len(flown)), len(flown)
+    if firing is not None:
+        every = [burns_of_pulses(firing.pulses, k) for k in range(count)]
+    else:
+        every = [burns_of(path).told for path in flown]
+    start, end = min(path.start for path in flown), max(path.end for path in flown)
+    ticks, room = clock(flown[0], start, end), 0.015 * (end - start)
+    figure, (axes,) = chart(2.4 + 0.55 * count if count > 1 else 3.6)
+    time_axes([axes], ticks, start - room, end + room)
+    burn_rows(axes, ticks, every, called, colours(count) if count > 1 else [AFTER], end - start)
+    axes.set_ylabel("bar height: delta-v", fontsize=SMALL)
+    headline(figure, burns_story(called, every, firing))
+    return figure
+
+
+def burn_rows(
+    axes: Axes,
+    ticks: Clock,
+    every: Sequence[Burns],
+    called: list[str],
+    tints: Any,
+    span: float,
+    names: bool = True,
+) -> float:
+    """Draw a row of bars for each spacecraft, as high as its burns; return the largest burn [m/s].
+
+    The larger burns have labels if `names`, where there is room. `span` is the length of the time axis [s].
+    """
+    count, greatest = len(every), max(float(one.size.max(initial=0.0)) for one in every)
+    unit, points, words = speed_unit(greatest), list[Floats](), list[str]()
+    levels = np.arange(count)[::-1]
+    axes.set_ylim(-0.15, float(count))
+    axes.grid(axis="y", visible=False)
+    for level, one, tint in zip(levels, every, tints, strict=True):
+        axes.axhline(level, color=FAINT, linewidth=1.0)
+        width = np.maximum(one.duration, NARROWEST * span)
+        middle, high = one.start + 0.5 * one.duration, level + HIGH * one.size / (greatest or 1.0)
+        left, right = ticks(middle - 0.5 * width), ticks(middle + 0.5 * width)
+        low = np.full_like(high, level)
+        corners = np.stack([[left, low], [left, high], [right, high], [right, low]]).transpose(2, 0, 1)
+        axes.add_collection(PolyCollection(list(corners), facecolors=tint, linewidths=0))
+        large = np.flatnonzero(one.size >= SMALLEST * greatest)
+        if names and len(large) <= LABELLED:
+            large = large[np.argsort(-one.size[large], kind="stable")]
+            points += list(np.column_stack([right, np.maximum(high - 0.3, level + 0.05)])[large])
+            words += [unit.text(size) for size in one.size[large].tolist()]
+    if points:
+        label(axes, np.array(points), words, spots=NEAR)
+    name_rows(axes, levels, called)
+    return greatest
+
+
+def burns_story(called: list[str], every: Sequence[Burns], firing: ThrusterFiring | None) -> str:
+    """Return the headline: number of burns, total and largest delta-v."""
+    spent = [float(one.size.sum()) for one in every]
+    k, count = int(np.argmax(spent)), sum(len(one.size) for one in every)
+    if not count:
+        return "No spacecraft burns"
+    said = f"{plural(count, 'burn' if firing is None else 'pulse')}, {speed(sum(spent))}"
+    if firing is not None:
+        said += f" fired for {speed(float(np.sum(firing.planned.delta_v)))} planned"
+    if len(every) == 1:
+        return f"{called[0]}: {said}; the largest is {speed(float(every[0].size.max()))}"
+    return f"{said} in total; {called[k]} has the largest delta-v, {speed(spent[k])}"
+
+
+def pulses(firing: ThrusterFiring, craft: int = 0, name: str | None = None) -> Figure:
+    """Plot the pulses of each thruster of a spacecraft against time, over the planned thrust.
+
+    Each pulse is a bar with its duration as width and its delta-v as height. The shaded area is the planned
+    thrust multiplied by the period, which is the delta-v of one cycle. Two opposite thrusters share a panel,
+    with the second one downwards. Thrusters along no axis are labelled by number, from 1. Rings mark planned
+    impulses, and omitted pulses are marked at their time.
+
+    Parameters
+    ----------
+    firing : ThrusterFiring
+        Result of `fire_thrusters`.
+    craft : int, default 0
+        Index of the spacecraft.
+    name : str, optional
+        Name of the spacecraft; default: its index if there are several.
+
+    Returns
+    -------
+    Figure
+        Matplotlib figure; save it with its `savefig` method.
+
+    Raises
+    ------
+    ValueError
+        If there is no such spacecraft, or an argument has the wrong type.
+    """
+    instance("firing", firing, ThrusterFiring)
+    if name is not None:
+        instance("name", name, str)
+    count = len(firing.thrusters)
+    if whole("craft", craft) >= count:
+        raise ValueError(f"craft: from 0 to {count - 1}, got {craft}")
+    plan = firing.planned[craft] if firing.planned.shape else firing.planned
+    thrusters = firing.thrusters[craft]
+    fired = firing.pulses[firing.pulses.craft == craft]
+    dropped = firing.dropped[firing.dropped.craft == craft]
+    times, wanted = planned_per_period(plan, thrusters)
+    rows = thruster_rows(thrusters, fired, dropped, wanted)
+    greatest = float(max(fired.impulse.max(initial=0.0), wanted.max(initial=0.0)))
+    unit, ticks = speed_unit(greatest or 1.0), clock(plan, plan.start, plan.end)
+    figure, panels = chart(2.3 + 1.9 * len(rows), [1.0] * len(rows))
+    for axes, (one, other) in zip(panels, rows, strict=True):
+        name_of_row, colour = row_name(thrusters, one, other)
+        axes.set_ylabel(f"{name_of_row} [{unit.name}]", fontsize=SMALL, color=colour)
+        reach = [0.0, 0.0]
+        for side, (thruster, sign) in enumerate(((one, 1.0), (other, -1.0))):
+            if thruster < 0:
+                continue
+            own, lost = fired[fired.thruster == thruster], dropped[dropped.thruster == thruster]
+            asked, bit = wanted[:, thruster], float(thrusters.minimum_bit[thruster])
+            area = sign * asked / unit.size
+            axes.fill_between(ticks(times), 0.0, area, color=OTHER, alpha=0.45, linewidth=0)
+            bars(axes, own, sign / unit.size, ticks, colour)
+            for start, lasts, size in zip(lost.start, lost.duration, lost.impulse, strict=True):
+                height = sign * size / unit.size
+                look: dict[str, Any] = {"color": CONFLICT, "alpha": 0.5}
+                axes.fill_between(ticks([start, start + lasts]), 0.0, height, linewidth=1.5, **look)
+            for time, jump in plan.impulses:
+                size = float(thrusters.directions_at(plan.orbit, time)[thruster] @ jump) / unit.size
+                if size > 0.0:
+                    axes.plot(ticks(time), sign * size, "o", markersize=8, markerfacecolor="none", color=INK)
+            used = len(own) + len(lost) > 0
+            if bit > 0.0 and used:
+                axes.axhline(sign * bit / unit.size, color=INK, linewidth=0.9, linestyle=DASHED)
+            every = asked.max(), own.impulse.max(initial=0.0), lost.impulse.max(initial=0.0)
+            reach[side] = max(*every, bit * used)
+        axes.axhline(0.0, color=INK, linewidth=0.8)
+        least = 0.12 * max(reach) or 1e-3 * (greatest or unit.size)
+        low = max(reach[1], least) if other >= 0 else 0.0
+        axes.set_ylim(-1.12 * low / unit.size, 1.12 * max(reach[0], least) / unit.size)
+    time_axes(panels, ticks, plan.start, plan.end)
+    marks: list[tuple[Any, str, bool]] = [
+        (Patch(color=INK, alpha=0.6), "pulse: height is its delta-v, width its duration", True),
+        (
+            Patch(color=OTHER, alpha=0.45),
+            f"planned thrust × period of {thrusters.period:g} s" if thrusters.period else "",
+            plan.peak_thrust > 0.0,
+        ),
+        (
+            Line2D([], [], color=INK, linewidth=0.9, linestyle=DASHED),
+            "minimum impulse bit",
+            bool(thrusters.minimum_bit.any()),
+        ),
+        (Patch(color=CONFLICT, alpha=0.5), "omitted pulse", len(dropped) > 0),
+        (
+            Line2D([], [], marker="o", linestyle="", markerfacecolor="none", color=INK),
+            "planned impulse along the thruster",
+            len(plan.impulses) > 0,
+        ),
+    ]
+    kept = [(handle, words) for handle, words, shown_ in marks if shown_ and words]
+    legend(figure, [handle for handle, _ in kept], [words for _, words in kept], ncols=2)
+    headline(figure, pulses_story(firing, craft, fired, dropped, name))
+    return figure
+
+
+def thruster_rows(
+    thrusters: Thrusters, fired: Pulses, dropped: Pulses, wanted: Floats
+) -> list[tuple[int, int]]:
+    """Return the used thrusters, each with its opposite thruster or -1; at most MOST, by delta-v."""
+    sums = np.abs(thrusters.directions[:, None] + thrusters.directions).max(axis=2) < OPPOSITE
+    found: list[tuple[int, int]] = []
+    for one, against in enumerate(sums):
+        other = int(against.argmax()) if against.any() else -1
+        if other < 0 or one < other:
+            found.append((one, other))
+    given = np.bincount(fired.thruster, fired.impulse, len(thrusters) + 1)
+    asked = np.append(wanted.max(axis=0, initial=0.0), 0.0)
+    asked += given + np.bincount(dropped.thruster, dropped.impulse, len(thrusters) + 1)
+    used = [row for row in found if max(asked[list(row)]) > IDLE * asked.max()]
+    most = sorted(used or found, key=lambda row: -given[row[0]] - given[row[1]])[:MOST]
+    return sorted(most)
+
+
+def planned_per_period(plan: Path, thrusters: Thrusters) -> tuple[Floats, Floats]:
+    """Return the planned delta-v of each thruster per period: times (K,) [s] and delta-v (K, m) [m/s]."""
+    times = instants(plan.start, plan.end, plan)
+    wanted = np.zeros((len(times), len(thrusters)))
+    peak = plan.peak_thrust
+    if thrusters.period is not None and peak > 0.0:
+        push = thrust_in_frame(plan, thrusters, times)
+        allocation = Allocation.of(thrusters.directions)
+        facets = allocation.facets(push, 1e-9 * peak)
+        sizes, corners = allocation.amounts(facets, push), allocation.corners[facets]
+        every = np.zeros((len(times), len(thrusters) + 6))
+        np.put_along_axis(every, corners, np.maximum(sizes, 0.0), axis=1)
+        wanted = thrusters.period * every[:, : len(thrusters)]
+    return times, wanted
+
+
+def row_name(thrusters: Thrusters, one: int, other: int) -> tuple[str, str]:
+    """Return the label and the colour of a panel."""
+    axis = int(np.abs(thrusters.directions[one]).argmax())
+    if thrusters.directions[one, axis] > 1.0 - OPPOSITE:
+        direction = DIRECTIONS[axis]
+        return direction.name if thrusters.frame == "orbit" else f"inertial {'xyz'[axis]}", direction.colour
+    return f"thruster {one + 1}" if other < 0 else f"{one + 1} up, {other + 1} down", AFTER
+
+
+def bars(axes: Axes, own: Pulses, scale: float, ticks: Clock, colour: str) -> None:
+    """Draw pulses as bars as wide as their durations, with a line in each to keep short ones visible."""
+    height = scale * own.impulse
+    begin, over = ticks(own.start), ticks(own.start + own.duration)
+    axes.bar(begin, height, over - begin, align="edge", color=colour, linewidth=0, alpha=0.9)
+    middle = 0.5 * (begin + over)
+    lines = np.stack([np.column_stack([middle, 0.0 * height]), np.column_stack([middle, height])], axis=1)
+    axes.add_collection(LineCollection(list(lines), colors=colour, linewidths=0.9 if len(own) < 150 else 0.5))
+
+
+def pulses_story(firing: ThrusterFiring, craft: int, fired: Pulses, dropped: Pulses, name: str | None) -> str:
+    """Return the headline: number of pulses, delta-v, propellant and deviation from the plan."""
+    who = f"{f'Craft {craft}' if name is None else name}: " if len(firing.thrusters) > 1 or name else ""
+    if not len(fired):
+        return f"{who}no pulses"
+    off, bound = np.ravel(firing.deviation)[craft], np.ravel(firing.deviation_bound)[craft]
+    unit, burned = length_unit(bound), fired.propellant.sum()
+    planned = float(np.ravel(firing.planned.delta_v)[craft])
+    words = (
+        f"{who}{plural(len(fired), 'pulse')}, {speed(fired.impulse.sum())} fired for {speed(planned)} planned"
+    )
+    if np.isfinite(burned):
+        words += f", {1e3 * burned:.3g} g" if burned < 1.0 else f", {burned:.4g} kg"
+    words += f"; {unit.text(off, 3)} from the plan, at most {unit.text(bound, 3)}"
+    return words + (f"; {speed(dropped.impulse.sum())} omitted" if len(dropped) else "")
