@@ -249,7 +249,7 @@ def test_boresight_scans_report_pairs_without_a_lock():
     search = cf.Search.basic(cf.Sensor(radians(30)), radians(0.25), radians(25))
     positions = np.array([[0.0, 0.0, 100.0], [100.0, 0.0, 0.0], [0.0, 0.0, -5.0]])
     found = scans(search, positions, np.zeros((3, 3)), 1.0)
-    assert {way: samples.tolist() for way, samples in found.items()} == dict.fromkeys(found, [-1, 0, -1])
+    assert {way: samples.tolist() for way, samples in found.items()} == {way: [-1, 0, -1] for way in found}
 
 
 def test_distribution_of_lost_spacecraft():
