@@ -1,7 +1,6 @@
-"""Passages of one craft past zones, and dense formations with boxes, from fixed seeds.
+"""Passages of one spacecraft past zones, and dense formations with boxes, from fixed seeds.
 
-The direct path of a passage is in conflict with every obstacle: each comes near a point of it, at a
-random time and with a random miss.  Neither end of the path is within MARGIN zones of an obstacle.
+The direct path of a passage conflicts with every obstacle, and both of its ends are MARGIN zones away.
 """
 
 from dataclasses import dataclass
@@ -87,7 +86,7 @@ def passage(group, seed):
 
 
 def drawn_orbit(rng):
-    """Half low, a tenth deep space, the others of medium height and geostationary; and a duration [s]."""
+    """Return an orbit (half low, a tenth deep space, else higher) and a duration [s]."""
     kind = rng.choice(["low", "deep space", "medium", "high"], p=[0.5, 0.1, 0.2, 0.2])
     if kind == "deep space":
         return DEEP_SPACE, between(rng, 300.0, 6000.0)
@@ -97,7 +96,7 @@ def drawn_orbit(rng):
 
 
 def drawn_zones(rng, shape, count, tilted):
-    """Mostly one zone for all, else one shape in several sizes, or a zone of its own for each."""
+    """Return mostly one zone for all, else one shape in several sizes or a zone for each."""
 
     def drawn():
         lengths = between(rng, *SIZES, 3)
@@ -114,7 +113,7 @@ def drawn_zones(rng, shape, count, tilted):
 
 
 def drawn_ends(rng, orbit, duration):
-    """Two states: at rest, on closed relative orbits, or with a speed of their own besides."""
+    """Return two states: at rest, on closed relative orbits, or with a random velocity."""
     way = direction(rng) * rng.uniform(*DISTANCES)
     middle = direction(rng) * rng.uniform(0.0, 200.0)
     places = middle + np.array([-0.5, 0.5])[:, None] * way
@@ -124,9 +123,9 @@ def drawn_ends(rng, orbit, duration):
 
 
 def obstacle(rng, path, zone):
-    """A path that misses a point of `path` by less than the zone, clear of its ends; or None.
+    """Return a path within the zone of a point of `path` and clear of its ends, or None.
 
-    Coasting, a third on closed relative orbits; one in six thrusts, one in ten is there before and after.
+    Most coast, a third on closed relative orbits; one in six thrusts; one in ten exists before and after.
     """
     orbit, duration = path.orbit, path.end
     for _ in range(50):
@@ -149,7 +148,7 @@ def obstacle(rng, path, zone):
 
 
 def thrusting(rng, orbit, duration, time, place):
-    """Another energy-optimal transfer, through `place` at `time`."""
+    """Return another energy-optimal transfer through `place` at `time`."""
     initial, final = drawn_ends(rng, orbit, duration)
     off = place - orbit.transfer(initial, final, duration).position(time)
     moved = orbit.transition(-time) @ np.concatenate([off, np.zeros(3)])  # natural motion on top of it
@@ -157,14 +156,14 @@ def thrusting(rng, orbit, duration, time, place):
 
 
 def crowds():
-    """Dense formations with boxes that change places through the middle: tasks for `reconfigure`."""
+    """Return dense formations with boxes that swap places through the centre, for `reconfigure`."""
     return [
         crowd(count, ring, kind) for count in COUNTS for ring in (True, False) for kind in range(len(KINDS))
     ]
 
 
 def crowd(count, ring, kind):
-    """Craft at rest, on a ring or at random points, each to the place opposite; boxes of unequal widths."""
+    """Return spacecraft at rest, on a ring or at random, each to the opposite place, with a box."""
     rng = np.random.Generator(np.random.Philox(key=[300 + count, 10 * ring + kind]))
     orbit, duration = DEEP_SPACE, 1000.0
     if kind:
@@ -186,21 +185,21 @@ def crowd(count, ring, kind):
 
 
 def nearest(places, zone):
-    """Least norm between any two places."""
+    """Return the least clearance ratio between any two positions."""
     return min(zone.norm(one - other) for one, other in combinations(places, 2))
 
 
 def gaps(path, other, times):
-    """Relative positions at times (T, 3)."""
+    """Return relative positions at times (T, 3)."""
     return path.position(times) - other.position(times)
 
 
 def between(rng, low, high, size=None):
-    """Uniform in the logarithm."""
+    """Return a log-uniform number."""
     return np.exp(rng.uniform(log(low), log(high), size))
 
 
 def direction(rng):
-    """A random unit vector."""
+    """Return a random unit vector."""
     vector = rng.normal(size=3)
     return vector / np.linalg.norm(vector)

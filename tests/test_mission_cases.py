@@ -1,4 +1,4 @@
-"""Studies of missions: each case is the run of that case, failures are rows, nothing depends on the chunk."""
+"""Mission studies: each case equals its run, failures are rows, and chunks do not matter."""
 
 import json
 import re
@@ -56,7 +56,7 @@ seed = 11
 "craft.velocity" = { ball = "5 mm/s" }
 "craft.mass" = { uniform = "20 kg" }
 """
-# B and C are drawn about the place where A is to stop: in some cases it cannot stop there.
+# B and C are sampled around the goal of A, which is unreachable in some cases.
 BLOCKED = PASS.replace('"0 0 0 m", "10 400 0 m"', '"0 200 0 m", "0 250 0 m"').replace(
     '"craft.position" = { normal = "8 m" }', '"craft.position" = { uniform = "60 m" }'
 )
@@ -72,7 +72,7 @@ def blocked():
     return flown(parse(BLOCKED, "blocked.toml"), 40)
 
 
-def test_each_case_is_what_a_run_of_it_flies(missions, blocked):
+def test_each_case_equals_its_run(missions, blocked):
     for campaign in (missions, blocked):
         for case in (0, 7, 23, *campaign.failed[:3].tolist()):
             try:
@@ -93,8 +93,8 @@ def test_each_case_is_what_a_run_of_it_flies(missions, blocked):
             np.testing.assert_equal(campaign.column("end_s")[case], np.nan if stopped else ends)
 
 
-def test_draws_of_a_case_are_those_of_its_blocks(missions):
-    """By NumPy's generator itself: craft c of 3 in case K takes block 3 K + c of each key's stream."""
+def test_samples_come_from_the_philox_blocks(missions):
+    """Spacecraft c of 3 in case K takes block 3 K + c of the stream of each key."""
     scenario, case = missions.scenario, 5
     found = case_of(scenario, case)
     for key, size in (("craft.position", 3), ("craft.mass", 1)):
@@ -108,7 +108,7 @@ def test_draws_of_a_case_are_those_of_its_blocks(missions):
                 assert one.mass == 100.0 + 20.0 * (2.0 * random[c, 0] - 1.0)
 
 
-def test_a_case_does_not_depend_on_its_chunk(missions):
+def test_case_does_not_depend_on_its_chunk(missions):
     kind = MissionCases(missions.scenario, 11)
     parts = [kind.evaluate(0, 3), kind.evaluate(3, 8)]
     for name in kind.names:
@@ -117,19 +117,7 @@ def test_a_case_does_not_depend_on_its_chunk(missions):
         )
 
 
-def test_chunks_of_a_small_study_are_small(missions):
-    """So that a stop loses little, and progress is told; case K is the same in any chunk."""
-    assert [missions.kind.chunk_size(count) for count in (1, 24, 100, 640, 1024, 100_000)] == [
-        1,
-        1,
-        3,
-        20,
-        32,
-        32,
-    ]
-
-
-def test_what_cannot_be_flown_stays_in_the_denominator(blocked):
+def test_failed_cases_stay_in_the_denominator(blocked):
     assert len(blocked) == 40 == sum(blocked.counts.values()) == len(blocked.statuses)
     assert blocked.counts["met"] >= 1
     assert blocked.counts["stopped"] >= 1
@@ -143,7 +131,7 @@ def test_what_cannot_be_flown_stays_in_the_denominator(blocked):
     assert worst == blocked.column("delta_v_m_s")[flown_all].max() == blocked.column("delta_v_m_s")[case]
 
 
-def test_the_command_leaves_a_row_for_each_case(tmp_path, capsys, blocked):
+def test_study_command_writes_a_row_for_each_case(tmp_path, capsys, blocked):
     file, place = tmp_path / "blocked.toml", tmp_path / "out"
     file.write_text(BLOCKED)
     assert main(["study", str(file), "--cases", "40", "--out", str(place)]) == 1
@@ -166,8 +154,8 @@ def test_the_command_leaves_a_row_for_each_case(tmp_path, capsys, blocked):
     assert cf.plot(loaded) is not None
 
 
-def test_stages_that_search_come_first_in_a_mission(tmp_path, monkeypatch):
-    """Lost craft are found, then take their places; a silent one would never be."""
+def test_study_of_a_mission_with_a_search(tmp_path, monkeypatch):
+    """Lost spacecraft are found and then reconfigured."""
     monkeypatch.chdir(tmp_path)
     examples = Path(__file__).parents[1] / "examples"
     text = (examples / "find_then_fly.toml").read_text()
@@ -200,13 +188,13 @@ def test_stages_that_search_come_first_in_a_mission(tmp_path, monkeypatch):
         ),
     ],
 )
-def test_draws_that_do_not_fit_are_refused(old, new, told):
+def test_invalid_distributions_are_rejected(old, new, told):
     with pytest.raises(ScenarioError, match=re.escape(told)):
         flown(parse(PASS.replace(old, new), "pass.toml", "study"))
 
 
-def test_how_far_a_plan_may_be_above_the_least_is_a_column(missions):
-    """That of the run of the case; 0 where it is proven."""
+def test_optimality_gap_column(missions):
+    """The gap of each case equals that of its run; 0 where proven."""
     gaps = missions.column("gap")
     for case in (0, 7, 23):
         plan = fly(case_of(missions.scenario, case)).results[1].result.avoidance
@@ -216,19 +204,19 @@ def test_how_far_a_plan_may_be_above_the_least_is_a_column(missions):
     assert missions.spreads["above the lower bound [%]"].worst[0][0] == gaps.max()
 
 
-def test_tables_have_no_more_than_cases_say(missions):
-    """No 99.9 % of 24 cases, which is between the last two; no rows of what is 0 in every case."""
+def test_tables_omit_empty_rows_and_columns(missions):
+    """No 99.9 % of 24 cases, and no rows that are 0 in every case."""
     (spent,) = (one for one in MissionStudyReport(missions).tables if one.title == "Cost of cases")
     assert [column.heading for column in spent.shown][1:] == ["mean", "median", "95 %", "greatest", "in case"]
     told = [row[0] for row in spent.rows]
     assert "delta-v of A [m/s]" in told
-    assert "delta-v of B [m/s]" not in told  # which coasts, as all do in stage 1
+    assert "delta-v of B [m/s]" not in told  # B coasts
     assert "stage 1, coast [m/s]" not in told
     assert missions.spreads["delta-v of B [m/s]"].worst[0][0] == 0.0
 
 
-def test_pages_show_the_missions_that_the_study_flew(tmp_path, monkeypatch, blocked):
-    """Without a new plan, and each page is that of a run of its case."""
+def test_pages_show_the_missions_of_the_study(tmp_path, monkeypatch, blocked):
+    """No case is planned again, and each page equals that of a run."""
     fresh = flown(blocked.scenario, 12)
 
     def refuse(*_, **__):
@@ -248,7 +236,7 @@ def test_pages_show_the_missions_that_the_study_flew(tmp_path, monkeypatch, bloc
         ).read_text(encoding="utf-8")
 
 
-def test_pages_can_be_left_out(tmp_path, capsys):
+def test_pages_can_be_omitted(tmp_path, capsys):
     for name, text, options in (
         ("option", PASS, ["--no-pages"]),
         ("key", PASS.replace("seed = 11", "seed = 11\npages = false"), []),

@@ -1,4 +1,4 @@
-"""Searches in a mission, end to end: what a run prints and leaves, against independent models."""
+"""Search stages in missions: output and results against independent models."""
 
 import json
 import re
@@ -22,6 +22,8 @@ from closeform.storage.publishing import folder
 from lost import BASIC, Sky, gathered
 from scenarios import LOST
 
+pytestmark = pytest.mark.usefixtures("unpainted")
+
 EXAMPLES = Path(__file__).parents[1] / "examples"
 TOOLS = EXAMPLES.parent / "tools"
 RATE = np.radians(0.25)
@@ -44,7 +46,7 @@ class Run:
 
 @pytest.fixture(scope="module")
 def fly_file(tmp_path_factory):
-    """Runs a scenario file as from the command line, with a short animation or none."""
+    """Run a scenario file from the command line, with a short animation or none."""
 
     def run(file: Path, monkeypatch, capsys, filmed: int = 0) -> Run:
         monkeypatch.setattr("closeform.report.searches.FILMED", filmed)
@@ -59,7 +61,7 @@ def fly_file(tmp_path_factory):
 
 
 def two_apart(stage: str) -> str:
-    """L1 and L2 lock at once; L3 is out of their range, and of L1's group."""
+    """Return a scenario in which L1 and L2 lock at once and L3, of the group of L1, is out of range."""
     text = searched(
         after=AFTER,
         position='["0 0 0 m", "100 0 0 m", "0 900 200 m"]',
@@ -76,7 +78,7 @@ def run_text(text: str, tmp_path: Path, monkeypatch, capsys) -> Run:
 
 
 def states(file: Path) -> tuple[np.ndarray, np.ndarray]:
-    """Positions [m] and velocities [m/s] from the file's own texts."""
+    """Return positions [m] and velocities [m/s] as written in the file."""
     craft = tomllib.loads(file.read_text())["craft"]
     scale = {"m": 1.0, "mm/s": 1e-3, "cm/s": 1e-2}
     return tuple(
@@ -86,8 +88,8 @@ def states(file: Path) -> tuple[np.ndarray, np.ndarray]:
     )
 
 
-def test_tpf_tells_the_story_of_h03(fly_file, monkeypatch, capsys) -> None:
-    """Times of H03 section V to the minute, and 28 min 40 s; all by an independent model too."""
+def test_tpf_reproduces_h03(fly_file, monkeypatch, capsys) -> None:
+    """Lock times of H03 section V, to the minute, and by an independent model."""
     file = EXAMPLES / "tpf.toml"
     run = fly_file(file, monkeypatch, capsys, filmed=5)
     assert run.status == 0
@@ -96,7 +98,7 @@ def test_tpf_tells_the_story_of_h03(fly_file, monkeypatch, capsys) -> None:
     assert [event["phase"] for event in locks] == ["IPS", "IPS", "IPS", "OPS"]
     assert [event["label"] for event in locks] == [0, 1, 1, 0]
     check_model(file, run)
-    check_money(file, run)
+    check_delta_v(file, run)
     check_print(run)
     names = {path.name for path in run.folder.iterdir()}
     assert {"stage-1-gathering.gif", "stage-1-view-1.png", "stage-1-view-2.png", "sets.parquet"} <= names
@@ -106,7 +108,7 @@ def test_tpf_tells_the_story_of_h03(fly_file, monkeypatch, capsys) -> None:
 
 
 def check_model(file: Path, run: Run) -> None:
-    """The same locks and burns by dense sampling, with another order of computation."""
+    """Compare locks and burns with dense sampling."""
     places, speeds = states(file)
     distances = [np.linalg.norm(places[i] - places[j]) for i, j in combinations(range(5), 2)]
     relative = [np.linalg.norm(speeds[i] - speeds[j]) for i, j in combinations(range(5), 2)]
@@ -135,8 +137,8 @@ def check_model(file: Path, run: Run) -> None:
             np.testing.assert_allclose(burn, impulse, atol=1e-12)
 
 
-def check_money(file: Path, run: Run) -> None:
-    """Delta-v as printed, in three tables, as jumps of the paths and from the initial velocities alone."""
+def check_delta_v(file: Path, run: Run) -> None:
+    """Compare printed delta-v with three tables, the jumps of the paths and the initial velocities."""
     places, speeds = states(file)
     figures = run.summary["stages"][0]["gathering"]
     spent = {row["craft"]: row["delta_v_m_s"] for row in run.table("sets")}
@@ -145,7 +147,7 @@ def check_money(file: Path, run: Run) -> None:
     paths = run.table("paths")
     last = [row for row in paths if row["time_s"] == max(other["time_s"] for other in paths)]
     ends = np.array([[row[key] for key in ("vx_m_s", "vy_m_s", "vz_m_s")] for row in last])
-    np.testing.assert_allclose(ends, ends[:1].repeat(5, axis=0), atol=1e-12)  # one rigid body
+    np.testing.assert_allclose(ends, ends[:1].repeat(5, axis=0), atol=1e-12)  # a common velocity
     first = {row["craft"]: row for row in paths[::-1]}
     for craft, end in zip(spent, ends, strict=True):  # each burns at most once
         jump = end - [first[craft][key] for key in ("vx_m_s", "vy_m_s", "vz_m_s")]
@@ -158,7 +160,7 @@ def check_money(file: Path, run: Run) -> None:
 
 
 def check_print(run: Run) -> None:
-    """The timeline is the table of events; every number printed is in the summary or in a table."""
+    """Compare the timeline with the events; each printed number is in the summary or in a table."""
     assert max(map(len, run.printed.splitlines()[:-1])) <= WIDTH
     rows = re.findall(
         r"^ *(\d+\.\d\d) +(\d+):(\d\d)  (\w+ \d)  (\S+(?: - \S+)?)  +(.*?)$", run.printed, re.MULTILINE
@@ -176,7 +178,7 @@ def check_print(run: Run) -> None:
             assert float(what.split()[-1]) == pytest.approx(1e3 * size, abs=0.0501)
     kept = [value for row in events for value in row.values() if isinstance(value, float)]
     kept += [np.linalg.norm([row[key] for key in ("dvx_m_s", "dvy_m_s", "dvz_m_s")]) for row in events]
-    kept += every(run.summary)
+    kept += all_numbers(run.summary)
     legs = run.summary["stages"][0]["search"]["legs"]
     kept += [leg["end_s"] - leg["start_s"] for leg in legs]
     kept += [scale * value for value in kept for scale in (1e3, 100.0, 180 / np.pi)]
@@ -187,17 +189,17 @@ def check_print(run: Run) -> None:
         assert any(abs(value - float(text)) <= DIGITS * 10.0**-places for value in kept), f"{text} is nowhere"
 
 
-def every(value: object) -> list[float]:
-    """Every number in a JSON value."""
+def all_numbers(value: object) -> list[float]:
+    """Return all numbers in a JSON value."""
     if isinstance(value, dict):
-        return [n for item in value.values() for n in every(item)]
+        return [n for item in value.values() for n in all_numbers(item)]
     if isinstance(value, list):
-        return [n for item in value for n in every(item)]
+        return [n for item in value for n in all_numbers(item)]
     return [float(value)] if isinstance(value, int | float) and not isinstance(value, bool) else []
 
 
 def test_s04_counterexample_locks_in_the_second_mops(fly_file, monkeypatch, capsys) -> None:
-    """S04 section V: 6692.29 s; by the papers' turns one after the other nothing earlier is seen."""
+    """S04 section V: 6692.29 s; an independent model of the turns agrees."""
     run = fly_file(EXAMPLES / "s04_counterexample.toml", monkeypatch, capsys)
     assert run.status == 0
     (lock,) = run.table("locks")
@@ -213,7 +215,7 @@ def test_s04_counterexample_locks_in_the_second_mops(fly_file, monkeypatch, caps
     assert run.summary["stages"][0]["end_s"] == pytest.approx(turning.ends[-1], abs=1e-9)
 
 
-def test_swarm_names_who_is_left(fly_file, monkeypatch, capsys) -> None:
+def test_incomplete_gathering_of_a_swarm(fly_file, monkeypatch, capsys) -> None:
     assert (EXAMPLES / "swarm.toml").read_text() == runpy.run_path(str(TOOLS / "swarm.py"))["text"]()
     run = fly_file(EXAMPLES / "swarm.toml", monkeypatch, capsys)
     assert run.status == 1
@@ -248,7 +250,7 @@ def test_swarm_names_who_is_left(fly_file, monkeypatch, capsys) -> None:
     assert columns[-1, 5] == sum(map(len, figures["sets"][1:]))
     assert columns[-1, 6] == len(figures["sets"]) - 1
     assert columns[-1, 7] == len(figures["lost"])
-    # a cheaper way of the first pair was not flown because it leaves more
+    # a burn rule of lower cost was not chosen because it leaves more spacecraft
     cheapest = min(figures["totals_m_s"], key=figures["totals_m_s"].get)
     assert cheapest != figures["burns"]
     assert "leaves more craft" in run.printed
@@ -272,7 +274,7 @@ for = "10 s"
 
 
 def searched(before: str = "", after: str = "", keep_out: str = '{ sphere = "10 m" }', **changes: str) -> str:
-    """The scenario LOST without its study, with stages around its gathering."""
+    """Return the scenario LOST without its study, with stages around its gathering."""
     text = LOST.split("\n[study]")[0].replace("\n[[stage]]", f"{before}\n[[stage]]", 1) + after
     text = text.replace("[craft]", f"[craft]\nkeep_out = {keep_out}")
     for key, new in changes.items():
@@ -281,11 +283,11 @@ def searched(before: str = "", after: str = "", keep_out: str = '{ sphere = "10 
     return text
 
 
-PLACES = '["0 0 0 m", "-100 0 0 m", "0 90 200 m"]'  # behind each other's backs
+PLACES = '["0 0 0 m", "-100 0 0 m", "0 90 200 m"]'  # not in view of each other
 MOVING = '["0 0 0 cm/s", "1 2 3 cm/s", "-2 1 -4 cm/s"]'
 
 
-def test_a_gathering_goes_on_from_where_the_last_stage_ended() -> None:
+def test_gathering_starts_at_the_end_of_the_previous_stage() -> None:
     both = fly(parse(searched(FIRST, AFTER, position=PLACES, velocity=MOVING)))
     late = fly(
         parse(searched(position='["0 0 0 m", "-99.9 0.2 0.3 m", "-0.2 90.1 199.6 m"]', velocity=MOVING))
@@ -305,7 +307,7 @@ def test_a_gathering_goes_on_from_where_the_last_stage_ended() -> None:
     assert "Times count from the start of the search, at 10.0 s" in told
 
 
-def test_all_at_once_takes_no_time() -> None:
+def test_gathering_of_mutually_visible_spacecraft_takes_no_time() -> None:
     text = searched(FIRST, AFTER, position='["0 0 0 m", "100 0 0 m", "20 15 0 m"]')
     mission = fly(parse(text))
     assert mission.clear
@@ -317,7 +319,7 @@ def test_all_at_once_takes_no_time() -> None:
     assert RunReport(mission).sections[1].lines[1].startswith("Gathered after 0.00 s (0 min 0.0 s)")
 
 
-def test_an_incomplete_gathering_stops_the_mission(tmp_path, monkeypatch, capsys) -> None:
+def test_incomplete_gathering_stops_the_mission(tmp_path, monkeypatch, capsys) -> None:
     run = run_text(two_apart('do = "gather"'), tmp_path, monkeypatch, capsys)
     assert run.status == 1
     assert len(run.summary["stages"]) == 1
@@ -328,7 +330,7 @@ def test_an_incomplete_gathering_stops_the_mission(tmp_path, monkeypatch, capsys
     assert (run.folder / "report.html").exists()
 
 
-def test_a_lock_stage_names_the_pairs_that_never_lock(tmp_path, monkeypatch, capsys) -> None:
+def test_lock_stage_names_pairs_without_a_lock(tmp_path, monkeypatch, capsys) -> None:
     run = run_text(two_apart('do = "lock"'), tmp_path, monkeypatch, capsys)
     assert run.status == 1
     assert run.summary["verdict"] == "stopped in stage 1 (lock): 1 of 2 pairs never lock: L3 - L2"
@@ -338,10 +340,10 @@ def test_a_lock_stage_names_the_pairs_that_never_lock(tmp_path, monkeypatch, cap
     assert "1 of 2 pairs lock, the last at 0.00 s" in run.printed
 
 
-def test_conflicts_with_craft_still_unknown_are_counted(tmp_path, monkeypatch, capsys) -> None:
-    """L1 and L3, both of group A, pass 5 m from each other before either has been seen.
+def test_conflicts_with_unknown_spacecraft_are_counted(tmp_path, monkeypatch, capsys) -> None:
+    """L1 and L3, both of group A, pass at 5 m before either has a lock.
 
-    They close at 1 m/s along y from 50 m, so that they are within 10 m for 2 sqrt(75) s about 50 s.
+    They close at 1 m/s along y from 50 m, so they are within 10 m for 2 sqrt(75) s about 50 s.
     """
     text = searched(
         position='["0 0 0 m", "-300 0 10 m", "5 -50 0 m"]',
@@ -359,10 +361,10 @@ def test_conflicts_with_craft_still_unknown_are_counted(tmp_path, monkeypatch, c
     assert "1 conflict remains" in run.printed
 
 
-def test_each_pair_is_watched_with_its_own_zone() -> None:
+def test_each_pair_has_its_own_zone() -> None:
     zones = '[{ sphere = "10 m" }, { sphere = "20 m" }, { sphere = "10 m" }]'
     scenario = parse(searched(keep_out=zones, velocity=MOVING))
-    assert scenario.gathering(scenario.stages[0])["keep_out"] is scenario.zones  # of the gathering, too
+    assert scenario.gathering(scenario.stages[0])["keep_out"] is scenario.zones  # also for the gathering
     (flown,) = fly(scenario).results
     assert {
         (near.first, near.second): float(1 / near.zone.norm([1.0, 0.0, 0.0]))
@@ -374,7 +376,7 @@ def test_each_pair_is_watched_with_its_own_zone() -> None:
     }
 
 
-def test_a_long_timeline_is_summed_up() -> None:
+def test_long_timeline_is_folded() -> None:
     mission = fly(load(EXAMPLES / "swarm.toml"))
     tables = {table.title.split(",")[0]: table for table in RunReport(mission).sections[0].tables}
     assert tables["Timeline"].folded
@@ -383,8 +385,8 @@ def test_a_long_timeline_is_summed_up() -> None:
     assert len(tables["Timeline"].rows) == len(mission.results[0].result.events)
 
 
-def test_two_craft_in_each_others_near_field(tmp_path, monkeypatch, capsys) -> None:
-    """60 m apart on the sun line no cone meets the other craft; both burn 24 cm/s backwards (H03 III.C)."""
+def test_near_field_search_of_two_spacecraft(tmp_path, monkeypatch, capsys) -> None:
+    """60 m apart on the sun line no cone meets the other; both burn 24 cm/s backwards (H03 III.C)."""
     text = searched(name='["L1", "L2"]', group='["A", "B"]', position='["0 0 0 m", "0 0 60 m"]')
     text = text.replace('method = "modified"', 'method = "basic"\nmax_speed = "12 cm/s"')
     run = run_text(text, tmp_path, monkeypatch, capsys)
@@ -400,7 +402,7 @@ def test_two_craft_in_each_others_near_field(tmp_path, monkeypatch, capsys) -> N
     assert float(wait) == pytest.approx(float(near) / 0.12, abs=0.5)
 
 
-def test_work_under_way_is_told(tmp_path, monkeypatch) -> None:
+def test_progress_messages(tmp_path, monkeypatch) -> None:
     monkeypatch.setattr("closeform.report.searches.FRAMES", 2)
     monkeypatch.setattr("closeform.report.searches.MOMENTS", 1)
     said: list[str] = []
@@ -414,8 +416,8 @@ def test_work_under_way_is_told(tmp_path, monkeypatch) -> None:
     assert said[-1].startswith("picture 2 of 2")
 
 
-def test_the_search_for_tpf_knows_its_own_states() -> None:
-    """tools/tpf_states.py: the four locks together are within a second of H03's times."""
+def test_tpf_states_tool_accepts_its_states() -> None:
+    """tools/tpf_states.py: the four locks are within a second of the times of H03."""
     tool = runpy.run_path(str(TOOLS / "tpf_states.py"))
     places, speeds = states(EXAMPLES / "tpf.toml")
     five = np.concatenate([places, speeds], axis=1)

@@ -1,4 +1,4 @@
-"""Coasts beyond Hill's equations, against other integrators, and how far simpler models are off them."""
+"""Coasts beyond Hill dynamics against other integrators, and errors of simpler models."""
 
 import runpy
 from pathlib import Path
@@ -16,7 +16,7 @@ RATES = np.array([1.0, 1.0, 1.0, 1e3, 1e3, 1e3])  # of an orbit: positions and v
 
 
 def linearised(e: float, anomaly: float, a: float, duration: float) -> np.ndarray:
-    """The transition matrix (6, 6) of the linearised equations of motion beside an ellipse, by DOP853."""
+    """Return the transition matrix (6, 6) relative to an elliptic orbit, by DOP853."""
     p = a * (1.0 - e * e)
     h = np.sqrt(MU * p)
 
@@ -38,8 +38,8 @@ def linearised(e: float, anomaly: float, a: float, duration: float) -> np.ndarra
 
 
 @pytest.mark.parametrize(("e", "anomaly"), [(0.0, 0.3), (1e-3, 5.0), (0.05, 2.0), (0.3, 4.0), (0.75, -1.0)])
-def test_transition_beside_an_ellipse(e, anomaly):
-    """Yamanaka and Ankersen's closed form against the equations that it solves, for 1.7 orbits."""
+def test_transition_on_an_elliptic_orbit(e, anomaly):
+    """The closed form of Yamanaka and Ankersen against its equations, for 1.7 orbits."""
     a = 6.9e6 / (1.0 - e)
     orbit = cf.EccentricOrbit(np.sqrt(MU / a**3), e, anomaly)
     want = linearised(e, anomaly, a, 1.7 * orbit.period)
@@ -50,15 +50,15 @@ def test_transition_beside_an_ellipse(e, anomaly):
     assert back == pytest.approx(np.eye(6), abs=1e-9)
 
 
-def test_a_circle_is_hills():
+def test_circular_orbit_gives_hill_motion():
     orbit, circle = cf.EccentricOrbit(1.1e-3, 0.0, 1.0), cf.Orbit(1.1e-3)
     times = np.array([[10.0, 4000.0], [-3000.0, 20000.0]])
     assert orbit.transition(times, 50.0) == pytest.approx(circle.transition(times), rel=1e-9, abs=1e-9)
 
 
 @pytest.mark.parametrize("latitude", [0.1, 2.0, 4.0])
-def test_an_ellipse_of_elements(latitude):
-    """Its chief is as far from the centre as the elements say, and comes or goes."""
+def test_elliptic_orbit_from_elements(latitude):
+    """Distance and radial velocity of the chief follow the elements."""
     known = chief(e=0.3, a=9e6, latitude=latitude)
     orbit = cf.EccentricOrbit.from_elements(known.elements)
     p = 9e6 * (1.0 - 0.3**2)
@@ -70,7 +70,7 @@ def test_an_ellipse_of_elements(latitude):
 
 
 @pytest.mark.parametrize("e", [0.0, 1e-2, 0.3])
-def test_of_a_point_mass_transitions_are_those_of_the_ellipse(e):
+def test_point_mass_field_has_the_elliptic_transition(e):
     known = chief(e, a=7e6 / (1.0 - e))
     orbit = cf.EccentricOrbit.from_elements(known.elements)
     times = np.array([-500.0, 900.0, orbit.period])
@@ -79,7 +79,7 @@ def test_of_a_point_mass_transitions_are_those_of_the_ellipse(e):
     assert np.abs(got - want).max() < 1e-7 * np.abs(want).max()
 
 
-def test_coasts_in_the_field_as_another_integrator_flies_them():
+def test_coasts_agree_with_another_integrator():
     start = np.array([[300.0, -800.0, 900.0, 0.3, -0.66, 0.4], [0.0, 200.0, -100.0, 0.1, 0.0, 0.2]])
     path = cf.Field(chief()).coast(start, 7000.0)
     assert path.shape == (2,)
@@ -93,8 +93,8 @@ def test_coasts_in_the_field_as_another_integrator_flies_them():
     assert near[:, :3] == pytest.approx(0.5 * (other - back), abs=3e-3)  # m: curvature cancels, of 2 km
 
 
-def test_between_samples_a_path_is_as_near_as_asked():
-    """Against one of which samples lie a quarter as far apart; an estimate that is no wide one."""
+def test_interpolation_error_meets_its_tolerance():
+    """Compare with samples a quarter as far apart."""
     field, start = cf.Field(chief(0.05), 4), [500.0, 3000.0, -2000.0, 1.0, -1.1, 2.0]
     exact = field.coast(start, 9000.0, 100.0, within=1e-6)
     times = np.linspace(100.0, 9100.0, 7001)
@@ -111,8 +111,8 @@ def test_between_samples_a_path_is_as_near_as_asked():
     assert np.linalg.norm(path.position(times)[1] - dense[:, :3], axis=1).max() < 1e-4
 
 
-def test_conflicts_beside_an_eccentric_chief():
-    """Entries and exits where the transition says, and not where Hill's equations do."""
+def test_conflicts_with_an_eccentric_chief():
+    """Entries and exits agree with the transition, and not with Hill dynamics."""
     ellipse, zone = cf.EccentricOrbit(1.1e-3, 0.05, 0.4), cf.Sphere(40.0)
     met = np.array([5.0, -10.0, 20.0, 0.08, -0.05, 0.06])  # one from the other, at 4000 s
     first = np.array([0.0, 260.0, 0.0, 0.05, -0.11, 0.03])
@@ -132,7 +132,7 @@ def test_conflicts_beside_an_eccentric_chief():
 
 
 def test_differential_drag():
-    """Three halves of the difference in acceleration, times the square of time, along-track."""
+    """The along-track drift is 3/2 of the acceleration difference times the square of time."""
     air = cf.Drag(5e-13, 500e3, 60e3, ballistic=[0.02, 0.03], chief=0.02, spin=0.0)
     field = cf.Field(chief(0.0), 0, air)
     path = field.coast(np.zeros((2, 6)), 9.0 * 5677.0)
@@ -141,7 +141,7 @@ def test_differential_drag():
     assert path[1].position(path[1].end)[1] == pytest.approx(1.5 * felt * (9.0 * 5677.0) ** 2, rel=0.02)
 
 
-def test_a_function_is_a_field_of_coasts():
+def test_acceleration_function_as_a_field():
     from test_field import textbook
 
     own = cf.Field(chief(), acceleration=lambda times, states: textbook(states[:, :3]))
@@ -151,8 +151,8 @@ def test_a_function_is_a_field_of_coasts():
 
 
 @pytest.mark.parametrize("keeping_step", [False, True])
-def test_obstacles_may_coast_in_the_field(keeping_step):
-    """Whichever orbit planned paths are in, motion in the field is the same."""
+def test_obstacles_in_the_high_fidelity_model(keeping_step):
+    """Motion in the model does not depend on the orbit of the planned paths."""
     field, zone = cf.Field(chief(0.01)), cf.Sphere(25.0)
     orbit = field.orbit if keeping_step else field.chief.orbit
     start = [[0.0, 0.0, 0.0, 0.0, 0.0, 0.0], [0.0, 80.0, 10.0, 0.02, 0.0, 0.0]]
@@ -164,7 +164,7 @@ def test_obstacles_may_coast_in_the_field(keeping_step):
     assert cf.closest_approach(found.path, others[1], zone).ratio > 1.0 - 1e-9
 
 
-def test_what_hill_alone_has_is_refused():
+def test_hill_only_arguments_are_rejected():
     ellipse = cf.EccentricOrbit(1.1e-3, 0.05)
     for asked in (cf.delta_v_bound, cf.least_delta_v):
         with pytest.raises(ValueError, match=r"orbit: expected Orbit, got EccentricOrbit\("):
@@ -181,8 +181,8 @@ def tool():
     return SimpleNamespace(**runpy.run_path(str(ROOT / "tools" / "beyond_hill.py")))
 
 
-def test_the_mean_effect_of_flattening(tool):
-    """Schweighart and Sedwick's equations follow J2 for ten orbits, from starts that fit only."""
+def test_mean_effect_of_oblateness(tool):
+    """Schweighart and Sedwick follow J2 for ten orbits from fitted starts."""
     rows = np.array([tool.deviations(seed, 0.0, 10) for seed in range(4)])
     hill, hill_fitted, averaged, averaged_fitted, ellipse, near = np.median(rows, axis=0)
     assert averaged_fitted < 0.2  # m for each kilometre and orbit
@@ -192,7 +192,7 @@ def test_the_mean_effect_of_flattening(tool):
     assert near < 0.5  # curvature
 
 
-def test_what_eccentricity_alone_explains(tool):
+def test_effect_of_eccentricity(tool):
     rows = np.array([tool.deviations(seed, 0.01, 1) for seed in range(8)])
     hill, _, _, _, ellipse, near = np.median(rows, axis=0)
     assert ellipse < 0.5 * hill

@@ -1,9 +1,7 @@
-"""Probabilities of histories with white noise, against plain ones in short exact steps, and Rice's formula.
+"""Collision probabilities with process noise against Monte Carlo in short exact steps, and the Rice formula.
 
-What noise adds to a state in a step is integrated here by Gauss's rule over matrix exponentials.
+The covariance that noise adds in a step is integrated by Gauss quadrature over matrix exponentials.
 """
-
-from functools import cache
 
 import numpy as np
 import pytest
@@ -19,48 +17,36 @@ from test_probability import AHEAD, DEEP, ORBIT, PERIOD, SLOW, ZONE, N, coasts, 
 
 
 def noise_of(density, n, step):
-    """Covariance (6, 6) of what white noise adds to a state in a step."""
+    """Return the covariance (6, 6) that white noise adds to a state in a step."""
     nodes, weights = np.polynomial.legendre.leggauss(20)
     pushed = np.array([expm(hill(n) * t)[:, 3:] for t in 0.5 * step * (nodes + 1.0)])
     return density * np.einsum("t,tik,tjk->ij", 0.5 * step * weights, pushed, pushed)
 
 
-def shaken(cases, covariance, duration, n=N, samples=6_000, seed=3):
-    """Plain Monte Carlo in exact steps: who is inside at the start, ever, and entries, of each case.
-
-    A case has means (T, 3), a density of noise and a zone; all have the same errors at the start, and the
-    same noise but for its density.
-    """
-    step = duration / (len(cases[0][0]) - 1)
-    root, moved = np.linalg.cholesky(noise_of(1.0, n, step)), expm(hill(n) * step)
+def sampled_with_noise(means, density, zone, covariance, duration, n=N, samples=2_000, seed=3):
+    """Sample trajectories in exact steps; return those inside at the start and ever, and entries."""
+    step = duration / (len(means) - 1)
+    root, moved = np.linalg.cholesky(noise_of(density, n, step)), expm(hill(n) * step)
     random = np.random.default_rng(seed)
-    carried = random.multivariate_normal(np.zeros(6), covariance, size=samples, method="eigh")
-    pushed = np.zeros_like(carried)
-
-    def within(k):
-        for means, density, zone in cases:
-            states = carried[:, :3] + np.sqrt(density) * pushed[:, :3]
-            yield zone.norm(means[k] + states) <= 1.0
-
-    began = [*within(0)]
-    before, ever, entries = began, [one.copy() for one in began], [np.zeros(samples) for _ in cases]
-    for k in range(1, len(cases[0][0])):
-        carried, pushed = carried @ moved.T, pushed @ moved.T + random.standard_normal(pushed.shape) @ root.T
-        now = [*within(k)]
-        for inside, last, some, count in zip(now, before, ever, entries, strict=True):
-            count += inside > last
-            some |= inside
+    states = random.multivariate_normal(np.zeros(6), covariance, size=samples, method="eigh")
+    began = zone.norm(means[0] + states[:, :3]) <= 1.0
+    before, ever, entries = began, began.copy(), np.zeros(samples)
+    for mean in means[1:]:
+        states = states @ moved.T + random.standard_normal(states.shape) @ root.T
+        now = zone.norm(mean + states[:, :3]) <= 1.0
+        entries += now > before
+        ever |= now
         before = now
-    return list(zip(began, ever, entries, strict=True))
+    return began, ever, entries
 
 
-def drawn(path, other, zone, *errors, **more):
-    asked = {"method": "monte-carlo", "samples": 8_000} | more
+def monte_carlo(path, other, zone, *errors, **more):
+    asked = {"method": "monte-carlo", "samples": 4_000} | more
     return cf.collision_probability(path, other, zone, *errors, **asked)
 
 
-def compared(figure, began, ever, entries):
-    """A drawn figure against drawn ones: four deviations of both."""
+def assert_agrees(figure, began, ever, entries):
+    """Compare two Monte Carlo figures, to four standard errors of both."""
     for found, sample in (
         (figure.value, ever),
         (figure.at_start, began),
@@ -72,36 +58,27 @@ def compared(figure, began, ever, entries):
     assert figure.high >= np.mean(ever) - 4.0 * np.std(ever) / np.sqrt(len(ever))
 
 
-SHAKEN = [  # mean, zone, density, mean motion
+CASES = [  # mean, zone, density, mean motion
     (AHEAD, ZONE, 1e-8, N),
-    (AHEAD, ZONE, 1e-6, N),  # spreads to ten times the zone
-    ([0, 14, 0, 0, 0, 0], ZONE, 1e-7, N),  # many begin inside, and come again
+    (AHEAD, ZONE, 1e-6, N),  # spreads to ten times the zone size
+    ([0, 14, 0, 0, 0, 0], ZONE, 1e-7, N),  # many start inside and enter again
     ([5, 30, -10, 0, -0.01, 0.01], cf.Box([10, 30, 15]), 1e-8, N),
     ([5, 30, -10, 0, -0.01, 0.01], cf.HalfSpaces([[0, -1, 0], [1, 0, 1]], [25.0, 30.0]), 1e-8, N),
     ([30, 30, 0, -0.01, -0.01, 0], ZONE, 1e-8, 0.0),
 ]
 
 
-@cache
-def all_shaken(n):
-    """Every case of a mean motion, in one march."""
-    times = np.linspace(0.0, PERIOD, 801)
-    flow = np.array([expm(hill(n) * t)[:3] for t in times])
-    cases = [(flow @ mean, density, zone) for mean, zone, density, motion in SHAKEN if motion == n]
-    return shaken(cases, SLOW, PERIOD, n)
-
-
 @pytest.mark.parametrize("case", [1, 3, *(pytest.param(k, marks=pytest.mark.slow) for k in (0, 2, 4, 5))])
-def test_plain_monte_carlo_of_short_steps(case):
-    mean, zone, density, n = SHAKEN[case]
+def test_noise_agrees_with_monte_carlo_in_short_steps(case):
+    mean, zone, density, n = CASES[case]
     path, other = coasts(mean, PERIOD, cf.Orbit(n))
-    figure = drawn(path, other, zone, cf.Uncertainty(SLOW, noise=density))
-    place = [motion == n for *_, motion in SHAKEN[:case]].count(True)
-    compared(figure, *all_shaken(n)[place])
+    figure = monte_carlo(path, other, zone, cf.Uncertainty(SLOW, noise=density))
+    means = np.array([expm(hill(n) * t)[:3] @ mean for t in np.linspace(0.0, PERIOD, 801)])
+    assert_agrees(figure, *sampled_with_noise(means, density, zone, SLOW, PERIOD, n))
 
 
-def test_burns_of_both_craft_with_noise():
-    """A plan of two arcs that is shaken, past one that is, too: densities add."""
+def test_noise_of_two_spacecraft_adds():
+    """A plan of two arcs and an obstacle both have process noise: the densities add."""
     path = cf.join(
         [
             ORBIT.transfer([0, 200, 0, 0, 0, 0], [0, 60, 0, 0, 0, 0], 2000.0),
@@ -110,13 +87,15 @@ def test_burns_of_both_craft_with_noise():
     )
     other, zone = ORBIT.coast([5.0, 0, 0, 0, 0, 0], 3500.0), cf.Sphere(30.0)
     means = path.position(np.linspace(0.0, 3500.0, 801)) - other.position(np.linspace(0.0, 3500.0, 801))
-    figure = drawn(path, other, zone, cf.Uncertainty(0.3 * SLOW, noise=2e-7), cf.Uncertainty(noise=3e-7))
+    figure = monte_carlo(
+        path, other, zone, cf.Uncertainty(0.3 * SLOW, noise=2e-7), cf.Uncertainty(noise=3e-7)
+    )
     assert 0.02 < figure.value < 0.98
-    compared(figure, *shaken([(means, 5e-7, zone)], 0.3 * SLOW, 3500.0)[0])
+    assert_agrees(figure, *sampled_with_noise(means, 5e-7, zone, 0.3 * SLOW, 3500.0))
 
 
-def test_entries_are_as_many_as_their_rate_says():
-    """Into a slab in deep space (Rice 1944), from a state that is known: noise is all there is."""
+def test_mean_entries_from_noise_alone_follow_rice():
+    """A slab in deep space (Rice 1944) from a known state."""
     width, mean, speed, density, duration = 10.0, 14.0, -0.005, 1e-6, 800.0
 
     def rate(time):
@@ -133,17 +112,17 @@ def test_entries_are_as_many_as_their_rate_says():
     expected = quad(rate, 1.0, duration, limit=200)[0]
     path, other = coasts([mean, 0, 0, speed, 0, 0], duration, DEEP)
     slab = cf.Ellipsoid([width, 1e6, 1e6])
-    figure = drawn(path, other, slab, cf.Uncertainty(noise=density), samples=20_000)
+    figure = monte_carlo(path, other, slab, cf.Uncertainty(noise=density), samples=8_000)
     assert 0.2 < expected < 0.9
     assert figure.at_start == 0.0
-    assert abs(figure.mean_entries - expected) < 4.0 * np.sqrt(expected / 20_000)
+    assert abs(figure.mean_entries - expected) < 4.0 * np.sqrt(expected / 8_000)
 
 
-def test_next_to_no_noise_is_none():
-    """Of 1e-16 m^2/s^3, 1 mm in an orbit: the exact figure without any, within the interval."""
+def test_negligible_noise_changes_nothing():
+    """1e-16 m^2/s^3 moves 1 mm in an orbit: the figure without noise is within the interval."""
     path, other = coasts(AHEAD, 2 * PERIOD)
     exact = cf.collision_probability(path, other, ZONE, cf.Uncertainty(SLOW))
-    figure = drawn(path, other, ZONE, cf.Uncertainty(SLOW, noise=1e-16))
+    figure = monte_carlo(path, other, ZONE, cf.Uncertainty(SLOW, noise=1e-16))
     error = np.sqrt(exact.value / figure.samples)
     assert abs(figure.value - exact.value) < 4.0 * error
     assert abs(figure.repeated - exact.repeated * exact.mean_entries) < 0.01
@@ -152,8 +131,8 @@ def test_next_to_no_noise_is_none():
 
 
 @pytest.mark.parametrize(("n", "length"), [(0.0, 50.0), (N, 0.2 / N)])
-def test_what_a_step_leaves_out(n, length):
-    """Noise in 40 exact parts of a step beside the path that is marched: theory (65), and its variance."""
+def test_deviation_from_the_path_within_a_step(n, length):
+    """Noise in 40 exact parts of a step deviates from the marched path as theory (65) states."""
     density, parts, samples = 1e-8, 40, 6_000
     root, moved = np.linalg.cholesky(noise_of(density, n, length / parts)), expm(hill(n) * length / parts)
     random, states = np.random.default_rng(1), [np.zeros((samples, 6))]
@@ -172,8 +151,8 @@ def test_what_a_step_leaves_out(n, length):
     assert np.linalg.norm(off, axis=2).max() < 0.8 * OFF * np.sqrt(density * length**3)
 
 
-def test_noise_is_marched_as_it_is_drawn():
-    """Windows that a burn cuts: every history's positions, from its normal numbers by matrix exponentials."""
+def test_sampled_noise_moves_each_trajectory():
+    """Compare with matrix exponentials of the sampled noise, in windows that a burn cuts."""
     zone, before = cf.Sphere(30.0), ORBIT.coast([0, 45, 0, 0, 0, 0], 777.0)
     path = cf.join([before, ORBIT.burn(before.state(777.0), [0, -1e-4, 0], 500.0, start=777.0)])
     other = ORBIT.coast(np.zeros(6), 1277.0)
@@ -195,8 +174,8 @@ def test_noise_is_marched_as_it_is_drawn():
     np.testing.assert_array_equal(found[:, 1], (inside[:, 1:] > inside[:, :-1]).sum(axis=1))
 
 
-def test_the_chance_to_leave_a_step():
-    """Rice's rate at which three such bridges leave a ball: the mean number of exits bounds the chance."""
+def test_probability_of_leaving_the_step_bound():
+    """The mean number of exits of three such bridges from a ball bounds it (Rice)."""
 
     def rate(s, radius):
         early = np.array([[s**3 / 3, s**2 / 2], [s**2 / 2, s]])
@@ -216,16 +195,16 @@ def test_the_chance_to_leave_a_step():
 
 
 @pytest.mark.slow
-def test_bound_holds_what_is_drawn():
+def test_bound_contains_monte_carlo_with_noise():
     path, other = coasts(AHEAD, PERIOD)
     errors = cf.Uncertainty(SLOW, noise=1e-8)
     bound = cf.collision_probability(path, other, ZONE, errors, method="bound")
-    figure = drawn(path, other, ZONE, errors, samples=100_000)
+    figure = monte_carlo(path, other, ZONE, errors, samples=100_000)
     assert bound.low < figure.value < bound.high + 4.0 * np.sqrt(bound.high / 100_000)
     assert abs(bound.mean_entries - figure.mean_entries) < 4.0 * np.sqrt(bound.mean_entries / 100_000)
 
 
-def test_noise_beyond_all_steps_is_refused():
+def test_excessive_noise_is_rejected():
     path, other = coasts(AHEAD, PERIOD)
     with pytest.raises(ValueError, match=r"^errors: noise of 1e\+06 m\^2/s\^3 moves craft too far"):
-        drawn(path, other, ZONE, cf.Uncertainty(SLOW, noise=1e6))
+        monte_carlo(path, other, ZONE, cf.Uncertainty(SLOW, noise=1e6))

@@ -28,28 +28,28 @@ PUSH = np.array([3e-5, -2e-5, 1e-5])
 
 
 def scale(states, duration):
-    """The larger of |r| and |v| T over a path's states."""
+    """Return the larger of |r| and |v| T over the states of a path."""
     states = np.atleast_2d(np.array(states, dtype=float))
     return max(
         np.linalg.norm(states[:, :3], axis=1).max(), np.linalg.norm(states[:, 3:], axis=1).max() * duration
     )
 
 
-def off(got, true, duration):
-    """Error of states in units of the scale: of position, and of velocity times the duration."""
+def error_of(got, true, duration):
+    """Return the error of position and of velocity times the duration, relative to the scale."""
     true = np.array([[float(c) for c in s] for s in true])
     error = np.abs(got - true) * np.repeat([1.0, duration], 3)
     return error.max() / scale(true, duration)
 
 
 def states_for(duration, angle):
-    """End states whose speeds suit the time there is."""
+    """Return end states with speeds suitable for the duration."""
     unit = np.repeat([1.0, 1.0 / duration], 3)
     return (INITIAL * [1, 1, 1, 500, 500, 500]) * unit, (FINAL * [1, 1, 1, 500, 500, 500]) * unit
 
 
-def test_the_reference_is_the_matrix_exponential():
-    """Theory (2-9) against exp of the 12 x 12 system of state and costate, derived from (1) alone."""
+def test_reference_agrees_with_the_matrix_exponential():
+    """Theory (2-9) against exp of the 12 x 12 system of state and costate."""
     duration = 700.0
     reference = Reference(N)
     n = reference.n
@@ -76,7 +76,7 @@ def test_the_reference_is_the_matrix_exponential():
 
 
 @pytest.mark.parametrize("kind", ["coast", "burn", "transfer"])
-def test_motion_meets_the_reference_for_every_angle(kind):
+def test_motion_agrees_with_the_reference(kind):
     for angle in ANGLES:
         duration = angle / N
         initial, final = states_for(duration, angle)
@@ -96,11 +96,11 @@ def test_motion_meets_the_reference_for_every_angle(kind):
             pushes = np.array([[float(u) for u in thrust(t)] for t in times])
             assert path.energy == pytest.approx(float(energy), rel=CLOSE), angle
             np.testing.assert_allclose(path.thrust(times), pushes, rtol=0, atol=CLOSE * np.abs(pushes).max())
-            assert off(path.state(duration)[None], [final], duration) < CLOSE, angle
-        assert off(path.state(times), true, duration) < CLOSE, angle
+            assert error_of(path.state(duration)[None], [final], duration) < CLOSE, angle
+        assert error_of(path.state(times), true, duration) < CLOSE, angle
 
 
-def test_deep_space_is_the_limit_and_the_textbook():
+def test_deep_space_is_the_limit():
     """n = 0: cubic motion and J = (12 dr.dr/T^3 - 12 dr.dv/T^2 + 4 dv.dv/T)/2, and n -> 0 gets there."""
     duration = 300.0
     deep = cf.Orbit(0.0).transfer(INITIAL, FINAL, duration)
@@ -152,7 +152,7 @@ def legs(orbit):
 
 @pytest.mark.parametrize("kind", ["coast", "burn", "transfer", "sampled"])
 @pytest.mark.parametrize("n", [0.0, N])
-def test_thrust_flies_the_path_in_an_integrator(kind, n):
+def test_integrated_thrust_follows_the_path(kind, n):
     path = legs(cf.Orbit(n))[kind]
     breaks = np.unique([*path.arcs[:, 0], path.end])
     state = path.state(path.start)
@@ -187,7 +187,7 @@ def test_two_impulse_meets_both_ends():
 
 # After half an orbit z has changed its sign, after a whole one x and z are as before: what is missed.
 @pytest.mark.parametrize(("turns", "missed"), [(0.5, 25.0), (1.0, np.hypot(180.0, 65.0)), (1.5, 25.0)])
-def test_two_impulse_says_how_near_it_comes(turns, missed):
+def test_two_impulse_reports_its_miss(turns, missed):
     orbit, duration = cf.Orbit(N), turns * 2 * np.pi / N
     with pytest.raises(ValueError, match=r"final: two impulses .* or change the duration") as caught:
         orbit.two_impulse(INITIAL, FINAL, duration)
@@ -220,8 +220,8 @@ HOPS = {
 
 @pytest.mark.parametrize("beside", [0.0, 1e-12, -1e-9, 1e-6])
 @pytest.mark.parametrize("hop", HOPS)
-def test_two_impulse_flies_textbook_hops(hop, beside):
-    """At and beside multiples of half an orbit; the integrator says where the craft come."""
+def test_two_impulse_textbook_hops(hop, beside):
+    """Compare with the integrator at and near multiples of half an orbit."""
     start, end, duration, impulse = HOPS[hop]
     duration *= 1.0 + beside
     path = cf.Orbit(N).two_impulse(start, end, duration)
@@ -242,8 +242,8 @@ def test_two_impulse_flies_textbook_hops(hop, beside):
 
 
 @pytest.mark.parametrize("turns", [0.5, 1.0, 1.5, 1.4067296143649153, 2.445298131384212])
-def test_of_many_drifts_the_least_squares_of_impulses(turns):
-    """Any other drift that meets the place, found by the singular directions of the transition, has more."""
+def test_two_impulse_chooses_the_least_squares_of_impulses(turns):
+    """Any other drift that reaches the position has larger impulses."""
     orbit, duration = cf.Orbit(N), turns * 2 * np.pi / N
     flow = orbit.transition(duration)
     end = flow @ (INITIAL + [0, 0, 0, 0.02, -0.01, 0.03])  # some drift meets it
@@ -266,8 +266,8 @@ def test_of_many_drifts_the_least_squares_of_impulses(turns):
             assert squares(speed + step * direction) > squares(speed)
 
 
-def test_beside_half_an_orbit_what_is_missed_costs_more_and_more():
-    """30 m across the track, which half an orbit cannot change, cost 30 m n / sin(n t) and no more."""
+def test_cross_track_cost_near_half_an_orbit():
+    """A change of 30 m costs 30 m n / sin(n t)."""
     orbit = cf.Orbit(N)
     for beside in (1e-2, 1e-4, 1e-6, 1e-8):
         duration = HALF * (1 + beside)
@@ -298,7 +298,7 @@ def amplitude_motion(n, t):
     return np.stack([-c, 2 * s, s, n * s, 2 * n * c, n * c], axis=-1)
 
 
-def test_sampled_meets_its_nodes_and_its_stated_error():
+def test_sampled_path_meets_its_nodes_and_error_bound():
     """Position to h^4/384 and velocity to h^3/(72 sqrt 3) of the fourth derivative, orders 4 and 3."""
     orbit = cf.Orbit(N / 3)  # in which this motion is no coast: cubics
     errors = []
@@ -326,7 +326,7 @@ HOUR = 3600.0
 
 @pytest.mark.parametrize("n", [0.0, N])
 @pytest.mark.parametrize("spacing", [10.0, 600.0, HOUR, 3 * HOUR])
-def test_coasting_craft_are_where_hills_motion_has_them_between_samples(n, spacing):
+def test_samples_of_a_coast_are_interpolated_by_hill_motion(n, spacing):
     orbit = cf.Orbit(n)
     times = 500.0 + spacing * np.arange(11)
     craft = orbit.coast([INITIAL, FINAL, [0, 100, 0, 0, 0, 0], np.zeros(6)], 10 * spacing, start=500.0)
@@ -339,7 +339,7 @@ def test_coasting_craft_are_where_hills_motion_has_them_between_samples(n, spaci
         assert (path.cubic_share[:2] == 0.0).all()
 
 
-def test_a_burn_among_coasts_is_a_cubic():
+def test_samples_of_a_burn_are_interpolated_by_cubics():
     orbit = cf.Orbit(N)
     burn = orbit.burn(INITIAL, [1e-3, 0, 0], 2 * HOUR)
     flown = cf.join([burn, orbit.coast(burn.state(2 * HOUR), 6 * HOUR, start=2 * HOUR)])
@@ -351,8 +351,8 @@ def test_a_burn_among_coasts_is_a_cubic():
 
 
 @pytest.mark.parametrize("n", [0.0, N])
-def test_as_far_as_samples_may_hide_a_craft(n):
-    """Thrust of twice its mean and none, in turns, is as far off as the estimate says: a h^2 / 16."""
+def test_interpolation_error_estimate(n):
+    """Alternating thrust reaches the estimated error a h^2 / 16."""
     orbit, h, push = cf.Orbit(n), 60.0, np.array([0.0, 0.0, 1e-2])
     legs, state, start = [], np.zeros(6), 0.0
     for share, times in ((0.25, 2.0), (0.5, 0.0), (0.25, 2.0)):
@@ -362,13 +362,13 @@ def test_as_far_as_samples_may_hide_a_craft(n):
     flown = cf.join(legs)
     path = orbit.sampled([0.0, h], flown.state([0.0, h]))
     t = np.linspace(0.0, h, 2001)
-    off = np.linalg.norm(path.position(t) - flown.position(t), axis=1).max()
+    error_of = np.linalg.norm(path.position(t) - flown.position(t), axis=1).max()
     assert path.interpolation_error == pytest.approx(1e-2 * h**2 / 16, rel=5e-3)  # n h is 0.07
-    assert off == pytest.approx(path.interpolation_error, rel=5e-3)
+    assert error_of == pytest.approx(path.interpolation_error, rel=5e-3)
 
 
-def test_hourly_samples_neither_miss_conflicts_nor_invent_them():
-    """400 random relative orbits over ten hours: cubics missed 37 of 60 conflicts, and invented 77."""
+def test_conflicts_of_hourly_samples():
+    """400 random relative orbits over ten hours have no missed and no false conflicts."""
     rng = np.random.Generator(np.random.Philox(10))
     orbit, zone = cf.Orbit(N), cf.Ellipsoid([20.0, 40.0, 20.0])
     states = rng.normal(size=(400, 6)) * np.repeat([150.0, 0.15], 3)
@@ -426,8 +426,8 @@ def test_time_shift_changes_nothing(initial, final, duration, shift, n):
 
 @settings(deadline=None, max_examples=60)
 @given(states, states, durations, st.sampled_from([0.0, N]))
-def test_reversed_frame_flies_the_path_backwards(initial, final, duration, n):
-    """(x, y, z, t) -> (x, -y, z, -t) leaves theory (1) as it is, and so energy and path."""
+def test_time_reversal(initial, final, duration, n):
+    """(x, y, z, t) -> (x, -y, z, -t) leaves theory (1), the energy and the path unchanged."""
     mirror = np.array([1, -1, 1, -1, 1, -1.0])
     orbit = cf.Orbit(n)
     path = orbit.transfer(initial, final, duration)
@@ -443,7 +443,7 @@ def test_reversed_frame_flies_the_path_backwards(initial, final, duration, n):
 @settings(deadline=None, max_examples=60)
 @given(states, states, states, st.floats(0.1, 0.9), durations, st.sampled_from([0.0, N]))
 def test_energy_is_never_below_the_optimum(initial, final, middle, part, duration, n):
-    """Any other path with the same ends costs more: here optimal ones through a point beside."""
+    """Optimal legs through another point cost more."""
     orbit = cf.Orbit(n)
     best = orbit.transfer(initial, final, duration)
     first = orbit.transfer(initial, middle, part * duration)
@@ -455,8 +455,8 @@ def test_energy_is_never_below_the_optimum(initial, final, middle, part, duratio
     assert first.energy + second.energy == pytest.approx(best.energy, rel=1e-6, abs=1e-12)
 
 
-def test_flight_of_the_tests_meets_the_reference():
-    """The integrator that judges the conflicts is itself right, over ten orbits."""
+def test_integrator_of_the_tests_agrees_with_the_reference():
+    """Compare over ten orbits."""
     duration = 20 * np.pi / N
     flight = Flight(N, INITIAL[None]).transfer(FINAL[None], duration)
     state, _, _ = Reference(N).transfer(INITIAL, FINAL, duration)
@@ -515,8 +515,8 @@ BAD = {
 
 
 @pytest.mark.parametrize("n", [0.0, N])
-def test_the_shortest_flight_has_totals(n):
-    """At the least duration nothing overflows."""
+def test_shortest_duration(n):
+    """Nothing overflows."""
     shortest = cf.Orbit(n).transfer(INITIAL, FINAL, SHORTEST)
     # from 6 L / T^2 steadily to its opposite: 3 L / T in all, beside which speeds and n are nothing
     gap = np.linalg.norm(FINAL[:3] - INITIAL[:3])
@@ -527,13 +527,13 @@ def test_the_shortest_flight_has_totals(n):
 
 
 @pytest.mark.slow
-def test_the_longest_flight_has_totals():
-    """At the greatest duration delta-v comes back."""
+def test_longest_duration():
+    """Delta-v is finite."""
     longest = cf.Orbit(N).transfer(INITIAL, FINAL, MOST_ORBITS * 2 * np.pi / N)
     assert 0.0 < longest.delta_v <= np.sqrt(2 * longest.energy * longest.end)  # Cauchy and Schwarz
 
 
-def test_bad_input_is_named():
+def test_invalid_input():
     for case in BAD:
         call, message = BAD[case]
         with pytest.raises(ValueError, match=message):
@@ -541,7 +541,7 @@ def test_bad_input_is_named():
 
 
 @pytest.mark.parametrize("n", [0.0, N])
-def test_sp11_gradients_are_aligned_at_every_time(n):
+def test_sp11_gradients_are_aligned_at_any_time(n):
     """SP11 says that the gradients of the two legs are aligned at T/2: they are at every time.
 
     On an optimal path, dJ/d(final) of the leg before and dJ/d(initial) of the leg after are equal
@@ -568,7 +568,7 @@ def test_sp11_gradients_are_aligned_at_every_time(n):
 
 
 @pytest.mark.parametrize("n", [0.0, N])
-def test_end_gradients_are_the_slopes_of_the_energy(n):
+def test_end_gradients_are_slopes_of_the_energy(n):
     """Energy is quadratic in the end states, so central differences are exact but for rounding."""
     orbit, duration = cf.Orbit(n), 4000.0
     slopes = cf.papers.end_gradients(orbit.transfer(INITIAL, FINAL, duration))
@@ -581,7 +581,7 @@ def test_end_gradients_are_the_slopes_of_the_energy(n):
         assert (last[0] - last[1]) / (2 * step) == pytest.approx(slopes[1][k], rel=1e-6, abs=1e-15)
 
 
-def test_an_altitude_that_is_probably_in_km_is_warned_of_where_it_is_given(recwarn):
+def test_altitude_that_is_probably_in_km_is_warned_of(recwarn):
     with pytest.warns(UserWarning, match="altitude") as found:
         assert cf.Orbit.circular(600).mean_motion > cf.Orbit.circular(600e3).mean_motion
     assert found[0].filename == __file__

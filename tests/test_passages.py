@@ -1,4 +1,4 @@
-"""The fixed planning cases are what they say, and the recorded energies belong to them."""
+"""Fixed planning cases and the costs recorded for them."""
 
 import json
 from pathlib import Path
@@ -9,16 +9,17 @@ import pytest
 import closeform as cf
 from closeform.zones.shapes import CUBE
 from formations import CASES, random_case
-from passages import GROUPS, MARGIN, crowds, nearest, passages
+from passages import GROUPS, MARGIN, crowd, crowds, nearest, passages
+from passages import passage as drawn_passage
 
 RECORDED = json.loads((Path(__file__).parent / "data" / "plan_energies.json").read_text(encoding="utf-8"))
-ENDS = 1e-6  # relative, of energies: to which the planner's rounds go on
-SAME = 1e-9  # relative, of energies: another machine rounds differently
+ENDS = 1e-6  # relative tolerance of the planner
+SAME = 1e-9  # relative rounding between machines
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("group", GROUPS)
-def test_direct_paths_are_in_conflict_with_every_obstacle_and_clear_at_their_ends(group):
+def test_direct_paths_conflict_with_every_obstacle(group):
     cases = passages(group)
     assert list(RECORDED[group]) == [passage.name for passage in cases]
     for passage in cases:
@@ -47,7 +48,7 @@ def test_recorded_formations_are_the_random_cases():
         assert lines[task.name]["direct"] == pytest.approx(direct.energy.sum(), rel=SAME)
 
 
-def test_no_plan_is_recorded_below_the_direct_optimum():
+def test_recorded_costs_are_above_the_direct_optimum():
     plans = [
         (plan, line["direct"])
         for group, lines in RECORDED.items()
@@ -61,12 +62,13 @@ def test_no_plan_is_recorded_below_the_direct_optimum():
     np.testing.assert_allclose(energies[:, 0] - energies[:, 1], energies[:, 2], rtol=SAME)
 
 
-@pytest.mark.parametrize("share", [20, pytest.param(1, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("share", [40, pytest.param(1, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("group", GROUPS)
-def test_no_passage_costs_more_than_the_best_that_was_recorded(group, share):
-    """Two earlier planners and one from outside: within 0.1 % of their extra energy, 1 % with edges."""
+def test_cost_is_close_to_the_best_recorded(group, share):
+    """Extra energies are within 0.1 % of the best of three planners, 1 % for boxes."""
     shares = []
-    for passage in passages(group)[::share]:
+    for seed in range(0, GROUPS[group][0], share):
+        passage = drawn_passage(group, seed)
         found = cf.avoid(passage.path, passage.obstacles, passage.zones)
         assert found.ok, passage.name
         shares.append(found.extra_energy / RECORDED[group][passage.name]["best"])
@@ -75,7 +77,6 @@ def test_no_passage_costs_more_than_the_best_that_was_recorded(group, share):
     assert share > 1 or np.mean(shares) <= 1 + ENDS
 
 
-@pytest.mark.parametrize("budget", [2])
-def test_a_budget_is_kept_where_no_candidate_ends_at_an_optimum(budget):
-    task = crowds()[6]
-    assert cf.reconfigure(**task.arguments, budget=budget, if_blocked=()).tried <= budget
+def test_budget_is_kept():
+    task = crowd(6, True, 0)
+    assert cf.reconfigure(**task.arguments, budget=2, if_blocked=()).tried <= 2

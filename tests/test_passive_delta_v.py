@@ -1,4 +1,4 @@
-"""Plans of least delta-v that are safe when thrust is lost, amid impulses too: flown and solved otherwise."""
+"""Passively safe plans of minimum delta-v against failures at any instant and cone programs."""
 
 import re
 from functools import lru_cache
@@ -15,13 +15,12 @@ from ring_transfers import RADIUS, ring_transfers
 ORBIT = cf.Orbit.circular(500e3)
 PERIOD = ORBIT.period
 SOME = [
-    *(pytest.param(k, marks=pytest.mark.slow) for k in (18, 20, 28)),
+    *(pytest.param(k, marks=pytest.mark.slow) for k in (18, 20, 22, 28)),
     8,
-    22,
 ]  # of the thirty ring transfers
-BRIEF = 1e-7  # of the duration: an impulse is lost in its midst at instants so close to it
+BRIEF = 1e-7  # of the duration: the ramp over which an impulse is cut
 ZONE = cf.Sphere(RADIUS)
-EVERY = 20.0  # s, samples of a drift: between them 30 m are left by less than 1e-3 zones
+EVERY = 20.0  # s, between samples of a drift: below 1e-3 of the zone
 
 
 def hill(n):
@@ -35,12 +34,12 @@ MATRIX = hill(ORBIT.mean_motion)
 
 
 def fired(path):
-    """Times (J,) and impulses (J, 3)."""
+    """Return times (J,) and impulses (J, 3)."""
     return np.array([time for time, _ in path.impulses]), np.array([push for _, push in path.impulses])
 
 
 def failed_states(initial, path, lost, shares):
-    """States (K, 6) as thrust is lost at instants (K,), of an impulse there after a share of it."""
+    """Return states (K, 6) at loss of thrust; an impulse at that instant is executed by a share."""
     times, pushes = fired(path)
     states = np.empty((len(lost), 6))
     for k, (end, share) in enumerate(zip(lost, shares, strict=True)):
@@ -52,7 +51,7 @@ def failed_states(initial, path, lost, shares):
 
 
 def least_ratio(states, lost, until, center=lambda time: np.zeros(3)):
-    """The least distance in zones of drifts from states (K, 6) at instants (K,), at samples of time."""
+    """Return the least distance of drifts from states (K, 6), in zone radii, at samples."""
     times = np.arange(0.0, until, EVERY)
     powers = np.array([expm(MATRIX * time)[:3] for time in times])
     epoch = np.array([expm(-MATRIX * at) @ state for at, state in zip(lost, states, strict=True)])
@@ -68,13 +67,13 @@ def planned(k):
 
 
 @pytest.mark.parametrize("k", SOME)
-def test_a_thousand_failures_stay_outside_those_amid_impulses_too(k):
+def test_failures_stay_outside_also_within_impulses(k):
     case, plan = planned(k)
     assert (plan.ok, plan.drift, plan.cost) == (True, case.drift, "delta-v")
     times, pushes = fired(plan.path)
     rng = np.random.default_rng(k)
-    lost = np.concatenate([rng.uniform(0.0, case.duration, 500), rng.choice(times, 500)])
-    states = failed_states(case.initial, plan.path, lost, rng.uniform(size=1000))
+    lost = np.concatenate([rng.uniform(0.0, case.duration, 150), rng.choice(times, 150)])
+    states = failed_states(case.initial, plan.path, lost, rng.uniform(size=300))
     assert least_ratio(states, lost, case.duration + case.drift) > 1.0 - 1e-5
     assert plan.delta_v == pytest.approx(np.linalg.norm(pushes, axis=1).sum(), rel=1e-9)
     end = failed_states(case.initial, plan.path, np.array([case.duration]), np.ones(1))[0]
@@ -82,8 +81,8 @@ def test_a_thousand_failures_stay_outside_those_amid_impulses_too(k):
 
 
 @pytest.mark.parametrize("k", SOME)
-def test_a_cone_program_with_the_same_planes_costs_as_much(k):
-    """Impulses at any of many times; few impulses may cost half a per cent more."""
+def test_delta_v_equals_that_of_a_cone_program_with_the_same_planes(k):
+    """The cone program may fire at many times; few impulses may cost half a per cent more."""
     case, plan = planned(k)
     own, _ = fired(plan.path)
     times = np.union1d(np.linspace(0.0, case.duration, 240), own)
@@ -123,8 +122,8 @@ def test_a_cone_program_with_the_same_planes_costs_as_much(k):
 
 
 @pytest.mark.slow
-def test_a_hold_on_the_track_is_not_left_absurdly_dear():
-    """Impulses that were found cost 1.06 m/s; the safe path of least energy spends 0.18."""
+def test_departure_from_a_v_bar_hold_point_has_low_cost():
+    """The passively safe path of minimum energy spends 0.18 m/s."""
     orbit = cf.Orbit.circular(550e3)
     end = cf.targets.safety_ellipse(orbit, 1, 50.0, 50.0)[0]
     path = orbit.transfer([0, 200, 0, 0, 0, 0], end, 0.8 * orbit.period)
@@ -151,7 +150,7 @@ def test_a_search_without_result_ends_at_its_effort_and_reports_the_nearest_miss
 
 
 @pytest.mark.slow
-def test_more_drift_costs_no_less():
+def test_delta_v_grows_with_the_horizon():
     case = ring_transfers("thirty")[18]
     client = ORBIT.coast(np.zeros(6), case.duration + 3.0 * PERIOD)
     spent = [
@@ -159,16 +158,17 @@ def test_more_drift_costs_no_less():
         for share in (0.0, 0.5, 1.0, 2.0)
     ]
     assert spent[-1] > 1.02 * spent[0]
-    assert (np.diff(spent) >= -5e-3 * spent[0]).all()  # what few impulses may cost more
+    assert (np.diff(spent) >= -5e-3 * spent[0]).all()  # a plan of few impulses may cost so much more
 
 
 def drifts(path, until, count=300):
-    """The least distance in zones of a path's failures at even instants, as the package evaluates states."""
+    """Return the least distance of failures at even instants, in zone radii."""
     lost = np.linspace(path.start, path.end, count)
     return least_ratio(path.state(lost), lost, until)
 
 
-def test_burns_within_a_limit_and_thrusters_are_safe_too():
+@pytest.mark.slow
+def test_thrust_limit_and_fixed_thrusters_are_safe():
     case = ring_transfers("thirty")[20]
     given = case.path, case.client, case.zone
     limited = cf.avoid(*given, drift=case.drift, cost="delta-v", max_acceleration=3e-4)
@@ -185,7 +185,7 @@ def test_burns_within_a_limit_and_thrusters_are_safe_too():
 
 
 @pytest.mark.slow
-def test_craft_of_a_formation_may_fail_one_at_a_time():
+def test_either_of_two_spacecraft_may_fail():
     begins = cf.targets.separated_ring(ORBIT, 2, 100.0, 100.0)
     ends = cf.targets.separated_ring(ORBIT, 2, 120.0, 110.0, 0.8 * np.pi)
     duration = 1.3 * PERIOD
@@ -209,7 +209,7 @@ def test_craft_of_a_formation_may_fail_one_at_a_time():
         assert least_ratio(states, lost, duration + PERIOD, other) > 1.0 - 1e-5
 
 
-def test_an_end_that_drifts_into_the_zone_is_refused_with_its_bound():
+def test_unsafe_end_is_rejected_with_a_lower_bound():
     low = np.array([-8.0, -250.0, 0.0, 0.0, 12.0 * ORBIT.mean_motion, 0.0])
     ellipse = cf.targets.safety_ellipse(ORBIT, 1, 100.0, 100.0)[0]
     path = ORBIT.transfer(low, ellipse, PERIOD)
@@ -222,8 +222,8 @@ def test_an_end_that_drifts_into_the_zone_is_refused_with_its_bound():
 
 
 @pytest.mark.parametrize("radius", [24.0, *(pytest.param(r, marks=pytest.mark.slow) for r in (25.0, 28.0))])
-def test_a_hold_beside_the_zone_is_reached_safely(radius):
-    """The last impulse is fired where the craft is nearest: failures amid it are no drifts."""
+def test_hold_point_beside_the_zone_is_reached_safely(radius):
+    """The last impulse is fired at the closest approach."""
     sphere, drift = 20.0, 2.0 * PERIOD
     begin = cf.targets.safety_ellipse(ORBIT, 1, 150.0, 150.0, along_track=200.0)[0]
     final = np.array([radius, 0.0, 0.0, 0.0, -2.0 * radius * ORBIT.mean_motion, 0.0])
@@ -232,15 +232,14 @@ def test_a_hold_beside_the_zone_is_reached_safely(radius):
     assert plan.ok
     times, _ = fired(plan.path)
     rng = np.random.default_rng(1)
-    lost = np.concatenate([rng.uniform(0.0, PERIOD, 300), rng.choice(times, 300)])
-    states = failed_states(begin, plan.path, lost, rng.uniform(size=600))
+    lost = np.concatenate([rng.uniform(0.0, PERIOD, 100), rng.choice(times, 100)])
+    states = failed_states(begin, plan.path, lost, rng.uniform(size=200))
     assert least_ratio(states, lost, PERIOD + drift) * RADIUS / sphere > 1.0 - 1e-5
     assert np.abs(failed_states(begin, plan.path, np.array([PERIOD]), np.ones(1))[0] - final).max() < 1e-6
 
 
 @pytest.mark.slow
-def test_limits_of_inf_are_none() -> None:
-    """One of all craft is as if none were given; between limits and impulses NumPy had the word."""
+def test_infinite_thrust_limit_changes_nothing() -> None:
     far = cf.targets.safety_ellipse(ORBIT, 1, 150.0, 150.0, along_track=200.0)[0]
     close = [25.0, 0.0, 50.0, 0.0, -2.0 * ORBIT.mean_motion * 25.0, 0.0]
     direct, zone, drift = ORBIT.transfer(far, close, ORBIT.period), cf.Sphere(20.0), ORBIT.period

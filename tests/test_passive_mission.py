@@ -1,4 +1,4 @@
-"""Stages that ask for passive safety: verdicts against failures flown here, words, files, pictures."""
+"""Passive safety in missions: verdicts against integrated failures, messages, files and pictures."""
 
 import json
 import re
@@ -23,8 +23,10 @@ from closeform.report.run import RunReport
 from closeform.scenario import parse
 from test_field import textbook
 
+pytestmark = pytest.mark.usefixtures("unpainted")
+
 EXAMPLES = Path(__file__).parents[1] / "examples"
-ROUNDING = 1e-6  # of a zone: exponentials of Hill's matrix over a day, and samples refined to less than that
+ROUNDING = 1e-6  # of a zone: of matrix exponentials over a day
 HEAD = """\
 closeform = 1
 title = "Passive safety"
@@ -51,23 +53,32 @@ def flown(text):
     return fly(parse(text))
 
 
-def drifted(path, other, failed_at, until):
-    """Least distance of a craft that drifts from `failed_at` on, and one that coasts on after its end."""
-    n = path.orbit.mean_motion
-    step = 2.0
-    times = np.arange(failed_at, until, step)
-    own, flow = path.state(failed_at), expm(hill(n) * step)
-    best = np.inf
-    theirs = other.state(failed_at)
-    for t in times:
-        best = min(best, np.linalg.norm(own[:3] - theirs[:3]))
-        own = flow @ own
-        theirs = other.state(t + step) if t + step <= other.end else flow @ theirs
-    return best
+STEP = 2.0  # s, between samples of a drift
 
 
-def test_a_verdict_is_the_least_of_failures_flown():
-    """At the instant that is told the distance is met; at 20 others none is nearer."""
+def coasted(n, state, count):
+    """Return positions (count, 3) of a coasting spacecraft, STEP apart, by matrix exponentials."""
+    inner = expm(hill(n) * STEP * np.arange(256)[:, None, None])
+    blocks, flow = [], expm(hill(n) * STEP * 256)
+    for _ in range(0, count, 256):
+        blocks.append(inner[:, :3] @ state)
+        state = flow @ state
+    return np.concatenate(blocks)[:count]
+
+
+def drift_distance(path, other, failed_at, until):
+    """Return the least distance of a spacecraft that fails from one that coasts after its end."""
+    n, times = path.orbit.mean_motion, np.arange(failed_at, until, STEP)
+    own, before = coasted(n, path.state(failed_at), len(times)), np.count_nonzero(times <= other.end)
+    theirs = other.position(times[:before])
+    if before < len(times):
+        onward = expm(hill(n) * (times[before] - other.end)) @ other.state(other.end)
+        theirs = np.concatenate([theirs, coasted(n, onward, len(times) - before)])
+    return np.linalg.norm(own - theirs, axis=1).min()
+
+
+def test_worst_failure_against_integrated_failures():
+    """The reported failure reaches the reported distance; 20 random ones come no closer."""
     (result,) = flown(HEAD + APPROACH + 'drift = "2 orbits"\n').results
     found = result.passive
     assert found is not None
@@ -81,11 +92,11 @@ def test_a_verdict_is_the_least_of_failures_flown():
     assert worst.distance == pytest.approx(20.0 * worst.ratio, abs=1e-9)
     rng = np.random.Generator(np.random.Philox(5))
     for failed_at in rng.uniform(0.0, result.end, 20):
-        assert drifted(inspector, client, failed_at, found.until) >= worst.distance - 1e-6
+        assert drift_distance(inspector, client, failed_at, found.until) >= worst.distance - 1e-6
     assert not found.safe
 
 
-def test_a_plan_made_for_it_is_safe_whenever_it_fails():
+def test_safe_plan_stays_clear_after_any_failure():
     mission = fly(parse((EXAMPLES / "passive_inspector.toml").read_text()))
     plan = mission.results[0]
     found = plan.passive
@@ -94,7 +105,7 @@ def test_a_plan_made_for_it_is_safe_whenever_it_fails():
     rng = np.random.Generator(np.random.Philox(6))
     client, inspector = plan.after.paths[0], plan.after.paths[1]
     for failed_at in rng.uniform(0.0, plan.end, 12):
-        assert drifted(inspector, client, failed_at, plan.end + 5e4) >= 20.0 * (1.0 - ROUNDING)
+        assert drift_distance(inspector, client, failed_at, plan.end + 5e4) >= 20.0 * (1.0 - ROUNDING)
     assert found.direct.ratio < 0.5  # 7.8 m
     assert mission.verdict.status == 0
     told = r"passively safe for 24 h"
@@ -104,8 +115,8 @@ def test_a_plan_made_for_it_is_safe_whenever_it_fails():
 
 
 @pytest.mark.parametrize("cost", ["energy", pytest.param("delta-v", marks=pytest.mark.slow)])
-def test_either_cost_is_planned_for(cost):
-    """The direct path is not safe; the plan is, as failures flown here say."""
+def test_avoid_stage_plans_passive_safety(cost):
+    """The direct path is unsafe; the plan is safe for integrated failures."""
     text = HEAD.replace("0 200 0 m", "100 0 200 m") + APPROACH.replace('"transfer"', '"avoid"')
     (result,) = flown(f'{text}cost = "{cost}"\ndrift = "2 orbits"\n').results
     found = result.passive
@@ -114,20 +125,20 @@ def test_either_cost_is_planned_for(cost):
     client, inspector = result.after.paths[0], result.after.paths[1]
     rng = np.random.Generator(np.random.Philox(7))
     for failed_at in rng.uniform(0.0, result.end, 8):
-        assert drifted(inspector, client, failed_at, found.until) >= 20.0 * (1.0 - ROUNDING)
+        assert drift_distance(inspector, client, failed_at, found.until) >= 20.0 * (1.0 - ROUNDING)
 
 
 @pytest.mark.parametrize(
     ("name", "planned", "least"), [("station_ellipsoid", False, 1.25), ("station_sphere", True, 1.45)]
 )
-def test_a_station_is_not_met(name, planned, least):
+def test_station_examples_are_passively_safe(name, planned, least):
     mission = fly(parse((EXAMPLES / f"{name}.toml").read_text()))
     found = mission.results[0].passive
     assert (found.planned, found.safe, mission.verdict.status) == (planned, True, 0)
     assert found.worst.ratio > least
 
 
-def test_words_files_and_pictures(tmp_path, monkeypatch, capsys):
+def test_output_files_and_pictures(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     Path("file.toml").write_text(HEAD + APPROACH + 'drift = "2 orbits"\n')
     assert main(["run", "file.toml"]) == 1
@@ -168,8 +179,8 @@ drift = "1 orbit"
 """
 
 
-def test_both_of_a_pair_may_fail():
-    """Six ways for three craft; each is met at its own instant, by motion that is flown here."""
+def test_each_spacecraft_of_a_pair_may_fail():
+    """Three spacecraft give six ordered pairs; each reported approach is integrated here."""
     (result,) = flown(SWAP).results
     found = result.passive
     assert {(pair.fails, pair.meets) for pair in found.pairs} == {
@@ -196,8 +207,8 @@ def test_both_of_a_pair_may_fail():
         assert np.linalg.norm(near[0] + share * toward) == pytest.approx(pair.distance, abs=1e-5)
 
 
-def test_a_plan_that_is_not_found_says_what_to_try():
-    """To the other side of the client along the track: whatever is cut short of a hop leads into the zone."""
+def test_missing_plan_names_an_alternative():
+    """Every hop to the other side of the client drifts into the zone when cut short."""
     hold = '{ position = "0 -60 0 m", velocity = "0 0 0 m/s" }'
     text = APPROACH.replace('"transfer"', '"avoid"').replace(
         '{ safety_ellipse = { radial = "25 m", cross_track = "50 m" } }', hold
@@ -215,7 +226,7 @@ FAILURES = {
 
 
 @pytest.mark.parametrize(("keys", "words"), FAILURES.items())
-def test_other_failures(keys, words):
+def test_degraded_thrust_and_missed_burns_are_judged(keys, words):
     (result,) = flown(HEAD + APPROACH + f'drift = "2 orbits"\n{keys}\n').results
     first, *_, second = conflicts.drift_lines(result)
     assert words in first or result.passive.worst.ratio > 1.0
@@ -223,8 +234,8 @@ def test_other_failures(keys, words):
     assert conflicts.drift_pictures(result) == ()
 
 
-def test_weaker_failures_come_less_near():
-    """All that a share of 90 % at least does, one of 50 % at least may do too."""
+def test_milder_degradation_is_safer():
+    """A minimum thrust of 50 % includes all failures of one of 90 %."""
     ratios = [
         flown(HEAD + APPROACH + f'drift = "2 orbits"\nfailure = "thrust weak"\nleast = "{least} %"\n')
         .results[0]
@@ -240,18 +251,18 @@ CLIENT = ORBIT.coast(np.zeros(6), 3 * ORBIT.period)
 ZONE = cf.Sphere(20.0)
 
 
-def test_a_curve_is_the_least_of_each_drift():
-    """Against drifts flown here, at some of the instants that are drawn."""
+def test_plotted_curve_is_the_least_distance_of_each_drift():
+    """Compare with drifts integrated here at three of the plotted instants."""
     (axes, *_) = plots.drift_ratios(PATH, CLIENT, ZONE, CLIENT.end).axes
     curve = max(axes.get_lines(), key=lambda line: len(line.get_xdata()))
     for k in (40, 222, 401):
         failed_at = 60.0 * curve.get_xdata()[k]
-        near = drifted(PATH, CLIENT, failed_at, CLIENT.end) / 20.0
+        near = drift_distance(PATH, CLIENT, failed_at, CLIENT.end) / 20.0
         assert near - 1e-3 <= curve.get_ydata()[k] <= near + ROUNDING  # samples are 2 s apart
 
 
-def test_a_curve_goes_down_amid_an_impulse():
-    """Half-way between a drift that passes above and one below: the worst is a share of an impulse."""
+def test_plotted_curve_dips_within_an_impulse():
+    """A partial impulse is worse than none and than the full one."""
     rise = 0.02
     path = cf.join(
         [
@@ -284,13 +295,13 @@ def test_a_curve_goes_down_amid_an_impulse():
         (lambda: plots.drift_fan(PATH, CLIENT, ZONE, CLIENT.end, ["a"]), "names: 1 names for 2"),
     ],
 )
-def test_pictures_refuse(wrong, message):
+def test_plots_reject_wrong_arguments(wrong, message):
     with pytest.raises(ValueError, match=message):
         wrong()
 
 
-def test_a_formation_that_moves_is_judged_for_ever():
-    """No pair is safer than for a thousand orbits, and where the worst is met before that it is as near."""
+def test_infinite_horizon_of_a_moving_formation():
+    """No pair is safer than over a thousand orbits, and a dated closest approach is equal."""
     text = HEAD.replace('["Client", "Inspector"]', '["A", "B", "C"]').partition("position")[0]
     text += """
 start = { safety_ellipse = { radial = "60 m", cross_track = "60 m" } }
@@ -338,8 +349,8 @@ drift = "24 h"
 """
 
 
-def test_from_a_hold_on_an_ellipse_the_way_is_safe_and_from_one_at_rest_it_is_not():
-    """As the comment of the example says."""
+def test_departure_from_an_ellipse_is_safe_and_from_rest_is_not():
+    """Check the claim in the comment of the example."""
     text = (EXAMPLES / "inspector_hold.toml").read_text()
     held = '{ safety_ellipse = { radial = "60 m", cross_track = "60 m", along_track = "-300 m" } }'
     assert text.count(held) == 1
@@ -351,8 +362,8 @@ def test_from_a_hold_on_an_ellipse_the_way_is_safe_and_from_one_at_rest_it_is_no
 
 
 @pytest.mark.slow
-def test_of_a_stage_that_stops_a_run_says_what_the_direct_path_leads_to():
-    """Flown here: the distance that is told is met when thrust is lost then, and none at others is less."""
+def test_stopped_stage_reports_the_direct_path():
+    """Integrate the reported failure of the direct path, and ten others that come no closer."""
     mission = fly(parse(STOPS, "file.toml", "run"))
     assert mission.stopped is not None
     (result,) = mission.results
@@ -367,7 +378,7 @@ def test_of_a_stage_that_stops_a_run_says_what_the_direct_path_leads_to():
     client, inspector = result.before.paths[0], result.before.paths[1]
     until = result.before.end + 86400.0
     lost = [direct.failed_at, *np.linspace(1.0, result.before.end - 1.0, 10)]
-    least = [drifted(inspector, client, at, until) for at in lost]
+    least = [drift_distance(inspector, client, at, until) for at in lost]
     assert least[0] == pytest.approx(direct.distance, abs=0.01)
     assert min(least) >= direct.distance - 1e-6
 
@@ -385,8 +396,8 @@ ELLIPSE = '{ safety_ellipse = { radial = "RADIAL", cross_track = "18 m", phase =
         (BACK, "10 s", False),
     ],
 )
-def test_check_says_at_once_that_an_end_cannot_be_safe(to, drift, stops, tmp_path, capsys):
-    """As the run then does, before it plans."""
+def test_check_rejects_an_unsafe_end(to, drift, stops, tmp_path, capsys):
+    """`check` and `run` agree."""
     text = re.sub(r"^to = .*$", f"to = {to}", STOPS.replace("24 h", drift), flags=re.MULTILINE)
     file = tmp_path / "file.toml"
     file.write_text(text)
@@ -414,8 +425,8 @@ burns = [
 )
 
 
-def test_burns_of_a_coast_are_judged_as_they_are_given():
-    """A hop of 150 m inwards by radial impulses, n d / 4 = 0.04103 m/s each, and on from there at rest."""
+def test_given_burns_of_a_coast_are_judged():
+    """Radial impulses of n d / 4 = 0.04103 m/s each give a hop of 150 m."""
     mission = flown(HOPPING)
     (result,) = mission.results
     n, path = mission.orbit.mean_motion, result.after.path("Inspector")
@@ -430,7 +441,7 @@ def test_burns_of_a_coast_are_judged_as_they_are_given():
     assert result.passive.worst.distance == pytest.approx(50.0, abs=0.5)
 
 
-def test_burns_that_lead_into_a_zone_are_unsafe_and_none_is_after_the_end():
+def test_unsafe_and_invalid_burns_of_a_coast():
     away = HOPPING.replace("0.04103 0 0 m/s", "0 0.01 0 m/s").replace("0.5 orbits", "0.9 orbits")
     (result,) = flown(away).results
     assert not result.passive.safe
@@ -471,8 +482,10 @@ drift = "10 h"
 IN_HILL = re.sub(r"(?m)^(field|ballistic) = .*\n", "", HELD).replace(', ballistic = "0.02 m^2/kg"', "")
 
 
-def drifted_in_air(start: np.ndarray, chief: cf.Chief, field: cf.Field, begin: float, end: float) -> float:
-    """Return the least distance of a craft that drifts to a chief, by DOP853 in a textbook's J2 and air."""
+def perturbed_distance(
+    start: np.ndarray, chief: cf.Chief, field: cf.Field, begin: float, end: float
+) -> float:
+    """Return the least distance of a drifting spacecraft from the chief, by DOP853 with J2 and drag."""
 
     def felt(state: np.ndarray, ballistic: float) -> np.ndarray:
         r, wind = np.linalg.norm(state[:3]), state[3:] - np.cross([0.0, 0.0, field.drag.spin], state[:3])
@@ -490,12 +503,14 @@ def drifted_in_air(start: np.ndarray, chief: cf.Chief, field: cf.Field, begin: f
     return float(np.linalg.norm(found[6:9] - found[:3], axis=0).min())
 
 
-def test_passive_safety_is_judged_in_the_field_as_well():
-    """Safe in Hill's equations at 1.6667 x zone; in J2 and air the craft drifts into it."""
+def test_passive_safety_in_the_high_fidelity_model():
+    """The hold is safe in Hill dynamics at 1.6667; with J2 and drag the spacecraft drifts into the zone."""
     mission = fly(parse(HELD))
     (result,) = mission.results
     worst, scenario = result.passive.worst, mission.scenario
-    least = drifted_in_air(np.array([0, -50.0, 0, 0, 0, 0]), scenario.chief, scenario.field, 0.0, 11 * 3600.0)
+    least = perturbed_distance(
+        np.array([0, -50.0, 0, 0, 0, 0]), scenario.chief, scenario.field, 0.0, 11 * 3600.0
+    )
     assert least < 25.0
     assert worst.ratio == pytest.approx(least / 30.0, abs=1e-3)
     assert worst.distance == pytest.approx(least, abs=0.05)
@@ -505,8 +520,8 @@ def test_passive_safety_is_judged_in_the_field_as_well():
     assert "not passively safe for 10 h" in str(mission.verdict)
 
 
-def test_thrust_lost_at_any_instant_is_judged_in_the_field():
-    """Lost on the way to -50 m the craft comes no nearer than is said, to some centimetres."""
+def test_loss_of_thrust_in_the_high_fidelity_model():
+    """The reported worst failure agrees with an integration to centimetres."""
     text = (
         HELD.replace('"0 -50 0 m"]', '"0 -80 0 m"]').split("[[stage]]")[0]
         + """\
@@ -525,18 +540,17 @@ within = "1 h"
     (worst,) = in_field(losses, held, scenario.zones, "J2 and drag", scenario.names)
     assert (worst.fails, worst.meets) == ("Inspector", "Client")
     assert result.passive.worst.ratio <= worst.ratio
-    for at in (600.0, 3000.0):
-        least = drifted_in_air(path.state(at), scenario.chief, scenario.field, at, end)
-        assert worst.ratio * 30.0 <= least + 0.05
+    least = perturbed_distance(path.state(3000.0), scenario.chief, scenario.field, 3000.0, end)
+    assert worst.ratio * 30.0 <= least + 0.05
     at = worst.failed_at
-    assert drifted_in_air(path.state(at), scenario.chief, scenario.field, at, end) == pytest.approx(
+    assert perturbed_distance(path.state(at), scenario.chief, scenario.field, at, end) == pytest.approx(
         worst.ratio * 30.0, abs=0.05
     )
 
 
 @pytest.mark.parametrize(("strict", "status"), [("", 0), ('[verdict]\nmodel_error = "refuse"\n', 1)])
-def test_safety_by_less_than_the_model_error_is_not_shown(strict: str, status: int):
-    """20 m of clearance for a day at 50 m: 95 % of missions are off by more at its end."""
+def test_clearance_below_the_model_error_is_not_shown_safe(strict: str, status: int):
+    """20 m of clearance at 50 m for a day: the model error exceeds it in 95 % of missions."""
     mission = fly(parse(IN_HILL.replace("10 h", "24 h") + strict))
     report = RunReport(mission)
     rows = [row for row in report.summary["asked"] if "passively safe" in row["asked"]]
@@ -545,15 +559,15 @@ def test_safety_by_less_than_the_model_error_is_not_shown(strict: str, status: i
     assert mission.verdict.status == status
 
 
-def test_safety_by_more_than_the_model_error_is_shown():
+def test_clearance_above_the_model_error_is_safe():
     mission = fly(parse(IN_HILL.replace("30 m", "5 m")))
     rows = [row for row in RunReport(mission).summary["asked"] if "passively safe" in row["asked"]]
     assert [row["met"] for row in rows] == [True]
     assert "in Hill's equations" in str(mission.verdict)
 
 
-def test_a_case_that_drifts_into_a_zone_in_flight_is_counted():
-    """Every craft that loses its thrust and enters a zone in flight is told to drift into it."""
+def test_simulated_cases_that_drift_into_a_zone_are_counted():
+    """A spacecraft that enters a zone after loss of thrust is reported as a drift into it."""
     text = HELD.replace('position = ["0 0 0 m", "0 -50 0 m"]', 'position = ["0 0 0 m", "0 -80 0 m"]')
     text = (
         text.split("[[stage]]")[0]
@@ -569,7 +583,7 @@ do = "coast"
 for = "10 h"
 
 [study]
-cases = 12
+cases = 5
 seed = 1
 [study.vary]
 "craft.fails" = { chance = 1.0 }
@@ -578,7 +592,7 @@ seed = 1
 """
     )
     entered = 0
-    for case in range(12):
+    for case in range(5):
         mission = fly(case_of(parse(text, "file.toml", "study"), case))
         (lost,) = mission.lost
         entered += mission.flights.entered.count

@@ -1,4 +1,4 @@
-"""Plans that are safe when thrust is lost: flown with failures by an integrator, solved again by nodes."""
+"""Passively safe plans against integrated failures and cone programs."""
 
 from functools import lru_cache
 
@@ -21,9 +21,8 @@ CLIENT = np.zeros(6)
 NODES = 500  # of the cone program
 STEP = 30.0  # s, of the integrator: its error is below 1e-4 m after three orbits
 SOME = [
-    *(pytest.param(k, marks=pytest.mark.slow) for k in (2, 14, 26)),
+    *(pytest.param(k, marks=pytest.mark.slow) for k in (2, 14, 17, 26)),
     8,
-    17,
 ]  # of the thirty ring transfers
 
 
@@ -35,17 +34,17 @@ def hill(n):
 
 
 def held(matrix, time):
-    """Transition over a time, and what a thrust that is held meanwhile adds: (6, 6), (6, 3)."""
+    """Return the transition over a time and the effect of constant thrust: (6, 6), (6, 3)."""
     both = np.zeros((9, 9))
     both[:6, :6], both[3:6, 6:] = matrix, np.eye(3)
     both = expm(both * time)
     return both[:6, :6], both[:6, 6:]
 
 
-def flown_with_failures(path, until, count, seed):
-    """Times, positions (T, K, 3) of K failures at random instants, whether thrust was lost by then (T, K).
+def states_after_failures(path, until, count, seed):
+    """Return times, positions (T, K, 3) of K random failures and whether thrust is lost (T, K).
 
-    By Runge-Kutta's fourth order, in steps at whose ends thrust jumps and is cut.
+    Runge-Kutta steps of fourth order end where the thrust jumps or is cut.
     """
     matrix, rng = hill(path.orbit.mean_motion), np.random.default_rng(seed)
     cut = rng.uniform(path.start, path.end, size=count)
@@ -80,20 +79,20 @@ def planned(k):
 
 
 @pytest.mark.parametrize("k", SOME)
-def test_a_thousand_failures_of_a_plan_stay_outside(k):
+def test_failures_at_random_instants_stay_outside(k):
     case, plan = planned(k)
     assert (plan.status, plan.drift) == (cf.Status.AVOIDED, case.drift)
     until = case.duration + case.drift
-    _, places, lost = flown_with_failures(plan.path, until, 1000, seed=k)
+    _, places, lost = states_after_failures(plan.path, until, 300, seed=k)
     ratios = np.where(lost, np.linalg.norm(places, axis=2), np.inf) / RADIUS
     assert ratios.min() > 1.0 - 1e-5
-    assert ratios.min() < 1.1  # and the plan is no wider a detour than it must be
-    _, places, lost = flown_with_failures(case.path, until, 300, seed=k)
+    assert ratios.min() < 1.1  # the detour is no wider than necessary
+    _, places, lost = states_after_failures(case.path, until, 300, seed=k)
     assert (np.where(lost, np.linalg.norm(places, axis=2), np.inf) / RADIUS).min() < 1.0
 
 
 @pytest.mark.parametrize("k", SOME)
-def test_plans_keep_their_ends_and_their_energy(k):
+def test_plan_meets_its_ends_and_reports_its_energy(k):
     case, plan = planned(k)
     assert plan.path.state(0.0) == pytest.approx(case.initial, abs=1e-9)
     assert np.abs(plan.path.state(case.duration) - case.final).max() < 1e-6
@@ -106,8 +105,8 @@ def test_plans_keep_their_ends_and_their_energy(k):
 
 
 @pytest.mark.parametrize("k", SOME)
-def test_a_cone_program_with_the_same_planes_needs_the_same_energy(k):
-    """The thrust is held between nodes, which costs it a little where the plan's thrust jumps."""
+def test_energy_equals_that_of_a_cone_program_with_the_same_planes(k):
+    """Thrust is constant between nodes, which costs a little where the plan has a jump."""
     case, plan = planned(k)
     matrix, step = hill(ORBIT.mean_motion), case.duration / NODES
     times = step * np.arange(NODES)
@@ -139,8 +138,8 @@ def test_a_cone_program_with_the_same_planes_needs_the_same_energy(k):
     assert plan.energy == pytest.approx(energy, rel=1e-3)
 
 
-def test_forces_after_failures_deflect_as_the_least_energy_does():
-    """Gram matrix, ends and energy of random contacts, against a dense thrust of least norm."""
+def test_deflection_after_failures_has_minimum_energy():
+    """Compare Gram matrix, ends and energy of random contacts with dense thrust of least norm."""
     rng, duration = np.random.default_rng(5), 0.8 * PERIOD
     initial, final = rng.normal(size=(2, 6)) * [200.0, 200.0, 200.0, 0.1, 0.1, 0.1]
     path = ORBIT.transfer(initial, final, duration)
@@ -188,27 +187,20 @@ def test_forces_after_failures_deflect_as_the_least_energy_does():
     assert shaped.energy - path.energy == pytest.approx(0.5 * np.sum(least**2), rel=3e-4)  # (n h)^2
 
 
-def test_more_drift_and_larger_zones_cost_no_less():
+def test_energy_grows_with_horizon_and_zone():
     case = ring_transfers("thirty")[8]
     client = ORBIT.coast(CLIENT, case.duration + 3.0 * PERIOD)
     longer = [
-        cf.avoid(case.path, client, case.zone, drift=share * PERIOD).energy for share in (0.0, 0.5, 1.0, 2.0)
+        cf.avoid(case.path, client, case.zone, drift=share * PERIOD).energy for share in (0.0, 1.0, 2.0)
     ]
-    assert (
-        np.diff(longer) >= -1e-3 * longer[0]
-    ).all()  # rounds end when the energy is steady to a thousandth
-    larger = [
-        cf.avoid(case.path, client, cf.Sphere(r), drift=PERIOD).energy for r in (20.0, 25.0, 30.0, 33.0)
-    ]
+    assert (np.diff(longer) >= -1e-3 * longer[0]).all()  # iterations stop when the energy changes by 1e-3
+    larger = [cf.avoid(case.path, client, cf.Sphere(r), drift=PERIOD).energy for r in (20.0, 27.0, 33.0)]
     assert (np.diff(larger) >= -1e-3 * larger[0]).all()
 
 
 @pytest.mark.slow
-def test_energy_grows_with_the_zone_and_its_slope_is_the_price():
-    """Failures of a whole stretch of time touch: rounds of planes ended anywhere up to two thirds above.
-
-    Steps end where they gain a hundred-thousandth of all energy, three of them less than 1e-4.
-    """
+def test_shadow_price_is_the_slope_of_energy_over_zone_size():
+    """Failures of a whole interval are active; iterations stop at steps of 1e-5 of the energy."""
     radii = np.array([19.9, 19.98, 19.99, 19.999, 20.0, 20.001, 20.01, 20.02, 20.1])
     begin = cf.targets.safety_ellipse(ORBIT, 1, 150.0, 150.0, along_track=200.0)[0]
     path = ORBIT.transfer(begin, [25.0, 0.0, 0.0, 0.0, -50.0 * ORBIT.mean_motion, 0.0], PERIOD)
@@ -219,12 +211,12 @@ def test_energy_grows_with_the_zone_and_its_slope_is_the_price():
     slope = np.polyfit(radii, energy, 1)[0]
     assert np.array([plan.price for plan in plans]) == pytest.approx(slope, rel=0.08)
     for radius, plan in zip(radii[::4], plans[::4], strict=True):
-        _, places, lost = flown_with_failures(plan.path, 3.0 * PERIOD, 400, seed=1)
+        _, places, lost = states_after_failures(plan.path, 3.0 * PERIOD, 400, seed=1)
         nearest = np.where(lost, np.linalg.norm(places, axis=2), np.inf).min() / radius
         assert 1.0 - 1e-5 < nearest < 1.001
 
 
-def test_what_is_safe_already_is_flown_as_it_is():
+def test_safe_path_is_returned_unchanged():
     state = cf.targets.safety_ellipse(ORBIT, 2, 100.0, 100.0)
     path = ORBIT.coast(state[0], PERIOD)
     plan = cf.avoid(path, ORBIT.coast(CLIENT, 4.0 * PERIOD), cf.Sphere(30.0), drift=3.0 * PERIOD)
@@ -232,9 +224,9 @@ def test_what_is_safe_already_is_flown_as_it_is():
     assert (plan.status, plan.drift) == (cf.Status.CLEAR, 3.0 * PERIOD)
 
 
-def test_an_end_that_drifts_into_the_zone_is_refused_with_its_ratio_and_one_that_would_do():
+def test_unsafe_end_is_rejected_with_its_ratio_and_an_alternative():
     ellipse = cf.targets.safety_ellipse(ORBIT, 1, 100.0, 100.0)[0]
-    drifting = np.array([5.0, -300.0, 0.0, 0.0, -7.5 * ORBIT.mean_motion, 0.0])  # a lower or higher circle
+    drifting = np.array([5.0, -300.0, 0.0, 0.0, -7.5 * ORBIT.mean_motion, 0.0])  # drifts along track
     client = ORBIT.coast(CLIENT, 9.0 * PERIOD)
     towards = (
         drifting
@@ -253,14 +245,14 @@ def test_an_end_that_drifts_into_the_zone_is_refused_with_its_ratio_and_one_that
     assert cf.closest_approach(named, ORBIT.coast(CLIENT, PERIOD), cf.Sphere(30.0)).ratio >= 1.3 - 1e-9
 
 
-def test_who_arrives_where_another_stays_if_it_fails_is_refused_at_once():
-    """At rest on the track nobody moves without thrust: who fails at the start stays there for good."""
+def test_arrival_at_the_start_of_a_failed_spacecraft_is_rejected():
+    """A spacecraft at rest on the V-bar that fails at the start stays there."""
     places = np.array([[0.0, 100.0, 0.0], [0.0, -100.0, 0.0], [0.0, 300.0, 0.0]])
     begins = np.hstack([places, np.zeros((3, 3))])
     plan = cf.reconfigure(ORBIT, begins, begins[[1, 0, 2]], 0.7 * PERIOD, cf.Sphere(15.0), drift=0.2 * PERIOD)
     assert (plan.status, plan.blocked, plan.paths) == (cf.Status.END_UNSAFE, (0, 1), None)
     assert "start of its plan craft 0 reaches 0.00 x zone from craft 1, which has arrived" in plan.reason
-    assert len(plan.measures) == 8  # who waits longer stays there as long
+    assert len(plan.measures) == 8
     beside = begins[[1, 0, 2]]
     beside[:2, 1] += 40.0
     given = ORBIT, begins, beside, 0.7 * PERIOD, cf.Sphere(15.0)
@@ -268,7 +260,7 @@ def test_who_arrives_where_another_stays_if_it_fails_is_refused_at_once():
     assert other.status != cf.Status.END_UNSAFE
 
 
-def test_one_craft_of_a_formation_that_meets_nobody_is_safe_already():
+def test_single_spacecraft_without_obstacles_is_safe():
     begins = cf.targets.safety_ellipse(ORBIT, 1, 100.0, 100.0)
     ends = cf.targets.safety_ellipse(ORBIT, 1, 150.0, 120.0)
     for zone in (cf.Sphere(20.0), [None]):
@@ -277,8 +269,8 @@ def test_one_craft_of_a_formation_that_meets_nobody_is_safe_already():
         assert plan.energy == plan.lower_bound
 
 
-def test_craft_of_a_formation_may_fail_one_at_a_time():
-    """Two craft change places on a ring around a client; whichever fails, the other flies on."""
+def test_either_of_two_spacecraft_may_fail():
+    """Two spacecraft swap places on a ring around a client; one fails, the other continues."""
     begins = cf.targets.separated_ring(ORBIT, 2, 100.0, 100.0)
     ends = cf.targets.separated_ring(ORBIT, 2, 120.0, 110.0, 0.8 * np.pi)
     duration, zone = 1.3 * PERIOD, cf.Sphere(30.0)
@@ -294,7 +286,7 @@ def test_craft_of_a_formation_may_fail_one_at_a_time():
     for paths in (plan.paths, alone):
         ratios = []
         for k in range(2):
-            times, places, lost = flown_with_failures(paths[k], until, 300, seed=k)
+            times, places, lost = states_after_failures(paths[k], until, 100, seed=k)
             coast = ORBIT.coast(paths[1 - k].state(duration), PERIOD, duration)
             there = np.where(
                 (times <= duration)[:, None],
@@ -317,8 +309,8 @@ def test_craft_of_a_formation_may_fail_one_at_a_time():
         pytest.param("delta-v", np.pi / 3, marks=pytest.mark.slow),
     ],
 )
-def test_a_hold_is_left_for_a_safety_ellipse_safely_or_not_at_all(phase, cost):
-    """In an orbit, for centimetres per second: not by impulses of kilometres per second that fly far away."""
+def test_transfer_from_a_hold_point_to_a_safety_ellipse(phase, cost):
+    """A plan costs cm/s, or none is returned; there are no km/s impulses that leave the area."""
     client = ORBIT.coast(CLIENT, 2 * PERIOD)
     ellipse = cf.targets.safety_ellipse(ORBIT, 1, 50.0, 50.0)[0]
     hold, final = [0, 200, 0, 0, 0, 0], ORBIT.transition(phase / (2 * np.pi) * PERIOD) @ ellipse
@@ -327,28 +319,28 @@ def test_a_hold_is_left_for_a_safety_ellipse_safely_or_not_at_all(phase, cost):
     assert plan.ok or phase > 0.0
     if plan.ok:
         assert plan.path.delta_v < 0.3
-        _, places, lost = flown_with_failures(plan.path, 2 * PERIOD, 300, seed=1)
+        _, places, lost = states_after_failures(plan.path, 2 * PERIOD, 100, seed=1)
         assert np.where(lost, np.linalg.norm(places, axis=2), np.inf).min() > 20.0 * (1.0 - 1e-5)
 
 
 @pytest.mark.parametrize(
     ("count", "number", "budget"),
     [
-        (4, 0, None),
-        *(pytest.param(*one, marks=pytest.mark.slow) for one in ((8, 0, None), (12, 0, None), (12, 1, 1))),
+        pytest.param(*one, marks=pytest.mark.slow)
+        for one in ((4, 0, None), (8, 0, None), (12, 0, None), (12, 1, 1))
     ],
 )
-def test_rings_of_many_craft_are_turned_safely(count, number, budget):
-    """Each fails in turn at random instants, and keeps out of the others, which fly on and then coast.
+def test_rings_of_many_spacecraft_are_reconfigured_safely(count, number, budget):
+    """Each spacecraft fails at random instants and keeps clear of the others.
 
-    In the last, rounds of planes never settle: what they were stepped to is safe.
+    In the last case the iterations do not converge; the returned plan is safe.
     """
     case = ring_formations(count)[number]
     asked = case.orbit, case.initial, case.final, case.duration, case.zone
     plan = cf.reconfigure(*asked, drift=case.drift, budget=budget)
     assert (plan.status, plan.drift) == (cf.Status.AVOIDED, case.drift)
     until, rows = case.duration + case.drift, np.arange(count)
-    flights = [flown_with_failures(plan.paths[k], until, 40, seed=k) for k in rows]
+    flights = [states_after_failures(plan.paths[k], until, 40, seed=k) for k in rows]
     for k, (times, places, lost) in enumerate(flights):
         for j in rows[rows != k]:
             coast = case.orbit.coast(plan.paths[j].state(case.duration), case.drift, case.duration)
@@ -364,10 +356,10 @@ def test_rings_of_many_craft_are_turned_safely(count, number, budget):
 HOP = cf.Orbit.circular(600e3)  # its period is 5801 s
 
 
-def failed_hill(path, lost, share, until):
-    """Distances from the origin after thrust is lost at an instant, by the textbook's closed form.
+def distances_after_failure(path, lost, share, until):
+    """Return distances from the origin after loss of thrust, by the closed form of Hill motion.
 
-    A `share` of an impulse at that instant is still given.
+    A `share` of an impulse at that instant is executed.
     """
     n, state, at = HOP.mean_motion, path.state(path.start), path.start
     jumps = list(path.impulses)
@@ -396,9 +388,9 @@ def failed_hill(path, lost, share, until):
     return np.linalg.norm(coasted(state, np.linspace(lost - at, until - at, 6000))[:, :3], axis=1)
 
 
-@pytest.mark.parametrize("orbits", [0.5, 0.7, 1.0, 1.5])
-def test_a_radial_hop_is_found_however_much_longer_it_may_take(orbits):
-    """Half an orbit and two radial impulses of n d / 4 each; the rest of the time is waited on the V-bar."""
+@pytest.mark.parametrize("orbits", [0.5, 1.0, *(pytest.param(k, marks=pytest.mark.slow) for k in (0.7, 1.5))])
+def test_radial_hop_is_found_with_any_duration(orbits):
+    """The hop is half an orbit with two radial impulses of n d / 4; it waits on the V-bar otherwise."""
     n, duration, day = HOP.mean_motion, orbits * HOP.period, 86400.0
     start, end = [0, -500, 0, 0, 0, 0], [0, -50, 0, 0, 0, 0]
     client, zone = HOP.coast(np.zeros(6), duration + day), cf.Sphere(30.0)
@@ -408,14 +400,14 @@ def test_a_radial_hop_is_found_however_much_longer_it_may_take(orbits):
     assert np.abs(plan.path.state(duration) - end).max() < 1e-6
     for time, _ in plan.path.impulses:
         for share in (0.0, 0.3, 0.7, 1.0):
-            assert failed_hill(plan.path, time, share, duration + day).min() > 30.0
+            assert distances_after_failure(plan.path, time, share, duration + day).min() > 30.0
     if orbits == 0.5:
         for _, jump in plan.path.impulses:
             assert np.abs(jump) == pytest.approx([n * 450.0 / 4, 0, 0], abs=1e-9)
 
 
-@pytest.mark.parametrize("orbits", [0.5, 1.0])
-def test_a_hop_of_low_energy_is_safe_where_planes_alone_lead_nowhere(orbits):
+@pytest.mark.parametrize("orbits", [0.5, pytest.param(1.0, marks=pytest.mark.slow)])
+def test_hop_of_low_energy_is_safe(orbits):
     duration, drift = orbits * HOP.period, 3.0 * HOP.period
     start, end = [0, -500, 0, 0, 0, 0], [0, -50, 0, 0, 0, 0]
     client = HOP.coast(np.zeros(6), duration + drift)
@@ -424,12 +416,13 @@ def test_a_hop_of_low_energy_is_safe_where_planes_alone_lead_nowhere(orbits):
     assert plan.lower_bound <= plan.energy < np.inf
     assert plan.path.state(0.0) == pytest.approx(start, abs=1e-9)
     assert np.abs(plan.path.state(duration) - end).max() < 1e-6
-    _, places, lost = flown_with_failures(plan.path, duration + drift, 300, seed=1)
+    _, places, lost = states_after_failures(plan.path, duration + drift, 100, seed=1)
     assert np.where(lost, np.linalg.norm(places, axis=2), np.inf).min() > 30.0 * (1 - 1e-5)
 
 
-def test_both_of_two_craft_hop_along_the_track():
-    """The same in a formation, each with a client that it is to keep clear of."""
+@pytest.mark.slow
+def test_two_spacecraft_hop_along_track():
+    """Each of two spacecraft keeps clear of a client."""
     starts = np.array([[0, -500.0, 0, 0, 0, 0], [0, 500.0, 0, 0, 0, 0]])
     ends, duration, drift = starts * 0.2, HOP.period, 2.0 * HOP.period
     client = HOP.coast(np.zeros(6), duration + drift)
@@ -449,4 +442,4 @@ def test_both_of_two_craft_hop_along_the_track():
     for path in plan.paths:
         for time, _ in path.impulses:
             for share in (0.0, 0.5, 1.0):
-                assert failed_hill(path, time, share, duration + drift).min() > 30.0
+                assert distances_after_failure(path, time, share, duration + drift).min() > 30.0

@@ -1,4 +1,4 @@
-"""What a path is asked for: states, thrust, totals, impulses; and how paths are put together."""
+"""States, thrust, totals and impulses of paths, and how paths are joined."""
 
 import itertools
 
@@ -24,7 +24,7 @@ def magnitude(path):
 
 
 def measured(path):
-    """Energy, delta-v and peak thrust by quadrature and dense sampling with refinement."""
+    """Return energy, delta-v and peak thrust by quadrature and refined sampling."""
     size = magnitude(path)
     breaks = np.unique([*path.arcs[:, 0], path.end])
     energy = delta_v = peak = 0.0
@@ -60,7 +60,7 @@ PATHS = {
 
 
 @pytest.mark.parametrize("name", PATHS)
-def test_totals_meet_quadrature_and_sampling(name):
+def test_totals_agree_with_quadrature_and_sampling(name):
     path = PATHS[name]
     energy, delta_v, peak = measured(path)
     assert path.energy == pytest.approx(energy, rel=1e-10)
@@ -99,7 +99,7 @@ def test_state_splits_into_position_and_velocity():
     assert path.state([]).shape == (2, 0, 6)
 
 
-def test_times_outside_raise_but_rounding_is_forgiven():
+def test_times_outside_the_path_are_rejected_except_rounding():
     path = ORBIT.coast(INITIAL, 1000.0, start=50.0)
     for edge, outside in ((50.0, -1), (1050.0, 1)):
         np.testing.assert_array_equal(path.state(edge + outside * 0.9e-6), path.state(edge))
@@ -112,7 +112,7 @@ def test_times_outside_raise_but_rounding_is_forgiven():
             path.thrust(bad)
 
 
-def test_indexing_is_that_of_an_array():
+def test_indexing_as_an_array():
     states = np.arange(24 * 6, dtype=float).reshape(2, 3, 4, 6)
     path = ORBIT.coast(states, 100.0)
     assert len(path) == 2
@@ -132,7 +132,7 @@ def test_indexing_is_that_of_an_array():
         len(path[0, 0, 0])
 
 
-def test_indexing_keeps_every_arc_of_a_craft():
+def test_indexing_keeps_all_arcs():
     first = ORBIT.coast(np.stack([INITIAL, FINAL]), 10.0)
     joined = cf.join([first, ORBIT.coast(first.state(10.0), 20.0, start=10.0)])
     pair = cf.stack([PATHS["legs"], PATHS["transfer"], PATHS["sampled"]])[[2, 0]]
@@ -141,7 +141,7 @@ def test_indexing_keeps_every_arc_of_a_craft():
     np.testing.assert_allclose(joined[1].state(25.0), ORBIT.coast(FINAL, 30.0).state(25.0), rtol=1e-12)
 
 
-def test_empty_batches_are_harmless():
+def test_empty_batches():
     empty = ORBIT.coast(np.zeros((0, 6)), 100.0)
     assert empty.energy.shape == empty.delta_v.shape == empty.start.shape == (0,)
     assert empty.state([1.0, 2.0]).shape == (0, 2, 6)
@@ -151,7 +151,7 @@ def test_empty_batches_are_harmless():
 # --- join and stack ---------------------------------------------------------------------------
 
 
-def test_join_makes_a_velocity_jump_an_impulse():
+def test_join_turns_a_velocity_jump_into_an_impulse():
     first = ORBIT.coast(INITIAL, 100.0)
     kicked = first.state(100.0) + [0, 0, 0, 0.01, -0.02, 0.03]
     path = cf.join([first, ORBIT.coast(kicked, 50.0, start=100.0)])
@@ -164,8 +164,8 @@ def test_join_makes_a_velocity_jump_an_impulse():
     np.testing.assert_allclose(path.velocity(np.nextafter(100.0, 0)), first.velocity(100.0), rtol=1e-12)
 
 
-def test_a_brief_path_does_not_hide_a_jump():
-    """Two impulses a microsecond apart: both count, whatever one moves until the other."""
+def test_short_path_between_two_impulses():
+    """Two impulses a microsecond apart both count."""
     brief = ORBIT.coast(INITIAL, 1e-6)
     state = brief.state(1e-6) + [0, 0, 0, 0.3, 0, 0]
     later = ORBIT.coast(state, 1e-6, start=1e-6)
@@ -175,7 +175,7 @@ def test_a_brief_path_does_not_hide_a_jump():
     assert len(path.impulses) == 2
 
 
-def test_join_without_a_jump_is_the_same_motion():
+def test_join_without_a_jump():
     whole = ORBIT.transfer(INITIAL, FINAL, 900.0)
     coast = ORBIT.coast(FINAL, 300.0, start=900.0)
     path = cf.join([whole, coast])
@@ -184,8 +184,8 @@ def test_join_without_a_jump_is_the_same_motion():
     np.testing.assert_allclose(path.state([100.0, 1000.0])[1], coast.state(1000.0), rtol=1e-14)
 
 
-def test_join_keeps_the_impulses_inside():
-    """A two-impulse path ends in an arc of no length; what follows starts from the state after it."""
+def test_join_keeps_inner_impulses():
+    """A two-impulse path ends in an arc of zero length; the next path starts after it."""
     hop = ORBIT.two_impulse(INITIAL, FINAL, 600.0)
     path = cf.join([hop, ORBIT.coast(FINAL, 300.0, start=600.0)])
     assert [time for time, _ in path.impulses] == [0.0, 600.0]
@@ -198,7 +198,7 @@ def test_join_keeps_the_impulses_inside():
 
 
 def test_join_at_rest_in_the_origin():
-    """Rounding where position and velocity vanish is no jump: the scale is that of the whole path."""
+    """Rounding at zero position and velocity is no jump."""
     for orbit in (ORBIT, DEEP):
         arrival = orbit.transfer(INITIAL, ZERO, 700.0)
         path = cf.join([arrival, orbit.coast(ZERO, 100.0, start=700.0)])
@@ -206,7 +206,7 @@ def test_join_at_rest_in_the_origin():
         assert path.energy == arrival.energy
 
 
-def test_join_of_batches_goes_craft_by_craft():
+def test_join_of_batches():
     begins = np.stack([INITIAL, FINAL, 2 * FINAL])
     out = ORBIT.transfer(begins, np.zeros(6) + [9, 0, 0, 0, 0, 0], 700.0)
     back = ORBIT.transfer(np.zeros(6) + [9, 0, 0, 0, 0, 0], begins, 500.0, start=700.0)
@@ -217,7 +217,7 @@ def test_join_of_batches_goes_craft_by_craft():
     np.testing.assert_array_equal(path[1].state(300.0), out.state(300.0)[1])
 
 
-def test_stack_takes_different_times_and_arcs():
+def test_stack_of_different_times_and_arcs():
     path = cf.stack([PATHS["legs"], PATHS["transfer"]])
     assert path.shape == (2,)
     np.testing.assert_array_equal(path.start, [0.0, -200.0])
@@ -263,13 +263,13 @@ BAD = {
 
 
 @pytest.mark.parametrize("case", BAD)
-def test_bad_input_is_named(case):
+def test_invalid_input(case):
     call, message = BAD[case]
     with pytest.raises(ValueError, match=message):
         call()
 
 
-def test_a_path_is_true_as_any_object_and_an_empty_batch_is_not():
+def test_truth_value():
     path = cf.Orbit(0.0).coast(np.zeros(6), 1.0)
     assert path
     assert cf.Orbit(0.0).coast(np.zeros((2, 6)), 1.0)

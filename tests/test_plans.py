@@ -1,4 +1,4 @@
-"""Plans that cases of a study have in common: made once, and every row is that of its own run."""
+"""Plans shared by the cases of a study: made once, with rows equal to single runs."""
 
 import copy
 import pickle
@@ -18,33 +18,39 @@ from test_losses import FAILS
 
 STARTS = '"craft.position" = { normal = "1 m" }\n'
 LIMITS = '"craft.max_acceleration" = { choice = ["5 mm/s^2", "9 mm/s^2"] }\n'
-FLIGHTS = MANY.replace(STARTS, "")  # plans know nothing of what is drawn
+FLIGHTS = MANY.replace(STARTS, "")  # plans do not depend on the sampled keys
 FEW = MANY.replace(STARTS, LIMITS)
 FAILURES = re.sub(r'"craft.(velocity|mass)" = .*\n', "", FAILS)
 
 
-def drawn(case):
-    """What a plan knows of the craft."""
+def plan_inputs(case):
+    """Return the inputs of a plan."""
     return tuple((*one.position, *one.velocity, one.mass, one.max_acceleration) for one in case.craft)
 
 
 @pytest.mark.parametrize(
     ("text", "plans"),
-    [(FLIGHTS, 1), (FEW, 4), (MANY, 8), (FAILURES, 1), (FAILS, 8), (TWICE, 8)],
-    ids=["flights", "few", "starts", "failures", "velocities", "replanned"],
+    [
+        pytest.param(FEW, 4, id="few"),
+        pytest.param(FAILURES, 1, id="failures"),
+        pytest.param(TWICE, 8, id="replanned"),
+        pytest.param(FLIGHTS, 1, id="simulations", marks=pytest.mark.slow),
+        pytest.param(MANY, 8, id="starts", marks=pytest.mark.slow),
+        pytest.param(FAILS, 8, id="velocities", marks=pytest.mark.slow),
+    ],
 )
-def test_a_plan_is_made_once_for_all_that_it_knows(text, plans, monkeypatch):
-    """Rows are those of runs, which know of no other case, bit for bit; in chunks of any order, too."""
+def test_plan_is_made_once_for_equal_inputs(text, plans, monkeypatch):
+    """Rows equal those of single runs bit by bit, in chunks of any order."""
     scenario, made = parse(text, "plans.toml", "study"), []
     runs = [fly(case_of(scenario, case)) for case in range(8)]
     planned = mission_cases.staged
     monkeypatch.setattr(
-        mission_cases, "staged", lambda one, **told: (made.append(drawn(one)), planned(one, **told))[1]
+        mission_cases, "staged", lambda one, **told: (made.append(plan_inputs(one)), planned(one, **told))[1]
     )
     campaign = flown(scenario, 8)
     assert len(made) == plans
-    if text is not TWICE:  # whose plans begin where errors have led
-        assert len({drawn(one.scenario) for one in runs}) == plans
+    if text is not TWICE:  # its plans start at disturbed states
+        assert len({plan_inputs(one.scenario) for one in runs}) == plans
     kind = type(campaign.kind)(scenario, scenario.study.seed)
     parts = [kind.evaluate(first, last) for first, last in ((5, 8), (2, 5), (0, 2))][::-1]
     for case, run in enumerate(runs):
@@ -56,8 +62,8 @@ def test_a_plan_is_made_once_for_all_that_it_knows(text, plans, monkeypatch):
         np.testing.assert_array_equal(np.concatenate([part[name] for part in parts]), campaign.column(name))
 
 
-def test_threads_wait_for_the_plan_and_for_why_there_is_none():
-    """Four ask at once, one makes it; what it raises, all are told."""
+def test_threads_share_one_plan_or_one_error():
+    """Four threads request a plan, one makes it, and all get its result."""
     for answer in ("plan", ScenarioError("file", ["stage[1]: no way"])):
         plans, made, told, ready = Plans(), [], [], threading.Barrier(4)
 
@@ -84,15 +90,15 @@ def test_threads_wait_for_the_plan_and_for_why_there_is_none():
         assert told == [answer] * 4
 
 
-def test_plans_that_are_held_are_few():
+def test_number_of_stored_plans_is_bounded():
     plans, made = Plans(), []
     for key in [*range(MOST_PLANS + 1), MOST_PLANS, 0]:
         plans.of((bytes([key]),), lambda key=key: made.append(key))
     assert made == [*range(MOST_PLANS + 1), 0]
 
 
-def test_who_copies_a_study_copies_no_plan():
-    """A result that holds its plans is pickled and copied like others, and flies the same rows."""
+def test_copies_of_a_study_hold_no_plans():
+    """A pickled or copied result gives the same rows."""
     campaign = flown(parse(FAILURES, "plans.toml", "study"), 4)
     for twin in (pickle.loads(pickle.dumps(campaign)), copy.deepcopy(campaign)):
         assert campaign.kind.plans.held

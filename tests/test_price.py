@@ -1,4 +1,4 @@
-"""What clearance costs: slopes against differences of plans, and against the duals of convex programs."""
+"""Shadow prices of clearance against differences of plans and duals of convex programs."""
 
 import clarabel
 import numpy as np
@@ -25,8 +25,8 @@ TILT = np.linalg.qr(np.random.default_rng(1).normal(size=(3, 3)))[0]
 STEP, EXACT = 1e-3, 1e-6
 
 
-def difference(plan_of, step):
-    """The slope of a plan's cost by central differences at two steps, without their second-order error."""
+def slope_of(plan_of, step):
+    """Return the slope of the cost by central differences at two steps, extrapolated."""
 
     def slope(h):
         return (plan_of(h).spent - plan_of(-h).spent) / (2.0 * h)
@@ -35,7 +35,7 @@ def difference(plan_of, step):
 
 
 def grown(zone, normal, metres):
-    """An ellipsoid about the ball-grown one that reaches as far along a normal, and is smooth in `metres`."""
+    """Return a smooth ellipsoid that reaches as far along a normal as the padded one."""
     across = np.linalg.inv(zone.matrix.T @ zone.matrix)
     far = np.sqrt(normal @ across @ normal)
     values, axes = np.linalg.eigh((1.0 + metres / far) * (across + far * metres * np.eye(3)))
@@ -45,10 +45,10 @@ def grown(zone, normal, metres):
 @pytest.mark.parametrize(
     "zone", [cf.Sphere(20.0), cf.Sphere(60.0), cf.Sphere(85.0)], ids=lambda z: f"{z.radius:g}"
 )
-def test_a_metre_of_a_sphere(zone):
+def test_price_of_a_sphere(zone):
     found = cf.avoid(PATH, OTHER, zone)
     assert found.status == cf.Status.AVOIDED
-    slope = difference(lambda h: cf.avoid(PATH, OTHER, cf.Sphere(zone.radius + h)), STEP * zone.radius)
+    slope = slope_of(lambda h: cf.avoid(PATH, OTHER, cf.Sphere(zone.radius + h)), STEP * zone.radius)
     assert found.price == pytest.approx(slope, rel=EXACT)
     (price,) = found.prices
     assert (price.first, price.second) == (0, 1)
@@ -57,32 +57,32 @@ def test_a_metre_of_a_sphere(zone):
 
 @pytest.mark.parametrize("axes", [np.eye(3), TILT], ids=["upright", "tilted"])
 @pytest.mark.parametrize("orbit", [ORBIT, SPACE], ids=["orbit", "deep space"])
-def test_an_ellipsoid_enlarged_and_grown(axes, orbit):
+def test_price_of_an_ellipsoid(axes, orbit):
     path = orbit.transfer([0, -200, 10, 0, 0, 0], [40, 200, 60, 0, -0.09, 0], 3000.0)
     met = path.state(1350.0) + [3, 4, -5, 0.02, 0, 0.01]
     other = orbit.coast(orbit.transition(-1350.0) @ met, 3000.0)
     zone = cf.Ellipsoid([9.0, 11.0, 10.0], axes)
     found = cf.avoid(path, other, zone)
     (contact,), (price,) = found.contacts, found.prices
-    enlarged = difference(lambda h: cf.avoid(path, other, zone.enlarged(1.0 + h)), STEP)
+    enlarged = slope_of(lambda h: cf.avoid(path, other, zone.enlarged(1.0 + h)), STEP)
     assert price.per_factor == pytest.approx(enlarged, rel=EXACT)
-    by_metres = difference(lambda h: cf.avoid(path, other, grown(zone, contact.normal, h)), 20.0 * STEP)
+    by_metres = slope_of(lambda h: cf.avoid(path, other, grown(zone, contact.normal, h)), 20.0 * STEP)
     assert found.price == price.per_metre == pytest.approx(by_metres, rel=EXACT)
     assert contact.reach == pytest.approx(zone.support(contact.normal), rel=1e-8)
 
 
-def test_many_contacts_with_one_zone():
-    """Enlarged half as much again the path touches three times; a price is of the pair, not of a contact."""
+def test_price_of_a_pair_with_several_contacts():
+    """The path touches three times; the price belongs to the pair."""
     zone = cf.Ellipsoid([30.0, 60.0, 37.5])
     found = cf.avoid(PATH, OTHER, zone)
-    slope = difference(lambda h: cf.avoid(PATH, OTHER, zone.enlarged(1.0 + h)), STEP)
+    slope = slope_of(lambda h: cf.avoid(PATH, OTHER, zone.enlarged(1.0 + h)), STEP)
     (price,) = found.prices
     assert len(found.contacts) > 1
     assert price.per_factor == pytest.approx(slope, rel=EXACT)
 
 
-def test_past_an_edge_a_zone_grows_round():
-    """Two faces press; a ball-grown box is chamfered there, and a sharp one would cost more."""
+def test_price_at_an_edge_of_a_box():
+    """Two faces are active; a padded box is chamfered there."""
     box = cf.Box([20.0, 20.0, 20.0])
     path = ORBIT.transfer([0, -200, 10, 0, 0, 0], [80, 220, -40, 0, -160 * N, 0.01], 3000.0)
     met = path.state(1350.0) + [9, 4, 12, 0.04, 0.03, -0.04]
@@ -100,9 +100,9 @@ def test_past_an_edge_a_zone_grows_round():
     spent = [chamfered(k * h).spent for k in range(4)]
     onward = (-11.0 * spent[0] + 18.0 * spent[1] - 9.0 * spent[2] + 2.0 * spent[3]) / (6.0 * h)
     assert found.price == pytest.approx(onward, rel=1e-5)
-    sharp = difference(lambda h: cf.avoid(path, other, cf.Box([20.0 + h] * 3)), 20.0 * STEP)
+    sharp = slope_of(lambda h: cf.avoid(path, other, cf.Box([20.0 + h] * 3)), 20.0 * STEP)
     assert sharp > 1.001 * found.price
-    by_factor = difference(lambda h: cf.avoid(path, other, box.enlarged(1.0 + h)), STEP)
+    by_factor = slope_of(lambda h: cf.avoid(path, other, box.enlarged(1.0 + h)), STEP)
     assert found.prices[0].per_factor == pytest.approx(by_factor, rel=EXACT)
 
 
@@ -110,7 +110,7 @@ CRAFT, RADIUS = 8, 18.0
 
 
 def swapping():
-    """Craft on a ring that is not quite flat, each to go to the place opposite."""
+    """Return spacecraft on a slightly warped ring that move to the opposite places."""
     angles = 2 * np.pi * np.arange(CRAFT) / CRAFT
     initial = np.zeros((CRAFT, 6))
     initial[:, 0], initial[:, 1] = 3 * np.cos(3 * angles + 1), 100 * np.cos(angles)
@@ -119,13 +119,13 @@ def swapping():
 
 
 def pairwise(sizes):
-    """Zones of pairs, each its own sphere."""
+    """Return zones of pairs with individual spheres."""
     table = np.full((CRAFT + 1, CRAFT + 1), -1)
     table[np.triu_indices(CRAFT, 1)] = np.arange(len(sizes))
     return cf.PairZones(tuple(map(cf.Sphere, sizes)), np.arange(CRAFT), table, np.ones(CRAFT, dtype=bool))
 
 
-def test_a_formation_pair_by_pair():
+def test_prices_of_a_formation():
     initial = swapping()
     pairs = list(zip(*np.triu_indices(CRAFT, 1), strict=True))
     sizes = np.full(len(pairs), RADIUS)
@@ -138,15 +138,15 @@ def test_a_formation_pair_by_pair():
     assert list(found.prices) == sorted(found.prices, key=lambda price: -price.per_metre)
     for price in found.prices[:4]:
         unit = np.eye(len(pairs))[pairs.index((price.first, price.second))]
-        slope = difference(lambda h, unit=unit: plan(sizes + h * unit), RADIUS * STEP)
+        slope = slope_of(lambda h, unit=unit: plan(sizes + h * unit), RADIUS * STEP)
         assert price.per_metre == pytest.approx(slope, rel=EXACT)
         assert price.per_factor == pytest.approx(RADIUS * price.per_metre, rel=1e-8)
-    together = difference(lambda h: plan(sizes + h), RADIUS * STEP)
+    together = slope_of(lambda h: plan(sizes + h), RADIUS * STEP)
     assert found.price == pytest.approx(together, rel=EXACT)
 
 
-def test_against_the_dual_of_a_quadratic_program():
-    """Thrust constant on 300 pieces, and the plan's own planes: its multipliers are the program's prices."""
+def test_price_agrees_with_the_dual_of_a_quadratic_program():
+    """Thrust is constant on 300 pieces, with the planes of the plan."""
     zone, nodes = cf.Ellipsoid([30.0, 60.0, 37.5]), 300
     found = cf.avoid(PATH, OTHER, zone)
     ends = np.unique([*np.linspace(0.0, 3000.0, nodes + 1), *(one.time for one in found.contacts)])
@@ -184,8 +184,8 @@ def test_against_the_dual_of_a_quadratic_program():
     assert multipliers == pytest.approx([one.multiplier for one in found.contacts], rel=2e-3)
 
 
-def test_least_delta_v_against_the_dual_of_a_cone_program():
-    """The planes that the path touches, impulses on a grid of 400: the sum of their prices."""
+def test_delta_v_price_agrees_with_the_dual_of_a_cone_program():
+    """Impulses on a grid of 400 keep the planes of the plan."""
     a, b, duration, obstacle, radius = passage(3)
     orbit = obstacle.orbit
     found = cf.avoid(orbit.transfer(a, b, duration), obstacle, cf.Sphere(radius), cost="delta-v")
@@ -226,8 +226,8 @@ def test_least_delta_v_against_the_dual_of_a_cone_program():
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_least_delta_v_against_differences(seed):
-    """Plans of impulses are within some 1e-6 of their least, so that a difference is no better than this."""
+def test_delta_v_price_agrees_with_differences(seed):
+    """Plans of impulses are within 1e-6 of the optimum, which limits the differences."""
     a, b, duration, obstacle, radius = passage(seed)
     path, step = LOW.transfer(a, b, duration), 0.01 * radius
 
@@ -239,8 +239,8 @@ def test_least_delta_v_against_differences(seed):
     assert found.price == pytest.approx(slope, rel=0.02, abs=5e-6 * found.spent / step)
 
 
-def test_what_costs_nothing_has_no_price():
-    """A face of plans of least delta-v: one of them is clear, and clear of a larger sphere too."""
+def test_degenerate_optimum_has_no_price():
+    """One of several optimal plans is clear, also of a larger sphere."""
     rng = np.random.default_rng(5)
     for _ in range(60):
         a, b, duration, obstacle, radius = passage(int(rng.integers(1 << 30)))
@@ -252,8 +252,8 @@ def test_what_costs_nothing_has_no_price():
     assert found.price * radius < 1e-4 * found.delta_v
 
 
-def test_plans_that_are_no_optima_have_no_price():
-    """Sauter and Palmer's deviations, and craft that plan one after another."""
+def test_plans_that_are_not_optimal_have_no_price():
+    """Sauter and Palmer deviations, and sequential planning."""
     paper = cf.avoid(PATH, OTHER, cf.Sphere(30.0), method="sauter-palmer")
     assert paper.ok
     assert paper.contacts
@@ -267,7 +267,7 @@ def test_plans_that_are_no_optima_have_no_price():
     assert np.isnan(apart.price)
 
 
-def test_where_nothing_is_touched_clearance_is_free():
+def test_price_without_contacts_is_zero():
     clear = cf.avoid(PATH, OTHER, cf.Sphere(3.0))
     assert clear.status == cf.Status.CLEAR
     assert clear.price == 0.0
@@ -275,8 +275,8 @@ def test_where_nothing_is_touched_clearance_is_free():
     assert np.isnan(cf.avoid(PATH, OTHER, cf.Sphere(1000.0)).price)
 
 
-def test_contacts_that_are_the_same_are_one():
-    """A plane that rounds of impulses hold twice pushes as both do, and is told once."""
+def test_equal_contacts_are_merged():
+    """A plane that is held twice has the sum of both multipliers."""
 
     def touch(second, time, normal, multiplier, failed_at=np.nan):
         return Contact(time, 0, second, np.zeros(3), np.array(normal), multiplier, 10.0, failed_at, 0.0)
@@ -292,7 +292,7 @@ def test_contacts_that_are_the_same_are_one():
 
 
 @pytest.mark.parametrize("orbit", [LOW, cf.Orbit(0.0)], ids=["orbit", "deep space"])
-def test_planes_that_are_kept_exactly_without_thrust_have_no_price(orbit):
+def test_planes_met_without_thrust_have_no_price(orbit):
     stays = orbit.coast([0.0, 100.0, 0.0, 0.0, 0.0, 0.0], 1000.0)
     obstacle = orbit.coast(np.zeros(6), 1000.0)
     problem = Problem.of(cf.stack([stays]), cf.stack([obstacle]), [(cf.Sphere(10.0), np.array([[0, 1]]))])

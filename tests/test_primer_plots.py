@@ -1,4 +1,4 @@
-"""What the pictures of primers and of the trade between time and delta-v say."""
+"""Plots of primer vectors and of the trade between time and delta-v."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ def dots(figure):
 
 
 def test_primer_touches_one_at_the_impulses():
-    """In time order with their sizes; started late, it looks the same."""
+    """Impulses are in time order with their sizes; a later start changes nothing."""
     for start in (0.0, 5e3):
         figure = cf.plots.primer(ORBIT.impulsive(START, np.zeros(6), 28800.0, start))
         assert figure.get_suptitle().startswith("78.53 m/s with 4 impulses")
@@ -24,8 +24,8 @@ def test_primer_touches_one_at_the_impulses():
         assert curve.get_ydata().max() <= 1 + 1e-9
 
 
-def test_primer_shows_what_other_impulses_waste():
-    """Worth times size, summed, is the least delta-v, whatever the plan."""
+def test_primer_of_a_suboptimal_plan():
+    """The sum of value times size is the minimum delta-v."""
     path = ORBIT.two_impulse(START, np.zeros(6), 28800.0)
     figure = cf.plots.primer(path)
     assert all(word in figure.get_suptitle() for word in ("109.7 m/s", "39.6 %", "78.53 m/s"))
@@ -33,7 +33,7 @@ def test_primer_shows_what_other_impulses_waste():
     assert dots(figure) @ sizes == pytest.approx(78.53298, abs=1e-4)
 
 
-def test_trade_is_what_arrivals_found():
+def test_trade_plot_shows_the_transfer_cost_table():
     slots = np.zeros((2, 6))
     slots[:, 1] = [-100.0, 100.0]
     found = cf.transfer_cost_table(ORBIT, [0, -500.0, 0, 0, 0, 0], slots, [9000.0, 3000.0, 6000.0])
@@ -62,8 +62,8 @@ def words_of(figure):
     return [figure.get_suptitle(), *(text.get_text() for text in figure.axes[0].texts)]
 
 
-def test_a_plan_around_a_zone_has_a_primer_of_its_own():
-    """Six unknowns, and three equations for each impulse: along it and 1 there, nowhere more."""
+def test_primer_of_a_plan_around_a_zone():
+    """Its length is 1 and its direction that of the impulse at each impulse, and at most 1 elsewhere."""
     plan = cf.avoid(ROUND.impulsive(BEGIN, END, LONG), *IN_THE_WAY, cost="delta-v")
     assert len(plan.contacts) > 0
     assert len(plan.path.impulses) > 2
@@ -86,8 +86,8 @@ def test_a_plan_around_a_zone_has_a_primer_of_its_own():
     assert any("without obstacles" in word for word in words_of(alone))
 
 
-def test_the_slope_of_a_plans_primer_jumps_at_contacts_only():
-    """By the multiplier along the normal, which is in the craft's rate of the primer."""
+def test_slope_of_the_primer_jumps_at_contacts_only():
+    """The jump is the multiplier along the normal."""
     plan = cf.avoid(ROUND.impulsive(BEGIN, END, LONG), *IN_THE_WAY, cost="delta-v")
     from closeform.plots.costs import ContactTerms, Primer
 
@@ -102,7 +102,7 @@ def test_the_slope_of_a_plans_primer_jumps_at_contacts_only():
         assert jump == pytest.approx(expected, abs=1e-3 * np.linalg.norm(expected) + 1e-7)
 
 
-def test_each_craft_of_a_joint_plan_has_its_primer():
+def test_primer_of_each_spacecraft_of_a_joint_plan():
     angles = 2 * np.pi * np.arange(6) / 6
     ring = np.zeros((6, 6))
     ring[:, 1], ring[:, 2] = 120 * np.cos(angles), 120 * np.sin(angles)
@@ -117,7 +117,7 @@ def test_each_craft_of_a_joint_plan_has_its_primer():
         cf.plots.primer(plan, 6)
 
 
-def test_a_plan_for_thrusters_has_a_primer_along_them():
+def test_primer_of_a_plan_with_thrusters():
     six = cf.Thrusters.rtn()
     path = ROUND.impulsive(BEGIN, END, LONG, thrusters=six)
     figure = cf.plots.primer(path, thrusters=six)

@@ -1,7 +1,6 @@
-"""Probabilities against plain Monte Carlo by matrices, integrals of others, and each other.
+"""Collision probabilities against Monte Carlo, published integrals and importance sampling.
 
-Nothing of the package flies the histories here: states are drawn, moved by matrix exponentials and looked
-at on dense times.
+The Monte Carlo here is independent: states are propagated by matrix exponentials and sampled densely.
 """
 
 import numpy as np
@@ -22,7 +21,7 @@ ORBIT, DEEP = cf.Orbit.circular(500e3), cf.Orbit(0.0)
 N, PERIOD = ORBIT.mean_motion, ORBIT.period
 ZONE = cf.Sphere(15.0)
 AHEAD = [0, 120, 0, 0, 0, 0]
-SLOW = np.diag([3.0, 6.0, 3.0, 2e-3, 2e-3, 2e-3]) ** 2  # a hold 120 m ahead: 4 % enter twice in two orbits
+SLOW = np.diag([3.0, 6.0, 3.0, 2e-3, 2e-3, 2e-3]) ** 2  # 120 m ahead: 4 % enter twice in two orbits
 
 
 def hill(n):
@@ -36,28 +35,28 @@ def coasts(state, duration, orbit=ORBIT):
     return orbit.coast(state, duration), orbit.coast(np.zeros(6), duration)
 
 
-def counted(positions, zone):
-    """Of histories (S, T, 3): who begin inside, who are ever inside, and all entries."""
+def zone_entries(positions, zone):
+    """Return which trajectories (S, T, 3) start inside and are ever inside, and their entries."""
     inside = zone.norm(positions) <= 1.0
     entries = (inside[:, 1:] & ~inside[:, :-1]).sum(axis=1)
     return inside[:, 0], inside.any(axis=1), entries
 
 
-def flown(mean, covariance, duration, zone, samples=12_000, times=800, n=N, seed=5):
-    """Plain Monte Carlo of coasting craft: shares inside at the start and ever, and mean entries."""
+def sampled_coasts(mean, covariance, duration, zone, samples=4_000, times=800, n=N, seed=5):
+    """Sample coasting spacecraft; return the same three figures as `zone_entries`."""
     random = np.random.default_rng(seed)
     states = random.multivariate_normal(mean, covariance, size=samples, method="eigh")
     moved = np.array([expm(hill(n) * t)[:3] for t in np.linspace(0.0, duration, times)])
     began, ever, entries = [], [], []
     for some in np.array_split(states, 20):
-        found = counted(np.einsum("tij,sj->sti", moved, some), zone)
+        found = zone_entries(np.einsum("tij,sj->sti", moved, some), zone)
         for held, one in zip((began, ever, entries), found, strict=True):
             held.append(one)
     return tuple(np.concatenate(one) for one in (began, ever, entries))
 
 
-def agree(found, sample, least=0.0):
-    """A figure against the mean of drawn ones, to four standard errors."""
+def assert_agrees(found, sample, least=0.0):
+    """Compare a figure with the mean of samples, to four standard errors."""
     error = max(np.std(sample) / np.sqrt(len(sample)), least)
     assert abs(found - np.mean(sample)) < 4.0 * error
 
@@ -66,19 +65,21 @@ def agree(found, sample, least=0.0):
     ("mean", "covariance", "zone", "n"),
     [
         (AHEAD, SLOW, ZONE, N),
-        ([0, 14, 0, 0, 0, 0], SLOW, ZONE, N),  # many begin inside, and come again
-        ([5, 30, -10, 0, -0.01, 0.01], 4 * SLOW, cf.Ellipsoid([10, 30, 15]), N),
+        pytest.param([0, 14, 0, 0, 0, 0], SLOW, ZONE, N, marks=pytest.mark.slow),  # many start inside
+        pytest.param(
+            [5, 30, -10, 0, -0.01, 0.01], 4 * SLOW, cf.Ellipsoid([10, 30, 15]), N, marks=pytest.mark.slow
+        ),
         ([30, 30, 0, -0.01, -0.01, 0], SLOW, ZONE, 0.0),
     ],
 )
-def test_plain_monte_carlo(mean, covariance, zone, n):
+def test_coasting_agrees_with_monte_carlo(mean, covariance, zone, n):
     duration = 2 * PERIOD
     path, other = coasts(mean, duration, cf.Orbit(n))
-    began, ever, entries = flown(mean, covariance, duration, zone, n=n)
+    began, ever, entries = sampled_coasts(mean, covariance, duration, zone, n=n)
     figure = cf.collision_probability(path, other, zone, cf.Uncertainty(covariance))
-    agree(figure.value, ever)
-    agree(figure.at_start, began, 1.0 / len(began))
-    agree(figure.mean_entries, entries)
+    assert_agrees(figure.value, ever)
+    assert_agrees(figure.at_start, began, 1.0 / len(began))
+    assert_agrees(figure.mean_entries, entries)
     drawn_figure = cf.collision_probability(
         path, other, zone, cf.Uncertainty(covariance), method="monte-carlo", samples=50_000
     )
@@ -94,8 +95,8 @@ OFF_CENTRE = coasts([0, 4.0, 0, 0, 0, 0], 1.0)
 
 
 @pytest.mark.parametrize("thin", [0.0, 1e-6, 1e-3, 0.2])
-def test_who_is_inside_at_the_start_of_thin_errors(thin):
-    """A disc of errors, next to nothing across it."""
+def test_start_inside_with_thin_errors(thin):
+    """Errors fill a disc of almost no thickness."""
 
     def slice_of(d):
         return norm.pdf(d) * -np.expm1(-0.5 * (225.0 - (4.0 + thin * d) ** 2) / WIDTH**2)
@@ -111,38 +112,37 @@ def test_who_is_inside_at_the_start_of_thin_errors(thin):
         assert bound.mean_entries == pytest.approx(rate, rel=5e-3)  # it falls by 7e-3 in that second
 
 
-def test_who_is_inside_at_the_start_of_errors_along_a_line():
+def test_start_inside_with_errors_along_a_line():
     line = np.diag([0.0, WIDTH, 0.0, 1e-3, 1e-3, 1e-3]) ** 2
     figure = cf.collision_probability(*OFF_CENTRE, ZONE, cf.Uncertainty(line), method="bound")
     assert figure.at_start == pytest.approx(norm.cdf(11.0 / WIDTH) - norm.cdf(-19.0 / WIDTH), rel=1e-6)
 
 
-def test_three_errors_of_velocity():
-    """Where a position tells all of a history, nothing is left to draw: half of the drawn never entered."""
+def test_velocity_errors_alone():
+    """Only the velocity is uncertain, and half of the trajectories never enter."""
     mean = [8.4, -34.3, -3.2, 7e-4, -0.031, 8.6e-3]
     root = np.zeros((6, 3))
     root[3:] = [[0.0177, -0.0034, -0.009], [0.0034, -0.0118, -0.0026], [0.0079, 0.0032, -0.0062]]
     duration = 2.125 * PERIOD
-    _, ever, entries = flown(mean, root @ root.T, duration, ZONE, times=1600)
+    _, ever, entries = sampled_coasts(mean, root @ root.T, duration, ZONE, times=800)
     figure = cf.collision_probability(*coasts(mean, duration), ZONE, cf.Uncertainty(root @ root.T))
-    agree(figure.value, ever)
-    agree(figure.mean_entries, entries)
+    assert_agrees(figure.value, ever)
+    assert_agrees(figure.mean_entries, entries)
     assert figure.repeated > 0.1
 
 
-def test_errors_of_both_craft_add():
-    """Two craft, independent: as one with the sum of both; and of burns and impulses, twelve columns."""
+def test_uncertainties_of_two_spacecraft_add():
+    """Two independent spacecraft equal one with the sum of both covariances."""
     path, other = coasts(AHEAD, 2 * PERIOD)
     half = cf.Uncertainty(0.5 * SLOW)
-    one = cf.collision_probability(path, other, ZONE, cf.Uncertainty(SLOW))
-    both = cf.collision_probability(path, other, ZONE, half, half)
+    one = cf.collision_probability(path, other, ZONE, cf.Uncertainty(SLOW), method="bound")
+    both = cf.collision_probability(path, other, ZONE, half, half, method="bound")
     assert both.mean_entries == pytest.approx(one.mean_entries, rel=2e-4)
-    assert both.low < one.high
-    assert one.low < both.high
+    assert both.at_start == pytest.approx(one.at_start, rel=2e-4, abs=1e-12)
 
 
-def test_errors_of_burns_and_impulses():
-    """More than six errors: all of a history is drawn, not its state at the entry alone."""
+def test_execution_errors_of_burns_and_impulses():
+    """With more than six error sources, the whole trajectory is sampled."""
     path = cf.join(
         [
             ORBIT.transfer([0, 200, 0, 0, 0, 0], [0, 60, 0, 0, 0, 0], 2000.0),
@@ -157,23 +157,20 @@ def test_errors_of_burns_and_impulses():
     assert len(columns) > 12
     times = np.linspace(0.0, 5500.0, 500)
     random = np.random.default_rng(8)
-    sizes = random.standard_normal((12_000, len(columns)))
+    sizes = random.standard_normal((4_000, len(columns)))
     began, ever, entries = [], [], []
     for some in np.array_split(sizes, 20):
         histories = path.position(times) + np.einsum("sm,mti->sti", some, columns.position(times))
-        for held, one in zip((began, ever, entries), counted(histories, zone), strict=True):
+        for held, one in zip((began, ever, entries), zone_entries(histories, zone), strict=True):
             held.append(one)
     figure = cf.collision_probability(path, other, zone, errors)
     assert figure.repeated > 0.01
-    agree(figure.value, np.concatenate(ever))
-    agree(figure.mean_entries, np.concatenate(entries))
+    assert_agrees(figure.value, np.concatenate(ever))
+    assert_agrees(figure.mean_entries, np.concatenate(entries))
 
 
-def test_pointing_alone():
-    """Three errors, at each time of a plane that turns: 12 000 of them, flown along their columns.
-
-    Where rounding makes up a third direction of positions the rate leaps between two values.
-    """
+def test_pointing_errors_alone():
+    """Three error sources span a plane that turns with time."""
     arriving = ORBIT.transfer([0, 200, 0, 0, 0, 0], [0, 60, 0, 0, 0, 0], 2000.0)
     path = cf.join([arriving, ORBIT.coast([0, 60, 0, 0, 0, 0], 3000.0, start=2000.0)])
     errors = cf.Uncertainty(pointing=0.05)
@@ -181,16 +178,16 @@ def test_pointing_alone():
     sizes = np.random.default_rng(9).standard_normal((12_000, 3))
     motions = columns_of(path, errors).position(times)
     ever = [
-        counted(path.position(times) + np.einsum("sm,mti->sti", some, motions), ZONE)[1]
+        zone_entries(path.position(times) + np.einsum("sm,mti->sti", some, motions), ZONE)[1]
         for some in np.array_split(sizes, 40)
     ]
     figure = cf.collision_probability(path, ORBIT.coast(np.zeros(6), 5000.0), ZONE, errors)
-    agree(figure.value, np.concatenate(ever))
+    assert_agrees(figure.value, np.concatenate(ever))
     assert figure.high - figure.low < 2e-3 * figure.value
 
 
-def test_a_plane_of_errors_that_never_meets_a_flat_zone():
-    """60 m ahead errors of pointing lead along the track and across, and the zone is flat there."""
+def test_planar_errors_that_miss_a_flat_zone():
+    """Pointing errors act along track and cross track; the zone is flat in that plane."""
     arriving = ORBIT.transfer([0, 200, 0, 0, 0, 0], [0, 60, 0, 0, 0, 0], 2000.0)
     path = cf.join([arriving, ORBIT.coast([0, 60, 0, 0, 0, 0], 3000.0, start=2000.0)])
     asked = path, ORBIT.coast(np.zeros(6), 5000.0), cf.Ellipsoid([0.2, 20, 20]), cf.Uncertainty(pointing=0.1)
@@ -198,8 +195,8 @@ def test_a_plane_of_errors_that_never_meets_a_flat_zone():
     assert cf.collision_probability(*asked, method="monte-carlo", samples=20_000).value == 0.0
 
 
-def test_white_noise_is_in_the_bound():
-    """Acceleration noise, drawn with the exact covariance of each short step."""
+def test_bound_includes_process_noise():
+    """Acceleration noise is sampled with the exact covariance of each short step."""
     density, duration, steps = 1e-8, PERIOD, 1000
     step = duration / steps
     inner = np.linspace(0.0, step, 41)
@@ -208,7 +205,7 @@ def test_white_noise_is_in_the_bound():
     root = np.linalg.cholesky(covariance)
     moved = expm(hill(N) * step)
     random = np.random.default_rng(3)
-    states = random.multivariate_normal(AHEAD, SLOW, size=12_000)
+    states = random.multivariate_normal(AHEAD, SLOW, size=4_000)
     inside = np.linalg.norm(states[:, :3], axis=1) <= 15.0
     ever, entries = inside.copy(), np.zeros(len(states))
     for _ in range(steps):
@@ -219,7 +216,7 @@ def test_white_noise_is_in_the_bound():
     path, other = coasts(AHEAD, duration)
     errors = cf.Uncertainty(SLOW, noise=density)
     figure = cf.collision_probability(path, other, ZONE, errors, method="bound")
-    agree(figure.mean_entries, entries)
+    assert_agrees(figure.mean_entries, entries)
     assert figure.low < ever.mean() < figure.high
     assert figure.high < 2.0 * ever.mean()
     without = cf.collision_probability(path, other, ZONE, cf.Uncertainty(SLOW), method="bound")
@@ -230,8 +227,8 @@ def slab(width):
     return cf.Ellipsoid([width, 1e6, 1e6])
 
 
-def test_rate_is_rices_in_one_dimension():
-    """Into a slab: both levels of one Gaussian motion (Rice 1944); its surface is flat to 1e-9 here."""
+def test_entry_rate_is_rice_formula_in_one_dimension():
+    """A slab has two levels of one Gaussian motion (Rice 1944); its surface is flat to 1e-9."""
     width, mean, speed = 10.0, 14.0, -0.02
     root = np.array([[4.0, 0.0], [0.01, 0.03]])
     covariance = np.diag([16.0, 9.0, 9.0, 1e-3, 1e-4, 1e-4])
@@ -256,8 +253,8 @@ def test_rate_is_rices_in_one_dimension():
 
 
 @pytest.mark.parametrize("miss", [0.0, 25.0, 60.0])
-def test_known_velocity_is_fosters_integral(miss):
-    """In deep space, where velocities are known, everybody who passes through enters once."""
+def test_known_velocity_gives_foster_integral(miss):
+    """Each spacecraft that crosses the zone in deep space enters once."""
     radius, speed = 15.0, 0.5
     deviations = np.array([8.0, 20.0, 3.0])
     turn = np.linalg.qr(np.random.default_rng(1).normal(size=(3, 3)))[0]
@@ -284,8 +281,8 @@ def test_known_velocity_is_fosters_integral(miss):
 
 
 @pytest.mark.parametrize("share", [1e-2, 1e-4, 1e-6])
-def test_errors_that_are_small_beside_the_zone(share):
-    """A keep-out sphere of 1 km that is grazed: what crosses the limb of its disc, velocities known."""
+def test_errors_small_against_the_zone(share):
+    """A grazed keep-out sphere of 1 km: the error crosses the limb of its disc."""
     sigma = 1000.0 * share
     covariance = np.diag([sigma, 2 * sigma, 3 * sigma, 0, 0, 0]) ** 2
     path, other = coasts([1000.0 + sigma, -500, 0, 0, 1.0, 0], 1000.0, DEEP)
@@ -298,8 +295,8 @@ def test_errors_that_are_small_beside_the_zone(share):
     assert figure.value == pytest.approx(quad(strip, -9.0, 9.0)[0], rel=3e-4)
 
 
-def test_thin_covariances_take_no_more():
-    """A deviation of a millimetre beside 100 m, and errors that are all in one plane."""
+def test_thin_and_singular_covariances():
+    """A deviation of 1 mm beside 100 m, and errors within one plane."""
     for thin in (1e-3, 0.0):
         covariance = np.zeros((6, 6))
         covariance[:3, :3] = np.diag([100.0, 50.0, thin]) ** 2
@@ -310,8 +307,8 @@ def test_thin_covariances_take_no_more():
         assert figure.value == pytest.approx(expected, rel=3e-4)
 
 
-def test_units_and_axes_do_not_matter():
-    """Turned in space and a thousand times as large: an ellipsoid in deep space."""
+def test_invariance_under_rotation_and_scaling():
+    """An ellipsoid in deep space, rotated and a thousand times as large."""
     mean = np.array([40.0, -20.0, 10.0, -0.05, 0.02, 0.0])
     factor = np.random.default_rng(4).normal(size=(6, 6)) * np.repeat([8.0, 0.02], 3)[:, None]
     one = cf.Ellipsoid([10.0, 25.0, 18.0])
@@ -329,8 +326,8 @@ def test_units_and_axes_do_not_matter():
     assert figure.low < turned.high
 
 
-def nearest_errors(centre, root, radius):
-    """The shortest standard normals that bring a position onto a sphere, by Lagrange's condition."""
+def most_likely_errors(centre, root, radius):
+    """Return the shortest standard normals that reach the sphere (Lagrange condition)."""
     variances, axes = np.linalg.eigh(root @ root.T)
     b = axes.T @ centre
 
@@ -342,14 +339,14 @@ def nearest_errors(centre, root, radius):
     return root.T @ np.linalg.solve(root @ root.T, place - centre)
 
 
-def test_one_in_1e17_by_importance_sampling():
-    """Normals shifted to the nearest points over time, weighed back: nothing of entries or their rate."""
+def test_probability_of_1e_17_by_importance_sampling():
+    """Samples are shifted to the most likely errors over time and reweighted."""
     mean = np.array([60, 0, 0, 0, -2 * N * 60, N * 60])
     deviations = np.array([3, 6, 3, 3e-3, 3e-3, 3e-3])
     duration, radius = 2 * PERIOD, 15.0
     times = np.linspace(0.0, duration, 1200)
     moved = np.array([expm(hill(N) * t)[:3] for t in times])
-    points = [nearest_errors(m @ mean, m * deviations, radius) for m in moved[::8]]
+    points = [most_likely_errors(m @ mean, m * deviations, radius) for m in moved[::8]]
     points = sorted(points, key=np.linalg.norm)
     chosen = []
     for point in points:
@@ -362,7 +359,7 @@ def test_one_in_1e17_by_importance_sampling():
     weights /= weights.sum()
     random = np.random.default_rng(7)
     worth = []
-    for _ in range(12):
+    for _ in range(4):
         xi = centres[random.choice(len(centres), 2000, p=weights)] + random.standard_normal((2000, 6))
         logs = centres @ xi.T - 0.5 * (centres**2).sum(axis=1)[:, None]
         ratio = 1.0 / (weights @ np.exp(logs))
@@ -371,46 +368,45 @@ def test_one_in_1e17_by_importance_sampling():
     path, other = coasts(mean, duration)
     figure = cf.collision_probability(path, other, cf.Sphere(radius), cf.Uncertainty(np.diag(deviations**2)))
     assert 1e-17 < figure.value < 3e-17
-    agree(figure.value, np.concatenate(worth))
+    assert_agrees(figure.value, np.concatenate(worth))
     assert figure.high - figure.low < 2e-3 * figure.value
 
 
-def test_other_shapes_by_monte_carlo():
+def test_box_by_monte_carlo():
     zone = cf.Box([10, 30, 15])
     path, other = coasts(AHEAD, 2 * PERIOD)
-    _, ever, _ = flown(AHEAD, SLOW, 2 * PERIOD, zone)
+    _, ever, _ = sampled_coasts(AHEAD, SLOW, 2 * PERIOD, zone)
     figure = cf.collision_probability(
-        path, other, zone, cf.Uncertainty(SLOW), method="monte-carlo", samples=100_000
+        path, other, zone, cf.Uncertainty(SLOW), method="monte-carlo", samples=20_000
     )
     assert abs(figure.value - ever.mean()) < 4 * np.sqrt(ever.mean() / len(ever)) + figure.high - figure.low
     assert figure.mean_entries >= figure.value - figure.at_start
 
 
-@pytest.mark.parametrize("n", [N, 0.0])
 @pytest.mark.parametrize(
-    "zone",
+    ("zone", "n"),
     [
-        cf.Sphere(15.0),
-        cf.Ellipsoid([10.0, 30.0, 20.0]),
-        cf.Box([10.0, 30.0, 15.0]),
-        cf.Cylinder(12.0, 25.0, [1.0, 2.0, 0.0]),
-        cf.HalfSpaces([[1.0, 0.0, 0.2], [-1.0, 0.5, 0.0], [0.0, -1.0, 0.0], [0.0, 0.3, 1.0]], [20.0] * 4),
+        (cf.Sphere(15.0), N),
+        (cf.Ellipsoid([10.0, 30.0, 20.0]), N),
+        (cf.Box([10.0, 30.0, 15.0]), 0.0),
+        (cf.Cylinder(12.0, 25.0, [1.0, 2.0, 0.0]), N),
+        (cf.HalfSpaces([[1, 0, 0.2], [-1, 0.5, 0], [0, -1, 0], [0, 0.3, 1]], [20.0] * 4), N),
     ],
 )
-def test_each_history_is_counted(zone, n):
-    """One by one, as dense samples of its own motion have it, and denser ones where these enter nowhere."""
+def test_entries_of_each_trajectory(zone, n):
+    """Compare with dense samples of each trajectory; refine where these see no entry."""
     mean, covariance = np.array([10.0, 40.0, -5.0, 10.0 * n, -20.0 * n, 10.0 * n]), 4.0 * SLOW
     path, other = coasts(mean, 2.0 * PERIOD, cf.Orbit(n))
     columns, noise = relative_errors(path, other, zone, cf.Uncertainty(covariance), None)
     histories = SampledTrajectories.of(path, other, columns, noise, zone)
-    errors = np.random.default_rng(3).normal(size=(1000, len(columns)))
+    errors = np.random.default_rng(3).normal(size=(300, len(columns)))
     middle, factor = histories.states(np.zeros(1))
     states, times = middle[0] + errors @ factor[0].T, np.linspace(0.0, 2.0 * PERIOD, 2000)
     moved = np.array([expm(hill(n) * t)[:3] for t in times])
     positions = np.einsum("tij,sj->sti", moved, states)
     counts = histories.counted(errors)
-    began, ever, entries = counted(positions, zone)
-    assert 20 < ever.sum() < 980
+    began, ever, entries = zone_entries(positions, zone)
+    assert 6 < ever.sum() < 294
     assert (counts[:, 0] == began).all()
     assert (counts[ever].max(axis=1) > 0).all()
     assert (counts[:, 1] >= entries).all()  # samples miss some
@@ -422,16 +418,16 @@ def test_each_history_is_counted(zone, n):
         assert zone.norm(close).min() < 1.0 + 1e-6
 
 
-def test_where_nobody_can_be():
+def test_distant_spacecraft_have_zero_probability():
     path, other = coasts([0, 1e6, 0, 0, 0, 0], 100.0)
     figure = cf.collision_probability(path, other, ZONE, cf.Uncertainty(SLOW))
     assert (figure.value, figure.low, figure.high, figure.mean_entries) == (0.0, 0.0, 0.0, 0.0)
     assert len(figure.rates) == 0
 
 
-def test_rates_sum_to_entries():
+def test_entry_rates_integrate_to_mean_entries():
     path, other = coasts(AHEAD, 2 * PERIOD)
-    figure = cf.collision_probability(path, other, ZONE, cf.Uncertainty(SLOW))
+    figure = cf.collision_probability(path, other, ZONE, cf.Uncertainty(SLOW), samples=2000)
     assert (np.diff(figure.rate_times) > 0).all()
     assert np.trapezoid(figure.rates, figure.rate_times) == pytest.approx(figure.mean_entries, rel=0.01)
     assert f"{figure.value:.5g}" in str(figure)
@@ -439,8 +435,8 @@ def test_rates_sum_to_entries():
     assert "entries expected" in str(figure)
 
 
-def test_passage_of_seconds_in_half_a_day_is_found():
-    """Two sharp passages, minutes apart, in 43 200 s: each as the short encounter says."""
+def test_passage_of_seconds_within_twelve_hours():
+    """One sharp passage in 43 200 s has the probability of the short encounter."""
     path = cf.join([DEEP.coast([0, -20_000.0, 0, 0, 1.0, 0], 43_200.0)])
     other = DEEP.coast(np.zeros(6), 43_200.0)
     covariance = np.diag([1.0, 0.5, 0.8, 1e-9, 1e-9, 1e-9]) ** 2

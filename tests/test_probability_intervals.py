@@ -1,4 +1,4 @@
-"""The intervals of probabilities hold the truth as often as they say; seeds decide, cores do not."""
+"""Confidence intervals of probabilities cover the truth; results depend on the seed, not on the threads."""
 
 import dataclasses
 
@@ -25,45 +25,44 @@ def coasts(state, duration):
     return ORBIT.coast(state, duration), ORBIT.coast(np.zeros(6), duration)
 
 
-def test_intervals_hold_the_truth_as_often_as_they_say():
-    """Where 4 % enter twice, of 120 seeds; of 1000 by tools/interval_coverage.py."""
+def test_intervals_cover_the_truth_at_the_stated_rate():
+    """Use 40 seeds; tools/interval_coverage.py uses 1000."""
     path, other = coasts(AHEAD, 2 * PERIOD)
     columns, _ = relative_errors(path, other, ZONE, cf.Uncertainty(SLOW), None)
     seen = SampledTrajectories.of(path, other, columns, 0.0, ZONE)
     flux = expected_entries(seen)
-    truth, *_ = interval_of_mean(lost_of(seen.counted(drawn(seen, flux, 200_000, 99))))
+    truth, *_ = interval_of_mean(lost_of(seen.counted(drawn(seen, flux, 60_000, 99))))
     held = 0
-    for seed in range(120):
+    for seed in range(40):
         _, low, high = interval_of_mean(lost_of(seen.counted(drawn(seen, flux, 1000, seed))))
         held += low < truth < high
-    assert binom.ppf(1e-3, 120, CONFIDENCE) <= held <= binom.ppf(1 - 1e-3, 120, CONFIDENCE)
+    assert binom.ppf(1e-3, 40, CONFIDENCE) <= held <= binom.ppf(1 - 1e-3, 40, CONFIDENCE)
 
 
-@pytest.mark.parametrize(("ahead", "repeated"), [(120.0, 0.047), (200.0, 0.017), (400.0, 0.0)])
-def test_as_many_are_drawn_as_make_the_interval_a_thousandth(ahead, repeated):
-    """However often histories enter again; and a few times fewer where next to none do."""
+@pytest.mark.parametrize(("ahead", "repeated"), [(120.0, 0.047), (400.0, 0.0)])
+def test_default_samples_give_an_interval_of_a_thousandth(ahead, repeated):
+    """Fewer samples suffice where almost no trajectory enters again."""
     paths = coasts([0, ahead, 0, 0, 0, 0], 2 * PERIOD)
     found = cf.collision_probability(*paths, ZONE, cf.Uncertainty(SLOW))
     assert 0.5 * (found.high - found.low) <= 1e-3 * found.value
     assert abs(found.repeated - repeated) <= 0.1 * repeated + 0.003
-    exact = cf.collision_probability(*paths, ZONE, cf.Uncertainty(SLOW), samples=150_000, seed=7)
-    assert exact.samples == 150_000
+    exact = cf.collision_probability(*paths, ZONE, cf.Uncertainty(SLOW), samples=50_000, seed=7)
+    assert exact.samples == 50_000
     assert abs(found.value - exact.value) <= 2.0 * (found.high - found.low)  # independent: four halves
     assert found.samples == 8000 if repeated == 0.0 else 12_000 < found.samples < 80_000
 
 
-def test_entries_are_drawn_from_all_of_the_surface():
-    """Where half of those who enter come again: beside eleven million histories, drawn by Monte Carlo
-    with seeds 3, 11 and 12, of which 0.39760 met, with a deviation of 0.00015."""
+def test_entries_are_sampled_over_the_whole_surface():
+    """Compare with 0.39760 +- 0.00015, from 11 million Monte Carlo trajectories (seeds 3, 11, 12)."""
     paths = coasts([5, 30, -10, 0, -0.01, 0.01], 2 * PERIOD)
     zone, errors = cf.Ellipsoid([10, 30, 15]), cf.Uncertainty(4 * SLOW)
-    found = cf.collision_probability(*paths, zone, errors, samples=300_000, seed=5)
+    found = cf.collision_probability(*paths, zone, errors, samples=100_000, seed=5)
     assert abs(found.value - 0.39760) <= 3.0 * np.hypot(0.00015, 0.25 * (found.high - found.low))
 
 
-@pytest.mark.parametrize("samples", [100, 101, 777, 4000, 8191, 40_000])
-def test_strata_of_any_number_of_samples(samples):
-    """Each has two or more, and the mean of a sum over all axes and its interval are those of strata."""
+@pytest.mark.parametrize("samples", [101, 777, 8191])
+def test_stratified_sampling(samples):
+    """Each stratum has two or more samples; mean and interval follow the strata."""
     stratum, axes = strata(samples)
     sizes = np.bincount(stratum)
     assert len(sizes) == np.prod(axes)
@@ -84,9 +83,9 @@ def test_strata_of_any_number_of_samples(samples):
     assert abs(np.mean(means) - 0.5) < 5.0 * exact / np.sqrt(400)
 
 
-def test_seeds_and_cores(monkeypatch):
+def test_result_depends_on_the_seed_and_not_on_the_threads(monkeypatch):
     path, other = coasts(AHEAD, 2 * PERIOD)
-    asked = {"method": "monte-carlo", "samples": 40_000}
+    asked = {"method": "monte-carlo", "samples": 10_000}
     one, again, third = (
         cf.collision_probability(path, other, ZONE, cf.Uncertainty(SLOW), **asked, seed=seed)
         for seed in (1, 1, 2)
@@ -96,6 +95,7 @@ def test_seeds_and_cores(monkeypatch):
     alone = cf.collision_probability(path, other, ZONE, cf.Uncertainty(SLOW), **asked, seed=1)
     assert dataclasses.astuple(alone)[:6] == dataclasses.astuple(one)[:6]
     entries = [
-        cf.collision_probability(path, other, ZONE, cf.Uncertainty(SLOW), seed=s).value for s in (1, 1, 2)
+        cf.collision_probability(path, other, ZONE, cf.Uncertainty(SLOW), samples=2000, seed=s).value
+        for s in (1, 1, 2)
     ]
     assert entries[0] == entries[1] != entries[2]

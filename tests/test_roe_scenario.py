@@ -1,4 +1,4 @@
-"""Relative orbital elements in a scenario: where craft begin and where they go, by D'Amico's equations."""
+"""Relative orbital elements in scenarios, by the equations of D'Amico."""
 
 from pathlib import Path
 
@@ -36,8 +36,8 @@ def place(elements: np.ndarray, latitude: float, passed: float) -> np.ndarray:
     return np.array([da - dex * cos - dey * sin, along, dix * sin - diy * cos])
 
 
-def test_craft_begin_on_their_relative_elements() -> None:
-    """A third of an orbit, and where they begin: the argument of latitude is that of the file."""
+def test_start_by_relative_elements() -> None:
+    """Compare at the start and a third of an orbit later, at the latitude of the file."""
     mission = fly(parse(FILE))
     (flown,) = mission.results
     path = flown.after.path("B")
@@ -68,14 +68,14 @@ def stage(text: str) -> str:
         f'do = "reconfigure"\ncraft = ["B"]\nto = [{TO}]\nwithin = "0.4 orbits"',
     ],
 )
-def test_craft_go_to_relative_elements(text: str) -> None:
+def test_transfer_to_relative_elements(text: str) -> None:
     mission = fly(parse(stage(text)))
     assert mission.stopped is None
     arrived(mission, "B")
 
 
-def test_a_craft_that_comes_later_is_on_its_elements_then() -> None:
-    """Too little thrust for the time asked: elements hold where the origin is at arrival."""
+def test_late_arrival_has_its_elements() -> None:
+    """With too little thrust, the elements hold at the actual arrival."""
     text = stage(f'do = "avoid"\ncraft = "B"\nto = {TO}\nwithin = "0.1 orbits"')
     text = text.replace("[[stage]]", 'mass = "100 kg"\nmax_thrust = "0.05 N"\n[[stage]]', 1)
     mission = fly(parse(text))
@@ -85,7 +85,7 @@ def test_a_craft_that_comes_later_is_on_its_elements_then() -> None:
     arrived(mission, "B")
 
 
-def test_the_example_spirals_in() -> None:
+def test_spiral_example() -> None:
     mission = fly(load(EXAMPLES / "inspector.toml"))
     assert mission.clear
     last = mission.results[-1]
@@ -95,7 +95,7 @@ def test_the_example_spirals_in() -> None:
     assert np.hypot(apart[:, 0], apart[:, 2]).min() == pytest.approx(50.0, abs=1e-3)
 
 
-REFUSED = {
+INVALID = {
     "deep space": (
         FILE.replace('altitude = "500 km"\nlatitude = "30 deg"', "deep_space = true").replace(
             "0.3 orbits", "30 min"
@@ -131,9 +131,9 @@ REFUSED = {
 }
 
 
-@pytest.mark.parametrize("name", REFUSED)
-def test_what_does_not_fit_is_refused_in_one_line(name: str) -> None:
-    text, line = REFUSED[name]
+@pytest.mark.parametrize("name", INVALID)
+def test_invalid_elements_are_rejected(name: str) -> None:
+    text, line = INVALID[name]
     with pytest.raises(ScenarioError) as refused:
         fly(parse(text, "two.toml"))
     assert [one for one in refused.value.lines if one.startswith(f"two.toml: {line}")]

@@ -31,8 +31,8 @@ def desk(tmp_path, monkeypatch) -> Path:
     return tmp_path
 
 
-def test_each_craft_has_its_own_covariance(desk, capsys) -> None:
-    """The distance in sigmas of the sum of both, by hand."""
+def test_covariance_of_each_spacecraft(desk, capsys) -> None:
+    """Compare with the distance in sigmas of the sum of both."""
     (desk / "zones.toml").write_text(ZONES)
     assert main(["screen", "A.oem", "B.oem", "--zones", "zones.toml"]) == 0
     printed = capsys.readouterr().out
@@ -56,7 +56,7 @@ def test_each_craft_has_its_own_covariance(desk, capsys) -> None:
         ("[craft]", "[craft", ["line 1, column 7: [craft: not TOML: "]),
     ],
 )  # fmt: skip
-def test_files_of_zones_that_do_not_fit(old: str, new: str, lines: list[str], desk, capsys) -> None:
+def test_invalid_zone_files(old: str, new: str, lines: list[str], desk, capsys) -> None:
     (desk / "zones.toml").write_text(ZONES.replace(old, new))
     assert main(["screen", "A.oem", "B.oem", "--zones", "zones.toml"]) == 2
     printed = capsys.readouterr()
@@ -68,7 +68,7 @@ def test_files_of_zones_that_do_not_fit(old: str, new: str, lines: list[str], de
         assert "; " in line
 
 
-def test_one_way_of_saying_what_is_kept(desk, capsys) -> None:
+def test_conflicting_zone_options(desk, capsys) -> None:
     (desk / "zones.toml").write_text(ZONES)
     for more in (["--sphere", "20 m"], ["--body"], ["--hard-body", "5 m"]):
         assert main(["screen", "A.oem", "B.oem", "--zones", "zones.toml", *more]) == 2

@@ -1,4 +1,4 @@
-"""Screening finds what the search of each pair finds, for few craft and for many."""
+"""Screens against searches of single pairs."""
 
 import io
 import sys
@@ -17,7 +17,7 @@ ZONE = cf.Ellipsoid([20.0, 40.0, 20.0])
 
 
 def cluster(count, seed, spread=60.0, duration=5700.0):
-    """Bounded natural motion within a few hundred metres; every fifth craft drifts away."""
+    """Return bounded natural motion within a few hundred metres; every fifth spacecraft drifts."""
     rng = np.random.Generator(np.random.Philox(seed))
     states = rng.normal(size=(count, 6)) * np.repeat([spread, spread * N], 3)
     states[:, 4] = -2 * N * states[:, 0]
@@ -39,7 +39,7 @@ def table(found):
 
 
 @pytest.mark.parametrize("zone", [ZONE, cf.Box([20.0, 40.0, 20.0]), cf.Sphere(30.0)])
-def test_screen_is_the_search_of_every_pair(zone):
+def test_screen_equals_the_search_of_each_pair(zone):
     paths = cluster(30, 1)
     found = cf.screen(paths, zone)
     expected = one_by_one(paths, zone)
@@ -65,7 +65,7 @@ def test_screen_of_a_sequence_of_mixed_paths():
 
 @settings(deadline=None, max_examples=20)
 @given(st.integers(0, 2**32), st.permutations(range(8)))
-def test_order_of_the_craft_does_not_matter(seed, order):
+def test_order_of_spacecraft_does_not_matter(seed, order):
     paths = cluster(8, seed, spread=40.0)
     found, turned = cf.screen(paths, ZONE), cf.screen(paths[list(order)], ZONE)
     there = {tuple(sorted((order[i], order[j]))) for i, j in turned.pairs}
@@ -73,8 +73,8 @@ def test_order_of_the_craft_does_not_matter(seed, order):
     assert len(found) == len(turned)
 
 
-def test_more_craft_than_a_chunk_of_pairs():
-    """400 craft are 79 800 pairs in three chunks: sorted, and the same as the closest approaches say."""
+def test_several_chunks_of_pairs():
+    """400 spacecraft have 79 800 pairs in three chunks; compare with closest approaches."""
     paths = cluster(400, 4, spread=400.0)
     found = cf.screen(paths, ZONE)
     order = np.lexsort((found.start, found.pairs[:, 1], found.pairs[:, 0]))
@@ -85,8 +85,8 @@ def test_more_craft_than_a_chunk_of_pairs():
     assert len(i) > 100
 
 
-def test_more_conflicts_than_a_table_has_rows():
-    """Thirty orbits of cross-track swings: more stays than one table holds, none lost."""
+def test_more_conflicts_than_rows_of_a_table():
+    """Thirty orbits of cross-track motion exceed one table; none is lost."""
     duration = 30 * 2 * np.pi / N
     swings = 50.0 + 10.0 * np.arange(20)
     states = np.zeros((20, 6))
@@ -99,7 +99,7 @@ def test_more_conflicts_than_a_table_has_rows():
     assert len(found) == crossing * 60
 
 
-def test_one_pair_with_more_conflicts_than_rows():
+def test_more_conflicts_of_one_pair_than_rows():
     turns = 2500
     states = np.array([[0, 0, 50.0, 0, 0, 0], [0, 0, -50.0, 0, 0, 0]])
     paths = ORBIT.coast(states, turns * 2 * np.pi / N)
@@ -107,7 +107,7 @@ def test_one_pair_with_more_conflicts_than_rows():
     assert len(cf.find_conflicts(paths[0], paths[1], cf.Sphere(5.0))) == 2 * turns
 
 
-def test_nothing_to_screen():
+def test_empty_screen():
     for count in (0, 1):
         found = cf.screen(ORBIT.coast(np.zeros((count, 6)), 10.0), ZONE)
         assert len(found) == 0
@@ -116,7 +116,7 @@ def test_nothing_to_screen():
     assert len(cf.screen(apart, ZONE)) == 0
 
 
-def test_progress_stays_out_of_files(monkeypatch, capsys):
+def test_progress_bar_on_a_terminal_only(monkeypatch, capsys):
     """Many pairs show a bar on a terminal only; the answer is the same."""
     paths = cluster(40, 5)
     quiet = cf.screen(paths, ZONE)
@@ -151,7 +151,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("case", BAD)
-def test_bad_input_is_named(case):
+def test_invalid_input(case):
     call, message = BAD[case]
     with pytest.raises(ValueError, match=message):
         call()

@@ -1,4 +1,4 @@
-"""The schedule of a search, against the papers' turns one after the other and their numbers."""
+"""Search schedules against the turns and numbers of the papers."""
 
 import re
 from math import cos, degrees, inf, pi, radians, sin, sqrt
@@ -39,8 +39,8 @@ def generator(seed):
 # ---- S04's numbers
 
 
-def test_legs_end_when_the_turns_are_over():
-    """540 deg, then the tips of 21.344 deg, at 0.25 deg/s: S04's "approximately 2.4 hours"."""
+def test_end_times_of_legs():
+    """540 deg, then tips of 21.344 deg, at 0.25 deg/s: "approximately 2.4 hours" (S04)."""
     ends = np.array([leg.end for leg in S04.legs])
     np.testing.assert_allclose(ends[:8], ENDS, rtol=0.0, atol=0.05)
     np.testing.assert_allclose(ends[8:] - ends[7], ends[:8], rtol=0.0, atol=1e-9)
@@ -54,8 +54,8 @@ def test_legs_end_when_the_turns_are_over():
     ]
 
 
-def test_tip_is_that_of_equation_1():
-    """S04 eq. 1: 21.3 deg for 70 deg; the tip for which the farthest corner of a region is just seen."""
+def test_tip_angle_of_equation_1():
+    """S04 eq. 1: 21.3 deg for 70 deg, for which the farthest corner of a region is just seen."""
     assert degrees(S04.tip_angle) == pytest.approx(21.344, abs=5e-4)
     for half_angle in np.radians([45.001, 50.0, 60.0, 70.0, 80.0, 89.9]):
         tip = Search.modified(Sensor(half_angle), RATE, radians(89.9)).tip_angle
@@ -78,8 +78,8 @@ def test_tip_is_that_of_equation_1():
         assert missing(tip - 1e-6) > 0.0  # not before, and on to a right angle it stays seen
 
 
-def test_sky_of_the_in_plane_search():
-    """S04, H03: 94 % of the sky at 70 deg; the cosine of the complementary cones' half-angle."""
+def test_sky_coverage_of_the_in_plane_search():
+    """S04, H03: 94 % of the sky at 70 deg."""
     assert S04.coverage("IPS") == pytest.approx(cos(radians(20)), abs=2e-5)
     assert 100 * S04.coverage("IPS") == pytest.approx(93.97, abs=0.005)
     assert S04.coverage() == pytest.approx(1.0, abs=1e-5)
@@ -92,8 +92,8 @@ def test_sun_moves_a_tenth_of_a_degree_in_three_hours():
     assert degrees(S04.sun_drift) == pytest.approx(360 * S04.duration / (365.25636 * 86400), rel=1e-9)
 
 
-def test_the_counterexample_and_what_a_wrong_sense_would_give():
-    """S04's state locks in the second mOPS; with groups swapped, or turns about +z, far earlier."""
+def test_counterexample_depends_on_the_sense_of_turns():
+    """The state of S04 locks in the second mOPS; swapped groups or turns about +z lock far earlier."""
     position, velocity = map(np.array, COUNTEREXAMPLE)
     found = lock_times(S04, position, velocity)
     assert found.time[0] == pytest.approx(6692.29, abs=0.005)
@@ -109,8 +109,8 @@ def test_the_counterexample_and_what_a_wrong_sense_would_give():
     assert first_lock(other_sense, position, velocity, radians(70)) == pytest.approx(3312.0, abs=0.05)
 
 
-def test_half_angle_that_would_do_is_in_the_message():
-    """At a sun limit of 25 deg S04 asks for 67 deg."""
+def test_message_names_a_sufficient_half_angle():
+    """At a sun limit of 25 deg, S04 requires 67 deg."""
     with pytest.raises(ValueError, match=r"half-angle of 67\.0902 deg is sufficient"):
         Search.modified(Sensor(radians(65)), RATE, LIMIT)
     Search.modified(Sensor(radians(67.0903)), RATE, LIMIT)
@@ -123,8 +123,8 @@ def test_half_angle_that_would_do_is_in_the_message():
 
 @pytest.mark.parametrize("which", range(len(VARIANTS)))
 @pytest.mark.parametrize("group", ["A", "B"])
-def test_attitudes_of_each_group_by_its_own_turns(which, group):
-    """About body y the groups turn with opposite signs, each about its own axis; about the sun line alike."""
+def test_attitudes_of_each_group(which, group):
+    """The groups turn with opposite signs about body y, and equally about the sun line."""
     search, sequence = VARIANTS[which]
     turning = Turning(sequence, search.slew_rate, group)
     assert search.duration == pytest.approx(turning.ends[-1], rel=1e-12)
@@ -141,7 +141,7 @@ def test_attitudes_of_each_group_by_its_own_turns(which, group):
     assert search.boresight(np.full((2, 4), 5.0), group).shape == (2, 4, 3)
 
 
-def test_groups_look_opposite_ways_and_share_the_shade():
+def test_groups_have_opposite_boresights_and_equal_sun_angles():
     for search, _ in VARIANTS:
         times = np.linspace(0.0, search.duration, 5000)
         a, b = search.attitude(times, "A"), search.attitude(times, "B")
@@ -151,7 +151,7 @@ def test_groups_look_opposite_ways_and_share_the_shade():
 
 
 def test_no_turn_is_faster_than_the_slew_rate():
-    """Nor does the attitude jump where legs meet."""
+    """The attitude is continuous where legs meet."""
     for search, _ in VARIANTS:
         step = 0.25
         times = np.arange(0.0, search.duration, step)
@@ -161,8 +161,8 @@ def test_no_turn_is_faster_than_the_slew_rate():
         assert np.median(angles) == pytest.approx(search.slew_rate * step, rel=1e-9)
 
 
-def test_the_shade_keeps_its_limit():
-    """`sun_angle` against samples of body x: the tip, and that only."""
+def test_sun_angle_against_samples():
+    """Samples of body x reach the tip angle and no more."""
     for search, _ in VARIANTS:
         times = np.linspace(0.0, search.duration, 50_000)
         for group in ("A", "B"):
@@ -177,8 +177,8 @@ def test_the_shade_keeps_its_limit():
             assert leg.sun_angle == pytest.approx(shade.max(), abs=1e-6)
 
 
-def test_realigned_at_the_end_of_each_phase():
-    """After each phase body x is at the sun again; IPS and mOPS leave the boresight turned about."""
+def test_sun_alignment_at_the_end_of_each_phase():
+    """Body x points at the Sun again; IPS and mOPS reverse the boresight."""
     for search, _ in VARIANTS:
         for _, _, start, end in search.phases:
             for t in (start, end):
@@ -216,8 +216,8 @@ def own_cone(height, aside, tip, offset, half_angle):
     return cos(half_angle) - float(((q * b).sum(0) / np.sqrt((q * q).sum(0))).max())
 
 
-def test_near_field_against_the_cone_itself():
-    """H03: it tapers to nothing some 80 m along the sun line (81 m)."""
+def test_near_field_against_the_cone():
+    """H03: it tapers to zero at 80 m along the sun line (81 m)."""
     for offset, half_angle, tip in [
         (7.5, 70.0, 25.0),
         (1.0, 60.0, 40.0),
@@ -234,7 +234,7 @@ def test_near_field_against_the_cone_itself():
     assert H03.near_field == pytest.approx(81.0, abs=0.5)
 
 
-def test_near_field_is_seven_metres_wide_at_its_base():
+def test_near_field_width():
     """H03 figure 6, from the sun line to its side: widest level with the tipped sensor, then tapering."""
     heights = np.array([7.5 * sin(LIMIT) + 0.01, 20.0, 40.0, 60.0, 80.0])
     widths = [brentq(lambda a, h=h: own_cone(h, a, LIMIT, 7.5, radians(70)), 0.0, 7.5) for h in heights]
@@ -243,7 +243,7 @@ def test_near_field_is_seven_metres_wide_at_its_base():
     np.testing.assert_allclose(widths, (H03.near_field - heights) * np.tan(radians(5)), atol=1e-6)
 
 
-def test_near_field_that_is_none_or_has_no_end():
+def test_empty_and_unbounded_near_field():
     assert S04.near_field == 0.0
     assert Search.basic(Sensor(radians(70), 7.5), RATE, LIMIT, tip_angle=radians(15)).near_field == inf
     # without tips the sun line is in reach of a sensor that sees by as much more than a right angle
@@ -253,7 +253,7 @@ def test_near_field_that_is_none_or_has_no_end():
 
 
 @pytest.mark.parametrize("limit", [20.0, 22.0, 24.0, 25.0, 26.0, 30.0, 33.3, 44.0])
-def test_the_half_angle_that_would_do_does(limit):
+def test_sufficient_half_angle(limit):
     with pytest.raises(ValueError, match="is sufficient") as refused:
         Search.modified(Sensor(radians(50.0)), RATE, radians(limit))
     enough = float(re.search(r"a half-angle of ([\d.]+) deg is sufficient", str(refused.value))[1])
@@ -262,8 +262,8 @@ def test_the_half_angle_that_would_do_does(limit):
         Search.modified(Sensor(radians(enough - 2e-4)), RATE, radians(limit))
 
 
-def test_two_craft_need_twice_the_near_field():
-    """Between mass centres both offsets count: no lock inside of 162 m on the sun line, locks beyond."""
+def test_near_field_of_two_spacecraft():
+    """Both offsets count between mass centres: no lock within 162 m on the sun line."""
     for height in (100.0, 160.0, 2 * H03.near_field - 0.1):
         assert lock_times(H03, [0.0, 0.0, height], np.zeros(3)).leg[0] == -1
     assert lock_times(H03, [0.0, 0.0, 2 * H03.near_field + 0.1], np.zeros(3)).leg[0] >= 0
@@ -274,7 +274,7 @@ def test_two_craft_need_twice_the_near_field():
 
 @settings(deadline=None, max_examples=60)
 @given(st.integers(0, 10**6), st.sampled_from(["A", "B"]))
-def test_alignment_turn_brings_any_attitude_to_the_start(seed, group):
+def test_alignment_turn_reaches_the_start_attitude(seed, group):
     attitude = Rotation.random(random_state=seed).as_matrix()
     axis, angle, time = S04.alignment(attitude, group)
     turned = Rotation.from_rotvec(axis * angle).as_matrix() @ attitude
@@ -286,7 +286,7 @@ def test_alignment_turn_brings_any_attitude_to_the_start(seed, group):
     assert angle == pytest.approx(least, abs=1e-9)
 
 
-def test_alignment_when_there_is_nothing_to_do_or_half_a_turn():
+def test_alignment_by_zero_and_half_a_turn():
     axis, angle, time = S04.alignment(START["A"])
     assert angle == time == 0.0
     assert np.linalg.norm(axis) == 1.0
@@ -297,7 +297,7 @@ def test_alignment_when_there_is_nothing_to_do_or_half_a_turn():
 
 @pytest.mark.parametrize("which", range(len(VARIANTS)))
 def test_coverage_against_random_directions(which):
-    """8 000 directions that come within the cone at some sample of the boresight."""
+    """Count 8 000 directions that are within the cone at some sample."""
     search, sequence = VARIANTS[which]
     draw = generator(2).normal(size=(8_000, 3)).astype(np.float32)
     rays = draw / np.linalg.norm(draw, axis=1)[:, None]
@@ -312,7 +312,7 @@ def test_coverage_against_random_directions(which):
         assert search.coverage(phase) == pytest.approx(share, abs=tolerance)
 
 
-def test_half_angles_beyond_a_right_angle_need_no_tips():
+def test_half_angles_above_90_deg_need_no_tips():
     for half_angle in (90.0, 100.0, 179.0):
         search = Search.modified(Sensor(radians(half_angle)), RATE, LIMIT)
         assert search.tip_angle == 0.0
@@ -344,7 +344,7 @@ GOOD = {"slew_rate": RATE, "sun_limit": LIMIT}
     ],
 )
 @pytest.mark.parametrize("kind", [Search.modified, Search.basic])
-def test_bad_numbers(kind, change, message):
+def test_invalid_numbers(kind, change, message):
     with pytest.raises(ValueError, match=message):
         kind(Sensor(radians(70)), **{**GOOD, **change})
 
@@ -361,12 +361,12 @@ def test_bad_numbers(kind, change, message):
         ((1.0, 0.0, np.nan), "range: must be one number"),
     ],
 )
-def test_bad_sensors(arguments, message):
+def test_invalid_sensors(arguments, message):
     with pytest.raises(ValueError, match=message):
         Sensor(*arguments)
 
 
-def test_bad_calls():
+def test_invalid_calls():
     for call, message in [
         (lambda: Search.modified(Sensor(radians(44.9)), RATE, LIMIT), "half_angle: 44.9 deg is below 45 deg"),
         (
@@ -392,7 +392,7 @@ def test_bad_calls():
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.3, -1.2, pi, -pi, 3.5, -5.9, 2.0 * pi, 9.0])
-def test_the_greatest_cosine_of_a_turn_is_that_of_dense_samples(angle: float) -> None:
+def test_greatest_cosine_of_a_turn(angle: float) -> None:
     """4001 angles of up to 9 rad miss the crest by (9 / 8000)^2 / 2 of an amplitude below 6 at most."""
     steady, cosine, sine = np.random.default_rng(7).normal(size=(3, 500))
     turned = np.linspace(0.0, angle, 4001)[:, None]

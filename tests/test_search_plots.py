@@ -1,4 +1,4 @@
-"""Pictures of searches and gatherings: what is drawn is what the search does, by independent geometry."""
+"""Plots of searches and gatherings against independent geometry."""
 
 import io
 from math import acos, atan, cos, pi, radians, sin, sqrt, tan
@@ -70,8 +70,8 @@ def outlines(collection):
     return [path.vertices[:-1] for path in collection.get_paths()]
 
 
-def as_the_sun_sees(position):
-    """x to the right and y downwards: seen from -z, where the sun is, that is no mirror image."""
+def sun_view_of(position):
+    """Return coordinates seen from -z, where the Sun is: x to the right and y downwards."""
     return np.asarray(position)[..., :2] * [1.0, -1.0]
 
 
@@ -79,8 +79,8 @@ def angle_between(one, other):
     return acos(one @ other / np.linalg.norm(one) / np.linalg.norm(other))
 
 
-def test_craft_that_are_off_the_search_are_drawn_as_they_fly():
-    """By bodies that turn for themselves; who is in lock is so in the picture, and nobody before."""
+def test_imperfect_attitudes_are_drawn():
+    """Compare with independent bodies; pairs are drawn in lock from their lock time on."""
     rng = np.random.default_rng(5)
     errors = {
         "pointing": rng.normal(0.0, 0.1, (5, 3)),
@@ -112,12 +112,12 @@ def test_craft_that_are_off_the_search_are_drawn_as_they_fly():
 
 
 @pytest.mark.parametrize("camera", [SUN_VIEW, OBLIQUE, CAMERA, Camera.at([1, 2, 3], [0, 0, 1])])
-def test_a_camera_shows_no_mirror_image(camera):
+def test_camera_shows_no_mirror_image(camera):
     assert np.allclose(camera.basis @ camera.basis.T, np.eye(3), atol=1e-15)
     assert np.linalg.det(camera.basis) == pytest.approx(1.0)
 
 
-def test_the_sun_view_is_from_the_sun():
+def test_sun_view_is_from_the_sun():
     assert np.allclose(SUN_VIEW(np.eye(3)), [[1, 0], [0, -1], [0, 0]])
     assert SUN_VIEW.nearness([0, 0, -1]) == 1.0  # the sun is along -z
     # a right-handed turn about the direction to the sun is counter-clockwise there
@@ -127,14 +127,14 @@ def test_the_sun_view_is_from_the_sun():
     assert OBLIQUE([0, 0, -1]) @ [0, 1] > 0.5
 
 
-def test_hull_is_the_convex_hull():
+def test_convex_hull():
     cloud = RNG.normal(size=(60, 2))
     true = cloud[ConvexHull(cloud).vertices]
     assert {tuple(point) for point in hull(cloud)} == {tuple(point) for point in true}
     assert len(hull(np.array([[0.0, 0.0], [1.0, 1.0], [2.0, 2.0]]))) == 2  # edge-on
 
 
-def test_ring_is_the_rim_of_a_cone():
+def test_rim_of_a_cone():
     axis = np.array([2.0, -1.0, 2.0]) / 3.0
     rim = ring(axis, HALF, 5.0)
     assert np.allclose(rim @ axis, 5.0 * cos(HALF))
@@ -144,8 +144,8 @@ def test_ring_is_the_rim_of_a_cone():
 # ----- one search
 
 
-def test_manoeuvres_draw_the_attitudes():
-    """After the first tip A looks towards the sun, down, by the tip, and its shade is tilted as much."""
+def test_manoeuvre_plot_shows_the_attitudes():
+    """After the first tip A points to the Sun by the tip, and its shade is tilted as much."""
     axes = plots.manoeuvres(MODIFIED).axes[1]
     boresight = np.array([cos(TIP), -sin(TIP)])
     coloured = [line for line in axes.lines if line.get_color() == GROUP_COLOURS["A"]]
@@ -159,7 +159,7 @@ def test_manoeuvres_draw_the_attitudes():
 
 @pytest.mark.parametrize("mops", [1, 2])
 @pytest.mark.parametrize("number", [1, 2, 3, 4])
-def test_regions_are_where_the_theorem_has_them(mops, number):
+def test_region_plot(mops, number):
     first = MODIFIED.boresight([2160.0, 4283.0 + 2160.0][mops - 1])  # the start of an mOPS
     rim = half_rim(MODIFIED, number, first)[1:-1]
     inside = 0.999 * rim + 0.001 * rim.mean(axis=0)
@@ -169,7 +169,7 @@ def test_regions_are_where_the_theorem_has_them(mops, number):
 
 
 @pytest.mark.parametrize("time", [None, 200.0, 1500.0])
-def test_lemma_2_draws_the_cone_in_the_plane(time):
+def test_lemma_2_plot(time):
     r, v = np.array([-100.0, 240.0, 170.0]), np.array([-0.05, -0.1, 0.03])
     figure = plots.lemma_2(MODIFIED, r, v, time)
     figure.draw_without_rendering()
@@ -192,7 +192,7 @@ def test_lemma_2_draws_the_cone_in_the_plane(time):
 # ----- many searches
 
 
-def test_bars_are_the_counts():
+def test_histogram_bars():
     given = np.concatenate([np.zeros(17), RNG.uniform(1e-3, MODIFIED.duration, 4000), [np.nan] * 3])
     given[20:30] = 120.0  # on an edge
     figure = plots.histogram(given, MODIFIED)
@@ -220,7 +220,7 @@ def test_bars_are_the_counts():
 
 
 @pytest.mark.parametrize("gathering", [FIVE, MANY], ids=["five", "many"])
-def test_a_lock_is_seen_from_both_sides(gathering):
+def test_lock_plot_shows_both_sides(gathering):
     groups = np.array(gathering.groups)
     pairs = np.array([(i, j) for i in np.flatnonzero(groups == "A") for j in np.flatnonzero(groups == "B")])
     for time in np.linspace(0.0, gathering.duration, 5):
@@ -235,8 +235,8 @@ def test_a_lock_is_seen_from_both_sides(gathering):
 
 
 @pytest.mark.parametrize("time", [100.0, 543.0, 1200.0])
-def test_cones_have_their_apex_in_the_sensor_and_their_half_angle(time):
-    """In the in-plane search the sun sees every cone from the side."""
+def test_cones_start_at_the_sensor(time):
+    """In the in-plane search, the Sun sees every cone from the side."""
     views = ThreeViews(FIVE, 0, None)
     views.show(time)
     sun = views.parts[1]
@@ -247,7 +247,7 @@ def test_cones_have_their_apex_in_the_sensor_and_their_half_angle(time):
     for outline, k, colour in zip(drawn, order, sun.cones.bodies.get_facecolor(), strict=True):
         sign = 1.0 if FIVE.groups[k] == "A" else -1.0
         boresight = sign * np.array([cos(turn), sin(turn)])  # counter-clockwise from the right
-        apex = as_the_sun_sees(FIVE.paths[k].position(time)) + 7.5 * boresight
+        apex = sun_view_of(FIVE.paths[k].position(time)) + 7.5 * boresight
         at = int(np.argmin(np.linalg.norm(outline - apex, axis=1)))
         assert np.allclose(outline[at], apex, atol=1e-9)
         edges = [outline[at - 1] - apex, outline[(at + 1) % len(outline)] - apex]
@@ -256,15 +256,15 @@ def test_cones_have_their_apex_in_the_sensor_and_their_half_angle(time):
         assert tuple(colour[:3]) == to_rgba(GROUP_COLOURS[FIVE.groups[k]])[:3]
 
 
-def test_lines_join_those_in_lock():
+def test_lines_join_locked_pairs():
     for event in LOCKS:
         views = ThreeViews(FIVE, 0, None)
         views.show(event.time)
-        ends = as_the_sun_sees(FIVE.paths.position(event.time))[[event.first, event.second]]
+        ends = sun_view_of(FIVE.paths.position(event.time))[[event.first, event.second]]
         bold = views.parts[1].now.get_segments()
         assert any(np.allclose(line, ends) or np.allclose(line[::-1], ends) for line in bold)
         views.show(event.time - 1.0)  # the pair is still outside of each other's cones
-        ends = as_the_sun_sees(FIVE.paths.position(event.time - 1.0))[[event.first, event.second]]
+        ends = sun_view_of(FIVE.paths.position(event.time - 1.0))[[event.first, event.second]]
         bold = views.parts[1].now.get_segments()
         assert not any(np.allclose(line, ends) or np.allclose(line[::-1], ends) for line in bold)
 
@@ -298,7 +298,7 @@ def test_animation(tmp_path):
     assert tuple(last[1, 1]) == (255, 255, 255)
 
 
-def test_bad_input_is_named():
+def test_invalid_input():
     for call, message in [
         (lambda: plots.manoeuvres(MODIFIED, 3), "number: this search has rounds 1 to 2, got 3"),
         (lambda: plots.complementary_cones(BASIC), "mops: this search has no mOPS 1"),

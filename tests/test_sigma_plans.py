@@ -1,4 +1,4 @@
-"""Plans at k sigma: flown with drawn errors by matrix exponentials, solved again by nodes."""
+"""Plans with sigma clearance against sampled errors, matrix exponentials and convex programs."""
 
 import clarabel
 import numpy as np
@@ -26,7 +26,7 @@ ZONE = cf.Sphere(28.0)
 KNOWN = np.diag([1.0, 2.0, 1.0, 2e-3, 2e-3, 2e-3]) ** 2
 ERRORS = cf.Uncertainty(KNOWN)
 NODES = 400  # of the convex program
-TOUCH = 1e-6  # of the zone: what the march may leave open between a plan and its margin
+TOUCH = 1e-6  # tolerance of the plan at an active margin, in zone sizes
 
 
 def hill():
@@ -37,18 +37,18 @@ def hill():
 
 
 def moved(times):
-    """Transitions (T, 6, 6) from 0, by matrix exponentials."""
+    """Return transitions (T, 6, 6) from time 0, by matrix exponentials."""
     return np.array([expm(hill() * t) for t in times])
 
 
-def drawn(count, size, k, seed):
-    """Errors (count, size) of length k."""
+def sampled_errors(count, size, k, seed):
+    """Return errors (count, size) of length k."""
     draws = np.random.default_rng(seed).normal(size=(count, size))
     return k * draws / np.linalg.norm(draws, axis=1, keepdims=True)
 
 
 def flown(path, times, errors, root, magnitude=0.0):
-    """Positions (T, K, 3) of a craft with errors of its state, and of its one burn's strength."""
+    """Return positions (T, K, 3) of a spacecraft with errors of its state and burn magnitude."""
     flow, nominal = moved(times - path.start), path.state(times)
     columns = flow @ root
     if magnitude:
@@ -58,7 +58,7 @@ def flown(path, times, errors, root, magnitude=0.0):
 
 
 def nearest(place, spread, k):
-    """Least distance from the origin of the ellipsoid of k sigmas, outside of it, by its secular equation."""
+    """Return the least distance from the origin to an ellipsoid of k sigmas, by its secular equation."""
     values, axes = np.linalg.eigh(spread)
     along = axes.T @ place
     if ((along**2 / values).sum()) <= k * k:
@@ -68,12 +68,12 @@ def nearest(place, spread, k):
     return float(np.linalg.norm(along / (1.0 + share * values)))
 
 
-@pytest.mark.parametrize("k", [0.5, 2.0, 3.0])
-def test_no_error_of_k_sigmas_enters_and_some_touch(k):
+@pytest.mark.parametrize("k", [2.0, *(pytest.param(k, marks=pytest.mark.slow) for k in (0.5, 3.0))])
+def test_errors_of_k_sigmas_touch_and_never_enter(k):
     plan = cf.avoid(PATH, CLIENT, ZONE, errors=ERRORS, sigmas=k)
     assert (plan.status, plan.sigmas) == (cf.Status.AVOIDED, k)
     times = np.linspace(PATH.start, PATH.end, 1500)
-    places = flown(plan.path, times, drawn(2000, 6, k, 1), np.sqrt(KNOWN))
+    places = flown(plan.path, times, sampled_errors(500, 6, k, 1), np.sqrt(KNOWN))
     assert np.linalg.norm(places, axis=2).min() > 28.0
     flow = moved(times)[:, :3]
     near = [nearest(r, a @ KNOWN @ a.T, k) for r, a in zip(plan.path.position(times), flow, strict=True)]
@@ -81,7 +81,7 @@ def test_no_error_of_k_sigmas_enters_and_some_touch(k):
     assert 28.0 * (1.0 - TOUCH) < min(near) < 28.0 + 1e-3
 
 
-def test_contacts_say_where_and_how_the_margin_is_used():
+def test_contacts_report_the_active_margin():
     plan = cf.avoid(PATH, CLIENT, ZONE, errors=ERRORS, sigmas=2.0)
     for contact in plan.contacts:
         flow = expm(hill() * contact.time)[:3]
@@ -94,7 +94,7 @@ def test_contacts_say_where_and_how_the_margin_is_used():
 
 
 def least_energy(path, planes):
-    """The least energy that keeps planes (time, normal, least) of one craft, by thrust held between nodes."""
+    """Return the least energy that keeps planes (time, normal, least), with thrust constant between nodes."""
     edges = np.unique(np.concatenate([np.linspace(path.start, path.end, NODES + 1), [p[0] for p in planes]]))
     count = len(edges) - 1
     matrix = hill()
@@ -127,8 +127,8 @@ def least_energy(path, planes):
     return 0.5 * float((steps * u * u).sum())
 
 
-@pytest.mark.parametrize("k", [1.0, 3.0])
-def test_a_convex_program_with_the_same_planes_costs_as_much(k):
+@pytest.mark.parametrize("k", [3.0])
+def test_energy_equals_that_of_a_convex_program_with_the_same_planes(k):
     plan = cf.avoid(PATH, CLIENT, ZONE, errors=ERRORS, sigmas=k)
     planes = [(c.time, c.normal, c.reach + k * c.sigma) for c in plan.contacts]
     # thrust that is held between 400 nodes costs more by the square of their distance
@@ -136,7 +136,7 @@ def test_a_convex_program_with_the_same_planes_costs_as_much(k):
     assert plan.lower_bound <= plan.energy * (1.0 + 1e-12)
 
 
-def test_no_sigmas_are_the_ordinary_plan_and_few_cost_hardly_more():
+def test_zero_sigmas_give_the_plain_plan():
     plain = cf.avoid(PATH, CLIENT, ZONE)
     none = cf.avoid(PATH, CLIENT, ZONE, errors=ERRORS, sigmas=0.0)
     assert (none.energy, none.sigmas) == (plain.energy, 0.0)
@@ -146,7 +146,7 @@ def test_no_sigmas_are_the_ordinary_plan_and_few_cost_hardly_more():
     assert few.energy == pytest.approx(plain.energy, rel=1e-6)
 
 
-def test_more_sigmas_and_larger_errors_cost_more_at_the_price_that_is_told():
+def test_cost_grows_with_sigmas_by_the_shadow_price():
     by_sigmas = [cf.avoid(PATH, CLIENT, ZONE, errors=ERRORS, sigmas=k) for k in (1.0, 1.999, 2.0, 2.001, 3.0)]
     spent = [plan.energy for plan in by_sigmas]
     assert spent == sorted(spent)
@@ -171,41 +171,41 @@ def test_errors_of_the_obstacle_add():
     "zone",
     [
         cf.Box([25.0, 30.0, 20.0]),
-        cf.Ellipsoid([25.0, 35.0, 20.0]),
-        cf.Cylinder(28.0, 20.0, [0, 0, 1]),
+        pytest.param(cf.Ellipsoid([25.0, 35.0, 20.0]), marks=pytest.mark.slow),
+        pytest.param(cf.Cylinder(28.0, 20.0, [0, 0, 1]), marks=pytest.mark.slow),
         cf.HalfSpaces([[1, 1, 0], [-1, 1, 0], [-1, -1, 0], [1, -1, 0]], [18.0] * 4),
     ],
 )
-def test_zones_of_every_shape_are_kept_out_of(zone):
+def test_zone_shapes(zone):
     plan = cf.avoid(PATH, CLIENT, zone, errors=ERRORS, sigmas=2.0)
     assert plan.status == cf.Status.AVOIDED
-    times = np.linspace(PATH.start, PATH.end, 400)
-    places = flown(plan.path, times, drawn(5000, 6, 2.0, 3), np.sqrt(KNOWN))
+    times = np.linspace(PATH.start, PATH.end, 200)
+    places = flown(plan.path, times, sampled_errors(3000, 6, 2.0, 3), np.sqrt(KNOWN))
     least = float(zone.norm(places.reshape(-1, 3)).min())
-    assert 1.0 < least < 1.1  # of 5000 draws in six dimensions the nearest is not quite the touching one
+    assert 1.0 < least < 1.1  # 3000 samples do not include the active one
     assert plan.lower_bound <= plan.energy
 
 
-def test_a_burn_that_is_too_strong_or_too_weak_stays_clear():
+def test_burn_magnitude_errors():
     errors = cf.Uncertainty(KNOWN, magnitude=0.03)
     plan = cf.avoid(PATH, CLIENT, ZONE, errors=errors, sigmas=2.0)
-    times = np.linspace(PATH.start, PATH.end, 800)
-    places = flown(plan.path, times, drawn(5000, 7, 2.0, 4), np.sqrt(KNOWN), magnitude=0.03)
+    times = np.linspace(PATH.start, PATH.end, 400)
+    places = flown(plan.path, times, sampled_errors(1500, 7, 2.0, 4), np.sqrt(KNOWN), magnitude=0.03)
     assert np.linalg.norm(places, axis=2).min() > 28.0
     assert cf.clearance_in_sigmas(plan.path, CLIENT, ZONE, errors).sigmas == pytest.approx(2.0, rel=1e-5)
     known = cf.avoid(PATH, CLIENT, ZONE, errors=ERRORS, sigmas=2.0)
     assert plan.energy > known.energy
-    # no plan that meets these errors too costs less than the least without them, which that bound is almost
+    # the bound without these errors is nearly the cost without them
     assert cf.avoid(PATH, CLIENT, ZONE).lower_bound < plan.lower_bound <= known.energy * (1.0 + 1e-9)
 
 
-def test_impulses_of_least_delta_v_keep_the_margin():
+def test_impulses_keep_the_margin():
     spent = []
     for k in (1.0, 2.0):
         plan = cf.avoid(PATH, CLIENT, ZONE, errors=ERRORS, sigmas=k, cost="delta-v")
         assert (plan.status, plan.sigmas) == (cf.Status.AVOIDED, k)
-        times = np.linspace(PATH.start, PATH.end, 800)
-        places = flown(plan.path, times, drawn(3000, 6, k, 5), np.sqrt(KNOWN))
+        times = np.linspace(PATH.start, PATH.end, 400)
+        places = flown(plan.path, times, sampled_errors(1000, 6, k, 5), np.sqrt(KNOWN))
         assert np.linalg.norm(places, axis=2).min() > 28.0
         spent.append(plan.delta_v)
     assert cf.avoid(PATH, CLIENT, ZONE, cost="delta-v").delta_v < spent[0] < spent[1]
@@ -222,8 +222,8 @@ def ring(size, phase, order):
     return states[order]
 
 
-@pytest.mark.parametrize("cost", ["energy", "delta-v"])
-def test_four_craft_keep_the_sigmas_of_their_sum(cost):
+@pytest.mark.parametrize("cost", [pytest.param("energy", marks=pytest.mark.slow), "delta-v"])
+def test_four_spacecraft_keep_the_margin_of_both_errors(cost):
     initial, final = ring(60.0, 0.0, [0, 1, 2, 3]), ring(60.0, 0.3, [2, 0, 1, 3])
     known = [cf.Uncertainty(s * s * KNOWN) for s in (0.5, 1.0, 1.0, 1.5)]
     spent = []
@@ -236,8 +236,8 @@ def test_four_craft_keep_the_sigmas_of_their_sum(cost):
         spent.append(plan.spent)
     assert plan.contacts
     assert spent[0] < spent[1] < spent[2]
-    times = np.linspace(0.0, 0.25 * ORBIT.period, 300)
-    draws = drawn(2000, 24, 2.0, 6).reshape(2000, 4, 6)  # errors of all four together
+    times = np.linspace(0.0, 0.25 * ORBIT.period, 150)
+    draws = sampled_errors(800, 24, 2.0, 6).reshape(800, 4, 6)  # joint errors of all four
     sizes = (0.5, 1.0, 1.0, 1.5)
     places = [flown(plan.paths[i], times, draws[:, i], sizes[i] * np.sqrt(KNOWN)) for i in range(4)]
     for i in range(4):
@@ -247,7 +247,7 @@ def test_four_craft_keep_the_sigmas_of_their_sum(cost):
             assert met.sigmas >= 2.0
 
 
-def test_ends_say_how_many_sigmas_they_allow():
+def test_rejected_ends_report_their_sigmas():
     plan = cf.avoid(PATH, CLIENT, ZONE, errors=ERRORS, sigmas=30.0)
     assert (plan.status, plan.path) == (cf.Status.END_INSIDE, None)
     allowed = float(plan.reason.split("ends allow ")[1].split(")")[0])
@@ -266,7 +266,7 @@ def test_ends_say_how_many_sigmas_they_allow():
     assert f"ends allow {allowed:g}" in many.reason
 
 
-def test_the_bound_holds_inside_the_sum_of_zone_and_sigmas():
+def test_inner_ellipsoid_of_the_lower_bound():
     task = Around.of(ORBIT, CLIENT, ZONE, "exact", None, None)
     plain = Problem.of(stack([PATH]), task.obstacles, task.zones)
     problem = Margin((ERRORS, None), 2.0).problem(plain)
@@ -305,13 +305,6 @@ execution = { magnitude = "1 %" }
 do = "coast"
 for = "100 s"
 """
-ALONE = """
-[[stage]]
-do = "avoid"
-craft = "B"
-to = { position = "-4 -60 43 m", velocity = "0 0 0 m/s" }
-within = "0.4 orbits"
-"""
 TOGETHER = """
 [[stage]]
 do = "reconfigure"
@@ -324,18 +317,7 @@ within = "0.15 orbits"
 """
 
 
-@pytest.mark.parametrize("cost", ["energy", "delta-v"])
-def test_stages_that_ask_for_sigmas_are_planned_with_them(cost):
-    text = SCENARIO + ALONE + f'cost = "{cost}"\n'
-    without, kept = fly(parse(text)), fly(parse(text + "sigmas = 3.0\n"))
-    assert kept.verdict.ok
-    result = kept.results[-1]
-    assert result.uncertain.nearest.sigmas >= 3.0
-    assert without.results[-1].uncertain.nearest.sigmas < 3.0
-    assert result.result.avoidance.sigmas == 3.0
-
-
-def test_formations_that_ask_for_sigmas_are_planned_with_them():
+def test_reconfigure_stage_keeps_the_requested_sigmas():
     text = SCENARIO.replace('"0 0 0 m", "3', '"0 -60 30 m", "3') + TOGETHER
     without, kept = fly(parse(text)), fly(parse(text + "sigmas = 3.0\n"))
     assert kept.results[-1].result.plan.sigmas == 3.0
@@ -343,8 +325,8 @@ def test_formations_that_ask_for_sigmas_are_planned_with_them():
     assert kept.verdict.ok
 
 
-def test_zones_by_pair_at_sigmas():
-    """Of each pair the zone that the table gives, at so many sigmas of what is known of both."""
+def test_zone_of_each_pair():
+    """Each pair keeps its own zone at the requested sigmas."""
     known = cf.Uncertainty(np.diag([1.0, 2.0, 1.0, 1e-3, 1e-3, 1e-3]) ** 2)
     path = ORBIT.transfer([3, 41, -39, 0, 0, 0], [-4, -60, 43, 0, 0, 0], 0.4 * ORBIT.period)
     others = [ORBIT.coast([0, ahead, 0, 0, 0, 0], path.end) for ahead in (0.0, -100.0)]

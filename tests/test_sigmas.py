@@ -1,4 +1,4 @@
-"""k sigmas against zones of all shapes: dense grids of nearest points by a convex solver, drawn errors."""
+"""Sigma clearance for zones of all shapes against a convex solver on dense grids and sampled errors."""
 
 import clarabel
 import mpmath
@@ -47,25 +47,29 @@ CASES = {  # mean state, errors, duration
     "V-bar": ([0, 200, 0, 0, 0, 0], deviations([2, 5, 2], [1e-3, 1.5e-3, 2e-3]), 2 * PERIOD),
     "ellipse": ([60, 0, 0, 0, -2 * N * 60, N * 60], deviations([3, 6, 3], [3e-3] * 3), 2 * PERIOD),
     "walking": ([50, 400, 0, 0, -2 * N * 50 - 2 * N, N * 50], deviations([2, 6, 2], [2e-3] * 3), 5 * PERIOD),
-    "flat": ([40, 90, 0, 0.01, 0, 0.02], deviations([1, 3, 0], [1e-3, 1e-3, 0]), PERIOD),  # nothing across
+    "flat": (
+        [40, 90, 0, 0.01, 0, 0.02],
+        deviations([1, 3, 0], [1e-3, 1e-3, 0]),
+        PERIOD,
+    ),  # no cross-track error
     "other minima": (
         [70.7, -240, 17.2, 0.0618, -0.134, 0.0374],
         OF_SPEEDS @ OF_SPEEDS.T,
         6100.0,
-    ),  # far above
+    ),  # near a local minimum
     "a line": ([60, 60, 30, -0.02, 0, 0], deviations([0, 2, 0], [0, 0, 0]), PERIOD),  # rank one
 }
 
 
 def sigmas_at(zone, mean, covariance):
-    """Fewest sigmas from the mean into the zone: min t, |xi| <= t, mean + root xi in it, by a solver."""
+    """Return the least sigmas from the mean into the zone, by a cone program."""
     values, vectors = np.linalg.eigh(covariance)
     kept = values > 1e-12 * values[-1]
     return sigmas_of(zone, mean, vectors[:, kept] * np.sqrt(values[kept]))
 
 
 def sigmas_of(zone, mean, root):
-    """The same by a root (3, K) of the covariance, which keeps more digits."""
+    """Return the same from a root (3, K) of the covariance, which keeps more digits."""
     if zone.norm(mean) <= 1.0:
         return 0.0
     left, sizes, _ = np.linalg.svd(zone.matrix @ root, full_matrices=False)
@@ -106,10 +110,16 @@ def sigmas_of(zone, mean, root):
     return float(solution.x[count]) / least if solved else np.inf
 
 
-@pytest.mark.parametrize("shape", ZONES)
-@pytest.mark.parametrize("case", CASES)
-def test_fewest_sigmas_are_those_of_a_dense_grid(case, shape):
-    """Nearest points at each time by a solver of its own, refined about the least one."""
+@pytest.mark.parametrize(
+    ("case", "shape"),
+    [
+        pytest.param(case, shape, marks=[pytest.mark.slow] * ((i + k) % 3 > 0))
+        for i, case in enumerate(CASES)
+        for k, shape in enumerate(ZONES)
+    ],
+)
+def test_clearance_agrees_with_a_dense_grid(case, shape):
+    """Solve a cone program at each time and refine around the least one."""
     mean, covariance, duration = CASES[case]
     zone, errors = ZONES[shape], cf.Uncertainty(covariance)
     path, other = ORBIT.coast(mean, duration), ORBIT.coast(AT_REST, duration)
@@ -124,7 +134,7 @@ def test_fewest_sigmas_are_those_of_a_dense_grid(case, shape):
     times = np.linspace(0.0, duration, 121)
     grid = np.array([at(t) for t in times])
     if not np.isfinite(grid).any():
-        assert found.sigmas > 100.0  # nothing within reach of the solver
+        assert found.sigmas > 100.0  # beyond the range of the solver
         return
     k = int(grid.argmin())
     around = times[max(k - 1, 0)], times[min(k + 1, 120)]
@@ -132,13 +142,13 @@ def test_fewest_sigmas_are_those_of_a_dense_grid(case, shape):
     assert found.sigmas == pytest.approx(least, rel=1e-6)  # of the solver
     assert at(found.time) == pytest.approx(found.sigmas, rel=1e-6)
     assert cf.find_conflicts(path, other, zone, errors, sigmas=found.sigmas * (1 - 1e-8)) == ()
-    (stay, *_) = cf.find_conflicts(path, other, zone, errors, sigmas=found.sigmas * (1 + 1e-7))
-    assert stay.start <= found.time + 1.0
-    assert stay.ratio == pytest.approx(1.0, abs=1e-6)
+    (conflict, *_) = cf.find_conflicts(path, other, zone, errors, sigmas=found.sigmas * (1 + 1e-7))
+    assert conflict.start <= found.time + 1.0
+    assert conflict.ratio == pytest.approx(1.0, abs=1e-6)
 
 
 def flown(orbit, seed):
-    """Two craft that pass each other, one on an optimal path with an impulse, one under constant thrust."""
+    """Return a path with an optimal arc and an impulse, and another with constant thrust."""
     rng = np.random.default_rng(seed)
     ends = rng.normal(size=(2, 6)) * [80, 80, 80, 0.05, 0.05, 0.05]
     path = orbit.transfer(ends[0], ends[1], 1500.0)
@@ -150,8 +160,8 @@ def flown(orbit, seed):
     return path, other
 
 
-def fewest_on_a_grid(path, zone, errors, duration, count):
-    """Fewest sigmas by the solver at many times, refined about the least one."""
+def least_on_a_grid(path, zone, errors, duration, count):
+    """Return the least sigmas by the solver at many times, refined."""
 
     def at(t):
         return sigmas_at(zone, path.position(t), errors.covariance(path, t)[:3, :3])
@@ -163,27 +173,24 @@ def fewest_on_a_grid(path, zone, errors, duration, count):
     return min(grid[k], minimize_scalar(at, bounds=around, method="bounded", options={"xatol": 1e-3}).fun)
 
 
-@pytest.mark.parametrize("small", [1e-3, 0.03, 0.1])
+@pytest.mark.parametrize("small", [1e-3, 0.1])
 def test_errors_that_shrink_and_grow_again(small):
-    """An error of 1 m and -1 cm/s is over after 100 s and leads into the zone later, until the mean is past.
-
-    At its start a standing plane would keep 9 sigmas, if what shrinks went on to do so.
-    """
+    """An error of 1 m and -1 cm/s vanishes after 100 s and enters the zone later."""
     line = np.array([1.0, 0, 0, -0.01, 0, 0])
     errors = cf.Uncertainty(np.outer(line, line) + small**2 * np.diag([1.0, 1, 1, 0, 0, 0]))
     mean, zone = [10.0, 0, 0, 0, 1 / 290.0, 0], cf.Sphere(1.0)
     path, other = DEEP.coast(mean, 800.0), DEEP.coast(AT_REST, 800.0)
     found = cf.clearance_in_sigmas(path, other, zone, errors)
-    assert found.sigmas == pytest.approx(fewest_on_a_grid(path, zone, errors, 800.0, 161), rel=1e-6)
+    assert found.sigmas == pytest.approx(least_on_a_grid(path, zone, errors, 800.0, 161), rel=1e-6)
     assert found.sigmas < 5.3
     assert cf.find_conflicts(path, other, zone, errors, sigmas=found.sigmas * (1 - 1e-8)) == ()
-    (stay,) = cf.find_conflicts(path, other, zone, errors, sigmas=1.01 * found.sigmas)
-    assert stay.start < found.time < stay.end
+    (conflict,) = cf.find_conflicts(path, other, zone, errors, sigmas=1.01 * found.sigmas)
+    assert conflict.start < found.time < conflict.end
 
 
-@pytest.mark.parametrize("small", [0.0, 1e-6, 1e-3])
-def test_a_plane_of_errors_that_turns_past_a_cylinder(small):
-    """Errors in a plane, or nearly, that miss for most of two orbits: fewest are needed at 0.92 of them."""
+@pytest.mark.parametrize("small", [1e-6, *(pytest.param(s, marks=pytest.mark.slow) for s in (0.0, 1e-3))])
+def test_rotating_plane_of_errors_beside_a_cylinder(small):
+    """The errors miss for most of two orbits; the minimum is at 0.92 of them."""
     mean = [-81.0719002, 19.1795746, 8.02081799, -0.0582327099, 0.179458074, 0.0987088286]
     across = np.array([0, 0, 0.161844858, 0, 0, 0])
     drifts = np.array([1.12422894e-2, 1.99177631e-3, 3.78774006e-3, 5.29472696e-6, -1.39886915e-5, 1.8766e-7])
@@ -192,7 +199,7 @@ def test_a_plane_of_errors_that_turns_past_a_cylinder(small):
     zone = cf.Cylinder(5.0, 4.0, [0.59409685, 0.78443622, -0.17806952])
     path, other = ORBIT.coast(mean, 2 * PERIOD), ORBIT.coast(AT_REST, 2 * PERIOD)
     found = cf.clearance_in_sigmas(path, other, zone, errors)
-    least = fewest_on_a_grid(path, zone, errors, 2 * PERIOD, 801)
+    least = least_on_a_grid(path, zone, errors, 2 * PERIOD, 801)
     assert least < 740.0
     assert found.sigmas == pytest.approx(least, rel=1e-5)  # of the solver, in a plane
 
@@ -232,8 +239,8 @@ THIN = {  # mean state, columns, orbits, and of a cylinder the radius and axis
 
 
 @pytest.mark.parametrize("case", THIN)
-def test_thin_errors_that_move_past_a_cylinder(case):
-    """Met where the solver says so, and nowhere with fewer: planes that Newton's method does not find."""
+def test_thin_errors_beside_a_cylinder(case):
+    """Newton iterations do not find these minima; compare with the solver."""
     mean, columns, orbits, (radius, axis) = THIN[case]
     zone, columns = cf.Cylinder(radius, 0.8 * radius, axis), np.array(columns)
     errors = cf.Uncertainty(columns.T @ columns)
@@ -245,11 +252,11 @@ def test_thin_errors_that_move_past_a_cylinder(case):
 
     found = cf.clearance_in_sigmas(path, other, zone, errors)
     assert at(found.time) == pytest.approx(found.sigmas, rel=1e-7)  # of the solver
-    assert found.sigmas <= min(map(at, np.linspace(0.0, orbits * PERIOD, 401))) * (1 + 1e-7)
+    assert found.sigmas <= min(map(at, np.linspace(0.0, orbits * PERIOD, 101))) * (1 + 1e-7)
 
 
-def test_a_minimum_this_side_of_a_hump():
-    """The least is 10 s ahead of where the march first finds as few, and a hump lies behind it."""
+def test_minimum_before_a_local_maximum():
+    """The minimum is 10 s before the first candidate of the search."""
     mean = [106.09, 342.831, 68.1382, 0.18972, -0.234837, 0.0214256]
     columns = np.array(
         [
@@ -272,7 +279,7 @@ def test_a_minimum_this_side_of_a_hump():
 
 
 def exact_sigmas_of(zone, mean, root):
-    """Of a ball or ellipsoid by its multiplier in 60 digits: a cone program is off by 2e-8 for thin errors.
+    """Return the sigmas for a sphere or ellipsoid with 60 digits.
 
     The least |x| with |q + A x| = 1 has q + A x = m (A A^T + m)^-1 q, and m is bisected.
     """
@@ -296,18 +303,15 @@ def exact_sigmas_of(zone, mean, root):
 
 
 @pytest.mark.parametrize("shape", ZONES)
-def test_thin_errors_at_one_place(shape):
-    """Along a line or in a plane, or nearly, longer or shorter than the zone, past it or not: the solver's.
-
-    Whoever misses needs infinitely many: 1e4 count so.
-    """
+def test_thin_errors_at_rest(shape):
+    """Errors on a line or plane, larger or smaller than the zone; a miss has infinite clearance."""
     zone, random = ZONES[shape], np.random.default_rng(11)
     other, reached, missed = DEEP.coast(AT_REST, 1.0), 0, 0
-    for _ in range(60):
+    for _ in range(30):
         rank, tiny = int(random.integers(1, 4)), float(random.choice([0.0, 1e-7, 1e-3]))
         mean = random.normal(size=3) * 40.0
         root = random.normal(size=(3, rank)) * 10.0 ** random.uniform(-2.0, 3.0, rank)
-        if random.random() < 0.5:  # a line that leads past the zone's edge, by little
+        if random.random() < 0.5:  # a line that barely misses the boundary or enters
             goal = random.normal(size=3)
             goal *= (1.0 + random.choice([-1e-3, 1e-3, 0.1])) / zone.norm(goal)
             root[:, 0] = (goal - mean) * 10.0 ** random.uniform(-3.0, 1.0)
@@ -323,20 +327,22 @@ def test_thin_errors_at_one_place(shape):
         elif least > 1.1e4:
             assert found == np.inf
             missed += 1
-    assert reached > 15
-    assert missed > 3
+    assert reached > 7
+    assert missed > 1
 
 
-@pytest.mark.parametrize(("orbit", "noise"), [(ORBIT, 1e-7), (DEEP, 0.0)], ids=["orbit", "deep space"])
-@pytest.mark.parametrize("shape", ZONES)
-def test_sigmas_of_thrusting_craft_with_all_errors(shape, orbit, noise):
-    """Execution errors of both, and noise: covariances at a grid of times against the march."""
+@pytest.mark.parametrize(
+    ("orbit", "noise", "shape"),
+    [(ORBIT, 1e-7, "cylinder"), (DEEP, 0.0, "box"), (ORBIT, 1e-7, "half-spaces"), (ORBIT, 1e-7, "sphere")],
+)
+def test_thrusting_spacecraft_with_all_errors(shape, orbit, noise):
+    """Execution errors of both and noise, against covariances on a grid of times."""
     zone = ZONES[shape].enlarged(0.3)
     errors = cf.Uncertainty(
         deviations([2, 3, 1], [2e-3, 1e-3, 1e-3]), 0.05, 0.03, (1e-3, 0.03, 2e-3, 0.02), noise
     )
     others = cf.Uncertainty(deviations([1, 1, 1], [1e-3] * 3), magnitude=0.1, noise=0.5 * noise)
-    for seed in range(3):
+    for seed in range(2):
         path, other = flown(orbit, seed)
         found = cf.clearance_in_sigmas(path, other, zone, errors, others)
         if found.sigmas == 0.0:
@@ -347,14 +353,14 @@ def test_sigmas_of_thrusting_craft_with_all_errors(shape, orbit, noise):
             spread = errors.covariance(path, t) + others.covariance(other, t)
             return sigmas_at(zone, path.position(t) - other.position(t), spread[:3, :3])
 
-        times = np.sort([*np.linspace(100.0, 2900.0, 57), 1500.0 - 1e-6])
+        times = np.sort([*np.linspace(100.0, 2900.0, 29), 1500.0 - 1e-6])
         grid = [at(t) for t in times]
         assert found.sigmas <= min(grid) * (1 + 1e-6)
         assert at(found.time) == pytest.approx(found.sigmas, rel=1e-6)
 
 
-def test_no_drawn_error_within_the_sigmas_enters():
-    """Errors on the sphere |xi| = k, flown one by one and searched without errors."""
+def test_no_sampled_error_within_the_clearance_enters():
+    """Errors on the sphere |xi| = k, searched one by one."""
     rng = np.random.default_rng(2)
     mean, covariance, duration = CASES["ellipse"]
     path, other = ORBIT.coast(mean, duration), ORBIT.coast(AT_REST, duration)
@@ -365,14 +371,14 @@ def test_no_drawn_error_within_the_sigmas_enters():
         if k.sigmas == 0.0:
             continue
         states = columns.state(0.0)
-        xi = rng.normal(size=(2000, len(states)))
+        xi = rng.normal(size=(500, len(states)))
         xi *= (k.sigmas * (1 - 1e-6) / np.linalg.norm(xi, axis=1))[:, None]
         drawn = ORBIT.coast(np.array(mean) + xi @ states, duration)
         assert (cf.closest_approach(drawn, other, zone).ratio > 1.0).all()
 
 
-def test_an_error_just_beyond_the_sigmas_enters():
-    """Of a sphere: the error that leads to its nearest point at that time, a millionth longer."""
+def test_error_just_beyond_the_clearance_enters():
+    """Scale the most likely error into a sphere by 1 +- 1e-6."""
     mean, covariance, duration = CASES["walking"]
     path, other = ORBIT.coast(mean, duration), ORBIT.coast(AT_REST, duration)
     errors, zone = cf.Uncertainty(covariance), ZONES["sphere"]
@@ -394,41 +400,41 @@ def test_an_error_just_beyond_the_sigmas_enters():
 
 
 @pytest.mark.parametrize("shape", ZONES)
-def test_stays_begin_and_end_where_the_tube_touches(shape):
-    """At each start and end as many sigmas are met; between stays more are needed, within them fewer."""
+def test_conflicts_start_and_end_at_the_requested_sigmas(shape):
+    """Compare with the solver at the ends, within and between conflicts."""
     mean, covariance, duration = CASES["walking"]
     zone, errors = ZONES[shape], cf.Uncertainty(covariance)
     path, other = ORBIT.coast(mean, duration), ORBIT.coast(AT_REST, duration)
     k = 1.3 * cf.clearance_in_sigmas(path, other, zone, errors).sigmas
-    stays = cf.find_conflicts(path, other, zone, errors=errors, sigmas=k)
-    assert stays
+    conflicts = cf.find_conflicts(path, other, zone, errors=errors, sigmas=k)
+    assert conflicts
 
     def at(t):
         return sigmas_at(zone, path.position(t), errors.covariance(path, t)[:3, :3])
 
-    for stay in stays:
-        for edge in (stay.start, stay.end):
+    for conflict in conflicts:
+        for edge in (conflict.start, conflict.end):
             if 0.0 < edge < duration:
                 assert at(edge) == pytest.approx(k, rel=1e-5)  # of planes at rims beside long ellipsoids
-        assert 0.0 <= stay.ratio < 1.0
-        assert at(stay.time) < k
-    for t in np.linspace(1.0, duration - 1.0, 101):
-        inside = any(stay.start < t < stay.end for stay in stays)
+        assert 0.0 <= conflict.ratio < 1.0
+        assert at(conflict.time) < k
+    for t in np.linspace(1.0, duration - 1.0, 41):
+        inside = any(conflict.start < t < conflict.end for conflict in conflicts)
         assert (at(t) < k) == inside
 
 
-def test_ratio_of_a_stay_is_the_norm_in_the_sum_of_zone_and_sigmas():
-    """Of two balls: |r| / (R + k sigma), exactly."""
+def test_clearance_ratio_of_two_spheres():
+    """The ratio is |r| / (R + k sigma)."""
     errors = cf.Uncertainty(np.diag([4.0, 4.0, 4.0, 0, 0, 0]))
     path, other = DEEP.coast([-100, 12.0, 0, 1.0, 0, 0], 200.0), DEEP.coast(AT_REST, 200.0)
-    (stay,) = cf.find_conflicts(path, other, cf.Sphere(9.0), errors, sigmas=3.0)
-    assert stay.ratio == pytest.approx(12.0 / 15.0, rel=1e-9)
-    assert stay.time == pytest.approx(100.0, abs=1e-4)
-    assert stay.end - stay.start == pytest.approx(2 * 9.0, rel=1e-9)
+    (conflict,) = cf.find_conflicts(path, other, cf.Sphere(9.0), errors, sigmas=3.0)
+    assert conflict.ratio == pytest.approx(12.0 / 15.0, rel=1e-9)
+    assert conflict.time == pytest.approx(100.0, abs=1e-4)
+    assert conflict.end - conflict.start == pytest.approx(2 * 9.0, rel=1e-9)
     assert cf.clearance_in_sigmas(path, other, cf.Sphere(9.0), errors).sigmas == pytest.approx(1.5, rel=1e-9)
 
 
-def test_without_errors_and_at_no_sigmas_the_search_is_the_ordinary_one():
+def test_zero_sigmas_or_errors_give_the_plain_search():
     path, other = flown(ORBIT, 5)
     zone = cf.Box([150.0, 120.0, 100.0])
     plain = cf.find_conflicts(path, other, zone)
@@ -442,13 +448,13 @@ def test_without_errors_and_at_no_sigmas_the_search_is_the_ordinary_one():
             assert one.ratio == pytest.approx(two.ratio, rel=1e-8)
 
 
-def test_sigmas_where_nothing_is_uncertain_or_nobody_meets():
+def test_infinite_and_zero_clearance():
     path, other = ORBIT.coast([0, 200, 0, 0, 0, 0], PERIOD), ORBIT.coast(AT_REST, PERIOD)
     zone = cf.Sphere(15.0)
     nothing = cf.clearance_in_sigmas(path, other, zone, cf.Uncertainty())
     assert nothing.sigmas == np.inf
     assert np.isnan(nothing.time)
-    across = cf.Uncertainty(np.diag([0, 0, 1.0, 0, 0, 1e-6]))  # never brings it nearer along the track
+    across = cf.Uncertainty(np.diag([0, 0, 1.0, 0, 0, 1e-6]))  # has no along-track effect
     assert cf.clearance_in_sigmas(path, other, zone, across).sigmas == np.inf
     later = ORBIT.coast([0, 200, 0, 0, 0, 0], PERIOD, start=2 * PERIOD)
     apart = cf.clearance_in_sigmas(later, other, zone, cf.Uncertainty(np.eye(6)))
@@ -459,7 +465,7 @@ def test_sigmas_where_nothing_is_uncertain_or_nobody_meets():
     assert inside.sigmas == 0.0
 
 
-def test_batches_broadcast_and_errors_are_given_for_each():
+def test_broadcasting_with_individual_errors():
     others = ORBIT.coast([[0, 0, 0, 0, 0, 0], [0, 500, 0, 0, 0, 0]], PERIOD)
     paths = ORBIT.coast([[0, 200, 0, 0, 0, 0], [0, -90, 0, 0, 0, 0], [30, 5, 0, 0, 0, 0]], PERIOD)
     errors = [cf.Uncertainty(deviations([1, s, 1], [1e-3] * 3)) for s in (1.0, 4.0, 9.0)]
@@ -475,9 +481,9 @@ def test_batches_broadcast_and_errors_are_given_for_each():
 turns = st.floats(0.05, 3.0)
 
 
-@settings(max_examples=25)
+@settings(max_examples=12)
 @given(st.integers(0, 10**6), turns, st.sampled_from(sorted(ZONES)), st.floats(0.1, 10.0))
-def test_sigmas_fall_with_errors_and_zones_and_do_not_depend_on_units(seed, share, shape, scale):
+def test_monotonicity_and_units(seed, share, shape, scale):
     rng = np.random.default_rng(seed)
     mean = rng.normal(size=6) * [60, 200, 60, 0.05, 0.05, 0.05]
     root = rng.normal(size=(6, 6)) * np.array([2, 4, 2, 2e-3, 2e-3, 2e-3])[:, None]
@@ -493,19 +499,19 @@ def test_sigmas_fall_with_errors_and_zones_and_do_not_depend_on_units(seed, shar
     assert cf.clearance_in_sigmas(
         path, other, zone.enlarged(1.1), cf.Uncertainty(root @ root.T)
     ).sigmas <= k * (1 + 2e-9)
-    if shape in ("sphere", "ellipsoid", "box"):  # in other units of length nothing changes
+    if shape in ("sphere", "ellipsoid", "box"):  # other units of length
         wide = ORBIT.coast(scale * mean, share * PERIOD)
         same = cf.clearance_in_sigmas(
             wide, other, zone.enlarged(scale), cf.Uncertainty(scale**2 * root @ root.T)
         )
         assert same.sigmas == pytest.approx(k, rel=1e-8)
-    if shape != "half-spaces":  # from the other side, with the errors there
+    if shape != "half-spaces":  # spacecraft exchanged
         there = cf.clearance_in_sigmas(other, path, zone, None, cf.Uncertainty(root @ root.T))
         assert there.sigmas == pytest.approx(k, rel=1e-9)
 
 
 def turned_zone(name, q):
-    """The zone of that name, turned by q."""
+    """Return the named zone, rotated by q."""
     if name == "sphere":
         return ZONES[name]
     if name == "cylinder":
@@ -523,11 +529,11 @@ def turned_zone(name, q):
 
 
 @pytest.mark.parametrize("shape", ZONES)
-def test_sigmas_do_not_depend_on_axes(shape):
-    """In deep space with all turned; in orbit seen from below, and later: errors of all kinds."""
+def test_invariance_under_rotation_and_time_shift(shape):
+    """Rotation in deep space, mirrored cross-track axis and later start in orbit."""
     rng = np.random.default_rng(6)
     met = 0
-    for _ in range(6):
+    for _ in range(3):
         q = np.linalg.qr(rng.normal(size=(3, 3)))[0]
         q *= np.linalg.det(q)
         states = rng.normal(size=(2, 6)) * [70, 70, 70, 0.03, 0.03, 0.03]
@@ -553,11 +559,11 @@ def test_sigmas_do_not_depend_on_axes(shape):
         ):
             assert two[0] == pytest.approx(one[0], rel=2e-9)
             met += 0.0 < one[0] < np.inf
-    assert met >= 9
+    assert met >= 4
 
 
-def test_screen_finds_the_stays_of_each_pair():
-    """Bodies with errors that grow, one of them known exactly: as the pairs one by one."""
+def test_screen_agrees_with_single_pairs():
+    """Bodies with growing errors, one of them known exactly."""
     rng = np.random.default_rng(8)
     states = rng.normal(size=(8, 6)) * [40, 150, 40, 0.03, 0.03, 0.03]
     states[:, 4] = -2 * N * states[:, 0]
@@ -566,8 +572,10 @@ def test_screen_finds_the_stays_of_each_pair():
     found = cf.screen(paths, cf.Body(cf.Sphere(2.0)), errors=errors, sigmas=3.0)
     expected = []
     for i, j in zip(*np.triu_indices(8, 1), strict=True):
-        for stay in cf.find_conflicts(paths[i], paths[j], cf.Sphere(4.0), errors[i], errors[j], sigmas=3.0):
-            expected.append([i, j, stay.start, stay.end, stay.ratio])
+        for conflict in cf.find_conflicts(
+            paths[i], paths[j], cf.Sphere(4.0), errors[i], errors[j], sigmas=3.0
+        ):
+            expected.append([i, j, conflict.start, conflict.end, conflict.ratio])
     assert len(expected) > 3
     rows = np.column_stack([found.pairs, found.start, found.end, found.ratio])
     np.testing.assert_allclose(rows, expected, rtol=1e-7, atol=1e-6)

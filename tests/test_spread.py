@@ -1,4 +1,4 @@
-"""Errors of a craft along its path: against integrated equations, flown errors and Monte Carlo."""
+"""Propagated uncertainty along a path against integrated equations, simulated errors and Monte Carlo."""
 
 import warnings
 
@@ -20,7 +20,7 @@ ALL = cf.Uncertainty(STATE, magnitude=0.02, pointing=0.01, impulse=GATES, noise=
 
 
 def hill(n):
-    """The matrix of Hill's equations."""
+    """Return the matrix of Hill's equations."""
     matrix = np.zeros((6, 6))
     matrix[:3, 3:] = np.eye(3)
     matrix[3, 0], matrix[5, 2], matrix[3, 4], matrix[4, 3] = 3 * n * n, -n * n, 2 * n, -2 * n
@@ -28,7 +28,7 @@ def hill(n):
 
 
 def flown(orbit=ORBIT):
-    """A path with all there is: burns of all kinds, coasts, impulses."""
+    """Return a path with burns of all kinds, coasts and impulses."""
     pieces = [orbit.transfer(START, [-60, 150, -20, 0, 0, 0], 1500.0)]
     pieces.append(orbit.coast(pieces[-1].state(1500.0), 500.0, start=1500.0))
     pieces.append(orbit.burn(pieces[-1].state(2000.0), [1e-4, 2e-4, -1e-4], 300.0, start=2000.0))
@@ -43,14 +43,14 @@ def flown(orbit=ORBIT):
 
 
 def close(found, expected, tolerance):
-    """Covariances of states whose components differ in unit: each entry beside its two deviations."""
+    """Compare covariances relative to their standard deviations."""
     sizes = np.sqrt(np.einsum("...ii->...i", expected))
     apart = np.abs(found - expected) / (sizes[..., :, None] * sizes[..., None, :])
     assert apart.max() < tolerance
 
 
 @pytest.mark.parametrize("orbit", [ORBIT, DEEP], ids=["orbit", "deep space"])
-def test_state_and_noise_obey_the_equation_of_covariances(orbit):
+def test_covariance_obeys_its_differential_equation(orbit):
     """P' = A P + P A^T + Q, integrated."""
     path = orbit.coast(START, 12000.0, start=-50.0)
     errors = cf.Uncertainty(STATE, noise=1e-9)
@@ -66,8 +66,8 @@ def test_state_and_noise_obey_the_equation_of_covariances(orbit):
 
 
 @pytest.mark.parametrize("orbit", [ORBIT, DEEP], ids=["orbit", "deep space"])
-def test_flown_errors_of_execution_have_the_covariance(orbit):
-    """Each error is flown by itself: states integrated with thrust grown or turned, impulses changed."""
+def test_execution_errors_have_the_covariance(orbit):
+    """Integrate each error alone: thrust scaled or rotated, impulses changed."""
     path = flown(orbit)
     burns = [(0.0, 1500.0), (2000.0, 2600.0), (3000.0, 5500.0)]
     pauses = [a[0] for a in path.arcs if not a[12:].any()]
@@ -116,7 +116,7 @@ def test_flown_errors_of_execution_have_the_covariance(orbit):
     )  # of the integrator at joints of saturated arcs
 
 
-def test_columns_are_paths_that_make_up_the_covariance():
+def test_columns_make_up_the_covariance():
     path = flown()
     quiet = cf.Uncertainty(STATE, magnitude=0.02, pointing=0.01, impulse=GATES)
     columns = columns_of(path, quiet)
@@ -135,7 +135,7 @@ def test_columns_are_paths_that_make_up_the_covariance():
             np.testing.assert_allclose(jump[3:], after[3:6], atol=1e-12)
 
 
-def test_errors_that_are_nil_have_no_column():
+def test_zero_errors_have_no_column():
     path = flown()
     assert columns_of(path, cf.Uncertainty(noise=1e-9)).shape == (0,)
     assert columns_of(path, cf.Uncertainty(np.diag([0, 1.0, 0, 0, 0, 0]))).shape == (1,)
@@ -143,8 +143,8 @@ def test_errors_that_are_nil_have_no_column():
     assert columns_of(ORBIT.coast(START, 9.0), cf.Uncertainty(magnitude=0.1, impulse=GATES)).shape == (0,)
 
 
-def test_pointing_turns_thrust_as_rotations_do():
-    """Monte Carlo: the whole burn turned by a rotation matrix, and grown, flown by the package itself."""
+def test_pointing_errors_rotate_the_thrust():
+    """Monte Carlo with the whole burn rotated and scaled."""
     burn = ORBIT.burn(START, [1e-3, -5e-4, 2e-4], 600.0)
     rng = np.random.default_rng(5)
     angles, factors = 1e-3 * rng.normal(size=(20000, 3)), 1.0 + 2e-3 * rng.normal(size=20000)
@@ -156,8 +156,8 @@ def test_pointing_turns_thrust_as_rotations_do():
     close(np.cov(ends.T), expected, 0.05)  # of 20000 samples, and 5 sigmas
 
 
-def test_a_direction_that_is_known_far_better_keeps_its_digits():
-    """1 km along-track with its drift, 1 cm across and radially: after 20 orbits, against exact products."""
+def test_precise_direction_keeps_its_digits():
+    """1 km along track with its drift, 1 cm else: compare with exact products after 20 orbits."""
     import mpmath as mp
 
     path = ORBIT.coast(START, 20 * ORBIT.period)
@@ -172,7 +172,7 @@ def test_a_direction_that_is_known_far_better_keeps_its_digits():
 
 @settings(max_examples=40)
 @given(st.integers(0, 2**32 - 1), st.integers(0, 6), st.floats(-3.0, 3.0))
-def test_any_covariance_is_kept_whatever_its_rank_and_units(seed, rank, scale):
+def test_covariances_of_any_rank_and_units_are_kept(seed, rank, scale):
     rng = np.random.default_rng(seed)
     root = rng.normal(size=(6, rank)) * 10.0 ** np.array([scale] * 3 + [scale - 3.0] * 3)[:, None]
     state = root @ root.T
@@ -181,8 +181,8 @@ def test_any_covariance_is_kept_whatever_its_rank_and_units(seed, rank, scale):
     np.testing.assert_allclose(found, state, atol=1e-12 * max(state.max(), 1e-300), rtol=1e-9)
 
 
-def test_a_covariance_of_a_message_is_that_of_drawn_states():
-    """Inertial states are drawn in RTN of the second object, and made relative by the exact frames."""
+def test_covariance_of_a_message_agrees_with_samples():
+    """Inertial states are sampled in RTN of the second object and transformed exactly."""
     r = 7000e3
     v = np.sqrt(cf.elements.EARTH_MU / r)
     orbit = cf.Orbit.from_semi_major_axis(r)
@@ -215,7 +215,7 @@ def test_a_covariance_of_a_message_is_that_of_drawn_states():
     assert early.magnitude == 0.1
 
 
-def test_mixed_units_are_told():
+def test_mixed_units_are_warned_of():
     path = ORBIT.coast(START, 100.0)
     mixed = cf.Uncertainty(np.diag([0.01, 0.01, 0.01, 0.1, 0.1, 0.1]) ** 2)  # km and m/s
     with pytest.warns(UserWarning, match="are units mixed, km with m/s"):
@@ -228,8 +228,8 @@ def test_mixed_units_are_told():
         ALL.covariance(path, 50.0)
 
 
-def test_a_nearly_singular_covariance_is_not_taken_for_mixed_units(recwarn):
-    """A position along one axis known far better, or exact states: not a thousand times, but any number."""
+def test_nearly_singular_covariance_is_accepted(recwarn):
+    """A ratio of any size is accepted, but not one of a thousand."""
     path, other = (ORBIT.coast([0.0, y, 0.0, 0.0, 0.0, 0.0], 1000.0) for y in (-200.0, 200.0))
     n = path.orbit.mean_motion
     thin = np.array([1e-3, 1e-7, 1e-3, 3e3 * n * 1e-3, 3e3 * n * 1e-3, 1e-9])

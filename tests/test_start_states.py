@@ -1,4 +1,4 @@
-"""Tables of states that scenarios start from: one row each, or that of the epoch; inertial ones, too."""
+"""Tables of states as starts of scenarios, with or without times, also inertial."""
 
 import csv
 import io
@@ -44,14 +44,14 @@ def written(folder, text):
         ),
     ],
 )
-def test_one_row_each_is_enough(tmp_path, change):
+def test_one_row_for_each_spacecraft(tmp_path, change):
     text = scenario('altitude = "550 km"\nepoch = "2026-11-22T12:00:00Z"', 'states = "states.csv"')
     written(tmp_path, change(GOOD))
     found = parse(text, str(tmp_path / "two.toml"))
     np.testing.assert_allclose(found.states(found.orbit.build())[1], STATE, rtol=1e-15)
 
 
-def test_a_table_with_times_has_them(tmp_path):
+def test_table_with_times(tmp_path):
     file = written(tmp_path, GOOD)
     assert state_rows(file, timed=False).times is None
     with pytest.raises(ValueError, match="has no column of time; add time_s"):
@@ -60,8 +60,8 @@ def test_a_table_with_times_has_them(tmp_path):
         state_rows(written(tmp_path, GOOD.replace("vz_m_s", "w")), timed=False)
 
 
-def test_a_mission_goes_on_from_the_paths_that_another_left(tmp_path):
-    """The table of paths as a CSV, its times moved so that the end of a stage is 0."""
+def test_mission_continues_another_one(tmp_path):
+    """The table of paths as CSV, with times shifted so that the end of a stage is 0."""
     mission = cf.run(written(tmp_path, scenario()))
     table = flown_states(mission)
     text = io.StringIO()
@@ -81,8 +81,8 @@ def test_a_mission_goes_on_from_the_paths_that_another_left(tmp_path):
     assert set(found.digests) == {"next.toml", "paths.csv"}
 
 
-def test_inertial_rows_are_beside_the_chief(tmp_path):
-    """The same states, told in Hill's frame and in that of the chief."""
+def test_inertial_rows_are_relative_to_the_chief(tmp_path):
+    """The same states in the Hill frame and in an inertial frame."""
     orbit = chief(CIRCLE + ', latitude = "10 deg"')
     plain = parse(scenario(orbit, MEETING))
     states = plain.states(plain.orbit.build())
@@ -120,15 +120,15 @@ follow = ["A", "B"]
 
 
 def oblate(_, state):
-    """Two-body motion and J2, in m and s."""
+    """Two-body motion with J2, in m and s."""
     mu, j2, radius = 398600.4418e9, 1.08263e-3, 6378137.0
     r = np.linalg.norm(state[:3])
     bulge = 1.5 * j2 * (radius / r) ** 2 * (5.0 * (state[2] / r) ** 2 - np.array([1.0, 1.0, 3.0]))
     return np.concatenate([state[3:], -mu / r**3 * state[:3] * (1.0 - bulge)])
 
 
-def test_craft_follow_their_ephemerides(tmp_path):
-    """In eccentric orbits about an oblate Earth, the closest approach is that of the ephemerides."""
+def test_spacecraft_follow_their_ephemerides(tmp_path):
+    """The closest approach on eccentric orbits with J2 is that of the ephemerides."""
     first = inertial_from_elements([6.93e6, 0.3, 2e-3, 1e-3, 1.7, 0.5])
     second = inertial_from_elements([6.93e6 + 20.0, 0.3 + 4e-5, 2.02e-3, 1.02e-3, 1.70002, 0.5 + 1e-5])
     span = {"t_eval": np.arange(0.0, 4501.0, 60.0), "dense_output": True, "rtol": 1e-12, "atol": 1e-7}
@@ -162,8 +162,8 @@ def test_craft_follow_their_ephemerides(tmp_path):
     assert np.linalg.norm(off) > 5e-3 * np.linalg.norm(end[:3])  # what Hill's equations omit
 
 
-def test_a_table_of_states_is_a_path_to_judge(tmp_path):
-    """Rows of a coast, an impulse and a coast, in Hill's frame: the run finds the path and its delta-v."""
+def test_table_of_states_as_a_path(tmp_path):
+    """Rows of a coast, an impulse and a coast give the path and its delta-v."""
     orbit = cf.Orbit.circular(550e3)
     before = orbit.coast([0.0, -300.0, 0.0, 0.0, 0.0, 0.0], 600.0)
     jump = np.array([0.0, 0.0, 0.0, 0.05, -0.02, 0.01])

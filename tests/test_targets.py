@@ -1,4 +1,4 @@
-"""Named relative orbits against an integrator, dense sampling and the formulas of the literature."""
+"""Named relative orbits against an integrator, dense sampling and published formulas."""
 
 import numpy as np
 import pytest
@@ -29,7 +29,7 @@ counts = st.integers(1, 9)
 
 
 def flown(n, states, times):
-    """States (T, N, 6) at `times` from 0 on by integration of Hill's equations; theory (1)."""
+    """Return states (T, N, 6) by integration of theory (1)."""
 
     def hill(_, flat):
         x, _, z, vx, vy, vz = flat.reshape(-1, 6).T
@@ -43,7 +43,7 @@ def flown(n, states, times):
 
 
 def gaps(states):
-    """Relative states (..., pairs, 6) of all pairs i < j of (..., N, 6)."""
+    """Return relative states (..., pairs, 6) of all pairs i < j."""
     first, second = np.triu_indices(states.shape[-2], 1)
     return states[..., first, :] - states[..., second, :]
 
@@ -53,12 +53,12 @@ def turn(count=2000):
 
 
 def sampled(states, times):
-    """States (T, N, 6) of coasting craft; checked against `flown` elsewhere."""
+    """Return states (T, N, 6) of coasting spacecraft."""
     return np.moveaxis(ORBIT.coast(states, max(times[-1], 1.0)).state(times), 1, 0)
 
 
 @pytest.mark.parametrize("name", FORMATIONS)
-def test_a_formation_is_where_it_was_after_each_orbit(name):
+def test_formations_repeat_each_orbit(name):
     states = FORMATIONS[name]
     turns = flown(N, states, np.arange(4) * ORBIT.period)
     np.testing.assert_allclose(
@@ -68,13 +68,13 @@ def test_a_formation_is_where_it_was_after_each_orbit(name):
 
 
 @pytest.mark.parametrize("name", RINGS)
-def test_craft_of_a_ring_follow_each_other_around(name):
+def test_spacecraft_of_a_ring_follow_each_other(name):
     states = FORMATIONS[name]
     later = flown(N, states, np.array([0.0, ORBIT.period / len(states)]))[1]
     np.testing.assert_allclose(later[:, :3], np.roll(states, -1, axis=0)[:, :3], atol=STRAY)
 
 
-def test_projected_circular_is_a_circle_seen_from_the_earth():
+def test_projected_circle():
     states = FORMATIONS["projected_circular"]
     x, y, z = np.moveaxis(flown(N, states, turn(500))[..., :3], -1, 0)
     np.testing.assert_allclose(np.hypot(y, z), 150.0, atol=STRAY)
@@ -85,7 +85,7 @@ def test_projected_circular_is_a_circle_seen_from_the_earth():
 
 @given(st.data())
 @settings(max_examples=20)
-def test_safety_ellipse_swings_as_asked(data):
+def test_safety_ellipse_amplitudes(data):
     radial, cross_track = data.draw(lengths), data.draw(lengths)
     along_track, phase = data.draw(st.floats(-1e4, 1e4)), data.draw(angles)
     states = targets.safety_ellipse(ORBIT, 3, radial, cross_track, along_track, phase)
@@ -101,7 +101,7 @@ def test_safety_ellipse_swings_as_asked(data):
 
 
 def least_across(e, i):
-    """D'Amico and Montenbruck 2006: least separation across the track of vectors a de and a di (2,)."""
+    """Return the least separation perpendicular to the track (D'Amico and Montenbruck 2006)."""
     both = np.linalg.norm(e + i) * np.linalg.norm(e - i)
     return np.sqrt(2.0) * abs(e @ i) / np.sqrt(e @ e + i @ i + both)
 
@@ -137,19 +137,19 @@ def test_separated_ring_is_passively_safe_at_any_along_track_offset(count, e, i,
         assert least_across(*vectors) >= promised * (1.0 - 1e-9)
 
 
-def test_a_projected_circle_is_not_passively_safe():
+def test_projected_circle_is_not_passively_safe():
     apart = gaps(sampled(FORMATIONS["projected_circular"], turn()))
     assert (np.hypot(apart[..., 0], apart[..., 2]).min(axis=0) < 1.0).all()  # of some 100 m
 
 
-def test_pearls_stay_put():
+def test_string_of_pearls_is_at_rest():
     states = FORMATIONS["string_of_pearls"]
     np.testing.assert_allclose(flown(N, states, turn(7)) - states, 0.0, atol=1e-12)
     np.testing.assert_allclose(states[:, 1], [-112.5, -37.5, 37.5, 112.5])
     assert (states[:, [0, 2, 3, 4, 5]] == 0.0).all()
 
 
-def test_pendulum_keeps_its_spacing_where_all_cross_the_plane():
+def test_pendulum_spacing():
     states = FORMATIONS["pendulum"]
     flight = flown(N, states, turn(401))
     next_to = np.diff(flight, axis=1)
@@ -172,7 +172,7 @@ def test_line_in_deep_space():
     st.sampled_from(["eccentricity", "altitude_difference"]),
 )
 @settings(max_examples=30)
-def test_palmers_single_changes(state, what):
+def test_removal_of_one_relative_element(state, what):
     state = np.array(state) * [1, 1, 1, N, N, N]
     changed = getattr(targets, f"without_{what}")(ORBIT, state)
     # In terms of motion: the mean and swing of x, the mean drift of y, and z, over one orbit.
@@ -193,7 +193,7 @@ def test_palmers_single_changes(state, what):
 
 @given(st.data())
 @settings(max_examples=20)
-def test_a_member_is_added_in_the_middle_of_the_largest_gap(data):
+def test_new_member_takes_the_largest_gap(data):
     name = data.draw(st.sampled_from(["safety_ellipse", "separated_ring", "projected_circular"]))
     count = data.draw(st.integers(2, 8))
     full = {
@@ -206,8 +206,8 @@ def test_a_member_is_added_in_the_middle_of_the_largest_gap(data):
     np.testing.assert_allclose(place, full[left_out], atol=1e-9)
 
 
-def test_the_added_member_is_furthest_by_brute_force():
-    """On an uneven ring no phase is further from all over an orbit."""
+def test_new_member_is_furthest_by_brute_force():
+    """On an uneven ring no other phase is further from all members over an orbit."""
     phases = [0.0, 0.4, 1.9, 2.5, 4.0]
     members = np.concatenate([targets.safety_ellipse(ORBIT, 1, 80.0, 120.0, 10.0, p) for p in phases])
     place = targets.added_member(ORBIT, members)
@@ -226,7 +226,7 @@ def test_the_added_member_is_furthest_by_brute_force():
 
 
 @pytest.mark.parametrize("count", [2, 3, 4, 7])
-def test_a_member_is_added_at_the_end_of_a_string(count):
+def test_new_member_extends_a_string(count):
     pearls = targets.string_of_pearls(ORBIT, count, 75.0)
     place = targets.added_member(ORBIT, pearls)
     np.testing.assert_allclose(place, pearls[-1] + [0, 75.0, 0, 0, 0, 0])
@@ -240,13 +240,13 @@ def test_a_member_is_added_at_the_end_of_a_string(count):
     assert abs(abs(targets.added_member(ORBIT, loose)[1]) - 37.5 * (count + 1)) < 10.0
 
 
-def test_a_second_craft_takes_the_other_side_of_the_ellipse():
+def test_second_member_of_an_ellipse():
     both = targets.projected_circular(ORBIT, 2, 100.0, 0.7)
     np.testing.assert_allclose(targets.added_member(ORBIT, both[:1]), both[1], atol=1e-12)
 
 
 def formations(least=2):
-    """Craft about the origin, anywhere and drifting, or on named orbits."""
+    """Draw spacecraft at random states or on named orbits."""
     loose = st.tuples(st.integers(least, 7), st.integers(0, 2**32 - 1)).map(
         lambda drawn: (
             np.random.default_rng(drawn[1]).normal(size=(drawn[0], 6)) * [300, 300, 300, 0.3, 0.3, 0.3]
@@ -257,7 +257,7 @@ def formations(least=2):
 
 @given(formations(), st.floats(100.0, 2e4), st.floats(1.0, 10.0), st.sampled_from([ORBIT, DEEP]))
 @settings(max_examples=40)
-def test_scattered_pairs_are_as_far_apart_as_promised(states, duration, factor, orbit):
+def test_scattered_pairs_reach_their_distance(states, duration, factor, orbit):
     final = targets.scattered(orbit, states, duration, factor)
     coasted = flown(orbit.mean_motion, states, np.array([0.0, duration]))[1]
     before, now, coasting = (np.linalg.norm(gaps(s)[..., :3], axis=-1) for s in (states, final, coasted))
@@ -273,7 +273,7 @@ def test_scattered_pairs_are_as_far_apart_as_promised(states, duration, factor, 
     np.testing.assert_allclose(gaps(after), scale[0] * gaps(ever), atol=1e-6 * scale[0] * np.abs(after).max())
 
 
-def test_scattering_about_the_centroid_costs_least():
+def test_scattering_about_the_centroid_has_minimum_cost():
     states, duration = FORMATIONS["separated_ring"] + [50, 20, -30, 0, -0.11, 0], 1500.0
     final = targets.scattered(ORBIT, states, duration, 3.0)
     least = ORBIT.transfer(states, final, duration).energy.sum()
@@ -290,7 +290,7 @@ def test_scattering_about_the_centroid_costs_least():
     st.sampled_from([ORBIT, DEEP]),
 )
 @settings(max_examples=40)
-def test_everybody_is_scattered_from_a_point(states, duration, point, distance, orbit):
+def test_scattering_from_a_point(states, duration, point, distance, orbit):
     coasted = flown(orbit.mean_motion, states, np.array([0.0, duration]))[1]
     away = np.linalg.norm(coasted[:, :3] - point, axis=1)
     if away.min() < 1e-3:
@@ -309,7 +309,7 @@ def test_everybody_is_scattered_from_a_point(states, duration, point, distance, 
 
 
 @pytest.mark.parametrize("orbit", [ORBIT, DEEP])
-def test_regathered_craft_fly_the_orbits_that_they_had(orbit):
+def test_regathering_restores_the_orbits(orbit):
     states = FORMATIONS["separated_ring"] + [30, 5, 2, 0.01, 0.02, 0.03]  # drifting as well
     truth = flown(orbit.mean_motion, states, np.array([0.0, 4321.0, 9000.0]))
     home = targets.regathered(orbit, states, 4321.0)
@@ -353,7 +353,7 @@ REFUSED = {
 }
 
 
-def test_what_is_refused():
+def test_invalid_input():
     for words in REFUSED:
         with pytest.raises(ValueError, match=words):
             REFUSED[words]()

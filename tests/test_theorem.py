@@ -1,4 +1,4 @@
-"""S04's lemmas and every case of its theorem 2, on states drawn so that each case occurs."""
+"""Lemmas of S04 and each case of its theorem 2, on states sampled so that each case occurs."""
 
 from math import inf, pi, radians, sin
 
@@ -43,8 +43,8 @@ def in_cones(half_angle, position):
     return np.abs(np.asarray(position)[..., 2]) >= distance * np.cos(pi / 2 - radians(half_angle))
 
 
-def ray_in_cone(draw, count, half_angle, share=1.0):
-    """Directions inside of either complementary cone, up to a share of its half-angle."""
+def directions_in_cone(draw, count, half_angle, share=1.0):
+    """Return directions inside either complementary cone, up to a share of its half-angle."""
     tilt = radians(90.0 - half_angle) * share * np.sqrt(draw.uniform(size=count))
     around = draw.uniform(0.0, 2 * pi, count)
     side = draw.choice([-1.0, 1.0], count)
@@ -71,8 +71,8 @@ def test_regions_are_the_quadrants_of_figure_5():
 
 @pytest.mark.parametrize("mops", [1, 2])
 def test_table_1(mops):
-    """j in a region of i means i in the corresponding region of j; and groups search them at one time."""
-    rays = ray_in_cone(generator(1), 2000, 70.0)
+    """If j is in a region of i, then i is in the corresponding region of j, searched at the same time."""
+    rays = directions_in_cone(generator(1), 2000, 70.0)
     seen, back = cone_regions(S04, rays, mops), cone_regions(S04, -rays, mops)
     for region, other in {1: 3, 2: 4, 3: 1, 4: 2}.items():
         np.testing.assert_array_equal(seen[:, region - 1], back[:, other - 1])
@@ -85,10 +85,10 @@ def test_table_1(mops):
 
 
 @pytest.mark.parametrize("half_angle", HALF_ANGLES)
-def test_whole_regions_are_seen_when_they_are_searched(half_angle):
-    """By the papers' turns: at each of these instants the cone holds the region, and nothing is left over."""
+def test_cones_cover_the_searched_regions(half_angle):
+    """At each of these instants the cone contains the region."""
     search = modified(half_angle)
-    rays = ray_in_cone(generator(2), 3000, half_angle)
+    rays = directions_in_cone(generator(2), 3000, half_angle)
     turning = {group: Turning(turns("modified", radians(half_angle)), RATE, group) for group in "AB"}
     for mops in (1, 2):
         regions = cone_regions(search, rays, mops)
@@ -113,7 +113,7 @@ def test_lemma_1(half_angle, mops):
     """
     search, draw, count = modified(half_angle), generator(3), 20_000
     start, end = {(n, k): (a, b) for n, k, a, b in search.phases}["mOPS", mops]
-    first, last = ray_in_cone(draw, count, half_angle), ray_in_cone(draw, count, half_angle)
+    first, last = directions_in_cone(draw, count, half_angle), directions_in_cone(draw, count, half_angle)
     last *= np.sign(first[:, 2:] * last[:, 2:])  # in one cone: only the apex leads to the other
     sizes = 10.0 ** draw.uniform(0, 4, (2, count, 1))
     first, last = first * sizes[0], last * sizes[1]
@@ -137,7 +137,7 @@ def test_lemma_1(half_angle, mops):
 @pytest.mark.parametrize("half_angle", HALF_ANGLES)
 @pytest.mark.parametrize("number", [1, 2])
 def test_lemma_2(half_angle, number):
-    """Outside of the complementary cones for the whole of an IPS means a lock in it."""
+    """A pair outside the complementary cones during a whole IPS locks in it."""
     search, draw, count = modified(half_angle), generator(4), 10_000
     start, end = {(n, k): (a, b) for n, k, a, b in search.phases}["IPS", number]
     first, last = draw.normal(size=(2, count, 3)) * 10.0 ** draw.uniform(0, 4, (2, count, 1))
@@ -160,8 +160,8 @@ def test_lemma_2(half_angle, number):
     assert (found.time <= end).all()
 
 
-def test_lemma_3_by_how_often_a_line_meets_the_cones():
-    """None, one, two, or the whole line."""
+def test_lemma_3_number_of_crossings():
+    """A line meets the cones never, once, twice or entirely."""
     c, s = S04.sensor.cosine, sin(S04.sensor.half_angle)
     assert cone_crossings(S04, [10.0, 0.0, 0.0], [0.0, 0.0, 0.0]) == ()
     assert cone_crossings(S04, [10.0, 0.0, 0.0], [0.0, 1.0, 0.0]) == ()
@@ -175,7 +175,7 @@ def test_lemma_3_by_how_often_a_line_meets_the_cones():
 
 @settings(deadline=None, max_examples=50)
 @given(st.integers(0, 10**9), st.floats(46.0, 89.0), st.floats(-3.0, 7.0), st.floats(-9.0, 3.0))
-def test_lemma_3_crossings_to_the_last_digits(seed, half_angle, size, speed):
+def test_lemma_3_crossings_in_60_digits(seed, half_angle, size, speed):
     """The roots of S04 eq. 5 in 60 digits."""
     search = modified(half_angle)
     draw = generator(seed)
@@ -206,7 +206,7 @@ def test_lemma_3_crossings_to_the_last_digits(seed, half_angle, size, speed):
 
 
 def states(count, seed):
-    """States that cross the cones' surface at drawn times and places, near the axis and far."""
+    """Return states that cross the cone surface at random times and places."""
     draw = generator(seed)
     instants = np.sort(draw.uniform(-1000.0, 9000.0, (count, 2)), axis=1) + [[0.0, 1.0]]
     tilt = radians(20.0) * draw.uniform(0.0, 3.0, (2, count)) ** 2
@@ -219,15 +219,15 @@ def states(count, seed):
     return two[0] - instants[:, :1] * velocities, velocities
 
 
-def late():
-    """Some of the few that lock in the second IPS."""
-    position, velocity = states(500_000, 9)
+def late_locks():
+    """Return some of the few pairs that lock in the second IPS."""
+    position, velocity = states(200_000, 9)
     found = lock_times(S04, position, velocity).leg == 8
     return position[found][:100], velocity[found][:100]
 
 
-def needing_all(count, seed):
-    """S04's state and its like: they need the second mOPS."""
+def needing_second_mops(count, seed):
+    """Return states that need the second mOPS."""
     draw = generator(seed)
     position, velocity = map(np.array, COUNTEREXAMPLE)
     return position + draw.uniform(-0.3, 0.3, (count, 3)), velocity + draw.uniform(-1e-4, 1e-4, (count, 3))
@@ -235,7 +235,9 @@ def needing_all(count, seed):
 
 @pytest.fixture(scope="module")
 def cases():
-    position, velocity = map(np.concatenate, zip(states(2500, 5), late(), needing_all(40, 6), strict=True))
+    position, velocity = map(
+        np.concatenate, zip(states(2500, 5), late_locks(), needing_second_mops(40, 6), strict=True)
+    )
     return [(r, v, theorem_case(S04, r, v)) for r, v in zip(position, velocity, strict=True)]
 
 
@@ -249,7 +251,7 @@ def test_every_case_occurs(cases):
 
 
 def test_volumes_against_sampling(cases):
-    """Where the craft is between its changes, and the number of them, by the cones' definition."""
+    """Compare the volume at each time, and the number of changes, with the definition of the cones."""
     later = np.concatenate([np.linspace(0.0, 20_000.0, 2001), 10.0 ** np.linspace(4.4, 8.0, 200)])
     for r, v, case in cases[::4]:
         inside = in_cones(70.0, r + later[:, None] * v)
@@ -262,8 +264,8 @@ def test_volumes_against_sampling(cases):
         assert all(t >= 0.0 for t in case.changes)
 
 
-def test_the_guarantee_holds_in_each_case(cases):
-    """S04's proof of theorem 2, said over again in words of times."""
+def test_guarantee_holds_in_each_case(cases):
+    """The proof of theorem 2 of S04, stated in times."""
     latest = {
         ("1", "in-plane"): ("IPS", 1),
         ("1", "complementary cone"): ("mOPS", 1),
@@ -333,7 +335,7 @@ def test_touching_and_starting_on_the_surface():
 
 @pytest.mark.parametrize("half_angle", [1e-1, 1e-3, 1e-5, 1e-7])
 def test_planar_theorem(half_angle):
-    """S04 theorem 1: in the plane one and a half turns lock any pair, however narrow the cone."""
+    """S04 theorem 1: in the plane, 1.5 turns lock any pair, however narrow the cone."""
     search = Search.basic(Sensor(half_angle), RATE, LIMIT)
     draw, count = generator(8), 20_000
     first, last = draw.normal(size=(2, count, 3)) * 10.0 ** draw.uniform(0, 4, (2, count, 1)) * [1, 1, 0]

@@ -1,4 +1,4 @@
-"""Thrusters: what they reach, by linear programs; where they point; and what is refused."""
+"""Thrusters: reachable directions by linear programs, frames and invalid input."""
 
 import numpy as np
 import pytest
@@ -8,17 +8,17 @@ import closeform as cf
 
 
 def reaches(directions, wanted):
-    """Whether some thrust of the directions is `wanted`: a linear program."""
+    """Return True if a combination of the directions is `wanted` (linear program)."""
     done = linprog(np.ones(len(directions)), A_eq=directions.T, b_eq=wanted, bounds=(0, None))
     return done.status == 0
 
 
 @pytest.mark.slow
-def test_what_is_not_reached_is_named():
-    """In 300 sets of 1 to 7 directions: all of 40 others are reached, or the one named is not."""
+def test_unreachable_direction_is_named():
+    """In 60 sets of 1 to 7 directions: all of 40 others are reached, or the one named is not."""
     rng = np.random.default_rng(5)
     seen = set()
-    for _ in range(300):
+    for _ in range(60):
         directions = rng.normal(size=(rng.integers(1, 8), 3))
         directions /= np.linalg.norm(directions, axis=1)[:, None]
         named = cf.Thrusters(directions).unreachable
@@ -34,15 +34,15 @@ def test_what_is_not_reached_is_named():
 
 
 @pytest.mark.parametrize("kept", [[0], [2, 3], [0, 1, 2, 3], [0, 2, 4], [0, 1, 2, 3, 4]])
-def test_parts_of_six_do_not_reach_everything(kept):
+def test_subsets_of_six_thrusters_are_incomplete(kept):
     directions = cf.Thrusters.rtn().directions[kept]
     named = cf.Thrusters(directions).unreachable
     assert (directions @ named < 1e-12).all()
     assert not reaches(directions, named)
 
 
-def test_inertial_thrusters_stay_where_stars_are():
-    """Their directions, put back into inertial axes, do not turn: by the frames of two-body motion."""
+def test_inertial_thrusters_do_not_rotate():
+    """Transform their directions back by the frames of two-body motion."""
     orbit = cf.Orbit.circular(500e3)
     radius = float(cf.elements.semi_major_axis_from_mean_motion(orbit.mean_motion))
     thrusters = cf.Thrusters.rtn("inertial")
@@ -65,7 +65,7 @@ def test_inertial_thrusters_stay_where_stars_are():
         assert np.abs(inertial - thrusters.directions).max() < 1e-8  # of 1 m beside 7e6 m
 
 
-def test_newtons_become_accelerations():
+def test_force_becomes_acceleration():
     thrusters = cf.Thrusters(np.eye(3)).with_force([0.1, 0.2, 0.4], mass=20.0, minimum_impulse=0.01)
     assert np.allclose(thrusters.acceleration, [0.005, 0.01, 0.02])
     assert np.allclose(thrusters.minimum_bit, 5e-4)
@@ -98,7 +98,7 @@ def test_newtons_become_accelerations():
         ({"period": 0.0}, "period: must be positive and finite, got 0 s"),
     ],
 )
-def test_refused(arguments, message):
+def test_invalid_input(arguments, message):
     with pytest.raises(ValueError, match=r": ") as error:
         cf.Thrusters(**{"directions": np.eye(3)} | arguments)
     assert str(error.value) == message

