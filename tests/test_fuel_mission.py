@@ -349,7 +349,7 @@ def test_avoidance_from_a_coast_has_no_relative_cost(ran):
 
 
 def test_pulses_that_violate_a_zone_give_status_1(ran):
-    """The end is a centimetre outside the zone; there is no room, and pulses lead further off."""
+    """The end is a centimetre outside the zone, and pulses deviate into it."""
     text = passage('max_thrust = "20 mN"\nthrusters = "rtn"\nperiod = "120 s"', 'cost = "energy"')
     run = ran(text.replace("0 8 80 m", "20.01 0 0 m"))
     assert run.status == 1

@@ -92,7 +92,7 @@ def test_late_stage_is_not_clear(stage: str, tmp_path, monkeypatch, capsys) -> N
         assert mission.verdict.ok is kept
 
 
-def test_several_late_stages_and_craft() -> None:
+def test_several_late_stages_and_spacecraft() -> None:
     uses = tuple(Use("thrust", "N", f"F{k}", 0.12341, 0.1) for k in range(5))
     late = Late(1, "avoid", 100.0, 150.0, uses), Late(3, "scatter", 200.0, 250.05)
     assert str(Verdict(None, 1, 1, (), False, late)) == (
