@@ -192,7 +192,7 @@ def test_rotated_covariance_agrees_with_samples():
     state, rng = circular().states[7], np.random.default_rng(1)
     for frame in ("RTN", "TNW"):
         rows = axes(frame, state)
-        drawn = rng.multivariate_normal(np.zeros(6), MATRIX, 60_000)
+        drawn = rng.multivariate_normal(np.zeros(6), MATRIX, 200_000)
         placed = np.concatenate([drawn[:, :3] @ rows, drawn[:, 3:] @ rows], axis=1)
         scale = np.sqrt(np.diag(MATRIX)).max()
         np.testing.assert_allclose(
