@@ -192,7 +192,7 @@ class Cluster:
 
     def gone(self) -> ClusterError:
         """Return the error of a scheduler that no longer answers."""
-        return ClusterError(f"--scheduler: {self.name} no longer answers; start it again")
+        return ClusterError(f"--scheduler: {self.name} no longer responds; start it again")
 
 
 def address_of(scheduler: str) -> str:
@@ -218,7 +218,7 @@ def address_of(scheduler: str) -> str:
     try:
         socket.create_connection((parts[1].strip("[]"), int(parts[2])), ANSWER).close()
     except (OSError, OverflowError):
-        line = f"does not answer within {ANSWER:g} s; start it, or check the address"
+        line = f"does not respond within {ANSWER:g} s; start it, or check the address"
         raise ClusterError(f"--scheduler: {address} {line}") from None
     return address
 

@@ -100,7 +100,7 @@ def simulated_figures(scenario: Scenario) -> Iterator[Figure]:
         label = f"simulated: stage {number}, {stage.verb}, end position error [m]"
         yield Figure(f"stage_{number}_end_m", of(end, number), label)
     off = of(lambda one: one.flight.greatest_deviation)
-    yield Figure("flown_off_m", off, "simulated: greatest deviation [m]")
+    yield Figure("flown_off_m", off, "simulated: largest deviation [m]")
     yield Figure(END, of(lambda one: one.flight.greatest_end))
     yield Figure(RATIO, of(lambda one: one.flight.least_ratio if one.flight.ratios.size else nan))
 

@@ -265,7 +265,7 @@ def _zones(zone: Zone | PairZones) -> tuple[Zone, ...]:
 
 
 def _jobs(zone: Zone | PairZones, pairs: Any) -> Iterator[tuple[Zone, Any, Any]]:
-    """Yield portions of the search: a zone, and the pairs for which the first may be inside the second's."""
+    """Yield each zone, and the pairs in which the first spacecraft may be inside that zone of the second."""
     for first, second in pairs:
         if isinstance(zone, PairZones):
             for k, some in by_zone(zone.which(first, second)):

@@ -5,10 +5,10 @@ h a spacecraft deviates from the chord between its two positions by
 
     e(t) = -integral of G(t, s) r''(s) ds,   G(t, s) = (min(t, s) - t_k) (t_k+1 - max(t, s)) / h
 
-which is at most h^2/8 times its greatest acceleration, plus |w| (s - t_k) (t_k+1 - s) / h for each
-velocity jump w at time s.  Two spacecraft deviate from the chord between their relative positions by at
-most the sum of both, so they stay outside a ball if that chord stays outside a ball enlarged by that
-sum.                                                                          # theory (23)
+which is at most h^2/8 times its largest acceleration, plus |w| (s - t_k) (t_k+1 - s) / h for each
+velocity jump w at time s.  The relative position of two spacecraft deviates from its chord by at most the
+sum of their two deviations.  It therefore stays outside a ball if the chord stays outside the ball enlarged
+by that sum.                                                                  # theory (23)
 Positions and deviations belong to spacecraft, not to pairs; a pair takes some forty
 operations for an interval, without a branch, whatever the paths.
 

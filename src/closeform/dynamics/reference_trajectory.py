@@ -111,7 +111,9 @@ class Commands:
 
 @dataclass(frozen=True, eq=False)
 class Flights:
-    """S simulations: `states` (S, N, T, 6) at shown times, and `arrivals`, the same before impulses.
+    """Results of S simulations: `states` (S, N, T, 6) at the output times, after impulses.
+
+    `arrivals` are the states just before impulses.
 
     `fired` (S, N, Q, 3) [m/s] are impulses at the times of the table, or thruster orders then. The delta-v
     `spent` (S, N) [m/s], the delta-v `asked` (N,) without errors, and the time at the limit `limited` (S, N)

@@ -63,7 +63,7 @@ class Program:
         return values, rates
 
     def highest(self, c: Floats) -> tuple[float, Floats]:
-        """Return a certified bound of d_i . p, and the times between grid times where it is highest."""
+        """Return a certified bound on max d_i . p, and the times of its maxima between grid times."""
         fourth = self.fourth(c)
         count = int(FINE_PER_TURN * self.n / (2 * np.pi) + (fourth / (384.0 * BETWEEN)) ** 0.25) + 3
         times, h = np.linspace(0.0, 1.0, count, retstep=True)

@@ -116,8 +116,8 @@ def closeness(spent: float, bound: float, cost: Cost = "energy", limited: bool =
     if is_proven(spent, bound):
         return f"proven minimum {of} these ends and times"
     if not bound > 0.0:
-        return f"beside a {cost} of 0 where nothing is in the way"
-    return f"at most {100.0 * gap(spent, bound):.2g} % above the least {of} these ends and times"
+        return f"compared with a {cost} of 0 where nothing is in the way"
+    return f"at most {100.0 * gap(spent, bound):.2g} % above the minimum {of} these ends and times"
 
 
 class _Search:

@@ -197,7 +197,7 @@ def coasting(flight: WatchedFlight, zones: PairZones) -> tuple[Picture, ...]:
         return tuple(found)
     hit = len({(met.first, met.second) for met in flight.conflicts})
     if hit > 1:
-        caption = "Least clearance ratio of each pair"
+        caption = "Minimum clearance ratio of each pair"
         found.append(Picture("ratios", caption, "ratio_matrix", (flight.paths, zones), names))
     return (*found, nearest(flight, zones, min(max(hit, FEWEST), MOST_CURVES)), *deepest(flight))
 

@@ -85,7 +85,7 @@ def columns(mission: Mission, paths: Iterable[Path]) -> tuple[Column, ...]:
 def shown(
     mission: Mission, columns: Iterable[Column], hide: Container[str | None] = ()
 ) -> tuple[Column, ...]:
-    """Return the columns without some keys, and without propellant if it is unknown."""
+    """Return the columns, hiding those in `hide`, and propellant if its consumption is unknown."""
     known = bool(np.isfinite(mission.propellant).any())
     kept = (
         replace(one, heading=None) if one.key in hide or (one.key == FUEL.key and not known) else one

@@ -46,7 +46,7 @@ PHASES = (PHASE, FROM, TO, Column("[min:s]"), Column("sky covered", None, "{:.2f
 TURNS = (
     *(PHASE, FROM, TO),
     Column("turn", None, turn, parts=("about", "angle_rad")),
-    Column("greatest sun angle [deg]", "sun_angle_rad", "{:.3f}".format, 180.0 / pi),
+    Column("largest sun angle [deg]", "sun_angle_rad", "{:.3f}".format, 180.0 / pi),
 )
 
 
@@ -72,7 +72,7 @@ def facts(search: Search, duration: float, attained: SunAngle | None = None) -> 
     )
     within = search.sun_angle <= search.sun_limit + ROUNDING if attained is None else attained.within
     angle, commanded = (
-        "greatest angle between body x and the sun line",
+        "largest angle between body x and the sun line",
         ", as commanded" * (attained is not None),
     )
     motion = degrees(search.sun_drift) * duration / search.duration

@@ -444,4 +444,4 @@ class StudyReport(CasesReport):
             if name != LATER  # the same cases
             for value, case in found.worst
         ]
-        return (Table("The ten greatest", GREATEST, rows),)
+        return (Table("The ten largest", GREATEST, rows),)

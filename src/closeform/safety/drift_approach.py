@@ -92,8 +92,8 @@ def passively_safe(
     zone : Zone
         Zone of the pair.
     until : float [s]
-        End of the drift, on the clock of the paths: at the end of the path that fails, or later; inf
-        means a million orbits, in which a spacecraft that does not fail coasts after its end.
+        End of the drift, in the time of the paths, not before the failing path ends. inf stands for
+        a million orbits. A spacecraft that does not fail coasts once its path has ended.
     failure : ThrustLost, MissedBurns, DegradedThrust or StuckOnThrust, default ThrustLost()
         Failure of thrust.
     failing : {"path", "other", "either", "both"}, default "path"
@@ -150,8 +150,8 @@ def drift_approach(
     zone : Zone
         Zone that defines the norm.
     until : float [s]
-        End of the drift, on the clock of the paths: at the end of the path that fails, or later; inf
-        means a million orbits, in which a spacecraft that does not fail coasts after its end.
+        End of the drift, in the time of the paths, not before the failing path ends. inf stands for
+        a million orbits. A spacecraft that does not fail coasts once its path has ended.
     failure : ThrustLost, MissedBurns, DegradedThrust or StuckOnThrust, default ThrustLost()
         Failure of thrust.
     failing : {"path", "other", "either", "both"}, default "path"

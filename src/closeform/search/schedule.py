@@ -145,7 +145,7 @@ class Search(Result):
 
     @property
     def duration(self) -> float:
-        """Total duration of all legs [s]; that of a new search excludes the near-field search."""
+        """Total duration of all legs [s]; of a search as created, without the near-field search."""
         return self.legs[-1].end
 
     @cached_property

@@ -209,5 +209,5 @@ def _intervals(name: str, value: ArrayLike) -> Floats:
     if array.ndim < 2 or array.shape[-1] != 2:
         raise ValueError(f"{name}: expected shape (..., K, 2), got {array.shape}")
     if not (array[..., 0] <= array[..., 1]).all():
-        raise ValueError(f"{name}: an interval ends before it begins; give begin and end in s")
+        raise ValueError(f"{name}: an interval ends before it begins; give its start, then its end, in s")
     return array

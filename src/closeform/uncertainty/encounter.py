@@ -182,6 +182,6 @@ def _warnings(eccentricity: float, distance: float, radius: float, *errors: Unce
     if curved > 0.1 * least and curved > 1.0:
         found.append(
             f"at {distance:.4g} m the curvature of the orbit is {curved:.2g} m, compared with a "
-            f"least standard deviation of {least:.2g} m"
+            f"smallest standard deviation of {least:.2g} m"
         )
     return found

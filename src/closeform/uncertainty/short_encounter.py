@@ -28,7 +28,8 @@ def passes_through(histories: SampledTrajectories) -> tuple[float, float]:
     if not start + EDGE * (end - start) < approach.time < end - EDGE * (end - start):
         edge = "start" if approach.time < 0.5 * (start + end) else "end"
         raise NotPassing(
-            f'path, other: closest at the {edge}, so that they do not pass each other; use method="entries"'
+            f"path, other: closest approach is at the {edge} of the time span, so they do not pass each "
+            'other in it; use method="entries"'
         )
     mean, factor = histories.states(np.array([approach.time]))
     matrix = histories.zone.matrix

@@ -84,9 +84,9 @@ class PairZones:
         Raises
         ------
         ValueError
-            If `zones` contains another type, or `names` or `moves` differ in length; naming two bodies, if
-            neither of their regions contains the other, if their covariances are of different sigmas, or if
-            their sum is unbounded.
+            If `zones` contains another type, or if `names` or `moves` differ from it in length. If, for two
+            bodies that the message names, neither region contains the other, the covariances have different
+            `sigmas`, or the sum of the regions is unbounded.
 
         References
         ----------

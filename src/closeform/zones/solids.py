@@ -104,7 +104,7 @@ class Ellipsoid(Zone):
         variances, axes = np.linalg.eigh(matrix)
         if variances[0] <= 1e-15 * variances[-1]:
             raise ValueError(
-                f"covariance: must be positive definite, its least variance is {variances[0]:g} m^2"
+                f"covariance: must be positive definite, its smallest variance is {variances[0]:g} m^2"
             )
         return cls(sigmas * np.sqrt(variances), axes.T)
 
