@@ -145,7 +145,10 @@ DAMAGE = {
     "a word": (lambda text: text.replace("75.0", "many"), "line 17: 'many' is not a number"),
     "epochs fall": (lambda text: HEAD + "".join(ROWS.splitlines(True)[::-1]), "line 17: epochs must rise"),
     "epoch twice": (lambda text: text + ROWS.splitlines()[2], "line 19: epochs must rise"),
-    "no epoch": (lambda text: text.replace("23:59:60.5", "23:59"), "line 17: '2016-12-31T23:59' is not a valid epoch"),
+    "no epoch": (
+        lambda text: text.replace("23:59:60.5", "23:59"),
+        "line 17: '2016-12-31T23:59' is not a valid epoch",
+    ),
     "no such day": (lambda text: text.replace("2017-01-01T", "2017-02-30T"), "is not a valid epoch"),
     "missing keyword": (
         lambda text: text.replace("REF_FRAME = EME2000\n", ""),

@@ -77,7 +77,8 @@ def test_late_stage_is_not_clear(stage: str, tmp_path, monkeypatch, capsys) -> N
     (flown,) = summary["stages"]
     assert late["took_s"] == pytest.approx(flown["end_s"], rel=1e-12)
     verb = flown["do"]
-    begin = f"later than requested: stage 1 ({verb}) by {late['took_s'] - late['asked_s']:.1f} s, for want of "
+    by = f"{late['took_s'] - late['asked_s']:.1f} s"
+    begin = f"later than requested: stage 1 ({verb}) by {by}, for want of "
     verdict = summary["verdict"]
     assert verdict.startswith(begin)
     assert f'<p class="verdict bad">{verdict}</p>' in page

@@ -352,9 +352,7 @@ def test_chunks_meet_without_a_gap() -> None:
 def test_the_ten_greatest_are_linked_to_their_replays(desk, capsys) -> None:
     main(STUDY)
     summary = json.loads((desk / "out" / "summary.json").read_text())
-    page = (
-        (desk / "out" / "report.html").read_text().partition("The ten largest")[2].partition("</table>")[0]
-    )
+    page = (desk / "out" / "report.html").read_text().partition("The ten largest")[2].partition("</table>")[0]
     worst = summary["spreads"]["time [s]"]["worst"]
     assert len(worst) == 10
     for value, case in worst:

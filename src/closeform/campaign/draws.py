@@ -35,7 +35,7 @@ def varied(scenario: Scenario) -> dict[str, Draw]:
 
 
 def values(scenario: Scenario, seed: int, key: str, first: int, last: int) -> Any:
-    """Return the values of a key in some cases: (C, N), vectors (C, N, 3).
+    """Return the values of a key in the given cases: (C, N), vectors (C, N, 3).
 
     Tables common to all craft give (C, 1). State keys are sampled by `drawn`.
     """

@@ -200,7 +200,7 @@ def screen(
 
     Notes
     -----
-    Most pairs are excluded by bounds of each spacecraft's motion between common times. For two thousand
+    Most pairs are excluded by bounds on each spacecraft's motion between common times. For two thousand
     spacecraft or more a tree of boxes around these bounds finds the pairs that can meet, without a loop
     over pairs: the run time grows with the number of spacecraft, not of pairs, as long as each has few
     others near it at a time. Memory grows with the number of spacecraft and conflicts. A long screening

@@ -41,7 +41,7 @@ class PairDrift:
     - `ratio`: minimum clearance ratio of the `zone` of the pair.
     - `time`: time of the minimum [s]; inf if the drift is too slow to determine it.
     - `distance`: distance [m] at that time.
-    - `lower`: proven lower bound of the ratio over all failures.  It is farther below `ratio` if the search
+    - `lower`: proven lower bound on the ratio over all failures.  It is farther below `ratio` if the search
       over failures with many unknowns was stopped early.
     - `model`: dynamics of the drift.
     """

@@ -71,7 +71,7 @@ def spent(mission: Mission, result: StageResult[Any, Any], name: str, path: Path
 
 
 def columns(mission: Mission, paths: Iterable[Path]) -> tuple[Column, ...]:
-    """Return the columns of COST that are shown for some paths, with thrust in newtons if the file uses it.
+    """Return the columns of COST shown for these paths, with thrust in newtons if the file uses it.
 
     Propellant is shown if it is known.  Paths with impulses show neither energy nor thrust, as both are
     unbounded.
@@ -299,7 +299,7 @@ def first_of_each(uses: Iterable[Use], idle: bool = False) -> tuple[Use, ...]:
 
 
 def limit_lines(mission: Mission, result: StageResult[Any, Any]) -> Iterator[str]:
-    """Yield the largest use of each kind of limit in words."""
+    """Yield the largest use of each kind of limit as text."""
     for title, uses in greatest(mission, result).items():
         found = []
         for use in uses:

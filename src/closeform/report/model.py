@@ -46,7 +46,7 @@ class Circle:
 
 @dataclass(frozen=True)
 class Reach:
-    """Largest distance [m] from the frame's origin in some flights, with its `craft` and time [s].
+    """Largest distance [m] from the frame's origin in the given flights, with its `craft` and time [s].
 
     `smallest`: the smallest extent of all zones [m], None if there is none.
     """
@@ -102,7 +102,7 @@ def beside(mission: Mission, flown: list[StageResult[Any, Any]]) -> Iterator[str
 
 
 def numbered(stages: list[int]) -> str:
-    """Return stage numbers in words."""
+    """Return stage numbers as text."""
     return f"stage{'s' * (len(stages) != 1)} {', '.join(map(str, stages))}"
 
 
@@ -210,7 +210,7 @@ def predicted(mission: Mission, result: StageResult[Any, Any]) -> tuple[str, ...
 
 
 def margin(result: StageResult[Any, Any]) -> tuple[str, ...]:
-    """Return the keep-out margin of a plan in words."""
+    """Return the keep-out margin of a plan as text."""
     asked = getattr(result.stage, "margin", None)
     plan = plan_of(result)
     if not asked or plan is None:

@@ -435,7 +435,7 @@ def optimality(
     """Yield the optimality gap, the active constraints and the shadow price of clearance of a plan.
 
     `free` is the cost without zones, in the unit of the stage's cost, `whose` its owner; `where` holds the
-    contacts in words, and `names` the craft that the plan counts.
+    contacts as text, and `names` the craft that the plan counts.
     """
     stage, fired, unit = result.stage, result.pulsed is not None, UNITS[plan.cost]
     share = f"at most {100 * plan.gap:.3f} %, " if plan.lower_bound > 0.0 else ""
@@ -606,8 +606,9 @@ def reconfigure_pictures(mission: Mission, result: Joint) -> Iterator[Picture]:
     if result.after.approaches:
         matrix = len(result.after.approaches) > 1
         if matrix and result.before.conflicts and changed:
-            caption, shows = "Minimum clearance ratio of each pair on direct paths", "before: the direct paths"
+            caption = "Minimum clearance ratio of each pair on direct paths"
             pairs = direct, scenario.zones
+            shows = "before: the direct paths"
             yield Picture("ratios-before", caption, "ratio_matrix", pairs, names, shows=shows)
         if matrix:
             caption = "Minimum clearance ratio of each pair"

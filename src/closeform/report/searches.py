@@ -38,7 +38,7 @@ FROM, TO = (
 
 
 def turn(about: str, angle: float) -> str:
-    """Return a turn in words."""
+    """Return a turn as text."""
     return "wait" if about == "none" else f"{degrees(angle):+.3f} deg about the {about}"
 
 
@@ -333,7 +333,7 @@ def halves(gathering: Gathering) -> list[Event]:
 
 
 def met(moment: EventMoment, pair: Sequence[str | None]) -> str:
-    """Return a lock in words."""
+    """Return a lock as text."""
     label, before = moment.event.label, moment.before
     goal = f"knowledge set {label}" if label else "the formation set"
     if max(before) < 0:

@@ -68,7 +68,7 @@ def extended(section: Section, result: "StageResult[Any, Any]", names: Sequence[
 
 
 def lines(found: "UncertainStage") -> tuple[str, ...]:
-    """Return the clearance in sigmas and the probability of collision in words."""
+    """Return the clearance in sigmas and the probability of collision as text."""
     from closeform.mission.uncertainty import fewest, radius
 
     many, near = found.stage.sigmas, found.nearest
@@ -103,7 +103,7 @@ def lines(found: "UncertainStage") -> tuple[str, ...]:
 
 
 def together(found: "UncertainStage") -> float | None:
-    """Return the upper bound of the probability that any pair collides; None for one pair or if unknown."""
+    """Return the upper bound on the probability that any pair collides; None for one pair or if unknown."""
     return found.bodies.any_pair if found.bodies is not None and len(found.bodies.pairs) > 1 else None
 
 

@@ -493,8 +493,8 @@ def throughout(scenario: Scenario, k: int) -> Craft:
         if differ and (craft.thrusters or first.thrusters) is not None:
             raise ValueError(
                 f"stage[{number}].{Craft.key_of(differ[0])}: {name} uses a different value in an "
-                "earlier stage, but a simulation allows one set of thrusters per craft; use one set, or write "
-                "a separate file for each set"
+                "earlier stage, but a simulation allows one set of thrusters per craft; use one set, or "
+                "write a separate file for each set"
             )
     return first or scenario.craft[k]
 
@@ -602,7 +602,7 @@ def unfit(scenario: Scenario, key: str, values: tuple[float, ...]) -> str | None
 
 
 def too_much_turn(given: tuple[Any, ...], draw: Draw, numbers: tuple[Any, ...]) -> str | None:
-    """Return a message if the pointing error of some case can reach 90 deg, or None."""
+    """Return a message if the pointing error of any case can reach 90 deg, or None."""
     if draw.choice is not None:
         most = max(hypot(*value) for value in numbers)
     else:

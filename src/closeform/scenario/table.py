@@ -181,7 +181,8 @@ def as_proving(value: Any) -> Proving:
     gaps = [part for part in parts if part.endswith(("%", "ppm"))]
     times = [part for part in parts if part not in gaps]
     if not parts or max(len(gaps), len(times)) > 1 or any("orbit" in part for part in times):
-        raise ValueError(f'{shown(value)} is not a time or gap; write for example "10 s", "1 %" or "10 s, 1 %"')
+        remedy = 'write for example "10 s", "1 %" or "10 s, 1 %"'
+        raise ValueError(f"{shown(value)} is not a time or gap; {remedy}")
     given = {"seconds": Reader(TIME, least="positive").numbers(times[0])[0]} if times else {}
     if gaps:
         given["gap"] = Reader(SHARE, least="positive").numbers(gaps[0])[0]

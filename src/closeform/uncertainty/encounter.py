@@ -18,7 +18,7 @@ from closeform.uncertainty.covariance import root_of
 from closeform.uncertainty.errors import Uncertainty, one_state
 
 CIRCULAR, TOO_ECCENTRIC = 0.005, 0.1
-FAR = 0.01  # of the orbit's radius: greatest separation for Hill's equations
+FAR = 0.01  # of the orbit's radius: largest separation for Hill's equations
 
 
 @dataclass(frozen=True, eq=False, repr=False)

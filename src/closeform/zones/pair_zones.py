@@ -45,7 +45,7 @@ class PairZones:
     moves : array of bool of shape (N,)
         True for bodies that move.
     rules : sequence of str
-        How each zone was made, in words.
+        How each zone was made, as text.
 
     References
     ----------
@@ -234,7 +234,7 @@ def count_pairs(bodies: int) -> int:
 
 
 def pairs_of(count: int, at_once: int = AT_ONCE) -> Iterator[tuple[Any, Any]]:
-    """Yield the pairs i < j of `count` bodies in order, in portions that fit into memory."""
+    """Yield the pairs i < j of `count` bodies in order, in parts that fit into memory."""
     row, column = 0, 1
     while row < count - 1:
         first, second = [], []
@@ -251,7 +251,7 @@ def pairs_of(count: int, at_once: int = AT_ONCE) -> Iterator[tuple[Any, Any]]:
 
 
 def portions(zones: PairZones, at_once: int = AT_ONCE) -> Iterator[tuple[Zone, Any, Any]]:
-    """Yield the pairs of many bodies in portions: a zone, i (M,) and j (M,)."""
+    """Yield the pairs of many bodies in parts: a zone, i (M,) and j (M,)."""
     for first, second in pairs_of(len(zones), at_once):
         for k, some in by_zone(zones.which(first, second)):
             yield zones.zones[k], first[some], second[some]

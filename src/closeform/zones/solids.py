@@ -73,7 +73,7 @@ class Ellipsoid(Zone):
 
     @classmethod
     def from_covariance(cls, covariance: ArrayLike, sigmas: float) -> Self:
-        """Return the ellipsoid of some standard deviations of a position: P = (sigmas^2 covariance)^-1.
+        """Return the ellipsoid of `sigmas` standard deviations of a position: P = (sigmas^2 covariance)^-1.
 
         Parameters
         ----------
