@@ -19,8 +19,8 @@ MEAN_MOTION = 0.001106784447  # rad/s: 500 km above the Earth
 
 FRAME = """\
 # A hundred lost craft with narrow sensors of short range: pairs become knowledge sets, sets grow and
-# join, and after four rounds of the search some craft have still met nobody.  That is a result: the run
-# says who is left and ends with status 1.
+# join, and after four rounds of the search some craft have still met no other.  That is a result: the run
+# lists them and ends with status 1.
 # Written by tools/swarm.py: NumPy's Philox generator with seed {seed}, first all positions, then all
 # velocities, each component uniform within +-{wide} m and +-{fast} mm/s, in whole metres and mm/s.
 closeform = 1
