@@ -105,7 +105,7 @@ def test_verdict_reports_the_least_sigma_clearance(tmp_path, monkeypatch, capsys
     errors = cf.Uncertainty(np.diag([1.0, 2.0, 1.0, 1e-3, 1e-3, 1e-3]) ** 2)
     least = cf.clearance_in_sigmas(*paths, cf.Sphere(12.0), errors, errors)
     k = float(least.sigmas)
-    said = f"least {k:.3g} sigma, F1 - F2 at {least.time:.1f} s"
+    said = f"minimum {k:.3g} sigma, F1 - F2 at {least.time:.1f} s"
     Path("a.toml").write_text(NEAR + PASS + f"sigmas = {0.99 * k}\n")
     assert main(["run", "a.toml"]) == 0
     printed = capsys.readouterr().out
