@@ -8,7 +8,7 @@ import pytest
 from closeform.cli.app import main
 from closeform.mission.mission import fly
 from closeform.scenario import parse
-from closeform.scenario.foreseen import stops
+from closeform.scenario.end_conflicts import stops
 from closeform.scenario.study import SEARCHED as SEARCHED_KEYS
 from closeform.scenario.study import readers
 

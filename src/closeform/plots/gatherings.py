@@ -39,9 +39,9 @@ from closeform.plots.style import DASHED, headline, legend, sheet, wrapped
 from closeform.plots.text import SMALL, follow, plain, short_names, word
 from closeform.search.gather_result import Event, EventKind, Gathering
 from closeform.search.imperfect_attitude import OwnTurns
+from closeform.search.knowledge_sets import FORMATION, LOST
 from closeform.search.leg import SPELLED, SUN, Leg
 from closeform.search.search_errors import SearchErrors, of_each
-from closeform.search.sets import FORMATION, LOST
 
 NORTH, EAST = np.array([0.0, -1.0, 0.0]), np.array([1.0, 0.0, 0.0])  # up and right, as seen from the Sun
 SUN_VIEW = Camera(np.array([EAST, NORTH, SUN]))

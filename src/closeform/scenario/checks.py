@@ -13,7 +13,7 @@ from closeform.fuel.thrusters import Thrusters
 from closeform.motion.duration import MOST_TURNS, flaw
 from closeform.motion.orbit import Orbit
 from closeform.scenario.craft import MOST_TURN, Craft, SearchTable, SensorTable
-from closeform.scenario.foreseen import final_conflicts, zone_conflicts
+from closeform.scenario.end_conflicts import final_conflicts, zone_conflicts
 from closeform.scenario.formation import Goal
 from closeform.scenario.quantity import shown
 from closeform.scenario.scenario import Scenario

@@ -31,11 +31,11 @@ from closeform.search.gather_events import (
 )
 from closeform.search.gather_result import Event, EventKind, Gathering, GatherStatus, reason_incomplete
 from closeform.search.gatherings import Gatherings
+from closeform.search.knowledge_sets import LOST
 from closeform.search.lock_march import in_parts
 from closeform.search.request import Burns, Groups, states
 from closeform.search.schedule import Search
 from closeform.search.search_errors import SearchErrors, first_of
-from closeform.search.sets import LOST
 from closeform.search.spacecraft_set import LostFleet, lost_fleet
 from closeform.zones.combined_zones import OwnZone
 from closeform.zones.pair_zones import PairZones

@@ -33,6 +33,7 @@ from closeform.search.gather_burns import (
     record,
     slip,
 )
+from closeform.search.knowledge_sets import FORMATION, LOST, case_number, joined, relabel
 from closeform.search.lock_march import END, NEVER, START, LockSensor
 from closeform.search.next_locks import (
     Astray,
@@ -44,7 +45,6 @@ from closeform.search.next_locks import (
     least_of_row,
     lock_of_pair,
 )
-from closeform.search.sets import FORMATION, LOST, case_number, joined, relabel
 from closeform.search.violations import APART, KeepOutMonitor, count_violations, look_between
 
 WHEN, WHO, LEG, PUSH = 0, 1, 2, 3  # columns of pushes

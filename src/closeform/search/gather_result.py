@@ -16,10 +16,10 @@ from closeform.conflicts.all_pairs import screen
 from closeform.conflicts.two_paths import PairConflict
 from closeform.motion.path import Path
 from closeform.result import Result
+from closeform.search.knowledge_sets import LOST
 from closeform.search.leg import Group
 from closeform.search.schedule import Search
 from closeform.search.search_errors import SearchErrors
-from closeform.search.sets import LOST
 from closeform.zones.pair_zones import PairZones
 
 

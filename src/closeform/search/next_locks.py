@@ -10,8 +10,8 @@ from closeform._jit import kernel
 from closeform.arrays import Floats
 from closeform.search.clearance import SINCE
 from closeform.search.imperfect import imperfect_lock
+from closeform.search.knowledge_sets import LOST
 from closeform.search.lock_march import LockSensor, first_lock
-from closeform.search.sets import LOST
 
 
 class Turns(NamedTuple):

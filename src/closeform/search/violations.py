@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 from closeform._jit import kernel
 from closeform.arrays import Floats
 from closeform.search.clearance import SINCE, VELOCITY, KeptZones, between, chosen, within
-from closeform.search.sets import LOST
+from closeform.search.knowledge_sets import LOST
 
 APART, KNOWN, UNKNOWN = 0, 1, 2
 
