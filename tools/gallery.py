@@ -1,6 +1,7 @@
-"""Write docs/gallery.md from the examples; with --pictures fly them, some minutes, and draw its pictures.
+"""Write docs/gallery.md from the examples.
 
 Run from the repository: python tools/gallery.py [--pictures [NAME ...]]
+With --pictures, run the examples (some minutes) and draw their pictures anew.
 """
 
 import sys
@@ -16,9 +17,9 @@ from closeform.cli.example_files import studied, text, title
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "gallery.md"
 PICTURES = ROOT / "docs" / "images" / "gallery"
-WIDTH = 1100  # of a picture [px]
+WIDTH = 1100  # width of a picture [px]
 
-# By question: each example with the picture of its result folder that says most.
+# Sections with their examples, and the picture of the result folder that stands for each example.
 EXAMPLES = {
     "Search for lost spacecraft": {
         "tpf": "view-4",
@@ -61,13 +62,13 @@ EXAMPLES = {
 
 HEAD = """# Gallery
 
-The scenarios in `examples/`, each with a picture and its command. Each run leaves a folder with report,
-pictures and tables. `closeform new NAME` copies an example as the start of a [scenario](scenario.md).
+Each scenario in `examples/` has a picture and a command. The command writes a folder with a report, pictures
+and tables. `closeform new NAME` copies an example as the start of a [scenario](scenario.md).
 """
 TAIL = """
 ## Simulate a run
 
-A hundred simulations of the plan of `flown_swap`, with navigation and thrust errors
+This command simulates the plan of `flown_swap` a hundred times, with navigation and execution errors
 ([from claim to evidence](evidence.md)):
 
 ```sh
@@ -76,8 +77,8 @@ closeform simulate flown_swap-results
 
 ## Ephemerides and messages
 
-Three hours of the GRACE mission are in `examples/grace`, and `examples/slow_encounter.cdm` is a conjunction
-message ([ephemerides](ephemerides.md)):
+`examples/grace` contains three hours of the GRACE mission. `examples/slow_encounter.cdm` is a conjunction
+data message ([ephemerides](ephemerides.md)):
 
 ```sh
 closeform screen examples/grace/GRACE-A.oem examples/grace/GRACE-B.oem --ellipsoid "20 40 20 m"
@@ -87,59 +88,62 @@ closeform encounter examples/slow_encounter.cdm
 ## Notebooks
 
 [Will they collide?](notebooks/collide.md), [Will they find each other?](notebooks/find.md) and
-[How do they move safely and cheaply?](notebooks/move.md) show the Python interface with its output.
+[How do they move safely and cheaply?](notebooks/move.md) show the Python interface and its output.
 """
 
 
 def command_of(name: str) -> list[str]:
+    """Return the command and the file of an example."""
     return ["study" if studied(name) else "run", f"examples/{name}.toml"]
 
 
 def entry(name: str) -> str:
-    """One example: its title, its picture, what its first comment says, and the command."""
-    said = []
+    """Return the section of an example: title, picture, first comment and command."""
+    comment = []
     for line in text(name).splitlines():
         if not line.startswith("# "):
             break
-        said.append(line.removeprefix("# "))
+        comment.append(line.removeprefix("# "))
     command = " ".join(["closeform", *command_of(name)])
     return "\n\n".join(
         [
             f"### {title(name)}",
             f"![{title(name)}](images/gallery/{name}.png)",
-            "\n".join(said),
+            "\n".join(comment),
             f"```sh\n{command}\n```",
         ]
     )
 
 
 def page() -> str:
+    """Return the text of docs/gallery.md."""
     parts = [HEAD]
-    for question, names in EXAMPLES.items():
-        parts.append(f"## {question}\n")
+    for section, names in EXAMPLES.items():
+        parts.append(f"## {section}\n")
         parts += [entry(name) + "\n" for name in names]
     return "\n".join(parts) + TAIL
 
 
 def draw(name: str, stem: str, folder: Path) -> None:
-    """The example is flown, and its picture of that stem is kept, smaller and in few colours."""
+    """Run an example and keep its picture of that stem, at reduced size and with fewer colours."""
     out = folder / name
-    with suppress(SystemExit):  # status 1 is a valid result: lost craft, or a conflict
+    with suppress(SystemExit):  # status 1 is a valid result: lost spacecraft or a conflict
         closeform([*command_of(name), "--out", str(out)])
     found = sorted(out.glob(f"*{stem}*.png"))
-    assert found, f"{name}: no {stem} among {sorted(one.name for one in out.glob('*.png'))}"
+    assert found, f"{name}: no {stem} among {sorted(file.name for file in out.glob('*.png'))}"
     picture = Image.open(found[0]).convert("RGB")
     picture.thumbnail((WIDTH, WIDTH))
     picture.quantize(128).save(PICTURES / f"{name}.png", optimize=True)
 
 
 def main() -> None:
-    pictures, *asked = sys.argv[1:] or [""]
+    """Draw the pictures on request, then write the page."""
+    pictures, *names = sys.argv[1:] or [""]
     if pictures == "--pictures":
-        every = {name: stem for names in EXAMPLES.values() for name, stem in names.items()}
+        stems = {name: stem for section in EXAMPLES.values() for name, stem in section.items()}
         with tempfile.TemporaryDirectory() as folder:
-            for name in asked or every:
-                draw(name, every[name], Path(folder))
+            for name in names or stems:
+                draw(name, stems[name], Path(folder))
     PAGE.write_text(page(), encoding="utf-8")
 
 

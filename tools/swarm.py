@@ -1,7 +1,7 @@
-"""Writes examples/swarm.toml: a hundred lost craft at random, by a seed.  Or a crowd, of any number.
+"""Write examples/swarm.toml: a hundred lost spacecraft with random states, or a crowd of any number.
 
 python tools/swarm.py
-python tools/swarm.py --crowd 10000 crowd.toml   # on closed relative orbits, as dense whatever their number
+python tools/swarm.py --crowd 10000 crowd.toml   # closed relative orbits at the same density for any number
 """
 
 import argparse
@@ -14,17 +14,17 @@ import numpy as np
 FILE = Path(__file__).parents[1] / "examples" / "swarm.toml"
 CRAFT, SEED = 100, 100
 WIDE, FAST = 1000, 50  # m and mm/s: each component within plus and minus this
-CROWD, EDGE = 10_000, 50e3  # so many in a cube of this edge [m] at the start
+CROWD, EDGE = 10_000, 50e3  # number of spacecraft in a cube of this edge [m] at the start
 MEAN_MOTION = 0.001106784447  # rad/s: 500 km above the Earth
 
 FRAME = """\
-# A hundred lost craft with narrow sensors of short range: pairs become knowledge sets, sets grow and
-# join, and after four rounds of the search some craft have still met nobody.  That is a result: the run
-# says who is left and ends with status 1.
-# Written by tools/swarm.py: NumPy's Philox generator with seed {seed}, first all positions, then all
-# velocities, each component uniform within +-{wide} m and +-{fast} mm/s, in whole metres and mm/s.
+# A hundred lost spacecraft have narrow sensors of short range. Pairs form knowledge sets, and sets grow and
+# join. After four rounds of the search some spacecraft are still alone. This is a valid result: the run
+# names them and ends with status 1.
+# Written by tools/swarm.py with NumPy's Philox generator and seed {seed}: first all positions, then all
+# velocities. Each component is uniform within +-{wide} m and +-{fast} mm/s, in whole metres and mm/s.
 closeform = 1
-title = "Swarm: gather a hundred lost craft"
+title = "Swarm: gather a hundred lost spacecraft"
 
 [orbit]
 deep_space = true
@@ -59,9 +59,9 @@ rounds = 4
 """
 
 CROWD_FRAME = """\
-# Written by tools/swarm.py --crowd {count}: closed relative orbits by NumPy's Philox generator, seed {seed}.
+# Written by tools/swarm.py --crowd {count}: closed relative orbits, NumPy's Philox generator, seed {seed}.
 closeform = 1
-title = "A crowd of {count}"
+title = "Crowd of {count} spacecraft"
 
 [orbit]
 mean_motion = "{mean_motion} rad/s"
@@ -85,7 +85,7 @@ for = "5677 s"
 
 
 def text() -> str:
-    """The file."""
+    """Return the text of examples/swarm.toml."""
     random = np.random.Generator(np.random.Philox(SEED))
     places, speeds = (np.round(random.uniform(-most, most, (CRAFT, 3))).astype(int) for most in (WIDE, FAST))
     return FRAME.format(
@@ -100,10 +100,10 @@ def text() -> str:
 
 
 def crowd(count: int, mean_motion: float = MEAN_MOTION, seed: int = SEED) -> Any:
-    """States (count, 6) [m, m/s] on closed relative orbits, as dense whatever their number.
+    """Return states (count, 6) [m, m/s] on closed relative orbits, at the same density for any number.
 
-    Each is somewhere in a cube at the start, and moves radially and cross-track at the speed of an
-    orbit of the cube's size at most.
+    The initial positions are uniform in a cube. Radial and cross-track speeds are at most those of a
+    relative orbit of the size of the cube.
     """
     random = np.random.Generator(np.random.Philox(seed))
     half = EDGE / 2 * np.cbrt(count / CROWD)
@@ -113,7 +113,7 @@ def crowd(count: int, mean_motion: float = MEAN_MOTION, seed: int = SEED) -> Any
 
 
 def crowd_text(count: int) -> str:
-    """The scenario of a crowd that coasts for an orbit."""
+    """Return the scenario of a crowd that coasts for one orbit."""
     states = crowd(count)
     return CROWD_FRAME.format(
         count=count,
@@ -126,18 +126,18 @@ def crowd_text(count: int) -> str:
 
 
 def lines(words: Sequence[str], each: int) -> str:
-    """Texts as rows of a TOML list, some on each line."""
+    """Return the rows of a TOML list with a given number of texts per row."""
     rows = [words[k : k + each] for k in range(0, len(words), each)]
     return "\n".join("  " + " ".join(f'"{word}",' for word in row) for row in rows)
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="Scenarios of many craft, by a seed.")
-    parser.add_argument("--crowd", type=int, metavar="CRAFT", help="how many craft of a crowd")
+    parser = argparse.ArgumentParser(description="Write a scenario of many spacecraft with random states.")
+    parser.add_argument("--crowd", type=int, metavar="CRAFT", help="number of spacecraft of a crowd")
     parser.add_argument("file", type=Path, nargs="?", default=FILE)
     asked = parser.parse_args()
     if asked.crowd is not None and (asked.crowd < 1 or asked.file == FILE):
-        parser.error("--crowd: needs at least one craft, and a file to write")
+        parser.error("--crowd requires at least one spacecraft and a file to write")
     asked.file.write_text(text() if asked.crowd is None else crowd_text(asked.crowd), encoding="utf-8")
 
 
