@@ -1,4 +1,4 @@
-"""The table of Alfano's conjunctions in docs/uncertainty.md, computed anew.
+"""Write the table of Alfano's conjunctions in docs/uncertainty.md.
 
 python tools/alfano_table.py
 """
@@ -12,7 +12,7 @@ BEGIN, END = "<!-- alfano -->", "<!-- /alfano -->"
 
 
 def table() -> str:
-    """One row for each case."""
+    """Return the table with one row per case."""
     sys.path.append(str(ROOT / "tests"))
     from test_alfano import CASES, probability
 
@@ -28,18 +28,18 @@ def table() -> str:
         try:
             _, figure = probability(number)
             cells += [f"{figure.value:.4g}", f"{figure.at_start:.2g}", f"{figure.mean_entries:.4g}"]
-        except ValueError:  # an ellipse
+        except ValueError:  # eccentric orbit
             cells += ["refused", "", ""]
         try:
             cells.append(f"{probability(number, method='short-encounter')[1].value:.4g}")
-        except ValueError:  # nor do neighbours on one orbit pass each other
+        except ValueError:  # two neighbours on one orbit have no short encounter
             cells.append("")
         lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines)
 
 
 def renewed(page: str) -> str:
-    """The page with the table as it is now."""
+    """Return the page with the new table."""
     before, rest = page.split(BEGIN)
     return f"{before}{BEGIN}\n{table()}\n{END}{rest.split(END)[1]}"
 

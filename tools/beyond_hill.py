@@ -1,10 +1,10 @@
-"""How far coasts are off that other models than Hill's predict: the table in docs/field.md.
+"""Print the table of motion models in docs/field.md: deviation of coasts from the high-fidelity model.
 
     python tools/beyond_hill.py
 
-Each case is a chief at 500 km and a craft some hundred metres from it that coasts in J2, by `cf.Field.coast`.
-What is printed is the median of the greatest deviation, in metres for each kilometre of distance and each
-orbit.  Starts are osculating states, as they are measured; "fitted" are the starts that fit best afterwards.
+Each case is a chief at 500 km and a spacecraft at some hundred metres that coasts in J2. The table holds the
+median of the maximum deviation, in metres per kilometre of distance and orbit. Initial states are osculating
+states, as navigation provides them. "Fitted" initial states are those with the best fit afterwards.
 """
 
 import numpy as np
@@ -13,7 +13,7 @@ from scipy.linalg import expm
 import closeform as cf
 from closeform.dynamics.field import EARTH_ZONALS, GRAVITY_RADIUS
 
-CASES = 12  # of each eccentricity and number of orbits
+CASES = 12  # cases per eccentricity and number of orbits
 EPOCH = "2026-11-22T12:00:00"
 MODELS = (
     "Hill",
@@ -21,15 +21,15 @@ MODELS = (
     "Schweighart-Sedwick",
     "Schweighart-Sedwick, fitted",
     "Yamanaka-Ankersen",
-    "transition in the field",
+    "transition in the high-fidelity model",
 )
 
 
 def schweighart_sedwick(radius: float, inclination: float, latitude: float, times: np.ndarray) -> np.ndarray:
-    """Transition matrices (T, 6, 6) with the mean effect of J2, of small differences of inclination.
+    """Return transition matrices (T, 6, 6) with the mean effect of J2, for small inclination differences.
 
-    In the plane x'' = (5 c^2 - 2) n^2 x + 2 n c y', y'' = -2 n c x'; across it both planes turn about the
-    pole, faster or slower by the difference of inclination: an amplitude grows with time.
+    In the plane x'' = (5 c^2 - 2) n^2 x + 2 n c y', y'' = -2 n c x'. Both orbital planes precess, and their
+    rates differ with the inclination: the cross-track amplitude grows with time.
     """
     n, flat = np.sqrt(cf.elements.EARTH_MU / radius**3), EARTH_ZONALS[0] * (GRAVITY_RADIUS / radius) ** 2
     c = np.sqrt(1.0 + 0.375 * flat * (1.0 + 3.0 * np.cos(2.0 * inclination)))
@@ -37,7 +37,7 @@ def schweighart_sedwick(radius: float, inclination: float, latitude: float, time
     rates[0, 2] = rates[1, 3] = 1.0
     rates[2, 0], rates[2, 3], rates[3, 2] = (5.0 * c * c - 2.0) * n * n, 2.0 * n * c, -2.0 * n * c
     pace = n * c + 1.5 * n * flat * np.cos(inclination) ** 2
-    apart = 1.5 * n * flat * np.sin(inclination) ** 2  # of nodes, for each radian of inclination
+    apart = 1.5 * n * flat * np.sin(inclination) ** 2  # rate of the node per radian of inclination
 
     def across(t: float) -> np.ndarray:
         sin, cos = np.sin(latitude + pace * t), np.cos(latitude + pace * t)
@@ -56,13 +56,13 @@ def schweighart_sedwick(radius: float, inclination: float, latitude: float, time
 
 
 def fitted(matrices: np.ndarray, flown: np.ndarray) -> np.ndarray:
-    """The start (6,) from which a model's positions come nearest to those flown (T, 3)."""
+    """Return the initial state (6,) of a model with the best fit to simulated positions (T, 3)."""
     scale = np.repeat([1.0, 1e-3], 3)
     return scale * np.linalg.lstsq(matrices[:, :3].reshape(-1, 6) * scale, flown.ravel(), rcond=None)[0]
 
 
 def deviations(seed: int, eccentricity: float, turns: int) -> list[float]:
-    """Of each model, in metres for each kilometre and orbit."""
+    """Return the deviation of each model, in metres per kilometre and orbit."""
     draws = np.random.default_rng([seed, turns])
     latitude, perigee = draws.uniform(0.0, 2.0 * np.pi, 2)
     tilt = np.radians((51.6, 97.4)[seed % 2])

@@ -1,13 +1,13 @@
-"""Slow proof: conflicts among many random pairs against dense sampling with refinement.
+"""Check the conflict search on many random pairs against dense sampling with refinement.
 
     python tools/certify.py --pairs 100000 --grazing 10000 [--seed 1]
 
-Every pair is flown twice: by the package, and by an integrator that shares nothing with it
-(tests/truth.py). It is searched twice: all over, and where tracks do not exclude it, as `screen`
-does. Orbit heights 200 to 40 000 km and deep space, eight shapes of zone, nine kinds of path,
-durations from seconds to ten orbits. A grazing pair has its zone scaled so that one extremum of
-its norm lies within 1 % of the surface, down to 1e-10. Exit status 1 if a conflict is missed,
-false, off the surface at an end, if a least ratio is wrong, or if tracks change what is found.
+The package and an independent integrator (tests/truth.py) propagate each pair. The search runs with and
+without the quick rejection by tracks that `screen` uses. The pairs cover heights of 200 to 40 000 km and deep
+space, eight zone shapes, nine kinds of path, and durations from seconds to ten orbits. A grazing pair has its
+zone scaled so that one extremum of its clearance ratio is within 1 % of the boundary, down to 1e-10. The exit
+status is 1 if a conflict is missed, false or off the boundary at an end, if a minimum ratio is wrong, or if
+the quick rejection changes a result.
 """
 
 import argparse
@@ -28,11 +28,11 @@ from truth import faults
 
 BATCH = 25  # pairs of one orbit, duration and kinds of path
 KINDS_OF_FAULT = ("missed", "false", "surface", "ratio", "approach", "tracks")
-ENOUGH = 1_000_000  # pairs for which craft would be followed
+ENOUGH = 1_000_000  # number of pairs from which spacecraft are followed
 
 
 def judge(batch, tally, seconds):
-    """Search every pair of a batch and count what is wrong: the list of complaints."""
+    """Search every pair of a batch, count the faults and return their descriptions."""
     begun = time.perf_counter()
     extrema = batch.relative.extrema()
     searching = time.perf_counter()
@@ -49,7 +49,7 @@ def judge(batch, tally, seconds):
     _, sampled, (who, _, norms, _) = extrema
     attained = batch.relative.at(np.arange(len(near)), np.array([approach.time for approach in near]))[0]
     for pair, approach in enumerate(near):
-        # never above what sampling finds, and attained: sampling may miss the least itself
+        # never above the sampled minimum, and attained; sampling may miss the minimum itself
         least = min(sampled[pair].min(), norms[who == pair].min(initial=np.inf))
         slack = 1e-9 * abs(least) + 1e-12 + batch.relative.rounding[pair]
         if approach.ratio > least + slack or abs(approach.ratio - attained[pair]) > slack:

@@ -1,14 +1,15 @@
-"""Slow proof: the least norm after failures of thrust among random paths, against dense random sampling.
+"""Check the minimum clearance ratio after failures of thrust against dense random sampling.
 
     python tools/certify_drift.py --cases 100000 [--first 0] [--samples 10000] [--seed 1]
 
-Failures of all kinds, of one craft or both, and times are drawn, and flown by the textbook's matrix
-(tests/pairs.py), which shares nothing with the package; what a case draws depends on the seed and its
-number alone. Exit status 1 if a drift comes nearer than the certified least by more than 1e-9, if that is
-not attained by the failure that is named, or if the verdict is another one.  Of a failure with more unknowns
-than its instant (how weak, how long) what is named does not tell all, so that only the rest is asked; where
-many are open (both craft's instants, which burns) only the verdict beside round zones is held against what
-is drawn: the rest can take many seconds.
+The tool samples failures of all kinds, of one spacecraft or both, and propagates them with an independent
+transition matrix (tests/pairs.py). The samples of a case depend only on the seed and its number. The exit
+status is 1 if a sampled drift is below the certified minimum by more than 1e-9, if the named failure does not
+attain the minimum, or if the verdict is wrong.
+
+For failures with further unknowns (degree, duration) the second check does not apply. For failures with many
+unknowns (the instants of both spacecraft, the missed burns) the tool checks only the verdict for round zones,
+because the other checks can take many seconds.
 """
 
 import argparse
@@ -23,13 +24,13 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
 import closeform as cf
 from pairs import ZONES, carried, zone
 
-OFF = 1e-9  # of the least norm; above 1, of itself
+OFF = 1e-9  # tolerance of the minimum ratio, relative above 1
 ROUND = [kind for kind in ZONES if kind not in ("box", "tilted box", "cylinder", "faces")]
 SCALE = np.array([60, 250, 60, 0.05, 0.1, 0.05])
 
 
 def pushed(n, thrust, t):
-    """Where a constant thrust (M, 3) alone takes a craft in times t (M,): the textbook's forced motion."""
+    """Return the states reached from rest under constant thrust (M, 3) in times t (M,), by forced motion."""
     x, y, z = thrust.T / n
     c, s = 1 - np.cos(n * t), np.sin(n * t)
     late = n * t - s
@@ -47,7 +48,7 @@ def pushed(n, thrust, t):
 
 
 class Craft:
-    """One craft, and where it is after failures of its thrust: arrays of times and of what fails."""
+    """One spacecraft, and its states after failures of thrust at arrays of times."""
 
     def __init__(self, rng, orbit, size, impulsive):
         self.n, self.orbit = orbit.mean_motion, orbit
@@ -56,29 +57,29 @@ class Craft:
         duration = rng.uniform(0.3, 2.0) * orbit.period
         fly = orbit.two_impulse if impulsive else orbit.transfer
         legs = [fly(ends[0], ends[1], 0.4 * duration)]
-        if rng.random() < 0.5:  # a coast, and thrust again
+        if rng.random() < 0.5:  # a coast between two burns
             rest = orbit.coast(legs[0].state(legs[0].end), 0.2 * duration, start=legs[0].end)
             legs += [rest, fly(rest.state(rest.end), ends[2], 0.4 * duration, start=rest.end)]
         self.path, self.legs = cf.join(legs), legs[::2]
 
     def flown_on(self, until):
-        """The path, and a coast after it."""
+        """Return the path with a coast after it."""
         end = self.path.end
         return cf.join([self.path, self.orbit.coast(self.path.state(end), until - end, start=end)])
 
     def states(self, t):
-        """As planned, at times t (M,)."""
+        """Return planned states at times t (M,)."""
         end = self.path.end
         return carried(self.n, self.path.state(np.minimum(t, end)), np.maximum(t - end, 0.0))
 
     def stuck(self, s, held, hold, t):
-        """Thrust `held` (M, 3) is stuck on from s for `hold` at most, until t >= s."""
+        """Return states with thrust `held` (M, 3) stuck on from s for `hold` at most, until t >= s."""
         hold = np.minimum(hold, t - s)
         after = carried(self.n, self.path.state(s), hold) + pushed(self.n, held, hold)
         return carried(self.n, after, t - s - hold)
 
     def missed(self, rng, least, t):
-        """Each burn gives its own share: impulses, or the thrust of each leg."""
+        """Return states with a given share of each burn: impulses, or the thrust of each leg."""
         states = self.states(t)
         for leg in self.legs:
             lost = (rng.random(len(t)) * (1.0 - least) * rng.integers(0, 2, len(t)))[:, None]
@@ -96,14 +97,14 @@ class Craft:
         return states
 
     def lost(self, rng, s, t):
-        """Thrust is lost at s <= t; of an impulse there, a share is given."""
+        """Return states after loss of thrust at s <= t; an impulse at s gives a share."""
         states = self.path.state(s)
         for at, jump in self.path.impulses:
             states[s == at, 3:] -= rng.random((np.sum(s == at), 1)) * jump
         return carried(self.n, states, t - s)
 
     def failed(self, rng, failure, s, t):
-        """Positions at times t of failures at s <= t (M,)."""
+        """Return positions at times t after failures at s <= t (M,)."""
         if isinstance(failure, cf.MissedBurns):
             return self.missed(rng, failure.least, t)
         if isinstance(failure, cf.StuckOnThrust):
@@ -118,7 +119,7 @@ class Craft:
 
 
 def draw_failure(rng):
-    """One of each kind, and whether paths are of impulses."""
+    """Sample a failure, and whether paths are impulsive."""
     kind, impulsive = rng.integers(5), rng.random() < 0.3
     least = float(rng.choice([0.0, rng.uniform(0.1, 0.9)]))
     if kind == 3:
@@ -129,7 +130,7 @@ def draw_failure(rng):
 
 
 def judge(rng, samples):
-    """What is wrong in one random case."""
+    """Return the faults of one random case."""
     orbit = cf.Orbit.circular(rng.uniform(300e3, 1500e3))
     failure, impulsive = draw_failure(rng)
     failing = str(rng.choice(["path", "path", "other", "either", "both"]))

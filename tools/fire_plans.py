@@ -1,9 +1,11 @@
-"""Fires thousands of random plans, and compares each bound with how far the pulses lead: `--plans 10000`.
+"""Fire thousands of random plans with on-off thrusters, and compare deviation bounds with deviations.
 
-The plans are those of tests/firings.py, by seed: energy-optimal transfers, burns, impulses and both mixed, in
-orbits of three periods and in deep space, with thrusters along axes, cubes and tetrahedra, fixed in the orbit
-or in inertial axes, bits and periods over orders of magnitude.  Every fifth is of impulses so near each other
-that burns of one thruster would overlap, and are one.  Exits with status 1 where a bound is broken.
+    python tools/fire_plans.py --plans 10000
+
+The plans are those of tests/firings.py: energy-optimal transfers, burns, impulses and mixtures, in orbits of
+three periods and in deep space. Thrusters point along axes, cubes and tetrahedra, fixed in the orbit or in
+inertial axes; impulse bits and periods cover orders of magnitude. In every fifth plan impulses are so close
+that burns of one thruster would overlap, and are merged. The exit status is 1 if a bound is violated.
 """
 
 import argparse
@@ -20,7 +22,7 @@ from firings import clustered, deviation, modulated  # noqa: E402
 
 
 def compared(seeds):
-    """Bounds over how far the pulses lead (N,), and in which plans (N,) bits are dropped."""
+    """Return the ratios of bound and deviation (N,), and which plans (N,) drop impulse bits."""
     ratios, dropped = [], []
     for seed in seeds:
         drawn = modulated if seed % 5 else clustered
@@ -31,7 +33,7 @@ def compared(seeds):
 
 
 def main() -> int:
-    """Print how bounds compare with deviations; the status."""
+    """Print the comparison and return the exit status."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--plans", type=int, default=10_000)
     parser.add_argument("--first", type=int, default=0, help="seed of the first")

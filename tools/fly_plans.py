@@ -1,18 +1,17 @@
-"""Fly many random plans in the real field under feedback, and count zones that are entered.
+"""Simulate many random plans in the high-fidelity model under feedback, and count conflicts.
 
     python tools/fly_plans.py --plans 1000 --results flights.csv
     python tools/fly_plans.py --plans 150 --results held-out.csv --held-out
     python tools/fly_plans.py --plans 400 --open-loop
 
-Each plan is made with the margin that `fit_margin` finds for it at four sigmas, nothing else, and flown once
-with thrust less the residual: in J2 and a difference of drag, of which only J2 is known; with thrust as
-commanded, and with thrust that is off by up to 1 % and 1 degree, drawn evenly and constant through a flight.
-Horizon, sigmas and the law of the errors stand fixed here.  Orbits of 400, 500 and 800 km, inclined by 30,
-51.6 and 97.4 degrees, of eccentricities from 0.0005 to 0.01; held out are 600 and 700 km, 45, 63.4 and 82
-degrees, and other tasks.  A plan's task and errors are drawn from its own stream.  Every plan that is done
-is a line of the results, and the same command goes on from there; without --results all begins anew.
-With --open-loop thrust is played as planned, in all that pulls, and compared with what `validity` predicts;
-and then less the residual, with all of it known.
+Each plan has the margin of `fit_margin` at four sigmas, and is simulated once with compensated thrust. The
+model has J2 and differential drag; the compensation knows only J2. Thrust is exact, or has constant errors of
+up to 1 % and 1 degree, uniformly sampled. Horizon, sigmas and error model are fixed here. Orbits are at 400,
+500 and 800 km, with inclinations of 30, 51.6 and 97.4 degrees and eccentricities from 0.0005 to 0.01. With
+--held-out they are at 600 and 700 km and 45, 63.4 and 82 degrees, with other tasks. Each plan has its own
+random stream. Each finished plan is a line of the results, and the same command continues from there; without
+--results it starts anew. With --open-loop the planned thrust is simulated in the full model and compared
+with the prediction of `validity`, then with compensated thrust of the known model.
 """
 
 import argparse
@@ -32,13 +31,13 @@ SIGHTS = {"10 cm, 0.3 mm/s": cf.Navigation(0.1, 3e-4), "1 m, 1 mm/s": cf.Navigat
 FEEDBACKS = {"10 cm, 0.3 mm/s": cf.Feedback(60.0, 600.0), "1 m, 1 mm/s": cf.Feedback(60.0, 1200.0)}
 THRUSTS = {"exact": (0.0, 0.0), "off": (0.01, np.radians(1.0))}
 AIR = 5.2e-13, 500e3, 60e3  # kg/m^3 at m, m
-LAG = 1.7e-7  # m/s^2: what a tenth more drag makes at 400 km, the lowest
+LAG = 1.7e-7  # m/s^2: effect of 10 % more drag at 400 km, the lowest orbit
 COLUMNS = ["plan", "seed", "altitude_km", "inclination_deg", "eccentricity", "craft", "duration_s", "zone_m"]
 COLUMNS += ["navigation", "thrust", "rounds", "margin_m", "left_m", "plan_dv", "flown_dv"]
 
 
 def fields(draws: np.random.Generator, count: int, orbits: Any = ORBITS) -> tuple[cf.Field, cf.Field]:
-    """What pulls, and what of it is known."""
+    """Return the force model of the simulation and the known one."""
     a = cf.elements.EARTH_RADIUS + draws.choice(orbits[0])
     e, way = 10 ** draws.uniform(-3.3, -2.0), draws.uniform(0.0, 2.0 * np.pi)
     elements = [a, draws.uniform(0.0, 6.28), e * np.cos(way), e * np.sin(way)]
@@ -48,7 +47,7 @@ def fields(draws: np.random.Generator, count: int, orbits: Any = ORBITS) -> tupl
 
 
 def task(draws: np.random.Generator, orbit: cf.Orbit, count: int) -> tuple[Any, Any, float, float]:
-    """States of two relative orbits, a duration and the radius of a zone."""
+    """Return states of two relative orbits, a duration and the radius of a zone."""
     size = 10 ** draws.uniform(2.0, 3.1)
     states = draws.normal(size=(2, count, 6)) * size * np.repeat([0.5, 0.5 * orbit.mean_motion], 3)
     states[..., 4] = -2.0 * orbit.mean_motion * states[..., 0]
@@ -57,7 +56,7 @@ def task(draws: np.random.Generator, orbit: cf.Orbit, count: int) -> tuple[Any, 
 
 
 def rows(seed: int, held_out: bool) -> list[list[Any]]:
-    """What becomes of the plan of a seed in each way of flying it; none of a task that touches no zone."""
+    """Return the results of one plan for each thrust model; none for a task without active constraints."""
     draws = np.random.Generator(np.random.Philox(key=[seed, int(held_out)]))
     count = int(draws.integers(3, 7))
     field, known = fields(draws, count, OTHERS if held_out else ORBITS)
@@ -89,7 +88,7 @@ def rows(seed: int, held_out: bool) -> list[list[Any]]:
 
 
 def done(path: Path | None) -> list[dict[str, str]]:
-    """The lines of plans that are done, whole."""
+    """Return the complete lines of finished plans."""
     if path is None or not path.exists():
         return []
     with path.open(newline="") as lines:
@@ -99,7 +98,7 @@ def done(path: Path | None) -> list[dict[str, str]]:
 
 
 def told(lines: list[dict[str, str]]) -> int:
-    """A table of each way of flying; returns how many zones were entered."""
+    """Print a table for each thrust model, and return the number of zones entered."""
     print(
         "navigation       thrust   plans  no room  entered  least left  margin: median  95 %   most", end=""
     )
@@ -122,7 +121,7 @@ def told(lines: list[dict[str, str]]) -> int:
 
 
 def predicted(seed: int) -> list[float]:
-    """Of one task: eccentricity, how far off, how wrong that and least distances are, and less d."""
+    """Return eccentricity, deviation, prediction errors and compensated deviation of one task."""
     draws = np.random.Generator(np.random.Philox(key=[seed, 2]))
     count = int(draws.integers(3, 7))
     field, _ = fields(draws, count)
@@ -140,7 +139,7 @@ def predicted(seed: int) -> list[float]:
 
 
 def told_open(number: int) -> None:
-    """A table of what was predicted and flown, by eccentricity."""
+    """Print a table of predictions and simulations, by eccentricity."""
     found = np.array([predicted(seed) for seed in range(number)])
     print(
         "eccentricity    plans  off: median  predicted to: median  most  least distance to: 95 %  most",

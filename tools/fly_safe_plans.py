@@ -1,11 +1,11 @@
-"""Slow proof: every passively safe plan of the ring transfers is flown with failures of thrust.
+"""Check passively safe plans of the ring transfers by simulation with failures of thrust.
 
     python tools/fly_safe_plans.py [--failures 1000] [--group thirty|hundred|both]
 
-Each is planned for least energy and for least delta-v, and flown by integrators of the tests' own, which
-share nothing with the package: Runge-Kutta's fourth order under thrust that is lost at a random instant,
-matrix exponentials between impulses, of which one may stop half-way.  Exit status 1 if a drift comes into
-the zone by more than the integrators are good for.
+Each transfer is planned at minimum energy and at minimum delta-v, then simulated by independent integrators:
+fourth-order Runge-Kutta under thrust that is lost at a random instant, and matrix exponentials between
+impulses, one of which may stop half-way. The exit status is 1 if a drift enters the zone by more than the
+integration error.
 """
 
 import argparse
@@ -26,13 +26,13 @@ SLACK = 1e-5  # of the zone: a millimetre or less is the integrators' own
 
 
 def under_thrust(case, plan, failures, seed):
-    """The least ratio after thrust is lost at random instants."""
+    """Return the minimum ratio after loss of thrust at random instants."""
     _, places, lost = flown_with_failures(plan.path, case.duration + case.drift, failures, seed)
     return float(np.where(lost, np.linalg.norm(places, axis=2), np.inf).min()) / RADIUS
 
 
 def between_impulses(case, plan, failures, seed):
-    """The least ratio after thrust is lost between impulses, or after a share of one, at random."""
+    """Return the minimum ratio after random losses between impulses or within one."""
     rng = np.random.default_rng(seed)
     instants, shares = rng.uniform(0.0, case.duration, failures), rng.uniform(size=failures)
     if plan.path.impulses:
@@ -43,7 +43,7 @@ def between_impulses(case, plan, failures, seed):
 
 
 def flown(group, cost, failures):
-    """How many of a group are planned, and how near any of their drifts comes."""
+    """Return the number of plans of a group, and the minimum ratio of their drifts."""
     cases, ratios, extra, took = ring_transfers(group), [], [], []
     for k, case in enumerate(cases):
         begun = time.process_time()

@@ -40,20 +40,20 @@ COMMENTS = (
 
 
 def table(file):
-    """Epochs and Earth-fixed states (T, 6) in m and m/s."""
+    """Return epochs and Earth-fixed states (T, 6) in m and m/s."""
     rows = [line.split(",") for line in Path(file).read_text().split()]
     stamps = ["-".join(f"{int(part):02d}" for part in row[0].split("/")[::-1]) + "T" + row[1] for row in rows]
     return stamps, np.array([[float(value) for value in row[2:]] for row in rows]) * ([1e3] * 3 + [0.1] * 3)
 
 
 def residual(states, step):
-    """Velocities less 8th-order differences of the positions [m/s]: (T - 8, 3)."""
+    """Return velocities minus 8th-order differences of the positions [m/s]: (T - 8, 3)."""
     windows = np.lib.stride_tricks.sliding_window_view(states[:, :3], 9, axis=0)
     return states[4:-4, 3:] - windows @ DIFFERENCE / step
 
 
 def to_gcrf(stamps, states):
-    """GCRF states from Earth-fixed ones at GPS epochs."""
+    """Return GCRF states from Earth-fixed ones at GPS epochs."""
     tai = Time(stamps, format="isot", scale="tai") + TimeDelta(GPS_BEHIND_TAI, format="sec")
     earth = iers.IERS_B.open()
     ut1_utc = earth.ut1_utc(tai.utc).to_value("s")

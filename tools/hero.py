@@ -1,4 +1,4 @@
-"""Draw docs/images/hero.png: one craft flies through a cluster, as planned and shaped.
+"""Draw docs/images/hero.png: one spacecraft crosses a cluster, on the direct and on the certified path.
 
 Run from the repository: python tools/hero.py
 """
@@ -27,7 +27,7 @@ Floats = NDArray[np.float64]
 
 
 def projected_circle(orbit: cf.Orbit, radius: float, phase: float) -> Floats:
-    """State of natural motion that is a circle of `radius` [m] seen from the Earth."""
+    """Return the state of natural motion on a projected circle of `radius` [m]."""
     n, cos, sin = orbit.mean_motion, np.cos(phase), np.sin(phase)
     return radius * np.array([sin / 2, cos, sin, n * cos / 2, -n * sin, n * cos])
 
@@ -42,12 +42,12 @@ class View:
 
     @property
     def plane(self) -> Floats:
-        """The two directions of the picture, (2, 3)."""
+        """Return the two directions of the picture, (2, 3)."""
         return np.array([self.right, self.up])
 
 
 def clear_view(path: cf.Path, others: cf.Path, zone: cf.Zone, times: Floats) -> View:
-    """The view in which the path crosses the shadows of the zones that it passes least."""
+    """Return the view with the least overlap of the path and the zones that it passes."""
     track = path.position(np.linspace(path.start, path.end, 200))
     rng = np.random.default_rng(3)
     least, chosen = np.inf, None
@@ -77,7 +77,7 @@ def clear_view(path: cf.Path, others: cf.Path, zone: cf.Zone, times: Floats) -> 
 def draw_zone(
     axes: Axes, outline: Floats, centre: Floats, depth: float, colour: str, strength: float
 ) -> None:
-    """A zone like glass, lit from the upper left."""
+    """Draw a zone like glass, lit from the upper left."""
     light = 0.28 * np.array([-np.ptp(outline[:, 0]), np.ptp(outline[:, 1])]) / 2
     for step in np.linspace(0, 1, 14):
         axes.fill(
@@ -94,13 +94,13 @@ def draw_zone(
 
 
 def relative_orbit(path: cf.Path) -> Floats:
-    """Positions along the whole relative orbit of a coasting craft."""
+    """Return positions along the whole relative orbit of a coasting spacecraft."""
     period = path.orbit.period
     return path.orbit.coast(path.state(path.start), period).position(np.linspace(0, period, 120))
 
 
 def draw_scene(axes: Axes, path: cf.Path, others: cf.Path, zone: cf.Zone, view: View) -> int:
-    """One panel; returns how often the path is in conflict."""
+    """Draw one panel and return the number of conflicts of the path."""
     outline = shadow(zone, view.plane)
     approach = cf.closest_approach(path, others, zone)
     conflicts = [cf.find_conflicts(path, others[k], zone) for k in range(len(others))]

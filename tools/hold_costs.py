@@ -1,8 +1,9 @@
-"""What passively safe plans from and to holds on the track cost: writes tests/data/hold_costs.json.
+"""Write tests/data/hold_costs.json: the cost of passively safe plans from and to V-bar hold points.
 
     python tools/hold_costs.py
 
-Delta-v [m/s] of `avoid(..., cost="delta-v", drift=)` for each of tests/hold_transfers.py, one line a case.
+The file has the delta-v [m/s] of `avoid(..., cost="delta-v", drift=)` for each case of
+tests/hold_transfers.py, one line per case.
 """
 
 import json

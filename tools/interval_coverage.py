@@ -1,10 +1,10 @@
-"""How often the intervals of collision probabilities hold the truth: of 1000 seeds, 930 to 970 should.
+"""Check the coverage of the confidence intervals of collision probabilities: 930 to 970 of 1000 seeds.
 
     python tools/interval_coverage.py --seeds 1000
 
-By entries, as many as are enough for 0.1 % of the probability, where 5 % of histories enter twice and
-where 2 % do; by Monte Carlo with Clopper and Pearson's interval, which should hold it at least 930 times.
-The truth is a million entries drawn from twice as many nodes on the surface.
+The entry-rate method has the sample size for 0.1 % of the probability, in cases with 5 % and 2 % repeated
+entries. Monte Carlo has Clopper-Pearson intervals, which should cover the truth at least 930 times. The truth
+comes from a million sampled entries with twice as many nodes on the surface.
 """
 
 import argparse

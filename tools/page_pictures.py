@@ -1,6 +1,6 @@
-"""Draw the pictures of pages in docs/ by the Python of those pages: each PNG that a page saves and shows.
+"""Draw the pictures of pages in docs/ by running the Python code of those pages.
 
-Run from the repository: python tools/page_pictures.py [pictures fuel ...]; all pages without a name
+Run from the repository: python tools/page_pictures.py [pictures fuel ...]; without names, all pages
 """
 
 import os
@@ -18,7 +18,7 @@ BLOCK = re.compile(r"^```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 
 
 def drawn(page: Path) -> list[str]:
-    """The names of the pictures that were drawn anew."""
+    """Return the names of the new pictures."""
     text = page.read_text(encoding="utf-8")
     with tempfile.TemporaryDirectory() as work:
         os.chdir(work)

@@ -1,18 +1,18 @@
-"""Energies that the planners reach on fixed cases, so that a change of a planner can be held against them.
+"""Write tests/data/plan_energies.json: energies of the planners on fixed cases.
 
     python tools/plan_energies.py [--to FILE]
     python tools/plan_energies.py --outside [--to FILE]
 
-Plans every passage of tests/passages.py with `avoid` and with `reconfigure`, its crowds and the random
-formations of tests/formations.py with `reconfigure`, and writes tests/data/plan_energies.json, one line
-a case.  It takes a minute or two.  Of each plan: energy [m^2/s^3]; `extra`, the energy beyond the direct
-optimum; whether that is proven least; contacts; seconds, which depend on the machine.  A plan counts
-if no two in it come closer than their zone; else its energy is null, and the reason is given.
+The file serves to compare changes of a planner. The tool plans every passage of tests/passages.py with
+`avoid` and `reconfigure`, and its crowds and the random formations of tests/formations.py with
+`reconfigure`. It takes a minute or two. Each plan has the energy [m^2/s^3]; `extra`, the energy beyond the direct optimum; whether
+that is proven minimal; contacts; and seconds, which depend on the machine. A plan with a conflict has a null
+energy and a reason.
 
---outside adds to the file what benchmarks/peers/exchange.py reaches from many starts on the first hundred
-passages of each group, in half an hour: `extra` of its path, rebuilt as optimal transfers from contact to
-contact and certified clear like the others.  It is an upper bound on the least extra energy that owes
-nothing to the planners.  `best` is the least that any of the three found.
+--outside adds the results of benchmarks/peers/exchange.py from many starts, on the first hundred passages of
+each group, in half an hour: `extra` of its path, rebuilt as optimal transfers from contact to contact and
+certified clear. It is an independent upper bound on the minimum extra energy. `best` is the minimum of all
+three.
 """
 
 import argparse
@@ -37,16 +37,16 @@ from passages import GROUPS, crowds, passages
 from peers.exchange import Exchange
 
 FILE = Path(__file__).resolve().parents[1] / "tests" / "data" / "plan_energies.json"
-CLEAR = 1.0 - 1e-12  # least ratio of a clear path
+CLEAR = 1.0 - 1e-12  # minimum ratio of a clear path
 DIGITS = 12
-INFLATIONS = 20  # of zones, until the outside path is clear between its contacts too
-OUTWARD = 1e-9  # at first
-OUTSIDE = 100  # passages of each group that the outside optimiser looks at: the first, whatever they are
+INFLATIONS = 20  # maximum inflations of the zones until the path is clear between its contacts
+OUTWARD = 1e-9  # first inflation
+OUTSIDE = 100  # number of passages per group for the independent optimiser
 PLANNERS = "avoid", "reconfigure", "outside"
 
 
 def one_craft(passage):
-    """What both planners make of a passage."""
+    """Plan a passage with both planners."""
     direct = passage.path.energy
     single, spent = timed(cf.avoid, passage.path, passage.obstacles, passage.zones)
     line = {"direct": shortened(direct), "avoid": single_found(passage, single, spent)}
@@ -68,7 +68,7 @@ def one_craft(passage):
 
 
 def many_craft(task):
-    """What `reconfigure` makes of a formation."""
+    """Plan a formation with `reconfigure`."""
     plan, spent = timed(cf.reconfigure, **task.arguments)
     ratio = least_ratio(task, plan.paths) if plan.ok else np.nan
     direct = task.orbit.transfer(task.initial, task.final, task.duration, task.start).energy.sum()
@@ -107,12 +107,12 @@ def nothing(reason, spent=None):
 
 
 def tried(plan):
-    """What was tried where the first plan failed."""
+    """Return the attempts after a failed first plan."""
     return {"measures": list(plan.measures)} if plan.measures else {}
 
 
 def least_ratio(task, paths):
-    """Least norm of any pair in its zone."""
+    """Return the minimum clearance ratio of all pairs."""
     bodies = cf.stack([*paths, *task.obstacles])
     zones = {pair: task.zone_of(*pair) for pair in combinations(range(len(bodies)), 2)}
     moving = [(*pair, zone) for pair, zone in zones.items() if zone and pair[0] < len(paths)]
@@ -122,7 +122,7 @@ def least_ratio(task, paths):
 
 
 def outside(passage, seed):
-    """What an optimiser that shares nothing with the planners makes of a passage."""
+    """Solve a passage with the independent optimiser."""
     begin = perf_counter()
     task = Exchange(
         passage.initial,
@@ -142,7 +142,7 @@ def outside(passage, seed):
 
 
 def rebuilt(passage, task, path):
-    """An outside path as optimal transfers from contact to contact, certified clear; None where it is not."""
+    """Return an independent path as optimal transfers from contact to contact; None if it is not clear."""
     factors = np.ones(len(passage.zones))
     for k in range(INFLATIONS):
         times = np.concatenate([[0.0], path.times, [passage.duration]])
@@ -162,7 +162,7 @@ def rebuilt(passage, task, path):
 
 
 def best(line):
-    """The least extra energy that was found."""
+    """Return the minimum extra energy found."""
     found = [line[who]["extra"] for who in PLANNERS if line.get(who, {}).get("extra") is not None]
     return min(found, default=None)
 
@@ -177,7 +177,7 @@ def shortened(value, digits=DIGITS):
 
 
 def made():
-    """With which code, and when."""
+    """Return the commit and the date."""
     package = Path(cf.__file__).parent
     words = ["git", "-C", str(package)]
     commit = subprocess.run([*words, "rev-parse", "HEAD"], capture_output=True, text=True, check=True).stdout
@@ -191,7 +191,7 @@ def made():
 
 
 def groups():
-    """Every group: its name, cases by name, and what plans them."""
+    """Return every group: its name, cases by name, and its planner."""
     for group in GROUPS:
         yield group, [(passage.name, passage) for passage in passages(group)], one_craft
     yield "crowds", [(task.name, task) for task in crowds()], many_craft
@@ -199,7 +199,7 @@ def groups():
 
 
 def planned(known):
-    """All tables anew; what the outside optimiser found is kept."""
+    """Plan all cases anew, and keep the results of the independent optimiser."""
     tables = {}
     one_craft(passages("one ellipsoid")[0])  # kernels are loaded before anything is timed
     for group, cases, planner in groups():
@@ -220,7 +220,7 @@ def planned(known):
 
 
 def compared(known):
-    """The known tables with what the outside optimiser finds, after every group."""
+    """Add the results of the independent optimiser to the tables, group by group."""
     for group in sorted(GROUPS, key=lambda group: "ellipsoid" in group):  # boxes first
         begin = perf_counter()
         for seed, passage in enumerate(passages(group)[:OUTSIDE]):
@@ -236,7 +236,7 @@ def compared(known):
 
 
 def written(tables):
-    """JSON with one line a case."""
+    """Return JSON with one line per case."""
     parts = []
     for group, lines in tables.items():
         if group == "made":
@@ -249,7 +249,7 @@ def written(tables):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--outside", action="store_true", help="add what the outside optimiser finds")
+    parser.add_argument("--outside", action="store_true", help="add the results of the independent optimiser")
     parser.add_argument("--to", type=Path, default=FILE, help="the file to write")
     options = parser.parse_args()
     known = json.loads(options.to.read_text(encoding="utf-8")) if options.to.exists() else {}

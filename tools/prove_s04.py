@@ -1,10 +1,11 @@
-"""How much of S04's draws is proven: that every pair locks, whatever errors do within bounds.
+"""Prove which share of the samples of S04 always locks, for all errors within bounds.
 
     python tools/prove_s04.py --nodes 1000000
     python tools/prove_s04.py --nodes 1000000 --pointing-error 0.5 --timing-error 2
 
-Face by face of the box of all draws, each with its own nodes, so that memory stays flat.  S04 draws both
-craft in cubes: of their difference, scaled to +-1, each component x has the density 1 - |x|.
+The proof treats each face of the box of all samples with its own nodes, so that memory is constant. S04
+samples both spacecraft in cubes. Each component x of their difference, scaled to +-1, therefore has the density
+1 - |x|.
 """
 
 import argparse
@@ -19,7 +20,7 @@ NODES, WEIGHTS = np.polynomial.legendre.leggauss(8)  # exact for polynomials up 
 
 
 def share_of_draws(boxes: np.ndarray) -> float:
-    """The probability of the cones over boxes (K, 2, 6) in faces of the box of all draws.
+    """Return the probability of the cones over boxes (K, 2, 6) in faces of the box of all samples.
 
     A cone is {s x: 0 <= s <= 1, x in the box}; its volume element is s^5 ds dx, and the mean of 1 - s |x|
     over an interval is 1 - s times that of |x|.

@@ -1,12 +1,12 @@
-"""How much each error eats of S04's guarantee: the greatest at which no pair of 10^7 stays lost.
+"""Compute the error tolerances of S04 in docs/robustness.md: largest errors without a lost pair in 10^7.
 
-    python tools/robustness_table.py --cases 10000000        # all of docs/robustness.md's table and picture
+    python tools/robustness_table.py --cases 10000000        # whole table and picture
     python tools/robustness_table.py pointing rate            # some rows
 
-Pairs are those of `examples/s04.toml`, case by case; errors have one size and directions or signs that are
-drawn, as a study draws "craft.pointing_error" = { shell = ["X", "X"] }, "craft.slew_rate_error" and
-"craft.start_offset" = { choice = ["-X", "X"] }.  All cases are flown with errors so great that some fail; of
-these the least error with which they fail is bisected, and all cases are flown again just below it.
+The pairs are those of `examples/s04.toml`, case by case. Errors have one size and random directions or signs,
+as in a study with "craft.pointing_error" = { shell = ["X", "X"] }, "craft.slew_rate_error" and
+"craft.start_offset" = { choice = ["-X", "X"] }. The tool runs all cases with errors at which some fail. It
+bisects the smallest error of the failed cases, and runs all cases again just below it.
 """
 
 import argparse
@@ -34,7 +34,7 @@ HALVINGS = 30
 
 
 def of_study(key: str, draw: Draw, size: int) -> Callable[[int, int], Any]:
-    """What a study draws of each craft (C, 2), or vectors (C, 2, 3) by `size`."""
+    """Return the samples of a study for each spacecraft (C, 2), or vectors (C, 2, 3) by `size`."""
     return lambda first, last: spread(draw, draw.numbers(key), uniform(SEED, key, 2, first, last), size)
 
 
@@ -44,9 +44,9 @@ def nothing(first: int, last: int) -> Any:
 
 @dataclass(frozen=True)
 class Row:
-    """An error: its name and unit, how it is drawn, what a size makes of it, and sizes from small to great.
+    """Error type: name and unit, sampling, and sizes in increasing order.
 
-    `sizes` are those whose shares are told; with the first of them some of 10^7 pairs fail.
+    The table reports shares for `sizes`; at the first of them some of 10^7 pairs fail.
     """
 
     name: str
@@ -110,7 +110,7 @@ ROWS = {
 
 
 def lost(row: Row, size: float, cases: int) -> tuple[Any, Any]:
-    """States (F, 6) of the cases that never lock with errors of one size, and what was drawn for them."""
+    """Return states (F, 6) of the cases that never lock with errors of one size, and their samples."""
     states, ways = [], []
     for first in range(0, cases, AT_ONCE):
         last = min(first + AT_ONCE, cases)
@@ -129,7 +129,7 @@ def fails(row: Row, states: Any, ways: Any, sizes: Any) -> Any:
 
 
 def greatest(row: Row, cases: int) -> tuple[float, int]:
-    """An error, to two digits, with which no case fails; how many do with the first of the row's sizes."""
+    """Return the largest error, to two digits, without failures, and the failures at the first size."""
     size = row.sizes[0]
     states, ways = lost(row, size, cases)
     count = len(states)
@@ -151,7 +151,7 @@ def two_digits(value: float, up: bool) -> float:
 
 
 def draw_picture(shares: dict[str, list[tuple[float, int]]], safe: dict[str, float], cases: int) -> None:
-    """The share that never locks against the size of each error; a line where nobody is lost."""
+    """Draw the share of lost pairs against the size of each error; a line where no pair is lost."""
     from closeform.plots.palette import AFTER, CONFLICT, INK
     from closeform.plots.style import dress, headline, sheet
     from closeform.plots.text import SMALL, TEXT
@@ -182,7 +182,7 @@ def draw_picture(shares: dict[str, list[tuple[float, int]]], safe: dict[str, flo
 
 def main() -> None:
     parser = argparse.ArgumentParser(
-        description="Errors with which S04's search still finds all of many pairs."
+        description="Compute the largest errors at which the search of S04 finds all of many pairs."
     )
     parser.add_argument("rows", nargs="*", default=list(ROWS), help=f"of {', '.join(ROWS)}")
     parser.add_argument("--cases", type=int, default=10_000_000)

@@ -3,14 +3,13 @@
     python tools/rule_of_thumb.py --missions 4000
     python tools/rule_of_thumb.py --missions 4000 --seed 2 --check
 
-Each mission has 16 craft, drawn alike within 30 m to 2 km of the chief, of which the first 1, 8 or 16 count.
-Half of the missions are transfers of minimum energy in 0.1 to 8 orbits, half of these from rest to rest.
-Half are coasts of 0.1 to 16 orbits on closed relative orbits.  Chiefs are 300 to 1000 km up, at any
-inclination and latitude, one in ten circular, the others with eccentricities of 0.0001 to 0.02, all in J2.
-Durations, sizes and eccentricities are drawn evenly by the logarithm.  The model error is the greatest
-deviation of any craft at any time, as `validity` predicts it, within a tenth of a percent of a simulation.
-The tool prints the numbers of `dynamics/model_error_estimate.py` and the share of
-missions within the estimate, by duration.
+Each mission has 16 spacecraft within 30 m to 2 km of the chief, of which the first 1, 8 or 16 count. Half of
+the missions are minimum-energy transfers in 0.1 to 8 orbits, half of these from rest to rest. Half are coasts
+of 0.1 to 16 orbits on closed relative orbits. Chiefs are at 300 to 1000 km and any inclination and latitude.
+One in ten is circular, the others have eccentricities of 0.0001 to 0.02, all in J2. Durations, sizes and
+eccentricities are uniform in the logarithm. The model error is the maximum deviation of any spacecraft at any
+time from `validity`, within a tenth of a percent of a simulation. The tool prints the numbers of
+`dynamics/model_error_estimate.py` and the share of missions within the estimate, by duration.
 """
 
 import argparse
@@ -29,7 +28,7 @@ LONGEST = {model_error_estimate.MOVES: 8.0, model_error_estimate.COASTS: 16.0}  
 
 
 def drawn(draws: np.random.Generator, which: int) -> tuple[cf.Path, cf.Chief]:
-    """Return a mission and its chief: a coast where `which` is even, else a transfer, every other at rest."""
+    """Sample a mission and its chief: a coast for even `which`, otherwise a transfer."""
     a = cf.elements.EARTH_RADIUS + draws.uniform(3e5, 1e6)
     e = 0.0 if draws.random() < 0.1 else 10.0 ** draws.uniform(-4.0, np.log10(0.02))
     perigee, latitude = draws.uniform(0.0, 2.0 * np.pi, 2)
@@ -49,7 +48,7 @@ def drawn(draws: np.random.Generator, which: int) -> tuple[cf.Path, cf.Chief]:
 
 
 def row(draws: np.random.Generator, which: int) -> list[float]:
-    """Return turns, chief's axis [m] and e, then reach and greatest deviation [m] of 1, 8 and 16 craft."""
+    """Return orbits, chief's axis [m] and e, then reach and deviation [m] of 1, 8, 16 spacecraft."""
     path, chief = drawn(draws, which)
     found = cf.validity(path, cf.Field(chief))
     off = np.linalg.norm(found.deviations[..., :3], axis=-1).max(axis=1)
@@ -74,14 +73,14 @@ def fitted(rows: np.ndarray, share: float) -> np.ndarray:
 
 
 def unknown(rows: np.ndarray, share: float, craft: int, kind: str) -> float:
-    """Return the eccentricity with which a share of missions is within the estimate."""
+    """Return the eccentricity at which a share of missions is within the estimate."""
     trials = np.geomspace(1e-4, 0.02, 60)
     within = [covered(rows, craft, kind, [e] * len(rows))[int(share > 0.5)].mean() for e in trials]
     return float(np.interp(share, within, trials))
 
 
 def covered(rows: np.ndarray, craft: int, kind: str, eccentricities: Sequence[float | None]) -> np.ndarray:
-    """Return which missions are within both estimates (2, M), for eccentricities that are known or None."""
+    """Return which missions are within both estimates (2, M), for known or unknown (None) eccentricities."""
     turns, a, _, far, off = rows.T
     each = zip(far, turns, a, eccentricities, strict=True)
     told = [model_error_estimate.model_error(f, t, x, e, craft, kind) for f, t, x, e in each]
@@ -89,11 +88,11 @@ def covered(rows: np.ndarray, craft: int, kind: str, eccentricities: Sequence[fl
 
 
 def main() -> None:
-    """Draw, then fit and print."""
+    """Sample, fit and print."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--missions", type=int, default=4000)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--check", action="store_true", help="do not fit, only print shares")
+    parser.add_argument("--check", action="store_true", help="print only the shares")
     told = parser.parse_args()
     draws = np.random.default_rng(told.seed)
     every = np.array([row(draws, k) for k in range(told.missions)])

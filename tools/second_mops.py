@@ -1,9 +1,9 @@
-"""How often two lost craft of S04 need the second mOPS: shares of each phase in 10^8 cases of its study.
+"""Compute how often lost pairs of S04 need the second mOPS, from 10^8 cases of its study.
 
     python tools/second_mops.py --cases 100000000
 
-Case K is that of `closeform run FILE --case K`, of a copy of examples/s04.toml with as many cases.  Memory is
-flat; 10^8 cases take a minute on two idle cores.
+Case K is that of `closeform run FILE --case K` for a copy of examples/s04.toml with as many cases. Memory is
+constant; 10^8 cases take a minute on two idle cores.
 """
 
 import argparse

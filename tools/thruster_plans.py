@@ -1,15 +1,15 @@
-"""Compare plans of minimum delta-v past obstacles between machines, settings and budgets.
+"""Compare minimum delta-v plans past obstacles between machines, settings and budgets.
 
-Run it once for each setting and give the files to the last run:
+Run the tool once for each setting, and pass the files to the last run:
 
     OPENBLAS_CORETYPE=Haswell python tools/thruster_plans.py --save haswell.json
     OPENBLAS_CORETYPE=SkylakeX python tools/thruster_plans.py --save skylakex.json
     python tools/thruster_plans.py --budget 400 --save best.json
     python tools/thruster_plans.py --compare haswell.json skylakex.json best.json
 
-The best plan of all files is the best known. 47 passages have one box and thrusters along R, T and N; 100
-others have one or three obstacles, boxes and ellipsoids, and thrusters along R, T and N, fixed to the stars,
-four in a tetrahedron, or a free direction.
+The best plan of all files is the best known. 47 passages have one box and thrusters along R, T and N. 100
+others have one or three obstacles, boxes or ellipsoids. Their thrusters are along R, T and N, inertially
+fixed, in a tetrahedron, or free.
 """
 
 import argparse
@@ -64,7 +64,7 @@ def measure(budget: int | None) -> dict[str, Any]:
 
 
 def compare(files: list[str]) -> None:
-    """Print how far the plans of each file are above the best known and apart from each other."""
+    """Print the excess of each file over the best known plans, and the differences between files."""
     runs = [json.loads(Path(file).read_text()) for file in files]
     names = list(runs[0])
     costs = np.array([[run[name][1] for name in names] for run in runs])
@@ -89,9 +89,9 @@ def compare(files: list[str]) -> None:
 
 
 def main() -> None:
-    """Measure, or compare what was measured."""
+    """Measure, or compare saved results."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--budget", type=int, help="starts examined at most (default: the planner's)")
+    parser.add_argument("--budget", type=int, help="maximum number of starts (default of the planner)")
     parser.add_argument("--save", help="file to write")
     parser.add_argument("--compare", nargs="+", help="files to compare")
     given = parser.parse_args()

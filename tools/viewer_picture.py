@@ -1,4 +1,4 @@
-"""Draws docs/images/viewer.png: the page of the cluster at its closest approach, in the machine's Chromium.
+"""Draw docs/images/viewer.png: the page of the cluster at its closest approach, in Chromium.
 
 .venv/bin/pip install -e '.[browser]' && .venv/bin/python tools/viewer_picture.py
 """
@@ -23,13 +23,13 @@ sys.path.insert(0, str(ROOT / "tests" / "browser"))
 from pagereader import SOFTWARE, Reader  # noqa: E402
 
 SIZE = {"width": 1280, "height": 720}
-COLOURS = 128  # which keep the file small
+COLOURS = 128  # few colours keep the file small
 
 
 def main() -> None:
     chromium = shutil.which("chromium")
     if chromium is None:
-        sys.exit("no Chromium: install Debian's with `apt-get install chromium`")
+        sys.exit("no Chromium; install it with `apt-get install chromium`")
     scene = scene_of(Shown.of_mission(cf.run(ROOT / "examples" / "cluster.toml")), report="report.html")
     near = min((one for one in scene.record["approaches"] if one["stage"] == 2), key=lambda one: one["ratio"])
     mover = scene.record["craft"][near["second"]]["name"]
