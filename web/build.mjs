@@ -5,7 +5,7 @@ import { build } from "esbuild";
 
 const here = new URL(".", import.meta.url);
 const data = new URL("../src/closeform/viewer/", here);
-const licence = await readFile(new URL("node_modules/three/LICENSE", here), "utf8"); // which asks to stand in every copy
+const licence = await readFile(new URL("node_modules/three/LICENSE", here), "utf8"); // required in every copy
 const bundle = await build({
   absWorkingDir: fileURLToPath(here),
   entryPoints: { viewer: "source/main.js" },

@@ -37,14 +37,14 @@ export type Vector = [number, number, number];
 export interface Scene {
   /** Of this contract; the page refuses another one by a line on the page. */
   format: 1;
-  /** What the scenario calls itself. */
+  /** Title of the scenario. */
   title: string;
-  /** One line on who flies where, such as "8 craft in an orbit of 94.62 min, 4257.8 s". */
+  /** Summary line, such as "8 craft in an orbit of 94.62 min, 4257.8 s". */
   opening: string;
   /** The last line of the run; `ok` says whether it is good news. */
   verdict: string;
   ok: boolean;
-  /** Lines that the user should not miss. */
+  /** Important notes. */
   warnings: string[];
   /** [s]; all tracks lie in between, but drifts after a failure may go on beyond `end`. */
   start: number;
@@ -66,7 +66,7 @@ export interface Scene {
 
   craft: Craft[];
   zones: Zone[];
-  /** Who keeps which of the `zones` with whom. */
+  /** The `zones` of each pair. */
   pairs: Pairs;
   stages: Stage[];
   /** Flown first; each kind in order of stage, then craft. */
@@ -76,7 +76,7 @@ export interface Scene {
   thrusts: Thrust[];
   /** Impulses and pulses, in order of time. */
   burns: Burn[];
-  /** Two that are known to see each other, in order of time. */
+  /** Locks in order of time. */
   locks: Lock[];
   conflicts: Conflict[];
   approaches: Approach[];
@@ -170,7 +170,7 @@ export interface Track {
   states: Block;
 }
 
-/** One stage in which craft look for each other. */
+/** One search stage. */
 export interface SearchScene {
   stage: number;
   start: number;
@@ -253,24 +253,24 @@ export interface Approach {
 
 /** The worst of all failures of one craft near another; its drift is `tracks[track]`, -1 where it is not drawn. */
 export interface Failure {
-  /** Who fails, and who flies on (its own drift after the end of the stage is a track too, or it is flown). */
+  /** The failing spacecraft and the other one, which continues its path or drifts after the stage. */
   fails: Index;
   meets: Index;
   stage: number;
-  /** When thrust is lost, and when it is nearest; null in a drift so slow that nobody knows. */
+  /** Times of loss of thrust and of closest approach; null in a drift too slow to determine it. */
   failed_at: number | null;
   time: number | null;
-  /** Least norm: below 1 it is in the zone. */
+  /** Minimum clearance ratio; below 1 is inside the zone. */
   ratio: number;
   /** Between the centres then [m]; null where `time` is. */
   distance: number | null;
   safe: boolean;
-  /** The drift of who fails, and that of who is met once its stage has ended. */
+  /** Drifts of the failing spacecraft, and of the other one after its stage. */
   track: Index;
   met_track: Index;
 }
 
-/** Where a craft may be: an ellipsoid of `sigmas` about its flown track. */
+/** Position uncertainty: an ellipsoid of `sigmas` about a track. */
 export interface Tube {
   craft: Index;
   stage: number;
@@ -287,7 +287,7 @@ export interface Event {
   /** Of an interval, such as a phase or a conflict; else equal to `time`. */
   until: number;
   kind: "stage" | "phase" | "lock" | "burn" | "conflict" | "approach" | "failure" | "end";
-  /** Who takes part, the one to follow first. May be empty. */
+  /** Spacecraft of the event, with the one to follow first. May be empty. */
   craft: Index[];
   stage: number;
   /** One line, such as "TPF1 - TPF2: lock, the formation set begins". */

@@ -1,10 +1,10 @@
-// Address: time, craft and views behind the "#" of the page's address, so that a moment can be sent.
+// Address: time, spacecraft and views after the "#" of the page address, as a link to this state.
 
 import { VIEWS } from "./viewpoints.js";
 
 const LATE = 250; // milliseconds after the last change
 
-/** What an address says: { t, craft, oblique, top, close, layers } as far as it says anything. */
+/** Content of an address: { t, craft, oblique, top, close, layers }, each if present. */
 export function readAddress(hash) {
   const found = {};
   for (const [key, value] of new URLSearchParams(hash.replace(/^#/, ""))) {
@@ -25,7 +25,7 @@ export class Address {
     this.waiting = null;
   }
 
-  /** Writes soon what `said` gives, as pairs of key and text. */
+  /** Writes the pairs of key and text from `said` after a short delay. */
   write() {
     clearTimeout(this.waiting);
     this.waiting = setTimeout(() => {

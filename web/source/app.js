@@ -1,4 +1,4 @@
-// App: the scene, the time and the reader's choices, and everything that shows them.
+// App: the scene, the time, the choices of the user, and their display.
 
 import { Address, readAddress } from "./address.js";
 import { EventList } from "./eventlist.js";
@@ -96,7 +96,7 @@ export class App {
     event.preventDefault();
   }
 
-  // what a reader does
+  // user actions
 
   follow(craft) {
     this.chosen = craft;
@@ -161,7 +161,7 @@ export class App {
     help.setAttribute("aria-expanded", String(shown));
   }
 
-  // what the address says
+  // address
 
   said() {
     const pairs = [["t", String(Number(this.player.time.toFixed(2)))], ["craft", this.scene.craft[this.chosen].name]];
@@ -187,7 +187,7 @@ export class App {
     this.player.go(said.t ?? this.player.time);
   }
 
-  // what is shown
+  // display
 
   paint() {
     this.palette = new Palette(document.documentElement);
@@ -265,7 +265,7 @@ export class App {
     });
   }
 
-  /** All that is said in words. */
+  /** Updates all text. */
   tell() {
     const { page, player, moment, scene } = this;
     say(page.clock, clock(player.time, 1));
@@ -283,7 +283,7 @@ export class App {
   }
 }
 
-/** Who is followed at first: the only one that moves, else the first. */
+/** Initially followed spacecraft: the only one that manoeuvres, otherwise the first. */
 function firstChosen(scene, moment) {
   const moving = scene.craft.flatMap(({ moves }, k) => (moves && moment.ways[k] ? [k] : []));
   return moving[0] ?? 0;

@@ -1,4 +1,4 @@
-// Bodies: the craft themselves, with the shades and cones of those that look for each other.
+// Bodies: spacecraft, with the sun shades and sensor cones during a search.
 
 import { Dots } from "./dots.js";
 import { Ribbons } from "./ribbons.js";

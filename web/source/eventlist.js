@@ -1,4 +1,4 @@
-// Event list: all that happens, in order of time; a click goes to the moment.
+// Event list: all events in order of time; a click goes to the event.
 
 import { element } from "./element.js";
 import { clock } from "./units.js";

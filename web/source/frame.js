@@ -1,4 +1,4 @@
-// Frame: what tells a reader of a view where he looks from, where things are and how big they are.
+// Frame: orientation, grid and scale of a view.
 
 import { length, niceStep } from "./units.js";
 import { dot } from "./view.js";

@@ -1,4 +1,4 @@
-// Guards: keep-out zones as glass around those whom others keep away from, and ellipsoids of errors.
+// Guards: keep-out zones as glass, and uncertainty ellipsoids.
 
 import { AS_IT_IS, axesOf, shapeOf, SHAPES, Solids } from "./solids.js";
 import { root, Tube } from "./tube.js";
@@ -21,7 +21,7 @@ export class Guards {
     this.spreads = new Solids(SHAPES.ball(), Math.max(1, this.tubes.length), { order: 1.1, edge: 1.5 });
   }
 
-  /** Whose zone is drawn: of those that only coast, else of the one that is followed. */
+  /** Spacecraft with a drawn zone: those that only coast, otherwise the followed one. */
   keepers(chosen) {
     const { craft } = this.scene;
     if (this.moment.search) return [chosen].filter((k) => craft[k].zone >= 0);
@@ -43,7 +43,7 @@ export class Guards {
     for (const solids of this.zones.values()) solids.clear();
     const put = (zone, middle, colour, alpha) =>
       this.zones.get(this.shapes[zone]).put(axesOf(scene.zones[zone]), middle, colour, alpha);
-    const struck = new Map(); // craft in conflict now; of those before avoidance the worst of who is followed
+    const struck = new Map(); // current conflicts; before avoidance, the worst of the followed spacecraft
     const before = moment.conflicts.filter(({ first, second, when }) => when === "before" && (first === chosen || second === chosen));
     const worst = ghosts ? before.sort((a, b) => a.ratio - b.ratio).slice(0, 1) : [];
     for (const { first, second, when } of [...worst, ...moment.conflicts.filter((one) => one.when === "after")]) {

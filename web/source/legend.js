@@ -1,21 +1,21 @@
-// Legend: what colours and marks mean; each line switches what it speaks of.
+// Legend: the meaning of colours and marks; each line switches its layer on or off.
 
 import { element } from "./element.js";
 
-/** The lines that a scene needs: key of the layer, sign (class of a swatch), words. */
+/** The lines of a scene: key of the layer, sign (class of a swatch), text. */
 function entries(scene) {
   const has = (kind) => scene.tracks.some((track) => track.kind === kind);
   const when = (which) => scene.conflicts.some((one) => one.when === which);
   const sigmas = [...new Set(scene.tubes.map((tube) => tube.sigmas))].join(", ");
   return [
-    ["names", "letters", "names of craft", true],
-    ["paths", "path", "path: flown, faint where still to come", true],
-    ["before", "before", "path before avoidance, and who would fly it", has("before")],
-    ["planned", "planned", "plan that the pulses follow", has("planned")],
-    ["drifts", "drift", "drift after thrust is lost (✕) to where it is nearest (◆)", has("drift")],
+    ["names", "letters", "spacecraft names", true],
+    ["paths", "path", "path, faint in the future", true],
+    ["before", "before", "path and spacecraft before avoidance", has("before")],
+    ["planned", "planned", "plan before thruster firing", has("planned")],
+    ["drifts", "drift", "drift from loss of thrust (✕) to closest approach (◆)", has("drift")],
     ["conflicts", "conflict", when("after") ? "in conflict" : "in conflict before avoidance", scene.conflicts.length > 0],
-    ["zones", "zone", "keep-out zone: centres of others stay outside", scene.craft.some(({ zone }) => zone >= 0)],
-    ["errors", "tube", `where a craft may be: ${sigmas} sigma`, scene.tubes.length > 0],
+    ["zones", "zone", "keep-out zone for the centres of other spacecraft", scene.craft.some(({ zone }) => zone >= 0)],
+    ["errors", "tube", `position uncertainty: ${sigmas} sigma`, scene.tubes.length > 0],
     ["cones", "cone", "sensor cones of groups A and B, sun shades", scene.searches.length > 0],
     ["locks", "lock", "in lock now (thick), locked before (dashed)", scene.searches.length > 0],
     ["thrust", "thrust", "thrust (arrow) and impulses (◆)", scene.thrusts.length + scene.burns.length > 0],
@@ -41,12 +41,12 @@ export class Legend {
     this.labels = setLabels(scene);
   }
 
-  /** Ticks what is shown. */
+  /** Ticks the visible layers. */
   show() {
     for (const [key, box] of this.boxes) box.checked = this.layers[key];
   }
 
-  /** Colours of the sets, while somebody looks for others. */
+  /** Shows the colours of the sets during a search. */
   paint(palette, searching) {
     this.sets.replaceChildren(...(searching ? this.labels : []).map((label) => {
       const dot = element("span", { class: "dot", "aria-hidden": "true" });

@@ -1,13 +1,13 @@
-// Marks: what is drawn over the views: names, thrust, burns, ghosts, distances. Names never cover each other.
+// Marks: drawings over the views: names, thrust, burns, ghosts, distances. Names never overlap.
 
 import { Labels } from "./labels.js";
 import { clock, length, measured } from "./units.js";
 import { dot } from "./view.js";
 import { VIEWS } from "./viewpoints.js";
 
-const NAMED = 40; // craft that are named at once
+const NAMED = 40; // maximum number of spacecraft with names
 const ARROW = 46; // pixels of the greatest thrust
-const MARKED = 600; // impulses that are marked on the ways
+const MARKED = 600; // maximum number of impulses marked on paths
 const MOMENT = 1 / 160; // of the scene: how long an impulse or a closest approach is shown
 
 export class Marks {
@@ -24,7 +24,7 @@ export class Marks {
     });
   }
 
-  /** Draws all that `layers` show over a view; `taken` are boxes without names. */
+  /** Draws the visible `layers` over a view; `taken` are boxes without names. */
   draw(pen, view, palette, chosen, layers, taken) {
     const { moment, scene } = this;
     const spots = moment.positions.map((place, k) => (moment.ways[k] ? view.project(...place) : null))
@@ -44,7 +44,7 @@ export class Marks {
     if (layers.names) this.names(pen, view, palette, chosen, spots, seen, labels);
   }
 
-  /** How far a craft's hard body reaches [m]. */
+  /** Radius of the hard body of a spacecraft [m]. */
   hull(craft) {
     const { body } = this.scene.craft[craft];
     return body >= 0 ? this.scene.zones[body].radius : 0;
@@ -101,7 +101,7 @@ export class Marks {
     }
   }
 
-  /** Where thrust is lost, and where the drift comes nearest; in words for the craft that is followed. */
+  /** Marks loss of thrust and the closest approach of the drift, with text for the followed spacecraft. */
   failed(pen, view, palette, chosen, labels) {
     this.ghosts(pen, view, palette, "drift");
     for (const { failure, from, near } of this.slips) {
@@ -110,12 +110,12 @@ export class Marks {
       if (view.holds(u, v)) pen.diamond(u, v, 4.5, failure.safe ? palette.drift : palette.conflict);
       if (failure.fails !== chosen || view.key !== "oblique" || !view.holds(u, v)) continue;
       pen.font(11.5);
-      const text = `nearest after thrust lost at ${clock(failure.failed_at)}: ${measured(failure.ratio, "x zone")}`;
+      const text = `closest after loss of thrust at ${clock(failure.failed_at)}: ${measured(failure.ratio, "x zone")}`;
       word(pen, view, palette, labels, `drift ${failure.meets}`, [u, v], text, palette.ink);
     }
   }
 
-  /** Where the shade and the sensor of the craft that is followed point, and how far off the sun. */
+  /** Draws the directions of shade and sensor of the followed spacecraft, and the sun angle. */
   attitude(pen, view, palette, chosen, labels) {
     const axes = this.moment.axes(chosen);
     const { sun } = this.scene;
@@ -134,7 +134,7 @@ export class Marks {
     pen.text(`shade ${angle.toFixed(1)}° off the sun`, left + 10, top + 34, palette.quiet, { halo: palette.panel });
   }
 
-  /** How far apart a pair is at its closest approach: of several the one that is followed, then the closest. */
+  /** Draws the distance of a pair at its closest approach: the followed pair first, then the closest. */
   approaches(pen, view, palette, chosen, spots, labels) {
     const near = this.scene.approaches.filter(({ time }) => Math.abs(time - this.moment.time) <= this.window)
       .sort((a, b) => Number(b.first === chosen || b.second === chosen) - Number(a.first === chosen || a.second === chosen)).slice(0, 1);

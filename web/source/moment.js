@@ -1,4 +1,4 @@
-// The scene at one time: where craft are, where they look, which set holds each, who is in conflict.
+// The scene at one time: positions, attitudes, sets and conflicts.
 
 import { between, rowAt } from "./scene.js";
 import { Track, Way } from "./track.js";
@@ -41,7 +41,7 @@ export class Moment {
     return this.search?.phases.find((phase) => phase.start <= this.time && this.time <= phase.end) ?? null;
   }
 
-  /** The label of a craft's set (-1 lost), null where nobody looks for others. */
+  /** The label of a spacecraft's set (-1 lost), null without a search. */
   label(craft) {
     const rows = this.search?.rows;
     if (!rows || !this.search.groups[craft]) return null;
@@ -100,7 +100,7 @@ export class Moment {
     return found;
   }
 
-  /** Where those that would have flown otherwise are: ways before avoidance, drifts after failures. */
+  /** Positions on alternative paths: before avoidance, and drifts after failures. */
   ghosts(kind) {
     return this.tracks.filter((track) => track.kind === kind && track.start <= this.time && this.time <= track.end);
   }

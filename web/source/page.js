@@ -1,11 +1,11 @@
-// Page: the elements that a reader sees and presses, without what is drawn in them.
+// Page: its elements and controls, without the drawings in them.
 
 import { button, element } from "./element.js";
 import { icon } from "./icon.js";
 import { TITLES } from "./strip.js";
 import { VIEWS } from "./viewpoints.js";
 
-const KEYS = [["space", "play"], ["← →", "step (Shift: ten)"], ["↑ ↓", "speed"], ["n p", "next, previous event"], ["1 – 9", "follow craft"], ["v", "one view"], ["0", "views as at first"], ["t", "theme"], ["?", "help (Esc closes it)"]];
+const KEYS = [["space", "play"], ["← →", "step (Shift: ten)"], ["↑ ↓", "speed"], ["n p", "next, previous event"], ["1 – 9", "follow spacecraft"], ["v", "one view"], ["0", "views as at first"], ["t", "theme"], ["?", "help (Esc closes it)"]];
 
 export class Page {
   constructor(root, scene, does) {
@@ -53,7 +53,7 @@ export class Page {
     this.side = element("aside", { "aria-label": "Events and legend" });
     this.hint = element("div", { class: "hint", hidden: true });
     this.keys = element("p", { class: "keys", hidden: true }, ...KEYS.map(([key, what]) => element("span", {}, element("kbd", {}, key), ` ${what}`)),
-      element("span", {}, "drag turns, wheel or two fingers zoom, Shift and drag moves, a click on a craft follows it"));
+      element("span", {}, "drag turns, wheel or two fingers zoom, Shift and drag moves, a click on a spacecraft follows it"));
     root.append(head, this.views, this.time, this.charts, this.side, this.keys, this.hint);
   }
 

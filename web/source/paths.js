@@ -1,4 +1,4 @@
-// Paths: all ways of the scene as lines, a layer for each kind, and the stretches in conflict.
+// Paths: all paths of the scene as lines, one layer per kind, and their conflicts.
 
 import { Ribbons } from "./ribbons.js";
 

@@ -1,4 +1,4 @@
-// Player: the time that is shown, how fast it runs, and who is told when something changes.
+// Player: the displayed time, its speed, and notification of changes.
 
 const WHOLE = 24; // seconds in which a scene runs at the speed it begins with
 const FASTEST = 6; // doublings of that speed, either way

@@ -1,4 +1,4 @@
-// Reach: how far what is flown goes along a direction, by which views are fitted.
+// Reach: the extent of paths along a direction, used to fit views.
 
 import { dot } from "./view.js";
 

@@ -1,4 +1,4 @@
-// Strip chart: one kind of curve over time, and what it says at one moment.
+// Strip chart: one kind of curve over time, and its value at one time.
 
 import { element, say } from "./element.js";
 import { Pen } from "./pen.js";
@@ -6,7 +6,7 @@ import { rowAt } from "./scene.js";
 import { TimeScale } from "./timescale.js";
 import { clock, measured, niceStep, plain, timeStep } from "./units.js";
 
-export const TITLES = { ratio: "Pair ratio", range: "Range", thrust: "Thrust", "delta-v": "Delta-v so far" };
+export const TITLES = { ratio: "Clearance ratio", range: "Range", thrust: "Thrust", "delta-v": "Delta-v so far" };
 const [LEFT, RIGHT, ABOVE, BELOW] = [44, 10, 22, 15];
 const VALUE = 100; // pixels of the longest value with its unit, and of the gaps around it
 const NEARBY = 6; // zones up to which ratios are of interest

@@ -1,4 +1,4 @@
-// Tracks: ways of craft as cubic Hermite pieces between the scene's nodes.
+// Tracks: paths as cubic Hermite pieces between the nodes of the scene.
 
 import { rowAt } from "./scene.js";
 
@@ -57,7 +57,7 @@ export class Track {
   }
 }
 
-/** All that one craft flies, stage after stage. */
+/** The whole path of one spacecraft, stage by stage. */
 export class Way {
   constructor(tracks) {
     this.tracks = tracks;

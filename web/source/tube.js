@@ -1,4 +1,4 @@
-// Tubes: the ellipsoids of a craft's errors swept along its track, and the one of now.
+// Tubes: uncertainty ellipsoids swept along a track, and the current one.
 
 import { BufferAttribute, BufferGeometry } from "three";
 import { between } from "./scene.js";

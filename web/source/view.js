@@ -1,4 +1,4 @@
-// A view: from where one looks at the scene, without perspective, so that its scale holds everywhere in it.
+// A view: an orthographic camera, so that one scale applies everywhere.
 
 import { OrthographicCamera } from "three";
 

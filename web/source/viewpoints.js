@@ -1,4 +1,4 @@
-// Viewpoints: from where the three views look, as in the other pictures.
+// Viewpoints: directions of the three views, as in the other pictures.
 
 import { dot, View } from "./view.js";
 
