@@ -1,4 +1,4 @@
-"""The work that every method is given, from fixed seeds: clusters, transfers past an obstacle, lost craft."""
+"""Shared tasks from fixed seeds: clusters, transfers past an obstacle, lost spacecraft."""
 
 from dataclasses import dataclass
 
@@ -14,10 +14,10 @@ RADIUS = 20.0  # of the sphere, for methods that know no other zone [m]
 
 
 def cluster(craft: int, size: float, seed: int) -> Array:
-    """States (craft, 6) of closed relative orbits that drift a little.
+    """Return states (craft, 6) of closed relative orbits with a small drift.
 
-    Eccentricity and inclination vectors fill discs of radius `size`, centres lie within `size`
-    along the track, and the drift is at most 4 m an orbit.
+    Eccentricity and inclination vectors fill discs of radius `size`, centres are within `size` along the
+    track, and the drift is at most 4 m per orbit.
     """
     rng = np.random.default_rng(seed)
 
@@ -32,7 +32,7 @@ def cluster(craft: int, size: float, seed: int) -> Array:
 
 @dataclass(frozen=True)
 class Passage:
-    """A transfer whose unshaped path meets an obstacle: states (6,), durations in seconds."""
+    """Transfer with a conflict on its direct path: states (6,), duration [s]."""
 
     initial: Array
     final: Array
@@ -52,10 +52,10 @@ class Passage:
 
 
 def passages(count: int, seed: int) -> list[Passage]:
-    """Transfers of 0.4 to 1 orbit within a cluster; every third obstacle is on a transfer itself.
+    """Return transfers of 0.4 to 1 orbit within a cluster; every third obstacle is on a transfer.
 
-    The obstacle is put within the zone at some time in the middle half, both ends lie outside
-    twice the box around the zone.
+    The obstacle is inside the zone at some time in the middle half. Both ends are outside twice the box
+    around the zone.
     """
     rng = np.random.default_rng(seed)
     found: list[Passage] = []
@@ -77,7 +77,7 @@ def passages(count: int, seed: int) -> list[Passage]:
 
 
 def meets(passage: Passage) -> bool:
-    """Whether the unshaped path enters the ellipsoid well (norm 0.8) and both ends are far outside."""
+    """Return True if the direct path enters the ellipsoid (ratio below 0.8) and both ends are far outside."""
     times = np.linspace(0, passage.duration, 2001)
     scaled = position(passage.path - passage.obstacle_path, times, MEAN_MOTION) / ZONE
     norms = np.linalg.norm(scaled, axis=1)
@@ -85,9 +85,9 @@ def meets(passage: Passage) -> bool:
 
 
 def lost_pairs(count: int, seed: int) -> tuple[Array, Array]:
-    """Relative positions [m] and velocities [m/s] (count, 3) as in S04 section V.
+    """Return relative positions [m] and velocities [m/s] (count, 3) as in S04 section V.
 
-    Both craft are uniform in a cube of 1 km, each component of their velocities within 20 cm/s.
+    Positions are uniform in a cube of 1 km, and velocity components within 20 cm/s.
     """
     rng = np.random.Generator(np.random.Philox(seed))
     craft = rng.uniform(-1.0, 1.0, (2, 2, count, 3)) * np.array([500.0, 0.2])[:, None, None, None]
@@ -95,9 +95,9 @@ def lost_pairs(count: int, seed: int) -> tuple[Array, Array]:
 
 
 def lost_craft(cases: int, craft: int, seed: int) -> tuple[Array, Array]:
-    """Positions [m] and velocities [m/s] (cases, craft, 3) of H03's lost craft, uniform in balls.
+    """Return positions [m] and velocities [m/s] (cases, craft, 3) of lost spacecraft, uniform in balls.
 
-    Five are up to 300 m apart, more are as dense; relative speeds are up to 12 cm/s.
+    As in H03, five are up to 300 m apart with relative speeds up to 12 cm/s. More have the same density.
     """
     rng = np.random.Generator(np.random.Philox(seed))
 

@@ -1,4 +1,4 @@
-"""Methods that search the same pairs: who finds what, in what time."""
+"""Comparison of methods on the same pairs: conflicts found and time."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,17 +12,17 @@ from timing import side_by_side
 
 OURS = "closeform.screen"
 TOUCH = 1e-5  # s: ends that the methods find to about a microsecond
-COLUMNS = ["method", "pairs", "a pair", "spread", "takes", "stays", "missed"]
+COLUMNS = ["method", "pairs", "time per pair", "spread", "relative time", "conflicts", "missed"]
 MISSED = (
-    "The time of closeform includes making the paths. Stays: times in the zone, first to last. Missed: "
-    "stays that closeform finds and the method does not, among the pairs it searched; after a +, stays "
-    "that only the method finds."
+    "The time of closeform includes the construction of the paths. Missed: conflicts of closeform "
+    "that the method does not find, among the pairs that it searched; after a +, conflicts that "
+    "only the method finds."
 )
 
 
 @dataclass
 class Method:
-    """A way to search the first `craft` craft against all later ones."""
+    """Method that searches the first `craft` spacecraft against all later ones."""
 
     run: Callable[[], Any]
     craft: int
@@ -36,12 +36,12 @@ class Comparison:
 
 
 def pairs_among(count: int, craft: int) -> int:
-    """Pairs i < j < count with i < craft."""
+    """Return the number of pairs i < j < count with i < craft."""
     return craft * (2 * count - craft - 1) // 2
 
 
 def as_found(rows: Array) -> Array:
-    """Rows that are stays already; samples are 1 s apart."""
+    """Return conflict rows unchanged; samples are 1 s apart."""
     return rows
 
 
@@ -50,7 +50,7 @@ def from_screening(screening: Any) -> Array:
 
 
 def unmatched(stays: Array, others: Array) -> int:
-    """How many stays do not overlap any of the others of the same pair."""
+    """Return the number of conflicts that overlap none of the others of the same pair."""
     known: dict[tuple[float, float], list[tuple[float, float]]] = {}
     for i, j, start, end in others.tolist():
         known.setdefault((i, j), []).append((start, end))
@@ -61,7 +61,7 @@ def unmatched(stays: Array, others: Array) -> int:
 
 
 def compare(title: str, methods: dict[str, Method], count: int, repeats: int, notes: list[str]) -> Comparison:
-    """Run and time the methods, ours among them, on `count` craft."""
+    """Run and time the methods on `count` spacecraft."""
     found = {name: method.stays(method.run()) for name, method in methods.items()}  # and compile
     timings = side_by_side({name: method.run for name, method in methods.items()}, repeats)
     per_pair = {name: timings[name].median / pairs_among(count, m.craft) for name, m in methods.items()}

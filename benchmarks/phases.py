@@ -1,4 +1,4 @@
-"""Runs the command line in its arguments and prints as JSON where the main thread's time went, in seconds."""
+"""Run the command line with its arguments, and print the times of the main thread by phase [s] as JSON."""
 
 import json
 import threading
@@ -10,11 +10,11 @@ from typing import Any
 
 BEGIN = perf_counter()
 spent: dict[str, float] = {}
-inside: list[float] = [0.0]  # what phases within the present one took, innermost last
+inside: list[float] = [0.0]  # times of nested phases, innermost last
 
 
 def timed(owner: Any, name: str, phase: str) -> None:
-    """Let a function's own time, without phases inside, count as `phase`."""
+    """Count the own time of a function, without nested phases, as `phase`."""
     function: Callable[..., Any] = getattr(owner, name)
 
     def call(*arguments: Any, **named: Any) -> Any:
@@ -47,16 +47,17 @@ def main() -> None:
         import closeform.report.run
 
         timed(closeform._jit.Kernel, "__call__", "kernels")
-        timed(closeform.mission.mission, "fly", "flying")
+        timed(closeform.mission.mission, "fly", "planning")
         timed(closeform.report.page, "drawn", "pictures")
         timed(closeform.report.picture.Film, "save", "animation")
         timed(closeform.report.run.RunReport, "write", "tables, page")
 
     closeform.cli.app.make_haste = then_watch
     with redirect_stdout(StringIO()):
-        closeform.__main__.main()  # with its quick end
+        closeform.__main__.main()  # with its fast exit
     spent["imports"] = perf_counter() - BEGIN - sum(spent.values())
     print(json.dumps(spent))
 
 
-main()
+if __name__ == "__main__":
+    main()

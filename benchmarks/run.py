@@ -1,11 +1,11 @@
-"""The benchmark: closeform and its peers on the same work, side by side in one run.
+"""Benchmark of closeform and its peers on the same tasks in one run.
 
-    python benchmarks/run.py                 measures everything, prints it and writes docs/benchmarks.md
-    python benchmarks/run.py --only fuel     measures a section anew; the others stay on the page as they are
-    python benchmarks/run.py --quick         a small version that only shows that everything runs
+    python benchmarks/run.py                 measure everything, print it and write docs/benchmarks.md
+    python benchmarks/run.py --only fuel     measure one section; the page keeps the others
+    python benchmarks/run.py --quick         run a small version that only shows that everything works
 
-Each section runs in a process of its own, so that none disturbs another; those that compare
-single cores are pinned to one.  What was measured last is kept in benchmarks/measured.
+Each section runs in its own process. Sections that compare single cores are pinned to one core. The latest
+results of each section are in benchmarks/measured.
 """
 
 import argparse
@@ -18,7 +18,7 @@ import tempfile
 from datetime import date
 from pathlib import Path
 
-from tables import Report, Table, as_markdown, as_text, figures_table, seconds
+from tables import Report, Table, as_markdown, as_text, figures_table, other_figures, seconds
 from timing import machine, say
 
 SECTIONS = {
@@ -44,28 +44,29 @@ SECTIONS = {
     "start": None,
     "viewer": None,
     "exchange": 1,
-}  # cores; None: all
-LIMIT = 1200  # seconds a section may take
-TESTS = Path(__file__).parents[1] / "tests"  # formations fixed before the planner was tuned
+}  # number of cores; None: all
+LIMIT = 1200  # maximum time of a section [s]
+TESTS = Path(__file__).parents[1] / "tests"  # formations
 TOOLS = Path(__file__).parents[1] / "tools"  # crowds
 PAGE = Path(__file__).parents[1] / "docs" / "benchmarks.md"
-MEASURED = Path(__file__).parent / "measured"  # SECTION.json: when, on what machine, and its report
+MEASURED = Path(__file__).parent / "measured"  # SECTION.json: date, machine and report
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description="closeform and its peers on the same work.")
-    parser.add_argument("--quick", action="store_true", help="a small version; writes no page")
+    parser = argparse.ArgumentParser(description="Compare closeform and its peers on the same tasks.")
+    parser.add_argument("--quick", action="store_true", help="run a small version; write no page")
     parser.add_argument(
-        "--only", choices=SECTIONS, nargs="+", help="some sections; the page keeps the others"
+        "--only", choices=SECTIONS, nargs="+", help="measure these sections; the page keeps the others"
     )
-    parser.add_argument("--result", type=Path, help=argparse.SUPPRESS)  # a section's own process
+    parser.add_argument("--result", type=Path, help=argparse.SUPPRESS)  # process of one section
     arguments = parser.parse_args()
     if arguments.result:
         measure_here(arguments.only[0], arguments.quick, arguments.result)
         return 0
     reports = {name: measured(name, arguments.quick) for name in arguments.only or SECTIONS}
     print(machine())
-    for table in tables_of(reports):
+    figures = [figure for report in reports.values() for figure in report.figures]
+    for table in [figures_table(figures), *tables_of(reports)]:
         print("\n" + as_text(table))
     if not arguments.quick:
         keep(reports)
@@ -73,7 +74,7 @@ def main() -> int:
 
 
 def keep(reports: dict[str, Report]) -> None:
-    """Write what was measured, and the page of what was measured last of every section."""
+    """Write the measured reports, and the page with the latest report of each section."""
     MEASURED.mkdir(exist_ok=True)
     for name, report in reports.items():
         if not report.failed:
@@ -85,15 +86,14 @@ def keep(reports: dict[str, Report]) -> None:
 
 
 def tables_of(reports: dict[str, Report]) -> list[Table]:
-    """Figures to reach, then each section's tables."""
-    figures = [figure for report in reports.values() for figure in report.figures]
+    """Return the tables of each section, the on-board estimate and the figures without a table."""
     speeds = {name: speed for report in reports.values() for name, speed in report.speeds.items()}
     sections = [table for report in reports.values() for table in report.tables]
-    return [figures_table(figures), *sections, on_board(speeds)]
+    return [*sections, on_board(speeds), other_figures(list(reports.values()))]
 
 
 def measured(section: str, quick: bool) -> Report:
-    """One section in a process of its own; a failure becomes its table."""
+    """Run a section in its own process; a failure becomes its table."""
     say(f"{section} ...")
     with tempfile.TemporaryDirectory() as folder:
         result = Path(folder) / "result.json"
@@ -108,7 +108,7 @@ def measured(section: str, quick: bool) -> Report:
 
 
 def measure_here(section: str, quick: bool, result: Path) -> None:
-    """Measure a section in this process, on its share of the cores."""
+    """Measure a section in this process, on its number of cores."""
     share = SECTIONS[section]
     if share and hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[-share:])
@@ -117,7 +117,7 @@ def measure_here(section: str, quick: bool, result: Path) -> None:
     result.write_text(json.dumps(report.plain()))
 
 
-# SP11 section 5: on a desktop of 2 GHz; on board it expects 1000 times as long.
+# SP11 section 5: times on a desktop of 2 GHz; SP11 estimates 1000 times as long on board.
 PUBLISHED = {
     "conflicts of a coasting pair": (0.0002, "natural"),
     "conflicts of a thrusting pair": (0.0067, "thrusting"),
@@ -127,7 +127,7 @@ SLOWER = 1000
 
 
 def on_board(speeds: dict[str, float]) -> Table:
-    """SP11's estimate for a satellite's processor, and the same factor on what was measured here."""
+    """Return the on-board estimate of SP11, and the same factor applied to the measured times."""
     rows = []
     for name, (published, key) in PUBLISHED.items():
         here = [speeds.get(key), speeds.get(f"{key} SP11")]
@@ -142,13 +142,15 @@ def on_board(speeds: dict[str, float]) -> Table:
                 seconds(here[0] * SLOWER) if here[0] else "-",
             ]
         )
-    columns = ["", "SP11 then", "its method here", "closeform", "SP11 on board", "closeform"]
-    note = f"On board: {SLOWER} times slower, as SP11 estimates; it published times of a 2 GHz desktop."
-    return Table("On board a satellite", columns, rows, [note])
+    columns = ["task", "SP11, published", "SP11 method", "closeform", "SP11 on board", "closeform on board"]
+    note = (
+        f"On board: {SLOWER} times slower, the estimate of SP11. Its published times are of a 2 GHz desktop."
+    )
+    return Table("On-board estimate", columns, rows, [note])
 
 
 def page() -> str:
-    """docs/benchmarks.md, of what was measured last of every section."""
+    """Return docs/benchmarks.md with the latest report of each section."""
     kept = {
         name: json.loads(file.read_text(encoding="utf-8"))
         for name in SECTIONS
@@ -157,23 +159,22 @@ def page() -> str:
     runs: dict[tuple[str, str], list[str]] = {}
     for name, one in kept.items():
         runs.setdefault((one["machine"], one["date"]), []).append(name)
-    told = "\n".join(f"- {', '.join(names)}: {day}, {on}" for (on, day), names in sorted(runs.items()))
+    listed = "\n".join(f"- {', '.join(names)}: {day}, {on}" for (on, day), names in sorted(runs.items()))
     head = f"""# Benchmarks
 
-Written by `python benchmarks/run.py`; do not edit. Each section of `benchmarks/sections` was measured in
-one run:
+`python benchmarks/run.py` writes this page; do not edit it. Each section of `benchmarks/sections` was
+measured in one run:
 
-{told}
+{listed}
 
-Times are medians; “spread” is half the range of the repeats over the median; “takes” is the time relative to
-closeform's in the same table. Compilation is left out, except where a table says so. The peers are in
-`benchmarks/peers`, and each says at its top what it does and what it does not. To repeat it:
+Times are medians. “Spread” is half the range of the repeats over the median. “Relative time” is relative to
+closeform in the same table. Times exclude compilation unless a table states otherwise. The peers are in
+`benchmarks/peers`, and the header of each states its method and its limits. To repeat the measurements:
 
     pip install -e '.[benchmark]'
     python benchmarks/run.py
 
-V-BAR needs Python 3.12; on 3.11 its table says that it was left out, and so does
-that of Basilisk without the extra `basilisk`.
+V-BAR requires Python 3.12, and Basilisk the extra `basilisk`. Without them their tables are empty.
 """
     tables = tables_of({name: Report.from_plain(one["report"]) for name, one in kept.items()})
     return head + "\n" + "\n".join(as_markdown(table) for table in tables)

@@ -1,4 +1,4 @@
-"""Tables and figures of the benchmark, as text of at most 100 columns and as Markdown."""
+"""Tables and single figures of the benchmark, as text of at most 100 columns and as Markdown."""
 
 from dataclasses import asdict, dataclass, field
 from textwrap import fill
@@ -15,7 +15,7 @@ class Table:
 
 @dataclass
 class Figure:
-    """A figure to reach: what was asked, what was measured, whether it is met (None: not measured)."""
+    """A single figure: its limit or its exact value, and whether it is met (None: not measured)."""
 
     name: str
     asked: str
@@ -25,7 +25,7 @@ class Figure:
 
 @dataclass
 class Report:
-    """What one section measured; `speeds` carries seconds by name to the on-board estimate."""
+    """Results of one section; `speeds` are times [s] by name for the on-board estimate."""
 
     tables: list[Table] = field(default_factory=list)
     figures: list[Figure] = field(default_factory=list)
@@ -43,13 +43,27 @@ class Report:
 
 
 def figures_table(figures: list[Figure]) -> Table:
+    """Return all single figures with their limits."""
     words = {True: "yes", False: "NO", None: "not measured"}
     rows = [[figure.name, figure.asked, figure.measured, words[figure.met]] for figure in figures]
-    return Table("Figures to reach", ["figure", "asked", "measured", "met"], rows)
+    return Table("Single figures and their limits", ["figure", "limit", "measured", "met"], rows)
+
+
+def other_figures(reports: list[Report]) -> Table:
+    """Return the single figures that no table of their section shows, with exact or published values."""
+    rows = []
+    for report in reports:
+        cells = {cell for table in report.tables for row in table.rows for cell in row}
+        notes = " ".join(note for table in report.tables for note in table.notes)
+        for figure in report.figures:
+            if figure.measured not in notes and not cells.issuperset(figure.measured.split(", ")):
+                exact = "" if figure.asked[0] in "<>" else figure.asked
+                rows.append([figure.name, exact, figure.measured])
+    return Table("Other figures", ["figure", "exact or published", "measured"], rows)
 
 
 def as_text(table: Table) -> str:
-    """Columns aligned, the first to the left, the rest to the right."""
+    """Return a table as text, with the first column left-aligned and the others right-aligned."""
     lines = [table.columns, *table.rows]
     widths = [max(len(line[k]) for line in lines) for k in range(len(table.columns))]
     out = [fill(table.title, 100)]
@@ -61,18 +75,19 @@ def as_text(table: Table) -> str:
 
 
 def as_markdown(table: Table) -> str:
+    """Return a table as a Markdown section."""
     head = [" | ".join(table.columns), " | ".join(["---"] + ["---:"] * (len(table.columns) - 1))]
     body = [f"| {line} |" for line in head + [" | ".join(row) for row in table.rows]]
-    notes = [line for note in table.notes for line in ("", note)]
+    notes = ["", " ".join(table.notes)] if table.notes else []
     return "\n".join([f"## {table.title}", "", *body, *notes, ""])
 
 
 def seconds(value: float) -> str:
-    """A time with three digits in the unit that suits it."""
+    """Return a time with three digits and a suitable unit."""
     unit, size = next((u, x) for u, x in (("s", 1.0), ("ms", 1e-3), ("µs", 0.0)) if value >= x or x == 0.0)
     return f"{value / (size or 1e-6):.3g} {unit}"
 
 
 def times(ratio: float) -> str:
-    """How many times as long."""
+    """Return a ratio of times as text."""
     return f"{ratio:.3g}x" if ratio < 1000 else f"{ratio:,.0f}x"

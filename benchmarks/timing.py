@@ -1,4 +1,4 @@
-"""Times of several methods, side by side, and the machine they were taken on."""
+"""Times of several methods in the same run, and a description of the machine."""
 
 import importlib.metadata
 import os
@@ -16,7 +16,7 @@ Result = TypeVar("Result")
 
 @dataclass(frozen=True)
 class Timing:
-    """Seconds of repeated runs."""
+    """Times of repeated runs [s]."""
 
     runs: tuple[float, ...]
 
@@ -31,7 +31,7 @@ class Timing:
 
 
 def side_by_side(methods: dict[str, Callable[[], object]], repeats: int) -> dict[str, Timing]:
-    """Run every method once in each of `repeats` rounds, so that a busy moment meets them all."""
+    """Run every method once in each of `repeats` rounds, so that a disturbance affects all methods."""
     runs: dict[str, list[float]] = {name: [] for name in methods}
     for round_ in range(repeats):
         for name, method in methods.items():
@@ -45,7 +45,7 @@ def side_by_side(methods: dict[str, Callable[[], object]], repeats: int) -> dict
 def timed(
     task: Callable[[], Result], repeats: int, clock: Callable[[], float] = perf_counter
 ) -> tuple[float, Result]:
-    """The median [s] of some runs, after one that loads kernels, and what came out."""
+    """Return the median time [s] of some runs after a warm-up run, and the result."""
     result, runs = task(), []
     for _ in range(repeats):
         begin = clock()
@@ -55,12 +55,12 @@ def timed(
 
 
 def say(line: str) -> None:
-    """Progress, on standard error."""
+    """Print progress on standard error."""
     print(line, file=sys.stderr, flush=True)
 
 
 def processor() -> str:
-    """The processor's own name."""
+    """Return the name of the processor."""
     try:
         lines = Path("/proc/cpuinfo").read_text().splitlines()
     except OSError:
@@ -70,12 +70,12 @@ def processor() -> str:
 
 
 def cores() -> int:
-    """Cores that this process may use."""
+    """Return the number of cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def machine() -> str:
-    """One line on the machine and the versions that matter."""
+    """Return one line with the machine and the relevant versions."""
     names = ("closeform", "numpy", "numba", "scipy", "clarabel", "vbar", "bsk")
     versions = []
     for name in names:

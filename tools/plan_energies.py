@@ -5,9 +5,9 @@
 
 The file serves to compare changes of a planner. The tool plans every passage of tests/passages.py with
 `avoid` and `reconfigure`, and its crowds and the random formations of tests/formations.py with
-`reconfigure`. It takes a minute or two. Each plan has the energy [m^2/s^3]; `extra`, the energy beyond the direct optimum; whether
-that is proven minimal; contacts; and seconds, which depend on the machine. A plan with a conflict has a null
-energy and a reason.
+`reconfigure`. It takes a minute or two. Each plan has the energy [m^2/s^3]; `extra`, the energy beyond the
+direct optimum; whether that is proven minimal; contacts; and seconds, which depend on the machine. A plan
+with a conflict has a null energy and a reason.
 
 --outside adds the results of benchmarks/peers/exchange.py from many starts, on the first hundred passages of
 each group, in half an hour: `extra` of its path, rebuilt as optimal transfers from contact to contact and

@@ -4,8 +4,7 @@
     python tools/prove_s04.py --nodes 1000000 --pointing-error 0.5 --timing-error 2
 
 The proof treats each face of the box of all samples with its own nodes, so that memory is constant. S04
-samples both spacecraft in cubes. Each component x of their difference, scaled to +-1, therefore has the density
-1 - |x|.
+samples both spacecraft in cubes. Each component x of their difference, scaled to +-1, has density 1 - |x|.
 """
 
 import argparse

@@ -176,7 +176,7 @@ def draw_picture(shares: dict[str, list[tuple[float, int]]], safe: dict[str, flo
             axes.set_yticklabels([])
         else:
             axes.set_ylabel("never lock", fontsize=TEXT, color=INK)
-    headline(figure, f"Share of {cases:,} pairs that never lock; dashed: nobody of {10 * cases:,} is lost")
+    headline(figure, f"Share of {cases:,} pairs that never lock; dashed: none of {10 * cases:,}")
     figure.savefig(DOCS / "images" / "robustness.png")
 
 
@@ -197,7 +197,7 @@ def main() -> None:
         shares[name] = [(size, len(lost(row, size, some)[0])) for size in row.sizes]
         told = ", ".join(f"{size:g} {row.unit}: {number}" for size, number in shares[name])
         print(
-            f"{row.name}: nobody of {given.cases} at {safe[name]:g} {row.unit}, {count} at {row.sizes[0]:g}"
+            f"{row.name}: none of {given.cases} at {safe[name]:g} {row.unit}, {count} at {row.sizes[0]:g}"
         )
         print(f"    of {some}: {told}  ({time.perf_counter() - begun:.0f} s)", flush=True)
     if len(given.rows) > 1:

@@ -1,1 +1,1 @@
-"""What closeform is measured against: plain arrays in, plain arrays out, nothing of closeform inside."""
+"""Peers of closeform. They take and return plain arrays and use nothing of closeform."""

@@ -1,8 +1,8 @@
-"""Basilisk, a simulator of spacecraft by others, as `examples/basilisk` sets it up: J2, steps of 10 s.
+"""Basilisk, an independent spacecraft simulator, set up as in `examples/basilisk`: J2, steps of 10 s.
 
-What is timed is its run alone, on the processor, without what sets a simulation up (closeform's call has all
-of it). Thrust and feedback are a Python module that is asked at each step; `coasting` is physics alone, in
-C++. Attitude is left out, and nothing is recorded.
+The times are CPU times of the run without the set-up; the call of closeform includes its set-up. Thrust and
+feedback are a Python module that Basilisk calls at each step. `coasting` is the C++ physics alone. The
+simulation has no attitude and records nothing.
 """
 
 import importlib.util
@@ -21,12 +21,12 @@ MISSING = "Basilisk is left out: `pip install -e '.[basilisk]'`."
 
 
 def available() -> bool:
-    """Whether it is installed."""
+    """Return True if Basilisk is installed."""
     return importlib.util.find_spec("Basilisk") is not None
 
 
 class Simulated:
-    """A plan in a field with zonals, as Basilisk flies it."""
+    """Plan in a field with zonals, simulated by Basilisk."""
 
     def __init__(self, plan: cf.Plan, field: cf.Field) -> None:
         sys.path.append(str(EXAMPLE))
@@ -51,16 +51,16 @@ class Simulated:
         self.commanded = cf.compensated_thrust(plan, field, every=0.5 * STEP).commanded[:, 1::2]
 
     def coasting(self) -> float:
-        """Seconds, where nobody thrusts."""
+        """Return the time [s] without thrust."""
         return float(self.simulator.fly(self.start, None, self.duration, self.world, STEP).seconds)
 
     def open_loop(self) -> float:
-        """Seconds, with a table of thrust."""
+        """Return the time [s] with a thrust table."""
         law = lambda t, _: self.commanded[:, round(t / STEP)]  # noqa: E731
         return float(self.simulator.fly(self.start, law, self.duration, self.world, STEP).seconds)
 
     def tracked(self, feedback: cf.Feedback, sight: cf.Navigation) -> float:
-        """Seconds, measured and brought back."""
+        """Return the time [s] with navigation and feedback."""
         draws, paths = np.random.default_rng(1), self.plan.paths
         sizes, last = np.repeat([sight.position, sight.velocity], 3), {}
 

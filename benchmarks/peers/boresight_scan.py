@@ -1,23 +1,22 @@
-"""First locks by looking at every pair once a second, as simulations of S04 do.
+"""First locks from samples of every pair each second, as in the simulations of S04.
 
-Three compiled ways and two in NumPy, each as a careful engineer would write it:
+Three compiled variants and two in NumPy:
 
-    table     compiled; the boresights come from one table for all pairs, made beforehand; a pair
-              stops at its first lock; squares are compared, so that there is no root
-    vector    the same, a block of samples at a time without a branch, so that the processor tests
-              eight at once; only the block with the lock is looked at again
-    turning   compiled; turns the boresight anew at each sample of each pair, by the quaternion of
-              the turn so far in the leg, so that no error grows; the rest as `table`
-    numpy     all pairs of a batch at one sample after the other; those that have locked are
-              dropped at each sample
-    blocks    NumPy with a block of samples at a time: the products of all boresights and all pairs
-              of a batch are one product of matrices; those that have locked are dropped after it
+    table     compiled; one table of boresights for all pairs, prepared in advance; a pair stops at its
+              first lock; squares are compared to avoid roots
+    vector    as `table`, by blocks of samples without branches, so that the processor tests eight at
+              once; only the block with the lock is searched again
+    turning   compiled; computes the boresight at each sample of each pair from the quaternion of the
+              turn in the leg, so that errors do not accumulate; otherwise as `table`
+    numpy     all pairs of a batch, sample by sample; locked pairs are dropped at each sample
+    blocks    NumPy by blocks of samples: one matrix product of all boresights and all pairs of a
+              batch; locked pairs are dropped after each block
 
-All take pairs coasting in deep space, positions and velocities (M, 3) of B relative to A at time 0,
-and find the first sample (M,) at which both see each other, -1 for none.  Sensors sit at the centres
-of mass, have any range and a half-angle of at most 90 deg.  What happens between two samples is not
-seen: times are late by half a step on average, and a lock that lasts less than a step may be missed.
-The compiled ways release the interpreter, so that `scan` can use threads; NumPy runs on one core.
+All variants take pairs that coast in deep space, positions and velocities (M, 3) of B relative to A at
+time 0. They find the first sample (M,) at which both see each other, -1 for none. Sensors are at the
+centres of mass, have any range and a half-angle of at most 90 deg. Times are late by half a step on
+average, and a lock shorter than a step may be missed. The compiled variants release the interpreter, so
+that `scan` can use threads; NumPy runs on one core.
 """
 
 from concurrent.futures import ThreadPoolExecutor

@@ -1,13 +1,12 @@
-"""One craft past moving keep-out ellipsoids as a sequence of convex programs, solved by Clarabel.
+"""Path of one spacecraft past moving keep-out ellipsoids, by a sequence of convex programs (Clarabel).
 
-Thrust is constant between nodes (exact discretisation), the cost is its energy, and at each
-node the zone's norm is replaced by its supporting plane at the last path. The plane lies
-outside the zone, so every iterate keeps its nodes clear; the planes are taken anew until the
-energy settles. Only the nodes are kept clear: `solve` inflates the zone until the path is
-certified clear between them as well, by dense sampling with refinement.
+Thrust is constant between nodes (exact discretisation), and the cost is its energy. At each node the
+supporting plane at the last path replaces the zone. The plane is outside the zone, so every iterate keeps
+its nodes clear; the planes are updated until the energy converges. Only the nodes are clear: `solve`
+inflates the zone until dense sampling with refinement finds the path clear between them.
 
-Lengths are scaled by LENGTH and times by 1/n. The sparse matrices are built once; from one
-program to the next only the planes' numbers change.
+Lengths are scaled by LENGTH and times by 1/n. The sparse matrices are built once; only the numbers of the
+planes change between programs.
 """
 
 from collections.abc import Callable, Sequence
@@ -97,7 +96,7 @@ class Program:
         self.solver: clarabel.DefaultSolver | None = None
 
     def solve(self, normals: Array, limits: Array) -> tuple[bool, float, Array, Array, float]:
-        """Least energy with normals (P, 3) . position >= limits (P,) at the planes' nodes.
+        """Minimum energy with normals (P, 3) . position >= limits (P,) at the planes' nodes.
 
         Returns whether it is solved, the energy [m^2/s^3], thrusts, states and the solver's time.
         """

@@ -1,12 +1,12 @@
-"""One craft past any zones, from many starts: supporting planes exchanged until the path is clear.
+"""Path of one spacecraft past any zones, from many starts, by exchange of supporting planes.
 
-Thrust is linear between nodes and continuous (first-order hold). At some times each near zone is
-replaced by its supporting plane at the last path, for a box that of the nearest face, and the least
-thrust that keeps all planes is found as a least distance problem (Lawson and Hanson 1974, chapter 23)
-by non-negative least squares. Where the new path comes closest it gets new times; planes are taken anew
-until neither the energy nor the least norm changes. Where a path rounds an edge of a box, the time at
-which it changes faces is searched besides, to and fro. Starts are drawn: each zone is passed on a
-random side, first on the direct path, then on the best one found.
+Thrust is linear between nodes and continuous (first-order hold). At some times the supporting plane at the
+last path replaces each near zone; for a box it is the plane of the nearest face. The minimum thrust that
+keeps all planes is a least distance problem (Lawson and Hanson 1974, chapter 23), solved by non-negative
+least squares. New times are added at the closest approaches of the new path. Planes are updated until the
+energy and the minimum norm converge. Where a path rounds an edge of a box, the time of the change of faces
+is searched in addition. Starts are random: each zone is passed on a random side, first on the direct path,
+then on the best path found.
 
 Lengths are scaled by LENGTH, times by the duration.
 """
@@ -23,7 +23,7 @@ from peers.motion import Array
 
 NODES = 100
 LENGTH = 100.0  # m
-GRID = 6 * NODES  # times at which norms are looked at
+GRID = 6 * NODES  # times at which norms are evaluated
 COARSE = 3  # every so many of them may get a plane
 NEAR = 1.15  # where the norm is below
 DIPS = 1.02  # and least norms below this, at their own times
@@ -31,7 +31,7 @@ ROUNDS = 60  # from one start
 SETTLED = 1e-7  # relative change of the energy
 TOUCHING = 1e-6  # by how much a settled path may be inside
 EARLY, DEAR = 8, 3.0  # rounds, and times the best energy at which a start is then given up
-REFINED = 4  # times that the neighbourhood of a least norm is looked at more finely
+REFINED = 4  # refinements around a minimum norm
 SAME = 1e-6  # of the duration: times that are one
 ORDER = 10  # of the power series of a step
 FREE, AGAIN = (8, 4), (4, 4)  # starts from the direct and the best path, and more for each obstacle

@@ -1,4 +1,4 @@
-"""Least delta-v at equal times as a cone program (Clarabel): no times between them, no proof for those."""
+"""Minimum delta-v at equal times as a cone program (Clarabel), without certificate between these times."""
 
 from dataclasses import dataclass
 from typing import Any

@@ -1,6 +1,6 @@
-"""Least delta-v around a sphere by sequential convex programs (Clarabel): 61 times, bisected where in use.
+"""Minimum delta-v around a sphere by sequential convex programs (Clarabel), from 61 times, then bisected.
 
-Conflicts are found by closeform's certified search, which is more than such programs usually have.
+The certified search of closeform finds the conflicts, an advantage that such programs usually do not have.
 """
 
 from dataclasses import dataclass

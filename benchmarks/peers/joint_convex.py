@@ -1,13 +1,11 @@
-"""A whole formation at once as a sequence of convex programs, solved by Clarabel.
+"""Plan of a whole formation by a sequence of convex programs (Clarabel).
 
-All craft share one zone and one span of time. Thrust is linear between nodes and continuous
-(first-order hold, exact discretisation): without conflicts that is as cheap as the optimum to
-some 1e-7, where constant thrust would be 1/NODES^2 dearer. At each node each pair that is near
-has its zone replaced by the supporting plane at the last paths; a plane lies outside the zone, so
-every iterate keeps these nodes clear, and pairs that come near elsewhere get planes there too. The
-planes are taken anew until the energy settles. Between nodes pairs may cut corners: `solve`
-inflates the zone of each pair by itself until all are clear there as well, by dense sampling with
-refinement.
+All spacecraft share one zone and one time span. Thrust is linear between nodes and continuous (first-order
+hold, exact discretisation). Without conflicts its cost is within some 1e-7 of the optimum; constant thrust
+would cost 1/NODES^2 more. At each node the supporting plane at the last paths replaces the zone of each near
+pair. The plane is outside the zone, so every iterate keeps these nodes clear, and pairs that come close
+elsewhere get planes there. The planes are updated until the energy converges. Between nodes pairs may still
+conflict: `solve` inflates the zone of each pair until dense sampling with refinement finds it clear.
 
 Lengths are scaled by LENGTH, times by the duration.
 """
@@ -104,7 +102,7 @@ class Program:
     def solve(
         self, where: tuple[Array, Array, Array], normals: Array, limits: Array
     ) -> tuple[bool, float, Array, Array, float]:
-        """Least energy with normals (Q, 3) . (r_i - r_j) >= limits (Q,), `where` is (i, j, node), each (Q,).
+        """Minimise energy; normals (Q, 3) . (r_i - r_j) >= limits (Q,); `where` is (i, j, node), each (Q,).
 
         Returns whether it is solved, the energy [m^2/s^3], thrusts, states and the solver's time.
         """
@@ -205,7 +203,7 @@ class Forming:
         return None if missed.any() else Settled(energy, thrust, states, near)
 
     def start(self, free: Array, seed: int) -> tuple[Array, Array]:
-        """`near` of the free paths, each craft displaced at random by about a zone."""
+        """`near` of the free paths, each spacecraft displaced at random by about a zone."""
         rng = np.random.default_rng(seed)
         bump = np.sin(np.pi * np.linspace(0, 1, self.nodes + 1)) ** 2
         sides = rng.normal(size=(len(free), 3)) / np.sqrt(3)

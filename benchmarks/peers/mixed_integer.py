@@ -1,8 +1,8 @@
-"""One craft past moving boxes as a mixed-integer linear program, after Richards et al. (2002).
+"""Path of one spacecraft past moving boxes by a mixed-integer linear program, after Richards et al. (2002).
 
-Thrust is constant between 20 nodes, the cost is fuel as the sum of |u| over axes and steps, and
-at each inner node six binary variables say on which side of the box the craft is ("big M").
-HiGHS solves it, through scipy.optimize.milp. Between the nodes nothing is asked.
+Thrust is constant between 20 nodes, and the cost is the sum of |u| over axes and steps. At each inner node
+six binary variables select the side of the box ("big M"). HiGHS solves the program through
+scipy.optimize.milp. The program does not constrain the path between nodes.
 """
 
 from collections.abc import Callable, Sequence

@@ -1,11 +1,11 @@
-"""Relative motion for the peers, written apart from closeform: Palmer's coordinates in plain NumPy.
+"""Relative motion for the peers, independent of closeform: Palmer coordinates in plain NumPy.
 
-A motion is an array of coefficients `(..., 3, 8)` of the functions of angle tau = n t
+A motion is an array of coefficients `(..., 3, 8)` of the functions of the angle tau = n t
 
     1, tau, tau^2, tau^3, cos tau, sin tau, tau cos tau, tau sin tau                # theory 2
 
-so that differences of motions are differences of arrays. Natural motion uses columns 0, 1, 4
-and 5. Good for n > 0 and transfers of more than half a radian; shorter ones lose digits here.
+so that differences of motions are differences of arrays. Natural motion uses columns 0, 1, 4 and 5. It is
+accurate for n > 0 and transfers of more than half a radian; shorter ones lose digits.
 """
 
 import numpy as np

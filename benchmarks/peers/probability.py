@@ -1,4 +1,4 @@
-"""Plain Monte Carlo of a coasting pair: states drawn, moved by matrices, looked at every ten seconds."""
+"""Plain Monte Carlo of a coasting pair: sampled states, propagated by matrices, checked every ten seconds."""
 
 import numpy as np
 

@@ -1,16 +1,16 @@
-"""Conflicts by sampling the relative motion of each pair at a fixed step, as most tools do.
+"""Conflicts from samples of the relative motion of each pair at a fixed step, the common method.
 
-Three compiled ways, each as a careful engineer would write it, and one in NumPy:
+Three compiled variants and one in NumPy:
 
     each      sine and cosine at each sample of each pair
     table     sine and cosine from one table for all pairs; stops at the first axis outside
-    vector    the same table, a block of samples at a time without a branch, so that the
-              processor tests eight at once; only blocks with a sample inside are looked at again
-    numpy     positions of all craft at all samples, then array differences
+    vector    as `table`, by blocks of samples without branches, so that the processor tests eight at
+              once; only blocks with a sample inside are searched again
+    numpy     positions of all spacecraft at all samples, then array differences
 
-All take motions (N, 3, 8) as in `peers.motion` and find every pair's spells inside an ellipsoid
-of given semi-axes, or with `box` inside the box of those half-widths: rows (i, j, first sample
-inside, last sample inside), sorted by pair. What happens between two samples is not seen.
+All variants take motions (N, 3, 8) as in `peers.motion`. They find the conflicts of every pair with an
+ellipsoid of given semi-axes, or with `box` with the box of those half-widths: rows (i, j, first sample
+inside, last sample inside), sorted by pair. Conflicts between two samples are missed.
 """
 
 from math import cos, sin
@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from peers.motion import Array, functions, position
 
 BLOCK = 256  # best of 64 ... 1024 with rows of 2 KiB; more delays the second look
-ROOM = 16_384  # spells of one craft with all others, at first
+ROOM = 16_384  # spells of one spacecraft with all others, at first
 Rows = NDArray[np.int64]
 
 # Peers may reorder sums (fastmath); without it LLVM tests one sample at a time.
@@ -174,7 +174,7 @@ def search(
         times = tuple(np.ascontiguousarray(functions(n * step * np.arange(samples)).T[[1, 4, 5]]))
     rows = np.empty((ROOM, 4), dtype=np.int64)
     spells = []
-    for i in range(first, len(paths) if last is None else last):  # one craft at a time: room for its rows
+    for i in range(first, len(paths) if last is None else last):  # one spacecraft at a time bounds the rows
         found = kernel(paths, i, i + 1, *times, weights, box, rows)
         if found > len(rows):
             rows = np.empty((2 * found, 4), dtype=np.int64)
@@ -194,7 +194,7 @@ def search_numpy(
     last: int | None = None,
     step: float = 1.0,
 ) -> Rows:
-    """The same in NumPy: one craft against all later ones at once, 512 samples at a time (fits the cache)."""
+    """Search in NumPy: one spacecraft against all later ones, 512 samples at a time to fit the cache."""
     times = step * np.arange(int(duration / step) + 1)
     places = np.ascontiguousarray(
         np.moveaxis(position(paths, times, n), 1, 2) / np.asarray(half_widths)[:, None]

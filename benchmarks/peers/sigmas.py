@@ -1,4 +1,4 @@
-"""Fewest sigmas of a coasting pair: on a grid of times, by secular equations, and among drawn errors."""
+"""Clearance in sigmas of a coasting pair, from secular equations on a time grid and from sampled errors."""
 
 import numpy as np
 

@@ -1,8 +1,8 @@
-"""V-BAR's passive safety: the least keep-out margin of the drifts from some sampled instants of failure.
+"""Passive safety by V-BAR: minimum keep-out margin of free drifts from sampled instants of failure.
 
-`vbar.metrics.passive` (Fehse's requirements) bounds the drift from each state that it is given, and refines
-what its bounds leave open until the least margin is settled. Between the instants it does not look. Its
-functions of arcs are not public names; called here as `passive_metrics` calls them.
+`vbar.metrics.passive` (Fehse's requirements) bounds the drift from each given state, and refines the open
+cases until it knows the minimum margin. It does not check between the instants. The functions of arcs are not
+public; this module calls them as `passive_metrics` does.
 """
 
 from typing import Any

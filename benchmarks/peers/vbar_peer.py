@@ -1,8 +1,8 @@
-"""V-BAR's continuous-time minimum of a keep-out margin, called in the way that is fastest for it.
+"""Continuous-time minimum of a keep-out margin by V-BAR, called in its fastest way.
 
-`vbar.constraints.segment_minima` takes many segments sampled at the same times and refines only
-the intervals that its bounds leave open. It gives each pair's least margin to a sphere, not the
-times of entry and exit. Sample spacing and batch size are free: `fastest` tries them.
+`vbar.constraints.segment_minima` takes many segments sampled at the same times and refines only the intervals
+that its bounds leave open. It returns the minimum margin of each pair to a sphere, not the times of entry and
+exit. Sample spacing and batch size are free: `fastest` tries several.
 """
 
 import importlib.util
@@ -33,7 +33,7 @@ def minima(
     spacing: float,
     batch: int,
 ) -> Array:
-    """Least margin [m] of each pair (M, 2) of coasting craft (N, 6); negative is a conflict."""
+    """Least margin [m] of each pair (M, 2) of coasting spacecraft (N, 6); negative is a conflict."""
     from vbar.constraints import KeepOut, segment_minima
     from vbar.dynamics.cw import cw_discrete
 
@@ -59,7 +59,7 @@ def minima(
 def fastest(
     states: Array, pairs: NDArray[np.int64], duration: float, n: float, radius: float
 ) -> tuple[float, int]:
-    """Spacing [s] and batch size that take the least time on these pairs."""
+    """Spacing [s] and batch size that take the minimum time on these pairs."""
     taken = {}
     for spacing, batch in product(SPACINGS, BATCHES):
         begin = time.perf_counter()

@@ -1,18 +1,17 @@
-"""Conflicts by SP11's own method: zero crossings per axis, timelines, and their overlap.
+"""Conflicts by the method of SP11: zero crossings per axis, timelines and their overlap.
 
-Each axis of the relative motion is a distance function; it meets the zone's half-width where
-f - delta or f + delta crosses zero. Every half period of the oscillation starts a search, first
-by secants, kept inside its bracket by bisection. The spells within the tolerance make the
-axis's timeline; the overlap of the three is the conflict with the box [SP11 eqs. 12-14, 17-19
-and figure 1]. For an ellipsoid the function of SP11 eq. 16 is searched within each overlap.
+Each axis of the relative motion is a distance function f, which crosses the half-width of the zone where
+f - delta or f + delta is zero. Every half period of the oscillation starts a search by secants, with
+bisection as safeguard. The intervals within the tolerance are the timeline of an axis. The overlap of the
+three timelines is the conflict with the box [SP11 eqs. 12-14, 17-19 and figure 1]. For an ellipsoid the
+function of SP11 eq. 16 is searched within each overlap.
 
-The paper leaves open where its half periods begin and how the ellipsoid is searched. Here, in
-its favour: at the extremes of the oscillation for natural motion, at the peaks of the distance
-function for optimal paths (whose half periods vary; they are sought from every quarter of a
-period, as from every half a third of the conflicts were missed); and the ellipsoid from its
-least value within the overlap, where its slope vanishes. Between two seeds it sees at most one
-crossing of each line: some drifting or thrusting craft slip through, and this reference does
-not hide it. Compiled, so that the comparison is one of methods.
+The paper does not specify where its half periods begin and how the ellipsoid is searched. This module makes
+favourable choices. Half periods begin at the extremes of natural motion, and at the peaks of the distance
+function for optimal paths. Their half periods vary, and are searched from every quarter of a period; from
+every half, a third of the conflicts would be missed. The ellipsoid search starts at its minimum in the
+overlap. Between two starts the method finds at most one crossing of each line, so it misses conflicts of some
+drifting or thrusting spacecraft. It is compiled, so that the comparison is one of methods.
 """
 
 from math import atan2, cos, floor, pi, sin
@@ -192,7 +191,7 @@ def pair_conflicts(d, end, box, lines, both, spells):
 
 @compiled
 def search(paths, i, end, half_widths, box, rows):
-    """Rows (i, j, begin, end) of craft i with all later ones; returns how many, stored or not."""
+    """Rows (i, j, begin, end) of spacecraft i with all later ones; returns how many, stored or not."""
     lines, both, spells = np.empty((3, ROOM, 2)), np.empty((ROOM, 2)), np.empty((ROOM, 2))
     found = 0
     for j in range(i + 1, len(paths)):
@@ -212,7 +211,7 @@ def conflicts(paths: Array, duration: float, n: float, half_widths: Array, *, bo
     sizes = np.asarray(half_widths, dtype=float)
     rows = np.empty((16_384, 4))
     spells = []
-    for i in range(len(paths)):  # one craft at a time: room for its rows
+    for i in range(len(paths)):  # one spacecraft at a time: room for its rows
         found = search(paths, i, n * duration, sizes, box, rows)
         if found > len(rows):
             rows = np.empty((2 * found, 4))

@@ -1,4 +1,4 @@
-"""Flights of the same plan by closeform and by Basilisk."""
+"""Simulation of the same plan by closeform and by Basilisk."""
 
 import statistics
 from time import process_time
@@ -19,7 +19,7 @@ def measure(quick: bool) -> Report:
             Figure(f"against Basilisk, {how}", f">= {least}x", basilisk_peer.MISSING, None)
             for how, least in asked.items()
         ]
-        return Report([Table("Flights in Basilisk", ["method"], [], [basilisk_peer.MISSING])], figures)
+        return Report([Table("Simulation in Basilisk", ["method"], [], [basilisk_peer.MISSING])], figures)
     repeats, flights = (1, 10) if quick else (7, 100)
     plan, _ = formation(3, 8, 1.0)
     other = basilisk_peer.Simulated(plan, FIELD)
@@ -46,8 +46,9 @@ def measure(quick: bool) -> Report:
             )
         )
     note = (
-        f"Eight craft and their chief, one orbit, J2, steps of 10 s by both; {flights} flights are one call. "
-        "Basilisk's physics is C++, its thrust and feedback a Python module, asked at each step."
+        f"Both use steps of 10 s, J2, one orbit, and eight spacecraft with their chief. {flights} "
+        "simulations are one call. The physics of Basilisk are in C++; its thrust and feedback are a "
+        "Python module that it calls at each step."
     )
-    columns = ["", "fly, one", f"fly, of {flights} each", "Basilisk", "takes"]
-    return Report([Table("Flights in Basilisk", columns, rows, [note])], figures)
+    columns = ["run", "simulate, one", f"simulate, per sample of {flights}", "Basilisk", "speed-up"]
+    return Report([Table("Simulation in Basilisk", columns, rows, [note])], figures)

@@ -1,4 +1,4 @@
-"""Studies as commands, to their last file: start, time and memory, on one core and two, and on a cluster."""
+"""Monte Carlo studies on the command line: start, time and memory, on one core, two cores and a cluster."""
 
 import os
 import re
@@ -31,7 +31,7 @@ seed = 1
 
 
 class Ran(NamedTuple):
-    """What a command took: seconds on the clock and of processors, most memory and disk [bytes]."""
+    """Resources of a command: wall time and CPU time [s], peak memory and disk space [bytes]."""
 
     wall: float
     cpu: float
@@ -59,30 +59,33 @@ def measure(quick: bool) -> Report:
         swapped = ran(desk, "eight.toml", swaps)
         one = ran(desk, "s04.toml", many, cores=1)
         rows = [
-            row("H03, a single case: start and end", 1, single),
-            row("S04, its start and end", 1000, start),
+            row("H03, a single case", 1, single),
+            row("S04, 1,000 pairs", 1000, start),
             *(row("S04 pairs", count, found) for count, found in locks.items()),
             row("S04 pairs, one core", many, one),
             row("H03 gatherings of five", gatherings, gathered),
-            row("swaps of eight through one point", swaps, swapped),
+            row("swaps of eight spacecraft", swaps, swapped),
         ]
         overhead = cluster_overhead(desk, 4_000 if quick else 8_000_000)  # a minute
-    title = "Studies: draws, flights, statistics, Parquet, pictures, replays; all cores"
-    columns = ["study", "cases", "time", "of processors", "per case", "memory", "files"]
+    title = "Monte Carlo studies with all output files, all cores"
+    columns = ["study", "cases", "time", "CPU time", "CPU time per case", "peak memory", "files"]
     speed = (one.wall - start.wall) / (locks[many].wall - start.wall)
     notes = [
-        f"Two cores are {times(speed)} as fast as one, beyond the start.",
-        "Time of processors and memory are those of the process that flies; others draw beside it.",
+        f"Without the start, two cores are {times(speed)} as fast as one.",
+        "CPU time and memory are those of the main process; other processes draw the pictures.",
     ]
     growth = locks[many].memory / locks[few].memory
     figures = [
         Figure("10^7 S04 pairs", "<= 10 s", seconds(locks[many].wall), met(quick, locks[many].wall <= 10.0)),
         Figure(
-            "their memory", "< 1.5 GB", f"{locks[many].memory / GB:.2f} GB", locks[many].memory < 1.5 * GB
+            "10^7 S04 pairs: peak memory",
+            "< 1.5 GB",
+            f"{locks[many].memory / GB:.2f} GB",
+            locks[many].memory < 1.5 * GB,
         ),
-        Figure("that of 10 times the cases", "flat", times(growth), growth < 1.2),
+        Figure("10^7 over 10^6 S04 pairs: peak memory", "< 1.2x", times(growth), growth < 1.2),
         Figure("10^5 gatherings", "<= 3 s", seconds(gathered.wall), met(quick, gathered.wall <= 3.0)),
-        Figure("a study until cases fly", "<= 1 s", seconds(begun), met(quick, begun <= 1.0)),
+        Figure("start of a study until its first case", "<= 1 s", seconds(begun), met(quick, begun <= 1.0)),
         Figure(
             "10^4 reconfigurations of eight",
             "<= 3 min",
@@ -92,13 +95,15 @@ def measure(quick: bool) -> Report:
     ]
     if overhead is not None:
         figures.append(
-            Figure("Dask, two local workers", "< 15 %", f"{overhead:.1%}", met(quick, overhead < 0.15))
+            Figure(
+                "two local Dask workers: overhead", "< 15 %", f"{overhead:.1%}", met(quick, overhead < 0.15)
+            )
         )
     return Report([Table(title, columns, rows, notes)], figures)
 
 
 def met(quick: bool, reached: bool) -> bool | None:
-    """Whether a figure is reached; not of a small version."""
+    """Return None for a quick run, otherwise whether the limit is met."""
     return None if quick else reached
 
 
@@ -109,7 +114,7 @@ def row(name: str, count: int, found: Ran) -> list[str]:
 
 
 def ran(desk: Path, file: str, count: int, cores: int | None = None, scheduler: Path | None = None) -> Ran:
-    """A study of some cases, on some cores."""
+    """Run a study with a number of cases and cores."""
     say(f"  {file}: {count:,} cases")
     command = [*CLOSEFORM, "study", file, "--cases", str(count), "--out", "out", "--overwrite"]
     if scheduler is not None:
@@ -128,7 +133,7 @@ def ran(desk: Path, file: str, count: int, cores: int | None = None, scheduler: 
 
 
 def started(desk: Path, file: str) -> float:
-    """Seconds from a command to when its first cases fly: right after its place holds a manifest."""
+    """Return the time [s] from a command to its first case, when its folder has a manifest."""
     say(f"  {file}: start")
     begin, place = time.perf_counter(), desk / "begun" / ".unfinished" / "manifest.jsonl"
     command = [*CLOSEFORM, "study", file, "--cases", "1", "--out", "begun"]
@@ -142,7 +147,7 @@ def started(desk: Path, file: str) -> float:
 
 
 def cluster_overhead(desk: Path, count: int) -> float | None:
-    """How much longer two workers of a cluster on this machine take than its cores, beyond the start."""
+    """Return the extra time of a cluster of two local workers over the cores alone, without the start."""
     if find_spec("distributed") is None:
         return None
     with machines(desk) as scheduler:
@@ -154,7 +159,7 @@ def cluster_overhead(desk: Path, count: int) -> float | None:
 
 @contextmanager
 def machines(desk: Path):
-    """A scheduler and two workers of one thread each, by the scheduler's file."""
+    """Start a scheduler and two workers of one thread each, and yield the file of the scheduler."""
     file = desk / "scheduler.json"
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "cwd": desk}
     dask = [sys.executable, "-m"]

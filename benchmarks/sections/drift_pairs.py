@@ -1,4 +1,4 @@
-"""All pairs of a hundred manoeuvring craft, each of which may lose its thrust at any instant."""
+"""Loss of thrust at any instant, all pairs of a hundred manoeuvring spacecraft."""
 
 import closeform as cf
 from cases import MEAN_MOTION, PERIOD, RADIUS, cluster
@@ -27,12 +27,15 @@ def measure(quick: bool) -> Report:
             cells = [f"{searches:,}", f"{len(found):,}", seconds(took), seconds(took / searches)]
             rows.append([f"{failing}, {name} of drift", *cells])
             if failing == "either":
-                label = f"drift, all pairs of {craft} manoeuvring craft, {name}"
+                label = f"drift, all pairs of {craft} manoeuvring spacecraft, {name}"
                 figures.append(Figure(label, "<= 1 s", seconds(took), took <= 1.0))
-    columns = ["who fails, and how long it drifts", "searches", "unsafe", "time", "a search"]
+    columns = ["failing spacecraft and horizon", "searches", "unsafe", "time", "time per search"]
     note = (
-        f"Transfers of one orbit between relative orbits in a cluster of {SIZE:g} m. Either: each pair both "
-        "ways, one fails while the other flies on. Both: each at an instant of its own."
+        f"Transfers of one orbit between relative orbits in a cluster of {SIZE:g} m. Either: for both "
+        "spacecraft of each pair, one fails while the other continues. Both: each fails at its own "
+        "instant."
     )
-    title = f"Thrust lost at any instant, all pairs of {craft} craft, sphere of {RADIUS:g} m, all cores"
+    title = (
+        f"Loss of thrust at any instant, all pairs of {craft} spacecraft, sphere of {RADIUS:g} m, all cores"
+    )
     return Report([Table(title, columns, rows, [note])], figures)

@@ -1,4 +1,4 @@
-"""Files of other tools: how long they take to write and to read, how far others find their states off."""
+"""Files for other tools: time to write and to read, and the error in an independent reader."""
 
 import tempfile
 from pathlib import Path
@@ -41,20 +41,22 @@ def measure(quick: bool) -> Report:
         read, ephemeris = timed(lambda: cf.read_oem(file), 1 if quick else 7)
         theirs, message = timed(lambda: OrbitEphemerisMessage.open(file), 1)
         off = farthest(message, paths[0], chief, ephemeris.times)
-    title = f"Exchange: {CRAFT} craft, {rows} states each"
-    notes = [f"One of the OEM files is read in {read:.3f} s, by the Python package oem in {theirs:.2f} s."]
-    report = Report([Table(title, ["format", "written in", "size"], table, notes)])
+    title = f"Exchange: {CRAFT} spacecraft, {rows} states each"
+    notes = [
+        (f"closeform reads one of the OEM files in {read:.3f} s, the Python package oem in {theirs:.2f} s.")
+    ]
+    report = Report([Table(title, ["format", "write time", "size"], table, notes)])
     took = written["oem"]
     report.figures += [
         Figure(f"write {CRAFT} OEM of {rows} states", "<= 1 s", f"{took:.2f} s", took <= 1.0),
         Figure(f"read an OEM of {rows} states", "<= 0.2 s", f"{read:.3f} s", read <= 0.2),
-        Figure("OEM read by another reader, off by", "<= 1 µm", f"{1e6 * off:.3f} µm", off <= 1e-6),
+        Figure("OEM in another reader: position error", "<= 1 µm", f"{1e6 * off:.3f} µm", off <= 1e-6),
     ]
     return report
 
 
 def formation(rows: int) -> tuple[cf.Path, cf.Chief]:
-    """Craft that coast about a chief for as many steps as there are to be states."""
+    """Return coasting spacecraft over the given number of steps, and their chief."""
     orbit = cf.Orbit.circular(500e3)
     radius = cf.elements.semi_major_axis_from_mean_motion(orbit.mean_motion)
     chief = cf.Chief.from_elements(EPOCH, [radius, 0.0, 0.0, 0.0, 1.7, 0.0])
@@ -64,7 +66,7 @@ def formation(rows: int) -> tuple[cf.Path, cf.Chief]:
 
 
 def farthest(message: OrbitEphemerisMessage, path: cf.Path, chief: cf.Chief, times: np.ndarray) -> float:
-    """How far positions are off that another reader found [m]."""
+    """Return the maximum position error of another reader [m]."""
     found = np.array([state.position for segment in message.segments for state in segment.states]) * 1e3
     known = chief.inertial_from_relative(times, path.state(times))[:, :3]
     return float(np.abs(found - known).max())

@@ -1,4 +1,4 @@
-"""Plans in the real field: what is left out, thrust that flies them all the same, flights under feedback."""
+"""High-fidelity model: model error, compensated thrust, simulation under feedback."""
 
 import numpy as np
 
@@ -13,7 +13,7 @@ SIGHT = cf.Navigation(0.1, 3e-4)
 
 
 def formation(seed: int, count: int, turns: float) -> tuple[cf.Plan, cf.Sphere]:
-    """A plan of craft that change relative orbits, and its zone."""
+    """Return a plan between relative orbits, and its zone."""
     draws = np.random.default_rng(seed)
     size = 10 ** draws.uniform(2.0, 3.0)
     states = draws.normal(size=(2, count, 6)) * size * np.repeat([0.5, 0.5 * ORBIT.mean_motion], 3)
@@ -23,7 +23,7 @@ def formation(seed: int, count: int, turns: float) -> tuple[cf.Plan, cf.Sphere]:
 
 
 def long_flight(repeats: int) -> float:
-    """The time [s] of thirty days of 8 craft on a circle, held by eight impulses within two orbits."""
+    """Return the time [s] of thirty days of station keeping, by eight impulses within two orbits."""
     orbit, angle = FIELD.orbit, np.arange(8) * np.pi / 4.0
     n, r = orbit.mean_motion, 500.0
     places = r * np.array([np.sin(angle) / 2.0, np.cos(angle), np.sin(angle)])
@@ -34,12 +34,12 @@ def long_flight(repeats: int) -> float:
 
 
 def new_plans(plan: cf.Plan, zone: cf.Sphere) -> float:
-    """The time [s] of a flight whose plan is made anew each five minutes."""
+    """Return the time [s] of a simulation with a new plan each five minutes."""
     return timed(lambda: cf.simulate(plan, FIELD, "replan", navigation=SIGHT, zones=zone), 1)[0]
 
 
 def updates(plan: cf.Plan, repeats: int) -> float:
-    """The time [s] of one measurement of all craft in flights of an orbit, and of a minute of flight."""
+    """Return the time [s] of one feedback update of all spacecraft, with one minute of simulation."""
     many, few = (
         timed(lambda flights=flights: cf.simulate(plan, FIELD, navigation=SIGHT, seeds=flights), repeats)[0]
         for flights in (41, 1)
@@ -57,21 +57,21 @@ def measure(quick: bool) -> Report:
     )
     rows = [
         ["validity", seconds(checked), ""],
-        ["thrust, every 10 s", seconds(commanded), ""],
+        ["compensated_thrust, every 10 s", seconds(commanded), ""],
         [
-            f"fly, {flights} times, measured each minute",
+            f"simulate, {flights} samples, navigation each minute",
             seconds(flown),
-            f"{many.greatest_end:.3f} m off at most",
+            f"{many.greatest_end:.3f} m maximum end error",
         ],
     ]
     lasting, anew, update = long_flight(repeats), new_plans(plan, zone), updates(plan, repeats)
     kicked = ORBIT.impulsive(plan.paths.state(0.0), plan.paths.state(plan.paths.end[0]), ORBIT.period)
     changed, _ = timed(lambda: cf.compensated_thrust(kicked, FIELD), repeats)
     rows += [
-        ["thrust, impulses changed for the field", seconds(changed), ""],
-        ["fly, 8 craft held for 30 days by impulses", seconds(lasting), ""],
-        ["fly, once, with a new plan each five minutes", seconds(anew), ""],
-        ["an update of feedback, 8 craft", seconds(update), "with what it takes to fly until the next"],
+        ["compensated_thrust, impulses", seconds(changed), ""],
+        ["simulate, 8 spacecraft, 30 days of station keeping by impulses", seconds(lasting), ""],
+        ["simulate, one sample, new plan each five minutes", seconds(anew), ""],
+        ["feedback update, 8 spacecraft", seconds(update), "with the simulation until the next"],
     ]
     kept, lost, predicted, nearest = [], [], [], []
     for seed in range(count):
@@ -88,35 +88,48 @@ def measure(quick: bool) -> Report:
         nearest.append(np.abs(before.flown - alone.ratios[0]).max() * zone.radius)
     rows += [
         [
-            f"open loop, {len(kept)} plans, thrust as planned",
+            f"open loop, {len(kept)} plans, planned thrust",
             "",
-            f"{np.median(lost):.3g} m off, worst {max(lost):.3g}",
+            f"{np.median(lost):.3g} m end error, maximum {max(lost):.3g}",
         ],
         [
-            "open loop, thrust less the residual",
+            "open loop, compensated thrust",
             "",
-            f"{1e3 * np.median(kept):.3g} mm off, worst {1e3 * max(kept):.3g}",
+            f"{1e3 * np.median(kept):.3g} mm end error, maximum {1e3 * max(kept):.3g}",
         ],
         [
-            "deviation as predicted",
+            "error of the predicted deviation",
             "",
-            f"to {100 * np.median(predicted):.2g} %, worst {100 * max(predicted):.2g} %",
+            f"to {100 * np.median(predicted):.2g} %, maximum {100 * max(predicted):.2g} %",
         ],
-        ["least distance as predicted", "", f"95 % within {np.percentile(nearest, 95):.2g} m"],
+        ["error of the predicted closest approach", "", f"95 % within {np.percentile(nearest, 95):.2g} m"],
     ]
-    note = "500 km, 51.6 degrees, e = 0.001, J2; 4 or 8 craft some 100 m to 1 km apart, one core."
+    note = "500 km, 51.6 deg, e = 0.001, J2; 4 or 8 spacecraft, some 100 m to 1 km apart; one core."
     middle, worst = float(np.median(kept)), float(max(kept))
     likely, off = float(np.percentile(nearest, 95)), float(np.median(predicted))
     return Report(
-        [Table("Plans in the real field", ["", "time", ""], rows, [note])],
+        [Table("Plans in the high-fidelity model", ["task", "time", "result"], rows, [note])],
         [
-            Figure("validity, 8 craft", "<= 5 ms", seconds(checked), bool(checked <= 5e-3)),
-            Figure("100 flights of 8 craft, one orbit", "<= 0.5 s", seconds(flown), bool(flown <= 0.5)),
-            Figure("feedback update, 8 craft", "<= 50 µs", seconds(update), bool(update <= 50e-6)),
-            Figure("8 craft held for 30 days", "seconds", seconds(lasting), bool(lasting <= 5.0)),
-            Figure("field known: end error, median", "<= 1 mm", f"{1e3 * middle:.2g} mm", middle <= 1e-3),
-            Figure("field known: end error, worst", "<= 3 cm", f"{1e3 * worst:.2g} mm", worst <= 0.03),
-            Figure("deviation predicted, median", "to 1 %", f"{100 * off:.2g} %", off <= 0.01),
-            Figure("least distance predicted, 95 %", "to 10 cm", f"{100 * likely:.2g} cm", likely <= 0.1),
+            Figure("validity, 8 spacecraft", "<= 5 ms", seconds(checked), bool(checked <= 5e-3)),
+            Figure(
+                "100 simulations of 8 spacecraft, one orbit", "<= 0.5 s", seconds(flown), bool(flown <= 0.5)
+            ),
+            Figure("feedback update, 8 spacecraft", "<= 50 µs", seconds(update), bool(update <= 50e-6)),
+            Figure(
+                "8 spacecraft, 30 days of station keeping", "<= 5 s", seconds(lasting), bool(lasting <= 5.0)
+            ),
+            Figure(
+                "force model known: end error, median", "<= 1 mm", f"{1e3 * middle:.2g} mm", middle <= 1e-3
+            ),
+            Figure(
+                "force model known: end error, maximum", "<= 3 cm", f"{1e3 * worst:.2g} mm", worst <= 0.03
+            ),
+            Figure("error of the predicted deviation, median", "<= 1 %", f"{100 * off:.2g} %", off <= 0.01),
+            Figure(
+                "error of the predicted closest approach, 95 %",
+                "<= 10 cm",
+                f"{100 * likely:.2g} cm",
+                likely <= 0.1,
+            ),
         ],
     )

@@ -1,4 +1,4 @@
-"""A whole formation at once: closeform jointly and craft after craft, and joint convex programs."""
+"""Whole formations: joint and sequential plans of closeform, and joint convex programs."""
 
 import re
 from collections.abc import Callable
@@ -17,14 +17,14 @@ from peers.motion import Array
 from tables import Figure, Report, Table, seconds, times
 from timing import say
 
-SAME_TIMES = ("more sides",)  # no other measure: a longer plan would be another task
+SAME_TIMES = ("more sides",)  # the only fallback that keeps the task: others change its times
 NODES = (60, 240)
-AGAIN = 0.3  # s; a plan is timed again and again for about so long
+AGAIN = 0.3  # s; total time of the repeats of a plan
 
 
 @dataclass
 class Outcome:
-    """One method on one task; without paths energy is nan."""
+    """Result of one method on one task; energy is nan without a plan."""
 
     time: float
     energy: float = np.nan
@@ -38,7 +38,7 @@ class Outcome:
 
 @dataclass
 class Row:
-    """What was measured on one task."""
+    """Results on one task."""
 
     task: Task
     bound: float
@@ -69,14 +69,17 @@ def measure(quick: bool) -> Report:
     found.append(Figure("random cases planned", "all", f"{count} of {len(every)}", count == len(every)))
     found.append(
         Figure(
-            "end conflicts refused, pair named", "all", f"{rightly} of {len(ending)}", rightly == len(ending)
+            "conflicts at the ends refused, pair named",
+            "all",
+            f"{rightly} of {len(ending)}",
+            rightly == len(ending),
         )
     )
     return Report(tables, found)
 
 
 def tasks(quick: bool) -> list[tuple[Task, bool]]:
-    """Tasks of the table, and whether the convex programs get them too."""
+    """Return the tasks of the table, and whether the convex programs solve them."""
     if quick:
         return [(swap(4, orbit=LOW_ORBIT), True), (reconfiguration(8, 1, spacing=3.0), True)]
     some = [swap(orbit=LOW_ORBIT), circle_swap(), swap()]
@@ -87,7 +90,7 @@ def tasks(quick: bool) -> list[tuple[Task, bool]]:
 
 
 def circle_swap() -> Task:
-    """Twelve craft on a projected circle of 120 m take the opposite places within a twentieth of an orbit."""
+    """Return the swap of twelve spacecraft on a projected circle of 120 m within a twentieth of an orbit."""
     orbit, turn = LOW_ORBIT, 0.05
     initial = cf.targets.projected_circular(orbit, 12, 120.0)
     final = cf.targets.projected_circular(orbit, 12, 120.0, np.pi + 2 * np.pi * turn)
@@ -119,7 +122,7 @@ def row(task: Task, programs: bool, quick: bool) -> Row:
 
 
 def planned(task: Task, method: str, repeats: int) -> Outcome:
-    """closeform's plan at the times asked for; its time is the whole call, median of its repeats."""
+    """Plan with closeform in the given time; the time is the median of whole calls."""
     runs: list[float] = []
     while len(runs) < repeats and sum(runs) <= AGAIN:
         begin = perf_counter()
@@ -131,7 +134,7 @@ def planned(task: Task, method: str, repeats: int) -> Outcome:
 
 
 def tried(task: Task) -> Outcome:
-    """closeform's plan with all its measures."""
+    """Plan with closeform and all its fallbacks."""
     begin = perf_counter()
     plan = cf.reconfigure(**task.arguments)
     time = perf_counter() - begin
@@ -142,7 +145,7 @@ def tried(task: Task) -> Outcome:
 
 
 def least_ratio(task: Task, paths: cf.Path) -> float:
-    """Least norm of any two, obstacles too, by the march."""
+    """Return the minimum clearance ratio of all pairs, including obstacles, from the certified search."""
     count, least = task.count, np.inf
     if isinstance(task.zone, cf.Zone):
         first, second = np.triu_indices(count, 1)
@@ -160,7 +163,7 @@ def least_ratio(task: Task, paths: cf.Path) -> float:
 
 
 def names_pair(plan: Any, task: Task) -> bool:
-    """Whether a plan is refused for the conflict that was put into its task."""
+    """Return True if a plan is refused for the conflict in its task."""
     named = plan.blocked is not None and tuple(sorted(plan.blocked)) == task.pair
     return bool(plan.status == "end inside a zone" and named)
 
@@ -173,18 +176,18 @@ def programmed(task: Task, **how: Any) -> joint_convex.Formed | None:
 
 
 def nodes_of(task: Task, outcome: Outcome, nodes: int) -> Array:
-    """States (N, nodes + 1, 6) of a plan at the nodes."""
+    """Return the states (N, nodes + 1, 6) of a plan at the nodes."""
     states: Array = outcome.plan.paths.state(np.linspace(0.0, task.duration, nodes + 1))
     return states
 
 
 def above(energy: float, bound: float) -> str:
-    """By how much an energy exceeds a bound, in percent."""
+    """Return the excess of an energy over a bound in percent, as text."""
     return f"{100 * (energy / bound - 1):.3f}" if np.isfinite(energy) else "no plan"
 
 
 def brief(task: Task) -> str:
-    name = re.sub(", seed [0-9]+", "", task.name)
+    name = re.sub(", seed [0-9]+", "", task.name).replace("craft", "spacecraft")
     return re.sub(",? in (deep )?(?=space|orbit)", ", ", name)
 
 
@@ -199,17 +202,30 @@ def formations(rows: list[Row]) -> Table:
             cells += [seconds(found.solver_time), times(found.solver_time / made.joint.time)]
             cells += [seconds(found.one_start), above(found.energy, made.bound)]
         out.append(cells + ["-"] * (10 - len(cells)))
-    columns = ["task", "meet", "joint", "above", "in turn", "above", "convex", "takes", "best start", "above"]
-    title = "Formations: jointly, one craft in turn after another, and by convex programs; one core"
+    columns = [
+        "task",
+        "conflicts",
+        "joint",
+        "above bound",
+        "sequential",
+        "above bound",
+        "convex",
+        "relative time",
+        "best start",
+        "above bound",
+    ]
+    title = "Formations: joint and sequential plans and convex programs, one core"
     return Table(title, columns, out, notes([made for made in rows if made.convex]))
 
 
 def notes(rows: list[Row]) -> list[str]:
-    """What the columns mean, and the convex programs' settings and faults, of rows that have them."""
+    """Return the notes on the columns, and the settings of the convex programs."""
     solved = [made.convex for made in rows if made.convex]
     clear = sum(made.convex_ratio > 1.0 for made in rows)
     free = max(abs(found.free_energy / made.bound - 1) for made in rows if (found := made.convex))
     again = [found.energy / made.joint.energy - 1 for made in rows if (found := made.restarted)]
+    low, high = (100 * extreme(again, default=np.nan) for extreme in (min, max))
+    inflated = 100 * max(found.inflation - 1 for found in solved)
     alone = median(found.one_start / made.joint.time for made in rows if (found := made.convex))
     each = median(
         found.solver_time / found.starts * made.joint.plan.tried / made.joint.time
@@ -217,23 +233,29 @@ def notes(rows: list[Row]) -> list[str]:
         if (found := made.convex)
     )
     return [
-        "Meet: pairs whose unconstrained paths do. Above: energy over the sum of the unconstrained optima, "
-        "a bound, in percent. closeform's time is the whole call, search and certificate included, median "
-        "of its repeats; the convex programs' is the solver's, for 4 starts up to 12 craft, else 2, and for "
-        f"the best start alone: that takes {times(alone)} closeform's time in the median, a start "
-        f"{times(each)} one of the ways that closeform tries.",
-        f"Convex programs: {joint_convex.NODES} nodes, thrust linear between them, Clarabel to "
-        f"{convex.TOLERANCE:g}, planes for near pairs only, taken anew until the energy settles to "
-        f"{joint_convex.SETTLED:g}, each pair's zone then inflated until it is clear between nodes (by up to "
-        f"{100 * max(f.inflation - 1 for f in solved):.1f} %). By closeform's march {clear} of {len(solved)} "
-        f"are clear. Without zones they cost at most {free:.1e} more than the optimum (thrust held constant "
-        "between nodes: 2.8e-4 in deep space). Started at closeform's plans they end "
-        f"{100 * min(again, default=np.nan):+.4f} % to {100 * max(again, default=np.nan):+.4f} % from them.",
+        (
+            "Conflicts: pairs whose unconstrained paths conflict. Above bound: control energy above the "
+            "sum of the unconstrained optima, a lower bound, in percent. The time of closeform includes "
+            "search and certificate; it is the median of its repeats. That of the convex programs is "
+            "solver time, for 4 starts up to 12 spacecraft and otherwise 2, and for the best start alone. "
+            f"In the median the best start takes {times(alone)} the time of closeform, and one start "
+            f"{times(each)} the time of one candidate of closeform."
+        ),
+        (
+            f"Convex programs: {joint_convex.NODES} nodes with linear thrust between them, Clarabel to "
+            f"{convex.TOLERANCE:g}, supporting planes for close pairs only, updated until the energy "
+            f"changes by less than {joint_convex.SETTLED:g}. Each zone is then inflated (by up to "
+            f"{inflated:.1f} %) until its pair is clear between nodes. The certified search "
+            f"of closeform finds {clear} of {len(solved)} clear. Without zones the "
+            f"programs cost at most {free:.1e} more than the optimum; with constant thrust between nodes, "
+            f"2.8e-4 in deep space. Started at the plans of closeform, they end "
+            f"{low:+.4f} % to {high:+.4f} % from them."
+        ),
     ]
 
 
 def nodes_table(made: Row, counts: tuple[int, ...]) -> Table:
-    """The convex programs from closeform's plan, with more and more nodes."""
+    """Return the convex programs started at the plan of closeform, by number of nodes."""
     out = []
     for nodes in counts if made.joint.plan.ok else ():
         say(f"  {nodes} nodes")
@@ -245,8 +267,11 @@ def nodes_table(made: Row, counts: tuple[int, ...]) -> Table:
         cells += [f"{100 * (found.inflation - 1):.2f} %", above(found.energy, made.bound)]
         out.append([f"{nodes}", *cells, seconds(found.solver_time)])
     out.append(["closeform", "0", "-", "-", above(made.joint.energy, made.bound), seconds(made.joint.time)])
-    columns = ["nodes", "without zones", "at nodes", "inflated by", "clear", "solver"]
-    note = "Without zones: over the exact optimum; at nodes and clear: percent above the bound."
+    columns = ["nodes", "without zones", "zones at nodes", "inflation", "certified clear", "solver time"]
+    note = (
+        "Without zones: relative excess over the exact optimum. Zones at nodes and certified clear: "
+        "percent above the lower bound."
+    )
     return Table(f"Convex programs started at closeform's plan, {made.task.name}", columns, out, [note])
 
 
@@ -255,10 +280,10 @@ def random_table(tasks: list[Task], outcomes: list[Outcome]) -> Table:
         "all": lambda task: True,
         "deep space": lambda task: task.orbit.mean_motion == 0,
         "in orbit": lambda task: task.orbit.mean_motion > 0,
-        "windows of their own": lambda task: bool(np.ndim(task.start)),
+        "own time windows": lambda task: bool(np.ndim(task.start)),
         "coasting obstacles": lambda task: bool(task.obstacles),
         "boxes": lambda task: isinstance(task.zone, cf.Box),
-        "zones of their own": lambda task: isinstance(task.zone, list),
+        "own zones": lambda task: isinstance(task.zone, list),
     }
     out = []
     for name, belongs in kinds.items():
@@ -272,18 +297,18 @@ def random_table(tasks: list[Task], outcomes: list[Outcome]) -> Table:
         cells += [seconds(median(taken)), seconds(max(taken)), f"{median(gaps):.2f} %", f"{max(gaps):.1f} %"]
         out.append([name, *cells])
     note = (
-        "4 to 30 craft, deep space and orbits from 400 km to GEO, from seeds fixed before the planner was "
-        "tuned (tests/formations.py). Planned: and clear by the march. Measures: plans that needed a "
+        "4 to 30 spacecraft in deep space and in orbits from 400 km to GEO (tests/formations.py). "
+        "Planned: plans that the certified search finds clear. With fallback: plans that needed a "
         "fallback, which they name."
     )
-    columns = ["random cases", "planned", "by measures", "median", "worst", "gap, median", "worst"]
+    columns = ["random cases", "planned", "with fallback", "median time", "maximum", "median gap", "maximum"]
     return Table("Random reconfigurations, one core", columns, out, [note])
 
 
 def swap_figures(made: Row) -> list[Figure]:
-    """Time, energy and pairs of one swap."""
+    """Return time, energy and clear pairs of one swap."""
     name, taken, over = made.task.name, made.joint.time, made.joint.energy / made.bound
-    # of twelve at one point in deep space all 66 pairs meet: more is asked of it, and more is allowed
+    # in deep space all 66 pairs of the twelve conflict at one point, so its limits are wider
     most, dearest = (0.08, 1.07) if made.task.orbit.mean_motion == 0.0 else (0.05, 1.03)
     pairs = made.task.count * (made.task.count - 1) // 2
     met = pairs
@@ -291,7 +316,7 @@ def swap_figures(made: Row) -> list[Figure]:
         met = len(np.unique(cf.screen(made.joint.plan.paths, made.task.zone).pairs, axis=0))
     return [
         Figure(f"{name} ({made.conflicts} pairs meet)", f"<= {seconds(most)}", seconds(taken), taken <= most),
-        Figure(f"{name}: energy over the bound", f"<= {dearest}", f"{over:.4f}", bool(over <= dearest)),
+        Figure(f"{name}: energy over the lower bound", f"<= {dearest}", f"{over:.4f}", bool(over <= dearest)),
         Figure(f"{name}: pairs certified clear", f"{pairs}", f"{pairs - met}", met == 0),
     ]
 
@@ -304,7 +329,7 @@ def figures(rows: list[Row]) -> list[Figure]:
             slowest, all_clear = max(joint.time for joint in own), all(joint.clear for joint in own)
             measured = seconds(slowest) + ("" if all_clear else ", not clear")
             met = slowest <= most and all_clear
-            found.append(Figure(f"reconfigure, {count} craft", f"<= {seconds(most)}", measured, met))
+            found.append(Figure(f"reconfigure, {count} spacecraft", f"<= {seconds(most)}", measured, met))
     compared = [made for made in rows if made.convex and made.conflicts]
     faster = median(formed.solver_time / made.joint.time for made in compared if (formed := made.convex))
     dearer = [
@@ -314,8 +339,13 @@ def figures(rows: list[Row]) -> list[Figure]:
         if other
     ]
     most_dear = float(np.max(dearer))
-    found.append(Figure("joint plan, against convex programs", ">= 100x", times(faster), faster >= 100))
+    found.append(Figure("joint plan: speed-up over convex programs", ">= 100x", times(faster), faster >= 100))
     found.append(
-        Figure("joint plan, energy above theirs", "<= 0.1 %", f"{most_dear:+.3f} %", bool(most_dear <= 0.1))
+        Figure(
+            "joint plan: maximum energy above the convex programs",
+            "<= 0.1 %",
+            f"{most_dear:+.3f} %",
+            bool(most_dear <= 0.1),
+        )
     )
     return found

@@ -1,4 +1,4 @@
-"""Gatherings of lost craft, from five as in H03 to a thousand."""
+"""Gatherings of lost spacecraft, from five as in H03 to a thousand."""
 
 from collections.abc import Callable
 from math import inf, radians
@@ -14,10 +14,11 @@ from timing import Timing, cores, side_by_side
 SPEED = 0.12  # m/s: H03's greatest relative speed, which sizes its near-field search
 BALL, APART, SHORT = "in a ball", "back to back", "back to back, range 200 m"
 NOTE = (
-    "H03's craft: 70 deg, 0.25 deg/s, sensors at 7.5 m, IPS of one turn, tips of 25 deg, near-field search "
-    "for 12 cm/s, two rounds; as dense as five in 300 m. All three ways of the first pair's burn are flown. "
-    "Back to back: A is the half towards +x and looks there first, B the other, so that nobody sees anybody "
-    "at the start. Locks that joined sets, how many of them at once, the median and the last one."
+    "Spacecraft of H03: 70 deg, 0.25 deg/s, sensors at 7.5 m, IPS of one turn, tips of 25 deg, "
+    "near-field search for 12 cm/s, two rounds, with the density of five in 300 m. The search "
+    "evaluates all three options of the first burn. Back to back: group A is the half towards +x "
+    "and looks there first, B is the other half, so that no pair is locked at the start. Locks: "
+    "those that join two sets."
 )
 
 
@@ -30,25 +31,38 @@ def measure(quick: bool) -> Report:
         rows += some
         taken = max(timings[name].median for name in (BALL, APART))
         met = None if quick else taken <= most
-        report.figures.append(Figure(f"gather, {count:,} craft", f"<= {seconds(most)}", seconds(taken), met))
-    columns = ["craft", "", "time", "spread", "locks", "at 0 s", "median", "last", "gathered", "rounds"]
-    report.tables.append(Table("One gathering of many craft (gather)", columns, rows, [NOTE]))
+        report.figures.append(
+            Figure(f"gather, {count:,} spacecraft", f"<= {seconds(most)}", seconds(taken), met)
+        )
+    columns = [
+        "spacecraft",
+        "initial state",
+        "time",
+        "spread",
+        "locks",
+        "at 0 s",
+        "median lock",
+        "last lock",
+        "gathered",
+        "rounds",
+    ]
+    report.tables.append(Table("Gathering of many spacecraft (gather)", columns, rows, [NOTE]))
     return report
 
 
 def basic(longest: float = inf) -> cf.Search:
-    """H03's search in its simulation."""
+    """Return the search of H03 as simulated there."""
     sensor = cf.Sensor(radians(70), offset=7.5, range=longest)
     return cf.Search.basic(sensor, radians(0.25), radians(25), in_plane_turn=radians(360))
 
 
 def fives(cases: int, quick: bool) -> tuple[Table, Figure]:
-    """Five craft in a batch: all as drawn, and those among them that are gathered late."""
+    """Time five spacecraft in a batch: all cases, and the last tenth to gather."""
     positions, velocities = lost_craft(cases, 5, seed=2003)
     every = flown(positions, velocities)()
     late = np.flatnonzero(every.duration > np.quantile(every.duration, 0.9))
     slow = np.resize(late, cases)  # as many, so that both batches use the cores alike
-    names = {"as drawn": np.arange(cases), "the tenth gathered last": slow}
+    names = {"as sampled": np.arange(cases), "last tenth to gather": slow}
     timings = side_by_side(
         {name: flown(positions[which], velocities[which]) for name, which in names.items()}, 1 if quick else 5
     )
@@ -60,11 +74,20 @@ def fives(cases: int, quick: bool) -> tuple[Table, Figure]:
         shares = (duration == 0).mean(), first[which].mean(), (every.left[which] > 0).mean()
         row = [name, seconds(timing.median / cases), f"±{timing.spread:.0%}", *(f"{p:.2%}" for p in shares)]
         rows.append([*row, f"{np.median(duration):.0f} s", f"{duration.max():.0f} s"])
-    columns = ["five craft", "a case", "spread", "at 0 s", "in IPS", "incomplete", "median", "last"]
-    title = f"Five craft, {cases:,} gatherings in a batch (gather_cases), {cores()} cores"
-    each = timings["as drawn"].median / cases
-    figure = Figure("gather_cases, five craft", "<= 0.2 ms", seconds(each), each <= 0.2e-3)
-    note = "Craft and search are those of the next table, in groups of three and two. "
+    columns = [
+        "five spacecraft",
+        "time per case",
+        "spread",
+        "gathered at 0 s",
+        "gathered in IPS",
+        "incomplete",
+        "median end",
+        "last end",
+    ]
+    title = f"Five spacecraft, {cases:,} gatherings in a batch (gather_cases), {cores()} cores"
+    each = timings["as sampled"].median / cases
+    figure = Figure("gather_cases, five spacecraft", "<= 0.2 ms", seconds(each), each <= 0.2e-3)
+    note = "The spacecraft and the search are those of the next table, in groups of three and two."
     return Table(title, columns, rows, [note]), figure
 
 
@@ -73,7 +96,7 @@ def flown(positions: Array, velocities: Array) -> Callable[[], cf.Gatherings]:
 
 
 def swarm(count: int, repeats: int) -> tuple[dict[str, Timing], list[list[str]]]:
-    """One gathering of many craft: in three ways that differ in what locks at once."""
+    """Time a gathering of many spacecraft from three initial states."""
     (positions,), (velocities,) = lost_craft(1, count, seed=100)
     ahead = np.argsort(np.argsort(-positions[:, 0])) < count // 2
     halves = ["A" if there else "B" for there in ahead]

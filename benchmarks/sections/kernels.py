@@ -1,4 +1,4 @@
-"""Kernels that the command line compiled ahead, beside those that a Python process compiled at its calls."""
+"""Kernels compiled by `closeform compile`, beside those compiled at their first call."""
 
 import json
 import os
@@ -33,16 +33,16 @@ starts = cluster(500, 300.0, 2)
 transfers = orbit.transfer(starts, starts[::-1], PERIOD)
 tasks = {
     "lock_times, 60,000 pairs": lambda: cf.lock_times(search, places, speeds),
-    "screen, natural, 1,500 craft, box": lambda: cf.screen(coasts, cf.Box([20.0, 40.0, 20.0])),
-    "screen, natural, 1,500 craft, cylinder": lambda: cf.screen(coasts, cf.Cylinder(20.0, 40.0)),
-    "screen, thrusting, 500 craft, ellipsoid": lambda: cf.screen(transfers, cf.Ellipsoid([20.0, 40.0, 20.0])),
+    "screen, natural, 1,500 spacecraft, box": lambda: cf.screen(coasts, cf.Box([20.0, 40.0, 20.0])),
+    "screen, natural, 1,500 spacecraft, cylinder": lambda: cf.screen(coasts, cf.Cylinder(20.0, 40.0)),
+    "screen, thrusting, 500 spacecraft, ellipsoid": lambda: cf.screen(transfers, cf.Ellipsoid([20, 40, 20])),
 }
 print(json.dumps({name: timed(task, repeats, process_time)[0] for name, task in tasks.items()}))
 """
 
 
 def measure(quick: bool) -> Report:
-    """Time the same calls in processes that load kernels of both origins, in turn."""
+    """Time the same calls in processes that load kernels of both kinds, in turn."""
     here, rounds = str(Path(__file__).parents[1]), 1 if quick else 5
     found: dict[str, list[dict[str, float]]] = {"ahead": [], "at its call": []}
     with tempfile.TemporaryDirectory() as folder:

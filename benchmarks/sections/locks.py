@@ -1,4 +1,4 @@
-"""First locks of S04's lost pairs on all cores: against looking once a second, and S04's own numbers."""
+"""First locks of lost pairs of S04 on all cores, against samples each second and the numbers of S04."""
 
 from collections.abc import Callable
 from math import degrees, inf, radians, sqrt
@@ -14,15 +14,15 @@ from timing import cores, side_by_side
 
 OURS = "closeform.lock_times"
 TABLE, VECTOR = "1 s scan, table", "1 s scan, table, vectorised"
-TURNING = "1 s scan, turning at each"
+TURNING = "1 s scan, attitude per sample"
 NUMPY, BLOCKS = "1 s scan, NumPy", "1 s scan, NumPy, blocks"
 LEAST = {TABLE: 4, TURNING: 20, NUMPY: 50}
 STEP = 1.0  # s
 SEARCH = cf.Search.modified(cf.Sensor(radians(70)), radians(0.25), radians(25))  # S04 section V
 NOTE = (
-    "Late: behind closeform's time on average, of the pairs that are not locked at the start. Missed: first "
-    "locks that lasted less than a step and fell between two samples, so that a later lock was taken for the "
-    "first, or none found. Early: before closeform's. NumPy runs on one core, all others on every core."
+    "Late: mean delay after the time of closeform, for pairs not locked at the start. Missed: "
+    "first locks between two samples; the method reports a later lock or none. Early: locks "
+    "before that of closeform. NumPy runs on one core, all other methods on all cores."
 )
 SAMPLED = (1, 10, 20, 60)  # s: S04 does not say how it looked for locks
 PHASES = {
@@ -42,7 +42,7 @@ def measure(quick: bool) -> Report:
 
 
 def compared(positions: Array, velocities: Array, quick: bool) -> tuple[Table, list[Figure]]:
-    """All methods on the same pairs."""
+    """Compare all methods on the same pairs."""
     methods = ways(positions, velocities)
     found = {name: method() for name, method in methods.items()}  # and compile
     timings = side_by_side(methods, 1 if quick else 5)
@@ -54,7 +54,7 @@ def compared(positions: Array, velocities: Array, quick: bool) -> tuple[Table, l
         late, *counts = faults.get(name, (None,))
         cells = ["", "", ""] if late is None else [f"{late:.2f} s", *map(str, counts)]
         rows.append([*row, times(timing.median / base), *cells])
-    columns = ["method", "time", "a pair", "spread", "takes", "late", "missed", "early"]
+    columns = ["method", "time", "time per pair", "spread", "relative time", "late", "missed", "early"]
     title = f"First locks of {count:,} pairs as in S04 section V, modified search, {cores()} cores"
     lost, early = int(np.isnan(first).sum()), max(fault[2] for fault in faults.values())
     figures = [
@@ -69,7 +69,7 @@ def compared(positions: Array, velocities: Array, quick: bool) -> tuple[Table, l
 
 
 def ways(positions: Array, velocities: Array) -> dict[str, Callable[[], Array]]:
-    """Closeform's times, and the first samples of all others."""
+    """Return the methods: lock times of closeform, first samples of all others."""
     looks, turns = boresight_scan.boresights(SEARCH, STEP), boresight_scan.turns(SEARCH)
     work, threads = (positions, velocities, SEARCH.sensor.cosine, STEP), cores()
     return {
@@ -83,7 +83,7 @@ def ways(positions: Array, velocities: Array) -> dict[str, Callable[[], Array]]:
 
 
 def against(first: Array, samples: boresight_scan.Samples) -> tuple[float, int, int]:
-    """How late [s] samples are on average, how many first locks they missed, how many are early."""
+    """Return the mean delay of samples [s], the number of missed and of early first locks."""
     later = np.where(samples >= 0, STEP * samples, inf) - np.where(np.isnan(first), inf, first)
     later[(samples < 0) & np.isnan(first)] = 0.0
     found = (later <= STEP) & (first > 0.0)
@@ -91,7 +91,7 @@ def against(first: Array, samples: boresight_scan.Samples) -> tuple[float, int, 
 
 
 def published(count: int) -> tuple[Table, list[Figure]]:
-    """When S04's pairs lock, and its closed numbers."""
+    """Compare with the lock shares and the exact numbers of S04."""
     positions, velocities = lost_pairs(count, seed=2004)
     exact = by_phase(cf.lock_times(SEARCH, positions, velocities).time)
     sampled = []
@@ -109,16 +109,16 @@ def published(count: int) -> tuple[Table, list[Figure]]:
     scans = [f"{step} s scan" for step in SAMPLED]
     columns = ["first lock", "S04, 150,000", "exact", "standard error", "pairs", *scans]
     note = (
-        "Pairs that are locked at once count in IPS 1, too. What S04 found in IPS 2 is what looking every "
-        "10 to 30 s finds there: short first locks before that go unseen."
+        "IPS 1 includes the pairs locked at once. The count of S04 in IPS 2 agrees with samples every "
+        "10 to 30 s, which miss short first locks."
     )
-    table = Table(f"When {count:,} pairs lock, drawn as in S04 section V", columns, rows, [note])
+    table = Table(f"First locks of {count:,} pairs sampled as in S04 section V", columns, rows, [note])
     shares = [agreed(phase, exact[phase], count) for phase in ("IPS 1", "mOPS 1")]
     return table, [*shares, *closed_numbers()]
 
 
 def by_phase(when: Array) -> dict[str, int]:
-    """How many pairs lock in each phase."""
+    """Return the number of pairs that lock in each phase."""
     starts = np.array([start for _, _, start, _ in SEARCH.phases])
     phase = np.searchsorted(starts[1:], when[np.isfinite(when)])  # an end belongs to its phase
     found = np.bincount(phase, minlength=len(starts))
@@ -128,7 +128,7 @@ def by_phase(when: Array) -> dict[str, int]:
 
 
 def agreed(phase: str, number: int, count: int) -> Figure:
-    """Two draws of the same: they differ by 2 standard errors of the difference at most."""
+    """Compare two samples of the same share, within 2 standard errors of their difference."""
     p = float(PHASES[phase].split()[0]) / 100
     most = 2 * sqrt(p * (1 - p) * (1 / count + 1 / 150_000))
     asked = f"{PHASES[phase]} ± {100 * most:.2g} %"
@@ -138,12 +138,12 @@ def agreed(phase: str, number: int, count: int) -> Figure:
 
 
 def closed_numbers() -> list[Figure]:
-    """S04's schedule, sky covered and counterexample, to all digits given."""
+    """Compare schedule, sky coverage and counterexample of S04, to all published digits."""
     counterexample = cf.lock_times(SEARCH, [2.08, 25.2, -305.6], [0.0, 0.0, 0.0831])
     numbers = {
-        "S04: length of the search": ("8566.0 s", f"{SEARCH.duration:.1f} s"),
+        "S04: duration of the search": ("8566.0 s", f"{SEARCH.duration:.1f} s"),
         "S04: tip": ("21.344 deg", f"{degrees(SEARCH.tip_angle):.3f} deg"),
-        "S04: sky that IPS covers": ("93.97 %", f"{100 * SEARCH.coverage('IPS'):.2f} %"),
-        "S04: lock of its counterexample": ("6692.29 s", f"{counterexample.time[0]:.2f} s"),
+        "S04: sky coverage of IPS": ("93.97 %", f"{100 * SEARCH.coverage('IPS'):.2f} %"),
+        "S04: lock time of the counterexample": ("6692.29 s", f"{counterexample.time[0]:.2f} s"),
     }
     return [Figure(name, asked, found, asked == found) for name, (asked, found) in numbers.items()]

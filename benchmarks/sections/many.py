@@ -1,4 +1,4 @@
-"""All pairs of a thousand craft, and of up to a hundred thousand: time and memory after a warm-up."""
+"""All pairs of up to a hundred thousand spacecraft: time and memory after a warm-up."""
 
 import resource
 from concurrent.futures import ThreadPoolExecutor
@@ -15,7 +15,7 @@ from tables import Figure, Report, Table, seconds, times
 from timing import cores, side_by_side
 
 VECTOR = "1 s sampling, table, vectorised"
-CROWDS = {1_000: 5, 3_000: 5, 10_000: 5, 30_000: 3, 100_000: 1}  # craft, and how often they are screened
+CROWDS = {1_000: 5, 3_000: 5, 10_000: 5, 30_000: 3, 100_000: 1}  # spacecraft, and how often they are screened
 QUICK = {1_000: 1, 3_000: 1}
 ASKED = {10_000: 4.0, 100_000: 60.0}  # s
 
@@ -29,7 +29,7 @@ def measure(quick: bool) -> Report:
     spells = len(ours())
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024  # before the peer takes any
     paths = np.ascontiguousarray(natural(states, MEAN_MOTION))
-    # rows of equal work: craft i is searched against count - i - 1 others
+    # rows of equal work: spacecraft i is searched against count - i - 1 others
     edges = count * (1 - np.sqrt(1 - np.arange(8 * threads + 1) / (8 * threads)))
     ranges = list(zip(edges.astype(int)[:-1], edges.astype(int)[1:], strict=True))
 
@@ -53,41 +53,44 @@ def measure(quick: bool) -> Report:
     ]
     pairs = f"all {pairs_among(count, count):,} pairs"
     table = Table(
-        f"{count:,} craft, {pairs}, natural motion, one orbit, {threads} cores",
-        ["method", "time", "spread", "takes", "stays in the zone"],
+        f"{count:,} spacecraft, {pairs}, natural motion, one orbit, {threads} cores",
+        ["method", "time", "spread", "relative time", "conflicts"],
         rows,
-        [f"Most memory of the whole process with closeform: {memory / 1e6:.0f} MB."],
+        [f"Peak memory of the process with closeform: {memory / 1e6:.0f} MB."],
     )
     figures = [
-        Figure("1,000 craft, all pairs", "<= 1 s", seconds(base), base <= 1.0 if not quick else None),
-        Figure("1,000 craft, memory", "< 500 MB", f"{memory / 1e6:.0f} MB", memory < 500e6),
+        Figure("1,000 spacecraft, all pairs", "<= 1 s", seconds(base), base <= 1.0 if not quick else None),
+        Figure("1,000 spacecraft, memory", "< 500 MB", f"{memory / 1e6:.0f} MB", memory < 500e6),
     ]
     growth, more = grown(QUICK if quick else CROWDS)
     return Report([table, growth], figures + more)
 
 
 def grown(crowds: dict[int, int]) -> tuple[Table, list[Figure]]:
-    """Crowds of equal density: what a screening of one orbit takes."""
+    """Time the search of one orbit for crowds of equal density."""
     orbit, ball = cf.Orbit(MEAN_MOTION), cf.Sphere(20.0)
     cf.screen(orbit.coast(crowd(2000, MEAN_MOTION), PERIOD), ball)
     rows, figures = [], []
     for count, repeats in crowds.items():
         paths, found = orbit.coast(crowd(count, MEAN_MOTION), PERIOD), []
         screened = lambda paths=paths, found=found: found.append(cf.screen(paths, ball))  # noqa: E731
-        took = side_by_side({f"{count:,} craft": screened}, repeats)[f"{count:,} craft"].median
+        took = side_by_side({f"{count:,} spacecraft": screened}, repeats)[f"{count:,} spacecraft"].median
         memory = f"{resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e6:.0f} MB"
         cells = [seconds(took), f"{took / count * 1e6:.0f} µs", memory, f"{len(found[-1]):,}"]
         rows.append([f"{count:,}", f"{pairs_among(count, count):,}", *cells])
         if count in ASKED:
-            name = f"{count:,} craft, one orbit, all pairs"
+            name = f"{count:,} spacecraft, one orbit, all pairs"
             figures.append(Figure(name, f"<= {ASKED[count]:g} s", seconds(took), took <= ASKED[count]))
     if 100_000 in crowds:
         few = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 < 4e9
-        figures.append(Figure("100,000 craft, memory", "< 4 GB", memory, few))
+        figures.append(Figure("100,000 spacecraft, memory", "< 4 GB", memory, few))
     notes = [
-        "Closed relative orbits, 10,000 craft in a cube of 50 km at the start (`tools/swarm.py`).",
-        "A larger swarm of equal density moves faster within itself: stays grow faster than craft.",
-        "Memory is the most of the whole process up to there, with the peer's of the table above.",
+        ("Closed relative orbits, 10,000 spacecraft in a cube of 50 km at the start (`tools/swarm.py`)."),
+        (
+            "At equal density a larger swarm has higher relative speeds, so conflicts grow faster than "
+            "the number of spacecraft."
+        ),
+        "Memory is the peak of the process so far, including the sampling method of the table above.",
     ]
-    columns = ["craft", "pairs", "time", "for each craft", "memory", "stays in a zone"]
+    columns = ["spacecraft", "pairs", "time", "time per spacecraft", "memory", "conflicts"]
     return Table("Crowds of equal density, one orbit, spheres of 20 m", columns, rows, notes), figures

@@ -9,7 +9,7 @@ from peers import sampling, vbar_peer, zero_crossings
 from peers.motion import Array, natural
 from tables import Figure, Report, Table, seconds, times
 
-EACH, TABLE = "1 s sampling, sine and cosine at each", "1 s sampling, table"
+EACH, TABLE = "1 s sampling, sine and cosine per sample", "1 s sampling, table"
 VECTOR, NUMPY = "1 s sampling, table, vectorised", "1 s sampling, NumPy"
 CROSSINGS, MINIMA = "SP11's zero crossings", "V-BAR's segment_minima"
 
@@ -17,8 +17,8 @@ CROSSINGS, MINIMA = "SP11's zero crossings", "V-BAR's segment_minima"
 def measure(quick: bool) -> Report:
     count = 50 if quick else 700
     scattered, crowded = cluster(count, 300.0, seed=1), cluster(count, 60.0, seed=2)
-    main = ellipsoids("scattered over 300 m", scattered, quick)
-    other = ellipsoids("crowded into 60 m", crowded, quick)
+    main = ellipsoids("scattered over 300 m", scattered, quick, [MISSED])
+    other = ellipsoids("crowded into 60 m", crowded, quick, [])
     report = Report([main.table, other.table])
     ours = main.per_pair[OURS]
     report.speeds = {"natural": ours, "natural SP11": main.per_pair[CROSSINGS]}
@@ -33,8 +33,8 @@ def measure(quick: bool) -> Report:
     return report
 
 
-def ellipsoids(name: str, states: Array, quick: bool) -> Comparison:
-    """Against sampling and SP11's method, for one cluster."""
+def ellipsoids(name: str, states: Array, quick: bool, notes: list[str]) -> Comparison:
+    """Compare with sampling and the method of SP11 on one cluster."""
     orbit, zone, count = cf.Orbit(MEAN_MOTION), cf.Ellipsoid(ZONE), len(states)
     few = 2 if quick else 12
     work = (np.ascontiguousarray(natural(states, MEAN_MOTION)), PERIOD, MEAN_MOTION, ZONE)
@@ -50,15 +50,15 @@ def ellipsoids(name: str, states: Array, quick: bool) -> Comparison:
         NUMPY: Method(lambda: sampling.search_numpy(*work, box=False, last=few), few, as_found),
         CROSSINGS: Method(lambda: zero_crossings.conflicts(*work, box=False), count, as_found),
     }
-    title = f"Natural motion, {count} craft {name}, one orbit, ellipsoid 20 x 40 x 20 m, one core"
-    return compare(title, methods, count, 1 if quick else 5, [MISSED])
+    title = f"Natural motion, {count} spacecraft {name}, one orbit, ellipsoid 20 x 40 x 20 m, one core"
+    return compare(title, methods, count, 1 if quick else 5, notes)
 
 
 def spheres(report: Report, states: Array, quick: bool) -> None:
-    """Against V-BAR, which knows spheres and gives the least margin only."""
+    """Compare with V-BAR, which supports spheres and returns only the minimum margin."""
     figure = Figure("against V-BAR's batch", ">= 30x", vbar_peer.MISSING, None)
     report.figures.append(figure)
-    craft = f"{len(states)} craft scattered over 300 m"
+    craft = f"{len(states)} spacecraft scattered over 300 m"
     title = f"Natural motion, {craft}, one orbit, sphere of {RADIUS:g} m, one core"
     if not vbar_peer.available():
         report.tables.append(Table(title, ["method"], [], [vbar_peer.MISSING]))
@@ -76,8 +76,8 @@ def spheres(report: Report, states: Array, quick: bool) -> None:
         ),
     }
     note = (
-        "V-BAR gives the least margin, not the times: its stays are pairs. Its spacing "
-        f"({spacing:g} s) and batch ({batch} pairs) are the fastest of those tried."
+        "V-BAR returns the minimum margin of a pair without times, so its conflicts are pairs. Its "
+        f"spacing ({spacing:g} s) and batch size ({batch} pairs) are the fastest of those tested."
     )
     comparison = compare(title, methods, count, 1 if quick else 5, [note])
     report.tables.append(comparison.table)
@@ -86,5 +86,5 @@ def spheres(report: Report, states: Array, quick: bool) -> None:
 
 
 def whole(pairs: Array) -> Array:
-    """Conflicting pairs whose times are not known, as stays over the whole orbit."""
+    """Return conflicting pairs with unknown times as conflicts over the whole orbit."""
     return np.column_stack([pairs, np.zeros(len(pairs)), np.full(len(pairs), PERIOD)])

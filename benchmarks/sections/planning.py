@@ -1,4 +1,4 @@
-"""Plans that are safe when thrust fails, and plans at k sigmas: how many are found, and what they cost."""
+"""Passively safe plans and plans at k sigmas: success rate and cost."""
 
 from functools import partial
 from time import process_time
@@ -32,12 +32,12 @@ def measure(quick: bool) -> Report:
                 name = f"their extra energy and time in the median, {group}"
                 figures.append(Figure(name, "<= 5 %, 0.1 s", f"{row[1]}, {row[3]}", bool(good)))
     for count in (4, 8, 12)[: 1 if quick else 3]:
-        say(f"  {count} craft")
+        say(f"  {count} spacecraft")
         cases = ring_formations(count)[: 1 if quick else None]
         row, _, took = timed_each([partial(formation, case) for case in cases])
-        rows.append([f"rings of {count} craft by pairs", *row])
+        rows.append([f"rings of {count} spacecraft by pairs", *row])
     if not quick:
-        name = "12 craft passively safe, the slowest"
+        name = "12 spacecraft passively safe, the slowest"
         figures.append(Figure(name, "<= 20 s", seconds(max(took)), max(took) <= 20.0))
     pairs = passages(3 if quick else PASSAGES)
     for cost in ("energy", "delta-v"):
@@ -45,18 +45,16 @@ def measure(quick: bool) -> Report:
         kept = {"errors": KNOWN, "sigmas": SIGMAS, "cost": cost}
         row, _, _ = timed_each([partial(cf.avoid, *pair, ZONE, **kept) for pair in pairs])
         rows.append([f"passages at {SIGMAS:g} sigma, {cost}", *row])
-    columns = ["task", "planned", "above the bound, median", "at most", "time, median", "slowest"]
+    columns = ["task", "planned", "above the bound, median", "maximum", "median time", "maximum"]
     note = (
-        "Time of one process, one plan each, certified plans only. The bound of delta-v is the cost with "
-        "nothing in the way. Seeds are those of tests/ring_transfers.py and tests/ring_formations.py."
+        "CPU time of one plan, certified plans only. The bound of delta-v is the cost without zones. "
+        "tests/ring_transfers.py and tests/ring_formations.py define the cases."
     )
-    return Report(
-        [Table("Plans that are safe when thrust fails, or at 3 sigma", columns, rows, [note])], figures
-    )
+    return Report([Table("Passively safe plans, and plans at 3 sigma", columns, rows, [note])], figures)
 
 
 def timed_each(tasks) -> tuple[list[str], list[float], list[float]]:
-    """Of plans, made after one that loads kernels: cells of a row, extra costs, times [s]."""
+    """Return the cells of a row, extra costs and times [s] of plans, after a warm-up."""
     tasks[0]()
     plans, took = [], []
     for task in tasks:
@@ -70,18 +68,18 @@ def timed_each(tasks) -> tuple[list[str], list[float], list[float]]:
 
 
 def around(case, cost: str) -> cf.Avoidance:
-    """One craft around its client."""
+    """Plan a path of one spacecraft around its client."""
     return cf.avoid(case.path, case.client, case.zone, drift=case.drift, cost=cost)
 
 
 def formation(case) -> cf.Plan:
-    """Craft of which one may fail at a time."""
+    """Plan a formation in which any one spacecraft may fail."""
     task = case.orbit, case.initial, case.final, case.duration, case.zone
     return cf.reconfigure(*task, drift=case.drift, if_blocked=())
 
 
 def passages(number: int) -> list[tuple[cf.Path, cf.Path]]:
-    """Past a client by less than 3 sigma and its zone, from ends that leave more."""
+    """Return paths that pass a client below 3 sigma, with ends above."""
     rng, found = np.random.default_rng(7), []
     while len(found) < number:
         ends = rng.normal(size=(2, 6)) * [40, 80, 40, 0.02, 0.02, 0.02]

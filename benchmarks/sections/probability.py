@@ -1,4 +1,4 @@
-"""Collision probabilities: by entries, by Monte Carlo, and Alfano's cases; plain Monte Carlo as the peer."""
+"""Collision probabilities: entry-rate method, Monte Carlo, Alfano's cases; plain Monte Carlo as the peer."""
 
 from time import perf_counter
 
@@ -46,12 +46,12 @@ def measure(quick: bool) -> Report:
         if figure.value <= 0.1:
             slowest, widest = max(slowest, took), max(widest, half)
     note = (
-        "500 km, sphere of 15 m. The interval's half-width beside the probability holds quadrature and "
-        f"sampling. The peer draws {peer_samples(quick):,} states with NumPy, moves them by matrices and "
-        "looks at them every 10 s: what enters and leaves between two looks is missed, and what is rarer "
-        "than one in its samples is 0."
+        "500 km, sphere of 15 m. The half-width of the interval includes quadrature and sampling "
+        f"errors. Plain Monte Carlo samples {peer_samples(quick):,} states with NumPy, propagates them "
+        "by matrices and checks them every 10 s. It misses shorter conflicts and returns 0 for events "
+        "rarer than one in its samples."
     )
-    columns = ["by entries", "probability", "half-width", "time", "plain Monte Carlo", "time"]
+    columns = ["entry-rate method", "probability", "half-width", "time", "plain Monte Carlo", "time"]
     samples = 20_000 if quick else 1_000_000
     state, deviations, _ = CASES["hold 200 m ahead"]
     pair = ORBIT.coast(state, 2 * PERIOD), ORBIT.coast(np.zeros(6), 2 * PERIOD)
@@ -66,13 +66,13 @@ def measure(quick: bool) -> Report:
             Figure("probability by entries, 0.1 to 1e-20", "<= 0.1 s", seconds(slowest), slowest <= 0.1),
             Figure("its interval's half-width", "<= 0.1 %", f"{100 * widest:.3f} %", widest <= 1e-3),
             Figure(
-                f"Monte Carlo, {samples:,} certified histories of two orbits",
+                f"Monte Carlo, {samples:,} certified trajectories of two orbits",
                 "<= 0.6 s",
                 seconds(marched),
                 marched <= 0.6,
             ),
             Figure("Alfano's twelve cases", "<= 2 s", seconds(alfano), alfano <= 2.0),
-            Figure("Alfano's circular cases in the published intervals", "4", f"{met}", met == 4),
+            Figure("Alfano's circular cases within the published intervals", "4", f"{met}", met == 4),
         ],
     )
 
@@ -86,7 +86,7 @@ def peer(state: Array, deviations: Array, orbits: int, quick: bool) -> float:
 
 
 def alfanos() -> tuple[float, int]:
-    """How long all cases take, and how many of the circular ones are within the published interval."""
+    """Return the time of all cases, and the number of circular cases within the published interval."""
     from test_alfano import CASES as CONJUNCTIONS
     from test_alfano import probability
 

@@ -1,4 +1,4 @@
-"""A path past one obstacle: closeform, SP11's method, convex programs and a mixed-integer program."""
+"""Path past one obstacle: closeform, the method of SP11, convex programs and a mixed-integer program."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ FINE = 20_001  # samples that judge a path
 
 @dataclass
 class Outcome:
-    """One method on one passage; without a path energy and delta-v are nan."""
+    """Result of one method on one passage; energy and delta-v are nan without a path."""
 
     time: float
     energy: float = np.nan
@@ -63,12 +63,12 @@ def measure(quick: bool) -> Report:
 
 
 def middle(values: Iterable[float]) -> float:
-    """Median of those that are numbers."""
+    """Return the median of the finite values."""
     return float(np.nanmedian(list(values)))
 
 
 def ratios(others: list[Outcome], ours: list[Outcome], name: str) -> Array:
-    """One quantity of a method over ours, passage by passage; nan where either has no path."""
+    """Return the ratio of a quantity to that of closeform for each passage; nan without a path."""
     pairs = zip(others, ours, strict=True)
     return np.array([getattr(other, name) / getattr(our, name) for other, our in pairs])
 
@@ -92,17 +92,32 @@ def ellipsoids(found: dict[str, list[Outcome]], programs: list[convex.Shaped]) -
     one = middle(p.solver_time / p.programs for p in programs)
     inflations = [100 * (p.inflation - 1) for p in programs]
     notes = [
-        f"Convex programs: {convex.NODES} nodes, thrust constant between them, Clarabel to "
-        f"{convex.TOLERANCE:g}, planes taken anew until the energy settles to {convex.SETTLED:g}, best of "
-        f"{convex.STARTS} starts, then the zone inflated until the path is clear between nodes too (by "
-        f"{np.median(inflations):.3f} %, at most {np.max(inflations):.3f} %; without, "
-        f"{sum(p.inflation > 1 for p in programs)} of {len(programs)} paths cut through the zone). Solver "
-        f"time: {int(middle(p.programs for p in programs))} programs of {seconds(one)}.",
-        "closeform's time is the whole call, median of its repeats: search, shaping and certificate. Its "
-        f"paths are judged by {FINE:,} samples of the peers' own motion, the convex ones by its march.",
+        (
+            f"Convex programs: {convex.NODES} nodes with constant thrust between them, Clarabel to "
+            f"{convex.TOLERANCE:g}, supporting planes updated until the energy changes by less than "
+            f"{convex.SETTLED:g}, best of {convex.STARTS} starts. The zone is then inflated until the path "
+            f"is clear between nodes (by {np.median(inflations):.3f} %, at most {np.max(inflations):.3f} "
+            f"%); without inflation, {sum(p.inflation > 1 for p in programs)} of {len(programs)} paths cut "
+            f"through the zone. Solver time: {int(middle(p.programs for p in programs))} programs of "
+            f"{seconds(one)}."
+        ),
+        (
+            "The time of closeform includes search, planning and certificate; it is the median of its "
+            f"repeats. {FINE:,} samples of an independent motion model check its paths. The certified "
+            "search of closeform checks the convex ones."
+        ),
     ]
-    title = f"A path past one obstacle, {len(found[EXACT])} passages, ellipsoid 20 x 40 x 20 m, one core"
-    columns = ["method", "median", "worst", "takes", "energy above exact", "least", "most", "clear"]
+    title = f"Path past one obstacle, {len(found[EXACT])} passages, ellipsoid 20 x 40 x 20 m, one core"
+    columns = [
+        "method",
+        "median time",
+        "maximum",
+        "relative time",
+        "energy above exact, median",
+        "minimum",
+        "maximum",
+        "clear",
+    ]
     return Table(title, columns, rows, notes)
 
 
@@ -121,15 +136,22 @@ def boxes(found: dict[str, list[Outcome]]) -> Table:
             ]
         )
     notes = [
-        "The mixed-integer program minimises the sum of |u| over axes and steps, so its energy is no "
-        "optimum and closeform's delta-v is none; both are given relative to closeform's. HiGHS to a gap of "
-        f"{mixed_integer.GAP:g}, at most {mixed_integer.LIMIT:g} s. Cuts: paths through the box between "
-        "nodes, which the program does not see, and the longest time inside."
+        (
+            "The mixed-integer program minimises the sum of |u| over axes and steps. Neither its energy "
+            "nor the delta-v of closeform is therefore optimal; both are relative to closeform. HiGHS to "
+            f"a gap of {mixed_integer.GAP:g}, at most {mixed_integer.LIMIT:g} s. Cuts: paths that cross "
+            "the box between nodes, which the program does not check."
+        )
     ]
     title = (
-        f"A path past one obstacle, {len(found[MIXED])} passages, box of half-widths 20 x 40 x 20 m, one core"
+        f"Path past one obstacle, {len(found[MIXED])} passages, box of half-widths 20 x 40 x 20 m, one core"
     )
-    return Table(title, ["method", "median", "takes", "energy", "delta-v", "cuts", "longest"], rows, notes)
+    return Table(
+        title,
+        ["method", "median time", "relative time", "energy", "delta-v", "cuts", "longest cut"],
+        rows,
+        notes,
+    )
 
 
 def figures(found: dict[str, list[Outcome]]) -> list[Figure]:
@@ -141,8 +163,10 @@ def figures(found: dict[str, list[Outcome]]) -> list[Figure]:
     return [
         Figure("avoid, one ellipsoid, median", "<= 1 ms", seconds(time), time <= 1e-3),
         Figure("avoid, clear paths", "all", f"{clear} of {len(found[EXACT])}", clear == len(found[EXACT])),
-        Figure("avoid, energy above the convex program's", "<= 0.05 %", f"{above:+.4f} %", above <= 0.05),
-        Figure("avoid, energy above the paper's method", "<= 0 %", f"{paper:+.4f} %", paper <= 1e-6),
+        Figure(
+            "avoid: maximum energy above the convex program", "<= 0.05 %", f"{above:+.4f} %", above <= 0.05
+        ),
+        Figure("avoid: maximum energy above SP11's method", "<= 0 %", f"{paper:+.4f} %", paper <= 1e-6),
         Figure("avoid, against the convex program", ">= 500x", times(faster), faster >= 500),
     ]
 
@@ -156,7 +180,7 @@ def closeform_paths(passage: Passage) -> tuple[cf.Path, cf.Path]:
 
 
 def avoided(passage: Passage, zone: Any, method: str, repeats: int) -> Outcome:
-    """closeform's answer: the search for conflicts and the shaping, from two paths to a certified third."""
+    """Search for conflicts and plan with closeform, from two paths to a certified third."""
     path, obstacle = closeform_paths(passage)
     runs = []
     for _ in range(repeats):
@@ -180,7 +204,7 @@ def programmed(passage: Passage) -> tuple[Outcome, convex.Shaped | None]:
 
 
 def certified(passage: Passage, thrust: Array) -> float:
-    """Least norm on the exact path of held thrusts, by closeform's march."""
+    """Return the minimum clearance ratio of the exact path of held thrusts, from the certified search."""
     orbit, step = cf.Orbit(MEAN_MOTION), passage.duration / len(thrust)
     state, burns = passage.initial, []
     for k, push in enumerate(thrust):

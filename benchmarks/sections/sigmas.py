@@ -1,4 +1,4 @@
-"""k sigmas: a pair's verdict, its sigmas, a fleet; grids of nearest points and drawn errors as peers."""
+"""Clearance in sigmas: verdicts, values and a fleet; nearest-point grids and sampled errors as peers."""
 
 import numpy as np
 
@@ -32,11 +32,14 @@ def measure(quick: bool) -> Report:
             rows.append([f"{name}, {shape}", *cells])
     say("  a fleet")
     craft, took, found = fleet(quick)
-    columns = ["case", "orbits", "sigmas", "clear at 0.9 of them", "sigmas to 1e-9"]
-    note = f"A pair's share of {pairs} in one call, one core; 500 km, errors of some metres and mm/s."
+    columns = ["case", "orbits", "sigmas", "verdict at 0.9 sigmas", "sigmas to 1e-9"]
+    note = (
+        f"Time per pair of {pairs} in one call, one core; 500 km, standard deviations of some metres "
+        "and mm/s."
+    )
     return Report(
         [
-            Table("Clear at k sigmas, by pair", columns, rows, [note]),
+            Table("Clearance in sigmas, by pair", columns, rows, [note]),
             peers(quick),
         ],
         [
@@ -46,7 +49,7 @@ def measure(quick: bool) -> Report:
                 for turns, took in longest.items()
             ),
             Figure(
-                f"{craft} craft with errors, {found} pairs within 3 sigmas of meeting",
+                f"{craft} spacecraft with uncertainty, {found} pairs below 3 sigma",
                 "<= 2 s",
                 seconds(took),
                 took <= 2.0,
@@ -56,7 +59,7 @@ def measure(quick: bool) -> Report:
 
 
 def one_pair(name: str, zone: cf.Zone, pairs: int, repeats: int) -> tuple[float, float, float]:
-    """Seconds of a pair's verdict just below its sigmas and of the sigmas themselves, and those."""
+    """Return the times [s] of a verdict just below the sigmas and of the sigmas, and the sigmas."""
     state, deviations, orbits = CASES[name]
     duration = orbits * PERIOD
     path, other = ORBIT.coast([state] * pairs, duration), ORBIT.coast(np.zeros(6), duration)
@@ -74,7 +77,7 @@ def one_pair(name: str, zone: cf.Zone, pairs: int, repeats: int) -> tuple[float,
 
 
 def peers(quick: bool) -> Table:
-    """What grids and draws find, and what they take, beside the march."""
+    """Compare the results and times of grids and samples with the certified search."""
     samples, rows = 2000 if quick else 20_000, []
     for name in MOVING:
         state, deviations, orbits = CASES[name]
@@ -92,16 +95,17 @@ def peers(quick: bool) -> Table:
         cells = [(f"{k:.7g}", seconds(took)) for k, took in zip(found, times, strict=True)]
         rows.append([name, *(cell for both in cells for cell in both)])
     note = (
-        "Sphere of 15 m. The grid solves the secular equation of the nearest point every 10 s, with NumPy "
-        f"for all times at once, and so finds too many sigmas; of {samples:,} drawn errors the smallest that "
-        "enters tells little more than that one does (inf: none did). Neither certifies."
+        "Sphere of 15 m. The grid solves the secular equation of the nearest point every 10 s, with "
+        "NumPy for all times at once, and overestimates the sigmas. The samples column is the "
+        f"smallest of {samples:,} sampled errors that leads to a conflict (inf: none). Neither method "
+        "is certified."
     )
-    columns = ["case", "certified", "time", "grid", "time", "draws", "time"]
-    return Table("Fewest sigmas: march, grid, draws", columns, rows, [note])
+    columns = ["case", "certified", "time", "grid", "time", "samples", "time"]
+    return Table("Sigmas at first contact: certified search, grid, samples", columns, rows, [note])
 
 
 def fleet(quick: bool) -> tuple[int, float, int]:
-    """A thousand coasting craft with hard bodies of 5 m and errors of metres, for two orbits."""
+    """Screen a thousand coasting spacecraft with hard bodies of 5 m and uncertainty, for two orbits."""
     craft = 60 if quick else 1000
     random = np.random.default_rng(1)
     states = random.normal(size=(craft, 6)) * [4e3, 13e3, 4e3, 4e3 * N, 0, 4e3 * N]

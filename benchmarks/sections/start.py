@@ -1,4 +1,4 @@
-"""What a user waits for: the help, the first run of an example with compilation, and later runs."""
+"""Waiting times of a user: the help, the first run of an example with compilation, and later runs."""
 
 import json
 import os
@@ -19,19 +19,19 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 NAMES = ("cluster", *sorted(file.stem for file in EXAMPLES.glob("*.toml") if file.stem != "cluster"))
 BY_FUEL = re.compile(r'^\s*(cost\s*=\s*"delta-v"|thrusters\s*=|do\s*=\s*"transfer")', re.MULTILINE)
 FUEL = ("fuel.", "motion.constant_primers", "motion.impulse", "planning.impulse_", "planning.joint_dual")
-PLANNED = "swap_impulses"  # whose first run is compared with that of the same file planned for least energy
-COLUMNS = ("imports", "kernels", "flying", "pictures", "tables, page", "animation")
+PLANNED = "swap_impulses"  # compared with the same file at minimum energy
+COLUMNS = ("imports", "kernels", "planning", "pictures", "tables, page", "animation")
 
 
 def measure(quick: bool) -> Report:
     rows, first, later, needless = [], {}, {}, 0
-    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # or each run compiles all modules: 0.4 s
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # otherwise each run compiles all modules: 0.4 s
     with tempfile.TemporaryDirectory() as folder:
         for name in NAMES[:1] if quick else NAMES:
             say(f"  {name}")
-            # an empty cache, as on a new machine; HOME too, for what else the run may keep there
+            # empty cache and home folder, as on a new machine
             empty = {"XDG_CACHE_HOME": f"{folder}/{name}", "HOME": folder}
-            environment = os.environ | ({} if quick else empty)  # to compile anew takes most of a minute
+            environment = os.environ | ({} if quick else empty)  # compilation takes most of a minute
             file = EXAMPLES / f"{name}.toml"
             anew = run(file, folder, environment)
             if not quick and not BY_FUEL.search(file.read_text()):
@@ -49,10 +49,12 @@ def measure(quick: bool) -> Report:
         )["closeform --help"].median
     columns = ["example", "first run", "kernels", "later run", *COLUMNS]
     notes = [
-        "First run: an empty cache; its kernels are compiled in two processes, and what the first one waits "
-        "for is given. Later runs: the median, without the animation, and where the main process spends it: "
-        "pictures are drawn in others, from before tables are written. Imports: Python, libraries, "
-        "reading the file and printing."
+        (
+            "First run: empty cache, kernels compiled in two processes; the kernels column is the waiting "
+            "time of the main process. Later run: median without the animation, and its parts in the main "
+            "process. Other processes draw the pictures at the same time. Imports: Python, libraries, "
+            "reading the file and printing."
+        )
     ]
     reached = figures(helped, first, later)
     if added is not None:
@@ -61,7 +63,7 @@ def measure(quick: bool) -> Report:
 
 
 def added_by_fuel(folder: str) -> float:
-    """What least delta-v adds to the first run of `PLANNED` [s]: the median of pairs, in turn."""
+    """Return the extra time of minimum delta-v in the first run of `PLANNED` [s], median of three."""
     text = (EXAMPLES / f"{PLANNED}.toml").read_text()
     by_fuel, by_energy = Path(folder, "by_fuel.toml"), Path(folder, "by_energy.toml")
     by_fuel.write_text(text)
@@ -78,7 +80,7 @@ def added_by_fuel(folder: str) -> float:
 
 
 def run(file: Path, folder: str, environment: dict[str, str]) -> dict[str, float]:
-    """Where the time of one run goes [s]; `total` is what a user waits."""
+    """Return the times of the phases of one run [s]; `total` is the wall time."""
     case = ["--case", "7"] if re.search(r"^\[study\]", file.read_text(), re.MULTILINE) else []
     command = [sys.executable, PHASES, "run", file, "--out", f"{folder}/results", "--overwrite", *case]
     begin = perf_counter()
@@ -102,9 +104,9 @@ def figures(helped: float, first: dict[str, float], later: dict[str, float]) -> 
 
 
 def compiled(added: float, needless: int) -> list[Figure]:
-    """What planning for least delta-v adds to a first run [s], and to those that do not."""
-    name = f"first run of {PLANNED}, longer than by least energy"
-    others = "kernels of least delta-v compiled in first runs without it"
+    """Return the extra time of minimum delta-v in a first run, and its kernels in runs without it."""
+    name = f"first run of {PLANNED}: excess over minimum energy"
+    others = "delta-v kernels compiled in first runs without delta-v"
     return [
         Figure(name, "<= 3 s", f"{added:.1f} s", added <= 3.0),
         Figure(others, "0", str(needless), needless == 0),

@@ -1,4 +1,4 @@
-"""All pairs of craft that are all on energy-optimal transfers, on one core."""
+"""All pairs of spacecraft on energy-optimal transfers, on one core."""
 
 import numpy as np
 
@@ -26,13 +26,13 @@ def measure(quick: bool) -> Report:
         OURS: Method(lambda: cf.screen(orbit.transfer(initial, final, PERIOD), zone), count, from_screening),
         VECTOR: sampled("vector", count),
         "1 s sampling, table": sampled("table", count),
-        "1 s sampling, sine and cosine at each": sampled("each", few),
+        "1 s sampling, sine and cosine per sample": sampled("each", few),
         "1 s sampling, NumPy": Method(
             lambda: sampling.search_numpy(*work, box=False, last=few), few, as_found
         ),
         CROSSINGS: Method(lambda: zero_crossings.conflicts(*work, box=False), count, as_found),
     }
-    title = f"Thrusting, {count} craft on transfers of one orbit, ellipsoid 20 x 40 x 20 m, one core"
+    title = f"Thrusting, {count} spacecraft on transfers of one orbit, ellipsoid 20 x 40 x 20 m, one core"
     comparison = compare(title, methods, count, 1 if quick else 5, [MISSED])
     ours = comparison.per_pair[OURS]
     ratio = comparison.per_pair[VECTOR] / ours

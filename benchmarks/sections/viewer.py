@@ -1,4 +1,4 @@
-"""The page of a result folder in Chromium, drawn by software: first frame, frames while it plays, bytes."""
+"""Page of a result folder in Chromium with software rendering: first frame, frame rate, size."""
 
 import shutil
 import subprocess
@@ -48,22 +48,24 @@ def measure(quick: bool) -> Report:
             first, rate = seen[name] or (None, None)
             rows.append([name, shown(first, " s", 2), shown(rate, "", 1), f"{sizes[name]:.2f} MB"])
     notes = [
-        "At 1280 x 720, by SwiftShader on all cores: no graphics card. The first frame counts from the "
-        "opening of the file until it is on the screen."
+        (
+            "At 1280 x 720, rendered by SwiftShader on all cores without a graphics card. The first frame "
+            "counts from the opening of the file to its display."
+        )
     ]
-    columns = ["scene", "first frame", "frames/s, playing", "page"]
+    columns = ["scene", "first frame", "frames/s during playback", "page size"]
     return Report([Table("Viewer: the page of a run", columns, rows, notes)], figures(seen, sizes))
 
 
 def scenarios(quick: bool) -> dict[str, str]:
-    """Rings of craft that change places, or coast where they are many."""
+    """Return rings of spacecraft that exchange places, or that coast in large numbers."""
     plan = '[[stage]]\ndo = "reconfigure"\nwithin = "%s"\nto = { projected_circular = { radius = "%s m" } }\n'
-    made = {"5 craft, 1 h": ring(5, 100) + plan % ("1 h", 150)}
+    made = {"5 spacecraft, 1 h": ring(5, 100) + plan % ("1 h", 150)}
     if not quick:
         made |= {
-            "20 craft": ring(20, 300) + plan % ("0.5 orbits", 400),
-            "200 craft": ring(200, 3000) + '[[stage]]\ndo = "coast"\nfor = "1 orbit"\n',
-            "8 craft, 24 h": ring(8, 150) + plan % ("24 h", 200),
+            "20 spacecraft": ring(20, 300) + plan % ("0.5 orbits", 400),
+            "200 spacecraft": ring(200, 3000) + '[[stage]]\ndo = "coast"\nfor = "1 orbit"\n',
+            "8 spacecraft, 24 h": ring(8, 150) + plan % ("24 h", 200),
         }
     return made
 
@@ -78,7 +80,7 @@ def ring(count: int, radius: float) -> str:
 
 
 def watched(chromium: str, page: Path, seconds: float) -> tuple[float, float]:
-    """Seconds to the first frame, and frames in a second while it plays."""
+    """Return the time to the first frame [s], and the frame rate during playback."""
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as playwright:
@@ -100,7 +102,7 @@ def shown(value: float | None, unit: str, digits: int) -> str:
 
 def figures(seen: dict[str, tuple[float, float] | None], sizes: dict[str, float]) -> list[Figure]:
     found = []
-    for name, least, soon in (("20 craft", 20.0, 1.0), ("200 craft", 8.0, None)):
+    for name, least, soon in (("20 spacecraft", 20.0, 1.0), ("200 spacecraft", 8.0, None)):
         if name not in seen:
             continue
         first, rate = seen[name] or (None, None)
@@ -109,7 +111,7 @@ def figures(seen: dict[str, tuple[float, float] | None], sizes: dict[str, float]
             found.append(Figure(f"viewer, first frame, {name}", "<= 1 s", shown(first, " s", 2), early))
         often = None if rate is None else rate >= least
         found.append(Figure(f"viewer, frames/s, {name}", f">= {least:g}", shown(rate, "", 1), often))
-    for name, most in (("5 craft, 1 h", 1.5), ("8 craft, 24 h", 5.0)):
+    for name, most in (("5 spacecraft, 1 h", 1.5), ("8 spacecraft, 24 h", 5.0)):
         if name in sizes:
             small = sizes[name] <= most
             found.append(Figure(f"viewer, page, {name}", f"<= {most:g} MB", f"{sizes[name]:.2f} MB", small))
