@@ -1,4 +1,4 @@
-"""Plans, thrusters and pulses at random, and pulses flown by another integrator, for tests and tools."""
+"""Random plans and thrusters, and pulses by an independent integrator, for tests and tools."""
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -6,13 +6,13 @@ from scipy.integrate import solve_ivp
 import closeform as cf
 
 KINDS = ("energy-optimal", "burn", "impulses", "mixed")
-# The corners of a cube: eight thrusters, of which four lie in each facet of their hull.
+# eight thrusters at the corners of a cube, four in each facet of their hull
 CUBE = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) / np.sqrt(3.0)
 TETRAHEDRON = CUBE[[0, 3, 5, 6]]
 
 
 def state(rng, orbit, size):
-    """A state of a relative orbit, bounded or drifting by about the size in a turn."""
+    """Return a random state on a bounded or drifting relative orbit."""
     n = orbit.mean_motion or 1e-3
     x, y, z = rng.normal(size=3) * size
     drift = rng.normal() * rng.choice([0.0, 0.1])
@@ -22,7 +22,7 @@ def state(rng, orbit, size):
 
 
 def modulated(rng):
-    """A random plan of one craft and thrusters that can fire it."""
+    """Return a random plan of one spacecraft and thrusters that can realize it."""
     orbit = cf.Orbit(rng.choice([0.0, 1.1e-3, 1.1e-3, 7.3e-5, 8e-4]))
     size = 10 ** rng.uniform(0.5, 3.5)
     turn = orbit.period if orbit.mean_motion else 5000.0
@@ -50,7 +50,7 @@ def modulated(rng):
 
 
 def clustered(rng):
-    """Impulses of which many are so near each other that their burns would overlap, and thrusters."""
+    """Return impulses whose burns would overlap, and thrusters."""
     orbit = cf.Orbit(rng.choice([0.0, 1.1e-3, 7.3e-5]))
     turn, size = orbit.period if orbit.mean_motion else 5000.0, 10 ** rng.uniform(0.5, 3.5)
     duration, start = turn * rng.uniform(0.1, 2.0), rng.uniform(-1, 1) * turn
@@ -74,9 +74,9 @@ def clustered(rng):
 
 
 def reflown(firing, mass, specific_impulse=np.inf):
-    """Edges (E,) of one craft's pulses and states with mass (E, 7) there, by another integrator.
+    """Return edges (E,) of a spacecraft's pulses and states with mass (E, 7) there.
 
-    Every pulse by itself, from its beginning to its end, with constant force and a mass that falls.
+    Each pulse is integrated with constant force and decreasing mass.
     """
     path, pulses, thrusters = firing.path, firing.pulses, firing.thrusters[0]
     n, force = path.orbit.mean_motion, mass * thrusters.acceleration
@@ -101,7 +101,7 @@ def reflown(firing, mass, specific_impulse=np.inf):
 
 
 def deviation(firing, looks=40):
-    """How far one craft's pulsed path is from the plan: at many instants of each arc."""
+    """Return the distance of the pulsed path from the plan at many instants of each arc."""
     edges = np.unique(np.concatenate([firing.path.arcs[:, 0], firing.planned.arcs[:, 0], [firing.path.end]]))
     times = (
         (edges[:-1, None] + np.diff(edges)[:, None] * np.linspace(0, 1, looks)).ravel().clip(*edges[[0, -1]])

@@ -1,7 +1,7 @@
-"""An independent model of the gathering of lost craft, told as the papers tell it, for the tests.
+"""Independent model of the gathering of lost spacecraft, after the papers.
 
-Boresights come from scipy's rotations, locks from dense sampling of the angles that each of the two
-sees the other at (H03 eqs. 1 and 2), refined at every peak and root; sets are Python sets.
+Boresights come from scipy's rotations, locks from refined dense sampling of the angles at which two
+spacecraft see each other (H03 eqs. 1 and 2); sets are Python sets.
 """
 
 from dataclasses import dataclass, field
@@ -14,15 +14,15 @@ import bodies
 
 SUNWARD = np.array([0.0, 0.0, -1.0])
 START = {"A": np.array([1.0, 0.0, 0.0]), "B": np.array([-1.0, 0.0, 0.0])}  # boresights
-STEP = 6.0  # s, of the samples; 1.5 deg of turning at 0.25 deg/s, for craft of 0.1 m/s some 10 m apart
+STEP = 6.0  # s; 1.5 deg of rotation at 0.25 deg/s
 
-# turns of one search: (about, angle); "tip" multiples are given as numbers of tips
+# turns of one search: (about, angle), or a multiple of the tip angle
 MODIFIED = 2 * [("sun", 3 * np.pi), 1, -2, ("sun", np.pi), 2, ("sun", np.pi), -2, 1]
 BASIC = 2 * [("sun", 3 * np.pi), 1, -2, ("sun", np.pi), 2, -1]
 
 
 class Sky:
-    """Boresights of both groups over all rounds; a wait is a turn by nothing."""
+    """Boresights of both groups over all rounds; a wait is a turn by zero."""
 
     def __init__(self, turns, tip, rate, rounds=1, wait=0.0):
         self.legs = []  # start, end, axis, angle, rotation at the start
@@ -50,7 +50,7 @@ class Sky:
         self.looks = np.concatenate([self.look(g, k) for k, g in enumerate(grid)])
 
     def look(self, times, leg):
-        """Group A's boresight at `times` within a leg."""
+        """Return group A's boresight at `times` within a leg."""
         a, b, axis, angle, turned = self.legs[leg]
         share = (np.atleast_1d(times) - a) / (b - a)
         return (Rotation.from_rotvec(np.outer(share * angle, axis)) * turned).apply(START["A"])
@@ -60,7 +60,7 @@ class Sky:
 
 
 def depth(sensor, offset_apart, look):
-    """How far inside of both cones, in cosines: A at 0, B at `offset_apart` (..., 3)."""
+    """Return the depth inside both cones, in cosines: A at 0, B at `offset_apart` (..., 3)."""
     sensor_a = sensor.offset * look
     sensor_b = offset_apart - sensor.offset * look
     apart = sensor_b - sensor_a
@@ -73,7 +73,7 @@ def depth(sensor, offset_apart, look):
 
 
 def first_lock(sky, sensor, start, position, velocity):
-    """First time from `start` on at which a pair locks; `position` of B from A at `start`; inf if never."""
+    """Return the first lock time of a pair from `start` on, or inf; `position` is that of B from A."""
     later = sky.times > start
     here = sky.leg_at(start)
     times = np.concatenate([[start], sky.times[later]])
@@ -88,7 +88,7 @@ def first_lock(sky, sensor, start, position, velocity):
         return start
     inside = value >= 0.0
     last = int(np.argmax(inside)) if inside.any() else len(value)
-    # peaks of the samples that may hide a short lock before that
+    # peaks of samples that may hide an earlier short lock
     k = np.arange(1, min(last, len(value) - 1))
     peaks = k[(value[k] >= value[k - 1]) & (value[k] >= value[k + 1]) & (value[k] > -0.05)]
     for p in peaks:
@@ -112,7 +112,7 @@ def first_lock(sky, sensor, start, position, velocity):
 
 @dataclass
 class Told:
-    """What happened, in the model: `events` (time, kind, first, second, case, impulse)."""
+    """Result of the model: `events` are (time, kind, first, second, case, impulse)."""
 
     events: list = field(default_factory=list)
     seen: set = field(default_factory=set)  # kinds of joins that occurred
@@ -123,17 +123,17 @@ class Told:
     velocities: np.ndarray = None
     delta_v: np.ndarray = None
     ok: bool = False
-    adrift: set = field(default_factory=set)  # of the formation set, for want of thrust
+    adrift: set = field(default_factory=set)  # in the formation set without thrust
 
 
 KINDS = ("lost", "knowledge", "formation")  # H03 figure 8 in its order
 
 
 def gathered(sky, sensor, positions, velocities, groups, burns, push=0.0, errant=None, fails=None, off=None):
-    """The whole story; of pairs that lock at one time that with the lowest craft of group A first.
+    """Return the result of a gathering; of simultaneous locks the lowest spacecraft of group A comes first.
 
-    With `errant` bodies, one for each craft, these turn, look and burn instead of the sky's.  From
-    `fails[k]` on craft k cannot burn; `off(k, b, dv)` is by how much its burn number b is off.
+    `errant` bodies, one for each spacecraft, replace the boresights of the sky.  Spacecraft k cannot burn
+    from `fails[k]` on; `off(k, b, dv)` is the error of its burn number b.
     """
     r, v = np.array(positions, float), np.array(velocities, float)
     n = len(r)
@@ -146,9 +146,9 @@ def gathered(sky, sensor, positions, velocities, groups, burns, push=0.0, errant
         drifts = [j for j, turn in enumerate(errant[0].turns) if turn[1] == "wait"][1::2]
         due = sorted(((errant[k].begins[j], k) for j in drifts for k in order), key=lambda one: one[0])
     pairs = [(a, b) for a in range(n) for b in range(n) if groups[a] == "A" and groups[b] == "B"]
-    known: dict[tuple, float] = {}  # lock times that hold as long as neither burns
+    known: dict[tuple, float] = {}  # lock times, valid until either burns
 
-    burnt, pace = [0] * n, None  # how often each burned; the velocity of the formation set
+    burnt, pace = [0] * n, None  # number of burns of each; velocity of the formation set
 
     def powerless(k):
         return fails is not None and clock >= fails[k]
@@ -156,7 +156,7 @@ def gathered(sky, sensor, positions, velocities, groups, burns, push=0.0, errant
     def impulse(k, kind, dv):
         nonlocal known
         if np.linalg.norm(dv) < 1e-14:
-            return  # nothing but rounding
+            return  # rounding
         if powerless(k):
             told.adrift |= {k} if kind == "burn" else set()
             return

@@ -119,12 +119,12 @@ CALLS = {
     "screen": inputs(paths=COAST, zone=BALL, sigmas=3.0, span=np.array([-1.0, 800.0])),
     "Screening.joined": inputs(parts=[cf.screen(COAST, BALL)]),
     "avoid": inputs(
-        path=MOVE, obstacles=[REST], zone=BALL, budget=3, prove=0.0,
+        path=MOVE, obstacles=[REST], zone=BALL, budget=3, prove=0.0, gap=0.01,
         max_acceleration=1.0, longer=True, sigmas=3.0, margin=0.5,
     ),
     "reconfigure": inputs(
         orbit=ORBIT, initial=START[:2], final=START[1::-1], duration=900.0, zone=BALL, assign=True, start=0.0,
-        obstacles=[REST], max_acceleration=1.0, order=None, names=["a", "b"], budget=3, prove=0.0,
+        obstacles=[REST], max_acceleration=1.0, order=None, names=["a", "b"], budget=3, prove=0.0, gap=0.01,
         sigmas=3.0, margin=np.zeros((3, 3)),
     ),
     "find_conflicts, errors": inputs(
@@ -349,10 +349,10 @@ CALLS = {
     "EccentricOrbit.coast": inputs(
         self=cf.EccentricOrbit(1.1e-3, 0.02), state=START, duration=900.0, start=5.0, within=0.01
     ),
-    "coast": inputs(
-        states=START, field=cf.Field(LOW), duration=900.0, start=5.0, within=0.01, orbit=cf.Field(LOW).orbit
+    "Field.coast": inputs(
+        self=cf.Field(LOW), states=START, duration=900.0, start=5.0, within=0.01, orbit=cf.Field(LOW).orbit
     ),
-    "transition": inputs(field=cf.Field(LOW), duration=np.array([[1.0, 2.0]]), start=5.0),
+    "Field.transition": inputs(self=cf.Field(LOW), duration=np.array([[1.0, 2.0]]), start=5.0),
     "Feedback": inputs(every=60.0, horizon=600.0, impulses=0, delay=5.0),
     "Navigation": inputs(
         position=0.1, velocity=3e-4, position_bias=0.1, velocity_bias=1e-4, correlation=300.0

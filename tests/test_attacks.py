@@ -1,4 +1,4 @@
-"""Every command under every attack from outside: one line, the right status, nothing half-written."""
+"""Every command under external faults: one line, the right status, no partial results."""
 
 import os
 import shlex
@@ -37,7 +37,7 @@ def original(tmp_path_factory) -> Path:
     subprocess.run(
         [*CLOSEFORM, "run", "good.toml", "--out", "done"], cwd=place, check=True, capture_output=True
     )
-    for name in ("study", "screen"):  # kernels are compiled before anybody counts lines
+    for name in ("study", "screen"):  # kernels are compiled beforehand
         subprocess.run([*CLOSEFORM, *shlex.split(COMMANDS[name])], cwd=place, check=True, capture_output=True)
         shutil.rmtree(place / "out")
     return place
@@ -49,8 +49,8 @@ def desk(original: Path, tmp_path: Path) -> Path:
     return tmp_path / "desk"
 
 
-def told(desk: Path, arguments: list[str], **options) -> subprocess.CompletedProcess:
-    """A command as it ends; no browser is opened."""
+def result_of(desk: Path, arguments: list[str], **options) -> subprocess.CompletedProcess:
+    """Run a command without a browser."""
     environment = {**os.environ, "BROWSER": "true", **options.pop("env", {})}
     options = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE} | options
     done = subprocess.run([*CLOSEFORM, *arguments], cwd=desk, env=environment, **options)
@@ -61,10 +61,10 @@ def told(desk: Path, arguments: list[str], **options) -> subprocess.CompletedPro
 
 @pytest.mark.parametrize("command", COMMANDS)
 @pytest.mark.parametrize("encoding", ["ascii", "cp437", "latin-1", "utf-16"])
-def test_any_encoding(command, encoding, desk) -> None:
-    """Even where an answer has raised figures, a name in Chinese, and a path that is no text at all."""
+def test_any_output_encoding(command, encoding, desk) -> None:
+    """Also with a Chinese name and a path that is not valid text."""
     (desk / "good.toml").write_text(GOOD.replace("Three craft", "三 craft in m³"), encoding="utf-8")
-    done = told(desk, shlex.split(COMMANDS[command]), env={"PYTHONIOENCODING": encoding})
+    done = result_of(desk, shlex.split(COMMANDS[command]), env={"PYTHONIOENCODING": encoding})
     assert (done.returncode, done.stderr) == (0, b"")
     text = done.stdout.decode(encoding)
     if command == "run":
@@ -73,10 +73,10 @@ def test_any_encoding(command, encoding, desk) -> None:
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_nobody_reads(command, desk) -> None:
+def test_closed_pipe(command, desk) -> None:
     reader, writer = os.pipe()
     os.close(reader)
-    done = told(desk, shlex.split(COMMANDS[command]), stdout=writer)
+    done = result_of(desk, shlex.split(COMMANDS[command]), stdout=writer)
     os.close(writer)
     assert (done.returncode, done.stderr) == (141, b"")
     assert (desk / "out" / "summary.json").exists() == (command in LEAVE)
@@ -86,7 +86,7 @@ def test_nobody_reads(command, desk) -> None:
 @pytest.mark.parametrize("command", COMMANDS)
 def test_output_on_a_full_disk(command, desk) -> None:
     with Path("/dev/full").open("w") as full:
-        done = told(desk, shlex.split(COMMANDS[command]), stdout=full)
+        done = result_of(desk, shlex.split(COMMANDS[command]), stdout=full)
     assert (done.returncode, done.stderr) == (74, b"closeform: standard output: no space left on device\n")
     assert (desk / "out" / "summary.json").exists() == (command in LEAVE)
 
@@ -94,14 +94,14 @@ def test_output_on_a_full_disk(command, desk) -> None:
 @pytest.mark.parametrize("command", COMMANDS)
 @pytest.mark.parametrize("closed", [1, 2])
 def test_closed_streams(command, closed, desk) -> None:
-    done = told(desk, shlex.split(COMMANDS[command]), preexec_fn=lambda: os.close(closed))
+    done = result_of(desk, shlex.split(COMMANDS[command]), preexec_fn=lambda: os.close(closed))
     assert done.returncode == 0
     assert (done.stdout == b"") == (closed == 1)
 
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_a_backend_that_does_not_exist(command, desk) -> None:
-    done = told(desk, shlex.split(COMMANDS[command]), env={"MPLBACKEND": "nosuch"})
+    done = result_of(desk, shlex.split(COMMANDS[command]), env={"MPLBACKEND": "nosuch"})
     assert (done.returncode, done.stderr) == (0, b"")
 
 
@@ -151,11 +151,11 @@ INPUTS = (too_long, loop, huge_number, many_dots, dots_in_a_value, nested, nothi
         if command != "screen" or attack not in (dots_in_a_value, nested)  # an ephemeris has no table
     ],
 )
-def test_inputs(command, attack, desk) -> None:
+def test_unreadable_inputs(command, attack, desk) -> None:
     verb, name, *rest = shlex.split(COMMANDS[command])
     file = desk / (name if name != "done" else "done/summary.json")
     name = attack(desk, file)
-    done = told(desk, [verb, name, *rest])
+    done = result_of(desk, [verb, name, *rest])
     assert done.returncode == 2
     assert done.stdout == b""
     lines = done.stderr.decode().splitlines()
@@ -166,9 +166,9 @@ def test_inputs(command, attack, desk) -> None:
 
 @pytest.mark.parametrize("command", ["run", "study"])
 @pytest.mark.parametrize("attack", [too_long, loop])
-def test_places(command, attack, desk) -> None:
+def test_unusable_output_folders(command, attack, desk) -> None:
     verb, name, *_ = shlex.split(COMMANDS[command])
-    done = told(desk, [verb, name, "--out", attack(desk, desk)])
+    done = result_of(desk, [verb, name, "--out", attack(desk, desk)])
     assert (done.returncode, done.stdout) == (2, b"")
     assert done.stderr.decode().endswith("; choose another --out\n")
 
@@ -177,7 +177,7 @@ def test_places(command, attack, desk) -> None:
 def test_a_byte_order_mark_is_read(command, desk) -> None:
     for file in (*desk.glob("*.toml"), *desk.glob("*.oem")):
         file.write_bytes(b"\xef\xbb\xbf" + file.read_bytes())
-    done = told(desk, shlex.split(COMMANDS[command]))
+    done = result_of(desk, shlex.split(COMMANDS[command]))
     assert (done.returncode, done.stderr) == (0, b"")
     if command == "run":
         assert (desk / "out" / "scenario.toml").read_bytes() == (desk / "good.toml").read_bytes()
@@ -198,7 +198,7 @@ def as_nobody(desk: Path, arguments: list[str]) -> subprocess.CompletedProcess:
 
 @pytest.mark.parametrize("command", ["run", "check", "study", "screen", "view"])
 def test_folders_without_permission(command, desk) -> None:
-    """Those of inputs and those of results."""
+    """Folders of inputs and of results."""
     verb, name, *rest = shlex.split(COMMANDS[command])
     (desk / "closed").mkdir()
     shutil.move(desk / name, desk / "closed" / name)
@@ -216,12 +216,12 @@ def test_folders_without_permission(command, desk) -> None:
 
 
 @pytest.mark.parametrize("command", ["run", "study", "check", "screen"])
-def test_ctrl_c_at_any_moment(command, desk) -> None:
-    """At eight moments of a command: it ends with 130 and one line, or it had ended before."""
+def test_interrupt_at_any_moment(command, desk) -> None:
+    """At eight moments a command ends with 130 and one line, unless it had finished."""
     lasts = inf
-    for _ in range(2):  # the shorter one: other work may be going on beside
+    for _ in range(2):  # the shorter one, because the machine may be busy
         begun = time.monotonic()
-        told(desk, shlex.split(COMMANDS[command]))
+        result_of(desk, shlex.split(COMMANDS[command]))
         lasts = min(lasts, time.monotonic() - begun)
         shutil.rmtree(desk / "out", ignore_errors=True)
     interrupted = 0
@@ -233,7 +233,7 @@ def test_ctrl_c_at_any_moment(command, desk) -> None:
             stderr=subprocess.PIPE,
             start_new_session=True,
         ) as process:
-            time.sleep(0.25 + moment / 7 * max(0.1, lasts - 0.25))  # Python itself is up by then
+            time.sleep(0.25 + moment / 7 * max(0.1, lasts - 0.25))  # Python has started by then
             process.send_signal(signal.SIGINT)
             _, errors = process.communicate()
         left = {name for name in os.listdir(desk) if name.startswith(".") or name == "out"}
@@ -241,7 +241,7 @@ def test_ctrl_c_at_any_moment(command, desk) -> None:
             assert errors == b""
         else:
             interrupted += 1
-            # where code of `exec` was under way Python ends by the signal itself: 130 to a shell as well
+            # Python may end by the signal itself, which is 130 in a shell
             assert process.returncode in (130, -signal.SIGINT), errors
             assert errors.startswith(b"closeform: stopped by the keyboard; ")
             assert errors.count(b"\n") == 1

@@ -545,7 +545,7 @@ def test_messages(tmp_path, monkeypatch, capsys) -> None:
         "--seed: expected a whole number from 0 on, got -1"
     ]
     assert refused(capsys, ["study", "s04.toml", "--scheduler", "tcp://127.0.0.1:1"]) == [
-        "--scheduler: tcp://127.0.0.1:1 does not answer within 5 s; start it, or check the address"
+        "--scheduler: tcp://127.0.0.1:1 does not respond within 5 s; start it, or check the address"
     ]
     assert refused(capsys, ["study", "one.toml"]) == [
         "one.toml: study.vary: P and Q start at the same position in case 0; vary their positions"

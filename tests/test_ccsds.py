@@ -142,11 +142,14 @@ DAMAGE = {
     "one state": (lambda text: HEAD + ROWS.splitlines()[0], "has 1 states"),
     "NaN": (lambda text: text.replace("75.0", "nan"), "line 17: a value is not finite"),
     "infinite": (lambda text: text.replace("75.0", "1e999"), "line 17: a value is not finite"),
-    "a word": (lambda text: text.replace("75.0", "many"), "line 17: 'many' is no number"),
+    "a word": (lambda text: text.replace("75.0", "many"), "line 17: 'many' is not a number"),
     "epochs fall": (lambda text: HEAD + "".join(ROWS.splitlines(True)[::-1]), "line 17: epochs must rise"),
     "epoch twice": (lambda text: text + ROWS.splitlines()[2], "line 19: epochs must rise"),
-    "no epoch": (lambda text: text.replace("23:59:60.5", "23:59"), "line 17: '2016-12-31T23:59' is no epoch"),
-    "no such day": (lambda text: text.replace("2017-01-01T", "2017-02-30T"), "is no epoch"),
+    "no epoch": (
+        lambda text: text.replace("23:59:60.5", "23:59"),
+        "line 17: '2016-12-31T23:59' is not a valid epoch",
+    ),
+    "no such day": (lambda text: text.replace("2017-01-01T", "2017-02-30T"), "is not a valid epoch"),
     "missing keyword": (
         lambda text: text.replace("REF_FRAME = EME2000\n", ""),
         "keyword REF_FRAME is missing",
@@ -198,7 +201,7 @@ def test_segments_are_read_one_by_one(tmp_path):
         (lambda text: text.replace("2017-01-01T23:59:50", "2016-12-31T23:59:55"), "segment 2: begins 16 s before the previous one"),
         (lambda text: text.replace("DEPUTY", "OTHER"), "segment 2: is of OTHER, the previous one of DEPUTY; give two files"),
         (lambda text: text.replace("UTC", "TAI"), "segment 2: is of TAI, the previous one of UTC"),
-        (lambda text: text.replace("75.0", "many"), "segment 2: line 31: 'many' is no number"),
+        (lambda text: text.replace("75.0", "many"), "segment 2: line 31: 'many' is not a number"),
     ],
 )  # fmt: skip
 def test_inconsistent_segments_are_refused(tmp_path, change, message):

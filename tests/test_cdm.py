@@ -236,7 +236,7 @@ def test_encounter_of_a_message(slow):
     assert met.speed == pytest.approx(slow.relative_speed, rel=1e-12)
     first, second = slow.objects
     spoilt = replace(slow, objects=(first, replace(second, covariance=second.covariance - 2.0 * np.eye(6))))
-    with pytest.raises(ValueError, match=r"SECONDARY: covariance: .*least eigenvalue"):
+    with pytest.raises(ValueError, match=r"SECONDARY: covariance: .*smallest eigenvalue"):
         spoilt.encounter()
 
 
@@ -254,7 +254,7 @@ DAMAGE = {
     "no time": (lambda text: text.replace("TCA = ", "COMMENT "), "keyword TCA is missing before OBJECT1"),
     "no such time": (
         lambda text: text.replace("TCA = 2000-01-01", "TCA = 2000-13-01"),
-        f"line {number_of('TCA')}: TCA: '2000-13-01T00:00:00.000' is no epoch",
+        f"line {number_of('TCA')}: TCA: '2000-13-01T00:00:00.000' is not a valid epoch",
     ),
     "no miss distance": (lambda text: text.replace("MISS_D", "NISS_D"), "keyword MISS_DISTANCE is missing"),
     "no state": (lambda text: text.replace("\nY_DOT = -0.011363615 [km/s]", ""), "keyword Y_DOT is missing in OBJECT2"),
@@ -282,16 +282,16 @@ DAMAGE = {
         "miss_distance: 5.04972 m, but the states are 50.*check their units",
     ),
     "covariances in km": (lambda text: text.replace("[m**2]", "[km**2]"), r"CR_R in \[km\*\*2\], where the standard has \[m\*\*2\]"),
-    "a word": (lambda text: text.replace("41874.15587", "far"), f"line {number_of('Y = ')}: 'far' is no number"),
+    "a word": (lambda text: text.replace("41874.15587", "far"), f"line {number_of('Y = ')}: 'far' is not a number"),
     "not finite": (lambda text: text.replace("41874.15587", "nan"), f"line {number_of('Y = ')}: Y is not finite"),
     "a negative variance": (
         lambda text: text.replace("CN_N = 1.2050395223076", "CN_N = -1.2"),
         f"line {number_of('CN_N')}: CN_N: a variance is negative",
     ),
-    "a state without keyword": (lambda text: text.replace("X = 153.446765", "153.446765"), "is no keyword with a value"),
+    "a state without keyword": (lambda text: text.replace("X = 153.446765", "153.446765"), "is not a keyword with a value"),
     "frames that differ": (lambda text: text.replace("EME2000", "GCRF", 1), "objects: are in different frames, GCRF and EME2000"),
     "a frame nobody knows": (lambda text: text.replace("EME2000", "MARS"), "OBJECT1: frame: MARS is unknown; convert the states"),
-    "a radius that is none": (lambda text: text.replace("HBR = 15.0", "HBR = large"), "'large' is no number"),
+    "a radius that is none": (lambda text: text.replace("HBR = 15.0", "HBR = large"), "'large' is not a number"),
     "a radius of nothing": (lambda text: text.replace("HBR = 15.0", "HBR = 0 [m]"), "hard_body_radius: must be positive, got 0 m"),
     "a probability above 1": (
         lambda text: text.replace("COMMENT HBR", "COLLISION_PROBABILITY = 1.5\nCOMMENT HBR"),

@@ -186,7 +186,7 @@ def test_chief_pickles(grace):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"epoch": "noon"}, "epoch: 'noon' is no epoch; write it as"),
+        ({"epoch": "noon"}, "epoch: 'noon' is not a valid epoch; write it in the form"),
         ({"time_system": "UT1"}, "epoch: TIME_SYSTEM UT1 requires tables of the Earth's rotation"),
         ({"epoch": 5}, "epoch: expected str, got 5"),
         ({"frame": "ITRF"}, "frame: 'ITRF' turns or is unknown; convert to one of EME2000"),

@@ -375,7 +375,7 @@ def clear_cut(path, other, zone):
     st.sampled_from([ORBIT, DEEP]),
     st.sampled_from(list(SHAPES)),
 )
-def test_swap_of_the_craft_and_shift_of_the_time(a, b, c, duration, orbit, shape):
+def test_swapped_spacecraft_and_shifted_time(a, b, c, duration, orbit, shape):
     zone = SHAPES[shape].enlarged(3.0)
     path, other = orbit.transfer(a, c, duration), orbit.coast(b, duration)
     found = clear_cut(path, other, zone)

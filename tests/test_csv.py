@@ -52,7 +52,7 @@ def test_single_spacecraft_needs_no_name(tmp_path) -> None:
         ("y [m]", "y [ft]", "column 'y [ft]' has an unknown unit; name it one of y_m, y_km, y_cm, y_mm"),
         ("note", "x_m", "column 'x_km' stands twice; keep one"),
         ("vz [m/s],", "dz,", "has no column of vz; add vz_m_s"),
-        ("A,last,3", "A,last,three", "line 11: 'three' is no number; correct or remove the row"),
+        ("A,last,3", "A,last,three", "line 11: 'three' is not a number; correct or remove the row"),
         ("A,last,3", "A,last,nan", "line 11: a value is not finite; correct or remove the row"),
         ("A,last,3,", "A,last,", "line 11: has 8 cells, the columns are 9; correct the row"),
         ("366000,2\n", "366000,0.5\n", "line 11: times of A must rise; sort the rows"),

@@ -1,8 +1,8 @@
-"""Docstrings of public names: numpydoc sections, read against the signatures.
+"""Docstrings of public names: numpydoc sections that agree with signatures.
 
-An entry under Parameters or Attributes is `name : kind`, one under Returns the kind alone. The kind of a
-number ends in its unit in brackets, or says "no unit"; an array says its shape; whole numbers count, or
-are indices. What has three or six components says in which frame, or that they are elements or about axes.
+An entry under Parameters or Attributes is `name : kind`, one under Returns the kind alone.  The kind of a
+number ends in its unit in brackets, or says "no unit"; an array has its shape.  Vectors of three or six
+components state their frame.
 """
 
 import dataclasses
@@ -24,7 +24,7 @@ UNIT = re.compile(r"\[[^]]*\b(m|s|rad|kg|N)\b[^]]*\]|\bno unit\b")
 SHAPE = re.compile(r"\bof shape \([^)]*\)")
 VECTOR = re.compile(r"of shape \([^)]*\b[36],?\)")
 FRAME = re.compile(r"\b(frame|elements|axes|coordinates)\b", re.IGNORECASE)
-# What an annotation's name is called in a docstring, where it is called otherwise.
+# Names in docstrings that differ from those of annotations.
 CALLED = {"ndarray": "array", "NoneType": "None|optional", "Sequence": "sequence", "Callable": "callable"}
 CALLED |= {"PathLike": "path-like", "IO": "file", "Iterator": "iterator", "float": "float|array"}
 OF_ARRAY_LIKE = {"_SupportsArray", "_NestedSequence", "_Buffer", "dtype"}
@@ -32,7 +32,7 @@ OF_ARRAY_LIKE |= {"bool", "int", "float", "complex", "str", "bytes"}
 
 
 def sections(text: str) -> dict[str, str]:
-    """A docstring's parts by heading; what stands before the first one is its "Summary"."""
+    """Return the parts of a docstring by heading; the first is "Summary"."""
     parts = HEADING.split(inspect.cleandoc(text))
     assert all(len(title) == len(line) for title, line in zip(parts[1::3], parts[2::3], strict=True))
     return {"Summary": parts[0].strip()} | {
@@ -41,13 +41,13 @@ def sections(text: str) -> dict[str, str]:
 
 
 def entries(body: str) -> dict[str, str]:
-    """The entries of a section: their first line and what is said below it."""
+    """Return the entries of a section: first line and description."""
     found = re.split(r"^(?=\S)", body, flags=re.MULTILINE)[1:]
     return {head: " ".join(rest.split()) for head, _, rest in (one.partition("\n") for one in found)}
 
 
 def named(body: str) -> dict[str, str]:
-    """Kinds and words by name; `a, b : kind` is about two."""
+    """Return kinds and descriptions by name; `a, b : kind` describes two."""
     found = {}
     for head, words in entries(body).items():
         names, colon, kind = head.partition(" : ")
@@ -57,7 +57,7 @@ def named(body: str) -> dict[str, str]:
 
 
 def evaluated(annotation: Any, owner: Any) -> Any:
-    """An annotation that stands as text, as help shows it, in the module of what it belongs to."""
+    """Return an annotation given as text, evaluated in its module."""
     try:
         return eval(annotation, vars(inspect.getmodule(owner))) if isinstance(annotation, str) else annotation
     except NameError:  # imported for type checkers only
@@ -65,7 +65,7 @@ def evaluated(annotation: Any, owner: Any) -> Any:
 
 
 def parts(annotation: Any) -> set[str]:
-    """The names of all types in an annotation."""
+    """Return the names of all types in an annotation."""
     if isinstance(annotation, str):
         return {"NoneType" if name == "None" else name for name in annotation.split(" | ")}
     if annotation in (Any, ...) or getattr(annotation, "__name__", "") == "Self":
@@ -87,7 +87,7 @@ def parts(annotation: Any) -> set[str]:
 
 
 def check_kind(name: str, annotation: Any, entry: str) -> None:
-    """One entry against its annotation."""
+    """Check an entry against its annotation."""
     kind, _, words = entry.partition("\n")
     for part in parts(annotation):
         said = "|".join(re.escape(word) for word in CALLED.get(part, part).split("|"))
@@ -103,7 +103,7 @@ def check_kind(name: str, annotation: Any, entry: str) -> None:
 
 
 def check_all(listed: str, expected: dict[str, Any]) -> None:
-    """A section has an entry for each name, in their order, and no other."""
+    """Check that a section has exactly the given names in order."""
     found = named(listed)
     assert list(found) == list(expected)
     for name, annotation in expected.items():
@@ -111,7 +111,7 @@ def check_all(listed: str, expected: dict[str, Any]) -> None:
 
 
 def each(check: Callable[..., None], cases: Iterable[tuple[Any, ...]]) -> None:
-    """Run a check on every name, and report all that fail."""
+    """Run a check on every name and report all failures."""
     failed = []
     for case in cases:
         try:
@@ -130,13 +130,13 @@ PUBLIC = {
 
 @pytest.mark.parametrize("name", [name for name in PUBLIC if "Examples" in sections(PUBLIC[name].__doc__)])
 def test_examples_run(name: str) -> None:
-    """With `cf` and `np` at hand; what they print is as said."""
+    """Examples run with `cf` and `np` and print what they state."""
     examples = doctest.DocTestFinder(recurse=False).find(PUBLIC[name], name, globs={"cf": cf, "np": np})
     assert [doctest.DocTestRunner().run(one).failed for one in examples] == [0]
 
 
 def check_parameters_are_those_of_the_signature(name: str) -> None:
-    """Those of a result are its fields, under Attributes: nobody but the package makes it."""
+    """Check parameters; those of a result are its fields, under Attributes."""
     value, found = PUBLIC[name], sections(PUBLIC[name].__doc__)
     if inspect.isclass(value) and name in RESULTS:
         fields = [field for field in dataclasses.fields(value) if not field.name.startswith("_")]
@@ -171,12 +171,12 @@ def check_returns(name: str) -> None:
 
 
 def getter(value: Any) -> Any:
-    """The function of a property, cached or not."""
+    """Return the function of a property."""
     return value.fget if isinstance(value, property) else value.func
 
 
 def check_property(name: str, value: Any) -> None:
-    """One line will do, if it names unit and shape."""
+    """Check that a property states unit and shape."""
     text = value.__doc__ or ""
     annotation = evaluated(inspect.signature(getter(value)).return_annotation, getter(value))
     if {"float", "ndarray"} & parts(annotation) or annotation is Any:

@@ -31,10 +31,7 @@ def transfers(seed, count):
 
 
 def slow_drifts(path, zone, s, count=300, places=(0.0,)):
-    """Least norms of some failures close to `s` that drift past the zone, by the textbook.
-
-    Of each phase the orbit that comes closest to some `places` along the track.
-    """
+    """Return the minimum ratios of failures close to `s` that drift slowly past the zone."""
     off = np.geomspace(1e-3, 1e2, count)
     instants = np.concatenate([s - off, s + off])
     instants = instants[(instants >= path.start) & (instants <= path.end)]
@@ -72,8 +69,7 @@ def test_endless_drift_is_the_minimum_of_all_horizons():
 
 
 def minimum_of_orbits(path, zone, orbits):
-    """About the least norm within so many orbits after some failures, by the textbook: in each phase of the
-    orbits that pass the zone's centre there."""
+    """Return about the minimum ratio within some orbits after failures, sampled near the zone."""
     phases, least = np.linspace(0.0, PERIOD, 721), np.inf
     for state in path.state(np.linspace(path.start, path.end, 201)):
         by = -6.0 * np.pi * (2.0 * state[0] + state[4] / N)  # [m] per orbit
@@ -108,8 +104,7 @@ def test_endless_drift_bounds_ten_thousand_orbits():
 
 @pytest.mark.slow
 def test_endless_drift_beside_boxes_and_cylinders():
-    """Of which the track is along an axis: slow drifts tend to the least in their own shadow, not in that of
-    what holds them, which is up to 1.7 times as wide."""
+    """Slow drifts tend to the minimum in the shadow of the zone itself, not of its enclosing ellipsoid."""
     tending = 0
     for k, (path, _) in enumerate(transfers(9, 60)):
         zone = FLAT[k % 3]

@@ -49,7 +49,7 @@ inclinations = st.floats(0.01, 3.13)
 
 
 def six(most):
-    """Six numbers; none so near to the least double that a share of it, the tolerance, is none."""
+    """Draw six numbers that are not subnormal relative to the tolerance."""
     number = st.floats(-most, most).filter(lambda x: x == 0.0 or abs(x) > 1e-280)
     return st.lists(number, min_size=6, max_size=6)
 

@@ -64,7 +64,7 @@ def test_fast_conjunction_agrees_with_its_message(capsys):
     """The message's 0.004450713 is that of a square, 4 / pi of the circle's."""
     assert main(["encounter", "fast.cdm"]) == 2
     refused = capsys.readouterr().err
-    assert refused.startswith("fast.cdm: tells no hard-body radius; give one: ")
+    assert refused.startswith("fast.cdm: contains no hard-body radius; give one: ")
     radius = re.search(r'--radius "(.*)" is what its screening excludes', refused)[1]
     assert main(["encounter", "fast.cdm", "--radius", radius]) == 0
     printed = capsys.readouterr().out

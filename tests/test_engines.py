@@ -120,8 +120,8 @@ def test_margins_follow_the_drift():
     assert found.greatest[[0, 2]] == pytest.approx(held.greatest[[0, 2]], rel=1e-12)
 
 
-def test_what_nobody_knows_and_how_starts_are_off():
-    """Air that `residual` bounds leads within `rest`, and uses much of it; drawn starts are as `spread`."""
+def test_unknown_drag_and_sampled_starts():
+    """Unknown drag stays within `rest`, and sampled starts have the covariance `spread`."""
     path = ORBIT.coast(DEBRIS, SPAN)
     air = cf.Drag(5.2e-13, 500e3, 60e3, ballistic=0.05, chief=0.0)
     dragged = cf.simulate(path, cf.Field(FIELD.chief, drag=air), known=FIELD, engine=False)

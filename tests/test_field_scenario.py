@@ -57,7 +57,7 @@ def test_predicted_violation_is_in_the_verdict():
     verdict = mission.verdict
     assert verdict.predicted == stage.validity.flown[0]
     assert str(verdict).startswith("clear as planned, not as predicted in the field: ")
-    assert f"least {stage.validity.flown[0]:.4f} x zone in J2" in str(verdict)
+    assert f"minimum {stage.validity.flown[0]:.4f} x zone in J2" in str(verdict)
     assert verdict.status == 1
     assert not verdict.clear
     assert not verdict.conflicts

@@ -69,7 +69,7 @@ def test_a_run_flies_its_plans_as_its_command_does(tmp_path: Path, capsys):
     flights = whole["flights"]
     assert flights == {key: own[key] for key in flights}
     assert 5 < flights["violated"] < 20  # they touch as planned: a coin's chance
-    words = f"zones are entered in {flights['violated']} of 20 flights, least "
+    words = f"zones are entered in {flights['violated']} of 20 flights, minimum "
     assert whole["verdict"].startswith(words)
     assert words in printed
     assert [line.split()[:2] for line in printed.splitlines() if line.startswith("    ")][:2] == [
@@ -122,7 +122,7 @@ def test_a_run_whose_flights_keep_clear_is_clear(tmp_path: Path):
     assert mission.verdict.ok
     assert mission.flights.flight.violated == 0.0
     assert len(mission.flights.flight.states) == 30
-    assert "no zone is entered in 30 flights, least " in str(mission.verdict)
+    assert "no zone is entered in 30 flights, minimum " in str(mission.verdict)
 
 
 def test_the_open_loop_is_asked_for(tmp_path: Path):
@@ -221,7 +221,7 @@ def test_what_is_counted(missions):
     captions = [one.caption for one in MissionStudyReport(missions).pictures]
     assert captions[:2] == ["Delta-v of all craft, as planned", "Simulated delta-v of all craft"]
     reason = missions.column("reason")[flights.nearest[1]]
-    assert reason == f"a zone is entered in flight, least {ratios.min():.4f} x zone"
+    assert reason == f"a zone is entered in flight, minimum {ratios.min():.4f} x zone"
 
 
 def test_a_flight_without_errors_is_the_integrated_one():

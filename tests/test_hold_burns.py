@@ -23,14 +23,14 @@ def impulses_once():
     """Search the safe impulses that burns start from once per transfer; they take most of the time."""
     search, known = impulse_search.searched, {}
 
-    def searched(solver, *asked):
+    def searched(solver, *asked, **limits):
         if type(solver) is not ImpulseSolver:  # of burns
-            return search(solver, *asked)
+            return search(solver, *asked, **limits)
         problem = solver.problem
         assert not solver.pushes.fixed.any()
-        task = problem.base.tobytes(), problem.others.tobytes(), problem.last, problem.drift
+        task = problem.base.tobytes(), problem.others.tobytes(), problem.last, problem.drift, *limits.items()
         if task not in known:
-            known[task] = search(solver, *asked)
+            known[task] = search(solver, *asked, **limits)
         return known[task]
 
     with pytest.MonkeyPatch.context() as patch:

@@ -77,7 +77,8 @@ def test_late_stage_is_not_clear(stage: str, tmp_path, monkeypatch, capsys) -> N
     (flown,) = summary["stages"]
     assert late["took_s"] == pytest.approx(flown["end_s"], rel=1e-12)
     verb = flown["do"]
-    begin = f"later than asked: stage 1 ({verb}) by {late['took_s'] - late['asked_s']:.1f} s, for want of "
+    by = f"{late['took_s'] - late['asked_s']:.1f} s"
+    begin = f"later than requested: stage 1 ({verb}) by {by}, for want of "
     verdict = summary["verdict"]
     assert verdict.startswith(begin)
     assert f'<p class="verdict bad">{verdict}</p>' in page
@@ -92,11 +93,11 @@ def test_late_stage_is_not_clear(stage: str, tmp_path, monkeypatch, capsys) -> N
         assert mission.verdict.ok is kept
 
 
-def test_several_late_stages_and_craft() -> None:
+def test_several_late_stages_and_spacecraft() -> None:
     uses = tuple(Use("thrust", "N", f"F{k}", 0.12341, 0.1) for k in range(5))
     late = Late(1, "avoid", 100.0, 150.0, uses), Late(3, "scatter", 200.0, 250.05)
     assert str(Verdict(None, 1, 1, (), False, late)) == (
-        "1 conflict remains; later than asked: stage 1 (avoid) by 50.0 s, for want of 0.1235 N (F0), "
+        "1 conflict remains; later than requested: stage 1 (avoid) by 50.0 s, for want of 0.1235 N (F0), "
         "0.1235 N (F1), 0.1235 N (F2), 2 more, stage 3 (scatter) by 50.1 s"
     )
     assert Verdict(None, 0, 0, (), False, late).status == 1

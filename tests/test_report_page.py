@@ -104,7 +104,7 @@ def test_what_was_asked_comes_first_and_how_to_repeat_it_last(handed_in):
     assert "<td>the same, in this folder</td><td>closeform run scenario.toml</td>" in re.sub(
         r"<td [^>]*>", "<td>", page
     )
-    files = {name for name, *_ in rows(re.sub("</?a[^>]*>", "", page), "Files beside this page")}
+    files = {name for name, *_ in rows(re.sub("</?a[^>]*>", "", page), "Files next to this page")}
     assert files == {file.name for file in handed_in.iterdir()} - {"report.html"}
 
 

@@ -126,7 +126,7 @@ INVALID = {
     ),
     "an OEM": (
         FILE.replace('{ roe = "4 50 -30 300 80 250 m" }', '{ oem = "B.oem" }'),
-        "craft.start[2]: an inertial state needs the chief's beside it; add epoch",
+        "craft.start[2]: an inertial state requires the chief's too; add epoch",
     ),
 }
 

@@ -408,7 +408,7 @@ def test_study_links_its_worst_cases_to_their_replays(
     main(["study", str(EXAMPLES / "h03.toml"), *options, "--out", str(place)])
     capsys.readouterr()
     summary = json.loads((place / "summary.json").read_text())
-    report = (place / "report.html").read_text().partition("The ten greatest")[0]
+    report = (place / "report.html").read_text().partition("The ten largest")[0]
     cases = pyarrow.parquet.read_table(place / "cases" / "000000000.parquet").to_pydict()
     links = dict(re.findall(r'<a href="(case-\d+\.html)">(?:.*?</td><td[^>]*>){2}(.*?)</td>', report))
     assert set(links) <= set(summary["files"])

@@ -174,12 +174,12 @@ def test_small_buffers(every_pair, monkeypatch):
 def test_deep_space(every_pair):
     """Straight lines over a hundred times the size of the swarm."""
     random = np.random.Generator(np.random.Philox(9))
-    states = random.normal(size=(2100, 6)) * np.repeat([2000.0, 1.0], 3)
+    states = random.normal(size=(2500, 6)) * np.repeat([2000.0, 1.0], 3)
     paths = cf.Orbit(0.0).coast(states, 2e5)
     assert Sieve.of(paths, cf.Sphere(20.0)) is not None
     found = cf.screen(paths, cf.Sphere(20.0))
     np.testing.assert_array_equal(table(found), table(every_pair(paths, cf.Sphere(20.0))))
-    assert len(found) > 20
+    assert len(found) > 10
 
 
 def test_coincident_spacecraft_and_short_paths(every_pair):

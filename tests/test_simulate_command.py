@@ -444,7 +444,7 @@ def test_one_simulation_suffices_without_uncertainty(impulse_run: Path, tmp_path
 
 def test_intervals_are_printed_in_percent():
     """Wilson's interval of two in two is 34 to 100 %, not 1e+02."""
-    assert str(Entered(2, 2, 0.9, True)).endswith("(95 % between 34 and 100 %), least 0.9000 x zone")
+    assert str(Entered(2, 2, 0.9, True)).endswith("(95 % between 34 and 100 %), minimum 0.9000 x zone")
 
 
 def test_viewer_shows_the_worst_simulation_stage_by_stage(run: Path, tmp_path: Path):

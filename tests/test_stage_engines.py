@@ -193,7 +193,7 @@ def test_simulations_use_the_specific_impulse_of_each_stage():
 def test_simulations_require_one_set_of_thrusters(tmp_path, capsys):
     again = swap()[swap().index("[[stage]]") :].replace('"swap"', '"back"').replace("50 mN", "20 mN")
     text = swap(craft='mass = "12 kg"', more=f"{ENGINE}\n\n{again}{ENGINE.replace('50', '20')}\n")
-    wrong = "stage[2].max_thrust: A has another in an earlier stage"
+    wrong = "stage[2].max_thrust: A uses a different value in an earlier stage"
     with pytest.raises(ScenarioError, match=re.escape(wrong)):
         parse(f"{text}\n[simulation]\n")
     (tmp_path / "two.toml").write_text(text)

@@ -171,7 +171,7 @@ def test_a_damaged_chunk_is_flown_anew(desk, monkeypatch, capsys) -> None:
     again = flown_ranges(monkeypatch)
     assert main(STUDY) == 1
     damaged, going_on = capsys.readouterr().err.splitlines()
-    assert damaged == f"out: {spoilt.name} is damaged or missing, and flown anew"
+    assert damaged == f"out: {spoilt.name} is damaged or missing, and simulated again"
     assert re.fullmatch(r"out: going on, [1-9]\d* of \d+ cases are flown", going_on)
     assert len(again) == 3
     assert int(spoilt.stem) in again
@@ -352,9 +352,7 @@ def test_chunks_meet_without_a_gap() -> None:
 def test_the_ten_greatest_are_linked_to_their_replays(desk, capsys) -> None:
     main(STUDY)
     summary = json.loads((desk / "out" / "summary.json").read_text())
-    page = (
-        (desk / "out" / "report.html").read_text().partition("The ten greatest")[2].partition("</table>")[0]
-    )
+    page = (desk / "out" / "report.html").read_text().partition("The ten largest")[2].partition("</table>")[0]
     worst = summary["spreads"]["time [s]"]["worst"]
     assert len(worst) == 10
     for value, case in worst:

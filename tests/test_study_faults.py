@@ -213,7 +213,7 @@ def test_a_scheduler_that_is_killed_ends_in_a_line(original: Path, desk: Path, m
         assert study.returncode == 2
         *before, line = said(err)
         assert before == goes_on(kept)
-        assert line.startswith(f"--scheduler: {machines.file} no longer answers; start it again; ")
+        assert line.startswith(f"--scheduler: {machines.file} no longer responds; start it again; ")
         assert line.endswith(f"{whole(desk)} of 40 chunks are kept in out; run the same command to continue")
         assert whole(desk) >= ahead
         kept = whole(desk)

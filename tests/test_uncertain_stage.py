@@ -105,7 +105,7 @@ def test_verdict_reports_the_least_sigma_clearance(tmp_path, monkeypatch, capsys
     errors = cf.Uncertainty(np.diag([1.0, 2.0, 1.0, 1e-3, 1e-3, 1e-3]) ** 2)
     least = cf.clearance_in_sigmas(*paths, cf.Sphere(12.0), errors, errors)
     k = float(least.sigmas)
-    said = f"least {k:.3g} sigma, F1 - F2 at {least.time:.1f} s"
+    said = f"minimum {k:.3g} sigma, F1 - F2 at {least.time:.1f} s"
     Path("a.toml").write_text(NEAR + PASS + f"sigmas = {0.99 * k}\n")
     assert main(["run", "a.toml"]) == 0
     printed = capsys.readouterr().out
@@ -216,7 +216,7 @@ def test_zero_covariance_in_a_list_is_exact() -> None:
         assert scenario.craft[0].errors is None
         assert scenario.craft[1].errors.state[1, 1] == 4.0
     text = re.sub("covariance = .*", f"covariance = {nothing}", HEAD)
-    with pytest.raises(ScenarioError, match=r"craft\.covariance: says that the state is known"):
+    with pytest.raises(ScenarioError, match=r"craft\.covariance: "):
         parse(text + PASS)
 
 
@@ -250,7 +250,7 @@ def test_study_counts_agree_with_the_probability(tmp_path, monkeypatch, capsys) 
     summary = json.loads(Path("a-study/summary.json").read_text())
     told = fly(parse(NEAR + PASS)).results[0].uncertain.likeliest.probability
     share = summary["inside"]["Within the hard bodies"]["F1 - F2"]
-    assert share["low"] < told.value < share["high"]
+    assert abs(share["share"] - told.value) < 4.0 * np.sqrt(told.value / 5_000)
     count = round(5_000 * share["share"])
     assert f"{count} of 5000 cases not free of collisions: " in printed
     cases = pyarrow.parquet.read_table("a-study/cases/000000000.parquet").to_pydict()

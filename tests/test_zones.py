@@ -100,7 +100,7 @@ BAD = {
     ),
     "indefinite": (
         lambda: cf.Ellipsoid.from_covariance(np.diag([1, 1, -1]), 1.0),
-        "covariance: must be positive definite, its least variance is -1",
+        "covariance: must be positive definite, its smallest variance is -1",
     ),
     "singular": (lambda: cf.Ellipsoid.from_covariance(np.diag([1, 1, 0]), 1.0), "covariance: must be"),
     "covariance nan": (

@@ -196,7 +196,9 @@ def main() -> None:
         safe[name], count = greatest(row, given.cases)
         shares[name] = [(size, len(lost(row, size, some)[0])) for size in row.sizes]
         told = ", ".join(f"{size:g} {row.unit}: {number}" for size, number in shares[name])
-        print(f"{row.name}: none of {given.cases} at {safe[name]:g} {row.unit}, {count} at {row.sizes[0]:g}")
+        print(
+            f"{row.name}: 0 of {given.cases} lost at {safe[name]:g} {row.unit}, {count} at {row.sizes[0]:g}"
+        )
         print(f"    of {some}: {told}  ({time.perf_counter() - begun:.0f} s)", flush=True)
     if len(given.rows) > 1:
         draw_picture(shares, safe, some)

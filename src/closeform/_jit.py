@@ -83,7 +83,7 @@ class Kernel:
         file = self.py_func.__code__.co_filename
         stamp = file, Path(file).stat().st_mtime_ns  # numba compiles again for another file, or a newer one
         versions = numba.__version__, llvmlite.__version__, sys.version_info
-        made_of = [repr((versions, self.signature, stamp)), _loans()]
+        made_of = [repr((versions, OPTIONS, self.signature, stamp)), _loans()]
         made_of += sorted(_sources(self.py_func, {}).values())
         return cache_folder() / f"{self.name}-{hashlib.sha256(''.join(made_of).encode()).hexdigest()[:20]}"
 

@@ -100,7 +100,7 @@ def instance(name: str, value: Any, *kinds: Any) -> Any:
 
 
 def sequence(name: str, value: Any, *kinds: Any) -> list[Any]:
-    """Return an argument as a list of objects of some types; refuse strings and dictionaries."""
+    """Return an argument as a list of objects of the given types; refuse strings and dictionaries."""
     try:
         if isinstance(value, str | dict):
             raise TypeError(type(value))

@@ -1,4 +1,8 @@
-"""Arrays passed between kernels without reference counts, on the stack, or by reference in tuples."""
+"""Arrays passed between kernels without reference counts, on the stack, or by reference in tuples.
+
+Measured without this module (arrays and tuples passed as numba does by default): `avoid` past a box takes
+1.9 times as long, kernels of planning compile 1.4 times as long, and those of conflicts 1.15 times.
+"""
 
 from typing import Any
 
@@ -145,8 +149,7 @@ def _matrix(typing: Any, rows: Any, columns: Any) -> Any:
 
 
 # The same array without its reference count, for an entry point's arguments, which outlive the call. numba
-# counts references in every function that receives an array, with atomic operations that block other cores:
-# without them pairs of natural motion are screened 1.7 times as fast.
+# counts references in every function that receives an array, with atomic operations that block other cores.
 borrowed = (lambda array: array) if config.DISABLE_JIT else intrinsic(_borrowed)
 
 # The same named tuple by reference, for an entry point's own tuples. numba passes all fields of all arrays of

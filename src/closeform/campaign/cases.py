@@ -1,6 +1,6 @@
 """One kind of case, `(seed, index) -> columns`, and the statistics of such cases.
 
-A kind says which columns its cases have, which requirements they meet and which quantities have a spread.
+A kind states which columns its cases have, which requirements they meet and which quantities have a spread.
 Chunks, threads, clusters and statistics need nothing else. Case K does not depend on the range, the machine
 or the other cases that are evaluated with it.
 """
@@ -111,7 +111,7 @@ class Cases(ABC):
 
     @abstractmethod
     def campaign(self, chunks: CaseChunks) -> Any:
-        """Return the statistics of the cases in some chunks."""
+        """Return the statistics of the cases in the given chunks."""
 
 
 class CampaignStatus(StrEnum):
@@ -186,11 +186,11 @@ class Statistics(Result):
         return np.concatenate([part[name] for _, part in self.chunks.parts()])
 
     def total(self, of: Callable[[Columns], Any]) -> Any:
-        """Return the sum of some counts over all chunks."""
+        """Return the sum of the given counts over all chunks."""
         return sum(of(part) for _, part in self.chunks.parts())
 
     def least(self, of: Quantity) -> tuple[float, int] | None:
-        """Return the least value of a quantity and its case; None if no case has one."""
+        """Return the minimum value of a quantity and its case; None if no case has one."""
         best = inf, -1
         for cases, part in self.chunks.parts():
             value = np.nan_to_num(of(part), nan=inf, posinf=inf, neginf=-inf)

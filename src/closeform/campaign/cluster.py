@@ -28,7 +28,7 @@ ANSWER = 5.0  # s to wait for an answer of the scheduler
 PATIENCE = 30.0  # s to wait without any worker
 FETCHES = 10  # times PATIENCE to wait for the reply of a finished task
 TASK = 2.0  # s of work in a task, except near the end; shorter tasks waste time on overhead
-TOGETHER = 16  # greatest number of chunks in a task
+TOGETHER = 16  # maximum number of chunks in a task
 AHEAD = 2  # tasks for each thread of the workers
 DEATHS = 3  # failures of workers on the same task before the study stops
 
@@ -65,7 +65,7 @@ class Cluster:
     def __init__(self, scheduler: str) -> None:
         """Connect to the scheduler.
 
-        Raises ClusterError if it does not answer, or a worker has other versions.
+        Raises ClusterError if it does not respond, or a worker has other versions.
         """
         address = address_of(scheduler)
         try:
@@ -112,7 +112,7 @@ class Cluster:
                 )
 
     def __call__(self, cases: Cases, ranges: Iterable[Range]) -> Iterator[Chunk]:
-        """Yield the chunks of some ranges of cases as they finish; a lost worker costs only time."""
+        """Yield the chunks of the given ranges of cases as they finish; a lost worker costs only time."""
         what, waiting, again = Task.of(cases), Waiting(iter(ranges)), deque[Ranges]()
         under_way: dict[Any, Ranges] = {}
         deaths: dict[Ranges, int] = {}
@@ -191,14 +191,14 @@ class Cluster:
         return ClusterError(f"--scheduler: {self.name} has no workers; start some")
 
     def gone(self) -> ClusterError:
-        """Return the error of a scheduler that no longer answers."""
-        return ClusterError(f"--scheduler: {self.name} no longer answers; start it again")
+        """Return the error of a scheduler that no longer responds."""
+        return ClusterError(f"--scheduler: {self.name} no longer responds; start it again")
 
 
 def address_of(scheduler: str) -> str:
     """Return the address of a scheduler, given itself or in a file, after a test connection.
 
-    Raises ClusterError if it does not answer.
+    Raises ClusterError if it does not respond.
     """
     if scheduler.endswith(".json"):
         try:
@@ -218,7 +218,7 @@ def address_of(scheduler: str) -> str:
     try:
         socket.create_connection((parts[1].strip("[]"), int(parts[2])), ANSWER).close()
     except (OSError, OverflowError):
-        line = f"does not answer within {ANSWER:g} s; start it, or check the address"
+        line = f"does not respond within {ANSWER:g} s; start it, or check the address"
         raise ClusterError(f"--scheduler: {address} {line}") from None
     return address
 
@@ -284,7 +284,7 @@ def evaluate(task: Task, ranges: Ranges) -> Reply:
 
 
 def unlike(here: dict[str, str], there: dict[str, str]) -> str:
-    """Return the differences between two sets of versions in words."""
+    """Return the differences between two sets of versions as text."""
     return ", ".join(
         f"{name} {there.get(name, 'missing')}, not {known}"
         for name, known in here.items()

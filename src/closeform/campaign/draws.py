@@ -35,7 +35,7 @@ def varied(scenario: Scenario) -> dict[str, Draw]:
 
 
 def values(scenario: Scenario, seed: int, key: str, first: int, last: int) -> Any:
-    """Return the values of a key in some cases: (C, N), vectors (C, N, 3).
+    """Return the values of a key in the given cases: (C, N), vectors (C, N, 3).
 
     Tables common to all craft give (C, 1). State keys are sampled by `drawn`.
     """
@@ -50,7 +50,7 @@ def values(scenario: Scenario, seed: int, key: str, first: int, last: int) -> An
 
 
 def searching(scenario: Scenario, seed: int, first: int, last: int) -> SearchErrors | None:
-    """Return the search errors of the craft (C, N) in some cases; None if no craft has any."""
+    """Return the search errors (C, N) of the craft in cases `first` to `last`; None if no craft has any."""
     keys = varied(scenario)
     if scenario.sensor is None or scenario.search is None:
         return None

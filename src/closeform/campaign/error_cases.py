@@ -142,7 +142,7 @@ class ErrorCases(Cases):
         return AT_ONCE
 
     def evaluate(self, first: int, last: int) -> Columns:
-        """Return the conflicts of some cases; with process noise in parts, which limits the memory."""
+        """Return the conflicts of the given cases; with process noise in parts, which limits the memory."""
         if self.noise is None:
             return self.conflicts(first, last, np.empty(0))
         count, craft = self.noise.steps(self.mission.flown[-1].end), self.scenario.craft
@@ -155,7 +155,7 @@ class ErrorCases(Cases):
         return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
     def conflicts(self, first: int, last: int, noise: Floats) -> Columns:
-        """Return the conflicts of some cases, given the noise increments (N, C, K, 6)."""
+        """Return the conflicts of the given cases, given the noise increments (N, C, K, 6)."""
         found: dict[str, Any] = {}
         for kind, pairs in self.encounters.items():
             counts = [one.counted(self.scenario.names, self.seed, first, last, noise) for one in pairs]

@@ -25,7 +25,7 @@ from closeform.scenario.stages import Clearing
 from closeform.scenario.study import FAILS, STATES, UNPLANNED
 
 AT_ONCE = 32  # missions in a chunk: a few tenths of a second for a few craft, a minute for many
-CHUNKS = 32  # least number in a small study; fewer lose more work at a stop and report progress more coarsely
+CHUNKS = 32  # minimum number in a small study; with fewer, a stop loses more work and progress is coarser
 MET, UNMET, STOPPED, REFUSED = "met", "unmet", "stopped", "refused"
 STATUSES = (MET, UNMET, STOPPED, REFUSED)
 WORDS = {
@@ -100,7 +100,7 @@ def simulated_figures(scenario: Scenario) -> Iterator[Figure]:
         label = f"simulated: stage {number}, {stage.verb}, end position error [m]"
         yield Figure(f"stage_{number}_end_m", of(end, number), label)
     off = of(lambda one: one.flight.greatest_deviation)
-    yield Figure("flown_off_m", off, "simulated: greatest deviation [m]")
+    yield Figure("flown_off_m", off, "simulated: largest deviation [m]")
     yield Figure(END, of(lambda one: one.flight.greatest_end))
     yield Figure(RATIO, of(lambda one: one.flight.least_ratio if one.flight.ratios.size else nan))
 
@@ -127,7 +127,7 @@ def of_stage(number: int, value: Callable[[Any], Any]) -> Callable[[Mission], An
 
 
 def least(values: Iterable[float | None]) -> float:
-    """Return the least of some numbers; nan without any."""
+    """Return the minimum of the given numbers; nan without any."""
     return float(np.fmin.reduce([nan if one is None else one for one in values], initial=nan))
 
 
@@ -137,14 +137,14 @@ def least_ratio(mission: Mission) -> float:
 
 
 def gap(mission: Mission) -> float:
-    """Return the greatest optimality gap of the plans, relative to each plan; nan without bounds."""
+    """Return the largest optimality gap of the plans, relative to each plan; nan without bounds."""
     moved = [one.result for one in mission.flown if isinstance(one.stage, Clearing)]
     plans = [getattr(one, "plan", None) or one.avoidance for one in moved]
     return float(np.fmax.reduce([max(plan.gap, 0.0) for plan in plans], initial=nan))
 
 
 def deviation(result: Any) -> float:
-    """Return the greatest distance [m] between a craft and its planned end, due to burn errors.
+    """Return the largest distance [m] between a craft and its planned end, due to burn errors.
 
     A gathering with exact burns can end earlier; its end is then propagated by coasting.
     """
@@ -247,7 +247,7 @@ class MissionCases(Cases):
 
 
 def ranks(case: int, row: Mapping[str, Any]) -> dict[str, float]:
-    """Return the ranks that select a case for a page, least first; nan if none does (`viewer.replays`)."""
+    """Return the ranks that select a case for a page, lowest first; nan if none does (`viewer.replays`)."""
     last = nan if np.isnan(row["end_s"]) else 0.0
     return {
         **{status: case if row["status"] == status else nan for status in (UNMET, STOPPED)},
@@ -278,7 +278,7 @@ class Plans:
         self.kept: dict[str, list[tuple[float, int, Mission]]] = {}
 
     def keep(self, case: int, mission: Mission, ranks: Mapping[str, float]) -> None:
-        """Keep the mission of a case if it is among the first `KEPT` of a rank; nan is no rank."""
+        """Keep the mission of a case if it is among the first `KEPT` of a rank; nan is not a rank."""
         with self.lock:
             for name, rank in ranks.items():
                 if not isnan(rank):

@@ -62,7 +62,7 @@ def one_case(scenario: Scenario, seed: int, case: int) -> Scenario:
 
 
 def drawn_craft(craft: tuple[Craft, ...], columns: dict[str, Any], replanned: bool) -> tuple[Craft, ...]:
-    """Return craft with the values (N,) or (N, 3) of some fields replaced."""
+    """Return craft with the values (N,) or (N, 3) of the given fields replaced."""
     known = {"start": None, "states": None} | ({"covariance": None} if replanned else {})
     found = []
     for k, one in enumerate(craft):

@@ -160,7 +160,7 @@ class LockCases(SearchCases):
         return max(1, PAIRS_AT_ONCE // self.rows)
 
     def evaluate(self, first: int, last: int) -> Columns:
-        """Return the first locks of all pairs in some cases."""
+        """Return the first locks of all pairs in the given cases."""
         states, moves = self.states(first, last, self.pairs)
         moves = moves.reshape(-1, 6)
         craft = searching(self.scenario, self.seed, first, last)
@@ -231,7 +231,7 @@ class GatherCases(SearchCases):
         return tuple(compress(CAUSES, (bool(self.scenario.zones.pairs), near)))
 
     def evaluate(self, first: int, last: int) -> Columns:
-        """Return the results of the gatherings of some cases."""
+        """Return the results of the gatherings of the given cases."""
         scenario = self.scenario
         pairs = np.stack(np.triu_indices(len(scenario.craft), 1), axis=1)
         states, _ = self.states(first, last, pairs)
@@ -408,7 +408,7 @@ class Campaign(Statistics):
         return np.flatnonzero(self.leg < 0)
 
     def requirement_label(self, what: str) -> str:
-        """Return a requirement in words."""
+        """Return a requirement as text."""
         return WORDS.get(what, self.done)
 
     @property

@@ -1,4 +1,4 @@
-"""Spread of a quantity over the cases of a study: mean, exact quantiles and greatest values, from chunks.
+"""Spread of a quantity over the cases of a study: mean, exact quantiles and largest values, from chunks.
 
 A quantile is an order statistic. It is found without all values in memory: the bit patterns of non-negative
 floats sort like the values. They are counted 16 bits at a time, and only values with a wanted prefix are
@@ -18,8 +18,8 @@ from closeform.arrays import Floats
 from closeform.confidence import CONFIDENCE
 
 QUANTILES = (0.5, 0.95, 0.999)
-WORST = 10  # number of greatest values that are kept
-HELD = 1 << 20  # greatest number of values that are sorted in memory
+WORST = 10  # number of largest values that are kept
+HELD = 1 << 20  # maximum number of values that are sorted in memory
 DIGIT = 16  # number of bits counted in one pass
 # chunk after chunk, values (K,) and the numbers of their cases
 Values = Callable[[], Iterable[tuple[Floats, Any]]]
@@ -35,7 +35,7 @@ class Quantile(NamedTuple):
 
 @dataclass(frozen=True)
 class Spread:
-    """Mean of `count` values, `quantiles` by share, and the greatest values with their cases, in order."""
+    """Mean of `count` values, `quantiles` by share, and the largest values with their cases, in order."""
 
     count: int
     mean: float
@@ -66,7 +66,7 @@ class Spread:
 
 
 def greatest(values: Floats) -> Any:
-    """Return the indices of the WORST greatest values; of equal values, the first."""
+    """Return the indices of the WORST largest values; of equal values, the first."""
     if len(values) <= WORST:
         return np.arange(len(values))
     least = np.partition(values, -WORST)[-WORST]
@@ -86,7 +86,7 @@ def ranks_of(share: float, count: int) -> tuple[int, int, int | None, int | None
 
 
 def first_rank(holds: Callable[[int], bool], count: int) -> int:
-    """Return the least rank from 0 at which a monotonic condition holds; `count` if it never does."""
+    """Return the minimum rank from 0 at which a monotonic condition holds; `count` if it never does."""
     low, high = 0, count
     while low < high:
         middle = (low + high) // 2
@@ -117,7 +117,7 @@ class Window:
 
 
 def order_statistics(values: Values, count: int, ranks: set[int]) -> dict[int, float]:
-    """Return the values at some ranks, counted from 0, among `count` values in ascending order."""
+    """Return the values at the given ranks, counted from 0, among `count` values in ascending order."""
     windows, shift, found = [Window(0, 0, count, sorted(ranks))], 64, dict[int, float]()
     while windows:
         many = [one for one in windows if one.size > HELD]

@@ -39,7 +39,7 @@ class SweepCases(Cases):
             yield point, max(first - begin, 0), min(last - begin, self.each)
 
     def evaluate(self, first: int, last: int) -> Columns:
-        """Return the results of some cases, point after point."""
+        """Return the results of the given cases, point after point."""
         found = [self.kinds[point].columns(*some) for point, *some in self.ranges(first, last)]
         return {name: np.concatenate([part[name] for part in found]) for name in found[0]}
 

@@ -6,7 +6,7 @@ HERE = Path(__file__).parents[1]
 
 
 def folder() -> Path:
-    """Return the folder of the examples: inside an installed package, or beside `src` in a clone."""
+    """Return the folder of the examples: inside an installed package, or next to `src` in a clone."""
     packed = HERE / "examples"
     return packed if packed.is_dir() else HERE.parents[1] / "examples"
 

@@ -226,7 +226,7 @@ def encounter(
                 remedy = (
                     f'--radius "{sum(told.exclusion_radii):g} m" is what its screening excludes about both'
                 )
-            raise ValueError(f"{message}: tells no hard-body radius; give one: {remedy}")
+            raise ValueError(f"{message}: contains no hard-body radius; give one: {remedy}")
         with within(message):
             report = judged(told, bodies, half, limit, command)
     except ValueError as error:

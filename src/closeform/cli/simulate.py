@@ -48,7 +48,7 @@ def simulate(
     execution
         Standard deviations of each burn and impulse by itself, in size and direction: "1 %, 0.5 deg".
     control
-        track: feedback to the plan; replan: plan the remainder anew; open: commanded thrust, no feedback.
+        track: feedback to the plan; replan: plan the remainder again; open: commanded thrust, no feedback.
     seeds
         Number of simulations.
     out

@@ -72,7 +72,7 @@ def study(
         with runner_of(scheduler) as runner, folder(place, overwrite, study=True) as under_way:
             chunks = Stored(kind, count, under_way.path / CASES, under_way.manifest)
             with written(place):
-                complain(*(f"{place}: {what}, and flown anew" for what in chunks.begin(overwrite)))
+                complain(*(f"{place}: {what}, and simulated again" for what in chunks.begin(overwrite)))
                 if chunks.whole:
                     complain(f"{place}: going on, {chunks.done} of {count} cases are flown")
                 beside = Timer(0.1, import_module, ["scipy.special"])  # loaded early for the report

@@ -200,7 +200,7 @@ def screen(
 
     Notes
     -----
-    Most pairs are excluded by bounds of each spacecraft's motion between common times. For two thousand
+    Most pairs are excluded by bounds on each spacecraft's motion between common times. For two thousand
     spacecraft or more a tree of boxes around these bounds finds the pairs that can meet, without a loop
     over pairs: the run time grows with the number of spacecraft, not of pairs, as long as each has few
     others near it at a time. Memory grows with the number of spacecraft and conflicts. A long screening
@@ -265,7 +265,7 @@ def _zones(zone: Zone | PairZones) -> tuple[Zone, ...]:
 
 
 def _jobs(zone: Zone | PairZones, pairs: Any) -> Iterator[tuple[Zone, Any, Any]]:
-    """Yield portions of the search: a zone, and the pairs for which the first may be inside the second's."""
+    """Yield each zone, and the pairs in which the first spacecraft may be inside that zone of the second."""
     for first, second in pairs:
         if isinstance(zone, PairZones):
             for k, some in by_zone(zone.which(first, second)):

@@ -1,4 +1,4 @@
-"""Portions of the pairs of many spacecraft, searched on all cores."""
+"""Parts of the pairs of many spacecraft, searched on all cores."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def rounds(
 ) -> Iterator[tuple[float, float, Iterable[tuple[Any, Any]]]]:
     """Yield what has to be searched among `count` spacecraft for conflicts that begin in [begin, before).
 
-    Each item is a span [since, until) and portions of pairs i (M,), j (M,) that include all pairs with
+    Each item is a span [since, until) and parts of pairs i (M,), j (M,) that include all pairs with
     conflicts that begin in the span. Pairs may recur with a later span.
     """
     if sieve is None:
@@ -59,12 +59,12 @@ def rounds(
 
 
 def pairs_by_code(codes: Any, count: int) -> Iterator[tuple[Any, Any]]:
-    """Yield portions of the pairs i, j, each once, of arrays of codes i N + j."""
+    """Yield parts of the pairs i, j, each once, of arrays of codes i N + j."""
     return chunks(*np.divmod(np.unique(np.concatenate(codes)), count))
 
 
 def chunks(first: Any, second: Any) -> Iterator[tuple[Any, Any]]:
-    """Yield portions of pairs."""
+    """Yield parts of pairs."""
     for k in range(0, len(first), CHUNK):
         yield np.ascontiguousarray(first[k : k + CHUNK]), np.ascontiguousarray(second[k : k + CHUNK])
 

@@ -5,10 +5,10 @@ h a spacecraft deviates from the chord between its two positions by
 
     e(t) = -integral of G(t, s) r''(s) ds,   G(t, s) = (min(t, s) - t_k) (t_k+1 - max(t, s)) / h
 
-which is at most h^2/8 times its greatest acceleration, plus |w| (s - t_k) (t_k+1 - s) / h for each
-velocity jump w at time s.  Two spacecraft deviate from the chord between their relative positions by at
-most the sum of both, so they stay outside a ball if that chord stays outside a ball enlarged by that
-sum.                                                                          # theory (23)
+which is at most h^2/8 times its largest acceleration, plus |w| (s - t_k) (t_k+1 - s) / h for each
+velocity jump w at time s.  The relative position of two spacecraft deviates from its chord by at most the
+sum of their two deviations.  It therefore stays outside a ball if the chord stays outside the ball enlarged
+by that sum.                                                                  # theory (23)
 Positions and deviations belong to spacecraft, not to pairs; a pair takes some forty
 operations for an interval, without a branch, whatever the paths.
 
@@ -25,7 +25,7 @@ from closeform.motion.arc import END, MEAN_MOTION, START, derivatives_at, is_cub
 from closeform.motion.certified_march import bounds, locate, store, window
 from closeform.zones.shapes import BALL, CUBE, FACES, support
 
-# Bounds of rounding, relative to the size of coordinates and to the ball.
+# Bounds on rounding, relative to the size of coordinates and to the ball.
 ROUNDING, CLEAR = 1e-13, 1.0 + 1e-9
 OFF_CHORD = 3  # row of a track after x, y and z: the largest deviation from the chord
 FEW = 100  # intervals of a pair: more cost more than the bound of an ellipse
@@ -185,7 +185,7 @@ def apart_along(q, n, h, wx, wy, wz, reach, either):
 
 @kernel()
 def ring_clearance(q, n, h):
-    """Return a lower bound of the distance from the origin over [0, h] of natural motion.
+    """Return a lower bound on the distance from the origin over [0, h] of natural motion.
 
     The motion is a drifting ellipse c + a cos nt + b sin nt. Its squared distance is a trigonometric
     polynomial, at least the mean less the amplitudes of its two harmonics; the drift relative to mid-time

@@ -80,7 +80,7 @@ class Sieve:
 
     @property
     def _overlaps(self) -> int:
-        """Number of boxes that overlap in an interval, the most of some; counting stops beyond `MOST`."""
+        """Maximum number of boxes that overlap in any of the intervals; counting stops beyond `MOST`."""
         most = 0
         for look in range(LOOKS):
             k = (2 * look + 1) * (len(self.times) - 1) // (2 * LOOKS)
@@ -93,7 +93,7 @@ class Sieve:
         return most
 
     def _looks(self, times: Floats) -> Iterator[tuple[Any, int]]:
-        """Yield portions of the pairs of `near` in the intervals between times, and counts of overlaps."""
+        """Yield parts of the pairs of `near` in the intervals between times, and counts of overlaps."""
         number = len(self.paths)
         tracks = np.zeros((number, 4, len(times)))
         fill_tracks(self.paths.arcs, self.paths.offsets, self.matrix, times, tracks)

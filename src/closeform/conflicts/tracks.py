@@ -1,4 +1,4 @@
-"""Tracks: bounds of the positions of a batch on common times, which exclude pairs (see `quick_rejection`)."""
+"""Tracks: bounds on the positions of a batch on common times, which exclude pairs (see `quick_rejection`)."""
 
 from collections.abc import Sequence
 from math import ceil, pi

@@ -242,7 +242,7 @@ def closest_approach(path: Path, other: Path, zone: Zone) -> Approach:
 
     References
     ----------
-    docs/theory.md section 3, least norm.
+    docs/theory.md section 3, minimum norm.
 
     Examples
     --------

@@ -29,7 +29,7 @@ class ChiefFrame(NamedTuple):
 
     @classmethod
     def of(cls, field: Field, times: Floats) -> ChiefFrame:
-        """Return the frame of the chief in a field at some times (T,) [s]."""
+        """Return the frame of the chief in a field at given times (T,) [s]."""
         ballistic, states = field._chief_ballistic, field.chief_states(times)
         place, speed = states[:, :3], states[:, 3:]
         felt = field.accelerations(times, states, ballistic)
@@ -49,5 +49,5 @@ class ChiefFrame(NamedTuple):
         return cls(times, states, felt, axes, turn, rate)
 
     def during(self, some: slice) -> ChiefFrame:
-        """Return the frame at some of the instants."""
+        """Return the frame at the given instants."""
         return ChiefFrame(*(part[some] for part in self))

@@ -225,7 +225,7 @@ class ClosedLoop:
             state = self.left[-1] @ state + self.taken[-1]
 
     def biased(self, sight: Navigation) -> tuple[float, float]:
-        """Return the greatest deviation [m] and thrust [m/s^2] due to constant measurement errors."""
+        """Return the largest deviation [m] and thrust [m/s^2] due to constant measurement errors."""
         sizes = sight.position_bias, sight.velocity_bias
         if not any(sizes):
             return 0.0, 0.0
@@ -241,7 +241,7 @@ class ClosedLoop:
 
     @cached_property
     def gains(self) -> tuple[float, float]:
-        """Greatest deviation [s^2] and feedback thrust per unit of any bounded acceleration.
+        """Largest deviation [s^2] and feedback thrust per unit of any bounded acceleration.
 
         theory (87)
         """
@@ -265,7 +265,7 @@ class ClosedLoop:
 
     @cached_property
     def missed(self) -> float:
-        """Greatest deviation [s] per unit of impulses that are not fired.
+        """Largest deviation [s] per unit of impulses that are not fired.
 
         In the worst directions, all of them: the sum over all previous ones.  # theory (94)
         """
@@ -305,11 +305,11 @@ def _moved(motion: Floats, covariance: Floats) -> Floats:
 
 
 def greatest_sigma(covariances: Floats) -> float:
-    """Return the greatest standard deviation in any direction of covariances (..., 3, 3)."""
+    """Return the largest standard deviation in any direction of covariances (..., 3, 3)."""
     return float(np.sqrt(max(np.linalg.eigvalsh(covariances)[..., -1].max(), 0.0)))
 
 
 def _by_size(rows: Floats, sizes: tuple[float, float]) -> float:
-    """Return the greatest length of rows (S, 3, 6) applied to two vectors of given lengths."""
+    """Return the largest length of rows (S, 3, 6) applied to two vectors of given lengths."""
     each: Any = [np.linalg.norm(rows[..., part], 2, axis=(1, 2)) for part in (slice(0, 3), slice(3, 6))]
     return float((sizes[0] * each[0] + sizes[1] * each[1]).max())

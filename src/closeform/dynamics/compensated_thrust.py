@@ -55,7 +55,7 @@ class CompensatedThrust(Rows):
         Followed paths (N,): the plan, and for craft with impulses or without engines the path in the field,
         interpolated between samples; `screen` certifies it.
     deviation : array of shape (N,) [m]
-        Greatest distance from the plan, at these samples.
+        Largest distance from the plan, at these samples.
     firing : ThrusterFiring or None
         Pulses of thrusters; then `path` is the path that they produce, and `deviation_bound` holds in Hill's
         equations. In a field it grows by the ratio of the residual to the thrust, and for impulses by the
@@ -95,7 +95,7 @@ class CompensatedThrust(Rows):
 
     @property
     def peak_thrust(self) -> Floats:
-        """Greatest command of each craft (N,) at these times [m/s^2]."""
+        """Largest command of each craft (N,) at these times [m/s^2]."""
         return np.asarray(np.linalg.norm(self.commanded, axis=2).max(axis=1))
 
 
@@ -121,7 +121,7 @@ def compensated_thrust(
     field : Field
         Force model in which they move.
     every : float [s], default 10
-        Greatest time between rows of the table.
+        Largest time between rows of the table.
     max_acceleration : float [m/s^2], optional
         Thrust limit of each craft.
     thrusters : Thrusters or sequence of Thrusters, optional

@@ -17,7 +17,7 @@ SAMPLED = 1.0  # m: tolerance between a sampled natural path and natural motion
 
 
 class Engines(NamedTuple):
-    """Greatest thrust of N craft, `limits` (N,) [m/s^2], and minimum impulse, `bits` (N,) [m/s].
+    """Largest thrust of N craft, `limits` (N,) [m/s^2], and minimum impulse, `bits` (N,) [m/s].
 
     A craft without an engine has limit 0 and bit inf, so that it ignores all commands.
     """
@@ -36,7 +36,7 @@ class Engines(NamedTuple):
         return self.limits > 0.0
 
     def among(self, which: Any) -> Engines:
-        """Return the engines of some of the craft."""
+        """Return the engines of the selected craft."""
         return Engines(self.limits[which], self.bits[which])
 
 

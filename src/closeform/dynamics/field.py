@@ -43,7 +43,7 @@ class Field:
         State of the formation's origin at its epoch, propagated in this field. A chief with an ephemeris
         follows that instead.
     zonals : int or sequence of float, no unit, default 2
-        Greatest degree of the Earth's zonals: 0 for a point mass, 2 to 6 for J2 to J6. Or the zonals of
+        Maximum degree of the Earth's zonals: 0 for a point mass, 2 to 6 for J2 to J6. Or the zonals of
         another body, from J2 on.
     drag : Drag, optional
         Atmosphere and ballistic coefficients. Default: no drag.
@@ -100,7 +100,7 @@ class Field:
             )
 
     def _of(self, which: Any) -> Field:
-        """Return the field with the ballistic coefficients of some of its craft."""
+        """Return the field with the ballistic coefficients of the selected craft."""
         if self.drag is None or not np.ndim(self.drag.ballistic):
             return self
         return replace(self, drag=replace(self.drag, ballistic=np.asarray(self.drag.ballistic)[which]))
@@ -230,7 +230,7 @@ class Field:
         start : float [s], default 0
             Time of the states, since the chief's epoch.
         within : float [m], default 1e-3
-            Greatest error of the path between samples, whose density is chosen accordingly.
+            Largest error of the path between samples, whose density is chosen accordingly.
         orbit : Orbit, optional
             Orbit of the paths with which the result is to be screened. Default: that of the chief. The motion
             does not depend on it.

@@ -27,7 +27,7 @@ from closeform.result import Result
 from closeform.zones.combined_zones import OwnZone
 from closeform.zones.pair_zones import PairZones, pair_zones
 
-ROUNDS = 12  # greatest number of plans; usually three
+ROUNDS = 12  # maximum number of plans; usually three
 SPARE = 1e-3  # relative excess of a margin that grows, so that rounding does not prevent the end
 
 
@@ -62,7 +62,7 @@ class FittedMargin(Result):
 
     @property
     def greatest(self) -> float:
-        """Greatest margin of any pair [m]."""
+        """Largest margin of any pair [m]."""
         return float(self.margin.max())
 
 

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from closeform.uncertainty.errors import Uncertainty
 
 STEPS, MOST = 6, 60  # steps between measurements: even, and a delay is a whole number
-OFTEN = 15.0  # s, step, unless there are more than the greatest number
+OFTEN = 15.0  # s, step, unless there are more than the maximum number
 NEAR = 0.02  # of a step, tolerance on the delay
 FINER = 6  # instants of a step at which the ripple of pulses is sampled
 Missed = tuple[tuple[int, float, Floats], ...]
@@ -99,7 +99,7 @@ class Followed:
 
     @property
     def bits(self) -> Floats:
-        """Greatest impulse (N,) [m/s] that thrusters do not fire: one bit of each of three."""
+        """Largest impulse (N,) [m/s] that thrusters do not fire: one bit of each of three."""
         return np.array([_least_push(one) for one in self.thrusters or ()] or np.zeros(len(self.paths)))
 
     @cached_property
@@ -156,7 +156,7 @@ class Followed:
         seen = np.reshape([state + self.loop.late for state in led], (-1, 6, 6)).transpose(2, 0, 1)
         causes = [known[:1], share * known[1:2], (1.0 + share) * angle * known[2:]]
         causes += [sight.position_bias * seen[:3], sight.velocity_bias * seen[3:]]
-        causes = [one for one in causes if one.any()]  # correlated causes: bound of the square of their sum
+        causes = [one for one in causes if one.any()]  # correlated causes: bound on the square of their sum
         moments = _squares(believed) + len(causes) * sum(map(_squares, causes), np.zeros((6, 6)))
         errors = errors if self.pulsed is None else errors._of_orders
         shaken = self.loop.shaken(sight, errors, moments, len(self.times))
@@ -193,7 +193,7 @@ def _missed(holding: Holding, paths: Path, flown: Path) -> Iterator[tuple[int, f
 
 
 def _least_push(thrusters: Thrusters) -> float:
-    """Return the greatest sum [m/s] of partial bits of the thrusters of any facet."""
+    """Return the largest sum [m/s] of partial bits of the thrusters of any facet."""
     allocation = Allocation.of(thrusters.directions)
     bits = np.vstack([thrusters.directions * np.reshape(thrusters.minimum_bit, (-1, 1)), np.zeros((6, 3))])
     some = np.array(list(product((0.0, 1.0), repeat=3)))

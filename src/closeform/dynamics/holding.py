@@ -40,7 +40,7 @@ class Holding(NamedTuple):
         return cls(tuple(moves for moves, _ in found), tuple(burns for _, burns in found), not law.impulses)
 
     def among(self, which: Any) -> Self:
-        """Return the spans of some of the craft."""
+        """Return the spans of the selected craft."""
         some = np.arange(len(self.moves))[which]
         return self._replace(
             moves=tuple(self.moves[k] for k in some), burns=tuple(self.burns[k] for k in some)
@@ -54,11 +54,11 @@ class Holding(NamedTuple):
         )
 
     def moved(self, times: Floats) -> Any:
-        """Return which craft are moved by impulses (N, T) at some times."""
+        """Return which craft are moved by impulses (N, T) at given times."""
         return np.array([_inside(spans, times) for spans in self.moves])
 
     def opposed(self, times: Floats) -> Any:
-        """Return which craft compensate the model error (N, T) at some times."""
+        """Return which craft compensate the model error (N, T) at given times."""
         burning = self.lasting | np.array([_inside(spans, times) for spans in self.burns])
         return np.asarray(burning & ~self.moved(times))
 

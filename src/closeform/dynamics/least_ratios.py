@@ -1,4 +1,4 @@
-"""Minimum clearance ratio of each pair of craft whose states are known at some times."""
+"""Minimum clearance ratio of each pair of craft whose states are known at given times."""
 
 from collections.abc import Sequence
 from math import inf, nan
@@ -85,7 +85,7 @@ def between(one: Floats, two: Floats, matrix: Floats, q: Floats) -> None:
 
 @kernel()
 def least_possible(shape: int, faces: Floats, q: Floats, end: Floats, h: float) -> float:
-    """Return a lower bound of the norm on a cubic: at its start, minus the distance of control points."""
+    """Return a lower bound on the norm on a cubic: at its start, minus the distance of control points."""
     far = 0.0
     for a, b, c in ((h / 3.0, 0.0, 0.0), (0.0, 1.0, -h / 3.0), (0.0, 1.0, 0.0)):
         x, y, z = (

@@ -135,7 +135,7 @@ def sampled_losses(
 
 
 def _drifts(paths: Path, field: Field | None, times: Floats) -> Callable[[int, int, Floats], Floats]:
-    """Return a function for the drift (T, 6) of a craft from a state at one of some times (T,) on."""
+    """Return a function for the drift (T, 6) of a craft from a state at one of the times (T,) on."""
     if field is None:
         orbit, until = paths.orbit, float(times[-1])
 

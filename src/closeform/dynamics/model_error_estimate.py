@@ -44,9 +44,9 @@ UNKNOWN = (0.0017, 0.0066), (0.0015, 0.0083)
 def model_error(
     reach: Any, turns: Any, semi_major_axis: float, eccentricity: float | None, craft: int, kind: str
 ) -> tuple[Floats, Floats]:
-    """Return the greatest deviation [m] of any of some craft that half, and 95 %, of missions do not exceed.
+    """Return the largest deviation [m] of any craft that half, and 95 %, of missions do not exceed.
 
-    `reach`: the greatest distance of a craft from the chief [m], after some turns of an orbit.  `kind`: MOVES
+    `reach`: the largest distance of a craft from the chief [m], after some turns of an orbit.  `kind`: MOVES
     of a single transfer (checked for 0.1 to 8 turns), COASTS of anything else (checked for coasts of 0.1 to
     16 turns).  Checked for 1 to 16 craft, 30 m to 2 km from the chief, 300 to 1000 km up, without drag.
     """

@@ -1,4 +1,4 @@
-"""Outcrossings: a bound of the probability that a random deviation leaves a sphere within a time."""
+"""Outcrossings: a bound on the probability that a random deviation leaves a sphere within a time."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from closeform.arrays import Floats
 
 # quadrature nodes of polar cosine and azimuth over a half sphere; four times as many agree to 1e-8
 NODES = 12, 16
-WIDEST = 40.0  # of the greatest standard deviation: the probability beyond is negligible
+WIDEST = 40.0  # of the largest standard deviation: the probability beyond is negligible
 HALVINGS = 60
 
 
@@ -41,7 +41,7 @@ class Outcrossings:
         self.spread = np.sqrt(spread)  # [m/s] about that
 
     def chance(self, radius: float, duration: float) -> float:
-        """Return an upper bound of the probability to begin outside, or to leave within a time.
+        """Return an upper bound on the probability to begin outside, or to leave within a time.
 
         Rice's formula for vectors.  # theory (95)
         """

@@ -176,7 +176,7 @@ def planned_by_pulses(paths: Path, thrusters: Sequence[Thrusters | None], lost: 
 
 
 def given_until(pulses: Pulses, time: float) -> float:
-    """Return the total impulse of some pulses up to a time [m/s]."""
+    """Return the total impulse of the given pulses up to a time [m/s]."""
     return float(pulses.impulse @ np.clip((time - pulses.start) / pulses.duration, 0.0, 1.0))
 
 

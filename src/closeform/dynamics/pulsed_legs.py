@@ -77,7 +77,7 @@ class PulsedPlan(NamedTuple):
 
     @property
     def aside(self) -> Floats:
-        """Greatest distance between the pulsed path and the plan (N,) [m]."""
+        """Largest distance between the pulsed path and the plan (N,) [m]."""
         times = np.linspace(self.paths.start.min(), self.paths.end.max(), 1001)
         off = self.led.position(times) - self.paths.position(times)
         return np.asarray(np.linalg.norm(off, axis=-1).max(axis=1))

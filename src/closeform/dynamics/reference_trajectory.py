@@ -55,7 +55,7 @@ class Known(NamedTuple):
 class Commands:
     """Commands of craft along `path` (N,) at the times of a `table`.
 
-    `known` is the field whose model error is compensated, or None, and `holding` says when. `jumps` (N, Q, 3)
+    `known` is the field whose model error is compensated, or None, and `holding` the times. `jumps` (N, Q, 3)
     are planned impulses, one for each of the table's. `reference` (N, T, 6) are the states to which feedback
     returns, at shown times, if they differ from the path's; `limits` and `bits` (N,) bound thrust and
     impulses. `nozzles` fire the feedback of one craft. From `lost` [s] on there is no thrust.
@@ -75,7 +75,7 @@ class Commands:
     lost: float = np.inf
 
     def of(self, which: Any) -> Commands:
-        """Return the commands of some of the craft (M,)."""
+        """Return the commands of the selected craft (M,)."""
         each = {
             name: getattr(self, name)[which] for name in ("path", "jumps", "limits", "bits", "ballistics")
         }
@@ -111,7 +111,9 @@ class Commands:
 
 @dataclass(frozen=True, eq=False)
 class Flights:
-    """S simulations: `states` (S, N, T, 6) at shown times, and `arrivals`, the same before impulses.
+    """Results of S simulations: `states` (S, N, T, 6) at the output times, after impulses.
+
+    `arrivals` are the states just before impulses.
 
     `fired` (S, N, Q, 3) [m/s] are impulses at the times of the table, or thruster orders then. The delta-v
     `spent` (S, N) [m/s], the delta-v `asked` (N,) without errors, and the time at the limit `limited` (S, N)
@@ -291,7 +293,7 @@ def _course(
     steps: slice,
     drawn: tuple[Any, Any, Any, Floats],
 ) -> Course:
-    """Return the course of some steps, with feedback rules, gains and delay matrices.
+    """Return the course of the given steps, with feedback rules, gains and delay matrices.
 
     `drawn`: the error events of burns and impulses, and their Gates parameters.
     """

@@ -175,7 +175,7 @@ class Replanning:
 
 
 def unopposed(paths: Path, field: Field) -> Floats:
-    """Return the greatest model error along paths (N,) [m/s^2], for craft that do not compensate it."""
+    """Return the largest model error along paths (N,) [m/s^2], for craft that do not compensate it."""
     times = np.linspace(float(paths.start[0]), float(paths.end[0]), SEEN)
     left_out = residuals(field, ChiefFrame.of(field, times), paths.state(times), paths.orbit.mean_motion)
     return np.asarray(np.linalg.norm(left_out, axis=-1).max(axis=1))

@@ -73,7 +73,7 @@ def simulate(
     known : Field, optional
         Force model used for the compensation. Default: `field`.
     thrust_error : array_like of shape (2,) or (N, 2), no unit and [rad], default (0, 0)
-        Bounds of each craft's relative thrust error and of its direction error. They are uniformly
+        Bounds on each craft's relative thrust error and on its direction error. They are uniformly
         distributed and constant through a simulation.
     max_acceleration : array_like of shape (N,) or () [m/s^2], optional
         Thrust limit; `limited` reports the share of time at the limit. Cannot be combined with impulses or
@@ -171,7 +171,7 @@ def simulate(
 
 
 class _Flown(NamedTuple):
-    """Simulations at some times, of paths (N,) with planned costs (N,), and the data of replans or pulses."""
+    """Simulations at given times of paths (N,) with planned costs (N,), with data on replans or pulses."""
 
     times: Floats
     done: Flights

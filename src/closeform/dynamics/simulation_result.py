@@ -127,17 +127,17 @@ class Simulation(Rows):
 
     @property
     def greatest_deviation(self) -> float:
-        """Greatest distance of any craft from the plan [m]."""
+        """Largest distance of any craft from the plan [m]."""
         return float(self.deviations.max())
 
     @property
     def greatest_end(self) -> float:
-        """Greatest distance of any craft from the plan at the end [m]."""
+        """Largest distance of any craft from the plan at the end [m]."""
         return float(self.ends.max())
 
     @property
     def greatest_delta_v(self) -> float:
-        """Greatest delta-v of any craft [m/s]."""
+        """Largest delta-v of any craft [m/s]."""
         return float(self.delta_v.max())
 
     @property
@@ -152,7 +152,7 @@ class Simulation(Rows):
 
     @property
     def worst(self) -> int:
-        """Index of the simulation with the minimum clearance ratio, or without zones greatest end error."""
+        """Index of the simulation with the minimum clearance ratio, or without zones largest end error."""
         by_end = int(np.argmax(self.ends.max(axis=1)))
         return int(np.argmin(self.ratios.min(axis=1))) if self.ratios.size else by_end
 

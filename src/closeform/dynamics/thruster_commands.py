@@ -1,4 +1,4 @@
-"""Feedback orders to thrusters in simulations: the burns beside the plan, and their thrust."""
+"""Feedback orders to thrusters in simulations: the burns in addition to the plan, and their thrust."""
 
 from math import cos, sin
 

@@ -11,7 +11,7 @@ from closeform.dynamics.feedback import Feedback
 from closeform.motion.arc import END, IMPULSE, START
 from closeform.motion.path import Path
 
-# s: greatest step for pulses, for continuous thrust, for impulses alone
+# s: maximum step for pulses, for continuous thrust, for impulses alone
 PULSED, STEP, COAST = 5.0, 10.0, 20.0
 SHOWN = 20_000  # number of instants with stored states, about
 BESIDE = 1e-6  # of a step: distance from a discontinuity of thrust
@@ -153,7 +153,7 @@ def joined(times: Floats, base: Floats) -> Floats:
 
 
 def _numbered(nodes: Floats, times: Floats, numbers: Any) -> Any:
-    """Return the given numbers at the nodes (K + 1,) of some times; -1 at the others."""
+    """Return the given numbers at the nodes (K + 1,) at the given times; -1 at the others."""
     out = np.full(len(nodes), -1)
     if times.size:
         out[np.searchsorted(nodes, times)] = numbers

@@ -45,9 +45,9 @@ class TrackingMargins(Result):
     turn : array of shape (N, T, 3, 3) [m/rad]
         The same for thrust rotated about each of the chief's axes, in columns.
     thrust_error : array of shape (N, 2), no unit and [rad]
-        Bounds of the relative thrust error and of the direction error.
+        Bounds on the relative thrust error and on the direction error.
     rest : array of shape (N,) [m]
-        Bound of the remaining deviation, by unknown accelerations and constant measurement errors.
+        Bound on the remaining deviation, by unknown accelerations and constant measurement errors.
     spread : array of shape (N, T, 3, 3) [m^2]
         Covariances due to the errors of burns, impulses and initial states, in the chief's axes.
     noise : array of shape (N,) [m]
@@ -55,7 +55,7 @@ class TrackingMargins(Result):
     sigmas : float, no unit
         Number of standard deviations that count.
     thrust : array of shape (N,) [m/s^2]
-        Greatest thrust required with feedback, without impulses. With a lower limit the margins do not hold.
+        Largest thrust required with feedback, without impulses. With a lower limit the margins do not hold.
     """
 
     _told: ClassVar = ("greatest", "thrust_error", "rest", "noise", "sigmas", "thrust")
@@ -84,11 +84,11 @@ class TrackingMargins(Result):
 
     @property
     def greatest(self) -> Floats:
-        """Greatest radius at any time (N,) [m]."""
+        """Largest radius at any time (N,) [m]."""
         return np.asarray(self.radius.max(axis=1))
 
     def _since(self, begin: float) -> TrackingMargins:
-        """Return the margins from some time on [s]."""
+        """Return the margins from a time on [s]."""
         times = np.concatenate([[begin], self.times[self.times > begin]])
         later: Any = {
             name: np.array([_between(self.times, one, times) for one in getattr(self, name)])
@@ -127,9 +127,9 @@ def tracking_margins(
     cancel : bool, default True
         Compensate the model error, as `compensated_thrust` does.
     residual : array_like of shape (N,) or () [m/s^2], default 0
-        Bound of accelerations not in this field.
+        Bound on accelerations not in this field.
     thrust_error : array_like of shape (2,) or (N, 2), no unit and [rad], default (0, 0)
-        Bounds of each craft's relative thrust error and of its direction error, constant through a
+        Bounds on each craft's relative thrust error and on its direction error, constant through a
         simulation.
     errors : Uncertainty or sequence of Uncertainty or None, optional
         Uncertainty of each craft, as in `simulate`, without process noise.
@@ -157,7 +157,7 @@ def tracking_margins(
     Notes
     -----
     Errors of the planned thrust are propagated along the plan. Errors of the feedback thrust are bounded, and
-    increase the effect of noise. No thrust limit is applied; `TrackingMargins.thrust` reports the greatest
+    increase the effect of noise. No thrust limit is applied; `TrackingMargins.thrust` reports the largest
     thrust.
 
     References
@@ -223,7 +223,7 @@ def _of_alike(
 ) -> TrackingMargins:
     """Return the margins of craft that all have thrusters, or all have none.
 
-    `of_craft`: bounds of thrust errors, unknown accelerations, and uncertainties of the craft.
+    `of_craft`: bounds on thrust errors, unknown accelerations, and uncertainties of the craft.
     """
     sizes, unknown, errors = np.array(of_craft[0]), np.array(of_craft[1]), of_craft[2]
     loop, (shift, stretch, *turned) = flight.loop, flight.caused[0]
@@ -248,7 +248,7 @@ def _of_drifting(
 ) -> TrackingMargins:
     """Return the margins of craft without engines, about their drift.
 
-    `of_craft`: bounds of thrust errors, unknown accelerations, and uncertainties of the craft.
+    `of_craft`: bounds on thrust errors, unknown accelerations, and uncertainties of the craft.
     """
     sizes, unknown, errors = np.array(of_craft[0]), np.array(of_craft[1]), of_craft[2]
     moved = paths.orbit.transition(times - times[0])
@@ -330,7 +330,7 @@ def _distance_and_margin(
 def _along(
     found: TrackingMargins, craft: int, times: Floats, normals: Floats
 ) -> tuple[Floats, Floats, Floats]:
-    """Return a craft's expected deviation along normals (T, 3) [m], the bound of the rest, and variance."""
+    """Return a craft's expected deviation along normals (T, 3) [m], the bound on the rest, and variance."""
     shift, stretch, turn, spread = (
         _between(found.times, one[craft], times)
         for one in (found.shift, found.stretch, found.turn, found.spread)

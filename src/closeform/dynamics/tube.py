@@ -1,4 +1,4 @@
-"""Tracking-error tube: bound of the deviation of a craft under feedback from its planned path."""
+"""Tracking-error tube: bound on the deviation of a craft under feedback from its planned path."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ class Tube(Result):
     Attributes
     ----------
     model : float or array of shape (N,) [m]
-        Bound of the deviation due to unknown accelerations.
+        Bound on the deviation due to unknown accelerations.
     thrust : float or array of shape (N,) [m]
-        Bound of the deviation due to thrust errors.
+        Bound on the deviation due to thrust errors.
     bias : float [m]
-        Bound of the deviation due to constant measurement errors.
+        Bound on the deviation due to constant measurement errors.
     covariances : array of shape (S, 6, 6) [m, m/s]
         Covariances, in the chief's axes, of deviations due to random measurement errors, at equally spaced
         instants between measurements.
@@ -69,7 +69,7 @@ class Tube(Result):
         return 0.5 * erfc(self.sigmas / sqrt(2.0))
 
     def containment(self, duration: float, probability: float | None = None, craft: int = 1) -> Any:
-        """Return a bound of the deviation in any direction, at any time of a flight, with a probability.
+        """Return a bound on the deviation in any direction, at any time of a flight, with a probability.
 
         Parameters
         ----------
@@ -84,7 +84,7 @@ class Tube(Result):
         Returns
         -------
         float or array of shape (N,) [m]
-            Bound of the deviation: all bounded errors, plus the random part for that probability.
+            Bound on the deviation: all bounded errors, plus the random part for that probability.
 
         Raises
         ------
@@ -176,10 +176,10 @@ def tube(
     navigation : Navigation
         Navigation accuracy.
     residual : array_like of shape (N,) or () [m/s^2], default 0
-        Bound of the uncompensated acceleration: `Validity.residual`, or with `compensated_thrust` the unknown
+        Bound on the uncompensated acceleration: `Validity.residual`, or with `compensated_thrust` the unknown
         part of the field.
     thrust_error : array_like of shape (N,) or () [m/s^2], default 0
-        Bound of the thrust error: the greatest thrust times the error of its size and direction, 0.0175 for
+        Bound on the thrust error: the largest thrust times the error of its size and direction, 0.0175 for
         each degree.
     sigmas : float, no unit, default 4
         Number of standard deviations of the noise that count.

@@ -36,7 +36,7 @@ class Validity(Result):
     field : str
         Description of the force model.
     residual : array of shape (N,) [m/s^2]
-        Greatest model error of Hill's equations along each path.
+        Largest model error of Hill's equations along each path.
     times : array of shape (T,) [s]
         Times since the chief's epoch.
     deviations : array of shape (N, T, 6) [m, m/s]

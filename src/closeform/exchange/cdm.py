@@ -88,7 +88,8 @@ def read_cdm(file: str | PathLike[str]) -> Conjunction:
         try:
             clock(found["TCA"].value, "UTC")
         except ValueError:
-            what = f"TCA: '{found['TCA'].value[:30]}' is no epoch; write it as 2010-03-13T22:37:52.618"
+            what = f"TCA: '{found['TCA'].value[:30]}' is not a valid epoch; "
+            what += "write it in the form 2010-03-13T22:37:52.618"
             raise ValueError(f"line {found['TCA'].line}: {what}") from None
         chance = found.get("COLLISION_PROBABILITY")
         return Conjunction(
@@ -183,7 +184,8 @@ def _parts(entries: Sequence[Entry]) -> list[list[Entry]]:
                 )
             parts.append([])
         elif not entry.keyword:
-            raise ValueError(f"line {entry.line}: '{entry.value[:30]}' is no keyword with a value; {CORRECT}")
+            what = f"'{entry.value[:30]}' is not a keyword with a value"
+            raise ValueError(f"line {entry.line}: {what}; {CORRECT}")
         elif not entry.keyword.startswith(("META_", "COVARIANCE_ST")):  # blocks of XML
             parts[-1].append(entry)
     if len(parts) != 3:

@@ -33,7 +33,7 @@ class EpochError(ValueError):
     """Invalid epoch; `index` is its position among several."""
 
     def __init__(self, index: int, stamp: str) -> None:
-        super().__init__(f"'{stamp}' is no epoch; write it as {EXAMPLE}")
+        super().__init__(f"'{stamp}' is not a valid epoch; write it in the form {EXAMPLE}")
         self.index = index
 
 

@@ -154,7 +154,7 @@ def number_in(line: int, word: str) -> float:
             raise ValueError
         return float(word)
     except ValueError:
-        raise ValueError(f"line {line}: '{word[:30]}' is no number; {CORRECT}") from None
+        raise ValueError(f"line {line}: '{word[:30]}' is not a number; {CORRECT}") from None
 
 
 def quantity(entry: Entry, unit: str) -> float:

@@ -13,7 +13,7 @@ from closeform.motion.path import Path, path_of
 
 COUNT = 4  # nodes of one Hermite polynomial
 DEGREE = 2 * COUNT - 1
-SMOOTH = 1e-6  # of the greatest thrust: a smaller jump is rounding, or a joint of saturated thrust
+SMOOTH = 1e-6  # of the largest thrust: a smaller jump is rounding, or a joint of saturated thrust
 NEAR = 0.25  # of a step: nodes that are closer to another node are omitted
 SHORTEST = 1e-6  # s: shorter intervals have no nodes
 APART = 1e-3  # s: impulses of two spacecraft that are closer are treated as simultaneous

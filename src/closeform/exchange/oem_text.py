@@ -18,7 +18,7 @@ NAMES = ("X", "Y", "Z", "X_DOT", "Y_DOT", "Z_DOT")
 RATES = ("km**2", "km**2/s", "km**2/s**2")  # of covariances, by the number of velocities in them
 UNITS = ("km", "km", "km", "km/s", "km/s", "km/s")
 ORIGINATOR = "CLOSEFORM"
-COVARIANCES = "covariances are of the craft beside the formation's origin, which is taken as exact"
+COVARIANCES = "covariances are relative to the formation's origin, which is taken as exact"
 SCHEMA = "https://sanaregistry.org/r/ndmxml_unqualified/ndmxml-3.0.0-master-3.0.xsd"
 
 

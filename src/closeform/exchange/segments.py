@@ -54,7 +54,7 @@ def segments_of(entries: Sequence[Entry]) -> list[Segment]:
         elif inside == "META":
             if word not in REQUIRED and word not in OPTIONAL:
                 what = f"keyword {word}" if word else f"'{entry.value[:30]}'"
-                raise ValueError(f"line {entry.line}: {what} is no metadata of an OEM; {CORRECT}")
+                raise ValueError(f"line {entry.line}: {what} is not a metadata keyword of an OEM; {CORRECT}")
             segments[-1].metadata.append(entry)
         elif inside:
             if word == "EPOCH":

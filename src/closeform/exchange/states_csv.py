@@ -154,7 +154,7 @@ def _numbers(
             found[quantity] = np.array([float(row[place]) for row in rows]) * size
         except ValueError:
             wrong = next(k for k, row in enumerate(rows) if not _is_number(row[place]))
-            what = f"'{rows[wrong][place].strip()[:30]}' is no number"
+            what = f"'{rows[wrong][place].strip()[:30]}' is not a number"
             raise ValueError(f"line {lines[wrong]}: {what}; correct or remove the row") from None
     sound = np.isfinite(list(found.values())).all(axis=0)
     if not sound.all():

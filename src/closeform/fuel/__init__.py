@@ -1,1 +1,1 @@
-"""Fuel: lower bounds of delta-v, minimum-time transfers, thrusters and their pulses."""
+"""Fuel: lower bounds on delta-v, minimum-time transfers, thrusters and their pulses."""

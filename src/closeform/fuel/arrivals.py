@@ -29,7 +29,7 @@ class TransferCostTable(Rows):
     delta_v : array of shape (D,) [m/s]
         Delta-v of the transfer to it.
     lower : array of shape (D,) [m/s]
-        Lower bound of the delta-v of any plan to any of the slots.
+        Lower bound on the delta-v of any plan to any of the slots.
     examined : int
         Number of optimised transfers; bounds excluded the others.
     """

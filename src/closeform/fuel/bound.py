@@ -1,4 +1,4 @@
-"""Lower bounds of the delta-v of any plan, proven by a primer."""
+"""Lower bounds on the delta-v of any plan, proven by a primer."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ PROVEN = 1e-9  # gap between the bounds, relative
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Bound(Rows):
-    """Bounds of the minimum delta-v of transfers in a given time.
+    """Bounds on the minimum delta-v of transfers in a given time.
 
     Attributes
     ----------
     lower : float or array of shape (...) [m/s]
-        Lower bound of the cost of any plan, by impulses or thrust.
+        Lower bound on the cost of any plan, by impulses or thrust.
     upper : float or array of shape (...) [m/s]
         Cost of the impulses of `Orbit.impulsive`.
     primer : Path
@@ -148,7 +148,7 @@ def _within(
 
 
 def delta_v_bound(orbit: Orbit, initial: ArrayLike, final: ArrayLike, duration: ArrayLike) -> Any:
-    """Return a closed-form lower bound of delta-v [m/s], within a microsecond for each transfer.
+    """Return a closed-form lower bound on delta-v [m/s], within a microsecond for each transfer.
 
     The bound is exact for nearly half of transfers of one to three orbits, where a primer of constant length
     is optimal.  Arguments broadcast: `delta_v_bound(orbit, a[:, None], b, T)` bounds the matrix of costs.
@@ -167,7 +167,7 @@ def delta_v_bound(orbit: Orbit, initial: ArrayLike, final: ArrayLike, duration: 
     Returns
     -------
     float or array of shape (...) [m/s]
-        Lower bound of the cost of any plan.
+        Lower bound on the cost of any plan.
 
     Raises
     ------
@@ -176,7 +176,7 @@ def delta_v_bound(orbit: Orbit, initial: ArrayLike, final: ArrayLike, duration: 
 
     Notes
     -----
-    The bound is the mean motion times the greatest of the changes of drift, of inclination, and of half the
+    The bound is the mean motion times the largest of the changes of drift, of inclination, and of half the
     eccentricity vector combined with sqrt(3) times the inclination vector, with either sign.
 
     References

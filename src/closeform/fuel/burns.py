@@ -13,7 +13,7 @@ LEAST = 5e-7  # m/s, smallest reported burn: plans that touch a limit in passing
 SHARE = 1e-3  # of all delta-v: small plans report smaller burns
 ROUNDING = 1e-12  # of a burn's size: a smaller component is zero
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(16)
-NOTHING = 1e-9  # of the greatest thrust: rounding in coasts
+NOTHING = 1e-9  # of the largest thrust: rounding in coasts
 PIECE = 0.5  # of n t, within which 16 Gauss points integrate thrust to the last digits
 
 

@@ -19,7 +19,7 @@ NODES, WEIGHTS = np.polynomial.legendre.leggauss(8)
 # Limits of n t, and of the share of the thrust's duration: within them, 8 Gauss points integrate natural
 # motion to the last digit, and no thruster is assumed to start and stop.
 ANGLE, SHARE = 0.02, 1.0 / 64.0
-NOTHING = 1e-9  # of the greatest thrust: no thruster fires for less
+NOTHING = 1e-9  # of the largest thrust: no thruster fires for less
 UNREACHED = 1e-6  # share of all delta-v: a smaller part is rounding of a plan
 PUSHES = "the plan pushes"  # replaced where the high-fidelity model causes the thrust
 MOST = 1_000_000  # cycles and pieces of a path
@@ -30,7 +30,7 @@ class Chunks:
     """K chunks: thruster, `start` and `end` [s], `impulse` [m/s] and moments in time of each.
 
     The moments are the `centroid` [s] and the central moments `variance` [s^2] and `skew` [s^3]; `peak`
-    [m/s^2] is the greatest thrust found, inf for an impulse.
+    [m/s^2] is the largest thrust found, inf for an impulse.
     """
 
     thruster: Any

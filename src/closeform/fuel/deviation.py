@@ -1,4 +1,4 @@
-"""Bound of the deviation from a plan when chunks are fired as pulses, without a simulation.
+"""Bound on the deviation from a plan when chunks are fired as pulses, without a simulation.
 
 With e the thrust fired less the thrust planned, and F its second integral over time, exactly
 
@@ -20,7 +20,7 @@ from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
 
 FINE = 0.2  # of n t: step at which the remaining natural motion is evaluated
-SAFE = 1.0 + 1e-6  # for neglected effects: thrust below 1e-9 of the greatest, rounding
+SAFE = 1.0 + 1e-6  # for neglected effects: thrust below 1e-9 of the largest, rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +44,7 @@ class Misfit:
 def misfit_of(plan: Path, thrusters: Thrusters, chunks: Chunks, widths: Floats, extra: Floats) -> Misfit:
     """Return the misfit of chunks of a `plan` fired as pulses of `widths` (K,) [s], nan if dropped.
 
-    `extra` (K,) [m] is added to the greatest F, for pulses whose thrust is not constant.
+    `extra` (K,) [m] is added to the largest F, for pulses whose thrust is not constant.
     """
     n, q = plan.orbit.mean_motion, chunks.impulse
     fired = np.isfinite(widths)
@@ -65,7 +65,7 @@ def misfit_of(plan: Path, thrusters: Thrusters, chunks: Chunks, widths: Floats, 
     units = thrusters.directions_at(plan.orbit, spot)[np.arange(len(q)), chunks.thruster]
     late = n * np.maximum(plan.end - start, 0.0)
     kick = np.zeros((len(q), 6))
-    if thrusters.frame == "orbit":  # greatest lengths of K, and of its derivatives by s
+    if thrusters.frame == "orbit":  # largest lengths of K, and of its derivatives by s
         near = far = np.full_like(q, 4.0 * n)
         bend, drift = n**2 * near, n * near
         kick[:, 0], kick[:, 1] = 2.0 * n * units[:, 1], -2.0 * n * units[:, 0]
@@ -82,7 +82,7 @@ def misfit_of(plan: Path, thrusters: Thrusters, chunks: Chunks, widths: Floats, 
 
 
 def _greatest(chunks: Chunks, width: Floats, whole: Floats) -> Floats:
-    """Return the greatest F (K,) [m] of pulses of `width` (K,) [s], with its integral `whole` (K,) [m s].
+    """Return the largest F (K,) [m] of pulses of `width` (K,) [s], with its integral `whole` (K,) [m s].
 
     For an impulse it is q w / 8. Otherwise it is at most q times half the mean deviation of the chunk from
     its centroid, which is below half its standard deviation, and below that of a chunk at its two ends. As
@@ -98,7 +98,7 @@ def _greatest(chunks: Chunks, width: Floats, whole: Floats) -> Floats:
 
 
 def bound(plan: Path, thrusters: Thrusters, chunks: Chunks, misfit: Misfit) -> float:
-    """Return a bound of the deviation [m] of a spacecraft from its `plan` over the plan's time."""
+    """Return a bound on the deviation [m] of a spacecraft from its `plan` over the plan's time."""
     if not len(chunks):
         return 0.0
     orbit, first, last = plan.orbit, plan.start, plan.end

@@ -46,11 +46,11 @@ class ThrusterFiring(Result):
     dropped : Pulses
         Parts of the plan below the minimum impulse bit, which are not fired, with their times in the plan.
     deviation : float or array of shape (N,) [m]
-        Greatest distance of `path` from `planned`, at 8 instants of each of its arcs.
+        Largest distance of `path` from `planned`, at 8 instants of each of its arcs.
     deviation_bound : float or array of shape (N,) [m]
-        Bound of the deviation without a simulation, which includes the falling mass and dropped parts.
+        Bound on the deviation without a simulation, which includes the falling mass and dropped parts.
     dropped_deviation : float or array of shape (N,) [m]
-        Bound of the deviation due to dropped parts alone.
+        Bound on the deviation due to dropped parts alone.
     delta_v : float or array of shape (N,) [m/s]
         Sum of the thrusters' delta-v.
     propellant : float or array of shape (N,) [kg]
@@ -126,7 +126,7 @@ def fire_thrusters(
     Returns
     -------
     ThrusterFiring
-        Pulses, the resulting path, and a bound of its deviation from the plan.
+        Pulses, the resulting path, and a bound on its deviation from the plan.
 
     Raises
     ------
@@ -211,7 +211,7 @@ def _tanks(
 
 
 def _apart(path: Path, other: Path) -> float:
-    """Return the greatest distance of two paths of one time span, at some instants of each arc."""
+    """Return the largest distance of two paths of one time span, at some instants of each arc."""
     edges = np.unique(np.concatenate([path.arcs[:, START], other.arcs[:, START], [path.end]]))
     times = (edges[:-1, None] + np.diff(edges)[:, None] * np.linspace(0.0, 1.0, LOOKS)).ravel()
     times = np.clip(times, edges[0], edges[-1])

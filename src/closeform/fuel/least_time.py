@@ -47,7 +47,7 @@ def length(x, y, z):
 def proved_step(n, t, c, final, limit, margin):
     """Return how much longer than t, where m is `margin`, transfers are provably impossible.
 
-    m'' is bounded by bounds of natural motion over a window.
+    m'' is bounded by bounds on natural motion over a window.
     """
     x, y, z, vx, vy, vz = coast(n, t, c[0], c[1], c[2], c[3], c[4], c[5])
     ax, ay, az = acceleration(n, x, z, vx, vy)

@@ -17,7 +17,7 @@ FULL = 1.0 + 1e-6  # share of a thruster's acceleration that a plan may require
 CLOCK = 1e-12  # of all times: no pulse is shorter
 JOINED = 1e-9  # of a pulse: gap before the next one that counts as none
 # Impulses of one thruster are joined if they are nearer than these shares of their burns' duration and of the
-# plan's. Linear programs share one impulse among neighbouring times. One burn has the same bound of F: it is
+# plan's. Linear programs share one impulse among neighbouring times. One burn has the same bound on F: it is
 # as long as both, about their centroid, and no part of it is nearer to that than the parts that it replaces,
 # so F keeps its sign. Continuous thrust may extend beyond that burn, and is not joined.
 APART, BESIDE = 0.5, 0.02

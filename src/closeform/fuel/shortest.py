@@ -118,7 +118,7 @@ def _shortest(orbit: Orbit, begin: Floats, end: Floats, limit: float, craft: str
 def surely_enough(begin: Floats, end: Floats, limit: float) -> float:
     """Return a duration that keeps the limit in deep space, where |u| <= 6 |L| / T^2 + |p| / T.
 
-    Thrust is linear in time and so greatest at one end: 6 L / T^2 - p / T with L the distance and p = 4 v0 +
+    Thrust is linear in time and so largest at one end: 6 L / T^2 - p / T with L the distance and p = 4 v0 +
     2 v1, or its opposite with p = 2 v0 + 4 v1.
     """
     distance = float(np.linalg.norm(end[:3] - begin[:3]))
@@ -132,7 +132,7 @@ def surely_enough(begin: Floats, end: Floats, limit: float) -> float:
 def surely_too_short(n: float, begin: Floats, end: Floats, limit: float, reach: float) -> float:
     """Return a duration up to which no thrust within the limit makes the transfer, optimal or not.
 
-    With a greatest speed V and cross-track offset R = R0 + V T, |v'| <= 3 n^2 R + 2 n V + limit, so V (1 - 2
+    With a largest speed V and cross-track offset R = R0 + V T, |v'| <= 3 n^2 R + 2 n V + limit, so V (1 - 2
     n T - 3 n^2 T^2) <= V0 + 3 n^2 T R0 + limit T; both changes must be within that.
     """
     distance, change = np.linalg.norm(end[:3] - begin[:3]), np.linalg.norm(end[3:] - begin[3:])

@@ -48,7 +48,7 @@ if TYPE_CHECKING:
     from closeform.mission.mission_result import Mission, StageResult
 
 USUAL = 9  # the level with steps of 8 s
-HALVES = 1 << 20  # greatest number of intervals in a block
+HALVES = 1 << 20  # maximum number of intervals in a block
 NOISE_BLOCKS = 2  # blocks of random numbers that give the six of a step
 # adds process noise after a time [s] to the path of a craft by index
 Disturbance = Callable[[Path, int, float], Path]
@@ -189,7 +189,7 @@ def errors_of(craft: Craft, path: Path, history: History) -> tuple[Path, Floats]
 
 
 def drawn(seed: int, name: str, count: int, first: int, last: int) -> Floats:
-    """Return normal random numbers (last - first, count) of one craft in some cases of a mission."""
+    """Return normal random numbers (last - first, count) of one craft in the given cases of a mission."""
     random = uniform(seed, f"errors of {name}", -(-count // WORDS), first, last)
     return np.asarray(ndtri(random.reshape(last - first, -1)[:, :count]))
 
@@ -289,7 +289,7 @@ class ProcessNoise:
 
     @classmethod
     def beside_zones(cls, scenario: Scenario, seed: int, span: float) -> Self:
-        """Return noise with steps short enough that the discretization is negligible beside every zone.
+        """Return noise with steps short enough that the discretization is negligible relative to every zone.
 
         `span`: the duration of the mission [s]. Raises ScenarioError if no allowed step is short enough.
         """
@@ -314,7 +314,7 @@ class ProcessNoise:
         return ceil(span / self.step - SAME)
 
     def pushes(self, craft: Craft, count: int, first: int, last: int) -> Floats:
-        """Return the noise increments of a craft's state in `count` steps in some cases (C, count, 6)."""
+        """Return the noise increments of a craft's state in `count` steps of the cases (C, count, 6)."""
         key, density = f"noise of {craft.name}", density_of(craft)
         if density == 0.0:
             return np.zeros((last - first, count, 6))

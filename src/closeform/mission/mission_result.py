@@ -368,7 +368,7 @@ class Mission(Stages):
                 yield thrust_use(craft, craft.max_acceleration if craft.name in on else peak)
 
     def spent(self, stages: Any) -> Iterator[Use]:
-        """Yield the use in some `stages` of each craft with a limit: all delta-v, then all propellant."""
+        """Yield the use in the `stages` of each craft with a limit: all delta-v, then all propellant."""
         delta_v, burnt = (spent[stages].sum(axis=0) for spent in (self.delta_v, self.propellant))
         return Use.of_spent(self.scenario.craft, delta_v, burnt)
 

@@ -41,7 +41,7 @@ class PairDrift:
     - `ratio`: minimum clearance ratio of the `zone` of the pair.
     - `time`: time of the minimum [s]; inf if the drift is too slow to determine it.
     - `distance`: distance [m] at that time.
-    - `lower`: proven lower bound of the ratio over all failures.  It is farther below `ratio` if the search
+    - `lower`: proven lower bound on the ratio over all failures.  It is farther below `ratio` if the search
       over failures with many unknowns was stopped early.
     - `model`: dynamics of the drift.
     """
@@ -123,7 +123,7 @@ class PassiveSafety:
         more = f" and {len(self.unsafe) - 1} more" * (len(self.unsafe) > 1)
         least = f"{worst.ratio:.4f} x zone{worst.beside}"
         met = f"{worst.fails} with {worst.meets}, {least}{more}, in {worst.model}"
-        kept = f"{safe} (least {least}, {self.models})"
+        kept = f"{safe} (minimum {least}, {self.models})"
         doubt = f"not shown: {safe}, {self.doubt}" if self.doubt else ""
         yield Asked(kept, f"not {safe} in {self.where}: {met}", self.safe, worst.ratio, "drift", doubt)
 
@@ -167,7 +167,7 @@ def beyond_hill(scenario: Scenario, result: StageResult[Any, Any], found: Passiv
     if any(limits.values()):
         why = " and ".join(reason for reason, applies in limits.items() if applies)
         model = "with the model error" if field is None else f"in {described(field)}"
-        return replace(found, doubt=f"not judged {model}, as {why}")
+        return replace(found, doubt=f"not assessed {model}, because {why}")
     also = {pair.failed_at for pair in found.pairs if not isnan(pair.failed_at)}
     held = np.array([does_thrust(paths[k]) or scenario.flights is not None for k in range(len(paths))])
     held &= np.array([craft.engine for craft in scenario.craft])

@@ -72,7 +72,7 @@ class Entered:
         else:
             kept = f"no zone is entered in {self.many}"
             broken = f"zones are entered in {self.count} of {self.many}"
-        least = f", least {self.least:.4f} x zone"
+        least = f", minimum {self.least:.4f} x zone"
         return Asked(kept + least, broken + least, self.clear, self.least - 1.0, "flight")
 
     @property
@@ -86,7 +86,7 @@ class Entered:
             else f"violated: zones are entered in {self.count} of"
         )
         likely = str(estimate(self.count, self.flights)) if self.uncertain else "nothing is uncertain"
-        return f"{found} {self.many} ({likely}), least {self.least:.4f} x zone"
+        return f"{found} {self.many} ({likely}), minimum {self.least:.4f} x zone"
 
     def __str__(self) -> str:
         if self.exceeded is None:

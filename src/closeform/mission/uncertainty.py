@@ -124,7 +124,7 @@ def fewest(pair: UncertainPair | None) -> str:
         return "nothing is uncertain"
     if pair.sigmas == inf:
         return "no error of any size brings two craft together"
-    return f"least {pair.sigmas:.3g} sigma, {pair.first} - {pair.second} at {pair.time:.1f} s"
+    return f"minimum {pair.sigmas:.3g} sigma, {pair.first} - {pair.second} at {pair.time:.1f} s"
 
 
 def radius(pair: UncertainPair) -> float | None:

@@ -169,7 +169,7 @@ class Margin:
 
     def __str__(self) -> str:
         words = f"margin {self.distance:.1f} m ({'-'.join(self.pair)})"
-        error = f"model error {metres(self.expected)} (95 %: {metres(self.unlikely)})"
+        error = f"model error (median {metres(self.expected)}, 95th percentile {metres(self.unlikely)})"
         if not self.exceeded:
             return f"{words}, {error}"
         exceeds = "exceeds it" if self.expected > self.distance else "can exceed it"
@@ -221,7 +221,7 @@ class LostThrust:
         elif self.ratio < 1.0:
             drifts = f"drifts into the zone of {self.other}, to {self.ratio:.4f} of it"
         else:
-            drifts = f"drifts clear of all, least {self.ratio:.4f} x zone of {self.other}"
+            drifts = f"drifts clear of all, minimum {self.ratio:.4f} x zone of {self.other}"
         return Asked("", f"{words} and {drifts}", False, 0.0, f"thrust of {self.craft}")
 
 
@@ -349,7 +349,7 @@ class Verdict:
         if self.ok:
             model = f" in {self.model}" * bool(self.model)
             if self.predicted is not None:
-                model += f" and as predicted in {self.field}, least {self.predicted:.4f} x zone"
+                model += f" and as predicted in {self.field}, minimum {self.predicted:.4f} x zone"
             return f"clear{model}: {('; ' if self.doubts else ', ').join(self.found)}"
         return "; ".join(self.unmet)
 
@@ -376,12 +376,12 @@ class Verdict:
             remain = f"remain{'s' * (self.conflicts == 1)}{self.at}"
             yield f"{conflicts_of(self.conflicts, self.pairs)} {remain}"
         if self.enters:
-            least = f"least {self.predicted:.4f} x zone in {self.field}"
+            least = f"minimum {self.predicted:.4f} x zone in {self.field}"
             yield f"clear as planned, not as predicted in the field: {least}"
         if self.exceeded:
             yield f"limits are not kept: {beyond(self.exceeded)}"
         if self.late:
-            yield f"later than asked: {', '.join(map(str, self.late))}"
+            yield f"later than requested: {', '.join(map(str, self.late))}"
         yield from (one.broken for one in self.asked if not one.met)
         if self.strict:
             yield from self.doubts

@@ -103,7 +103,7 @@ def climb(n, duration, g, scale, c, low, e, limit, gained, hessian):
 def sharpen(n, duration, g, scale, c, limit, spent, gained, hessian, proof):
     """Follow the optimum from the start `c` of minimum energy to that of minimum delta-v as e falls.
 
-    Returns DONE or STUCK, the final e (0 where thrust is full or zero), a lower bound of delta-v, and the
+    Returns DONE or STUCK, the final e (0 where thrust is full or zero), a lower bound on delta-v, and the
     integral of |u|. `proof` (6,) receives the start of the primer that proves the bound.
     """
     kept, slope = stack_vector(6), stack_vector(6)
@@ -147,7 +147,7 @@ def sharpen(n, duration, g, scale, c, limit, spent, gained, hessian, proof):
 
 @kernel()
 def least_limit(n, duration, g, scale, c, least, close):
-    """Return bounds of the smallest feasible thrust limit, below and above, relatively `close` to each other.
+    """Return bounds on the smallest feasible thrust limit, below and above, relatively `close` to each other.
 
     On entry `c` proves by theory (33) that the limit exceeds `least`; on return `c` proves the lower bound.
     """

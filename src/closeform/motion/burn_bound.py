@@ -1,4 +1,4 @@
-"""Lower bound of the delta-v of burns under a thrust limit, from nearly optimal primers."""
+"""Lower bound on the delta-v of burns under a thrust limit, from nearly optimal primers."""
 
 from math import inf
 
@@ -16,7 +16,7 @@ GENTLE = 1e-6  # share of Newton's matrix that is added as damping at first
 
 @kernel(float64(float64, float64, float64[::1], float64, float64[:, ::1], float64[::1]))
 def prove_burns(n, duration, g, limit, starts, proof):
-    """Return the largest lower bound of delta-v under a thrust limit that the primer starts (K, 6) prove.
+    """Return the largest lower bound on delta-v under a thrust limit that the primer starts (K, 6) prove.
 
     `g` (6,) is the required change; `proof` (6,) receives the start that proves the bound. # theory (32)
     """

@@ -131,7 +131,7 @@ def relative_state(q, order, n, t):
 
 @kernel()
 def bound(q, order, n, h, axis):
-    """Return upper bounds of |acceleration| and |velocity| along one axis over [0, h]."""
+    """Return upper bounds on |acceleration| and |velocity| along one axis over [0, h]."""
     b = abs(q[2, axis])
     c = abs(q[3, axis])
     if order == 4:

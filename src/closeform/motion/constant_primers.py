@@ -1,4 +1,4 @@
-"""Primers of constant length: a lower bound of delta-v in closed form.
+"""Primers of constant length: a lower bound on delta-v in closed form.
 
 The bound is exact for a third of transfers of up to three orbits.
 
@@ -52,7 +52,7 @@ def constant_primer(n, g, c):
 
 @kernel(void(float64, float64[:, ::1], float64[:, ::1], float64[::1]))
 def constant_bounds(n: float, arcs: Floats, finals: Floats, out: Floats) -> None:
-    """Fill `out` (P,) with lower bounds of delta-v [m/s]; in deep space the norm of the velocity change."""
+    """Fill `out` (P,) with lower bounds on delta-v [m/s]; in deep space the norm of the velocity change."""
     g, c = stack_vector(6), stack_vector(6)
     for p in range(len(out)):
         gained(n, arcs[p], finals[p], g)

@@ -63,7 +63,7 @@ class Program:
         return values, rates
 
     def highest(self, c: Floats) -> tuple[float, Floats]:
-        """Return a certified bound of d_i . p, and the times between grid times where it is highest."""
+        """Return a certified bound on max d_i . p, and the times of its maxima between grid times."""
         fourth = self.fourth(c)
         count = int(FINE_PER_TURN * self.n / (2 * np.pi) + (fourth / (384.0 * BETWEEN)) ** 0.25) + 3
         times, h = np.linspace(0.0, 1.0, count, retstep=True)
@@ -83,7 +83,7 @@ class Program:
         return float(tops.max() + fourth * h**4 / 384.0), added
 
     def fourth(self, c: Floats) -> float:
-        """Return a bound of the fourth derivative of d . p along the transfer."""
+        """Return a bound on the fourth derivative of d . p along the transfer."""
         n, (x, _, z, vx, vy, vz) = self.n, c
         second = np.array([3 * n * n * x + 2 * n * vy, -2 * n * vx, -n * n * z])
         third = np.array([3 * n * n * vx + 2 * n * second[1], -2 * n * second[0], -n * n * vz])
@@ -141,7 +141,7 @@ class Program:
 
 
 class OutOfReach(Exception):
-    """No firing makes a transfer; the argument says why."""
+    """No firing makes a transfer; the argument states why."""
 
 
 def answers_of(

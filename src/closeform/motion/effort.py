@@ -121,7 +121,7 @@ def arc_energy(arc, n, stack):
 
 @kernel()
 def arc_peak(arc, n, q):
-    """Return the greatest thrust along an arc, which is natural motion, or a cubic if interpolated."""
+    """Return the largest thrust along an arc, which is natural motion, or a cubic if interpolated."""
     duration = arc[END] - arc[START]
     q[:] = 0.0
     ux, uy, uz, wx, wy, wz = primer_at(arc, arc[START])

@@ -90,7 +90,7 @@ def local_extremum(shape, faces, q, order, n, t, stop, s, sign):
 
 @kernel()
 def jerk_bound(q, n, h):
-    """Return an upper bound of the length of the third derivative of an arc of order 4 over [0, h]."""
+    """Return an upper bound on the length of the third derivative of an arc of order 4 over [0, h]."""
     square = 0.0
     for axis in range(3):
         b, c = n * q[2, axis], abs(q[3, axis])
@@ -241,7 +241,7 @@ def step_on(q, n, t, transforms):
 
 @kernel()
 def maximum_norm(q, n, stop):
-    """Return the greatest Euclidean norm over [0, stop] of an arc of order 4; overwrites `q`."""
+    """Return the largest Euclidean norm over [0, stop] of an arc of order 4; overwrites `q`."""
     best, faces = 0.0, q[:0]
     for k in range(9):  # a norm to start from, even where it is zero at both ends
         x, y, z, _, _, _ = relative_state(q, 4, n, stop * (0.125 * k) ** 1.1)
@@ -261,7 +261,7 @@ def maximum_norm(q, n, stop):
 
 @kernel()
 def march_maximum(q, n, t, stop, patience, best):
-    """March at most `patience` steps from t to `stop`; return the time reached and the greatest norm."""
+    """March at most `patience` steps from t to `stop`; return the time reached and the largest norm."""
     ax, ay, az, a, speed = bounds(q, 4, n, stop)
     for _ in range(patience):
         x, y, z, vx, vy, vz = relative_state(q, 4, n, t)

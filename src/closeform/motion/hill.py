@@ -12,7 +12,7 @@ and thrust rate.  All formulas are built from the inverse Laplace transforms
     P_m = 1/(s^m (s^2 + n^2)),    Q_m = 1/(s^m (s^2 + n^2)^2)
 
 which are smooth at n = 0 (P_m -> t^(m+1)/(m+1)!, Q_m -> t^(m+3)/(m+3)!) and appear only with
-non-negative powers of n: no digit is lost as n t -> 0, and n = 0 is no special case.
+non-negative powers of n: no digit is lost as n t -> 0, and n = 0 is not a special case.
 """
 
 from math import cos, sin

@@ -1,4 +1,4 @@
-"""Minimum-delta-v impulses: at most six, with a certified lower bound of the cost of any plan.
+"""Minimum-delta-v impulses: at most six, with a certified lower bound on the cost of any plan.
 
 The maximum of (27), g . c over primers with |p| <= 1, equals the minimum sum of |v_k|: the problem is
 convex, with six unknowns for any number of times.                                               # theory (29)
@@ -7,7 +7,7 @@ A primer of constant length is tried first (28).  If it is optimal, every instan
 plans have the same cost, and nonnegative weights choose one.  Otherwise a barrier on a grid of times finds
 an approximation, and Newton's method converges on the local maxima (`reduced`).  Where that stalls the maxima
 are added to the grid and the barrier continues.  Every answer has a certified lower bound, g . c over the
-greatest |p|, and the cost of a plan that ends in its final state: the gap between them is valid however the
+largest |p|, and the cost of a plan that ends in its final state: the gap between them is valid however the
 plan was found.
 
 Here time runs from 0 to 1, lengths are divided by the duration, and n is the angle in a duration.
@@ -231,7 +231,7 @@ def longest_turn(mean_motion: float, arcs: Floats) -> float:
 
 
 def at_both_ends(arcs: Floats, finals: Floats, answers: Floats) -> None:
-    """Fill `answers` in deep space: p is linear, |p| greatest at an end, two impulses are optimal."""
+    """Fill `answers` in deep space: p is linear, |p| largest at an end, two impulses are optimal."""
     t, states = (arcs[:, END] - arcs[:, START])[:, None], arcs[:, STATE : STATE + 6]
     last = (states[:, :3] - finals[:, :3]) / t + finals[:, 3:]
     pushes = np.stack([finals[:, 3:] - states[:, 3:] - last, last], axis=1)

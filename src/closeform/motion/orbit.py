@@ -216,11 +216,11 @@ class Orbit(CircularOrbit):
         ------
         ValueError
             If a duration is not positive or too long, shapes do not fit, a number is not finite, or the
-            thrusters cannot make a transfer (the message says why).
+            thrusters cannot make a transfer (the message states why).
 
         Notes
         -----
-        `least_delta_v` reports the certified bound of the cost. If several plans have the same cost, the
+        `least_delta_v` reports the certified bound on the cost. If several plans have the same cost, the
         result is one of them. In deep space it equals `two_impulse`; between states of one natural motion
         there is no impulse.
 

@@ -216,7 +216,7 @@ class Path(Result):
 
     @property
     def peak_thrust(self) -> Any:
-        """Greatest |thrust| [m/s^2] without impulses, to a relative 1e-9, of the path's shape."""
+        """Largest |thrust| [m/s^2] without impulses, to a relative 1e-9, of the path's shape."""
         return self._shaped(self._total(PEAK))
 
     @property

@@ -8,8 +8,8 @@ By weak duality any thrust u and impulses v_k that make a transfer obey
 
     g . c = integral of p . u dt + sum of p(t_k) . v_k                                           # theory (27)
 
-with g linear in the required change of state.  So |p| <= 1 throughout makes g . c a lower bound of delta-v,
-and only the greatest |p| has to be certified.  It is found piece by piece: on each the Taylor
+with g linear in the required change of state.  So |p| <= 1 throughout makes g . c a lower bound on delta-v,
+and only the largest |p| has to be certified.  It is found piece by piece: on each the Taylor
 series of |p|^2 with its remainder shows that |p| stays below a level, has no maximum inside, is
 concave and has one, or is constant up to rounding.
 """
@@ -101,9 +101,9 @@ def square_at(n, c, t):
 
 @kernel()
 def series(n, c, t, h, p, sizes, f):
-    """Fill `f` (9,): |p|^2 = f_0 + f_1 s + ... at time t + h s; return a bound of the remainder for |s| <= 1.
+    """Fill `f` (9,): |p|^2 = f_0 + f_1 s + ... at time t + h s; return a bound on the remainder for |s| <= 1.
 
-    `p` (9, 3) is work space for the terms of p, `sizes` (10,) for bounds of its derivatives in the piece.
+    `p` (9, 3) is work space for the terms of p, `sizes` (10,) for bounds on its derivatives in the piece.
     """
     x, y, z, vx, vy, vz = coast(n, t, c[0], c[1], c[2], c[3], c[4], c[5])
     for k in range(4):
@@ -156,7 +156,7 @@ def kind_of(f, rest, floor):
     if 2.0 * f[2] + bend < 0.0:
         return CONCAVE, high
     if 2.0 * f[2] - bend > 0.0 or abs(f[1]) > slope + 2.0 * abs(f[2]):
-        return SMOOTH, high  # convex or monotone: greatest at its ends
+        return SMOOTH, high  # convex or monotone: largest at its ends
     return (LEVEL if change <= FLAT * f[0] else UNCLEAR), high
 
 
@@ -204,7 +204,7 @@ def keep(times, squares, count, t, square):
 def peaks(n, duration, c, level, times, squares):
     """Find the local maxima of |p| over [0, duration] that reach `level`, in order of time, ends included.
 
-    Returns their number, and a certified bound of |p|^2 over the duration, at least `level`^2. `times` and
+    Returns their number, and a certified bound on |p|^2 over the duration, at least `level`^2. `times` and
     `squares` receive times and |p|^2; where they are too short, the highest are kept.
     """
     p, sizes, f = stack_matrix(9, 3), stack_vector(10), stack_vector(9)
@@ -228,7 +228,7 @@ def peaks(n, duration, c, level, times, squares):
             continue
         if kind == CONCAVE:
             when, value, slope = top(n, c, t, end)
-            short = abs(slope) * (end - t)  # bound of the excess over `value`
+            short = abs(slope) * (end - t)  # bound on the excess over `value`
             if t < when < end or (short <= 1e-14 * value and 0.0 < when < duration):
                 highest = max(highest, 2.0 * (value + short))
                 if 2.0 * value >= floor:

@@ -149,7 +149,7 @@ def add_curvature(n, t, metric, y, c, weight, curvature):
 
 @kernel()
 def independent(columns, squares, size, highest, active):
-    """Return True if the columns where |p| is greatest are independent, so that the plan is unique."""
+    """Return True if the columns where |p| is largest are independent, so that the plan is unique."""
     gram, whole, count = stack_matrix(MOST, MOST), stack_vector(MOST), 0
     for k in range(size):
         if squares[k] >= (1.0 - TOUCHES) * highest:

@@ -40,7 +40,7 @@ def roe_from_elements(chief: ArrayLike, deputy: ArrayLike) -> Floats:
     ------
     ValueError
         If sin i of the chief is below 1e-6, as the node is then noise (use Palmer's coordinates there),
-        an orbit is no ellipse, shapes do not fit, or a value is not finite.
+        an orbit is not an ellipse, shapes do not fit, or a value is not finite.
 
     Notes
     -----

@@ -242,9 +242,9 @@ def limit_thrust(n, arcs, finals, limits, sparing, rows, offsets, facts):
 
     `arcs` (P, 30) are the optima without a limit, to `finals` (P, 6); `sparing` minimises delta-v instead of
     energy. `offsets` (P + 1,) receives the index of each path's first arc; after a path that is not POSSIBLE,
-    or finds no space, offsets stay negative. `facts` (P, 10) receives for each transfer: a lower bound of the
+    or finds no space, offsets stay negative. `facts` (P, 10) receives for each transfer: a lower bound on the
     smallest feasible limit if that exceeds the given one (else POSSIBLE or UNDECIDED), a sufficient limit, a
-    lower bound of the cost, the cost, and the start of a primer that proves the bound.
+    lower bound on the cost, the cost, and the start of a primer that proves the bound.
     """
     arcs, finals, rows = borrowed(arcs), borrowed(finals), borrowed(rows)
     g, scale, c = stack_vector(6), stack_vector(6), stack_vector(6)

@@ -81,7 +81,7 @@ def _brief(n: float, arcs: Floats, limits: Floats) -> Any:
     energies = np.empty(len(arcs))
     totals(arcs, np.arange(len(arcs) + 1), n, ENERGY, energies)
     duration = arcs[:, END] - arcs[:, START]
-    most = np.sqrt(2.0 * energies * duration)  # bound of the delta-v
+    most = np.sqrt(2.0 * energies * duration)  # bound on the delta-v
     return (most > 0.0) & (most / duration < BRIEF * limits)
 
 

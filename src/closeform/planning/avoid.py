@@ -98,7 +98,7 @@ def avoid(
     thrusters : Thrusters, optional
         Thrusters of the craft.  They require cost "delta-v", which is then summed over the thrusters: two
         that fire at once both count.  A clear path is replanned for them.  No impulse is below `minimum_bit`
-        where such a path is found; otherwise the reason says so.  With `drift` and a given
+        where such a path is found; otherwise the reason states it.  With `drift` and a given
         acceleration, a plan around zones consists of pulses, none below `minimum_bit`.  Cannot be combined
         with `max_acceleration`.
     drift : float [s], optional
@@ -121,7 +121,7 @@ def avoid(
     Returns
     -------
     Avoidance
-        The path with a certified lower bound of its cost.
+        The path with a certified lower bound on its cost.
 
     Raises
     ------

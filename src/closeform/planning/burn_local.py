@@ -195,7 +195,7 @@ class BurnSolver(ImpulseSolver):
         return following
 
     def cut(self, i: int, burns: Floats) -> Floats:
-        """Return the edges (J + 1,) of a craft's slots, refined in and beside its `burns` (B, 2)."""
+        """Return the edges (J + 1,) of a craft's slots, refined in and near its `burns` (B, 2)."""
         whole, brief = self.times[i], BRIEFEST * self.times[i]
         first, last = self.edges[i][[0, -1]]
         fine = self.fine(i)

@@ -1,4 +1,4 @@
-"""Certified lower bound of the energy of clear plans beyond the unconstrained optima.
+"""Certified lower bound on the energy of clear plans beyond the unconstrained optima.
 
 Let q_r be linear functions of the deviation of all paths: `places` without it, and `gram` = G the Gram
 matrix of the kernel (12) between them.  For any pairs and times, every clear plan satisfies
@@ -205,7 +205,7 @@ def begin(places, gram, offsets, floors, multipliers, roots, aims, inverse):
     )
 )
 def dual_bound(places, gram, offsets, floors, enough, tolerance, multipliers, forces):
-    """Return a certified bound of the extra energy, maximised until it reaches `enough` or cannot.
+    """Return a certified bound on the extra energy, maximised until it reaches `enough` or cannot.
 
     Its accuracy is `tolerance`, relative to the bound or to what is missing to `enough`.  G must not vanish.
 

@@ -1,7 +1,7 @@
 """Impulses of thrusters that are each zero or at least the minimum impulse bit.
 
 A plan of minimum delta-v may contain impulses that its thrusters cannot give.  Without them the path ends
-elsewhere.  A mixed-integer linear program finds the sizes of one spacecraft's impulses anew:
+elsewhere.  A mixed-integer linear program recomputes the sizes of one spacecraft's impulses:
 
     minimise sum v_j   subject to   sum e_j v_j = w,   sum f_kj v_j >= h_k,   v_j = 0 or v_j >= bit_j
 
@@ -24,7 +24,7 @@ from closeform.planning.impulse_local import ImpulseSolver
 from closeform.planning.impulse_scene import Planes
 
 ROUNDS = 6  # planning rounds while the new impulses cause a conflict; two or three are enough
-LARGEST = 4.0  # times the delta-v and the bit, the upper bound of an impulse: a tight one shortens the search
+LARGEST = 4.0  # times the delta-v and the bit, the upper bound on an impulse: a tight one shortens the search
 OPTIONS = {"node_limit": 50, "mip_rel_gap": 5e-3}  # about a second; more nodes rarely find less
 SPARE = 1.001  # times the bit: constraints hold to 1e-6, and the repair of the ends changes sizes
 OPPOSED = -1.0 + 1e-9  # cosine of the angle between two thrusters that push against each other, at most

@@ -52,7 +52,7 @@ def cleared(
 ) -> Spent | None:
     """Return clear paths that arrive, reached by steps from nearly clear ones at their moments; else None.
 
-    With `moments`, each step is fired at these moments of the paths before.
+    If `moments` is given, each step fires at the moments that it returns for the previous paths.
     """
     here: Spent | None = near
     for _ in range(COMING):

@@ -64,7 +64,7 @@ def shaped(
 def refused(
     problem: Problem, status: Status, reason: str, tried: int = 0, least: float | None = None
 ) -> Avoidance:
-    """Return an avoidance without a path; `least` is the lower bound of delta-v [m/s], if minimised."""
+    """Return an avoidance without a path; `least` is the lower bound on delta-v [m/s], if minimised."""
     none = Avoidance(None, nan, nan, nan, nan, (), status, reason, tried=tried)
     none = replace(none, drift=problem.drift, sigmas=problem.sigmas)
     if least is not None:

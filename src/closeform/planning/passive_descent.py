@@ -50,7 +50,7 @@ def settled(rounds: Rounds, safe: Relaxed) -> Relaxed:
 
 
 def held(rounds: Rounds, arcs: Floats, offsets: Any, known: Contacts, farther: float = 0.0) -> Relaxed:
-    """Return the safe paths of minimum energy for the planes of some paths and `known` ones.
+    """Return the safe paths of minimum energy for the planes of the given paths and `known` ones.
 
     Planes are raised by `farther` zones beyond the shortfall.
     """
@@ -75,7 +75,7 @@ def kept(
     bar: float = inf,
     most: int = 1,
 ) -> tuple[Contacts, float, float]:
-    """Return planes of some paths that keep all failures outside, their energy, and the shortfall left.
+    """Return planes of the given paths that keep all failures outside, their energy, and the shortfall left.
 
     The energy is inf for incompatible planes, above the `bar`, or for too many planes: `most` times the usual
     number.

@@ -170,7 +170,7 @@ class Rounds:
         return press_in(scene or self.scene, planes, lift, give, stride, most)
 
     def failures(self, arcs: Floats, offsets: Any, known: Contacts) -> tuple[Contacts, float]:
-        """Return planes at close approaches of failed craft of some paths, and the largest shortfall.
+        """Return planes at close approaches of failed craft of the given paths, and the largest shortfall.
 
         They are sampled failures, closest approaches near these and the `known` contacts, and the previous
         places of the known contacts.
@@ -184,7 +184,7 @@ class Rounds:
         return both.some(self.once(both)).joined(fresh), max(1.0 - nearest, 0.0)
 
     def inside(self, arcs: Floats, offsets: Any, known: Contacts) -> tuple[Contacts, float]:
-        """Return the failures of some paths inside zones, without duplicates, and the largest shortfall.
+        """Return the failures of the given paths inside zones, without duplicates, and the largest shortfall.
 
         They are the closest approaches near sampled failures and the `known` contacts.
         """
@@ -194,7 +194,7 @@ class Rounds:
         return found.some(self.once(found)), max(1.0 - float(ratios.min(initial=inf)), 0.0)
 
     def turned(self, arcs: Floats, offsets: Any, contacts: Contacts) -> Contacts:
-        """Return contacts with the normals of some paths, and without force."""
+        """Return contacts with the normals of the given paths, and without force."""
         _, turned, _ = self.slid(arcs, offsets, contacts)
         return turned._replace(multipliers=np.zeros(turned.number))
 

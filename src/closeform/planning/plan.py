@@ -103,7 +103,7 @@ class ThrustShortfall(Result):
     first : float [m/s^2]
         Peak thrust for the first duration.
     proven : float [m/s^2]
-        Proven lower bound of the thrust needed in the last duration tried; 0 without a proof.
+        Proven lower bound on the thrust needed in the last duration tried; 0 without a proof.
     """
 
     craft: int
@@ -187,13 +187,13 @@ class Avoidance(Costed):
         Delta-v of the path; nan where not ok.  With thrusters it is the sum over all thrusters, which exceeds
         the path's own where several fire at once, because the path's impulses are vector sums.
     lower_bound : float [m^2/s^3, or m/s of delta-v]
-        Certified lower bound of the cost of every clear path between these states and times.
+        Certified lower bound on the cost of every clear path between these states and times.
     contacts : tuple of Contact
         Contacts in order of time; the craft is 0, obstacle k is k + 1.
     status : Status
         Outcome of planning.
     reason : str
-        Outcome in words.
+        Outcome as text.
     clearance_ratio : float, no unit
         Factor by which the zones were enlarged for planning.
     proven : bool
@@ -257,21 +257,21 @@ class Plan(Costed):
     slots : array of int of shape (N,)
         Index of each craft's final state.
     starts, durations : array of shape (N,) [s]
-        Planned values, which differ from the requested ones where `measures` says so.
+        Planned values, which differ from the requested ones where `measures` states it.
     energy : float [m^2/s^3]
         Control energy of all craft, half the integral of the squared thrust acceleration; nan where not ok.
     delta_v : float [m/s]
         Delta-v of all craft; nan where not ok.  With thrusters it is the sum over all thrusters, as for an
         `Avoidance`.
     lower_bound : float [m^2/s^3, or m/s of delta-v]
-        Certified lower bound of the cost of every clear plan over these times and, where craft were assigned
+        Certified lower bound on the cost of every clear plan over these times and, where craft were assigned
         to slots, of every other assignment.
     contacts : tuple of Contact
         Contacts in order of time.
     status : Status
         Outcome of planning.
     reason : str
-        Outcome in words.
+        Outcome as text.
     blocked : tuple of int, or None
         The two craft whose conflict could not be resolved; N + k for obstacle k.
     measures : tuple of str

@@ -51,7 +51,7 @@ class Outcome:
 
     @property
     def unfireable(self) -> str:
-        """Return in words how many impulses are below the minimum bit, empty without any."""
+        """Return as text how many impulses are below the minimum bit, empty without any."""
         count = self.below_bit
         return f"; no plan found without the {count} impulses below minimum_bit" if count else ""
 

@@ -42,7 +42,7 @@ def share_along(n, t, c, spin, angle, d):
 
 @kernel()
 def fourth_derivative(n, duration, c, spin):
-    """Return a bound of the fourth derivative of d . p, for any unit vector d that rotates by `spin`."""
+    """Return a bound on the fourth derivative of d . p, for any unit vector d that rotates by `spin`."""
     ax, ay, az = acceleration(n, c[0], c[2], c[3], c[4])
     jx, jy, jz = acceleration(n, c[3], c[5], ax, ay)
     a, b = sqrt(ax * ax + ay * ay + az * az), sqrt(jx * jx + jy * jy + jz * jz)
@@ -57,7 +57,7 @@ def fourth_derivative(n, duration, c, spin):
 def peaks_along(n, duration, c, spin, angle, d, level, instants):
     """Fill `instants` with local maxima of d . p over [0, duration] of at least `level`.
 
-    Returns their number, and a certified bound of d . p: between samples h apart it differs from the cubic of
+    Returns their number, and a certified bound on d . p: between samples h apart it differs from the cubic of
     its values and rates by at most h^4/384 of its fourth derivative.
     """
     rest = fourth_derivative(n, duration, c, spin) * duration**4 / 384.0
@@ -91,7 +91,7 @@ def peaks_along(n, duration, c, spin, angle, d, level, instants):
 def find_peaks(fleet, planes, dual, level, times, which, counts):
     """Fill the times and directions of local maxima above `level` of each craft's |p|, or d . p of thrusters.
 
-    They are filled in `times` (N, M) and `which` (N, M).  Returns a certified bound of the largest, at least
+    They are filled in `times` (N, M) and `which` (N, M).  Returns a certified bound on the largest, at least
     `level`: divided by it, the dual point is feasible at all times.
     """
     room, number = times.shape[1], len(planes.times)

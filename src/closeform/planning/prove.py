@@ -42,7 +42,7 @@ STARTS = 50  # nodes for each start that is solved
 
 @dataclass(frozen=True, eq=False)
 class Proof:
-    """Certified lower bound of the energy beyond the unconstrained optima [m^2/s^3].
+    """Certified lower bound on the energy beyond the unconstrained optima [m^2/s^3].
 
     `better` is a plan of lower cost, if one was found on the way.
     """
@@ -116,8 +116,8 @@ def closeness(spent: float, bound: float, cost: Cost = "energy", limited: bool =
     if is_proven(spent, bound):
         return f"proven minimum {of} these ends and times"
     if not bound > 0.0:
-        return f"beside a {cost} of 0 where nothing is in the way"
-    return f"at most {100.0 * gap(spent, bound):.2g} % above the least {of} these ends and times"
+        return f"compared with a {cost} of 0 where nothing is in the way"
+    return f"at most {100.0 * gap(spent, bound):.2g} % above the minimum {of} these ends and times"
 
 
 class _Search:
@@ -211,7 +211,7 @@ class _Search:
 
 
 def _bound(problem: Problem, contacts: Sequence[Contact], energy: float | None = None) -> float:
-    """Return the dual bound of some contacts; `energy` is that of their multipliers, if known."""
+    """Return the dual bound of the given contacts; `energy` is that of their multipliers, if known."""
     samples = _samples(problem, contacts)
     if not samples.gram.diagonal().max() > 0.0:  # contacts at the ends of their craft's time
         return 0.0

@@ -124,7 +124,7 @@ def reconfigure(
     thrusters : Thrusters, or sequence of Thrusters or None, optional
         Thrusters of all spacecraft, or of each (None: thrust in any direction).  They require cost "delta-v",
         which is then summed over the thrusters: two that fire at once both count.  No impulse is below
-        `minimum_bit` where such a plan is found; otherwise the reason says so.  With `drift` and a given
+        `minimum_bit` where such a plan is found; otherwise the reason states it.  With `drift` and a given
         acceleration of all thrusters, a plan around zones consists of pulses, none below `minimum_bit`.  For
         these spacecraft `max_acceleration` must be inf.
     drift : float [s], optional
@@ -145,7 +145,7 @@ def reconfigure(
     Returns
     -------
     Plan
-        The plan with a certified lower bound of its cost.  Its `status` is the outcome.
+        The plan with a certified lower bound on its cost.  Its `status` is the outcome.
 
     Raises
     ------

@@ -82,7 +82,8 @@ class Request:
             )
         if not assign and len(places) != count:
             raise ValueError(
-                f"final: {len(places)} states for {count} craft; give one for each, or assign=True for more"
+                f"final: {len(places)} states for {count} craft; give one for each, or pass assign=True if "
+                "there are more states than craft"
             )
         others = obstacle_batch(orbit, obstacles)
         extra = len(others) if others is not None else 0

@@ -19,7 +19,7 @@ ROUGH = 0.02  # accuracy of a plan's bound, of the bound or of what it lacks
 
 
 class Answer(NamedTuple):
-    """Bound of the extra energy [m^2/s^3], and the minimum of its Lagrangian.
+    """Bound on the extra energy [m^2/s^3], and the minimum of its Lagrangian.
 
     `forces` and `reached` places (K, 3) of the samples are in zone coordinates.  `short` (K,) is the gain
     of the bound, to first order, if the place were on the surface of its zone instead of inside.

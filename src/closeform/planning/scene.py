@@ -69,7 +69,7 @@ class Contacts(NamedTuple):
         return Contacts(*(column[:count].copy() for column in self))
 
     def some(self, chosen: Any) -> "Contacts":
-        """Return the contacts of a mask or of indices."""
+        """Return the contacts selected by a mask or by indices."""
         return Contacts(*(np.ascontiguousarray(column[chosen]) for column in self))
 
     def joined(self, other: "Contacts") -> "Contacts":

@@ -25,7 +25,7 @@ PARTS = 24  # of an orbit, in deep space of the duration: grid of drifts and wai
 SHARES = np.linspace(0.0, 1.0, 65)  # of an interrupted impulse; with fewer, plans that fail the proof pass
 CHUNK = 256  # plans sampled at a time
 HOPS = 100  # maximum plans without a sampled conflict to certify
-MISSED = 1e-9  # of the positions and drift distances: larger misses are no solution
+MISSED = 1e-9  # of the positions and drift distances: larger misses are not a solution
 
 
 def two_impulse_plans(problem: Problem) -> Iterator[tuple[Floats, Floats]]:

@@ -41,7 +41,7 @@ MOST = 40  # maximum number of intervals
 class Curve:
     """Line (T,), or family of pale lines (S, T), at `times` (T,) [s].
 
-    A `dot` (time, value) marks the exact extreme, with its `name` beside it.
+    A `dot` (time, value) marks the exact extreme, with its `name` next to it.
     """
 
     times: Floats
@@ -149,7 +149,7 @@ def scaled(axes: Axes, panel: Panel) -> None:
 class Spans:
     """K results: a `height` (K,) at a `time` (K,) [s], each lasting from `start` to `end` (K,) [s].
 
-    `called` returns the label of a result, drawn beside the smallest ones. `what` is the label of the height
+    `called` returns the label of a result, drawn next to the smallest ones. `what` is the label of the height
     axis. Below `edge` is a zone.
     """
 

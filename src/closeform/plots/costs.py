@@ -80,7 +80,7 @@ class ContactTerms:
         return len(self.times)
 
     def __call__(self, times: Floats) -> Floats:
-        """Return the sum (T, 3) of the contributions of all later contacts at some times [s]."""
+        """Return the sum (T, 3) of the contributions of all later contacts at given times [s]."""
         ahead = self.times - np.asarray(times)[:, None]
         moves = self.orbit.transition(-ahead)[..., :3, 3:]
         felt = np.where(ahead > 0.0, 1.0, 0.0)[..., None] * -np.einsum("tkij,kj->tki", moves, self.pushes)
@@ -115,7 +115,7 @@ class Primer:
         return cls(path.start, scale * found[0], contacts)
 
     def __call__(self, times: Floats) -> Floats:
-        """Return the primer p (T, 3) at some times [s]."""
+        """Return the primer p (T, 3) at given times [s]."""
         return positions(self.contacts.orbit, times - self.start) @ self.first + self.contacts(times)
 
     def heights(self, times: Floats) -> Floats:

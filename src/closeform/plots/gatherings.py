@@ -159,7 +159,7 @@ def clock_text(time: float) -> str:
 
 
 class ConeArt:
-    """Sensor cones and shades of some spacecraft, as artists that move."""
+    """Sensor cones and shades of the given spacecraft, as artists that move."""
 
     def __init__(self, axes: Axes, camera: Camera, width: float) -> None:
         self.camera = camera

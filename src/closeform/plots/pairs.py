@@ -19,7 +19,7 @@ from closeform.zones.made_table import NONE
 from closeform.zones.pair_zones import by_zone, pair_zones
 from closeform.zones.zone import Zone
 
-SURE = 1e-8  # above 1: numerical tolerance of a minimum ratio; larger ratios are no conflict
+SURE = 1e-8  # above 1: numerical tolerance of a minimum ratio; larger ratios are not a conflict
 TOUCH = 1e-6  # above 1: tolerance for a pair on the keep-out boundary
 
 

@@ -188,7 +188,7 @@ def _avoidance(result: Any) -> Paths:
 
 def _plan(result: Any) -> Paths:
     if result.paths is None:
-        raise ValueError(f"result: a plan without paths, {result.reason}; plot its direct")
+        raise ValueError(f"result: the plan has no paths ({result.reason}); plot result.direct instead")
     return Paths(result.direct, result.paths)
 
 

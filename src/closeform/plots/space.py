@@ -35,7 +35,7 @@ ROMAN = {1: "I", 2: "II", 3: "III", 4: "IV"}  # regions of the complementary con
 SUNWARD = np.array([0.0, 0.0, -1.0])  # Sun direction in deep space, as in searches
 FLAT = np.array([0.2, 0.3, 0.33])  # of the longest side: minimum extent shown along each axis
 WIDE, TALL = 9.0, 6.8  # inches: maximum width and height of all planes of a figure
-FRAME = np.array([1.7, 2.4])  # inches: room beside and above the planes for labels, headline and legend
+FRAME = np.array([1.7, 2.4])  # inches: room next to and above the planes for labels, headline and legend
 ALONG = 0.35  # of the length of a track: place of its arrow; tracks that swap places cross in the middle
 SHORT = 0.04  # of the width of the axes: shorter tracks have no arrow
 
@@ -100,7 +100,7 @@ class Track:
 
 @dataclass(frozen=True, eq=False)
 class Mark:
-    """Mark at a `point` (3,) [m]; a `name` is written beside it where there is room."""
+    """Mark at a `point` (3,) [m]; a `name` is written next to it where there is room."""
 
     point: Floats
     colour: Any
@@ -171,7 +171,7 @@ class Scene:
             axes.scatter(places[:, 0], places[:, 1], **look)
 
     def name(self, axes: Axes, camera: Camera, unit: float = 1.0) -> None:
-        """Write the names of the marks beside them, where they hide least."""
+        """Write the names of the marks next to them, where they hide least."""
         named = [mark for mark in self.marks if mark.name]
         if named:
             others = [mark.point for mark in self.marks if not mark.name]
@@ -208,7 +208,7 @@ def three_planes(
 ) -> tuple[Figure, Unit, list[list[Axes]]]:
     """Return a figure whose planes hold points (M, 3) at one scale, its unit, and the axes of each column.
 
-    A single column has two planes above each other, one beside them, and fourth axes for a view in space.
+    A single column has two planes above each other, one next to them, and fourth axes for a view in space.
     `below` adds inches and a row of the grid for axes below them.
     """
     middle, span, unit = extent(points)

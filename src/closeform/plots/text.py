@@ -21,7 +21,7 @@ TEXT, SMALL = 13.0, 11.5  # points, readable at half size
 LONG = 13  # maximum number of characters of a name
 LEFT_TO_RIGHT = "\u200e"  # zero-width mark
 HALO = [withStroke(linewidth=4, foreground="white")]  # keeps words readable on lines
-NEAR, FAR = 6, 12  # number of SPOTS beside a point, and of those farther away, joined by a line
+NEAR, FAR = 6, 12  # number of SPOTS next to a point, and of those farther away, joined by a line
 SPOTS = (  # offsets of a label [typographic points], and its horizontal alignment
     (6, 5, "left"),
     (-6, 5, "right"),

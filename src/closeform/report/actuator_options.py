@@ -72,7 +72,7 @@ class Choices:
 
     @property
     def lower(self) -> float:
-        """The lower bound of the total delta-v of any plan [m/s]."""
+        """The lower bound on the total delta-v of any plan [m/s]."""
         return float(np.sum(self.least.lower))
 
     @cached_property
@@ -97,7 +97,7 @@ class Choices:
         return {name: self.spent_or_why(spent) for name, spent in options.items()}
 
     def spent_or_why(self, spent: Callable[[], Any]) -> Any:
-        """Return the cost of an option, or the reason in words why it is impossible."""
+        """Return the cost of an option, or the reason why it is impossible, as text."""
         try:
             return spent()
         except ValueError as error:

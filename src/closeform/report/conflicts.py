@@ -54,7 +54,7 @@ BY_PAIR = (
 )
 APPROACH = (PAIR, RATIO, Column("distance [m]", "distance_m", SECONDS), AT, Column(None, "zone"))
 WHEN = Column("when", "when")
-EVENTS = {  # a failure in words, and the heading of its time
+EVENTS = {  # a failure as text, and the heading of its time
     "ThrustLost": ("thrust is lost", "thrust lost at [s]"),
     "MissedBurns": ("burns are missed", "first missed at [s]"),
     "DegradedThrust": ("thrust is degraded", "degraded from [s]"),
@@ -197,7 +197,7 @@ def coasting(flight: WatchedFlight, zones: PairZones) -> tuple[Picture, ...]:
         return tuple(found)
     hit = len({(met.first, met.second) for met in flight.conflicts})
     if hit > 1:
-        caption = "Least clearance ratio of each pair"
+        caption = "Minimum clearance ratio of each pair"
         found.append(Picture("ratios", caption, "ratio_matrix", (flight.paths, zones), names))
     return (*found, nearest(flight, zones, min(max(hit, FEWEST), MOST_CURVES)), *deepest(flight))
 
@@ -252,7 +252,7 @@ def drift_row(pair: "PairDrift") -> tuple[Any, ...]:
 
 
 def drift_lines(result: StageResult[Any, Any]) -> Iterator[str]:
-    """Yield the verdict on passive safety in words, and whether the paths were planned for it."""
+    """Yield the verdict on passive safety as text, and whether the paths were planned for it."""
     passive, stage = result.passive, result.stage
     if passive is None:
         if isinstance(stage, Drifting) and stage.drift is not None:
@@ -289,7 +289,7 @@ def drift_lines(result: StageResult[Any, Any]) -> Iterator[str]:
 
 
 def near(pair: "PairDrift") -> str:
-    """Return the clearance ratio and the distance of a pair in words."""
+    """Return the clearance ratio and the distance of a pair as text."""
     metres = (
         f" ({pair.distance if pair.distance > ROUNDING else 0.0:.4g} m)" if isfinite(pair.distance) else ""
     )
@@ -297,7 +297,7 @@ def near(pair: "PairDrift") -> str:
 
 
 def when(passive: "PassiveSafety", pair: "PairDrift") -> str:
-    """Return the time of failure and the time from there to the closest approach, in words."""
+    """Return the time of failure and the time from there to the closest approach, as text."""
     failed = "" if isnan(pair.failed_at) else f", if {event(passive)} at {pair.failed_at:.1f} s"
     if not isfinite(pair.time):
         return f"{failed}, in a drift too slow to date"
@@ -307,7 +307,7 @@ def when(passive: "PassiveSafety", pair: "PairDrift") -> str:
 
 
 def event(passive: "PassiveSafety") -> str:
-    """Return the failure in words."""
+    """Return the failure as text."""
     return EVENTS[type(passive.failure).__name__][0]
 
 

@@ -71,7 +71,7 @@ def spent(mission: Mission, result: StageResult[Any, Any], name: str, path: Path
 
 
 def columns(mission: Mission, paths: Iterable[Path]) -> tuple[Column, ...]:
-    """Return the columns of COST that are shown for some paths, with thrust in newtons if the file uses it.
+    """Return the columns of COST shown for these paths, with thrust in newtons if the file uses it.
 
     Propellant is shown if it is known.  Paths with impulses show neither energy nor thrust, as both are
     unbounded.
@@ -85,7 +85,7 @@ def columns(mission: Mission, paths: Iterable[Path]) -> tuple[Column, ...]:
 def shown(
     mission: Mission, columns: Iterable[Column], hide: Container[str | None] = ()
 ) -> tuple[Column, ...]:
-    """Return the columns without some keys, and without propellant if it is unknown."""
+    """Return the columns, hiding those in `hide`, and propellant if its consumption is unknown."""
     known = bool(np.isfinite(mission.propellant).any())
     kept = (
         replace(one, heading=None) if one.key in hide or (one.key == FUEL.key and not known) else one
@@ -299,7 +299,7 @@ def first_of_each(uses: Iterable[Use], idle: bool = False) -> tuple[Use, ...]:
 
 
 def limit_lines(mission: Mission, result: StageResult[Any, Any]) -> Iterator[str]:
-    """Yield the largest use of each kind of limit in words."""
+    """Yield the largest use of each kind of limit as text."""
     for title, uses in greatest(mission, result).items():
         found = []
         for use in uses:

@@ -123,7 +123,7 @@ class MissionStudyReport(CasesReport):
             found.append(Table(f"Cases with the most delta-v{simulated_too}", columns, most))
         if campaign.nearest is not None:
             planned = " as planned" * (flights is not None)
-            columns = Column(f"least clearance ratio of any pair{planned}"), Column("in case")
+            columns = Column(f"minimum clearance ratio of any pair{planned}"), Column("in case")
             ratio, case = campaign.nearest
             found.append(Table("", columns, [(f"{ratio:.6f}", case)]))
         drifting, into = campaign.drifting

@@ -46,7 +46,7 @@ class Circle:
 
 @dataclass(frozen=True)
 class Reach:
-    """Largest distance [m] from the frame's origin in some flights, with its `craft` and time [s].
+    """Largest distance [m] from the frame's origin in the given flights, with its `craft` and time [s].
 
     `smallest`: the smallest extent of all zones [m], None if there is none.
     """
@@ -102,7 +102,7 @@ def beside(mission: Mission, flown: list[StageResult[Any, Any]]) -> Iterator[str
 
 
 def numbered(stages: list[int]) -> str:
-    """Return stage numbers in words."""
+    """Return stage numbers as text."""
     return f"stage{'s' * (len(stages) != 1)} {', '.join(map(str, stages))}"
 
 
@@ -114,7 +114,7 @@ def certain(rows: list[tuple[str, str]]) -> Table:
 def beyond(reach: Reach, orbit: Circle, duration: float) -> tuple[tuple[str, ...], tuple[Table, ...]]:
     """Return lines and tables on the model error at a given reach, in a flight of a duration [s]."""
     where = f"{reach.distance:.1f} m ({reach.craft}, {reach.time:.1f} s)"
-    far = f"Greatest distance from the frame's origin: {where}"
+    far = f"Largest distance from the frame's origin: {where}"
     if not orbit.mean_motion:
         off = 0.5e-9 * duration**2
         return (
@@ -130,7 +130,7 @@ def beyond(reach: Reach, orbit: Circle, duration: float) -> tuple[tuple[str, ...
         f"{far}. The table bounds the model error per orbit; the mission lasts {orbits:.3g} orbits. Enlarge "
         "zones by the error that builds up until states are measured again.",
     )
-    title = "Upper bounds of the model error within one orbit, by cause"
+    title = "Upper bounds on the model error within one orbit, by cause"
     return lines, (Table(title, DEVIATIONS, [*deviations(reach, orbit)]),)
 
 
@@ -196,7 +196,7 @@ def of_errors(known: bool) -> Iterator[tuple[str, str]]:
             "Sigmas",
             "certified for Gaussian errors of the given size, unless a state is exact along some direction",
         )
-        yield "Probability of collision", "estimated: its 95 % interval covers sampling and quadrature"
+        yield "Probability of collision", "estimated: its 95 % interval covers sampling and quadrature errors"
 
 
 def predicted(mission: Mission, result: StageResult[Any, Any]) -> tuple[str, ...]:
@@ -210,7 +210,7 @@ def predicted(mission: Mission, result: StageResult[Any, Any]) -> tuple[str, ...
 
 
 def margin(result: StageResult[Any, Any]) -> tuple[str, ...]:
-    """Return the keep-out margin of a plan in words."""
+    """Return the keep-out margin of a plan as text."""
     asked = getattr(result.stage, "margin", None)
     plan = plan_of(result)
     if not asked or plan is None:

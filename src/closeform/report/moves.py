@@ -331,7 +331,7 @@ def scatter(mission: Mission, result: StageResult[Scatter, ReconfigureResult]) -
 
 def regather(mission: Mission, result: StageResult[Regather, ReconfigureResult]) -> Section:
     """Return the section of a formation that returns to its earlier relative orbit."""
-    back = f'Every craft is back on its relative orbit of the start of "{result.stage.as_before}"'
+    back = f'Every craft is back on the relative orbit it had at the start of "{result.stage.as_before}"'
     return reconfigure(mission, result, back)
 
 
@@ -435,7 +435,7 @@ def optimality(
     """Yield the optimality gap, the active constraints and the shadow price of clearance of a plan.
 
     `free` is the cost without zones, in the unit of the stage's cost, `whose` its owner; `where` holds the
-    contacts in words, and `names` the craft that the plan counts.
+    contacts as text, and `names` the craft that the plan counts.
     """
     stage, fired, unit = result.stage, result.pulsed is not None, UNITS[plan.cost]
     share = f"at most {100 * plan.gap:.3f} %, " if plan.lower_bound > 0.0 else ""
@@ -601,16 +601,17 @@ def reconfigure_pictures(mission: Mission, result: Joint) -> Iterator[Picture]:
     changed = result.planned is not result.before  # at this scale pulses do not differ from their plan
     direct = result.before.paths if changed else paths
     names = {"names": result.after.names}
-    caption = "All paths, direct and of the plan" if changed else "The direct paths"
+    caption = "All paths: direct and planned" if changed else "The direct paths"
     yield Picture("paths", caption, "formation_paths", (direct, paths), names | {"zone": scenario.zones})
     if result.after.approaches:
         matrix = len(result.after.approaches) > 1
         if matrix and result.before.conflicts and changed:
-            caption, shows = "Least clearance ratio of each pair on direct paths", "before: the direct paths"
+            caption = "Minimum clearance ratio of each pair on direct paths"
             pairs = direct, scenario.zones
+            shows = "before: the direct paths"
             yield Picture("ratios-before", caption, "ratio_matrix", pairs, names, shows=shows)
         if matrix:
-            caption = "Least clearance ratio of each pair"
+            caption = "Minimum clearance ratio of each pair"
             yield Picture("ratios", caption, "ratio_matrix", (paths, scenario.zones), names)
         yield conflicts.nearest(result.after, scenario.zones)
     if result.stage.cost != "energy":

@@ -221,7 +221,7 @@ HOLDS = {  # files of results, in the order in which they are listed
     "flown.parquet": "states in the worst simulation",
     "flights.parquet": "deviation and delta-v of each craft in each simulation",
     "ends.parquet": "the same at the end of each stage",
-    "ratios.parquet": "least clearance ratio of each pair in each simulation",
+    "ratios.parquet": "minimum clearance ratio of each pair in each simulation",
     "pulses.parquet": "planned pulses of thrusters in the high-fidelity model",
     "corrections.parquet": "further pulses in the worst simulation, by feedback",
     "commanded.parquet": "commanded thrust in the high-fidelity model, and the model error along the plan",
@@ -319,7 +319,7 @@ class Repeat:
         files = [(name, HOLDS[name]) for name in beside]
         same = "The same command with the same file and versions gives the same figures."
         return Section(
-            "Reproduction", (same,), (Table("", ROWS, rows), Table("Files beside this page", FILES, files))
+            "Reproduction", (same,), (Table("", ROWS, rows), Table("Files next to this page", FILES, files))
         )
 
 

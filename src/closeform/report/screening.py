@@ -111,7 +111,7 @@ class ScreenReport:
         exact, looked = self.uncertain.exact, len(self.flight.approaches)
         lines = [line, *([f"States taken as exact: {', '.join(exact)}"] if exact else [])]
         if looked < self.flight.pairs:
-            lines.append(f"Sigmas of the {looked} closest of {self.flight.pairs} pairs only")
+            lines.append(f"Clearance in sigmas only for the {looked} closest of {self.flight.pairs} pairs")
         return tuple(lines)
 
     @property

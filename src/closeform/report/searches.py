@@ -38,7 +38,7 @@ FROM, TO = (
 
 
 def turn(about: str, angle: float) -> str:
-    """Return a turn in words."""
+    """Return a turn as text."""
     return "wait" if about == "none" else f"{degrees(angle):+.3f} deg about the {about}"
 
 
@@ -46,7 +46,7 @@ PHASES = (PHASE, FROM, TO, Column("[min:s]"), Column("sky covered", None, "{:.2f
 TURNS = (
     *(PHASE, FROM, TO),
     Column("turn", None, turn, parts=("about", "angle_rad")),
-    Column("greatest sun angle [deg]", "sun_angle_rad", "{:.3f}".format, 180.0 / pi),
+    Column("largest sun angle [deg]", "sun_angle_rad", "{:.3f}".format, 180.0 / pi),
 )
 
 
@@ -72,7 +72,7 @@ def facts(search: Search, duration: float, attained: SunAngle | None = None) -> 
     )
     within = search.sun_angle <= search.sun_limit + ROUNDING if attained is None else attained.within
     angle, commanded = (
-        "greatest angle between body x and the sun line",
+        "largest angle between body x and the sun line",
         ", as commanded" * (attained is not None),
     )
     motion = degrees(search.sun_drift) * duration / search.duration
@@ -333,7 +333,7 @@ def halves(gathering: Gathering) -> list[Event]:
 
 
 def met(moment: EventMoment, pair: Sequence[str | None]) -> str:
-    """Return a lock in words."""
+    """Return a lock as text."""
     label, before = moment.event.label, moment.before
     goal = f"knowledge set {label}" if label else "the formation set"
     if max(before) < 0:

@@ -203,7 +203,7 @@ def sure(flown: FlownRun) -> Section:
     noise = f"correlation time {fading:g} s" if fading else "white from one measurement to the next"
     rows = [
         (
-            "Least clearance ratios",
+            "Minimum clearance ratios",
             "at instants a few seconds apart and on cubics between them; certified for the worst simulation",
         ),
         (
@@ -268,7 +268,7 @@ class SimulationContent:
         if one.control == "open":
             lines.append(f"{where}; open loop, no navigation updates")
         else:
-            replan = "; the remainder is planned anew, around the zones, at each measurement"
+            replan = "; the remainder is replanned, around the zones, at each measurement"
             how = f"measured every {law.every:g} s, corrected within {law.horizon:g} s"
             if law.impulses:
                 how += f" by {law.impulses} {'burns' if one.thrusters else 'impulses'}"

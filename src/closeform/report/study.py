@@ -112,7 +112,7 @@ class CasesReport(ABC):
         return (line,) if self.campaign.as_in_file else ()
 
     def command(self, what: str) -> str | None:
-        """Return the command that runs a case; None if the file gives other cases, or `what` is no case."""
+        """Return the command that runs a case; None if the file has other cases, or `what` is not one."""
         kind, _, number = what.partition(" ")
         if kind != "case" or not self.campaign.as_in_file:
             return None
@@ -444,4 +444,4 @@ class StudyReport(CasesReport):
             if name != LATER  # the same cases
             for value, case in found.worst
         ]
-        return (Table("The ten greatest", GREATEST, rows),)
+        return (Table("The ten largest", GREATEST, rows),)

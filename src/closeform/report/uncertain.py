@@ -68,7 +68,7 @@ def extended(section: Section, result: "StageResult[Any, Any]", names: Sequence[
 
 
 def lines(found: "UncertainStage") -> tuple[str, ...]:
-    """Return the clearance in sigmas and the probability of collision in words."""
+    """Return the clearance in sigmas and the probability of collision as text."""
     from closeform.mission.uncertainty import fewest, radius
 
     many, near = found.stage.sigmas, found.nearest
@@ -77,7 +77,7 @@ def lines(found: "UncertainStage") -> tuple[str, ...]:
         lead = f"{'Clear' if near is None or near.sigmas >= many else 'Not clear'} at {many:g} sigma"
     of = "keep-out zones" if found.zones is not None else "the hard bodies"
     judged = found.zones is not None or found.bodies is not None
-    words = ["No uncertainty between craft that have zones"] if judged else []
+    words = ["No pair of craft with a keep-out zone has uncertain relative states"] if judged else []
     if near is not None:
         words = [f"{lead}: {fewest(near)}, of {of}"]
     pair = found.likeliest
@@ -103,7 +103,7 @@ def lines(found: "UncertainStage") -> tuple[str, ...]:
 
 
 def together(found: "UncertainStage") -> float | None:
-    """Return the upper bound of the probability that any pair collides; None for one pair or if unknown."""
+    """Return the upper bound on the probability that any pair collides; None for one pair or if unknown."""
     return found.bodies.any_pair if found.bodies is not None and len(found.bodies.pairs) > 1 else None
 
 

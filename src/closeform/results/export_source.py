@@ -33,7 +33,7 @@ UNKNOWN = "UNKNOWN"  # the CCSDS word for a missing designator
 SAME_ORBIT = 1e-6  # relative difference allowed between the mean motions of chief and paths
 FILE_REMEDY = "give [orbit] an epoch and a chief, or chief=cf.Chief(...) from Python"
 PATH_REMEDY = "give chief=cf.Chief(...)"
-TURNS_EACH = np.radians(5.0)  # greatest angle between two quaternions of a turn
+TURNS_EACH = np.radians(5.0)  # largest angle between two quaternions of a turn
 PUSH = ("radial_m_s", "along_track_m_s", "cross_track_m_s")
 
 
@@ -41,7 +41,7 @@ PUSH = ("radial_m_s", "along_track_m_s", "cross_track_m_s")
 class Source:
     """Content of an export: `craft` through all executed stages, `chief` and `epoch` if known.
 
-    `results` are the stages of a `scenario`, empty for paths. `remedy` says how the user gives a chief.
+    `results` are the stages of a `scenario`, empty for paths. `remedy` states how the user gives a chief.
     """
 
     title: str

@@ -355,5 +355,5 @@ class RunTables:
 
 
 def _tuples(columns: Columns, *keys: str) -> Iterator[tuple[Any, ...]]:
-    """Iterate over the rows of some columns as Python numbers."""
+    """Iterate over the rows of the given columns as Python numbers."""
     return zip(*(columns[key].tolist() for key in keys), strict=True) if columns else iter(())

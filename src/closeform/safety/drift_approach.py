@@ -51,7 +51,7 @@ class DriftApproach(Rows):
     failing : str or array of str of shape (...)
         Which spacecraft fails in the worst case: "path", "other" or "both".
     lower : float or array of shape (...), no unit
-        Lower bound of the norm after any failure: 1e-9 below the ratio, or that share of it.  It is lower
+        Lower bound on the norm after any failure: 1e-9 below the ratio, or that share of it.  It is lower
         where the search ended after many cells, as with several missed burns of both spacecraft, and -inf
         where drift without an end may lead ever deeper into half-spaces.  Use this bound to judge safety.
     """
@@ -92,8 +92,8 @@ def passively_safe(
     zone : Zone
         Zone of the pair.
     until : float [s]
-        End of the drift, on the clock of the paths: at the end of the path that fails, or later; inf
-        means a million orbits, in which a spacecraft that does not fail coasts after its end.
+        End of the drift, in the time of the paths, not before the failing path ends. inf stands for
+        a million orbits. A spacecraft that does not fail coasts once its path has ended.
     failure : ThrustLost, MissedBurns, DegradedThrust or StuckOnThrust, default ThrustLost()
         Failure of thrust.
     failing : {"path", "other", "either", "both"}, default "path"
@@ -150,8 +150,8 @@ def drift_approach(
     zone : Zone
         Zone that defines the norm.
     until : float [s]
-        End of the drift, on the clock of the paths: at the end of the path that fails, or later; inf
-        means a million orbits, in which a spacecraft that does not fail coasts after its end.
+        End of the drift, in the time of the paths, not before the failing path ends. inf stands for
+        a million orbits. A spacecraft that does not fail coasts once its path has ended.
     failure : ThrustLost, MissedBurns, DegradedThrust or StuckOnThrust, default ThrustLost()
         Failure of thrust.
     failing : {"path", "other", "either", "both"}, default "path"
@@ -300,7 +300,7 @@ def failures_at(failing: str, rows: Floats, sides: tuple[Side, Side], craft: Any
 
 
 def failed_at(side: Side, failures: Floats, craft: Any) -> Floats:
-    """Return when one side fails in each of some failures (M, W), columns of a cell; nan if it does not."""
+    """Return when one side fails in each of the failures (M, W), columns of a cell; nan if it does not."""
     kind, pieces = side.now[KIND], failures[:, PIECE].astype(np.int64)
     if kind == MISSED:
         instants = np.full(len(failures), np.nan)

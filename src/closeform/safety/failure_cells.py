@@ -200,7 +200,7 @@ def span_stuck(side, piece, at, n, third, short, long, end, rows):
 
 @kernel()
 def span_cell(side, cell, o, n, rows):
-    """Fill rows with the motions that span a cell's side; return bounds of the deviation of others.
+    """Fill rows with the motions that span a cell's side; return bounds on the deviation of others.
 
     The four numbers are bounds in position, in velocity and constant ones, and the epoch of the cell's start.
     """
@@ -241,7 +241,7 @@ def span_cell(side, cell, o, n, rows):
 
 @kernel()
 def span_both(one, two, cell, width, n, rows):
-    """Span both sides by `span_cell`; return bounds of the deviation of the difference of two motions."""
+    """Span both sides by `span_cell`; return bounds on the deviation of the difference of two motions."""
     place, speed, always, epoch = span_cell(one, cell, SIDE, n, rows[0])
     other_place, other_speed, other_always, other_epoch = span_cell(two, cell, SIDE + width, n, rows[1])
     return place + other_place, speed + other_speed, always + other_always, min(epoch, other_epoch)

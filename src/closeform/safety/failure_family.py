@@ -44,7 +44,7 @@ class PairRoom(NamedTuple):
     point: Floats  # (3, W): a cell without extent, the worst failure found, and one to be kept
     rows: Floats  # (2, 12, 30): natural motions of both sides
     motions: Floats  # (25 + G, 8, 3): derivatives of all motions at a window's start, in zone coordinates
-    bends: Floats  # (25 + G, 3): bounds of their accelerations
+    bends: Floats  # (25 + G, 3): bounds on their accelerations
     places: Floats  # (25 + G, 6): places and velocities at one time
     terms: Floats  # (25 + G, 5): along a plane's normal: position, rate, bend; drift, swing
     drifts: Floats  # (25 + G,): along the track [m/s]

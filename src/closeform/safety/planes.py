@@ -30,7 +30,7 @@ EITHER_WAY = (0.0, 0.0, 0.0, 0.0, 0.0)
 def project(room, window, ax, ay, az, lean):
     """Fill the terms of every motion along a plane's normal and `lean` times its drift.
 
-    Returns the least sum.
+    Returns the minimum sum.
     """
     least, most, rest = inf, -inf, 0.0
     k = 0
@@ -73,7 +73,7 @@ def pair_step(gap, rate, bend, b, c, window, sine, cosine, wanted):
 
 @kernel()
 def least_after(room, window, h):
-    """Return a lower bound of the sum of all terms after a time h, without the level."""
+    """Return a lower bound on the sum of all terms after a time h, without the level."""
     least, most, rest = inf, -inf, 0.0
     for k in range(window.last):
         term = room.terms[k]

@@ -1,4 +1,4 @@
-"""Bounds of the deviation of a motion after a failure from the span of its control motions.
+"""Bounds on the deviation of a motion after a failure from the span of its control motions.
 
 Thrust that is lost at time s leaves the natural motion r(t; s) = E Phi(t - s) x(s).  With the thrust u
 of the path at s, its derivatives with respect to s are
@@ -6,7 +6,7 @@ of the path at s, its derivatives with respect to s are
     d^k r/ds^k = E Phi(t - s) z_k,   z_1 = (0, u),   z_(k+1) = z_k' - A z_k                # theory (44)
 
 so that it deviates from the cubic of the values and slopes at two instants h apart by at most h^4/384 of the
-greatest fourth derivative.  Each component of that is in the function space of arcs' thrusts, and is bounded
+largest fourth derivative.  Each component of that is in the function space of arcs' thrusts, and is bounded
 by its Taylor series.
 """
 
@@ -61,7 +61,7 @@ def thrust_derivatives(arc, n, t, u):
 
 @kernel()
 def largest(f0, f1, f2, f3, h):
-    """Return the greatest |f| over [0, h] of f0 + f1 t + f2 P_1 + f3 P_2: P_1 <= t^2/2, P_2 <= t^3/6."""
+    """Return the largest |f| over [0, h] of f0 + f1 t + f2 P_1 + f3 P_2: P_1 <= t^2/2, P_2 <= t^3/6."""
     return max(abs(f0), abs(f0 + f1 * h)) + 0.5 * abs(f2) * h * h + abs(f3) * h * h * h / 6.0
 
 
@@ -75,7 +75,7 @@ def coriolis(n, u, k, axis):
 
 @kernel()
 def greatest(u, k, h):
-    """Return the greatest length of the k-th derivative of thrust over [0, h]."""
+    """Return the largest length of the k-th derivative of thrust over [0, h]."""
     square = 0.0
     for axis in range(3):
         f = largest(u[k, axis], u[k + 1, axis], u[k + 2, axis], u[k + 3, axis], h)
@@ -85,7 +85,7 @@ def greatest(u, k, h):
 
 @kernel()
 def lost_remainder(n, u, h):
-    """Return the greatest h^4/384 |z_4| over [0, h], of its position and of its velocity.
+    """Return the largest h^4/384 |z_4| over [0, h], of its position and of its velocity.
 
     z_4 = (-3u'' + 3Su' - (N + S^2) u, u''' - 3Su'' + 3 (N + S^2) u' + n^2 S u), and N + S^2 = -n^2 diag(1, 4,
     1); theory (45).
@@ -120,7 +120,7 @@ def growth(n, t):
 
 @kernel()
 def stuck_remainder(n, m, u, h, held, longest, span):
-    """Return bounds of the deviation of a motion with stuck-on thrust from that of a cell's twelve points.
+    """Return bounds on how far a stuck-on-thrust path deviates from that of its cell's twelve points.
 
     The deviation is h^4/384 |d^4 r/ds^4| + 2 span^3/81 (|d^3 r/dd^3| + h/4 |d^4 r/ds dd^3|) for instants h
     apart and a range `span` of durations up to `longest`: parts that grow with Phi_rr and Phi_rv, and a

@@ -1,4 +1,4 @@
-"""Shadows of zones along the track, which bound ever slower drifts, and lower bounds of norms."""
+"""Shadows of zones along the track, which bound ever slower drifts, and lower bounds on norms."""
 
 from functools import lru_cache
 
@@ -54,7 +54,7 @@ def shadow_of_faces(zone: Zone) -> tuple[int, Floats, Floats] | None:
 
 @lru_cache(maxsize=64)
 def floor_of(zone: Zone) -> float:
-    """Return a lower bound of all norms: 0, or -inf for half-spaces that some direction never leaves."""
+    """Return a lower bound on all norms: 0, or -inf for half-spaces that some direction never leaves."""
     if zone.shape != FACES:
         return 0.0
     from scipy.optimize import nnls  # a third of a second, for these alone

@@ -318,7 +318,7 @@ def search(scenario: Scenario, sensor: SensorTable, table: SearchTable) -> Itera
         and scenario.study.sampled
         and any(s.verb != "lock" for s in scenario.stages)
     ):
-        yield "study.sampled: samples are for stages that lock only; remove sampled"
+        yield "study.sampled: sampling requires that every stage is a lock stage; remove sampled"
     for step in scenario.study.sampled if scenario.study is not None else ():
         if plan.duration / step > MOST_SAMPLES:
             yield (
@@ -492,8 +492,9 @@ def throughout(scenario: Scenario, k: int) -> Craft:
         differ = [key for key in FIRING if getattr(craft, key) != getattr(first, key)]
         if differ and (craft.thrusters or first.thrusters) is not None:
             raise ValueError(
-                f"stage[{number}].{Craft.key_of(differ[0])}: {name} has another in an earlier stage, and "
-                "a simulation has one set of thrusters for each craft; give one set, or one file for each set"
+                f"stage[{number}].{Craft.key_of(differ[0])}: {name} uses a different value in an "
+                "earlier stage, but a simulation allows one set of thrusters per craft; use one set, or "
+                "write a separate file for each set"
             )
     return first or scenario.craft[k]
 
@@ -601,7 +602,7 @@ def unfit(scenario: Scenario, key: str, values: tuple[float, ...]) -> str | None
 
 
 def too_much_turn(given: tuple[Any, ...], draw: Draw, numbers: tuple[Any, ...]) -> str | None:
-    """Return a message if the pointing error of some case can reach 90 deg, or None."""
+    """Return a message if the pointing error of any case can reach 90 deg, or None."""
     if draw.choice is not None:
         most = max(hypot(*value) for value in numbers)
     else:

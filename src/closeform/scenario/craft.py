@@ -185,7 +185,7 @@ class Bit:
     impulse: float = 0.0
 
     def on(self, mass: float) -> float:
-        """Return the bit as a velocity change [m/s] of a craft of the given mass [kg]."""
+        """Return the minimum impulse bit as a velocity change [m/s] for a craft of the given mass [kg]."""
         return self.velocity + (self.impulse / mass if self.impulse else 0.0)
 
 

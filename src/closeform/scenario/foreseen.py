@@ -164,8 +164,8 @@ def zone_conflicts(scenario: Scenario, orbit: Orbit) -> Iterator[str]:
     for number, stage in enumerate(scenario.stages, 1):
         if unlike and isinstance(stage, Gather):
             yield (
-                f"craft.keep_out: {stage.verb} in stage[{number}] keeps clear of a sphere, box, ellipsoid or "
-                "covariance only; give one that holds the others"
+                f"craft.keep_out: stage[{number}] ({stage.verb}) supports only a sphere, box, ellipsoid or "
+                "covariance zone; use one that encloses the present zones"
             )
     if not scenario.scattered:  # otherwise every case has its own positions
         places = scenario.states(orbit)

@@ -75,7 +75,7 @@ class AskedZones:
             return cls(zone, None, sigmas if shapes["covariance"] is None else None)
         if body or axis is not None or any(text is not None for text in shapes.values()):
             raise ValueError(
-                "screen: --zones says what each craft keeps; leave the other options of zones out"
+                "screen: --zones gives the zone of each craft; remove the other options of zones"
             )
         return cls(None, file, sigmas)
 

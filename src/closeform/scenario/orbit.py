@@ -162,13 +162,13 @@ CLOSE_TO_A_CIRCLE = 0.1  # largest eccentricity for which Hill's equations are u
 def as_epoch(value: Any) -> Epoch:
     """Return an epoch in UTC, or in the time system that follows it."""
     if not isinstance(value, str):
-        raise ValueError(f'{shown(value)} is no text; write for example epoch = "2026-11-22T12:00:00Z"')
+        raise ValueError(f'{shown(value)} is not text; write for example epoch = "2026-11-22T12:00:00Z"')
     try:
         return Epoch.of(value)
     except ValueError:
         others = ", ".join(SYSTEMS)
         remedy = f'write for example "2026-11-22T12:00:00Z", or another time system behind it, of {others}'
-        raise ValueError(f"{shown(value)} is no epoch; {remedy}") from None
+        raise ValueError(f"{shown(value)} is not a valid epoch; {remedy}") from None
 
 
 class Elements(Table):

@@ -109,7 +109,7 @@ class Scenario:
 
     @property
     def flight(self) -> dict[str, Any]:
-        """Keyword arguments of a simulation beside the paths and the field."""
+        """Keyword arguments of a simulation other than the paths and the field."""
         most = np.max([[craft.max_acceleration for craft in each] for each in self.crews], axis=0)
         return {
             "feedback": None if self.feedback is None else self.feedback.build(),
@@ -300,7 +300,7 @@ class Scenario:
         return np.argwhere((groups[:, None] == "A") & (groups == "B"))
 
     def gathering(self, stage: Gather) -> dict[str, Any]:
-        """Return the keyword arguments of `gather` beside the search and the states."""
+        """Return the keyword arguments of `gather` other than the search and the states."""
         return {
             "groups": self.groups,
             "keep_out": self.zones,

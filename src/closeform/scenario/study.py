@@ -115,7 +115,7 @@ class Study(Table):
         for row, text in self.published.items():
             if ROW.fullmatch(row) is None:
                 yield (
-                    f'published has {shown(row)}, which is no row of the printed table; use "source", '
+                    f'published has {shown(row)}, which is not a row of the printed table; use "source", '
                     '"at once", "never" or a phase like "IPS 1"'
                 )
             if not text.isprintable() or len(text) > (80 if row == "source" else 20):

@@ -169,7 +169,7 @@ def as_drift(value: Any) -> Duration:
     if value == FOREVER:
         return Duration(seconds=inf)
     if isinstance(value, str) and as_number(value.partition(" ")[0]) is None:
-        raise ValueError(f'{shown(value)} is no time; write for example "24 h" or "{FOREVER}"')
+        raise ValueError(f'{shown(value)} is not a time; write for example "24 h" or "{FOREVER}"')
     read = Reader(DURATION, least="zero")(value)
     assert isinstance(read, Duration)
     return read
@@ -181,7 +181,8 @@ def as_proving(value: Any) -> Proving:
     gaps = [part for part in parts if part.endswith(("%", "ppm"))]
     times = [part for part in parts if part not in gaps]
     if not parts or max(len(gaps), len(times)) > 1 or any("orbit" in part for part in times):
-        raise ValueError(f'{shown(value)} is no time or gap; write for example "10 s", "1 %" or "10 s, 1 %"')
+        remedy = 'write for example "10 s", "1 %" or "10 s, 1 %"'
+        raise ValueError(f"{shown(value)} is not a time or gap; {remedy}")
     given = {"seconds": Reader(TIME, least="positive").numbers(times[0])[0]} if times else {}
     if gaps:
         given["gap"] = Reader(SHARE, least="positive").numbers(gaps[0])[0]
@@ -193,7 +194,7 @@ def as_margin(value: Any) -> float | Literal["auto"]:
     if value == "auto":
         return "auto"
     if isinstance(value, str) and as_number(value.partition(" ")[0]) is None:
-        raise ValueError(f'{shown(value)} is no length; write for example "0.5 m" or "auto"')
+        raise ValueError(f'{shown(value)} is not a length; write for example "0.5 m" or "auto"')
     return Reader(LENGTH, least="zero").numbers(value)[0]
 
 

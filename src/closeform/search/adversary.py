@@ -18,7 +18,7 @@ from closeform.search.schedule import Search
 from closeform.search.search_errors import SearchErrors
 
 DRAWN = 200_000  # number of random initial states
-ROUNDS, PATIENCE = 300, 30  # greatest number of rounds in a climb, and of rounds without gain
+ROUNDS, PATIENCE = 300, 30  # maximum number of rounds in a climb, and of rounds without gain
 ISLANDS, MEMBERS, TRIED = 8, 12, 64  # islands, members of each, trials of a member in a round
 GAIN = 1e-4  # s
 
@@ -71,7 +71,7 @@ class Adversary:
     def climbed(
         self, states: Floats, times: Floats, random: Any, rounds: int = ROUNDS
     ) -> tuple[Floats, float]:
-        """Return the state with the latest lock reached from some states with their `times`, and its time.
+        """Return the state with the latest lock reached from states with their `times`, and its time.
 
         Differential evolution (Storn and Price 1997) follows the narrow ridges of the time to lock, because
         they lie along the differences between members. The members of each octant of positions climb

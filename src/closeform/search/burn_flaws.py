@@ -16,7 +16,7 @@ FEW = 4  # number of burns of each craft with random numbers at first
 
 @dataclass(frozen=True, eq=False)
 class BurnFlaws:
-    """Flaws of the burns of craft (N,) in some cases (C,).
+    """Flaws of the burns of craft (N,) in the given cases (C,).
 
     `fails` (C, N) [s]: the time from which each has no thrust, inf if it keeps it; `gates` (N, 4): the sigmas
     of Gates' model of its burns; `normals`: a function of B that returns normal random numbers (C, N, B, 3)

@@ -1,7 +1,7 @@
-"""Keep-out clearance of coasting craft: which pairs would enter a zone, and the least burn to avoid it.
+"""Keep-out clearance of coasting craft: which pairs would enter a zone, and the smallest burn to avoid it.
 
 Relative motion is a straight line. In zone coordinates (R = M r) the velocities that lead into a ball lie
-within a cone about -R of half-angle asin(1 / |R|). The least burn that leaves this cone is found along its
+within a cone about -R of half-angle asin(1 / |R|). The smallest burn that leaves this cone is found along its
 generators.
 """
 
@@ -246,7 +246,7 @@ def candidate(zone, way, r, v, out, scratch):
 
 @kernel()
 def correction(zones, craft, i, duration, best, scratch):
-    """Return the size of the least burn that keeps craft i clear of its set for `duration`.
+    """Return the size of the smallest burn that keeps craft i clear of its set for `duration`.
 
     The velocity goes to `best`. The result is 0 if no burn is needed, and inf if none was found among those
     that pass one of the others tangentially, do not approach it, or stop relative to it.

@@ -9,9 +9,9 @@ from closeform.arrays import Floats
 
 
 def covered(table: Floats, cosine: float) -> float:
-    """Return the share of all directions that come within the cone in some leg.
+    """Return the share of all directions that come within the cone in any leg.
 
-    Along each meridian the greatest cosine to the boresight is sampled at equal steps of height, which are
+    Along each meridian the largest cosine to the boresight is sampled at equal steps of height, which are
     equal areas. Its crossings of the cone are interpolated.
     """
     height = np.linspace(-1.0, 1.0, 1001)
@@ -35,7 +35,7 @@ def covered(table: Floats, cosine: float) -> float:
 
 
 def greatest(steady: Any, cosine: Any, sine: Any, angle: float) -> Any:
-    """Return the greatest value of steady + cosine cos(a) + sine sin(a) for a from 0 to `angle`."""
+    """Return the largest value of steady + cosine cos(a) + sine sin(a) for a from 0 to `angle`."""
     turn = abs(angle)
     sine = sine if angle >= 0.0 else -sine
     if turn >= 2.0 * pi:

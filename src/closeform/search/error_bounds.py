@@ -1,4 +1,4 @@
-"""Bounds of the search errors of craft, and their effect on the turns."""
+"""Bounds on the search errors of craft, and their effect on the turns."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from closeform.search.sensor import Sensor
 
 # fields that differ between the worst cases
 DIFFERING = ("slew_rate", "start", "half_angle", "slew_acceleration")
-ALONG = 1e-9  # rad: least half-angle that remains of a cone with a tilted boresight
+ALONG = 1e-9  # rad: smallest half-angle that remains of a cone with a tilted boresight
 
 
 @dataclass(frozen=True)
 class ErrorBounds:
-    """Bounds of the errors of boresights [rad], clocks [s] and slew rates (relative, below 1).
+    """Bounds on the errors of boresights [rad], clocks [s] and slew rates (relative, below 1).
 
-    Also the least slew acceleration [rad/s^2].
+    Also the minimum slew acceleration [rad/s^2].
     """
 
     pointing: float = 0.0

@@ -76,12 +76,12 @@ def gather(
         One zone for all or one for each craft, as in `screen`, but a Sphere, Ellipsoid or Box. Craft of a
         set that would enter it before the end of the search make a correction.
     rounds : int, default 2
-        Greatest number of searches. A burn voids S04's guarantee for the pairs of that craft.
+        Maximum number of searches. A burn voids S04's guarantee for the pairs of that craft.
     burns : "least", "first", "second" or "half", default "least"
         Craft of the first pair that burns: the first, the second (the lower index keeps its velocity), both
-        by half, or the choice that leaves the fewest craft and among those takes the least total delta-v.
+        by half, or the choice that leaves the fewest craft and among those takes the minimum total delta-v.
     max_speed : float [m/s], optional
-        Bound of the relative speeds. Each round then ends with the near-field search: all wait for
+        Bound on the relative speeds. Each round then ends with the near-field search: all wait for
         near_field / max_speed, lost craft burn twice `max_speed` against their boresight, and all wait as
         long again.
     errors : SearchErrors, optional
@@ -208,7 +208,7 @@ def gatherings(fleet: LostFleet, results: Floats) -> Gatherings:
 
 
 def least(results: Floats) -> Any:
-    """Return the choice of burns (C,) from results (C, ways, ...): fewest craft left, then least delta-v.
+    """Return the choice of burns (C,) from results (C, ways, ...): fewest craft left, then minimum delta-v.
 
     Of equal choices, the first.
     """

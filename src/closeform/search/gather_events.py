@@ -101,8 +101,8 @@ def into_formation(monitor, craft, log, t, low, high, leg, way, formed):
 def keep_clear(monitor, craft, log, t, leg, label, end):
     """Burn the craft of a knowledge set that would enter each other's zones before `end`.
 
-    The burns are made one after another, the least first, by new craft and then by all. A conflict without a
-    burn remains, and appears in Gathering.conflicts.
+    The burns are made one after another, the smallest first, by new craft and then by all. A conflict without
+    a burn remains, and appears in Gathering.conflicts.
     """
     labels, scratch = craft.labels, monitor.scratch
     for i in range(len(labels)):
@@ -313,7 +313,7 @@ def fly_all(
     labels: Any,
     results: Floats,
 ) -> None:
-    """Simulate gatherings of craft without search errors, with each of some choices of burns."""
+    """Simulate gatherings of craft without search errors, with each of the given choices of burns."""
     see = LockSensor(sensor[0], sensor[1], sensor[2])
     nothing = np.empty((0, 0))
     own = lent(Astray(nothing, nothing, 0.0, nothing))

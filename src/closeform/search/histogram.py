@@ -18,7 +18,7 @@ FINER = 12  # fine bins in a bin
 class Binned:
     """Counts of `every` times: those equal to 0, and those in bins of length `bin` [s] and in finer ones.
 
-    `inside`: the counts in each phase of a search; `last`: the greatest time [s].
+    `inside`: the counts in each phase of a search; `last`: the largest time [s].
     """
 
     bin: float
@@ -31,7 +31,7 @@ class Binned:
 
     @classmethod
     def of(cls, parts: Iterable[Floats], longest: float, search: Search | None, bin: float = 60.0) -> Self:
-        """Count times [s] up to `longest` part after part; nan is no time."""
+        """Count times [s] up to `longest` part after part; nan is not a time."""
         bins, phases = int(np.ceil(longest / bin)), search.phases if search is not None else ()
         edges, finer = bin * np.arange(bins + 1), bin / FINER * np.arange(FINER * bins + 1)
         ends = np.array([(start, end) for *_, start, end in phases]).reshape(-1, 2)

@@ -117,10 +117,10 @@ def swung(row, t, place):
 
 @kernel(inline=True)
 def bounds(row, t, end, place, velocity):
-    """Return bounds of the motion of a boresight b from t to `end`.
+    """Return bounds on the motion of a boresight b from t to `end`.
 
     The curvature of the rotating part of b.p, that part at `end`, the other curvature of b.p, and the
-    greatest |b'| and |b''|.
+    largest |b'| and |b''|.
     """
     vx, vy, vz = velocity
     cx, cy, cz, sx, sy, sz = row[8], row[9], row[10], row[11], row[12], row[13]

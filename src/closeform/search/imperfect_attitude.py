@@ -31,7 +31,7 @@ class OwnTurns:
 
     @cached_property
     def _rates(self) -> tuple[Floats, Floats]:
-        """Greatest rate of each turn (..., N, L) [rad/s], and the duration of its ramps [s]."""
+        """Largest rate of each turn (..., N, L) [rad/s], and the duration of its ramps [s]."""
         nominal = self._angles / [leg.end - leg.start for leg in self.search.legs]
         pace, gain = 1.0 + self.errors.slew_rate[..., None], self.errors.slew_acceleration[..., None]
         moving = np.where(self._angles > 0.0, self._angles, 1.0)
@@ -63,7 +63,7 @@ class OwnTurns:
 
     @cached_property
     def sun_angles(self) -> Floats:
-        """Greatest angle of each craft's body x from the sun line in any turn (..., N) [rad]."""
+        """Largest angle of each craft's body x from the sun line in any turn (..., N) [rad]."""
         shades = body_axis(self.errors.pointing, 0) * np.stack([OF_GROUP[group] for group in self.groups])
         return np.asarray(np.max([leg._sun_angle_of(shades) for leg in self.search.legs], axis=0))
 

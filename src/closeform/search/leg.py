@@ -17,7 +17,7 @@ from closeform.search.coverage import greatest
 
 Group = Literal["A", "B"]
 
-SPELLED = {  # phases in words
+SPELLED = {  # phases as text
     "IPS": "in-plane",
     "OPS": "out-of-plane",
     "mOPS": "modified out-of-plane",
@@ -105,11 +105,11 @@ class Leg(Result):
 
     @property
     def sun_angle(self) -> float:
-        """Greatest angle [rad] between body x and the sun line, the same for both groups."""
+        """Largest angle [rad] between body x and the sun line, the same for both groups."""
         return float(self._sun_angle_of(np.array([1.0, 0.0, 0.0])))
 
     def _sun_angle_of(self, body: Floats) -> Floats:
-        """Return the greatest angles (...) [rad] of unit vectors (..., 3) in axes of A from the sun line."""
+        """Return the largest angles (...) [rad] of unit vectors (..., 3) in axes of A from the sun line."""
         shade = body @ self.attitude.T
         steady = np.multiply.outer(shade @ self.axis, self.axis)
         parts = np.array([steady, shade - steady, np.cross(self.axis, shade)]) @ -SUN

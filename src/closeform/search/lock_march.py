@@ -53,7 +53,7 @@ def before(gap, slope, bend):
 
 @kernel(inline=True)
 def limits(turn, position, velocity, sensor):
-    """Return bounds of g'' during a leg: its rotating part at the end, that of the velocity, and |q'|."""
+    """Return bounds on g'' during a leg: its rotating part at the end, that of the velocity, and |q'|."""
     x, y, z = position
     vx, vy, vz = velocity
     start, end, w, fx, fy, fz, cx, cy, cz, sx, sy, sz = turn
@@ -101,7 +101,7 @@ def step(turn, t, position, velocity, bounds, sensor):
     ux, uy, uz = vx - baseline * dx, vy - baseline * dy, vz - baseline * dz
     growth = (qx * ux + qy * uy + qz * uz) / (q + TINY)
     slope = c * growth - (bx * vx + by * vy + bz * vz + dx * px + dy * py + dz * pz)
-    # curvature of b.(r + v t): the rotating part, greatest at one end of the leg, and the velocity's
+    # curvature of b.(r + v t): the rotating part, largest at one end of the leg, and the velocity's
     now = (cx * px + cy * py + cz * pz) ** 2 + (sx * px + sy * py + sz * pz) ** 2
     turning = baseline * w * w  # acceleration of the sensors' offset, at most
     # c |q| is convex except for that; if c < 0 it is concave, and the curvature of |q| is

@@ -1,6 +1,6 @@
 """Proof by branch and bound that every pair in a box of initial states locks, with bounded errors.
 
-A box is proven if all of its states lock at one instant, with the sensors narrowed by the greatest effect of
+A box is proven if all of its states lock at one instant, with the sensors narrowed by the largest effect of
 the errors. Otherwise it is halved, as long as nodes are left. Without offset and range the problem is
 scale-invariant: states and their multiples lock alike, and a box around the origin is proven on its faces, in
 one dimension less.
@@ -40,7 +40,7 @@ class LockProof(Result):
     open : float, no unit
         The share of the box, by volume, that is not proven.
     undecided : array of shape (K, 2, 6) [m, m/s]
-        Least and greatest states of the undecided boxes, in the inertial frame. In a scale-invariant problem
+        Minimum and maximum states of the undecided boxes, in the inertial frame. In a scale-invariant problem
         with the origin in the given box they are flat, in its faces, and each represents its multiples.
     counterexamples : array of shape (C, 6) [m, m/s]
         States that certainly do not lock in time with errors within the bounds, in the inertial frame.
@@ -86,21 +86,21 @@ def prove_locks(
     search : Search
         The schedule of both craft.
     low : array_like of shape (6,) [m, m/s]
-        Least position and velocity of the box, B minus A at the start of the search, in the inertial frame.
+        Minimum position and velocity of the box, B minus A at the start of the search, in the inertial frame.
     high : array_like of shape (6,) [m, m/s]
-        The greatest, in the same frame. Equal components make a flat box.
+        The maximum, in the same frame. Equal components make a flat box.
     pointing_error : float [rad], default 0
-        Bound of each boresight's error, in any direction, constant or not.
+        Bound on each boresight's error, in any direction, constant or not.
     timing_error : float [s], default 0
-        Bound of each clock's error.
+        Bound on each clock's error.
     rate_error : float, no unit, default 0
-        Bound of each slew rate's error, relative to the search's rate; below 1.
+        Bound on each slew rate's error, relative to the search's rate; below 1.
     slew_acceleration : float [rad/s^2], default inf
-        Least acceleration at the start and end of each craft's turns; any greater value is covered.
+        Minimum acceleration at the start and end of each craft's turns; any larger value is covered.
     latest : float [s], optional
         Time by which they must lock. Default: the end of the search.
     nodes : int, default 1_000_000
-        Greatest number of boxes to judge.
+        Maximum number of boxes to judge.
 
     Returns
     -------
@@ -110,7 +110,7 @@ def prove_locks(
     Raises
     ------
     ValueError
-        If the box holds only the origin, a least component is above the greatest, shapes do not match, or a
+        If the box holds only the origin, a minimum component is above the maximum, shapes do not match, or a
         number is negative or not finite.
 
     Notes
@@ -251,7 +251,7 @@ def looks_of(search: Search, until: float, bounds: ErrorBounds) -> Floats:
 
 
 def ends_of_box(low: ArrayLike, high: ArrayLike) -> tuple[Floats, Floats]:
-    """Return the least and greatest states (6,) of a box; ValueError for invalid ones."""
+    """Return the minimum and maximum states (6,) of a box; ValueError for invalid ones."""
     least, greatest = finite("low", low), finite("high", high)
     for name, state in (("low", least), ("high", greatest)):
         if state.shape != (6,):

@@ -19,7 +19,7 @@ from closeform.search.lock_proof import LockProof, ends_of_box, prove_locks, sca
 from closeform.search.locks import lock_times
 from closeform.search.schedule import Search
 
-CLIMBS = 6  # greatest number of climbs, each from the counterexamples of the previous proof
+CLIMBS = 6  # maximum number of climbs, each from the counterexamples of the previous proof
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -57,25 +57,25 @@ def longest_lock(
     search : Search
         The schedule of both craft.
     low : array_like of shape (6,) [m, m/s]
-        Least position and velocity of the box, B minus A at the start of the search, in the inertial frame.
+        Minimum position and velocity of the box, B minus A at the start of the search, in the inertial frame.
     high : array_like of shape (6,) [m, m/s]
-        The greatest, in the same frame. Without offset and range the problem is scale-invariant, and any box
+        The maximum, in the same frame. Without offset and range the problem is scale-invariant, and any box
         around the origin represents all states.
     seed : int, default 0
         Seed of the random initial states.
     nodes : int, default 200_000
-        Greatest number of boxes to judge in the proof that no lock is later.
+        Maximum number of boxes to judge in the proof that no lock is later.
 
     Returns
     -------
     LongestLock
-        The result, reproducible for a seed. The time is not proven to be the latest; the proof says that all
+        The result, reproducible for a seed. The time is not proven to be the latest; the proof is that all
         but the share `proof.open` of the box locks by then.
 
     Raises
     ------
     ValueError
-        If the box holds no distinct positions, a least component is above the greatest, shapes do not match,
+        If the box holds no distinct positions, a minimum component is above the maximum, shapes do not match,
         a number is not finite, or `seed` or `nodes` is not a whole number of at least 0.
 
     References

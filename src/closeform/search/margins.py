@@ -1,7 +1,7 @@
 """Margins of a lock: the angle by which each leg misses a pair, and the set of pairs that behave alike.
 
 A leg misses by an angle m exactly if sensors wider by m do not lock in it. The certified march with a
-wider cone decides this, and bisection finds the greatest m. Initial states that differ by dr and dv move
+wider cone decides this, and bisection finds the largest m. Initial states that differ by dr and dv move
 the line between the two sensors by at most |dr| + t |dv|, and so turn it by at most the arc sine of that
 over its length |q(t)|. A miss by m at a length of at least L persists while |dr| + t |dv| <= L sin m, and
 one instant of depth is enough for a lock to persist.
@@ -40,7 +40,7 @@ class LockMargins(Result):
     leg : int
         The index of the leg of the first lock, -1 for none.
     margins : array of shape (L,) [rad]
-        Lower bound of the angle by which each leg up to that one misses, L = leg + 1; the last is negative,
+        Lower bound on the angle by which each leg up to that one misses, L = leg + 1; the last is negative,
         minus the depth of the lock. Without a lock one for each leg of the search.
     position, velocity : float [m, m/s]
         Half-axes of a set of initial states that certainly lock in the same leg (or never, as this pair):
@@ -55,7 +55,7 @@ class LockMargins(Result):
 
     @property
     def depth(self) -> float:
-        """Lower bound of the depth [rad] of the other's sensor inside the cone, in the leg of the lock."""
+        """Lower bound on the depth [rad] of the other's sensor inside the cone, in the leg of the lock."""
         return -float(self.margins[-1]) if self.leg >= 0 else nan
 
 
@@ -69,7 +69,7 @@ def locks(row, start, end, state, sensor):
 
 @kernel(void(float64[::1], float64[::1], float64, float64, float64[:, ::1]))
 def misses(leg: Floats, state: Floats, baseline: float, half_angle: float, pieces: Floats) -> None:
-    """Write the end, least margin and least sensor distance of each piece of a leg that misses."""
+    """Write the end, minimum margin and sensor distance of each piece of a leg that misses."""
     row = leg.copy()
     step = (leg[END] - leg[START]) / len(pieces)
     for k in range(len(pieces)):

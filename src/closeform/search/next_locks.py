@@ -46,7 +46,7 @@ class Astray(NamedTuple):
 class NextLocks(NamedTuple):
     """Next lock `times` (A, B) [s] of each pair of craft that do not know each other yet, else inf.
 
-    `earliest` and `partner` (A,): the least of each row, and its column.
+    `earliest` and `partner` (A,): the minimum of each row, and its column.
     """
 
     times: Floats

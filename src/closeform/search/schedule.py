@@ -40,7 +40,7 @@ class Search(Result):
     slew_rate : float [rad/s]
         Rate of all turns.
     sun_limit : float [rad]
-        Greatest angle allowed between body x, the normal of the sun shade, and the sun.
+        Largest angle allowed between body x, the normal of the sun shade, and the sun.
     tip_angle : float [rad]
         Angle of the out-of-plane turns.
     legs : tuple of Leg
@@ -64,12 +64,12 @@ class Search(Result):
         slew_rate : float [rad/s]
             Rate of all turns.
         sun_limit : float [rad]
-            Greatest angle allowed between body x and the sun, below pi/2.
+            Largest angle allowed between body x and the sun, below pi/2.
 
         Returns
         -------
         Search
-            The search with the least tip that covers a complementary cone.
+            The search with the smallest tip that covers a complementary cone.
 
         Raises
         ------
@@ -112,7 +112,7 @@ class Search(Result):
         slew_rate : float [rad/s]
             Rate of all turns.
         sun_limit : float [rad]
-            Greatest angle allowed between body x and the sun, below pi/2.
+            Largest angle allowed between body x and the sun, below pi/2.
         in_plane_turn : float [rad], default 3 pi
             Angle of each IPS: one and a half turns (H03's simulation: one turn).
         tip_angle : float [rad], optional
@@ -145,7 +145,7 @@ class Search(Result):
 
     @property
     def duration(self) -> float:
-        """Total duration of all legs [s]; that of a new search excludes the near-field search."""
+        """Total duration of all legs [s]; of a search as created, without the near-field search."""
         return self.legs[-1].end
 
     @cached_property
@@ -225,7 +225,7 @@ class Search(Result):
 
     @property
     def sun_angle(self) -> float:
-        """Greatest angle [rad] of body x from the sun line in any leg, of either group."""
+        """Largest angle [rad] of body x from the sun line in any leg, of either group."""
         return max(leg.sun_angle for leg in self.legs)
 
     @property

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from closeform.arrays import Floats, broadcast, numbers, shown
 from closeform.search.sensor import Sensor
 
-MOST_TURN = pi / 2.0  # rad, bound of a pointing error
+MOST_TURN = pi / 2.0  # rad, bound on a pointing error
 FIELDS = ("pointing", "slew_rate", "start", "half_angle", "range", "slew_acceleration", "silent", "outages")
 AXES = {"pointing": 1, "outages": 2}  # array axes that a field has for one craft; other fields are numbers
 # columns of a craft's row in kernels; from the last one on the begin and end [s] of each outage
@@ -169,7 +169,7 @@ def of_each(errors: SearchErrors, shape: tuple[int, ...]) -> SearchErrors:
 
 
 def first_of(errors: SearchErrors) -> SearchErrors:
-    """Return the errors of the craft (N,) in the first of some cases (C, N)."""
+    """Return the errors of the craft (N,) in the first of the given cases (C, N)."""
 
     def of_first(name: str) -> Any:
         every = errors._of_each(name, errors.shape)
@@ -209,5 +209,5 @@ def _intervals(name: str, value: ArrayLike) -> Floats:
     if array.ndim < 2 or array.shape[-1] != 2:
         raise ValueError(f"{name}: expected shape (..., K, 2), got {array.shape}")
     if not (array[..., 0] <= array[..., 1]).all():
-        raise ValueError(f"{name}: an interval ends before it begins; give begin and end in s")
+        raise ValueError(f"{name}: an interval ends before it begins; give its start, then its end, in s")
     return array

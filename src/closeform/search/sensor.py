@@ -35,7 +35,7 @@ class Sensor:
     offset : float [m], default 0
         Distance from the centre of mass along the boresight (H03: 7.5 m; S04: 0).
     range : float [m], default inf
-        Greatest distance between two sensors, above 0.
+        Largest distance between two sensors, above 0.
 
     Raises
     ------

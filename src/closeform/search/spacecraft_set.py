@@ -50,7 +50,7 @@ class LostFleet:
         flaws: BurnFlaws | None = None,
         drawn: int = FEW,
     ) -> tuple[Floats, Any, Floats]:
-        """Simulate gatherings for each of some choices of burns; they are the cases `some` of all.
+        """Simulate gatherings for each of the given choices of burns; they are the cases `some` of all.
 
         Returns the events (E, 10) of the last case and choice if there is `room` for any, the labels (C, N)
         of the last choice, and results (C, ways, RESULT + 2 N). `flaws` of the burns have random numbers for

@@ -63,7 +63,7 @@ class StateBoxes:
 
     @property
     def edges(self) -> Floats:
-        """Least and greatest states (M, 2, 6)."""
+        """Minimum and maximum states (M, 2, 6)."""
         return np.stack([self.centres - self.halves, self.centres + self.halves], axis=1)
 
 

@@ -141,7 +141,7 @@ def finite(value: Any) -> Any:
 
 @contextmanager
 def written(path: Path) -> Iterator[None]:
-    """Turn an OSError into one line that says why results cannot be written at a `path`."""
+    """Turn an OSError into one line that states why results cannot be written at a `path`."""
     try:
         yield
     except OSError as error:

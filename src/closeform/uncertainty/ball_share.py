@@ -45,7 +45,7 @@ def inside(histories: SampledTrajectories, time: float) -> tuple[float, float]:
 def ball_share(b: Floats, s: Floats) -> Integral:
     """Return the share of a normal distribution in the unit ball.
 
-    `b` (3,): its mean; `s` (3,): its standard deviations, the least first.
+    `b` (3,): its mean; `s` (3,): its standard deviations, the smallest first.
     """
     low, high = np.arcsin(np.clip([b[0] - REACH * s[0], b[0] + REACH * s[0]], -1.0, 1.0))
 

@@ -7,7 +7,7 @@ sigma(n). The mean rate of entries is
 
     nu = integral over the surface of (density at q) E[(-n . velocity)+ | q]                     # theory (60)
 
-over the part within `TAIL` of the greatest density: a band of tilts from the least axis, and arcs of each
+over the part within `TAIL` of the largest density: a band of tilts from the minor axis, and arcs of each
 quadrant in it. Gauss's rule is used for both, so that a thin covariance takes as many nodes as a round one.
 Both are cut where mu changes sign, which is an edge if sigma is small.
 """
@@ -18,7 +18,7 @@ from closeform._jit import kernel
 from closeform.kernel_loans import stack_vector
 from closeform.uncertainty.whitened import GAIN, MEAN, NEAREST, SIGMA, SPREAD, VELOCITY
 
-TAIL = 40.0  # squared distance in deviations: densities down to 2e-9 of the greatest
+TAIL = 40.0  # squared distance in deviations: densities down to 2e-9 of the largest
 SHARP = 4.0  # inward speed over its deviation, above which a sign change is an edge
 UNDERFLOW = 1400.0  # squared distance in deviations above which densities are below 1e-300
 PARTS = 4  # parts of an arc at whose ends signs are compared
@@ -43,7 +43,7 @@ def nearer(frame, x, y, z, best):
 
 @kernel()
 def nearest_square(frame):
-    """Return the least squared distance to the sphere, by Lagrange's condition q_i = b_i / (1 + x s_i^2)."""
+    """Return the minimum squared distance to the sphere by Lagrange's condition q_i = b_i / (1 + x s_i^2)."""
     b0, b1, b2 = frame[MEAN, 0], frame[MEAN, 1], frame[MEAN, 2]
     s0, s1, s2 = frame[SIGMA, 0] ** 2, frame[SIGMA, 1] ** 2, frame[SIGMA, 2] ** 2
     out = sqrt(b0 * b0 + b1 * b1 + b2 * b2) - 1.0
@@ -108,7 +108,7 @@ def inflow(mu, sigma):
 
 @kernel()
 def inward_on_arc(frame, tilt, e, f, angle):
-    """Return the mean inward speed at an angle of a quadrant, on the circle at a tilt from the least axis."""
+    """Return the mean inward speed at an angle of a quadrant, on the circle at a tilt from the minor axis."""
     height, width = cos(tilt), sin(tilt)
     x, y = e * width * cos(angle), f * width * sin(angle)
     return inward(frame, height, x, y)
@@ -131,7 +131,7 @@ def sign_change(frame, tilt, e, f, low, high, at_low, at_high):
 
 @kernel()
 def is_sharp(frame):
-    """Return True if the speed's least deviation is small relative to its mean, at the greatest density."""
+    """Return True if the speed's smallest deviation is small relative to its mean, at the largest density."""
     square = 0.0
     for i in range(3):
         speed = frame[VELOCITY, i]
@@ -232,7 +232,7 @@ def circle_rate(frame, tilt, weight, left, sharp, rules, fineness, nodes, count)
     """Return the rate around the circle at one tilt, and the new count of nodes.
 
     It consists of arcs of each quadrant, where both coordinates are monotonic, on which the squared distance
-    across the least axis is at most `left`; they are cut at edges of the inflow.
+    across the minor axis is at most `left`; they are cut at edges of the inflow.
     """
     rate = 0.0
     width = sin(tilt)
@@ -274,7 +274,7 @@ def circle_rate(frame, tilt, weight, left, sharp, rules, fineness, nodes, count)
 
 @kernel()
 def band(frame, left):
-    """Return the tilts from the least axis between which the squared distance is at most `left`."""
+    """Return the tilts from the minor axis between which the squared distance is at most `left`."""
     b0, b1, b2 = frame[MEAN, 0], frame[MEAN, 1], frame[MEAN, 2]
     across = gap(b1, 1.0, frame[SIGMA, 1]) + gap(b2, 1.0, frame[SIGMA, 2])
     reach = sqrt(left - across)

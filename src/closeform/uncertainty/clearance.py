@@ -1,4 +1,4 @@
-"""Sigma clearance: the least number of standard deviations at which errors bring two paths to a zone."""
+"""Sigma clearance: the minimum number of standard deviations at which errors bring two paths to a zone."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class SigmaApproach(Rows):
     Attributes
     ----------
     sigmas : float or array of shape (...), no unit
-        The greatest k such that no error of up to k sigmas results in a conflict; 0 if the paths themselves
+        The largest k such that no error of up to k sigmas results in a conflict; 0 if the paths themselves
         do, inf if no error can, or if they have no common time.
     time : float or array of shape (...) [s]
         Time at which k sigmas touch the zone; that of the paths' closest approach if k is 0, nan if k is inf.
@@ -69,7 +69,7 @@ def clearance_in_sigmas(
     -------
     SigmaApproach
         Floats for two craft, arrays for batches. No error within fewer sigmas results in a conflict at any
-        instant; the number is the greatest such to a relative 1e-9.
+        instant; the number is the largest such to a relative 1e-9.
 
     Raises
     ------

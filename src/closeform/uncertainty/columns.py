@@ -147,7 +147,7 @@ def _ends(path: Path, arcs: Floats) -> Any:
 
 
 def _states(path: Path, arcs: Floats, times: Floats) -> Any:
-    """Return the states (k, 6) at a time (k,) on each of some arcs."""
+    """Return the states (k, 6) at a time (k,) on each of the given arcs."""
     alone = path_of(path.orbit, np.ascontiguousarray(arcs), np.arange(len(arcs) + 1), (len(arcs),))
     return alone._evaluate_rows(np.ascontiguousarray(times[:, None]))[:, 0]
 

@@ -32,7 +32,7 @@ def root_of(name: str, covariance: ArrayLike) -> Floats:
     values, vectors = np.linalg.eigh(0.5 * (scaled + scaled.T))
     if values[0] < -ROUNDING:
         raise ValueError(
-            f"{name}: not a covariance, its least eigenvalue, scaled by its diagonal, is {values[0]:.3g}; "
+            f"{name}: not a covariance, its smallest eigenvalue, scaled by its diagonal, is {values[0]:.3g}; "
             "check its digits and signs"
         )
     return np.asarray(deviations[:, None] * vectors * np.sqrt(np.where(values > UNTOLD, values, 0.0)))

@@ -19,7 +19,7 @@ FEW = 30  # number up to which the interval of Clopper and Pearson is used
 PRECISION = 1e-3  # relative half-interval of the probability by default
 COARSER = 0.5  # relative number of surface nodes in the pilot run
 GRAZES = 1e-3  # share of entering trajectories that rounding may lose
-# trajectories of the pilot run; least and greatest number of samples
+# trajectories of the pilot run; minimum and maximum number of samples
 TRIED, FEWEST, MOST = 4000, 8000, 100_000
 SURE = 1.1  # safety factor on the number from the pilot run
 FINELY = 8  # strata across the surface, and of speeds, if there are enough trajectories

@@ -18,7 +18,7 @@ from closeform.uncertainty.covariance import root_of
 from closeform.uncertainty.errors import Uncertainty, one_state
 
 CIRCULAR, TOO_ECCENTRIC = 0.005, 0.1
-FAR = 0.01  # of the orbit's radius: greatest separation for Hill's equations
+FAR = 0.01  # of the orbit's radius: largest separation for Hill's equations
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -182,6 +182,6 @@ def _warnings(eccentricity: float, distance: float, radius: float, *errors: Unce
     if curved > 0.1 * least and curved > 1.0:
         found.append(
             f"at {distance:.4g} m the curvature of the orbit is {curved:.2g} m, compared with a "
-            f"least standard deviation of {least:.2g} m"
+            f"smallest standard deviation of {least:.2g} m"
         )
     return found

@@ -24,10 +24,10 @@ from closeform.motion.certified_march import relative_state
 BIG = 40.0  # standard deviations: the probability beyond is negligible
 NOTHING = 1e-9  # of the zone: a smaller effect of an error is negligible
 SAMPLES = 512  # samples in an orbit (or a window, in deep space); at most one event between two
-TURN = 0.2  # greatest relative change of a line's direction between samples
-FINEST = 1.0 / 4096.0  # of a sample's time: least step, where a line passes through zero length
+TURN = 0.2  # largest relative change of a line's direction between samples
+FINEST = 1.0 / 4096.0  # of a sample's time: smallest step, where a line passes through zero length
 HALVINGS = 50  # bisections of a sample's time for the start of an interval, or the reversal of an end
-MOST = 1024  # greatest number of disjoint intervals of a line
+MOST = 1024  # maximum number of disjoint intervals of a line
 
 AT_START, EVER, ENTRIES = 0, 1, 2  # columns of the result of a line
 MET, LOW, HIGH, LEAST, GREATEST, SPANS, ENTERED = 0, 1, 2, 3, 4, 5, 6  # entries of `run`, the current state

@@ -21,8 +21,8 @@ from closeform.zones.zone import Zone
 
 # sigma_v / (n sigma_r), for a warning of mixed units. It is usually about one, near a hundred for poor
 # velocities, and a thousand times more for mixed units. Above the second number the positions are nearly
-# exact, which is no sign of mixed units. Nor is a nearly singular covariance, with such a share of its
-# greatest sigma, or of the correlations' greatest eigenvalue, left along some axis.
+# exact, which is not a sign of mixed units. Nor is a nearly singular covariance, with such a share of its
+# largest sigma, or of the correlations' largest eigenvalue, left along some axis.
 MIXED, EXACT, SINGULAR = 1e3, 1e5, 1e-3
 
 
@@ -101,7 +101,7 @@ class Uncertainty:
         craft: ArrayLike | None = None,
         **execution: Any,
     ) -> Self:
-        """Create an uncertainty from a covariance at some time in radial, transverse and normal axes.
+        """Create an uncertainty from a covariance at one time in radial, transverse and normal axes.
 
         Parameters
         ----------
@@ -146,7 +146,7 @@ class Uncertainty:
     def from_inertial(
         cls, covariance: ArrayLike, path: Path, time: float, chief: ArrayLike, **execution: Any
     ) -> Self:
-        """Create an uncertainty from a covariance at some time in inertial axes.
+        """Create an uncertainty from a covariance at one time in inertial axes.
 
         Parameters
         ----------

@@ -18,7 +18,7 @@ from closeform.uncertainty.quadrature import integral
 from closeform.uncertainty.sampled_trajectories import SampledTrajectories
 
 SAMPLES = 512  # sampled times in an orbit (or a piece, in deep space)
-THIN = 1e-7, 1e-6  # of the greatest effect, and of the zone: rounding of a singular covariance
+THIN = 1e-7, 1e-6  # of the largest effect, and of the zone: rounding of a singular covariance
 LINE = 1e-6  # relative half-interval of the probability for one error
 PLANE = 1e-5  # the same for two errors
 EVEN = np.linspace(0.0, np.pi, 13)
@@ -52,7 +52,7 @@ class FewErrors:
 
 
 def _round(histories: SampledTrajectories, ways: Floats, what: int, angles: Floats) -> Floats:
-    """Return one result of lines through the centre of a plane, at some angles (K,)."""
+    """Return one result of lines through the centre of a plane, at the given angles (K,)."""
     along = np.cos(angles)[:, None] * ways[0] + np.sin(angles)[:, None] * ways[1]
     return np.asarray(_followed(histories, along, plane=True)[:, what])
 

@@ -15,7 +15,7 @@ from closeform.uncertainty.golden_planes import is_short, search_planes
 from closeform.zones.shapes import norm
 
 MEET = 1e-9  # norm below which two craft coincide, and no direction is preferred
-TURNS, MOST = 60, 1e6  # greatest numbers of steps and of sigmas
+TURNS, MOST = 60, 1e6  # maximum numbers of steps and of sigmas
 
 
 @kernel()
@@ -74,7 +74,7 @@ def gauge(shape, faces, r, s, k, best):
 def gauges(shape, faces, places, squares, k, sizes, gradients):
     """Fill the gauges (K,) and their gradients (K, 3) of positions (K, 3) with covariances (K, 3, 3).
 
-    `gradients` (K, 4) end in 1 + k |l_a|; they are 0 where two craft coincide. k < 0: the greatest numbers of
+    `gradients` (K, 4) end in 1 + k |l_a|; they are 0 where two craft coincide. k < 0: the maximum numbers of
     clear sigmas, 0 inside the zone.
     """
     for m in range(len(places)):

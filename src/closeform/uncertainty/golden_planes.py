@@ -96,7 +96,7 @@ def merit(shape, r, root, k, chart, u, v, best):
 
 @kernel()
 def best_across(shape, r, root, k, chart, u, best):
-    """Return the greatest merit at some u."""
+    """Return the largest merit at some u."""
     low, high = 0.0, 1.0
     near, far = 1.0 - GOLDEN, GOLDEN
     worth = merit(shape, r, root, k, chart, u, near, best)

@@ -17,13 +17,13 @@ from closeform.uncertainty.sampled_trajectories import CORES, SampledTrajectorie
 TOLERANCE = 1e-4  # relative tolerance of the integral over time
 ROUND = 1e-4  # relative tolerance of a rate over the surface
 FINENESS = (1.0, 1.4, 2.0, 2.8, 4.0, 5.6, 8.0)  # factors on the number of nodes on the surface
-MOST = 96  # greatest number of nodes in height, or along an arc
+MOST = 96  # maximum number of nodes in height, or along an arc
 ZOOMS = 10  # refinements of the time of a passage, each to a quarter
 SAMPLES = 128  # samples in an orbit (or a piece, in deep space) for the closest times
 LADDER = np.array([-10.0, -3.0, -1.0, 0.0, 1.0, 3.0, 10.0])  # in units of the width of a passage
 NEAR = 60.0  # squared distance in deviations above the least: passages that count
 SURE = 6.0  # deviations: a closer approach must have some rate of entries
-FADED = 10.0  # deviations, in squares, beyond those of the greatest rate: rates are 1e-21 of it
+FADED = 10.0  # deviations, in squares, beyond those of the largest rate: rates are 1e-21 of it
 QUARTERS = np.array([0.125, 0.375, 0.625, 0.875])  # initial samples of a piece of time
 CHECKED = 24  # times at which a rate is compared with one from more nodes
 
@@ -69,7 +69,7 @@ def pool() -> ThreadPoolExecutor:
 
 
 def rates(histories: SampledTrajectories, times: Floats, fineness: float, farthest: float = np.inf) -> Floats:
-    """Return the rate of entries and the mean's distance in deviations (T, 2) at some times, on all cores.
+    """Return the rate of entries and the mean's distance in deviations (T, 2) at given times, on all cores.
 
     The rate is 0 beyond the `farthest` distance.
     """
@@ -172,7 +172,7 @@ def _sampled(parts: Floats) -> Any:
 
 
 def _entries(histories: SampledTrajectories, fineness: float, farthest: float, times: Floats) -> Floats:
-    """Return the rate of entries at some times."""
+    """Return the rate of entries at given times."""
     return rates(histories, times, fineness, farthest)[:, 0]
 
 

@@ -6,7 +6,7 @@ of about its root, a millionth of a turn. Between the best planes a of now and b
     a(u) = a + u (b - a),   0 <= u <= 1,
 
 loses only the fourth power of the step, and all terms are polynomials of u by Taylor's series: theory (54),
-with l_j = a(u) . r_j of the columns and a bound of the zone's support along a(u). From inside, errors on a
+with l_j = a(u) . r_j of the columns and a bound on the zone's support along a(u). From inside, errors on a
 chord between two that lead into the zone are also within k sigmas.
 """
 
@@ -18,7 +18,7 @@ from closeform.uncertainty.tube import ACTIVE, COLUMNS, HINT, MEAN_RATE, NOISY, 
 from closeform.zones.shapes import BALL, CYLINDER, FACES
 
 TERMS = 9  # number of terms of a series
-ANGLE = 0.04  # greatest step in n t; the truncated terms are below 1e-18 of the motion
+ANGLE = 0.04  # maximum step in n t; the truncated terms are below 1e-18 of the motion
 LOST = 2e-15  # relative rounding of the terms of a polynomial
 HALVINGS = 40
 # of a window or of 1 / n: a short step, and how many of them in a pair are accepted

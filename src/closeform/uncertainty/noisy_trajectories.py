@@ -41,7 +41,7 @@ from closeform.zones.shapes import FORM, norm
 from closeform.zones.zone import Zone
 
 LEAST_OFF = 1e-9  # of the zone: more than rounding
-NUMBERS = 1 << 22  # greatest count of random numbers in a chunk
+NUMBERS = 1 << 22  # maximum count of random numbers in a chunk
 ZONES = 3  # the enlarged zone, the zone, the reduced zone
 
 

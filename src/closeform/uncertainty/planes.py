@@ -1,12 +1,12 @@
-"""Separating planes between a unit zone at the origin and an ellipsoid: the one with the greatest gap.
+"""Separating planes between a unit zone at the origin and an ellipsoid: the one with the largest gap.
 
 The ellipsoid is that of k sigmas about r, with covariance S. Over all a on the zone's polar set (where the
-greatest a . q of the zone is 1: |a| = 1 for a ball, mixtures of the faces for half-spaces, hypot(a_0, a_1) +
-|a_2| = 1 for a cylinder) the best plane has the greatest
+largest a . q of the zone is 1: |a| = 1 for a ball, mixtures of the faces for half-spaces, hypot(a_0, a_1) +
+|a_2| = 1 for a cylinder) the best plane has the largest
 
     g = a . r - k sqrt(a S a)                                                        # theory (52)
 
-which is the least norm of any point of the ellipsoid, at p = r - k S a / sqrt(a S a). Any other a gives less,
+which is the minimum norm of the ellipsoid's points, at p = r - k S a / sqrt(a S a). Any other a gives less,
 so that g above 1 is a proof for any a. A cube is represented by six faces.
 """
 
@@ -155,7 +155,7 @@ def mixture_of_three(f, g, h, r, s, k):
 def flat_plane(faces, r, s, k, fine, best):
     """Write the best mixture of faces, at most three, and its g to `best` (4,).
 
-    From the best mixture, the face with the greatest violation is added.
+    From the best mixture, the face with the largest violation is added.
     """
     best[3] = -inf
     active = stack_matrix(4, 3)

@@ -25,7 +25,7 @@ from closeform.zones.zone import Zone
 LEAST = 100  # samples
 HISTORIES = 40_000  # default number of Monte Carlo samples
 PASSAGES = 8  # closest passages at which a bound evaluates the probability to be inside
-UNRESOLVED = 0.05  # greatest relative quadrature error of a probability
+UNRESOLVED = 0.05  # largest relative quadrature error of a probability
 Method = Literal["entries", "bound", "monte-carlo", "short-encounter"]
 METHODS = ("entries", "bound", "monte-carlo", "short-encounter")
 NONE = np.empty(0)

@@ -26,7 +26,7 @@ LESS = np.zeros(15)
 LESS[1::2] = np.polynomial.legendre.leggauss(7)[1]
 ROUNDS = 48
 ROUGH = 3.0  # times the tolerance: a piece with a smaller relative error is not divided
-MOST = 4000  # greatest number of pieces
+MOST = 4000  # maximum number of pieces
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,7 +18,7 @@ WORDS = 4  # random numbers in one block of Philox
 
 
 def uniform(seed: int, key: str, blocks: int, first: int, last: int, event: int = 0) -> Floats:
-    """Return random numbers (last - first, blocks, 4) in (0, 1) of a key in some cases, for an event."""
+    """Return random numbers (last - first, blocks, 4) in (0, 1) of a key in the given cases, for an event."""
     return np.asarray((words(seed, key, blocks, first, last, event) + 0.5) * 2.0**-53)
 
 

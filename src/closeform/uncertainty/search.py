@@ -71,7 +71,7 @@ def sigma_conflicts_of_two(one: Spread, two: Spread, zone: Zone, mean_motion: fl
 
 
 def search_of(spread: Spread, zones: Sequence[Zone], mean_motion: float, sigmas: float) -> Any:
-    """Return a function that finds the conflicts of some pairs of a batch with a zone.
+    """Return a function that finds the conflicts of the given pairs of a batch with a zone.
 
     `zones`: the zones that most pairs have.
     """

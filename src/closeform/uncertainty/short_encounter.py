@@ -11,7 +11,7 @@ from closeform.uncertainty.whitened import THINNEST
 
 REACH = 39.0  # standard deviations up to which densities do not underflow
 NODES = 200
-EDGE = 1e-6  # of the common time: a closest approach nearer to its ends is no passage
+EDGE = 1e-6  # of the common time: a closest approach nearer to its ends is not a passage
 
 
 class NotPassing(ValueError):
@@ -28,14 +28,15 @@ def passes_through(histories: SampledTrajectories) -> tuple[float, float]:
     if not start + EDGE * (end - start) < approach.time < end - EDGE * (end - start):
         edge = "start" if approach.time < 0.5 * (start + end) else "end"
         raise NotPassing(
-            f'path, other: closest at the {edge}, so that they do not pass each other; use method="entries"'
+            f"path, other: closest approach is at the {edge} of the time span, so they do not pass each "
+            'other in it; use method="entries"'
         )
     mean, factor = histories.states(np.array([approach.time]))
     matrix = histories.zone.matrix
     position, velocity = matrix @ mean[0, :3], matrix @ mean[0, 3:]
     across = np.linalg.svd(velocity[None])[2][1:]
     axes, widths, _ = np.linalg.svd(across @ matrix @ factor[0, :3])
-    ways = axes.T @ across  # the greatest deviation first
+    ways = axes.T @ across  # the largest deviation first
     (far, near), (wide, thin) = ways @ position, np.maximum(widths, THINNEST)
     few, many = (_disc(near, thin, far, wide, nodes) for nodes in (NODES // 2, NODES))
     return many, abs(many - few)

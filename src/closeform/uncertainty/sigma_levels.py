@@ -27,10 +27,10 @@ from closeform.uncertainty.tube import (
     see_tube,
 )
 
-PRECISION = 1e-10  # relative accuracy of the least level
+PRECISION = 1e-10  # relative accuracy of the minimum level
 SLACK = 1e-13  # of the zone: rounding
 LACKING = 1e-11  # difference between equivalent planes at one time
-TURN_ANGLE = 0.3  # in n t: greatest step of the search for a local minimum
+TURN_ANGLE = 0.3  # in n t: maximum step of the search for a local minimum
 SAMPLE_ANGLE, SAMPLES = 0.5, 8  # in n t, between samples; or number of samples in a window in deep space
 SKETCHED = 0.01  # relative deficit of a sampled level
 
@@ -96,7 +96,7 @@ def gap_at(tube, t, k, s):
 
 @kernel()
 def least_in_window(tube, span, k, best, best_time, patience):
-    """Return the least level of the window, if below `best`, its time, and the time reached.
+    """Return the minimum level of the window, if below `best`, its time, and the time reached.
 
     The level is 0 if the mean enters the zone.
     """
@@ -150,7 +150,7 @@ def sketch_level(tube, t, k, enough):
 
 @kernel()
 def sample_window(tube, span, k, best, best_time):
-    """Return the least approximate level at some times of the window, if below `best`, and its time."""
+    """Return the lowest approximate level at given times of the window, if below `best`, and its time."""
     n = max(tube.mean_motion, tube.seen[MEAN_RATE])
     count = int(n * span / SAMPLE_ANGLE) + 1 if n > 0.0 else SAMPLES
     for m in range(count + 1):
@@ -162,7 +162,7 @@ def sample_window(tube, span, k, best, best_time):
 
 @kernel()
 def sampled_level(tube, one, first, two, second, start, end, k):
-    """Return a level of the pair and its time, usually the least, which saves work in the march."""
+    """Return a level of the pair and its time, usually the lowest, which saves work in the march."""
     i_end, j_end = one.offsets[first + 1], two.offsets[second + 1]
     i = locate(one.arcs, one.offsets[first], i_end, start)
     j = locate(two.arcs, two.offsets[second], j_end, start)
@@ -201,7 +201,7 @@ def advance(arcs, i, i_end, t):
 
 @kernel()
 def least_of_pair(tube, one, first, two, second, start, end, k, best, best_time):
-    """Return the least level over [start, end] and its time; nan if no error results in a conflict.
+    """Return the minimum level over [start, end] and its time; nan if no error results in a conflict.
 
     Starts from a known level and its time, or inf and nan.
     """
@@ -234,7 +234,7 @@ def begin_pair(tube, one, first, two, second):
 
 @kernel(void(SPREAD, SPREAD, int64[::1], int64[::1], TUBE, float64, float64[:, ::1]))
 def least_of_pairs(one, two, first, second, tube, k, out):
-    """Write time and least level of pairs over their common times, by sigmas (k < 0) or by scale."""
+    """Write time and minimum level of pairs over their common times, by sigmas (k < 0) or by scale."""
     one, two, tube = lent(one), lent(two), lent(tube)
     for p in range(len(first)):
         start, end = begin_pair(tube, one, first[p], two, second[p])

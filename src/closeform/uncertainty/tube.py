@@ -102,7 +102,7 @@ def settled_rows(tube, width):
 
 @kernel()
 def settled_bound(tube, h, x, y, z):
-    """Return the squared bound of the acceleration of all settled columns along a direction over [0, h]."""
+    """Return the squared bound on the acceleration of all settled columns along a direction over [0, h]."""
     n, rows = tube.mean_motion, tube.settled
     b = c = 0.0
     for j in range(0, 18, 3):
@@ -116,7 +116,7 @@ def settled_bound(tube, h, x, y, z):
 
 @kernel()
 def column_bound(tube, x, y, z):
-    """Return a bound of the acceleration of all columns along a direction, over the window."""
+    """Return a bound on the acceleration of all columns along a direction, over the window."""
     others = abs(x) * tube.bounds[3] + abs(y) * tube.bounds[4] + abs(z) * tube.bounds[5]
     return sqrt(settled_bound(tube, tube.seen[REACH], x, y, z) + others * others)
 

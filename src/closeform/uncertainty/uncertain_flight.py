@@ -18,7 +18,7 @@ from closeform.zones.shapes import BALL
 from closeform.zones.zone import Zone
 
 MOST_PROBABLE = 10  # pairs with the fewest sigmas whose probability is computed
-MOST_BURNS = 60  # greatest number of burns of two craft for sampling; each has up to four errors
+MOST_BURNS = 60  # maximum number of burns of two craft for sampling; each has up to four errors
 HISTORIES = 200_000  # samples if the surface of a zone is not resolved
 
 NONE = np.empty(0)
@@ -30,8 +30,8 @@ NEVER = Probability(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, NONE, NONE, "bound", 0)
 class UncertainPair:
     """Two craft by name that are clear of a `zone` by at least `sigmas`, with the minimum at `time` [s].
 
-    `probability` of a conflict; None for pairs with more sigmas than others, for a zone that is no sphere or
-    ellipsoid, or with too many burn errors.
+    `probability` of a conflict; None for pairs with more sigmas than others, for a zone that is neither a
+    sphere nor an ellipsoid, or with too many burn errors.
     """
 
     first: str
@@ -46,7 +46,7 @@ class UncertainPair:
 class UncertainFlight:
     """Pairs of a flight with any uncertainty, the fewest sigmas first.
 
-    `exact`: craft without errors; `sigmas`: the required clearance. `any_pair`: an upper bound of the
+    `exact`: craft without errors; `sigmas`: the required clearance. `any_pair`: an upper bound on the
     probability that any pair has a conflict, the sum over all; None if it is not known.
     """
 
@@ -123,7 +123,7 @@ def probability_of(
 def at_most(
     flight: WatchedFlight, near: PairApproach, known: Mapping[str, Uncertainty], sigmas: float
 ) -> float:
-    """Return an upper bound of the probability of a conflict from the sigma clearance."""
+    """Return an upper bound on the probability of a conflict from the sigma clearance."""
     if known[near.first].noise or known[near.second].noise:
         return 1.0
     burns, impulses = fired(flight, near, known)

@@ -23,9 +23,9 @@ from closeform.arrays import Floats
 # theory (65)
 # In units of sqrt(q h^3): deviation in a step h that is exceeded with a probability below 1e-13.
 OFF = 1.2
-ENOUGH, MOST_OFF = 1e-3, 0.1  # of the zone's inner radius: target and greatest deviation
-STEPS = 10_000  # greatest number of steps
-ANGLE = 0.2  # greatest n h for which (65) holds
+ENOUGH, MOST_OFF = 1e-3, 0.1  # of the zone's inner radius: target and largest deviation
+STEPS = 10_000  # maximum number of steps
+ANGLE = 0.2  # largest n h for which (65) holds
 BLOCK = 4096.0  # s, length of the interval that is halved
 SAME = 1e-6  # of a step: tolerance of equal times
 

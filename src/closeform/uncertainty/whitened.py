@@ -12,7 +12,7 @@ from closeform._jit import kernel
 
 SIGMA, MEAN, VELOCITY, AXES, GAIN, SPREAD = 0, 1, 2, 3, 6, 9
 NEAREST = 12  # set by `entry_rate`: the nearest point, in standard normals
-THINNEST = 1e-9  # of the zone: least deviation, for errors in one plane
+THINNEST = 1e-9  # of the zone: smallest deviation, for errors in one plane
 
 RESIDUAL = 1e-12  # relative deviation below which it is rounding
 
@@ -33,7 +33,7 @@ def principal(mean, factor, matrix, frame, rows):
                 rows[i, j] += matrix[i, k] * factor[k, j]
                 rows[3 + i, j] += matrix[i, k] * factor[3 + k, j]
     make_orthogonal(frame, rows, size)
-    for p in range(2):  # least deviation first
+    for p in range(2):  # smallest deviation first
         for r in range(p + 1, 3):
             if frame[SIGMA, r] < frame[SIGMA, p]:
                 frame[SIGMA, p], frame[SIGMA, r] = frame[SIGMA, r], frame[SIGMA, p]
@@ -61,7 +61,7 @@ def principal(mean, factor, matrix, frame, rows):
 def make_orthogonal(frame, rows, size):
     """Rotate axes until the three rows of positions are orthogonal; their lengths are the deviations.
 
-    Jacobi rotations of the factor's rows: the least deviation keeps its digits, which it would lose in the
+    Jacobi rotations of the factor's rows: the smallest deviation keeps its digits, which it would lose in the
     covariance.
     """
     for _ in range(30):

@@ -51,7 +51,7 @@ def add_square(matrix, x, y, z, s):
 
 @kernel()
 def greatest(s):
-    """Return an upper bound, by at most 7 %, of a covariance's greatest eigenvalue, by its 16th power."""
+    """Return an upper bound, by at most 7 %, of a covariance's largest eigenvalue, by its 16th power."""
     size = s[0, 0] + s[1, 1] + s[2, 2]
     if not size > 0.0:
         return 0.0
@@ -90,7 +90,7 @@ def add_columns(matrix, a, width, s):
 
 @kernel()
 def settled_bend(n, h, matrix, a, width, s):
-    """Return the square of a bound of the acceleration of all columns over [0, h]; overwrites `s`."""
+    """Return the square of a bound on the acceleration of all columns over [0, h]; overwrites `s`."""
     b = c = 0.0
     for j in range(width):
         x, z, vx, vy, vz = a[0, j], a[2, j], a[3, j], a[4, j], a[5, j]
@@ -105,7 +105,7 @@ def settled_bend(n, h, matrix, a, width, s):
 
 @kernel()
 def width_along(n, arc, row, execution, t, h, matrix):
-    """Return the greatest displacement of a craft by one sigma, from time t on for h within one arc.
+    """Return the largest displacement of a craft by one sigma, from time t on for h within one arc.
 
     theory (55)
     """

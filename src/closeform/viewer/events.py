@@ -184,7 +184,7 @@ def failures(result: StageResult[Any, Any]) -> Iterator[Record]:
 def told(result: StageResult[Any, Any], pair: "PairDrift") -> str:
     """Return the consequence of a failure as text."""
     assert result.passive is not None
-    comes = "comes to" if not pair.safe else "stays clear, least"
+    comes = "comes to" if not pair.safe else "stays clear, minimum"
     return f"if {failure(result.passive)}, {comes} {clearance(pair)} of {pair.meets}"
 
 

@@ -1,4 +1,4 @@
-"""Containment of one zone in another, by the greatest norm over it."""
+"""Containment of one zone in another, by the largest norm over it."""
 
 import numpy as np
 
@@ -18,7 +18,7 @@ def containing_zone(*zones: Zone) -> Zone | None:
 
 
 def greatest_norm(outer: Zone, inner: Zone) -> float:
-    """Return the greatest norm of `outer` over the zone `inner`: at most 1 if it contains it; may be inf."""
+    """Return the largest norm of `outer` over the zone `inner`: at most 1 if it contains it; may be inf."""
     if outer.shape == FACES:
         return float(np.max(inner.support(outer.faces @ outer.matrix)))
     leading = LEADING.get(outer.shape, 0)
@@ -30,7 +30,7 @@ def greatest_norm(outer: Zone, inner: Zone) -> float:
 
 
 def greatest_length(rows: Floats, inner: Zone) -> float:
-    """Return the greatest |rows r| over a zone: convex, so at a corner, along an axis or on a rim."""
+    """Return the largest |rows r| over a zone: convex, so at a corner, along an axis or on a rim."""
     if not inner.bounded:
         return np.inf
     image = rows @ np.linalg.inv(inner.matrix)

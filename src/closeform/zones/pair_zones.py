@@ -45,7 +45,7 @@ class PairZones:
     moves : array of bool of shape (N,)
         True for bodies that move.
     rules : sequence of str
-        How each zone was made, in words.
+        How each zone was made, as text.
 
     References
     ----------
@@ -84,9 +84,9 @@ class PairZones:
         Raises
         ------
         ValueError
-            If `zones` contains another type, or `names` or `moves` differ in length; naming two bodies, if
-            neither of their regions contains the other, if their covariances are of different sigmas, or if
-            their sum is unbounded.
+            If `zones` contains another type, or if `names` or `moves` differ from it in length. If, for two
+            bodies that the message names, neither region contains the other, the covariances have different
+            `sigmas`, or the sum of the regions is unbounded.
 
         References
         ----------
@@ -234,7 +234,7 @@ def count_pairs(bodies: int) -> int:
 
 
 def pairs_of(count: int, at_once: int = AT_ONCE) -> Iterator[tuple[Any, Any]]:
-    """Yield the pairs i < j of `count` bodies in order, in portions that fit into memory."""
+    """Yield the pairs i < j of `count` bodies in order, in parts that fit into memory."""
     row, column = 0, 1
     while row < count - 1:
         first, second = [], []
@@ -251,7 +251,7 @@ def pairs_of(count: int, at_once: int = AT_ONCE) -> Iterator[tuple[Any, Any]]:
 
 
 def portions(zones: PairZones, at_once: int = AT_ONCE) -> Iterator[tuple[Zone, Any, Any]]:
-    """Yield the pairs of many bodies in portions: a zone, i (M,) and j (M,)."""
+    """Yield the pairs of many bodies in parts: a zone, i (M,) and j (M,)."""
     for first, second in pairs_of(len(zones), at_once):
         for k, some in by_zone(zones.which(first, second)):
             yield zones.zones[k], first[some], second[some]

@@ -90,7 +90,7 @@ def norm(shape, faces, x, y, z):
 
 @kernel()
 def support(shape, wx, wy, wz):
-    """Return the greatest w . q over a unit set; not for `FACES`."""
+    """Return the largest w . q over a unit set; not for `FACES`."""
     if shape == CUBE:
         return abs(wx) + abs(wy) + abs(wz)
     if shape == CYLINDER:
@@ -140,7 +140,7 @@ def faces_rate(faces, x, y, z, vx, vy, vz):
 
 @kernel(inline=True)
 def rate(shape, faces, x, y, z, vx, vy, vz):
-    """Return the right-sided rate of the norm: the greatest rate of the parts that attain it."""
+    """Return the right-sided rate of the norm: the largest rate of the parts that attain it."""
     if shape == FACES:
         found = faces_rate(faces, x, y, z, vx, vy, vz)
     else:
@@ -246,7 +246,7 @@ def inside_faces(faces, x, y, z, vx, vy, vz, ax, ay, az, target):
 def inside_step(shape, faces, x, y, z, vx, vy, vz, ax, ay, az, a, speed, target):
     """Return how long the norm provably stays below the target: the shortest of the parts.
 
-    Bounds of the acceleration are as for `outside_step`; `speed` bounds the speed.
+    Bounds on the acceleration are as for `outside_step`; `speed` bounds the speed.
     """
     if shape == FACES:
         h = inside_faces(faces, x, y, z, vx, vy, vz, ax, ay, az, target)

@@ -73,7 +73,7 @@ class Ellipsoid(Zone):
 
     @classmethod
     def from_covariance(cls, covariance: ArrayLike, sigmas: float) -> Self:
-        """Return the ellipsoid of some standard deviations of a position: P = (sigmas^2 covariance)^-1.
+        """Return the ellipsoid of `sigmas` standard deviations of a position: P = (sigmas^2 covariance)^-1.
 
         Parameters
         ----------
@@ -104,7 +104,7 @@ class Ellipsoid(Zone):
         variances, axes = np.linalg.eigh(matrix)
         if variances[0] <= 1e-15 * variances[-1]:
             raise ValueError(
-                f"covariance: must be positive definite, its least variance is {variances[0]:g} m^2"
+                f"covariance: must be positive definite, its smallest variance is {variances[0]:g} m^2"
             )
         return cls(sigmas * np.sqrt(variances), axes.T)
 

@@ -82,7 +82,7 @@ class Zone:
 
     @cached_property
     def stretch(self) -> float:
-        """Greatest length of a metre in zone coordinates [1/m]: the spectral norm of M."""
+        """Largest length of a metre in zone coordinates [1/m]: the spectral norm of M."""
         return float(np.linalg.norm(self.matrix, 2))
 
     @property
@@ -206,7 +206,7 @@ class Zone:
         return self if self.symmetric else Zone(self.shape, self.matrix, -self.faces)
 
     def support(self, direction: ArrayLike) -> Any:
-        """Return the extent of the zone in given directions: the greatest d . r over all its r.
+        """Return the extent of the zone in given directions: the largest d . r over all its r.
 
         Parameters
         ----------
