@@ -1,9 +1,9 @@
-"""Plans of closeform, flown by Basilisk: does thrust less the residual fly the certified path?
+"""Simulate plans of closeform in Basilisk, and check that compensated thrust follows the certified path.
 
     python examples/basilisk/fly.py [folder]
 
-What crosses over is in two tables that are left in the folder: where everybody is at the epoch, and what each
-craft thrusts when.  Basilisk knows nothing else of closeform, and closeform nothing of Basilisk.
+Two tables in the folder are the only interface: the states at the epoch, and the thrust of each spacecraft.
+Basilisk uses nothing else of closeform, and closeform nothing of Basilisk.
 """
 
 import sys
@@ -68,7 +68,7 @@ def task(seed: int) -> Task:
 
 
 def end_of(one: Task) -> float:
-    """When a plan ends [s]."""
+    """Return the end of a plan [s]."""
     return float(one.plan.paths.end[0])
 
 
@@ -142,7 +142,7 @@ def tracked(one: Task, seed: int, folder: Path, step: float = 10.0) -> tuple[Flo
 
 
 def off_plan(one: Task, times: np.ndarray, states: np.ndarray) -> np.ndarray:
-    """How far off craft (N,) are at most [m]."""
+    """Return the maximum deviation of each spacecraft (N,) [m]."""
     return np.linalg.norm((states - one.plan.paths.state(times))[..., :3], axis=2).max(axis=1)
 
 

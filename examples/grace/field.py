@@ -1,10 +1,10 @@
-"""GRACE-A and B, 27 July 2010: what the real field predicts over one orbit, and what they flew.
+"""Predict one orbit of GRACE-A and B, 27 July 2010, in force models of increasing fidelity.
 
     python examples/grace/field.py
 
-From one state of each, both are flown for an orbit in ever more of the Earth's field. Told is how far their
-relative position is off at most; then the same after the second's start was fitted, which takes away what the
-first states are wrong by: 0.2 mm/s, their noise, makes metres in an orbit.
+Both spacecraft start from one state each and are simulated for an orbit. The table shows the maximum error of
+the relative position. The second column fits the initial state of the second spacecraft, which removes the
+error of the first states: their noise of 0.2 mm/s causes metres in an orbit.
 """
 
 from functools import cached_property
@@ -68,14 +68,14 @@ class Tesserals:
 
 
 def of_date(craft: cf.Ephemeris) -> np.ndarray:
-    """States (T, 6) with the pole of that day as z axis, which the field is about."""
+    """Return states (T, 6) with the pole of that day as z axis, the axis of the gravity field."""
     day = erfa.cal2jd(2010, 7, 27)
     turn = erfa.pnm06a(day[0], day[1] + LEADS / 86400.0)
     return np.concatenate([craft.states[:, :3] @ turn.T, craft.states[:, 3:] @ turn.T], axis=1)
 
 
 class Start:
-    """What both flew for an orbit after a time [s], and where the first was, as a chief."""
+    """Measured motion of both for an orbit after a time [s], with the first as chief."""
 
     def __init__(self, begin: float) -> None:
         craft = [cf.read_oem(folder / f"GRACE-{letter}.oem") for letter in "AB"]
@@ -88,18 +88,18 @@ class Start:
 
     @property
     def angle(self) -> float:
-        """Of the zero meridian from the x axis [rad]."""
+        """Angle of the zero meridian from the x axis [rad]."""
         days, day = erfa.cal2jd(2010, 7, 27)
         universal, terrestrial = day + np.array([self.begin - UTC_BEHIND, self.begin + LEADS]) / 86400.0
         return float(erfa.gst06a(days, universal, days, terrestrial))
 
     @cached_property
     def changed(self) -> np.ndarray:
-        """What other starts change (T, 3, 6), the same in all these fields; of metres and mm/s."""
+        """Effect of initial states (T, 3, 6), per metre and mm/s; equal in all these models."""
         return cf.Field(self.chief).transition(self.times)[:, :3] * np.repeat([1.0, 1e-3], 3)
 
     def errors(self, field: cf.Field) -> tuple[float, float]:
-        """How far the relative position is off at most [m], from both states and from a start that fits."""
+        """Return the maximum errors of the relative position [m], from both states and from the fit."""
         felt = field.accelerations(0.0, self.chief.state)
         start = cf.elements.relative_from_inertial(self.chief.state, self.other, acceleration=felt)
         off = self.flown - field.coast(start, self.times[-1], within=0.05).position(self.times)
@@ -108,7 +108,7 @@ class Start:
         return float(from_both), float(fitted)
 
     def fields(self) -> dict[str, cf.Field]:
-        """Ever more of the Earth."""
+        """Return force models of increasing fidelity."""
         zonals = {"a point mass": 0, "J2": 2, "J2 to J6": 6}
         tesserals = {
             f"EGM96 to degree {d}": cf.Field(self.chief, acceleration=Tesserals(self.angle, d))

@@ -1,10 +1,10 @@
-"""GRACE-A and B, 27 July 2010: what closed form predicts over one orbit, and what they flew.
+"""Compare the closed-form prediction of one orbit with the measured motion of GRACE-A and B, 27 July 2010.
 
     python examples/grace/predict.py
 
-The two craft are 224 to 228 km apart on one orbit.  From a single relative state Hill's equations
-predict the next orbit.  Three simulations tell where the error comes from: the same start flown
-under a point mass, under a flattened Earth (J2), and what is left to the real flight.
+The two spacecraft are 224 to 228 km apart on one orbit. Hill's equations predict the next orbit from a single
+relative state. Three comparisons show the sources of the error: a simulation about a point mass, one with
+oblateness (J2), and the measured motion.
 """
 
 from pathlib import Path
@@ -26,7 +26,7 @@ times = np.arange(steps + 1) * 10.0
 
 
 def gravity(_, state, j2):
-    """Rates of several inertial states, one after another, about a flattened Earth."""
+    """Return the time derivatives of several inertial states about an oblate Earth."""
     r, v = state.reshape(-1, 2, 3).swapaxes(0, 1)
     distance = np.linalg.norm(r, axis=1, keepdims=True)
     sine = r[:, 2:] / distance
