@@ -244,7 +244,7 @@ def test_covariance_in_the_frame_of_the_chief(along_track):
     )
     radius = frame.radius if along_track == "arc" else None
     rng = np.random.default_rng(3)
-    drawn = rng.multivariate_normal(np.zeros(6), MATRIX, 60_000) + deputy.states[0]
+    drawn = rng.multivariate_normal(np.zeros(6), MATRIX, 200_000) + deputy.states[0]
     seen = np.cov(relative_from_inertial(chief.states[0], drawn, along_track, radius).T)
     spread = np.sqrt(np.outer(np.diag(seen), np.diag(seen)))
     np.testing.assert_allclose(frame.covariances[1] / spread, seen / spread, atol=0.01)  # 4 / sqrt(200 000)
