@@ -491,7 +491,7 @@ BAD = {
         "times: each interval must be at least",
     ),
     "duration inf": (lambda o: o.coast(INITIAL, np.inf), "duration: every number must be finite"),
-    "duration lost": (lambda o: o.coast(INITIAL, 1e-3, start=1e15), "duration: 0\.001 s "),
+    "duration lost": (lambda o: o.coast(INITIAL, 1e-3, start=1e15), r"duration: 0\.001 s "),
     "start nan": (lambda o: o.coast(INITIAL, 1.0, start=np.nan), "start: every number must be finite"),
     "final shape": (lambda o: o.transfer(INITIAL, [1, 2], 1.0), "final: expected shape"),
     "final inf": (lambda o: o.two_impulse(INITIAL, [np.inf] * 6, 1.0), "final: every number"),
