@@ -154,8 +154,12 @@ class ImpulseSolver:
     def part_way(self, before: Spent, found: Spent, share: float) -> Spent:
         """Return paths a `share` of the way from `before` to `found`, by few impulses."""
         moments, impulses = blended((before.moments, found.moments), (before.impulses, found.impulses), share)
-        keep_fewest(self.fleet(moments), self.planes(found.contacts).some(found.pushing), impulses)
-        return self.fired_at(moments, impulses, found)
+        return self.by_few(moments, impulses, found, found.contacts.some(found.pushing))
+
+    def by_few(self, moments: list[Moments], impulses: Floats, known: Spent, contacts: Contacts) -> Spent:
+        """Return the result of as few impulses as the ends and `contacts` require."""
+        keep_fewest(self.fleet(moments), self.planes(contacts), impulses)
+        return self.fired_at(moments, impulses, known)
 
     def fired_at(self, moments: list[Moments], impulses: Floats, known: Spent) -> Spent:
         """Return the result of impulses at moments, checked at the contacts of `known` paths."""

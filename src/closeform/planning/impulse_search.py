@@ -128,10 +128,8 @@ def solved(
     """
     problem, free = solver.problem, solver.unconstrained()
     best, begun = searched(solver, free, by_energy, budget, more, near)
-    # of equally cheap optima, rounding decides which one `free` is, and whether that is clear
-    optimal = best is not None and solver.failures is None and best.delta_v <= LEAST * free.delta_v
-    if free.checked.clear or optimal:
-        alone = best if best is not None and optimal else free
+    alone = clear_optimum(solver, free, best)
+    if alone is not None:
         alone = in_bits(solver, alone) or alone
         small = int(solver.below_bit(alone).sum())
         found = Outcome(alone.flown, (), 0.0, alone.margin, True, 0, delta_v=alone.delta_v, below_bit=small)
@@ -159,6 +157,19 @@ def solved(
         return Outcome(None, (), nan, 1.0, False, tried, blocking, closest=solver.closest, unfired=safe), free
     other = thrusting(problem, by_energy())
     return replace(other, tried=tried + other.tried, closest=solver.closest), free
+
+
+def clear_optimum(solver: ImpulseSolver, free: Spent, best: Spent | None) -> Spent | None:
+    """Return an unconstrained optimum that is clear: `free`, or one that `best` leads to; None without.
+
+    Of optima of equal cost, rounding decides which one `free` is.
+    """
+    if free.checked.clear:
+        return free
+    if best is None or solver.failures is not None or best.delta_v > LEAST * free.delta_v:
+        return None
+    optimum = solver.by_few(best.moments, best.impulses.copy(), best, Contacts.none())
+    return optimum if optimum.checked.clear else None
 
 
 def in_bits(solver: ImpulseSolver, found: Spent) -> Spent | None:
