@@ -179,7 +179,7 @@ def test_failed_spacecraft_keep_coasting(text):
         seen |= {("adrift", bool(model.adrift)), ("ok", model.ok)}
         if (first := next((e for e in found.events if e.kind == "lock"), None)) is not None:
             seen.add(("first pair", tuple(bool(times[k] <= first.time) for k in (first.first, first.second))))
-    assert {("adrift", True), ("adrift", False)} <= seen
+    assert {("adrift", True), ("adrift", False), ("ok", text is WIDE)} <= seen
     if text is WIDE:
         assert {("first pair", (True, False)), ("first pair", (False, True))} <= seen
 
@@ -226,7 +226,7 @@ def test_failures_with_search_errors(text, erring):
         'sun_limit = "25 deg"', 'tip_angle = "25 deg"\nsun_limit = "60 deg"'
     )  # respected with all pointing errors
     scenario = parse(text + DRAWN)
-    cases = 6 if erring else 8
+    cases = 8
     campaign, sky, seen = flown(scenario, cases), sky_of(scenario), set()
     assert isinstance(campaign, MissionCampaign if erring else GatherCampaign)
     for case in range(cases):
@@ -253,16 +253,16 @@ def test_failures_with_search_errors(text, erring):
         assert spent == pytest.approx(found.delta_v.sum(), rel=1e-15)
         assert campaign.good[case] == mission.verdict.ok == found.ok
         seen |= {("adrift", bool(model.adrift)), ("ok", model.ok)}
-    assert ("adrift", True) in seen
+    assert {("adrift", True), ("adrift", False), ("ok", True)} <= seen
 
 
 def test_burn_errors_follow_gates_model():
     """Burn errors and their consequences agree with the model."""
     scenario = parse(OFF)
-    campaign = flown(scenario, 4)
+    campaign = flown(scenario, 10)
     assert isinstance(campaign, MissionCampaign)
     burns, sky = 0, sky_of(scenario)
-    for case in range(4):
+    for case in range(10):
         mission = fly(case_of(scenario, case))
         result = mission.results[0]
 
@@ -284,7 +284,7 @@ def test_burn_errors_follow_gates_model():
             if model.ok
             else np.isnan(campaign.column("end_s")[case])
         )
-    assert burns > 15
+    assert burns > 50
 
 
 def test_failures_with_burn_errors():
@@ -292,7 +292,7 @@ def test_failures_with_burn_errors():
     text = off_by('{ magnitude = "2 %", pointing = "1 deg" }')
     both = parse(text + '"craft.fails" = { chance = 0.5 }\n')
     checked = 0
-    for case in range(3):
+    for case in range(6):
         one, other = fly(case_of(both, case)), fly(case_of(parse(text), case))
         events = one.results[0].result.events
         if one.lost:
@@ -304,7 +304,7 @@ def test_failures_with_burn_errors():
             k = NAMES.index(lost.craft)
             assert not [e for e in events if e.kind != "lock" and e.first == k and e.time >= lost.time]
             checked += 1
-    assert checked > 1
+    assert checked > 6
 
 
 def test_number_of_random_numbers_does_not_matter():
@@ -370,10 +370,10 @@ def test_mission_continues_after_failures():
     text = text.replace("180 m", "2 km")
     text = text.replace("[sensor]", 'keep_out = { sphere = "5 m" }\n\n[sensor]')
     scenario = parse(text)
-    campaign = flown(scenario, 4)
+    campaign = flown(scenario, 10)
     assert isinstance(campaign, MissionCampaign)
     drifted = 0
-    for case in range(4):
+    for case in range(10):
         mission = fly(case_of(scenario, case))
         assert campaign.statuses[case] == (
             "stopped" if mission.stopped else "met" if mission.verdict.ok else "unmet"
