@@ -1,5 +1,7 @@
 """Epochs against astropy: time systems and leap seconds, to a nanosecond."""
 
+from datetime import datetime
+
 import numpy as np
 import pytest
 from astropy.time import Time, TimeDelta
@@ -62,7 +64,7 @@ def test_the_leap_second_of_2016():
 
 
 @given(
-    st.datetimes().filter(lambda one: 1972 <= one.year <= 2060), st.integers(0, 999), st.sampled_from(SYSTEMS)
+    st.datetimes(datetime(1972, 1, 1), datetime(2060, 12, 31)), st.integers(0, 999), st.sampled_from(SYSTEMS)
 )
 @settings(max_examples=50, deadline=None)
 def test_nine_decimals_round_trip(moment, nanoseconds, system):
