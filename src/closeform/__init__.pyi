@@ -7,11 +7,10 @@ from closeform import papers as papers
 from closeform.motion import conversions as elements
 from closeform.planning.avoid import avoid as avoid
 from closeform.planning.plan import (
-    Avoidance as Avoidance,
     Plan as Plan,
+    ShadowPrice as ShadowPrice,
     Status as Status,
 )
-from closeform.planning.shadow_price import ShadowPrice as ShadowPrice
 from closeform.planning.clearance_cost_curve import (
     ClearanceCostCurve as ClearanceCostCurve,
     clearance_cost_curve as clearance_cost_curve,

@@ -20,9 +20,9 @@ from closeform.planning.impulse_descent import at_rest, descended, step_near
 from closeform.planning.impulse_local import AIM, NEAR, WIDEST, ImpulseSolver, beside
 from closeform.planning.impulse_sharing import shared
 from closeform.planning.limits import FULL
+from closeform.planning.minimum_energy import Outcome, contacts_of, solve
 from closeform.planning.passive_planes import TOGETHER
 from closeform.planning.plan import ThrustShortfall
-from closeform.planning.planner import Outcome, contacts_of, solve
 from closeform.planning.problem import Problem, deepest
 from closeform.planning.scene import Contacts
 from closeform.planning.side_search import FEW
