@@ -13,7 +13,7 @@ from closeform._jit import Kernel, kernel
 
 CALL = """
 import numpy as np
-from closeform.planning.qp import is_definite
+from closeform.planning.energy.quadratic_program import is_definite
 print(is_definite.is_cached, bool(is_definite(np.eye(3))))
 """
 

@@ -121,7 +121,7 @@ def test_least_delta_v_is_planned_by_the_pulses_that_are_fired(bit):
 
 def test_bits_that_no_thruster_can_give_are_refused_with_a_reason(monkeypatch):
     """Within the transfer, a thruster of 1 mm/s^2 gives less than 6 m/s."""
-    monkeypatch.setattr("closeform.planning.problem.EFFORT", 4e6)  # of 9e7
+    monkeypatch.setattr("closeform.planning.problem.problem.EFFORT", 4e6)  # of 9e7
     result = fly(parse(inspector("10 m/s", drift="6 h", cost="delta-v"))).results[0]
     assert result.end - result.start < 6000.0
     assert not result.flown

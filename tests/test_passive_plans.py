@@ -10,8 +10,8 @@ from scipy.linalg import expm
 
 import closeform as cf
 from closeform.motion.joining import stack
-from closeform.planning.problem import Problem
-from closeform.planning.scene import Contacts
+from closeform.planning.problem.problem import Problem
+from closeform.planning.problem.scene import Contacts
 from ring_formations import ring_formations
 from ring_transfers import RADIUS, ring_transfers
 

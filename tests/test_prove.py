@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 import closeform as cf
 from closeform.mission.mission import fly
-from closeform.planning.pieces import outside, pieces
-from closeform.planning.prove import lower_bound, prove
+from closeform.planning.bounds.branch_and_bound import lower_bound, prove
+from closeform.planning.bounds.zone_pieces import outside, pieces
 from closeform.planning.request import Request
 from closeform.report.run import RunReport
 from closeform.scenario import parse

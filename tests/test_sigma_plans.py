@@ -3,6 +3,7 @@
 import clarabel
 import numpy as np
 import pytest
+from closeform.planning.single_craft import Around
 from scipy import sparse
 from scipy.linalg import expm
 from scipy.optimize import brentq
@@ -10,10 +11,9 @@ from scipy.optimize import brentq
 import closeform as cf
 from closeform.mission.mission import fly
 from closeform.motion.joining import stack
-from closeform.planning.problem import Problem
-from closeform.planning.scene import Contacts
-from closeform.planning.sigma_problem import Margin
-from closeform.planning.single_craft import Around
+from closeform.planning.problem.problem import Problem
+from closeform.planning.problem.scene import Contacts
+from closeform.planning.sigmas.sigma_problem import Margin
 from closeform.scenario import parse
 
 ORBIT = cf.Orbit.circular(500e3)

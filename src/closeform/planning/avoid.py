@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from closeform.fuel.thrusters import Thrusters
 from closeform.motion.path import Path, of_one_craft
+from closeform.planning.bounds.branch_and_bound import GAP
 from closeform.planning.plan import Cost, Plan
 from closeform.planning.planner import planned
-from closeform.planning.prove import GAP
 from closeform.planning.request import Request
 from closeform.zones.combined_zones import OwnZone
 from closeform.zones.pair_zones import PairZones

@@ -4,10 +4,10 @@ import numpy as np
 
 from closeform.motion.joining import stack
 from closeform.motion.path import Path
-from closeform.planning.certify import Solution, nearer
+from closeform.planning.energy.local_solver import Solution, nearer
+from closeform.planning.energy.side_search import MARGINS, Search
 from closeform.planning.infeasible_ends import end_conflict
-from closeform.planning.problem import Problem, deepest, transfer_of
-from closeform.planning.side_search import MARGINS, Search
+from closeform.planning.problem.problem import Problem, deepest, transfer_of
 from closeform.zones.zone import Zone
 
 

@@ -16,7 +16,7 @@ from closeform.motion.path import Path, ends_of
 from closeform.planning.avoid import avoid
 from closeform.planning.obstacles import obstacle_batch, zones_around
 from closeform.planning.plan import Cost, Plan
-from closeform.planning.problem import transfer_of
+from closeform.planning.problem.problem import transfer_of
 from closeform.planning.reconfigure import reconfigure
 from closeform.result import Rows
 from closeform.zones.combined_zones import OwnZone, enlarged

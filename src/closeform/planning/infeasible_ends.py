@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,15 +13,10 @@ from closeform.conflicts.two_paths import closest_approach
 from closeform.motion.arc import END, START
 from closeform.motion.palmer import palmer_from_state
 from closeform.motion.path import Path
-from closeform.planning.plan import Status
-from closeform.planning.problem import Problem
-from closeform.planning.side_search import MARGINS
-from closeform.zones.padding import Short
+from closeform.planning.energy.side_search import MARGINS
+from closeform.planning.problem.problem import Problem
 from closeform.zones.shapes import BALL
 from closeform.zones.zone import ON, Zone
-
-if TYPE_CHECKING:
-    from closeform.planning.request import Request
 
 ROOMY = 1.3  # clearance ratio of suggested ends
 
@@ -33,22 +28,6 @@ class EndConflict(NamedTuple):
     pair: tuple[int, int]
     when: str
     time: float
-
-
-def infeasible_end(problem: Problem, request: Request) -> tuple[Status, tuple[int, int], str] | None:
-    """Return status, pair and reason why no clear plan between these states exists; else None."""
-    names = request.names
-    at_end = problem.without_drift
-    clear = request.cost == "delta-v" and not at_end.conflicts(at_end.direct)  # without a margin
-    if not clear and (found := end_conflict(at_end)):
-        pair = found.pair
-        short = shortage(at_end, request, found)
-        less = ", or reduce the margin" if short is not None and not short.inside else ""
-        reason = f"{names[pair[0]]} and {names[pair[1]]} are at {short or at_end.depth(found.ratio)}"
-        return Status.END_INSIDE, pair, f"{reason} {found.when}; move one of them{less}"
-    if problem.drift is not None and (unsafe := unsafe_end(problem)):
-        return Status.END_UNSAFE, unsafe.pair, unsafe.reason(problem, names)
-    return None
 
 
 def end_conflict(problem: Problem) -> EndConflict | None:
@@ -66,14 +45,6 @@ def end_conflict(problem: Problem) -> EndConflict | None:
         elif spans[0][1] <= spans[-1][0] and begin <= spans[-1][0] and end >= spans[0][1]:
             found.append(EndConflict(ratio, pair, "at a time when both coast", time))
     return min(found, default=None)
-
-
-def shortage(problem: Problem, request: Request, at: EndConflict) -> Short | None:
-    """Return a pair's shortage of keep-out margin in a conflict; None without a margin."""
-    if request.padding is None:
-        return None
-    one, other = problem.bodies(problem.direct)._at(np.array(at.pair), np.full(2, at.time))[:, :3]
-    return request.padding.shortage(request.zones, at.pair, one - other)
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,12 +10,12 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.fuel.pulses import extended
 from closeform.motion.path import Path
-from closeform.planning.certify import LocalSolver, nearer
+from closeform.planning.energy.local_solver import LocalSolver, nearer
+from closeform.planning.energy.side_search import MARGINS, Found, Search
 from closeform.planning.infeasible_ends import unseparated
 from closeform.planning.plan import Contact
-from closeform.planning.problem import Closest, Flown, Problem, deepest
-from closeform.planning.scene import Contacts
-from closeform.planning.side_search import MARGINS, Found, Search
+from closeform.planning.problem.problem import Closest, Flown, Problem, deepest
+from closeform.planning.problem.scene import Contacts
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +55,9 @@ class Outcome:
 
     def near_miss(self, problem: Problem, names: Sequence[str]) -> str:
         """Return the clearance of the closest paths of a search without safe paths, and suggestions."""
-        from closeform.planning.passive_search import failures_with_norms  # only plans with a drift need it
+        from closeform.planning.passive.passive_search import (
+            failures_with_norms,  # only plans with a drift need it
+        )
 
         effort, said = problem.effort, ""
         if self.closest.flown is not None:
@@ -91,13 +93,13 @@ def solve(problem: Problem, budget: int | None = None, more: bool = False, waiti
     `waiting`, passively safe paths are otherwise blended from a two-impulse plan with waits.
     """
     if problem.drift is not None:
-        from closeform.planning.passive_search import PassiveSearch
+        from closeform.planning.passive.passive_search import PassiveSearch
 
         search = PassiveSearch(problem, MARGINS[0], budget, more)
         passive = replace(outcome(search.run()), closest=search.rounds.closest)
         if passive.flown is not None or not waiting:
             return passive
-        from closeform.planning.passive_blend import blended_plan
+        from closeform.planning.passive.two_impulse_blend import blended_plan
 
         flown = blended_plan(problem, MARGINS[1])
         if flown is None:
@@ -105,8 +107,8 @@ def solve(problem: Problem, budget: int | None = None, more: bool = False, waiti
         extra = max(problem.energy(flown) - problem.energy(problem.direct), 0.0)
         return Outcome(flown, (), extra, MARGINS[1], False, passive.tried + 1, priced=False)
     if problem.sigmas:
-        from closeform.planning.sigma_problem import SigmaProblem
-        from closeform.planning.sigma_search import SigmaSearch
+        from closeform.planning.sigmas.sigma_problem import SigmaProblem
+        from closeform.planning.sigmas.sigma_search import SigmaSearch
 
         assert isinstance(problem, SigmaProblem)
         return outcome(SigmaSearch(problem, MARGINS[0], budget, more).run())
@@ -123,7 +125,7 @@ def is_passive(problem: Problem, own: Path, flown: Flown) -> bool:
     """Return whether paths (N,) are passively safe among all bodies; True for a problem without `drift`."""
     if problem.drift is None:
         return True
-    from closeform.planning.passive_search import failures
+    from closeform.planning.passive.passive_search import failures
 
     return not failures(problem, own, problem.bodies(flown)).number
 

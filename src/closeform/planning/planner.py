@@ -17,21 +17,22 @@ from closeform.arrays import Floats
 from closeform.motion.joining import stack
 from closeform.motion.path import Path
 from closeform.motion.within_limit import TooLittleThrust
-from closeform.planning.impulse_checks import Spent
-from closeform.planning.impulse_search import shortage, solve_impulses, unconstrained
-from closeform.planning.infeasible_ends import infeasible_end
+from closeform.planning.bounds.branch_and_bound import closeness, is_proven
+from closeform.planning.bounds.branch_and_bound import prove as prove_bound
+from closeform.planning.delta_v.checks import Spent
+from closeform.planning.delta_v.delta_v_search import shortage, solve_impulses, unconstrained
+from closeform.planning.energy.side_search import MARGINS, Found
+from closeform.planning.infeasible_ends import EndConflict, end_conflict, unsafe_end
 from closeform.planning.limits import FULL, longest, stretched
 from closeform.planning.minimum_energy import Outcome, is_passive, joined, once, outcome, solve
 from closeform.planning.plan import Plan, Status, ThrustShortfall
-from closeform.planning.problem import Flown, Problem, deepest, is_optimum
-from closeform.planning.prove import closeness, is_proven
-from closeform.planning.prove import prove as prove_bound
+from closeform.planning.problem.problem import Flown, Problem, deepest, is_optimum
+from closeform.planning.problem.scene import Contacts
 from closeform.planning.request import ROUNDING, Fallback, Request
 from closeform.planning.sauter_palmer import deviated
-from closeform.planning.scene import Contacts
 from closeform.planning.sequential import one_by_one
-from closeform.planning.side_search import MARGINS, Found
 from closeform.planning.slots import revised
+from closeform.zones.padding import Short
 
 STRETCHES = (1.25, 1.6, 2.0, 3.0)  # of all durations
 WAITS = (0.25, 0.5, 1.0)  # of the longest duration, for the spacecraft that starts last
@@ -241,6 +242,30 @@ def contact_count(found: Outcome) -> str:
     """Return the number of contacts as text."""
     number = len(once(found.contacts))
     return f"{number or 'no'} contact{'s' * (number != 1)}"
+
+
+def infeasible_end(problem: Problem, request: Request) -> tuple[Status, tuple[int, int], str] | None:
+    """Return status, pair and reason why no clear plan between these states exists; else None."""
+    names = request.names
+    at_end = problem.without_drift
+    clear = request.cost == "delta-v" and not at_end.conflicts(at_end.direct)  # without a margin
+    if not clear and (found := end_conflict(at_end)):
+        pair = found.pair
+        short = margin_shortage(at_end, request, found)
+        less = ", or reduce the margin" if short is not None and not short.inside else ""
+        reason = f"{names[pair[0]]} and {names[pair[1]]} are at {short or at_end.depth(found.ratio)}"
+        return Status.END_INSIDE, pair, f"{reason} {found.when}; move one of them{less}"
+    if problem.drift is not None and (unsafe := unsafe_end(problem)):
+        return Status.END_UNSAFE, unsafe.pair, unsafe.reason(problem, names)
+    return None
+
+
+def margin_shortage(problem: Problem, request: Request, at: EndConflict) -> Short | None:
+    """Return a pair's shortage of keep-out margin in a conflict; None without a margin."""
+    if request.padding is None:
+        return None
+    one, other = problem.bodies(problem.direct)._at(np.array(at.pair), np.full(2, at.time))[:, :3]
+    return request.padding.shortage(request.zones, at.pair, one - other)
 
 
 def fallen_back(request: Request, plan: Plan) -> tuple[Request, Plan]:

@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike
 from closeform.fuel.thrusters import Thrusters
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
+from closeform.planning.bounds.branch_and_bound import GAP
 from closeform.planning.plan import Cost, Plan
 from closeform.planning.planner import planned
-from closeform.planning.prove import GAP
 from closeform.planning.request import FALLBACKS, Fallback, Request
 from closeform.zones.combined_zones import OwnZone
 from closeform.zones.pair_zones import PairZones

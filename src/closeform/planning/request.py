@@ -28,18 +28,18 @@ from closeform.fuel.thrusters import Thrusters, each_set
 from closeform.motion.joining import stack
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path, ends_of
-from closeform.planning.impulse_alone import costs_alone
+from closeform.planning.bounds.branch_and_bound import GAP
+from closeform.planning.delta_v.unconstrained import costs_alone
 from closeform.planning.obstacles import obstacle_batch, obstacle_names, zones_around
 from closeform.planning.plan import Cost
-from closeform.planning.problem import Problem, transfer_of
-from closeform.planning.prove import GAP
+from closeform.planning.problem.problem import Problem, transfer_of
 from closeform.zones.combined_zones import CovarianceZone, OwnZone
 from closeform.zones.padding import Padding
 from closeform.zones.pair_zones import TWICE, PairZones, counts_covariances, pair_zones
 from closeform.zones.zone import Zone
 
 if TYPE_CHECKING:
-    from closeform.planning.sigma_problem import Margin
+    from closeform.planning.sigmas.sigma_problem import Margin
 
 Method = Literal["joint", "sequential", "exact", "sauter-palmer"]
 Fallback = Literal["more sides", "longer", "stagger"]
@@ -172,7 +172,7 @@ class Request:
         ).cheapest()
         many = size("sigmas", sigmas)
         if _any_errors((errors,)):
-            from closeform.planning.sigma_problem import Margin
+            from closeform.planning.sigmas.sigma_problem import Margin
 
             request = replace(request, errors=Margin.among(count, extra, errors, many))
         return request._checked()
@@ -239,7 +239,7 @@ class Request:
         )
         many = size("sigmas", sigmas)
         if _any_errors((errors, other_errors)):
-            from closeform.planning.sigma_problem import Margin
+            from closeform.planning.sigmas.sigma_problem import Margin
 
             request = replace(request, errors=Margin.around(path, errors, batch, other_errors, many))
         return request._checked()

@@ -17,11 +17,11 @@ from closeform.motion.arc import IMPULSE, MEAN_MOTION, PUSH, THRUST
 from closeform.motion.joining import join
 from closeform.motion.palmer import state_from_palmer
 from closeform.motion.path import Path
-from closeform.planning.exit_directions import exit_normals
+from closeform.planning.energy.exit_directions import exit_normals
+from closeform.planning.energy.side_search import MARGINS
 from closeform.planning.minimum_energy import Outcome
 from closeform.planning.plan import Contact
-from closeform.planning.problem import Problem, deepest
-from closeform.planning.side_search import MARGINS
+from closeform.planning.problem.problem import Problem, deepest
 
 LEGS = 12  # at most, of one path
 SCALES = np.geomspace(1.0, 4.0, 25)  # of a deviation, tried until both of its legs are clear

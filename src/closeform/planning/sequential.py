@@ -14,11 +14,11 @@ import numpy as np
 from closeform.motion.arc import END, START
 from closeform.motion.joining import stack
 from closeform.motion.path import Path
+from closeform.planning.energy.side_search import MARGINS
 from closeform.planning.infeasible_ends import end_conflict
 from closeform.planning.minimum_energy import Outcome, solve
 from closeform.planning.plan import Contact
-from closeform.planning.problem import Problem, deepest
-from closeform.planning.side_search import MARGINS
+from closeform.planning.problem.problem import Problem, deepest
 
 
 def one_by_one(
