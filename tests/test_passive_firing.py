@@ -96,7 +96,8 @@ def test_pulses_without_room_say_how_much_they_need():
     plan = mission.results[0]
     assert (plan.passive.safe, mission.verdict.status) == (False, 1)
     (said,) = (line for line in effort.pulse_lines(mission, plan) if "require larger margins" in line)
-    assert "larger: the path's end is" in said
+    assert "larger:" in said
+    assert "at their end" in said
     path = plan.after.path("Inspector")
     least = nearest_drift(path, plan.pulsed.firing.pulses, path.end + 86400.0, 8)
     assert ZONE * (plan.passive.worst.ratio - ROUGH) < least < ZONE

@@ -3,7 +3,6 @@
 import clarabel
 import numpy as np
 import pytest
-from closeform.planning.single_craft import Around
 from scipy import sparse
 from scipy.linalg import expm
 from scipy.optimize import brentq
@@ -267,8 +266,7 @@ def test_rejected_ends_report_their_sigmas():
 
 
 def test_inner_ellipsoid_of_the_lower_bound():
-    task = Around.of(ORBIT, CLIENT, ZONE, "exact", None, None)
-    plain = Problem.of(stack([PATH]), task.obstacles, task.zones)
+    plain = Problem.of(stack([PATH]), stack([CLIENT]), [(ZONE, np.array([[0, 1]]))])
     problem = Margin((ERRORS, None), 2.0).problem(plain)
     plan = cf.avoid(PATH, CLIENT, ZONE, errors=ERRORS, sigmas=2.0)
     contact = plan.contacts[0]
