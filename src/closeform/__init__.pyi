@@ -2,6 +2,7 @@
 
 from closeform import plots as plots
 from closeform.plots.results import animate as animate, plot as plot
+from closeform.planning import requirements as requirements
 from closeform.planning import targets as targets
 from closeform import papers as papers
 from closeform.motion import conversions as elements

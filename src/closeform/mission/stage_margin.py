@@ -56,9 +56,9 @@ def with_margin(
 
 def unfit(plan: "Plan", reason: str) -> "Plan":
     """Return the plan without paths, with the status NO_MARGIN and the `reason`."""
-    from closeform.planning.plan import Status
+    from closeform.planning.plan import Status, without_paths
 
-    return plan.without_paths(Status.NO_MARGIN, reason)
+    return without_paths(plan, Status.NO_MARGIN, reason)
 
 
 def flown_errors(start: StageStart, who: list[int]) -> list[Any] | None:

@@ -37,6 +37,7 @@ def avoid(
     other_errors: Any = None,
     sigmas: float = 3.0,
     margin: Any = 0.0,
+    requirements: Any = (),
 ) -> Plan:
     """Plan the path of minimum cost found between the same states and times that stays out of every zone.
 
@@ -103,6 +104,10 @@ def avoid(
         Keep-out margin added to each zone (`Zone.padded`): the combined deviation of craft and obstacle.  A
         tube counts twice, as if obstacles were under feedback as well; use `Tube.radius` where obstacles are
         known exactly.  An array holds the margins of all pairs of the path followed by the obstacles.
+    requirements : Requirement or NoThrust, or sequence of these, default none
+        Conditions on the states of the spacecraft in continuous time: `requirements.ApproachCone`,
+        `SpeedLimit`, `KeepIn` (also a waypoint with a tolerance), and times of `NoThrust`.  They require cost
+        "delta-v".  The lower bound counts them.
 
     Returns
     -------
@@ -150,5 +155,6 @@ def avoid(
             other_errors=other_errors,
             sigmas=sigmas,
             margin=margin,
+            requirements=requirements,
         )
     )

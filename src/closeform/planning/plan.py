@@ -31,6 +31,7 @@ class Status(StrEnum):
       state or its time.
     - `END_UNSAFE`: a craft without thrust from the plan's start, or after its end, drifts into a zone; no
       plan between these states is passively safe.  Move that state, or reduce `drift`.
+    - `END_OUTSIDE`: a start or end does not keep a requirement, such as an approach corridor.
     - `NOT_FOUND`: no examined candidate is clear, which does not prove that none exists; raise `budget`, or
       allow more time.
     - `TOO_WEAK`: the plan exceeds `max_acceleration` for every allowed duration; allow more thrust or time.
@@ -43,6 +44,7 @@ class Status(StrEnum):
     AVOIDED = "avoided"
     END_INSIDE = "start or end inside a zone"
     END_UNSAFE = "end not passively safe"
+    END_OUTSIDE = "start or end outside a requirement"
     NOT_FOUND = "no clear path found"
     TOO_WEAK = "thrust limit exceeded"
     NO_MARGIN = "no margin fits"
@@ -286,14 +288,16 @@ class Plan(Result):
         """Cost of one metre more of all zones [m/s^3, of delta-v 1/s]; nan where not ok or not `priced`."""
         return sum((one.per_metre for one in self.prices), 0.0) if self.ok and self.priced else nan
 
-    def without_paths(self, status: Status, reason: str) -> Plan:
-        """Return the plan without paths and costs, with the status and reason why there are none."""
-        none = replace(self, paths=None, energy=nan, extra_energy=nan, delta_v=nan, contacts=())
-        return replace(none, proven=False, status=status, reason=reason)
 
-    def too_weak(self, weak: ThrustShortfall, name: str) -> Plan:
-        """Return the plan without paths, for the thrust shortfall of the spacecraft `name`."""
-        return replace(self.without_paths(Status.TOO_WEAK, weakness(weak, name)), weak=weak)
+def without_paths(plan: Plan, status: Status, reason: str) -> Plan:
+    """Return a plan without paths and costs, with the status and reason why there are none."""
+    none = replace(plan, paths=None, energy=nan, extra_energy=nan, delta_v=nan, contacts=())
+    return replace(none, proven=False, status=status, reason=reason)
+
+
+def too_weak(plan: Plan, weak: ThrustShortfall, name: str) -> Plan:
+    """Return a plan without paths, for the thrust shortfall of the spacecraft `name`."""
+    return replace(without_paths(plan, Status.TOO_WEAK, weakness(weak, name)), weak=weak)
 
 
 def prices_of(contacts: Sequence[Contact], margin: float) -> tuple[ShadowPrice, ...]:

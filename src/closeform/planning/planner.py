@@ -14,6 +14,7 @@ from math import nan
 import numpy as np
 
 from closeform.arrays import Floats
+from closeform.motion.arc import END, START
 from closeform.motion.joining import stack
 from closeform.motion.path import Path
 from closeform.motion.within_limit import TooLittleThrust
@@ -29,6 +30,7 @@ from closeform.planning.plan import Plan, Status, ThrustShortfall
 from closeform.planning.problem.problem import Flown, Problem, deepest, is_optimum
 from closeform.planning.problem.scene import Contacts
 from closeform.planning.request import ROUNDING, Fallback, Request
+from closeform.planning.requirements import NoThrust
 from closeform.planning.sauter_palmer import deviated
 from closeform.planning.sequential import one_by_one
 from closeform.planning.slots import revised
@@ -170,6 +172,10 @@ def of_least_delta_v(plan: Plan, problem: Problem, request: Request, more: bool,
     Clear paths are `kept` unless cheaper ones are found.
     """
     names, limits = request.names, request.limits
+    if request.requirements:
+        kept = None  # clear paths may not keep them
+        if reason := end_outside(problem, request):
+            return replace(plan, status=Status.END_OUTSIDE, reason=reason, cost="delta-v")
     if kept is None and (none := infeasible_end(problem, request)):
         free = unconstrained(problem, request.thrusters, names)
         if problem.drift is not None or not free.checked.clear:
@@ -181,12 +187,12 @@ def of_least_delta_v(plan: Plan, problem: Problem, request: Request, more: bool,
         assert limits is not None
         weak = shortage(problem, limits, little)
         plan = beside(plan, problem, unconstrained(problem, request.thrusters, names))
-        return replace(plan.too_weak(weak, names[weak.craft]), reason=f"{names[weak.craft]}: {little}")
+        return replace(too_weak(plan, weak, names[weak.craft]), reason=f"{names[weak.craft]}: {little}")
     plan = replace(beside(plan, problem, free), tried=found.tried, blocked=found.blocked)
     if found.flown is None and kept is None:
         if found.enough is not None and limits is not None:
             weak = shortage(problem, limits, found.enough)
-            return plan.too_weak(weak, names[weak.craft])
+            return too_weak(plan, weak, names[weak.craft])
         return replace(plan, reason=not_found(request, problem, found))
     paths, spent = kept, nan if kept is None else float(kept.delta_v.sum())
     if found.flown is not None and not found.delta_v >= (1.0 - CHEAPER) * spent:
@@ -260,6 +266,21 @@ def infeasible_end(problem: Problem, request: Request) -> tuple[Status, tuple[in
     return None
 
 
+def end_outside(problem: Problem, request: Request) -> str:
+    """Return which spacecraft starts or ends outside a requirement, as text; empty if none does."""
+    for k, own in enumerate(request.requirements):
+        start, end = problem.base[k, [START, END]]
+        ends = problem.path(problem.direct)[k].state(np.array([start, end]))
+        for one in own:
+            if isinstance(one, NoThrust):
+                continue
+            for word, time, margin in zip(("start", "end"), (start, end), one.margin(ends), strict=True):
+                if one.start <= time <= one.end and margin < 0.0:
+                    kind, name = type(one).__name__, request.names[k]
+                    return f"the {word} of {name} is outside its {kind}, by {-margin:.3g}; move one of them"
+    return ""
+
+
 def margin_shortage(problem: Problem, request: Request, at: EndConflict) -> Short | None:
     """Return a pair's shortage of keep-out margin in a conflict; None without a margin."""
     if request.padding is None:
@@ -320,7 +341,7 @@ def within_limits(request: Request, plan: Plan) -> tuple[Request, Plan]:
         needed, first = (float(one[worst] * limits[worst]) for one in (over, excess))
         lasts, limit = float(request.durations[worst]), float(limits[worst])
         weak = ThrustShortfall(worst, needed, limit, factor * lasts, remedy, lasts, first, least)
-        return plan.too_weak(weak, request.names[worst])
+        return too_weak(plan, weak, request.names[worst])
 
     if not request.stretches:
         return request, refused("allow longer, or give more time", least=proven)

@@ -42,6 +42,7 @@ def reconfigure(
     errors: Any = None,
     sigmas: float = 3.0,
     margin: Any = 0.0,
+    requirements: Any = (),
 ) -> Plan:
     """Plan the paths of N spacecraft from initial to final states, each pair certified clear of its zone.
 
@@ -114,6 +115,8 @@ def reconfigure(
         Keep-out margin added to each zone (`Zone.padded`): the combined deviation of a pair from its paths.
         A tube of N spacecraft assumes that obstacles follow their paths exactly; a tube of all spacecraft
         and obstacles does not.  An array holds the margins of all pairs of spacecraft followed by obstacles.
+    requirements : Requirement or NoThrust, sequence of these, or sequence of N sequences, default none
+        Conditions for all spacecraft, or for each, as in `avoid`.
 
     Returns
     -------
@@ -157,5 +160,6 @@ def reconfigure(
             errors=errors,
             sigmas=sigmas,
             margin=margin,
+            requirements=requirements,
         )
     )

@@ -33,6 +33,7 @@ from closeform.planning.delta_v.unconstrained import costs_alone
 from closeform.planning.obstacles import obstacle_batch, obstacle_names, zones_around
 from closeform.planning.plan import Cost
 from closeform.planning.problem.problem import Problem, transfer_of
+from closeform.planning.requirements import NoThrust, Requirement
 from closeform.zones.combined_zones import CovarianceZone, OwnZone
 from closeform.zones.padding import Padding
 from closeform.zones.pair_zones import TWICE, PairZones, counts_covariances, pair_zones
@@ -88,6 +89,7 @@ class Request:
     drift: float | None = None  # [s] of free drift that stays clear after a loss of thrust
     errors: Margin | None = None
     padding: Padding | None = None
+    requirements: tuple[tuple[Requirement | NoThrust, ...], ...] = ()  # of each spacecraft
 
     @classmethod
     def of_formation(
@@ -112,6 +114,7 @@ class Request:
         errors: Any = None,
         sigmas: float = 3.0,
         margin: Any = 0.0,
+        requirements: Any = (),
         **effort: Any,
     ) -> Request:
         """Return the request for the arguments of `reconfigure`; raise ValueError naming a bad argument."""
@@ -168,6 +171,7 @@ class Request:
             stretches="longer" in if_blocked,
             if_blocked=tuple(if_blocked),
             padding=Padding.of(margin, count, extra),
+            requirements=_requirements(requirements, count, cost),
             **options,
         ).cheapest()
         many = size("sigmas", sigmas)
@@ -197,6 +201,7 @@ class Request:
         other_errors: Any = None,
         sigmas: float = 3.0,
         margin: Any = 0.0,
+        requirements: Any = (),
         **effort: Any,
     ) -> Request:
         """Return the request for the arguments of `avoid`; raise ValueError naming a bad argument.
@@ -234,6 +239,7 @@ class Request:
             stretches=longer,
             path_over=path_over or (lambda factor: transfer_of(path, factor)),
             padding=Padding.of(margin, 1, len(batch)),
+            requirements=_requirements(requirements, 1, cost),
             **_ends(path),
             **options,
         )
@@ -297,6 +303,7 @@ class Request:
         """Return the planning problem of this request."""
         zones = self.zones if self.padding is None else self.padding.groups(self.zones)
         plain = Problem.of(self.direct, self.obstacles, zones, self.drift)
+        plain = replace(plain, requirements=self.requirements) if self.requirements else plain
         return plain if self.errors is None else self.errors.problem(plain)
 
     def least_slots(self) -> tuple[Any, float]:
@@ -411,6 +418,26 @@ def _options(
         "proof_time": prove,
         "gap": gap,
     }
+
+
+def _requirements(given: Any, count: int, cost: str) -> tuple[tuple[Requirement | NoThrust, ...], ...]:
+    """Return the requirements of each spacecraft: the same for all, or one sequence for each."""
+    one_by_one = isinstance(given, list | tuple) and any(isinstance(own, list | tuple) for own in given)
+    each = [tuple(own) for own in given] if one_by_one else [_as_tuple(given)] * count
+    if len(each) != count:
+        raise ValueError(f"requirements: {len(each)} sequences for {count} craft; give one for each")
+    if not any(each):
+        return ()
+    for one in (one for own in each for one in own):
+        instance("requirements", one, Requirement, NoThrust)
+    if cost != "delta-v":
+        raise ValueError("requirements: need cost 'delta-v'; set it, or omit requirements")
+    return tuple(each)
+
+
+def _as_tuple(given: Any) -> tuple[Any, ...]:
+    """Return a sequence as a tuple, and a single object as one."""
+    return tuple(given) if isinstance(given, list | tuple) else (given,)
 
 
 def _any_errors(given: Sequence[Any]) -> bool:

@@ -17,16 +17,20 @@ WEAK = 1e-3  # of the mean multiplier: smaller ones are insignificant
 
 
 class Checked(NamedTuple):
-    """Conflicts of paths, close approaches after a loss of thrust, and the smallest norm of these."""
+    """Conflicts of paths, close approaches after a loss of thrust, and the smallest norm of these.
+
+    `kept` is True if the paths keep all other requirements, by proof.
+    """
 
     missed: list[PairRow]
     lost: Contacts
     nearest: float
+    kept: bool = True
 
     @property
     def clear(self) -> bool:
-        """True if there is no conflict, with thrust or after its loss."""
-        return not self.missed and self.nearest >= 1.0
+        """True if there is no conflict, with thrust or after its loss, and other requirements are kept."""
+        return not self.missed and self.nearest >= 1.0 and self.kept
 
     @property
     def worst(self) -> float:

@@ -128,6 +128,8 @@ def solved(
     """
     problem, free = solver.problem, solver.unconstrained()
     best, begun = searched(solver, free, by_energy, budget, more, near)
+    if best is not None and problem.requirements:
+        free = replace(free, least=max(free.least, solver.requirement_bound(best)))
     alone = clear_optimum(solver, free, best)
     if alone is not None:
         alone = in_bits(solver, alone) or alone
@@ -152,7 +154,7 @@ def solved(
         answer = best.flown, contacts_of(problem, touched, at), nan, best.margin, False, tried
         small = int(solver.below_bit(best).sum())
         return Outcome(*answer, delta_v=best.delta_v, priced=priced, below_bit=small), free
-    if solver.pushes.fixed.any():
+    if solver.pushes.fixed.any() or problem.requirements:
         blocking = blocked(solver, free)
         return Outcome(None, (), nan, 1.0, False, tried, blocking, closest=solver.closest, unfired=safe), free
     other = thrusting(problem, by_energy())
@@ -403,10 +405,12 @@ def turns(solver: ImpulseSolver, best_of: Callable[[], Spent | None]) -> Iterato
                 break
 
 
-def blocked(solver: ImpulseSolver, free: Spent) -> tuple[int, int]:
-    """Return the pair in the deepest conflict on the unconstrained paths."""
+def blocked(solver: ImpulseSolver, free: Spent) -> tuple[int, int] | None:
+    """Return the pair in the deepest conflict on the unconstrained paths; None without any."""
     if free.checked.missed:
         return deepest(free.checked.missed)[0]
+    if not free.checked.lost.number:
+        return None
     first, second = solver.problem.pairs[free.checked.lost.which[:1].sum()]
     return int(first), int(second)
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.fuel.thrusters import Thrusters
-from closeform.motion.arc import END, START, THRUST, WIDTH
+from closeform.motion.arc import END, START, STATE, THRUST, WIDTH
 from closeform.motion.nonnegative import MOST
 from closeform.motion.reduced import COUNT, LOWER
 from closeform.motion.reduced import FIRST as FIRED_FROM
@@ -32,6 +32,8 @@ from closeform.planning.delta_v.unconstrained import answers_alone
 from closeform.planning.energy.local_solver import AHEAD
 from closeform.planning.problem.problem import Closest, Flown, Problem
 from closeform.planning.problem.scene import Contacts
+from closeform.planning.requirements import NoThrust, Requirement
+from closeform.planning.requirements.requirement import AFTER
 
 LEAST, A_TURN = 12, 12  # times at which craft may fire, and additional ones for each orbit
 LEVEL, ROOM = 0.9, 32  # primer length above which a maximum becomes a firing time; capacity
@@ -51,6 +53,7 @@ STEPS, SHARE = 60, 0.5  # maximum rounds of short steps to a first plan; maximum
 SETTLED = 1e-5  # of the cost: change of clear rounds below which they end
 PATIENCE = 3  # clear rounds without a lower cost
 ROUNDING = 1e-12  # of a bound
+BOUNDING = 4  # rounds of the bound of requirements
 PRICINGS, PRICED = 6, 1e-7  # rounds with fixed planes, and the tolerance of primers above 1
 INSIDE = 1.0 - 1e-6  # of thrust limits: reserve for the repair of the ends
 DEARER, SAFER = 1.0002, 1.005  # cost ratio allowed for few impulses; with loss of thrust
@@ -60,6 +63,8 @@ FEWER = 1e-4  # of the cost: additional cost allowed for even fewer
 SMALL, SMALL_SHARE, REPLACED = 1e-4, 1e-2, 1.001
 DROPS = 12  # maximum attempts to drop small impulses
 LIGHTER = 1.01  # times the minimum bit: a pulse gives up to 1 % more as propellant is used
+SHORT = 1e3  # reserves: paths that are less outside a requirement are nearly inside
+ACTIVE = 1e-6  # of the largest multiplier: planes of requirements below it are dropped
 COARSE = 8  # bisection of the steps to fewer ends at this fraction of them
 
 
@@ -79,10 +84,16 @@ class ImpulseSolver:
         self.needed = inf  # factor of these limits that is proven necessary
         self.aim = self.least = AIM  # of a zone: distance of planes, and its minimum
         self.closest = Closest()
+        self.cuts, self.reserves = Planes.room(0), np.empty(0)  # of requirements, from all paths so far
+        self.inward, self.outside = (
+            1.0,
+            0.0,
+        )  # factor of the reserves; shortfall of the last paths, in reserves
+        self.bound = 0.0  # on the delta-v [m/s] of all paths that keep the requirements, as far as known
         base = problem.base
         turns = problem.orbit.mean_motion * float((base[:, END] - base[:, START]).max()) / (2.0 * pi)
         times = np.linspace(base[:, START], base[:, END], LEAST + ceil(A_TURN * turns), axis=1)
-        self.grid = list(map(Moments.every, times, self.pushes.counts))
+        self.grid = self.allowed(list(map(Moments.every, times, self.pushes.counts)))
         arcs, offsets = problem.direct
         optima = problem.path(problem.direct)
         self.finals = np.stack([optima[i].state(base[i, END]) for i in range(problem.count)])
@@ -285,7 +296,7 @@ class ImpulseSolver:
             found = self.dual(self.fleet(moments), planes, PRICED, inf)
             if found is None:
                 break
-            contacts = contacts._replace(multipliers=found.multipliers)
+            contacts = contacts._replace(multipliers=found.multipliers[: contacts.number])
             if found.longest <= 1.0 + PRICED:
                 break
             moments = list(map(Moments.joined, moments, found.peaks))
@@ -298,29 +309,113 @@ class ImpulseSolver:
 
         Once paths are nearly clear, planes are moved out from round to round by the shortfall.
         """
+        moments = self.allowed(moments)
         aim, fleet, planes = self.aim, self.fleet(moments), self.planes(contacts)
         found = self.dual(fleet, planes, tolerance, bar)
         if found is None:
             return None
-        impulses = found.impulses
-        contacts = contacts._replace(multipliers=found.multipliers)
-        keep_fewest(fleet, planes if self.failures is None else planes.some(pushing(contacts)), impulses)
+        impulses, number = found.impulses, contacts.number
+        contacts = contacts._replace(multipliers=found.multipliers[:number])
+        felt = np.ones(number, dtype=bool) if self.failures is None else pushing(contacts)
+        active = found.multipliers[number:] > ACTIVE * found.multipliers[number:].max(initial=0.0)
+        keep_fewest(fleet, planes.some(np.append(felt, active)), impulses)
+        inward = self.inward * float(found.multipliers[number:] @ self.reserves)
+        self.cuts, self.reserves = self.cuts.some(active), self.reserves[active]
         flown = self.flown(fleet, impulses)
         if self.pushes.fixed.any() and not arrive(self.problem, flown, self.finals):
             return None
         checked = self.checked(flown, contacts)
+        if checked.kept:
+            self.inward = max(1.0, 0.5 * self.inward)
+        elif self.outside < SHORT:  # a small step inward replaces many more planes
+            self.inward += self.outside
         self.closest.note(checked.worst, flown)
         if checked.worst > NEARLY and tolerance == LAST:
             self.aim = 0.5 * (aim + self.least) if checked.clear else aim + 1.0 - checked.worst
         spent = float(sizes_of(impulses).sum())
         least = (1.0 - ROUNDING) * found.cost / max(found.longest, 1.0)
+        if not number:
+            self.bound = max(self.bound, (1.0 - ROUNDING) * (found.cost - inward) / max(found.longest, 1.0))
         return Spent(flown, spent, least, checked, contacts, aim, moments, impulses, found.peaks)
 
     def checked(self, flown: Flown, contacts: Contacts) -> Checked:
-        """Return conflicts of paths, with thrust and after a loss of thrust."""
+        """Return conflicts of paths, with thrust and after its loss, and whether requirements are kept.
+
+        Where they are not, planes are added for the next round.
+        """
         if self.failures is None:
-            return Checked(self.problem.conflicts(flown), Contacts.none(), 1.0)
-        return self.failures.checked(flown, contacts.some(pushing(contacts) & drifting(contacts)))
+            found = Checked(self.problem.conflicts(flown), Contacts.none(), 1.0)
+        else:
+            found = self.failures.checked(flown, contacts.some(pushing(contacts) & drifting(contacts)))
+        return found._replace(kept=self.keeps_requirements(flown)) if self.problem.requirements else found
+
+    def keeps_requirements(self, flown: Flown) -> bool:
+        """Return whether paths keep all requirements, by proof; add planes where they do not."""
+        paths, kept, short = self.problem.path(flown), True, 0.0
+        for i, own in enumerate(self.problem.requirements):
+            path = paths[i]
+            for one in own:
+                if isinstance(one, NoThrust):
+                    kept = kept and one.holds(path)
+                    continue
+                worst, times, states = one.worst(path)
+                fresh = self.supporting(i, one, times, states)
+                self.cuts = self.cuts.joined(fresh)
+                self.reserves = np.append(self.reserves, np.full(len(fresh.times), one.reserve))
+                if not (worst >= 0.0 and one.holds(path)):
+                    kept, short = False, max(short, -worst / one.reserve)
+        self.outside = short
+        return kept
+
+    def supporting(self, i: int, one: Requirement, times: Floats, states: Floats) -> Planes:
+        """Return the supporting planes of a craft's requirement at states (K, 6) outside of it."""
+        start, end = self.problem.base[i, [START, END]]
+        inside = (times > start) & (times < end)
+        times, states = times[inside], states[inside]
+        planes = Planes.room(len(times))
+        planes.times[:], planes.first[:], planes.second[:] = times, i, -1
+        planes.cuts[:] = times[:, None]
+        coasts = self.problem.orbit.transition(times - start) @ self.problem.base[i, STATE : STATE + 6]
+        margins = one.margin(states)
+        for k, state in enumerate(states):
+            slope = one.slope(state)
+            planes.rows[k] = slope
+            planes.misses[k] = slope @ (state - coasts[k]) - margins[k]
+        return planes
+
+    def requirement_bound(self, best: Spent) -> float:
+        """Return a lower bound on the delta-v [m/s] of all paths that keep the requirements, from one."""
+        least, known = self.bound, (best.peaks, best.fired(IDLE), self.at_cuts())
+        moments = self.allowed(list(map(Moments.joined, self.grid, *known)))
+        for _ in range(BOUNDING):
+            found = self.dual(self.fleet(moments), self.cuts, LAST, inf)
+            if found is None:
+                break
+            least = max(least, (1.0 - ROUNDING) * found.cost / max(found.longest, 1.0))
+            moments = list(map(Moments.joined, moments, found.peaks))
+        return least
+
+    def at_cuts(self) -> list[Moments]:
+        """Return the moments just before the planes of requirements, where primers may have a kink or a jump."""
+        found = []
+        for i, count in enumerate(self.pushes.counts):
+            start, end = self.problem.base[i, [START, END]]
+            times = self.cuts.times[self.cuts.first == i] - AFTER * (end - start)
+            found.append(Moments.every(np.unique(times[times > start]), count))
+        return found
+
+    def allowed(self, moments: list[Moments]) -> list[Moments]:
+        """Return the moments of each craft outside the times in which it may not fire."""
+        if not self.problem.requirements:
+            return moments
+        found = []
+        for own, requirements in zip(moments, self.problem.requirements, strict=True):
+            free = np.ones(len(own.times), dtype=bool)
+            for one in requirements:
+                if isinstance(one, NoThrust):
+                    free &= ~one.forbids(own.times, own.times + own.widths)
+            found.append(own.some(free))
+        return found
 
     def dual(self, fleet: Fleet, planes: Planes, tolerance: float, bar: float) -> Priced | None:
         """Return the minimum cost of satisfying the planes at the fleet's moments; None above `bar`."""
@@ -331,11 +426,13 @@ class ImpulseSolver:
         if cost == inf:
             self.needed = min(self.needed, needed) if needed > 1.0 else self.needed
             return None
-        instants, which = np.empty((count, ROOM)), np.empty((count, ROOM), dtype=np.int64)
+        room = ROOM
+        instants, which = np.empty((count, room)), np.empty((count, room), dtype=np.int64)
         counts = np.zeros(count, dtype=np.int64)
         longest = find_peaks(fleet, planes, dual, LEVEL, instants, which, counts)
         found = zip(instants, which, counts, strict=True)
         peaks = [Moments.instants(times[:number], own[:number]) for times, own, number in found]
+        peaks = self.allowed(peaks)
         return Priced(cost, dual.multipliers, impulses, longest, peaks)
 
     def fleet(self, moments: list[Moments]) -> Fleet:
@@ -349,10 +446,13 @@ class ImpulseSolver:
         return Fleet(*given, *self.pushes)
 
     def planes(self, contacts: Contacts) -> Planes:
-        """Return the planes of contacts with the shortfalls of coasting craft."""
+        """Return the planes of contacts, with the shortfalls of coasting craft, and those of requirements."""
         planes = Planes.room(contacts.number)
         fill_planes(self.problem.bare, *self.drift, contacts, self.free, self.aim, planes)
-        return planes
+        if not len(self.reserves):
+            return planes
+        cuts = self.cuts._replace(misses=self.cuts.misses + self.inward * self.reserves)
+        return planes.joined(cuts)
 
     def turned(self, found: Spent, nearer: float = NEAR) -> Contacts:
         """Return active and near contacts, turned to their pairs' positions, and those of conflicts."""

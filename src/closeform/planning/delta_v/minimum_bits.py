@@ -73,8 +73,8 @@ def effects(solver: ImpulseSolver, planes: Planes, i: int, own: Moments, pushes:
     """Return the effects (K, J) of a spacecraft's impulses (J, 3) on planes."""
     sides = 1.0 * (planes.first == i) - 1.0 * (planes.second == i)
     after = planes.times[:, None] - own.times
-    moved = solver.problem.orbit.transition(np.maximum(after, 0.0))[..., :3, 3:] @ pushes[..., None]
-    found: Floats = sides[:, None] * (planes.rows[:, None] * moved[..., 0]).sum(axis=2)
+    moved = solver.problem.orbit.transition(np.maximum(after, 0.0))[..., 3:] @ pushes[..., None]
+    found: Floats = sides[:, None] * (after > 0.0) * (planes.rows[:, None] * moved[..., 0]).sum(axis=2)
     return found
 
 

@@ -76,7 +76,8 @@ class Problem:
     The bodies are numbered from the first craft to the last obstacle.  `pairs` (P, 2), i < j, contain at
     least one craft each, and `kinds` (P,) are the indices of their zones in `zones`.  Paths extend from
     `first` to `last`, with coasts before and after each craft's own arcs.  With a `drift` [s], paths must
-    be passively safe for that long after the last arrival; `last` is the end of this horizon.
+    be passively safe for that long after the last arrival; `last` is the end of this horizon.  With
+    `requirements`, each craft's path must keep its own.
     """
 
     orbit: Orbit
@@ -89,6 +90,7 @@ class Problem:
     first: float
     last: float
     drift: float | None = None
+    requirements: tuple[tuple[Any, ...], ...] = ()  # of each craft, beyond zones
     effort: Effort = field(default_factory=Effort)
 
     @classmethod

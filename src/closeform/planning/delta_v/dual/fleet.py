@@ -10,7 +10,7 @@ from closeform.arrays import Floats
 from closeform.kernel_loans import Lent, stack_matrix
 from closeform.motion.arc import END, MEAN_MOTION, START, STATE
 from closeform.motion.hill import coast
-from closeform.motion.primer import functional, position_rows
+from closeform.motion.primer import functional, position_rows, rate_rows
 from closeform.planning.delta_v.firing_times import Moments
 from closeform.planning.problem.scene import BLOCKS, INDICES, NUMBERS, ROWS
 
@@ -45,7 +45,7 @@ class Fleet(NamedTuple):
 
 
 class Planes(NamedTuple):
-    """K planes: times, rows [1/m], shortfalls of unforced paths, and bodies.
+    """K planes: times, rows (K, 6) [1/m, s/m] in the state, shortfalls of unforced paths, and bodies.
 
     `first` and `second` (K,) are craft that are still controllable, or -1.  Impulses from the `cuts` (K, 2)
     on have no effect: after a loss of thrust the cut is earlier than the plane's time.
@@ -62,11 +62,15 @@ class Planes(NamedTuple):
     def room(cls, count: int) -> "Planes":
         """Return empty arrays for `count` planes."""
         (times, misses), (first, second) = np.empty((2, count)), np.empty((2, count), dtype=np.int64)
-        return cls(times, np.empty((count, 3)), misses, first, second, np.empty((count, 2)))
+        return cls(times, np.zeros((count, 6)), misses, first, second, np.empty((count, 2)))
 
     def some(self, chosen: Any) -> "Planes":
         """Return the planes in a mask."""
         return Planes(*(column[chosen] for column in self))
+
+    def joined(self, *others: "Planes") -> "Planes":
+        """Return these planes followed by the others."""
+        return Planes(*map(np.concatenate, zip(self, *others, strict=True)))
 
 
 class Dual(NamedTuple):
@@ -106,20 +110,21 @@ def gain(fleet, i, g):
 
 
 @kernel()
-def mean_rows(n, t, width, psi):
-    """Fill `psi` (3, 6): Psi at time t, or its mean over the `width` after it."""
-    if width == 0.0:
-        position_rows(n, t, psi)
-        return
+def mean_rows(n, t, width, psi, rates=False):
+    """Fill `psi` (3, 6): Psi at time t, or its mean over the `width` after it; or else its `rates`."""
     one = stack_matrix(3, 6)
     for axis in range(3):
         for k in range(6):
             psi[axis, k] = 0.0
-    for q in range(4):
-        position_rows(n, t + width * POINTS[q], one)
+    for q in range(4 if width > 0.0 else 1):
+        at, weight = t + width * POINTS[q], WEIGHTS[q] if width > 0.0 else 1.0
+        if rates:
+            rate_rows(n, at, one)
+        else:
+            position_rows(n, at, one)
         for axis in range(3):
             for k in range(6):
-                psi[axis, k] += WEIGHTS[q] * one[axis, k]
+                psi[axis, k] += weight * one[axis, k]
 
 
 @kernel()
@@ -130,7 +135,7 @@ def cut_of(planes, k, i):
 
 @kernel()
 def forces(fleet, planes, k, i, j, psi, out):
-    """Fill `out` (3,): Phi_rv(dt)^T a, the effect of plane k on craft i's primer at its moment j.
+    """Fill `out` (3,): Phi_v(dt)^T a, the effect of plane k on craft i's primer at its moment j.
 
     It is the mean over a burn, in which the plane or its cut may lie.  An impulse is cut like a brief burn of
     constant thrust.                                                                    # theory (38), (74)
@@ -148,6 +153,12 @@ def forces(fleet, planes, k, i, j, psi, out):
         out[axis] = share * (
             psi[0, 3 + axis] * row[0] + psi[1, 3 + axis] * row[1] + psi[2, 3 + axis] * row[2]
         )
+    if row[3] != 0.0 or row[4] != 0.0 or row[5] != 0.0:
+        mean_rows(n, dt - active, active, psi, True)
+        for axis in range(3):
+            out[axis] += share * (
+                psi[0, 3 + axis] * row[3] + psi[1, 3 + axis] * row[4] + psi[2, 3 + axis] * row[5]
+            )
 
 
 @kernel()

@@ -17,11 +17,15 @@ BETWEEN = 1e-7  # maximum difference of d . p from cubics between its samples
 
 @kernel()
 def add_push(n, planes, k, i, multiplier, t, state):
-    """Add the effect of a plane to the primer's state at time t before the plane's time."""
+    """Add the effect of a plane to the primer's state at time t before the plane's time.
+
+    At that time the primer is the plane's row in the velocity, and its rate follows from Hill's equations.
+    """
     force = -multiplier if planes.first[k] == i else multiplier
     row = planes.rows[k]
     x, y, z, vx, vy, vz = coast(
-        n, t - planes.times[k], 0.0, 0.0, 0.0, force * row[0], force * row[1], force * row[2]
+        *(n, t - planes.times[k], -force * row[3], -force * row[4], -force * row[5]),
+        *(force * (row[0] - 2.0 * n * row[4]), force * (row[1] + 2.0 * n * row[3]), force * row[2]),
     )
     state[0] += x
     state[1] += y
