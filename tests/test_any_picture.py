@@ -98,7 +98,7 @@ def test_plans_that_were_not_found_say_why() -> None:
     )
     assert not blocked.ok
     for door in (cf.plot, lambda one: cf.animate(one, io.BytesIO())):
-        with pytest.raises(ValueError, match=r"^result: a plan without a path, .*needs"):
+        with pytest.raises(ValueError, match=r"^result: the plan has no paths.*needs"):
             door(blocked)
 
 

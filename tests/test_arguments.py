@@ -138,7 +138,7 @@ CALLS = {
     "avoid, drift": inputs(path=MOVE, obstacles=[STAYS], zone=BALL, drift=600.0, budget=1),
     "avoid, delta-v": inputs(
         path=MOVE, obstacles=[REST], zone=cf.Sphere(60.0), method="exact", budget=1, names=["a"],
-        cost="delta-v", thrusters=SIX,
+        cost="delta-v", thrusters=SIX, requirements=cf.requirements.SpeedLimit(limit=100.0),
     ),
     "reconfigure, errors": inputs(
         orbit=ORBIT, initial=START[:2], final=START[1::-1], duration=900.0, zone=cf.Sphere(60.0),
@@ -151,6 +151,7 @@ CALLS = {
     "reconfigure, delta-v": inputs(
         orbit=ORBIT, initial=START[:2], final=START[1::-1], duration=900.0, zone=BALL, method="joint",
         if_blocked=["more sides"], budget=1, cost="delta-v", thrusters=[SIX, None],
+        requirements=cf.requirements.SpeedLimit(limit=100.0),
     ),
     "ThrustLost": inputs(),
     "MissedBurns": inputs(least=0.5),
@@ -586,7 +587,7 @@ def test_all_public_functions_are_called():
     others = {"read_oem", "read_oem_segments", "write_oem", "read_cdm", "write_cdm", "run", "study"}
     others |= {"load", "export", "read_csv"}
     others |= {"Status", "Search", "Screening", "CommonFrame"}
-    others |= {name for name in CALLABLES if name.startswith("plots.")} | {"plot", "animate"}
+    others |= {name for name in CALLABLES if name.startswith(("plots.", "requirements."))} | {"plot", "animate"}
     others |= {name for name in CALLABLES if name.endswith(".columns")}
     others |= {name for name in CALLABLES if name.startswith(("PairZones", "Zone"))}
     assert CALLABLES.keys() - CALLS.keys() - RESULTS - others == set()

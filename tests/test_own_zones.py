@@ -249,8 +249,8 @@ def test_reasons_name_obstacles():
     path = SPACE.transfer([0, 300.0, 0, 0, 0, 0], [0, -300.0, 0, 0, 0, 0], 2500.0)
     there = SPACE.coast([[0, 900.0, 0, 0, 0, 0], [0, -310.0, 0, 0, 0, 0]], 2500.0)
     zone = cf.Sphere(20.0)
-    assert "from F7; move it" in cf.avoid(path, there, zone, names=["F3", "F7"]).reason
-    assert "from obstacle 1; move it" in cf.avoid(path, there, zone).reason
+    assert "path and F7 are at 0.50 x zone" in cf.avoid(path, there, zone, names=["F3", "F7"]).reason
+    assert "path and obstacle 1 are at 0.50 x zone" in cf.avoid(path, there, zone).reason
     with pytest.raises(ValueError, match=r"^names: give one for each of 2 obstacles"):
         cf.avoid(path, there, zone, names=["F3"])
 

@@ -26,7 +26,7 @@ from closeform.planning.energy.side_search import MARGINS, Found
 from closeform.planning.infeasible_ends import EndConflict, end_conflict, unsafe_end
 from closeform.planning.limits import FULL, longest, stretched
 from closeform.planning.minimum_energy import Outcome, is_passive, joined, once, outcome, solve
-from closeform.planning.plan import Plan, Status, ThrustShortfall
+from closeform.planning.plan import Plan, Status, ThrustShortfall, too_weak
 from closeform.planning.problem.problem import Flown, Problem, deepest, is_optimum
 from closeform.planning.problem.scene import Contacts
 from closeform.planning.request import ROUNDING, Fallback, Request

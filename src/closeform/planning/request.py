@@ -33,7 +33,8 @@ from closeform.planning.delta_v.unconstrained import costs_alone
 from closeform.planning.obstacles import obstacle_batch, obstacle_names, zones_around
 from closeform.planning.plan import Cost
 from closeform.planning.problem.problem import Problem, transfer_of
-from closeform.planning.requirements import NoThrust, Requirement
+from closeform.planning.requirements import NoThrust
+from closeform.planning.requirements.requirement import Requirement
 from closeform.zones.combined_zones import CovarianceZone, OwnZone
 from closeform.zones.padding import Padding
 from closeform.zones.pair_zones import TWICE, PairZones, counts_covariances, pair_zones

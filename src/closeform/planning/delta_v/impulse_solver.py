@@ -32,8 +32,8 @@ from closeform.planning.delta_v.unconstrained import answers_alone
 from closeform.planning.energy.local_solver import AHEAD
 from closeform.planning.problem.problem import Closest, Flown, Problem
 from closeform.planning.problem.scene import Contacts
-from closeform.planning.requirements import NoThrust, Requirement
-from closeform.planning.requirements.requirement import AFTER
+from closeform.planning.requirements import NoThrust
+from closeform.planning.requirements.requirement import AFTER, Requirement
 
 LEAST, A_TURN = 12, 12  # times at which craft may fire, and additional ones for each orbit
 LEVEL, ROOM = 0.9, 32  # primer length above which a maximum becomes a firing time; capacity
@@ -358,7 +358,7 @@ class ImpulseSolver:
                 if isinstance(one, NoThrust):
                     kept = kept and one.holds(path)
                     continue
-                worst, times, states = one.worst(path)
+                worst, times, states = one._worst(path)
                 fresh = self.supporting(i, one, times, states)
                 self.cuts = self.cuts.joined(fresh)
                 self.reserves = np.append(self.reserves, np.full(len(fresh.times), one.reserve))
@@ -376,9 +376,9 @@ class ImpulseSolver:
         planes.times[:], planes.first[:], planes.second[:] = times, i, -1
         planes.cuts[:] = times[:, None]
         coasts = self.problem.orbit.transition(times - start) @ self.problem.base[i, STATE : STATE + 6]
-        margins = one.margin(states)
+        margins = one._margin(states)
         for k, state in enumerate(states):
-            slope = one.slope(state)
+            slope = one._slope(state)
             planes.rows[k] = slope
             planes.misses[k] = slope @ (state - coasts[k]) - margins[k]
         return planes
@@ -396,7 +396,7 @@ class ImpulseSolver:
         return least
 
     def at_cuts(self) -> list[Moments]:
-        """Return the moments just before the planes of requirements, where primers may have a kink or a jump."""
+        """Return the moments just before the planes of requirements, where primers have kinks or jumps."""
         found = []
         for i, count in enumerate(self.pushes.counts):
             start, end = self.problem.base[i, [START, END]]
@@ -413,7 +413,7 @@ class ImpulseSolver:
             free = np.ones(len(own.times), dtype=bool)
             for one in requirements:
                 if isinstance(one, NoThrust):
-                    free &= ~one.forbids(own.times, own.times + own.widths)
+                    free &= ~one._forbids(own.times, own.times + own.widths)
             found.append(own.some(free))
         return found
 

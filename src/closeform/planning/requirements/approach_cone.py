@@ -18,6 +18,8 @@ class ApproachCone(Requirement):
 
     Parameters
     ----------
+    start, end : float [s], default always
+        Times between which the spacecraft must be inside.
     axis : array_like of shape (3,), no unit
         Direction in the rotating frame from the target into the corridor; any length.
     half_angle : float [rad]
@@ -26,8 +28,6 @@ class ApproachCone(Requirement):
         Radius of the corridor at the target, such as the tolerance of a docking port; positive.
     target : array_like of shape (3,) [m], default the origin
         Position of the target in the rotating frame.
-    start, end : float [s], default always
-        Times between which the spacecraft must be inside.
 
     Raises
     ------
@@ -37,7 +37,7 @@ class ApproachCone(Requirement):
     Examples
     --------
     >>> corridor = cf.requirements.ApproachCone(axis=[0, -1, 0], half_angle=np.radians(10), radius=0.5)
-    >>> corridor.margin(np.array([0.0, -100.0, 5.0, 0, 0, 0])) > 0
+    >>> corridor.margin([0, -100, 5, 0, 0, 0]) > 0
     np.True_
     """
 
@@ -59,7 +59,7 @@ class ApproachCone(Requirement):
         object.__setattr__(self, "axis", axis / np.linalg.norm(axis))
         object.__setattr__(self, "target", target)
 
-    def margin(self, states: Floats) -> Floats:
+    def _margin(self, states: Floats) -> Floats:
         """Return the distances (...) [m] of states (..., 6) from the surface, negative outside."""
         place = states[..., :3] - self.target
         along = place @ self.axis
@@ -67,7 +67,7 @@ class ApproachCone(Requirement):
         found: Floats = (self.radius - off) * cos(self.half_angle) + along * sin(self.half_angle)
         return found
 
-    def slope(self, state: Floats) -> Floats:
+    def _slope(self, state: Floats) -> Floats:
         """Return the slope (6,) of the margin at a state (6,)."""
         off = state[:3] - self.target
         off -= (off @ self.axis) * self.axis

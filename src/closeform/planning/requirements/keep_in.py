@@ -19,12 +19,12 @@ class KeepIn(Requirement):
 
     Parameters
     ----------
+    start, end : float [s], default always
+        Times between which the spacecraft must be inside.
     zone : Zone
         Region that contains the spacecraft.
     centre : array_like of shape (3,) [m], default the origin
         Position of the zone in the rotating frame.
-    start, end : float [s], default always
-        Times between which the spacecraft must be inside.
 
     Raises
     ------
@@ -34,7 +34,7 @@ class KeepIn(Requirement):
     Examples
     --------
     >>> waypoint = cf.requirements.KeepIn(zone=cf.Sphere(5.0), centre=[0, -500, 0], start=900, end=900)
-    >>> float(waypoint.margin(np.array([0.0, -498.0, 0, 0, 0, 0])))
+    >>> float(waypoint.margin([0, -498, 0, 0, 0, 0]))
     3.0
     """
 
@@ -50,11 +50,11 @@ class KeepIn(Requirement):
             raise ValueError("zone: must hold a largest ball; give a sphere, ellipsoid, box or cylinder")
         object.__setattr__(self, "centre", centre)
 
-    def margin(self, states: Floats) -> Floats:
+    def _margin(self, states: Floats) -> Floats:
         """Return a lower bound (...) [m] on the distance of states (..., 6) from the surface."""
         found: Floats = self.zone.inner_radius * (1.0 - self.zone.norm(states[..., :3] - self.centre))
         return found
 
-    def slope(self, state: Floats) -> Floats:
+    def _slope(self, state: Floats) -> Floats:
         """Return the slope (6,) of the margin at a state (6,)."""
         return np.append(-self.zone.inner_radius * gradient(self.zone, state[:3] - self.centre), np.zeros(3))

@@ -16,6 +16,11 @@ from closeform.motion.path import Path
 class NoThrust:
     """Time between `start` and `end` [s] in which a spacecraft does not fire.
 
+    Parameters
+    ----------
+    start, end : float [s]
+        First and last time of the quiet time.
+
     Raises
     ------
     ValueError
@@ -34,12 +39,27 @@ class NoThrust:
             raise ValueError(f"end: must be after start, got {self.start} to {self.end} s")
 
     def holds(self, path: Path) -> bool:
-        """Return whether a path does not fire in this time."""
+        """Return whether a path does not fire in this time.
+
+        Parameters
+        ----------
+        path : Path
+            Impulses and burns of one spacecraft.
+
+        Returns
+        -------
+        bool
+            True without any.
+
+        References
+        ----------
+        docs/avoidance.md, corridors.
+        """
         arcs = path.arcs
         impulses, burns = arcs[:, IMPULSE : IMPULSE + 3].any(axis=1), arcs[:, PUSH : PUSH + 3].any(axis=1)
         ends = np.where(burns, arcs[:, END], arcs[:, START])
-        return not (self.forbids(arcs[:, START], ends) & (impulses | burns)).any()
+        return not (self._forbids(arcs[:, START], ends) & (impulses | burns)).any()
 
-    def forbids(self, begins: Floats, ends: Floats) -> Any:
+    def _forbids(self, begins: Floats, ends: Floats) -> Any:
         """Return whether firings (...) overlap this time, from `begins` to `ends` [s]."""
         return (begins < self.end) & (ends > self.start)

@@ -12,7 +12,7 @@ A path is certified between states h apart.  It differs from their chord by at m
 acceleration, and its velocity by h^2/8 of its largest jerk.  On the chord the margin is at least the smaller
 one of the two ends.
 
-To add a requirement, derive a class with `margin` and `slope` in a file of its own.
+To add a requirement, derive a class with `_margin` and `_slope` in a file of its own.
 """
 
 from __future__ import annotations
@@ -20,12 +20,14 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from math import inf
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats
-from closeform.motion.arc import END, PUSH, START, STATE
-from closeform.motion.path import Path, path_of
+from closeform.arrays import Floats, numbers
+from closeform.motion.arc import END, PUSH, START, STATE, THRUST
+from closeform.motion.path import Path, of_one_craft, path_of
 
 SAMPLES = 16  # intervals of an arc, and of an interval that is refined
 FINER = 3  # refinements of a minimum
@@ -47,27 +49,54 @@ class Requirement(ABC):
     per_metre, per_speed = 1.0, 0.0  # bounds on the slopes of the margin, in position and in velocity
 
     @abstractmethod
-    def margin(self, states: Floats) -> Floats:
+    def _margin(self, states: Floats) -> Floats:
         """Return margins (...) of states (..., 6) [m, m/s]: a concave function, negative outside the set."""
 
     @abstractmethod
-    def slope(self, state: Floats) -> Floats:
+    def _slope(self, state: Floats) -> Floats:
         """Return the slope (6,) of the margin at a state (6,)."""
 
-    def worst(self, path: Path) -> tuple[float, Floats, Floats]:
+    def margin(self, states: ArrayLike) -> Any:
+        """Return how far states are inside the requirement, negative outside.
+
+        Parameters
+        ----------
+        states : array_like of shape (..., 6) [m, m/s]
+            States in the rotating frame.
+
+        Returns
+        -------
+        float or array of shape (...) [m, or m/s of a speed limit]
+            Margins; a lower bound on the distance from the surface for a `KeepIn`.
+
+        Raises
+        ------
+        ValueError
+            If the last axis does not have six numbers.
+
+        References
+        ----------
+        docs/avoidance.md, corridors.
+        """
+        given = numbers("states", states)
+        if given.shape[-1:] != (6,):
+            raise ValueError(f"states: expected shape (..., 6), got {given.shape}")
+        return self._margin(given)
+
+    def _worst(self, path: Path) -> tuple[float, Floats, Floats]:
         """Return the least margin of a path between samples, and times (K,), states (K, 6) of shortfalls.
 
         These are the local minima of the margin below the reserve.
         """
-        arcs, spans = self.spans(path)
+        arcs, spans = self._spans(path)
         if not len(arcs):
             return inf, np.empty(0), np.empty((0, 6))
         spans[:, 0] += np.minimum(AFTER * float(path.end - path.start), 0.1 * (spans[:, 1] - spans[:, 0]))
         shares = np.linspace(0.0, 1.0, SAMPLES + 1)
         times = spans[:, :1] + (spans[:, 1:] - spans[:, :1]) * shares
-        margins = self.margin(on_arcs(path, arcs, times))
+        margins = self._margin(on_arcs(path, arcs, times))
         around = np.pad(margins, ((0, 0), (1, 1)), constant_values=inf)
-        lowest_near = margins - self.off_chord(path, arcs, spans)[:, None]
+        lowest_near = margins - self._off_chord(path, arcs, spans)[:, None]
         low = (lowest_near < self.reserve) & (margins <= around[:, :-2]) & (margins <= around[:, 2:])
         row, column = np.nonzero(low)
         if not len(row):
@@ -79,7 +108,7 @@ class Requirement(ABC):
                 lowest[:, None] + (2.0 * shares - 1.0) * width[:, None], spans[row, :1], spans[row, 1:]
             )
             there = on_arcs(path, arcs[row], near)
-            each = self.margin(there)
+            each = self._margin(there)
             best = each.argmin(axis=1)[:, None]
             lowest = np.take_along_axis(near, best, 1)[:, 0]
             width = 2.0 * width / SAMPLES
@@ -89,8 +118,30 @@ class Requirement(ABC):
         return min(float(margins.min()), float(least.min())), lowest[short], found[short]
 
     def holds(self, path: Path) -> bool:
-        """Return whether a path keeps the requirement at all times, by proof."""
-        arcs, spans = self.spans(path)
+        """Return whether a path keeps the requirement at all times, by proof.
+
+        Parameters
+        ----------
+        path : Path
+            Coasts, impulses and burns of constant thrust of one spacecraft.
+
+        Returns
+        -------
+        bool
+            False also where the path touches the surface so closely that rounding decides.
+
+        Raises
+        ------
+        ValueError
+            If the path is that of several spacecraft, or has thrust that varies with time.
+
+        References
+        ----------
+        docs/avoidance.md, corridors.
+        """
+        if of_one_craft(path).arcs[:, THRUST : THRUST + 6].any():
+            raise ValueError("path: expected coasts, impulses and burns of constant thrust")
+        arcs, spans = self._spans(path)
         if not len(arcs):
             return True
         which = np.arange(len(arcs))
@@ -98,23 +149,23 @@ class Requirement(ABC):
         while len(which):
             shares = np.linspace(0.0, 1.0, SAMPLES + 1)
             times = spans[:, :1] + (spans[:, 1:] - spans[:, :1]) * shares
-            margins = self.margin(on_arcs(path, arcs[which], times))
+            margins = self._margin(on_arcs(path, arcs[which], times))
             if (margins < 0.0).any():
                 return False
-            off = self.off_chord(path, arcs[which], spans)
+            off = self._off_chord(path, arcs[which], spans)
             row, column = np.nonzero(np.minimum(margins[:, 1:], margins[:, :-1]) < off[:, None])
             if len(row) and (spans[row, 1] - spans[row, 0]).min() < smallest:
                 return False
             which, spans = which[row], np.stack([times[row, column], times[row, column + 1]], axis=1)
         return True
 
-    def off_chord(self, path: Path, arcs: Floats, spans: Floats) -> Floats:
+    def _off_chord(self, path: Path, arcs: Floats, spans: Floats) -> Floats:
         """Return bounds (A,) by which the margin falls below that of chords between samples of arcs."""
         h = (spans[:, 1] - spans[:, 0]) / SAMPLES
         bend, jerk = bounds(path, arcs)
         return (self.per_metre * bend + self.per_speed * jerk) * h * h / 8.0
 
-    def spans(self, path: Path) -> tuple[Floats, Floats]:
+    def _spans(self, path: Path) -> tuple[Floats, Floats]:
         """Return the arcs (A, 30) of a path during the requirement, and their times (A, 2) in it."""
         times = np.clip(path.arcs[:, [START, END]], self.start, self.end)
         during = (path.arcs[:, END] >= self.start) & (path.arcs[:, START] <= self.end)

@@ -18,16 +18,16 @@ class SpeedLimit(Requirement):
 
     Parameters
     ----------
+    start, end : float [s], default always
+        Times between which the limit holds.
     limit : float [m/s]
         Greatest speed at the target; positive.
     rate : float [1/s], default 0
         Increase of the limit with the distance from the target along `axis`; not negative.
     axis : array_like of shape (3,), no unit, optional
-        Direction from the target to the approaching spacecraft; required with a `rate`.
+        Direction in the rotating frame from the target to the spacecraft; required with a `rate`.
     target : array_like of shape (3,) [m], default the origin
         Position of the target in the rotating frame.
-    start, end : float [s], default always
-        Times between which the limit holds.
 
     Raises
     ------
@@ -37,7 +37,7 @@ class SpeedLimit(Requirement):
     Examples
     --------
     >>> glide = cf.requirements.SpeedLimit(limit=0.05, rate=1e-3, axis=[0, -1, 0])
-    >>> float(glide.margin(np.array([0.0, -100.0, 0, 0, 0.1, 0])))
+    >>> round(float(glide.margin([0, -100, 0, 0, 0.1, 0])), 9)
     0.05
     """
 
@@ -71,13 +71,13 @@ class SpeedLimit(Requirement):
         """Bound on the slope of the margin in the velocity."""
         return 1.0
 
-    def margin(self, states: Floats) -> Floats:
+    def _margin(self, states: Floats) -> Floats:
         """Return by how much [m/s] the speeds of states (..., 6) are below the limit."""
         along = (states[..., :3] - self.target) @ self.axis
         found: Floats = self.limit + self.rate * along - np.linalg.norm(states[..., 3:], axis=-1)
         return found
 
-    def slope(self, state: Floats) -> Floats:
+    def _slope(self, state: Floats) -> Floats:
         """Return the slope (6,) of the margin at a state (6,)."""
         speed = np.linalg.norm(state[3:])
         ahead = state[3:] / speed if speed > 0.0 else np.zeros(3)

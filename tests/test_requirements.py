@@ -1,0 +1,178 @@
+"""Approach corridors, speed limits, keep-in zones and quiet times, against a cone program and integration."""
+
+import clarabel
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.linalg import expm
+from scipy.sparse import csc_matrix
+
+import closeform as cf
+
+ORBIT = cf.Orbit.circular(500e3)
+START, END, TIME = np.array([0, -200.0, 0, 0, 0, 0]), np.array([0, -1.0, 0, 0, 0, 0]), 2400.0
+ASTERN = [0, -1, 0]
+CONE = cf.requirements.ApproachCone(axis=ASTERN, half_angle=np.radians(10), radius=0.5)
+GLIDE = cf.requirements.SpeedLimit(limit=0.05, rate=1e-3, axis=ASTERN)
+WAYPOINT = cf.requirements.KeepIn(zone=cf.Sphere(5.0), centre=[10, -100, 0], start=900, end=900)
+QUIET = cf.requirements.NoThrust(start=600.0, end=900.0)
+
+
+def hill():
+    n, system = ORBIT.mean_motion, np.zeros((6, 6))
+    system[:3, 3:] = np.eye(3)
+    system[3, 0], system[5, 2], system[3, 4], system[4, 3] = 3 * n * n, -n * n, 2 * n, -2 * n
+    return system
+
+
+def planned(*requirements, **more):
+    task = {"cost": "delta-v", "if_blocked": (), **more}
+    return cf.reconfigure(ORBIT, [START], [END], TIME, cf.Sphere(1.0), requirements=requirements, **task)
+
+
+def flown(plan, samples=40_000):
+    """Return times and states of a plan's impulses, integrated by DOP853."""
+    state, found, impulses = START.copy(), [], dict(plan.path.impulses)
+    edges = sorted({0.0, TIME, *impulses})
+    for begin, end in zip(edges[:-1], edges[1:], strict=True):
+        state[3:] += impulses.get(begin, 0.0)
+        times = np.linspace(begin, end, 2 + int(samples * (end - begin) / TIME))
+        leg = solve_ivp(
+            lambda _, y: hill() @ y, (begin, end), state, "DOP853", t_eval=times, rtol=1e-12, atol=1e-12
+        )
+        found.append(np.column_stack([times, leg.y.T]))
+        state = leg.y[:, -1].copy()
+    state[3:] += impulses.get(TIME, 0.0)
+    np.testing.assert_allclose(state, END, atol=1e-6)
+    rows = np.concatenate(found)
+    return rows[:, 0], rows[:, 1:]
+
+
+def inside(times, states, name):
+    """Return how far states are inside a requirement, by its own geometry."""
+    x, y, z, *velocity = states.T
+    if name == "cone":
+        return (0.5 - y * np.tan(np.radians(10)) - np.hypot(x, z)) * np.cos(np.radians(10))
+    if name == "glide":
+        return 0.05 - 1e-3 * y - np.linalg.norm(velocity, axis=0)
+    near = np.abs(times - 900.0) < 1e-9
+    return 5.0 - np.linalg.norm(states[near, :3] - [10, -100, 0], axis=1)
+
+
+def least_by_cones(name, count=121, samples=241):
+    """Return the minimum delta-v of impulses at `count` times that keep a requirement at sampled times."""
+    fires, seen = np.linspace(0.0, TIME, count), np.linspace(0.0, TIME, samples)
+    flow = {t: expm(hill() * t) for t in np.unique(np.concatenate([fires, seen]))}
+    width = 4 * count  # impulses (3 each), and bounds on their sizes
+    cost = np.concatenate([np.zeros(3 * count), np.ones(count)])
+    rows, rhs, cones = [], [], []
+
+    def state_rows(t):
+        later = [expm(hill() * (t - s))[:, 3:] if s <= t else np.zeros((6, 3)) for s in fires]
+        return np.concatenate(later, axis=1), flow[t] @ START
+
+    arrive, coast = state_rows(TIME)
+    rows.append(np.hstack([arrive, np.zeros((6, count))]))
+    rhs.append(END - coast)
+    cones.append(clarabel.ZeroConeT(6))
+    for k in range(count):  # |v_k| <= size_k
+        block = np.zeros((4, width))
+        block[0, 3 * count + k] = -1.0
+        block[1:, 3 * k : 3 * k + 3] = -np.eye(3)
+        rows.append(block)
+        rhs.append(np.zeros(4))
+        cones.append(clarabel.SecondOrderConeT(4))
+    tan = np.tan(np.radians(10))
+    for t in [900.0] if name == "waypoint" else seen:
+        move, base = state_rows(t)
+        if name == "cone":
+            outer, given = np.array([[0, -tan, 0], [1, 0, 0], [0, 0, 1]]), np.array([0.5, 0, 0])
+            matrix = np.hstack([outer, np.zeros((3, 3))])
+        elif name == "glide":
+            matrix, given = np.zeros((4, 6)), np.array([0.05, 0, 0, 0])
+            matrix[0, 1], matrix[1:, 3:] = -1e-3, np.eye(3)
+        else:
+            matrix, given = np.zeros((4, 6)), np.array([5.0, -10.0, 100.0, 0.0])
+            matrix[1:, :3] = np.eye(3)
+        rows.append(np.hstack([-matrix @ move, np.zeros((len(matrix), count))]))
+        rhs.append(matrix @ base + given)
+        cones.append(clarabel.SecondOrderConeT(len(matrix)))
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    problem = csc_matrix((width, width)), cost, csc_matrix(np.vstack(rows)), np.concatenate(rhs)
+    solved = clarabel.DefaultSolver(*problem, cones, settings).solve()
+    assert str(solved.status) == "Solved"
+    return solved.obj_val
+
+
+@pytest.mark.parametrize(
+    ("name", "requirement", "dearer"),
+    [("cone", CONE, 0.01), ("glide", GLIDE, 0.06), ("waypoint", WAYPOINT, 0.01)],
+)
+def test_requirement_is_kept_at_hardly_more_than_the_least_cost(name, requirement, dearer):
+    """The path keeps it when integrated; no bound is above the cone program on a grid of times."""
+    plan, free = planned(requirement), planned()
+    assert inside(*flown(free), name).min() < -1e-3
+    assert plan.status == cf.Status.AVOIDED
+    assert inside(*flown(plan), name).min() >= -1e-6
+    least = least_by_cones(name)
+    assert free.delta_v < plan.lower_bound <= least * (1 + 1e-4)
+    assert plan.delta_v <= least * (1 + dearer)
+
+
+def test_requirements_combine_with_zones_and_quiet_times():
+    """A corridor with a speed limit and a quiet time, past an obstacle at its side, or by short burns."""
+    rock = ORBIT.coast([6.0, -60.0, 0.0, 0, 0, 0], 2 * TIME)
+    plan = planned(CONE, GLIDE, QUIET, obstacles=rock, max_acceleration=[np.inf])
+    assert plan.ok
+    times, states = flown(plan)
+    assert min(inside(times, states, name).min() for name in ("cone", "glide")) >= -1e-6
+    assert cf.closest_approach(plan.path, rock, cf.Sphere(1.0)).ratio >= 1.0
+    assert not any(600.0 < time < 900.0 for time, _ in plan.path.impulses)
+    burns = planned(CONE, max_acceleration=1e-3)
+    assert burns.ok
+    assert burns.path.peak_thrust <= 1e-3 * (1 + 1e-9)
+    assert inside(None, burns.path.state(np.linspace(0, TIME, 20_001)), "cone").min() >= -1e-6
+    assert planned(CONE).delta_v < burns.delta_v < 1.02 * planned(CONE).delta_v
+
+
+def test_certificate_finds_what_samples_miss():
+    """A parabola leaves a keep-in box by a hair between two samples."""
+    space = cf.Orbit(0.0)
+    drift = space.coast([0, 0, 0, 1.0, 0, 0], 100.0)
+    for room, holds in ((100.0 + 1e-9, True), (100.0 - 1e-9, False)):
+        assert cf.requirements.KeepIn(zone=cf.Box([room, 1.0, 1.0])).holds(drift) is holds
+    arc = ORBIT.coast([0, 0, 10.0, 0, 0, 0], 0.9 * ORBIT.period)  # z = 10 cos nt, farthest inside at the half
+    dip = cf.requirements.KeepIn(zone=cf.Sphere(10.0), centre=[0, 0, 1e-8], start=1.0)
+    assert not dip.holds(arc)
+    assert cf.requirements.KeepIn(zone=cf.Sphere(10.0 + 2e-8), centre=[0, 0, 1e-8], start=1.0).holds(arc)
+
+
+def test_end_outside_is_refused_with_its_reason():
+    narrow = cf.requirements.ApproachCone(axis=[0, 1, 0], half_angle=0.1, radius=0.5)
+    plan = planned(narrow)
+    assert plan.status == cf.Status.END_OUTSIDE
+    assert "ApproachCone" in plan.reason
+    slow = planned(cf.requirements.SpeedLimit(limit=0.08))  # 199 m in 2400 s require 0.083 m/s
+    assert slow.status == cf.Status.NOT_FOUND
+    assert slow.paths is None
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: planned(CONE, cost="energy"), "requirements: need cost 'delta-v'"),
+        (lambda: planned(3.0), "requirements: "),
+        (lambda: cf.requirements.ApproachCone(axis=[0, 0, 0], half_angle=0.1, radius=1), "axis: "),
+        (lambda: cf.requirements.ApproachCone(axis=ASTERN, half_angle=2.0, radius=1), "half_angle: "),
+        (lambda: cf.requirements.ApproachCone(axis=ASTERN, half_angle=0.1, radius=0), "radius: "),
+        (lambda: cf.requirements.SpeedLimit(limit=0.0), "limit: "),
+        (lambda: cf.requirements.SpeedLimit(limit=0.1, rate=1e-3), "axis: required with rate"),
+        (lambda: cf.requirements.KeepIn(zone=5.0), "zone: "),
+        (lambda: cf.requirements.NoThrust(start=5.0, end=5.0), "end: must be after start"),
+    ],
+)
+def test_bad_requirements_are_named(call, message):
+    with pytest.raises(ValueError, match=message) as caught:
+        call()
+    assert "\n" not in str(caught.value)
