@@ -12,9 +12,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from oem import OrbitEphemerisMessage
 
+from closeform.exchange.ccsds.oem import read_oem, read_oem_segments, write_oem
 from closeform.exchange.common_frame import common_frame
-from closeform.exchange.ephemeris import Ephemeris
-from closeform.exchange.oem import read_oem, read_oem_segments, write_oem
+from closeform.exchange.ephemerides.ephemeris import Ephemeris
 from closeform.motion.elements import elements_from_inertial, inertial_from_elements
 from closeform.motion.mean_motion import EARTH_MU
 
@@ -249,15 +249,15 @@ def test_astropy_is_not_needed(tmp_path):
     code = f"""
 import sys
 sys.modules["astropy"] = None
-import closeform.exchange.oem
-print(closeform.exchange.oem.read_oem({str(written(tmp_path, GOOD))!r}).times)
+import closeform.exchange.ccsds.oem
+print(closeform.exchange.ccsds.oem.read_oem({str(written(tmp_path, GOOD))!r}).times)
 """
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert run.stdout == "[ 0.  10.5 21. ]\n"
 
 
 def test_importing_the_module_loads_no_heavy_package():
-    code = "import sys, closeform.exchange.oem; print({'oem', 'astropy', 'erfa', 'numba', 'lxml'} & set(sys.modules))"
+    code = "import sys, closeform.exchange.ccsds.oem; print({'oem', 'astropy', 'erfa', 'numba', 'lxml'} & set(sys.modules))"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert run.stdout == "set()\n"
 

@@ -11,8 +11,8 @@ from astropy.time import Time, TimeDelta
 from scipy.integrate import solve_ivp
 
 import closeform as cf
+from closeform.exchange.ccsds.oem import read_oem
 from closeform.exchange.chief import Chief
-from closeform.exchange.oem import read_oem
 
 GRACE = Path(__file__).parents[1] / "examples" / "grace"
 EPOCH = "2026-11-22T12:00:00.123456789"

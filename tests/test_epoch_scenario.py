@@ -14,7 +14,7 @@ from astropy.time import Time, TimeDelta
 import closeform as cf
 from closeform.cli.app import main
 from closeform.cli.console import tell_run
-from closeform.exchange.oem import read_oem, write_oem
+from closeform.exchange.ccsds.oem import read_oem, write_oem
 from closeform.report.run import RunReport, states
 from closeform.scenario import ScenarioError, parse
 from test_chief import to_fifty_digits

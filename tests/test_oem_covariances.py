@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 from oem import OrbitEphemerisMessage
 from scipy.integrate import solve_ivp
 
-from closeform.exchange.carried_covariance import covariance_at
+from closeform.exchange.ccsds.oem import read_oem, write_oem
 from closeform.exchange.common_frame import common_frame
-from closeform.exchange.covariance import Covariances, axes, inertial
-from closeform.exchange.oem import read_oem, write_oem
+from closeform.exchange.ephemerides.covariance import Covariances, axes, inertial
+from closeform.exchange.ephemerides.propagated_covariance import covariance_at
 from closeform.motion.frames import relative_from_inertial
 from closeform.motion.mean_motion import EARTH_MU
 from test_ccsds import GOOD, circular

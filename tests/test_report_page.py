@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 
 import closeform as cf
 from closeform.cli.app import main
-from closeform.exchange.oem import read_oem
+from closeform.exchange.ccsds.oem import read_oem
 from closeform.mission.mission import fly
 from closeform.report import effort, model, run
 from closeform.report.run import RunReport

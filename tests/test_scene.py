@@ -13,8 +13,8 @@ from scipy.spatial.transform import Rotation, Slerp
 
 import closeform as cf
 from closeform.cli.app import main
+from closeform.exchange.ccsds.oem import read_oem
 from closeform.exchange.common_frame import common_frame
-from closeform.exchange.oem import read_oem
 from closeform.mission.mission import fly
 from closeform.mission.mission_result import Mission
 from closeform.scenario import parse

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from closeform.cli.app import main
+from closeform.exchange.ccsds.oem import read_oem
 from closeform.exchange.common_frame import common_frame
-from closeform.exchange.oem import read_oem
 from test_errors import oem
 
 ZONES = """\

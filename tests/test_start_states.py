@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import closeform as cf
-from closeform.exchange.states_csv import state_rows
+from closeform.exchange.formats.states_csv import state_rows
 from closeform.motion.elements import inertial_from_elements
 from closeform.motion.frames import relative_from_inertial
 from closeform.report.run import states as flown_states

@@ -12,8 +12,8 @@ from closeform.cli.inputs import BAD_INPUT, CLEAR, UsageError, check_present, ep
 
 if TYPE_CHECKING:
     from closeform.conflicts.flight import WatchedFlight
+    from closeform.exchange.ccsds.conjunction import Conjunction
     from closeform.exchange.common_frame import CommonFrame
-    from closeform.exchange.conjunction import Conjunction
     from closeform.report.page import Command
     from closeform.report.picture import Shot
     from closeform.report.screening import EncounterReport, ScreenReport
@@ -205,8 +205,8 @@ def encounter(
     overwrite
         Replace finished results.
     """
-    from closeform.exchange.cdm import read_cdm
-    from closeform.exchange.message import within
+    from closeform.exchange.ccsds.cdm import read_cdm
+    from closeform.exchange.ccsds.entries import within
     from closeform.report.page import Command
     from closeform.scenario.quantity import LENGTH, TIME
 

@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, broadcast, instance, numbers, shown
 from closeform.exchange.common_frame import INERTIAL
-from closeform.exchange.ephemeris import Ephemeris
+from closeform.exchange.ephemerides.ephemeris import Ephemeris
+from closeform.exchange.ephemerides.interpolation import states_of
 from closeform.exchange.epochs import Epoch
-from closeform.exchange.interpolation import states_of
 from closeform.motion.elements import elements_from_inertial, inertial_from_elements, inertial_later
 from closeform.motion.frames import AlongTrack, inertial_from_relative, relative_from_inertial
 from closeform.motion.mean_motion import EARTH_MU, checked

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, instance, number, numbers, positive, sequence, shown
-from closeform.exchange.carried_covariance import covariance_at
-from closeform.exchange.ephemeris import SAME_EPOCH, Ephemeris
+from closeform.exchange.ephemerides.ephemeris import SAME_EPOCH, Ephemeris
+from closeform.exchange.ephemerides.interpolation import nearest
+from closeform.exchange.ephemerides.propagated_covariance import covariance_at
+from closeform.exchange.ephemerides.spans import Spans
 from closeform.exchange.epochs import seconds_of
-from closeform.exchange.interpolation import nearest
-from closeform.exchange.spans import Spans
 from closeform.motion.frames import AlongTrack, relative_from_inertial, relative_jacobian
 from closeform.motion.mean_motion import EARTH_MU, mean_motion_from_semi_major_axis
 from closeform.result import Result

@@ -10,8 +10,8 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.conflicts.flight import WatchedFlight, watch
-from closeform.exchange.spans import JUMP
-from closeform.exchange.spans import LEAST as LEAST_JUMP
+from closeform.exchange.ephemerides.spans import JUMP
+from closeform.exchange.ephemerides.spans import LEAST as LEAST_JUMP
 from closeform.fuel.thrusters import Thrusters
 from closeform.mission.verdict import Late, thrust_use
 from closeform.motion.arc import IMPULSE

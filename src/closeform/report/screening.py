@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from closeform.conflicts.flight import WatchedFlight
-from closeform.exchange.cdm import write_cdm
+from closeform.exchange.ccsds.cdm import write_cdm
+from closeform.exchange.ccsds.conjunction import Conjunction
 from closeform.exchange.common_frame import CommonFrame
-from closeform.exchange.conjunction import Conjunction
 from closeform.exchange.epochs import Epoch
-from closeform.exchange.exported import file_names
+from closeform.exchange.export_tracks.track import file_names
 from closeform.mission.verdict import MET, NOT_MET, Verdict, conflicts_in
 from closeform.report import conflicts, model, page, uncertain
 from closeform.report.conflicts import APPROACH, CONFLICT, MOST_PAIRS

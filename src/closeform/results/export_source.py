@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.exchange.aem import quaternions
+from closeform.exchange.ccsds.aem import quaternions
 from closeform.exchange.chief import Chief
 from closeform.exchange.epochs import Epoch
-from closeform.exchange.exported import Shots
-from closeform.exchange.tracks import FlownCraft
+from closeform.exchange.export_tracks.sampled_paths import FlownCraft
+from closeform.exchange.export_tracks.track import Shots
 from closeform.fuel.burns import burns_of
 from closeform.mission.mission_result import Mission
 from closeform.motion.path import Path

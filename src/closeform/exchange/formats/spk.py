@@ -11,8 +11,8 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.exchange.epochs import Epoch
-from closeform.exchange.exported import FileFrame, Piece, Track
-from closeform.exchange.nodes import DEGREE
+from closeform.exchange.export_tracks.interpolation_nodes import DEGREE
+from closeform.exchange.export_tracks.track import FileFrame, Piece, Track
 from closeform.motion.mean_motion import EARTH_MU
 
 CODES = {"EARTH": 399, "MOON": 301, "SUN": 10, "MARS": 499}

@@ -10,9 +10,9 @@ from functools import cached_property
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.exchange.ephemeris import SAME_EPOCH, Ephemeris
+from closeform.exchange.ephemerides.ephemeris import SAME_EPOCH, Ephemeris
+from closeform.exchange.ephemerides.interpolation import interpolated, nearest
 from closeform.exchange.epochs import seconds_of
-from closeform.exchange.interpolation import interpolated, nearest
 
 JUMP = 1.0  # m: a larger position jump is an error in a file, not a manoeuvre
 LEAST = 1e-9  # m/s: a smaller velocity jump is rounding

@@ -7,10 +7,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from closeform.arrays import Floats
+from closeform.exchange.ccsds.oem_text import ORIGINATOR, STATE, comments, keyed
 from closeform.exchange.epochs import now
-from closeform.exchange.exported import FileFrame, Track, text_rows
-from closeform.exchange.nodes import DEGREE
-from closeform.exchange.oem_text import ORIGINATOR, STATE, comments, keyed
+from closeform.exchange.export_tracks.interpolation_nodes import DEGREE
+from closeform.exchange.export_tracks.track import FileFrame, Track, text_rows
 
 ACCELERATION = ("TIME_RELATIVE", "MAN_DURA", "ACC_X", "ACC_Y", "ACC_Z", "ACC_INTERP")
 IMPULSE = ("TIME_RELATIVE", "MAN_DURA", "DV_X", "DV_Y", "DV_Z")

@@ -7,10 +7,10 @@ from xml.sax.saxutils import escape
 
 import numpy as np
 
-from closeform.exchange.covariance import LOWER, covariance_lines
+from closeform.exchange.ephemerides.covariance import LOWER, covariance_lines
 from closeform.exchange.epochs import now
-from closeform.exchange.exported import FileFrame, Piece, Track, text_rows
-from closeform.exchange.nodes import DEGREE
+from closeform.exchange.export_tracks.interpolation_nodes import DEGREE
+from closeform.exchange.export_tracks.track import FileFrame, Piece, Track, text_rows
 
 # km, km/s: to a nanometre, and a picometre per second
 STATE = " ".join(["%s"] + ["%.12f"] * 3 + ["%.15f"] * 3)

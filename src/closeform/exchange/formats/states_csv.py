@@ -12,9 +12,9 @@ from pathlib import Path as FilePath
 import numpy as np
 
 from closeform.arrays import Floats, instance
-from closeform.exchange.ephemeris import Ephemeris
-from closeform.exchange.exported import FileFrame, Track, text_rows
-from closeform.exchange.message import within
+from closeform.exchange.ccsds.entries import within
+from closeform.exchange.ephemerides.ephemeris import Ephemeris
+from closeform.exchange.export_tracks.track import FileFrame, Track, text_rows
 
 HEAD = ("craft", "epoch", "time_s", "x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s")
 FORM = ",".join(["%s"] + ["%.9f"] * 4 + ["%.12f"] * 3)

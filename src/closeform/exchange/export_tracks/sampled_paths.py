@@ -10,9 +10,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.exchange.exported import FileFrame, Piece, Shots, Track
-from closeform.exchange.interpolation import hermite
-from closeform.exchange.nodes import COUNT, common_nodes, edges_of, kicks_of, nodes_of, smooth_pieces
+from closeform.exchange.ephemerides.interpolation import hermite
+from closeform.exchange.export_tracks.interpolation_nodes import (
+    COUNT,
+    common_nodes,
+    edges_of,
+    kicks_of,
+    nodes_of,
+    smooth_pieces,
+)
+from closeform.exchange.export_tracks.track import FileFrame, Piece, Shots, Track
 from closeform.motion.arc import START
 from closeform.motion.path import Path
 

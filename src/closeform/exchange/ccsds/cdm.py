@@ -14,10 +14,8 @@ from typing import Any
 import numpy as np
 
 from closeform.arrays import instance, sequence
-from closeform.exchange.conjunction import Conjunction, ConjunctionObject
-from closeform.exchange.covariance import LOWER, from_lower
-from closeform.exchange.epochs import clock, now
-from closeform.exchange.message import (
+from closeform.exchange.ccsds.conjunction import Conjunction, ConjunctionObject
+from closeform.exchange.ccsds.entries import (
     CORRECT,
     Entry,
     by_keyword,
@@ -27,6 +25,8 @@ from closeform.exchange.message import (
     require,
     within,
 )
+from closeform.exchange.ephemerides.covariance import LOWER, from_lower
+from closeform.exchange.epochs import clock, now
 
 HEADER = ("CREATION_DATE", "ORIGINATOR", "MESSAGE_ID")
 RELATIVE = ("TCA", "MISS_DISTANCE")

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.exchange.interpolation import nearest
+from closeform.exchange.ephemerides.interpolation import nearest
 from closeform.motion.arc import END, IMPULSE, START
 from closeform.motion.path import Path, path_of
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.exchange.covariance import inertial
-from closeform.exchange.ephemeris import SAME_EPOCH, Ephemeris
+from closeform.exchange.ephemerides.covariance import inertial
+from closeform.exchange.ephemerides.ephemeris import SAME_EPOCH, Ephemeris
 from closeform.motion.circular import CircularOrbit
 from closeform.motion.elements import elements_from_inertial, inertial_later
 from closeform.motion.frames import relative_jacobian

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from closeform.arrays import Floats
+from closeform.exchange.ccsds.oem_text import ORIGINATOR, keyed
 from closeform.exchange.epochs import now
-from closeform.exchange.exported import FileFrame, text_rows
-from closeform.exchange.oem_text import ORIGINATOR, keyed
+from closeform.exchange.export_tracks.track import FileFrame, text_rows
 
 BODY = "SC_BODY_1"
 CONVENTION = (

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from closeform.arrays import Floats, instance, number, numbers, positive, sequence, shown
-from closeform.exchange.covariance import axes, canonical, check, inertial
+from closeform.exchange.ephemerides.covariance import axes, canonical, check, inertial
 from closeform.motion.mean_motion import EARTH_MU
 from closeform.result import Result
 

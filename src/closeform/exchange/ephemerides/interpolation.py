@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, numbers
-from closeform.exchange.ephemeris import SAME_EPOCH, Ephemeris
+from closeform.exchange.ephemerides.ephemeris import SAME_EPOCH, Ephemeris
 from closeform.exchange.epochs import Epoch
 
 MOST = 6  # states of one polynomial, of degree 11

@@ -13,11 +13,11 @@ from os import PathLike
 from pathlib import Path as FilePath
 
 from closeform.arrays import Floats, instance, sequence
-from closeform.exchange.covariance import covariance_lines
-from closeform.exchange.ephemeris import SAME_EPOCH, Ephemeris
+from closeform.exchange.ccsds.entries import message, within
+from closeform.exchange.ccsds.oem_segments import ephemeris_of, segments_of
+from closeform.exchange.ephemerides.covariance import covariance_lines
+from closeform.exchange.ephemerides.ephemeris import SAME_EPOCH, Ephemeris
 from closeform.exchange.epochs import Epoch, now, seconds_of
-from closeform.exchange.message import message, within
-from closeform.exchange.segments import ephemeris_of, segments_of
 
 
 def read_oem(file: str | PathLike[str]) -> Ephemeris:

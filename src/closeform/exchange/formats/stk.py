@@ -6,8 +6,8 @@ from datetime import datetime
 
 import numpy as np
 
-from closeform.exchange.exported import FileFrame, Track, text_rows
-from closeform.exchange.nodes import COUNT
+from closeform.exchange.export_tracks.interpolation_nodes import COUNT
+from closeform.exchange.export_tracks.track import FileFrame, Track, text_rows
 
 SYSTEMS = {
     "EME2000": "J2000",

@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from closeform.arrays import Floats, instance, numbers
-from closeform.exchange.covariance import LOCAL, Covariances, canonical
+from closeform.exchange.ephemerides.covariance import LOCAL, Covariances, canonical
 from closeform.result import Rows
 
 SAME_EPOCH = 1e-8  # s: a tenth of a millimetre of motion in low orbit

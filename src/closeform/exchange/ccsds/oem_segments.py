@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.exchange.covariance import LOWER, Covariances, check, from_lower
-from closeform.exchange.ephemeris import SAME_EPOCH, Ephemeris, flaw_of_frame, flaw_of_states
+from closeform.exchange.ccsds.entries import CORRECT, Entry, by_keyword, number_in, numbers_in, require
+from closeform.exchange.ephemerides.covariance import LOWER, Covariances, check, from_lower
+from closeform.exchange.ephemerides.ephemeris import SAME_EPOCH, Ephemeris, flaw_of_frame, flaw_of_states
 from closeform.exchange.epochs import EpochError, seconds_of
-from closeform.exchange.message import CORRECT, Entry, by_keyword, number_in, numbers_in, require
 
 METADATA = "between META_START and META_STOP"
 REQUIRED = ("OBJECT_NAME", "OBJECT_ID", "CENTER_NAME", "REF_FRAME", "TIME_SYSTEM", "START_TIME", "STOP_TIME")

@@ -11,7 +11,7 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.exchange.chief import Chief
 from closeform.exchange.epochs import Epoch
-from closeform.exchange.nodes import COUNT, DEGREE
+from closeform.exchange.export_tracks.interpolation_nodes import COUNT, DEGREE
 
 ROTATING = "RSW_ROTATING"  # in SANA's registry: radial, along-track, cross-track, rotating with the chief
 LARGE = 1e3  # m/s: size to which a vector is scaled before it is rotated as a velocity

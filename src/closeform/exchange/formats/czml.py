@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.exchange.exported import FileFrame, Track
-from closeform.exchange.nodes import DEGREE
+from closeform.exchange.export_tracks.interpolation_nodes import DEGREE
+from closeform.exchange.export_tracks.track import FileFrame, Track
 
 # Okabe and Ito's colours, distinguishable with colour blindness; the first suits a dark background.
 COLOURS = (
