@@ -12,7 +12,7 @@ import closeform as cf
 from bridge import Hindrance, bridge, hill, settle
 from closeform.planning.plan import Plan, Status
 from closeform.zones.shapes import CUBE
-from reflown import faults, fly
+from resimulated import faults, fly
 
 N = 1.1e-3
 ORBIT, SPACE = cf.Orbit(N), cf.Orbit(0.0)

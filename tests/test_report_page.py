@@ -21,7 +21,7 @@ from closeform.scenario import parse
 from closeform.storage.result_folder import Folder
 from pages import assert_linked
 from scenarios import GOOD
-from test_errors import oem
+from test_invalid_input import oem
 
 LIMITED = (
     "# Three in a row; the last\n# goes past both.\n"

@@ -13,7 +13,7 @@ from closeform.mission.mission import fly
 from closeform.mission.simulation import FlownRun
 from closeform.scenario import ScenarioError, parse
 from field_scenario import swap
-from test_fuel_mission import G0, N, pictureless, plain, ran  # noqa: F401 (fixtures)
+from test_mission_delta_v import G0, N, pictureless, plain, ran  # noqa: F401 (fixtures)
 
 TWO_ENGINES = """\
 closeform = 1

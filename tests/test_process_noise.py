@@ -16,8 +16,8 @@ from closeform.scenario import parse
 from closeform.uncertainty.velocity_disturbance import kicked
 from closeform.uncertainty.white_noise import BLOCK, increments, kicks_of
 from philox import block
-from test_histories import NEAR
-from test_noisy_histories import noise_of
+from test_probability_with_process_noise import noise_of
+from test_sampled_errors import NEAR
 
 ORBIT = cf.Orbit.circular(500e3)
 N = ORBIT.mean_motion

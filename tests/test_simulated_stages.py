@@ -10,7 +10,7 @@ from matplotlib.collections import LineCollection
 import closeform as cf
 from closeform.cli.app import main
 from test_field import chief, fired, pushed
-from test_room import at, deviations
+from test_tracking_margins import at, deviations
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 

@@ -12,7 +12,7 @@ from closeform.campaign.draws import failing
 from closeform.mission.mission import fly
 from closeform.report.run import requirements
 from closeform.scenario import ScenarioError, parse
-from test_histories import TWICE
+from test_sampled_errors import TWICE
 
 FAILS = re.sub(r"(covariance|execution|draws) = .*\n", "", TWICE).replace(
     "[study.vary]\n",

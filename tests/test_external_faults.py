@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from scenarios import GOOD, LOST
-from test_errors import oem
+from test_invalid_input import oem
 
 COMMANDS = {
     "run": "run good.toml --out out",

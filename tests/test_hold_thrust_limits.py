@@ -12,7 +12,7 @@ from closeform.planning.firing_times import Moments, blended
 from closeform.planning.impulse_local import ImpulseSolver
 from hold_transfers import NUMBER, hold_transfers
 from ring_transfers import RADIUS, ring_transfers
-from test_hold_plans import COSTS, DEARER, SEVERAL
+from test_hold_delta_v import COSTS, DEARER, SEVERAL
 from test_passive_delta_v import MATRIX, least_ratio
 
 FULL = 1.0 + 1e-9  # of a limit
