@@ -197,5 +197,7 @@ def test_exact_stages_have_no_probabilities():
     assert coast.bodies.pairs == coast.zones.pairs == ()
     assert [one.met for one in coast.asked] == [True]
     assert "clear at 3 sigma (nothing is uncertain)" in str(mission.verdict)
-    assert uncertain.lines(coast) == ("No pair of craft with a keep-out zone has uncertain relative states",)
+    assert uncertain.lines(coast) == (
+        "No pair of craft with a keep-out zone has an uncertain relative state",
+    )
     assert uncertain.tables(coast) == ()

@@ -127,7 +127,7 @@ def run(
     Parameters
     ----------
     scenario
-        TOML file; docs/scenario.md lists its keys.
+        TOML file; docs/scenario_keys.md lists its keys.
     out
         Folder for the results. Default: NAME-results in the current folder.
     case
@@ -186,7 +186,7 @@ def check(scenario: Path, /) -> int:
     Parameters
     ----------
     scenario
-        TOML file; docs/scenario.md lists its keys.
+        TOML file; docs/scenario_keys.md lists its keys.
     """
     loaded = read(scenario, "check")
     if loaded is None:

@@ -77,7 +77,8 @@ def lines(found: "UncertainStage") -> tuple[str, ...]:
         lead = f"{'Clear' if near is None or near.sigmas >= many else 'Not clear'} at {many:g} sigma"
     of = "keep-out zones" if found.zones is not None else "the hard bodies"
     judged = found.zones is not None or found.bodies is not None
-    words = ["No pair of craft with a keep-out zone has uncertain relative states"] if judged else []
+    sized = "a keep-out zone" if found.zones is not None else "hard bodies"
+    words = [f"No pair of craft with {sized} has an uncertain relative state"] if judged else []
     if near is not None:
         words = [f"{lead}: {fewest(near)}, of {of}"]
     pair = found.likeliest
