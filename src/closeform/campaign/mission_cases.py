@@ -48,7 +48,7 @@ Known = tuple[bytes, ...]
 
 
 class Figure(NamedTuple):
-    """Number of a mission: its column, its value, and the label of its spread; None without one."""
+    """Quantity of a mission: its column, its value, and the label of its spread (None for no spread)."""
 
     column: str
     of: Callable[[Mission], Any]
@@ -204,13 +204,13 @@ class MissionCases(Cases):
         return row
 
     def met(self, columns: Columns) -> dict[str, Any]:
-        """Return the cases that did not end with each status other than MET."""
+        """Return, for each status other than MET, the cases that did not end with it."""
         return {status: columns["status"] != status for status in STATUSES[1:]}
 
     def quantities(self) -> dict[str, Quantity]:
         """Return the delta-v [m/s] in all, by stage and by craft, the end time [s], and deviations [m].
 
-        Of complete missions. A mission that is simulated has each number as simulated and as planned.
+        Only complete missions count. Quantities of a simulated mission appear as simulated and as planned.
         """
 
         def of(column: str) -> Quantity:

@@ -108,7 +108,7 @@ def stderr() -> "Console":
 
 @contextmanager
 def working(console: "Console", what: str) -> "Iterator[Callable[[str], None]]":
-    """Yield a function that shows which part of long work is under way.
+    """Yield a function that shows the current part of a long computation.
 
     On a terminal, the text is updated at once; otherwise a line is printed every `EVERY` seconds.
     """

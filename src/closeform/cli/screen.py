@@ -58,13 +58,14 @@ def screen(
     axis
         Direction of the cylinder, radial, along-track, cross-track: "0 1 0".
     covariance
-        Position covariance of every object, rr tr tt nr nt nn: "25 0 400 0 0 25 m^2"; those of two add.
+        Position covariance of every object, rr tr tt nr nt nn: "25 0 400 0 0 25 m^2"; the covariances of a
+        pair add.
     sigmas
-        Number of standard deviations kept clear, of --covariance or else of the ephemerides' covariances.
+        Number of standard deviations to keep clear, of --covariance or else of the ephemerides' covariances.
     body
         Treat the zone as the body of each object; the bodies of two objects add.
     hard_body
-        Radius of the sphere that encloses each object: "5 m"; those of two add.
+        Radius of the sphere that encloses each object: "5 m"; the radii of a pair add.
     zones
         TOML file with a zone for each object: [craft] with name and keep_out, as in a scenario.
     interpolate
@@ -72,8 +73,8 @@ def screen(
     cdm
         Write a conjunction data message for each conflict into cdm/ of the results.
     out
-        Folder for the results; NAME-screen-results next to where you are by default, NAME of the first file,
-        and a number behind it where that is taken.
+        Folder for the results. Default: NAME-screen-results in the current folder, with NAME of the first
+        file and a number if that folder exists.
     overwrite
         Replace finished results.
     """
@@ -193,15 +194,15 @@ def encounter(
     message
         CCSDS conjunction data message, key-value or XML.
     radius
-        Radius of both bodies together: "15 m"; that of the message unless given.
+        Sum of the radii of both bodies: "15 m". Default: that of the message.
     window
-        Time before and after closest approach that is evaluated: "1420 s"; a quarter of an orbit, or as
-        long as they are near each other.
+        Time to evaluate before and after closest approach: "1420 s". Default: a quarter of an orbit, or the
+        time for which the objects are near each other.
     limit
-        The largest probability that is accepted: 1e-4.  Above it the exit status is 1.
+        Largest accepted probability: 1e-4.  Above it the exit status is 1.
     out
-        Folder for the results; NAME-encounter-results next to where you are by default, and a number
-        behind it where that is taken.
+        Folder for the results. Default: NAME-encounter-results in the current folder, with a number if that
+        folder exists.
     overwrite
         Replace finished results.
     """
@@ -277,11 +278,11 @@ def export(
     to
         Format: oem, oem-xml, opm, ocm, aem, cdm, csv, stk, czml or spk.
     out
-        Folder for the files; NAME-TO next to where you are by default.
+        Folder for the files. Default: NAME-TO in the current folder.
     frame
-        The chief's inertial frame by its name (the default), or RSW_ROTATING, the axes of Hill's frame.
+        The chief's inertial frame by its name (default), or RSW_ROTATING, the axes of Hill's frame.
     step
-        Interval between states: "10 s"; as long as interpolation allows by default.
+        Interval between states: "10 s". Default: as long as interpolation allows.
     overwrite
         Replace an earlier export.
     """

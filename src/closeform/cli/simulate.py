@@ -38,21 +38,21 @@ def simulate(
     directory
         Result folder of a run whose [orbit] has a field.
     every
-        Interval between measurements: "60 s"; the scenario's unless given.
+        Interval between measurements: "60 s". Default: that of the scenario.
     horizon
         Time in which feedback removes a deviation: "10 min".
     navigation
-        Standard deviations of each axis that is measured: "10 cm, 0.3 mm/s".
+        Standard deviations of the measured position and velocity on each axis: "10 cm, 0.3 mm/s".
     thrust_error
         Largest error of thrust in size and direction, constant over a simulation: "1 %, 1 deg".
     execution
-        Standard deviations of each burn and impulse by itself, in size and direction: "1 %, 0.5 deg".
+        Standard deviations of the size and the direction of each burn and impulse: "1 %, 0.5 deg".
     control
         track: feedback to the plan; replan: plan the remainder again; open: commanded thrust, no feedback.
     seeds
         Number of simulations.
     out
-        Folder for the results; NAME-flights next to where you are by default.
+        Folder for the results. Default: NAME-flights in the current folder.
     overwrite
         Replace finished results.
     """

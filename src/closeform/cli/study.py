@@ -39,7 +39,7 @@ def study(
     seed
         Seed of the samples, instead of that in the file.
     out
-        Folder for the results; NAME-study next to where you are by default.
+        Folder for the results. Default: NAME-study in the current folder.
     overwrite
         Replace finished results.
     scheduler

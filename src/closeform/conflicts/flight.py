@@ -79,7 +79,7 @@ class WatchedFlight(Result):
 
 
 def stays_rather(path: Path, other: Path) -> bool:
-    """Return True if the first spacecraft is rather taken as fixed: less delta-v, or a shorter track."""
+    """Return True if the first spacecraft counts as fixed: it has less delta-v, or a shorter track."""
     burnt = path.delta_v - other.delta_v
     if abs(burnt) > SAME:
         return bool(burnt < 0.0)

@@ -33,7 +33,7 @@ FEW = 100  # intervals of a pair: more cost more than the bound of an ellipse
 
 @kernel()
 def see(arc, t, matrix, q):
-    """Fill `q` with the derivatives of one arc at time t; return their order, and the size that rounds."""
+    """Fill `q` with the derivatives of one arc at time t; return their order, and the scale of rounding."""
     order = 8 if thrusts(arc) and not is_cubic(arc) else 4
     q[:order] = 0.0
     derivatives_at(arc, t, order, q, 1.0)

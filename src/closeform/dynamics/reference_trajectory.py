@@ -89,7 +89,7 @@ class Commands:
     def alone(self, first: int, last: int) -> tuple[Commands, Any, Any]:
         """Return the plan alone between two nodes, without feedback and compensation.
 
-        With the rows of its impulses and of its states among all.
+        Also returns the rows of its impulses and of its states among all.
         """
         nodes = slice(first, last + 1)
         fired, shown = (rows[nodes][rows[nodes] >= 0] for rows in (self.table.fires, self.table.shown))

@@ -176,7 +176,7 @@ def _step(did: Floats, missed: Floats, changed: Floats) -> Floats:
 
 
 def _nudged(commands: Commands, craft: int, own: Any) -> Commands:
-    """Return a craft 3 M times, with each of its `own` impulses (M,) larger along each axis."""
+    """Return 3 M copies of a craft, each with one component of one of its `own` impulses (M,) increased."""
     which = np.full(3 * len(own), craft)
     some = commands.of(which)
     some.jumps[np.arange(len(which)), np.repeat(own, 3), np.tile(np.arange(3), len(own))] += NUDGE

@@ -31,7 +31,7 @@ class Simulation(Rows):
     states : array of shape (S, N, T, 6) [m, m/s]
         Simulated states, in the chief's axes.
     arrivals : array of shape (S, N, T, 6) [m, m/s]
-        The same before impulses at these times, in the chief's axes; velocities differ.
+        States before impulses at these times, in the chief's axes; only velocities differ.
     delta_v : array of shape (S, N) [m/s]
         Delta-v spent: the sum of the next three.
     planned_delta_v : array of shape (N,) [m/s]

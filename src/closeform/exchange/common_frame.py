@@ -111,7 +111,7 @@ class CommonFrame(Result):
         return self._spans[k].states(wanted - self._offsets[k])[0]
 
     def _starts(self, k: int) -> list[float]:
-        """Return when each segment of object k counts from [s], since `epoch`."""
+        """Return time 0 of each segment of object k [s], since `epoch`."""
         return [float(self._offsets[k]) + start for start in self._spans[k].starts]
 
     @cached_property

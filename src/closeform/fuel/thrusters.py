@@ -167,7 +167,7 @@ class Thrusters:
 
     @property
     def unreachable(self) -> Floats | None:
-        """Direction (3,), no unit, along which no thruster pushes; None where they push in all directions.
+        """Direction (3,), no unit, that no thruster contributes to; None if there is none.
 
         No combination of thrusters has a positive component along it.
         """
@@ -218,7 +218,7 @@ class Thrusters:
 def each_set(
     thrusters: Thrusters | Sequence[Thrusters | None] | None, count: int, *kinds: type
 ) -> tuple[Any, ...]:
-    """Return the thrusters of each spacecraft; None if it pushes freely, unless `kinds` exclude it."""
+    """Return the thrusters of each spacecraft; None for free thrust, unless `kinds` exclude it."""
     if isinstance(thrusters, Thrusters) or (thrusters is None and not kinds):
         return (thrusters,) * count
     own = sequence("thrusters", thrusters, *(kinds or (Thrusters, type(None))))

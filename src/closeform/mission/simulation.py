@@ -307,7 +307,7 @@ def differs(control: Control, told: dict[str, Any]) -> bool:
 
 
 def fires_pulses(run: Stages) -> bool:
-    """Return True if a spacecraft fires pulses in the run."""
+    """Return the default feedback of a run whose scenario specifies none."""
     return any(craft.fired(1.0) is not None for craft in run.scenario.craft_of_all)
 
 

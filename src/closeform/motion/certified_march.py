@@ -40,7 +40,7 @@ TAYLOR_ANGLE = 0.25  # reach in n t; the truncation error is below 1e-17 of the 
 
 @kernel()
 def window_end(a, b, t, end):
-    """Return when the window of arcs a and b from time t ends: with an arc, or where bounds get wide."""
+    """Return the end of the window of arcs a and b from t on: the end of an arc, or where bounds get wide."""
     n = max(a[MEAN_MOTION], b[MEAN_MOTION])
     stop = min(end, a[END], b[END])
     if n == 0.0:
@@ -84,7 +84,7 @@ def store(q, k, matrix, x, y, z):
 
 @kernel()
 def locate(arcs, first, last, t):
-    """Return the index in [first, last) of the arc that holds just after time t."""
+    """Return the index in [first, last) of the arc that applies just after time t."""
     while last - first > 1:
         middle = (first + last) // 2
         if arcs[middle, START] <= t:

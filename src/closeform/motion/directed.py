@@ -98,7 +98,7 @@ class Program:
     def solve(self, g: Floats) -> tuple[float, Floats, Floats, Any, Floats]:
         """Return the lower bound, the start of the primer, and times, thrusters and sizes of the impulses.
 
-        Raises `OutOfReach` where no firing makes the required change g (6,).
+        Raises `OutOfReach` if no firing achieves the required change g (6,).
         """
         times = np.linspace(0.0, 1.0, int(GRID + GRID_PER_TURN * self.n / (2 * np.pi)))
         columns = self.rows(times)[0].reshape(-1, 6)
@@ -141,7 +141,7 @@ class Program:
 
 
 class OutOfReach(Exception):
-    """No firing makes a transfer; the argument states why."""
+    """Transfer that no firing achieves; the argument states the reason."""
 
 
 def answers_of(
@@ -149,7 +149,7 @@ def answers_of(
 ) -> Floats:
     """Return answers (P, 34) as `impulses.answers` does, with impulses of one spacecraft's thrusters.
 
-    Raises ValueError where no firing makes a transfer; the message names it by its entry in `called`.
+    Raises ValueError for a transfer that no firing achieves; the message names it by its entry in `called`.
     """
     if not hasattr(thrusters, "directions"):
         raise ValueError(f"thrusters: expected Thrusters, got {shown(thrusters)}")

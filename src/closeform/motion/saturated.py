@@ -173,10 +173,10 @@ def within(g, noise):
 
 @kernel()
 def meet_end(n, duration, origin, final, noise, scale, c, hessian, free, low, e, limit, rows, first):
-    """Do what `lay_arcs` does; correct `c` until the path ends in `final` (6,), up to `noise` if possible.
+    """Lay arcs as `lay_arcs` does, with `c` corrected so that the path ends in `final` (6,), up to `noise`.
 
-    Where thrust of size (|p| - 1) / e rounds, an optimal thrust of relative size 1e-9 corrects the remainder;
-    `free` (6, 6) maps such thrust to the change that it makes.
+    Where thrust of size (|p| - 1) / e rounds, an optimal thrust of relative size 1e-9 corrects the
+    remainder; `free` (6, 6) maps such thrust to the change that it makes.
     """
     missing, nothing, step, work = stack_vector(6), stack_vector(6), stack_vector(6), stack_matrix(6, 6)
     for k in range(6):

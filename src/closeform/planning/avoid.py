@@ -52,10 +52,11 @@ def avoid(
     sigmas: float = 3.0,
     margin: Any = 0.0,
 ) -> Avoidance:
-    """Plan the path of minimum cost found between the same states and times that stays out of every zone.
+    """Plan the lowest-cost path found between the same states and times that stays out of every zone.
 
     A path that is already clear is returned unchanged.  Every returned path is certified clear of the zones
-    themselves.  Otherwise the status is the reason: a start or end inside a zone, or no clear path found.
+    themselves.  If there is none, the status is the reason: a start or end inside a zone, or no clear path
+    found.
 
     Parameters
     ----------

@@ -2,8 +2,8 @@
 
     r(t; s) = E Phi(t - s) x(s) - r_other(t),    t >= s                                       # theory (44)
 
-Instants s of failure and times t are sampled; each local minimum over t is refined.  A minimum that is
-missed costs a round of planning, not safety: the certified search has the last word.
+Instants s of failure and times t are sampled; each local minimum over t is refined.  A minimum that is missed
+costs a round of planning, not safety, because the certified search decides.
 """
 
 import numpy as np
@@ -66,7 +66,7 @@ def fill_gaps(n, lost, clock, matrix, other, first, gaps):
 
 @kernel()
 def fill_squares(scene, kind, sign, gaps, first, squares):
-    """Fill the squares of a zone's norm at all samples, with a sign; beyond any for absent bodies."""
+    """Fill the signed squares of a zone's norm at all samples; those of absent bodies exceed any other."""
     shape = scene.shapes[kind]
     if shape == BALL:
         for k in range(first, len(squares)):
@@ -196,7 +196,7 @@ def find_failures(scene, arcs, offsets, moments, shifts, reach, contacts, norms)
 def fill_turns(scene, arcs, offsets, which, side, t, drift, out):
     """Fill derivatives of a pair's position after a failure at s: rows d/ds, d2/dsdt, d2/ds2.
 
-    In zone coordinates.                                                                 # theory (44)
+    Derivatives are in zone coordinates.                                                  # theory (44)
     """
     craft = scene.pairs[which, side]
     arc = arcs[locate(arcs, offsets[craft], offsets[craft + 1], t - drift)]

@@ -25,7 +25,7 @@ MOST = 250  # maximum planes
 def descended(solver: ImpulseSolver, best: Spent) -> Spent:
     """Return clear paths of no higher cost than the given ones, fired at the same moments.
 
-    Moments at the maxima of the primers, which are more, are used where they save more than few impulses may
+    The moments at the maxima of the primers are more, and are used where they save more than few impulses may
     cost.
     """
     few = at_rest(solver, best, lambda found: found.moments)
@@ -34,7 +34,7 @@ def descended(solver: ImpulseSolver, best: Spent) -> Spent:
 
 
 def at_rest(solver: ImpulseSolver, best: Spent, moments: Callable[[Spent], list[Moments]]) -> Spent:
-    """Return the last of the rounds from clear paths, each fired at the `moments` of the one before."""
+    """Return the last round from clear paths; each round fires at the `moments` of the one before."""
     for _ in range(ROUNDS):
         if solver.problem.effort.beyond():
             break

@@ -56,7 +56,7 @@ class ImpulseFailures:
     def checked(self, flown: Flown, known: Contacts) -> Checked:
         """Return conflicts of paths and close approaches of failed craft, also from `known` contacts.
 
-        Certified where there are none.
+        The absence of conflicts is certified.
         """
         problem = self.problem
         planned = problem.path(flown)

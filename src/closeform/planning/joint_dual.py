@@ -128,8 +128,9 @@ def place_cones(program, multipliers, cones, planes, x):
 def price(fleet, planes, tolerance, bar, dual, impulses):
     """Return the minimum delta-v of a fleet that satisfies planes, to a relative `tolerance`.
 
-    Fills `impulses` (N, J, 3) and the `dual`.  inf where it is above `bar`, or the planes are infeasible.
-    The second number is a lower bound on the factor of the limits that all craft need, as far as known.
+    Fills `impulses` (N, J, 3) and the `dual`.  The cost is inf if it is above `bar`, or if the planes are
+    infeasible. The second number is a lower bound on the factor of the limits that all craft need, as far as
+    known.
     """
     craft, number = len(fleet.base), len(planes.times)
     sizes, members = np.empty(craft, dtype=np.int64), np.empty((craft, number), dtype=np.int64)

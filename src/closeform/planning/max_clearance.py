@@ -56,7 +56,7 @@ class MaxClearance(Result):
     status : ClearanceStatus
         Reason why the zones cannot be larger.
     reason : str
-        The same, as text.
+        The reason as text.
     budget : float [m^2/s^3, or m/s of delta-v]
         Given budget.
     tried : int

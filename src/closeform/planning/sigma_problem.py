@@ -75,7 +75,7 @@ class Margin:
 
 
 def fields_of(problem: Problem) -> dict[str, Any]:
-    """Return the fields of an ordinary problem."""
+    """Return the fields of a problem without errors, by name."""
     return {one.name: getattr(problem, one.name) for one in fields(Problem)}
 
 

@@ -294,7 +294,7 @@ class ErrorStudyReport(CasesReport):
 
     @property
     def requested(self) -> tuple[Table, ...]:
-        """Nothing: errors are keys of the scenario."""
+        """Nothing, because errors are keys of the scenario."""
         return ()
 
     @property

@@ -37,7 +37,7 @@ INERTIAL_ONLY = ("cdm", "stk", "czml", "spk")
 
 @dataclass(frozen=True, eq=False)
 class Export:
-    """Export in progress: what is written, in which frame, with which `step` [s]."""
+    """Export in progress: its source, its frame and its `step` [s]."""
 
     source: Source
     frame: FileFrame

@@ -104,7 +104,7 @@ def point_of(room, count, costs, inverse, u):
 def leaning(room, count, u, way):
     """Return the weight of drift in the mix if a basis' point drifts against `way`, and the centre's drift.
 
-    The weight is 0 elsewhere. It is scaled by the drifts of the edges, so that normals and drifts are of one
+    Otherwise the weight is 0. It is scaled by the drifts of the edges, so that normals and drifts are of one
     size.
     """
     centre = room.drifts[0] - room.drifts[OTHER]

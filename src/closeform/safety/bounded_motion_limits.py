@@ -126,8 +126,8 @@ def remove_drift_at(one, two, cell, width, far, n, form, slow, k, share, room):
 def limit_ahead(one, two, t, width, n, form, tube, way, room, best):
     """Return the minimum norm of the region ahead of a closed ellipse, `room.point[0]`, if below `best`.
 
-    Along the track the motion is at a - size cos(n t - middle). In the half before the zone all that is ahead
-    is the tube; in the half past it only the position itself counts.
+    Along the track the motion is at a - size cos(n t - middle). In the half before the zone, the region ahead
+    is the tube; in the half past it, only the position itself counts.
     """
     point = room.point[0]
     open_window(one, two, point, width, t, t, n, 1, t, form, room)

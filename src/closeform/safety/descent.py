@@ -68,7 +68,7 @@ def range_of(side, cell, o, j, n):
 def ranges(one, two, cell, width, end, n, low, high, scale):
     """Fill the limits and scales of all unknowns of a cell's pieces, the time last.
 
-    Returns the number before it.
+    Returns the number of unknowns without the time.
     """
     count, first = 0, max(earliest(one, cell, SIDE), earliest(two, cell, SIDE + width))
     for second in range(2):

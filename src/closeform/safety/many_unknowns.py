@@ -58,7 +58,7 @@ def least_downhill(one, two, top, width, end, n, form, room, best, when, most):
 
 @kernel()
 def search_downhill(one, two, top, width, end, n, form, scale, tube, floor, certain, most, room):
-    """Do what `search.search` does: return the minimum norm over failures and drifts, time, and accuracy."""
+    """Return the minimum norm over failures and drifts, its time, and its accuracy, as `search` does."""
     best, when = most, nan
     if most == inf:
         if form[0] == FACES:  # adds another start

@@ -109,7 +109,7 @@ def calm_from(side, n):
 
 @kernel()
 def march_drift(one, two, cell, width, calm, end, n, form, tube, scale, target, best, rest, room):
-    """Do what `march` does to the end of a drift; a long drift ends after one orbit if the tube is clear.
+    """March to the end of a drift, as `march` does; a long drift ends after one orbit if the tube is clear.
 
     Both sides are without thrust from `calm` on. In the tube natural motion is periodic, theory (49).
     """

@@ -64,7 +64,7 @@ def leg_at(legs, t):
 
 @kernel()
 def near_field_burns(turns, monitor, craft, log, k):
-    """Burn the lost craft of push k and of all simultaneous ones; return the index of the next push."""
+    """Apply near-field burn k and all simultaneous ones; return the index of the next burn."""
     pushes = turns.pushes
     t = pushes[k, WHEN]
     while k < len(pushes) and pushes[k, WHEN] == t:
@@ -128,7 +128,7 @@ def keep_clear(monitor, craft, log, t, leg, label, end):
 
 @kernel()
 def newcomers(craft, low, high, label):
-    """Mark the craft that are new to the set of that label when these two lock.
+    """Mark the craft that are new to the set of that label when two craft lock.
 
     These are the craft whose label changes. Of two lost craft it is the higher index; the lower keeps its
     velocity.

@@ -59,8 +59,8 @@ def longest_lock(
     low : array_like of shape (6,) [m, m/s]
         Minimum position and velocity of the box, B minus A at the start of the search, in the inertial frame.
     high : array_like of shape (6,) [m, m/s]
-        The maximum, in the same frame. Without offset and range the problem is scale-invariant, and any box
-        around the origin represents all states.
+        Maximum position and velocity, in the same frame. Without offset and range the problem is
+        scale-invariant, and any box around the origin represents all states.
     seed : int, default 0
         Seed of the random initial states.
     nodes : int, default 200_000

@@ -193,7 +193,7 @@ def gap(mean, reach, sigma):
 
 @kernel()
 def node_count(fineness, base, deviations, most):
-    """Return the number of nodes for a stretch of some deviations."""
+    """Return the number of nodes for an interval of some deviations."""
     return min(most, int(fineness * (base + 0.6 * deviations)) + 1)
 
 

@@ -81,7 +81,7 @@ def inverse(s, shift, x, y, z, fine):
 
 @kernel()
 def round_plane(x, y, z, s, k, fine):
-    """Return the best unit a of a ball: towards p = rho w, w = (S + rho I)^-1 r, where sqrt(w S w) = k.
+    """Return the best unit normal a for a ball: along p = rho w, w = (S + rho I)^-1 r, sqrt(w S w) = k.
 
     Newton's method on the inverse of that root, which is almost linear in rho; accurate to a thousandth
     unless `fine`.

@@ -8,7 +8,7 @@ from closeform.uncertainty.spread import spread_to_ends
 
 
 def carried(errors: Uncertainty, path: Path) -> Uncertainty:
-    """Return the uncertainty at the end of a path, with all errors so far in the state covariance.
+    """Return the uncertainty at the end of a path, whose state covariance includes all errors up to there.
 
     Burns, impulses and noise on the path have added their errors; the execution errors ahead are unchanged.
     Roots are propagated, so that directions keep their digits.  # theory (51)

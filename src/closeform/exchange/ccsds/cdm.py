@@ -243,5 +243,5 @@ def _word(found: dict[str, Entry], keyword: str) -> str | None:
 
 
 def _told(value: float | None) -> float | None:
-    """Return a number, or None if the message leaves it open."""
+    """Return a number, or None if the message omits it."""
     return None if value is None or np.isnan(value) else value

@@ -15,8 +15,8 @@ from closeform.motion.frames import relative_jacobian
 def covariance_at(ephemeris: Ephemeris, time: float, mu: float) -> tuple[Floats, float] | None:
     """Return a covariance (6, 6) [m^2, m^2/s, m^2/s^2] at a time, along inertial axes, and its age [s].
 
-    It is the latest that is not later, else the first, propagated backwards, by Hill's equations in the
-    object's own orbit. None if the ephemeris has no covariance.
+    It is propagated by Hill's equations in the object's own orbit, from the latest covariance up to that time
+    or backwards from the first one. The result is None if the ephemeris has no covariance.
     """
     held = ephemeris.covariances
     if held is None or not len(held):

@@ -63,7 +63,7 @@ class Spans:
 
     @cached_property
     def times(self) -> Floats:
-        """Epochs of all states (T,) [s], after the first epoch; that of a manoeuvre once."""
+        """Epochs of all states (T,) [s], after the first epoch; the epoch of a manoeuvre appears once."""
         pairs = list(zip(self.segments, self.starts, strict=True))
         every = np.concatenate([one.times + start for one, start in pairs])
         return every[np.diff(every, prepend=-np.inf) > SAME_EPOCH]
@@ -79,7 +79,8 @@ class Spans:
     def states(self, times: Floats, before: bool = False) -> tuple[Floats, Floats]:
         """Return states (K, 6) at `times` (K,) [s], and the estimated position errors (K,) [m].
 
-        At a manoeuvre the states are those after it, or `before` it; at an epoch those of the file.
+        At a manoeuvre the states are those after it, or before it with `before`. At an epoch they are those
+        of the file.
         """
         starts = self.edges[::2]
         side = -SAME_EPOCH if before else SAME_EPOCH

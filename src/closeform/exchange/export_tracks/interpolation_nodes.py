@@ -37,12 +37,12 @@ def smooth_pieces(path: Path) -> list[Path]:
 
 
 def edges_of(pieces: Sequence[Path]) -> Floats:
-    """Return when the pieces of one spacecraft begin and end [s], to a nanosecond."""
+    """Return the start and end times of the pieces of one spacecraft [s], to a nanosecond."""
     return np.unique(np.round([[piece.start, piece.end] for piece in pieces], 9))
 
 
 def kicks_of(path: Path) -> Floats:
-    """Return when the velocity of one spacecraft jumps [s], to a nanosecond."""
+    """Return the times of the velocity jumps of one spacecraft [s], to a nanosecond."""
     jumps = path.arcs[:, IMPULSE : IMPULSE + 3].any(axis=1)
     times: Floats = np.round(path.arcs[jumps, START], 9)
     return times
@@ -51,8 +51,8 @@ def kicks_of(path: Path) -> Floats:
 def common_nodes(edges: Sequence[Floats], kicks: Sequence[Floats], step: float) -> tuple[Floats, Floats]:
     """Return common nodes: multiples of a step and the edges of all spacecraft; and the times of impulses.
 
-    Nodes much closer to each other than to the rest amplify rounding in polynomials, so only impulses, which
-    a screening needs, may be so close.
+    Nodes that are much closer than the others amplify rounding in polynomials. Only impulses, which a
+    screening needs, may be so close.
     """
     first, last = min(times[0] for times in edges), max(times[-1] for times in edges)
     fired = spaced(np.unique(np.concatenate([[first, last], *kicks])), APART)
@@ -64,7 +64,7 @@ def common_nodes(edges: Sequence[Floats], kicks: Sequence[Floats], step: float) 
 
 
 def spaced(times: Floats, gap: float) -> Floats:
-    """Return increasing times, without those within a gap after the previous one kept."""
+    """Return increasing times without those closer than a gap to the previous one that is kept."""
     kept: list[float] = []
     for time in times.tolist():
         if not kept or time - kept[-1] > gap:
@@ -73,7 +73,7 @@ def spaced(times: Floats, gap: float) -> Floats:
 
 
 def distance(times: Floats, others: Floats) -> Floats:
-    """Return the distance of each time from the nearest of increasing other times."""
+    """Return the distance of each time from the nearest of some increasing times."""
     apart: Floats = np.abs(times - others[nearest(others, times)])
     return apart
 

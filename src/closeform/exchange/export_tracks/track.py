@@ -40,7 +40,7 @@ class FileFrame:
         return self._told[key]
 
     def utc(self, times: Floats) -> list[str]:
-        """Return the same in UTC, with a Z at the end, for any time system of the epoch."""
+        """Return times (T,) [s] as UTC epochs with a Z at the end, for any time system of the epoch."""
         return self.epoch.utc(times)
 
     def states(self, times: Floats, relative: Floats) -> Floats:
@@ -149,7 +149,7 @@ def text_rows(stamps: list[str], form: str, values: Floats) -> str:
 
 
 def file_names(names: Sequence[str]) -> list[str]:
-    """Return names of files, all different, also where case does not count."""
+    """Return unique file names, also for file systems that ignore case."""
     found: list[str] = []
     taken: set[str] = set()
     for name in names:
