@@ -526,7 +526,9 @@ def test_messages(tmp_path, monkeypatch, capsys) -> None:
     Path("robust.toml").write_text((EXAMPLES / "robustness.toml").read_text())
     Path("cluster.toml").write_text((EXAMPLES / "cluster.toml").read_text())
     Path("one.toml").write_text(NARROW.replace('{ shell = ["50 m", "200 m"] }', '{ choice = ["1 2 3 m"] }'))
-    together = "s04.toml: craft.position: A1 and B1 are at one place; add --case K, or use closeform study"
+    together = (
+        "s04.toml: craft.position: A1 and B1 are at the same position; add --case K, or use closeform study"
+    )
     assert refused(capsys, ["run", "s04.toml"]) == [together]
     assert refused(capsys, ["run", "robust.toml"]) == [together.replace("s04", "robust")]
     assert refused(capsys, ["study", "cluster.toml"]) == [
@@ -582,7 +584,7 @@ def test_messages(tmp_path, monkeypatch, capsys) -> None:
         (
             '"craft.position" = { shell = ["50 m", "200 m"] }',
             "",
-            "craft.position: P and Q are at one place; move one of them",
+            "craft.position: P and Q are at the same position; move one of them",
         ),
     ],
 )

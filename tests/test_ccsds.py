@@ -143,8 +143,11 @@ DAMAGE = {
     "NaN": (lambda text: text.replace("75.0", "nan"), "line 17: a value is not finite"),
     "infinite": (lambda text: text.replace("75.0", "1e999"), "line 17: a value is not finite"),
     "a word": (lambda text: text.replace("75.0", "many"), "line 17: 'many' is not a number"),
-    "epochs fall": (lambda text: HEAD + "".join(ROWS.splitlines(True)[::-1]), "line 17: epochs must rise"),
-    "epoch twice": (lambda text: text + ROWS.splitlines()[2], "line 19: epochs must rise"),
+    "epochs fall": (
+        lambda text: HEAD + "".join(ROWS.splitlines(True)[::-1]),
+        "line 17: epochs must increase",
+    ),
+    "epoch twice": (lambda text: text + ROWS.splitlines()[2], "line 19: epochs must increase"),
     "no epoch": (
         lambda text: text.replace("23:59:60.5", "23:59"),
         "line 17: '2016-12-31T23:59' is not a valid epoch",
@@ -156,7 +159,7 @@ DAMAGE = {
     ),
     "keyword twice": (
         lambda text: text.replace("META_STOP", "REF_FRAME = TOD\nMETA_STOP"),
-        "line 13: keyword REF_FRAME stands twice",
+        "line 13: keyword REF_FRAME occurs twice",
     ),
     "unknown time": (lambda text: text.replace("UTC", "MET"), "TIME_SYSTEM MET is not supported"),
     "wrong span": (
@@ -266,7 +269,7 @@ def test_ephemeris_is_checked_when_made():
     chief = circular()
     with pytest.raises(ValueError, match=r"expected shapes \(T,\) and \(T, 6\)"):
         replace(chief, times=chief.times[:5])
-    with pytest.raises(ValueError, match="row 1: epochs must rise"):
+    with pytest.raises(ValueError, match="row 1: epochs must increase"):
         replace(chief, times=chief.times * 0)
     with pytest.raises(ValueError, match="row 0: a value is not finite"):
         replace(chief, states=chief.states * np.nan)
@@ -318,7 +321,7 @@ def test_incompatible_ephemerides_are_refused(others, message):
 
 def test_earth_fixed_frame_is_refused():
     fixed = [circular(name, frame="ITRF2000") for name in ("A", "B")]
-    with pytest.raises(ValueError, match="A: REF_FRAME ITRF2000 turns with the Earth or is unknown"):
+    with pytest.raises(ValueError, match="A: REF_FRAME ITRF2000 rotates with the Earth or is unknown"):
         common_frame(fixed)
 
 

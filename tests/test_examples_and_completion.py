@@ -33,10 +33,10 @@ def test_all_examples_are_listed_with_their_titles(capsys: pytest.CaptureFixture
 def test_an_example_is_written_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["new", "swap"]) == 0
     assert (tmp_path / "swap.toml").read_bytes() == (ROOT / "examples" / "swap.toml").read_bytes()
-    assert capsys.readouterr().out.splitlines()[-1] == "Fly it with: closeform run swap.toml"
+    assert capsys.readouterr().out.splitlines()[-1] == "Run it with: closeform run swap.toml"
     (tmp_path / "swap.toml").write_text("mine")
     assert main(["new", "swap"]) == 2
-    assert capsys.readouterr().err == "swap.toml: is there already, and stays as it is; move it away\n"
+    assert capsys.readouterr().err == "swap.toml: exists already and is not overwritten; move it away\n"
     assert (tmp_path / "swap.toml").read_text() == "mine"
 
 

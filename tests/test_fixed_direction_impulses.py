@@ -90,14 +90,14 @@ def test_cost_is_the_sum_over_thrusters():
 @pytest.mark.parametrize(
     ("directions", "reason"),
     [
-        ([[0, 1, 0], [0, -1, 0]], "no thruster pushes cross-track"),
+        ([[0, 1, 0], [0, -1, 0]], "no thruster acts cross-track"),
         ([[1, 0, 0], [-1, 0, 0], [0, 0, 1], [0, 0, -1]], "no thruster changes the along-track drift"),
-        ([[1, 0, 0], [0, 1, 0], [0, 0, 1]], "the required change lies where no thruster pushes"),
+        ([[1, 0, 0], [0, 1, 0], [0, 0, 1]], "no thruster acts along the required change"),
     ],
 )
 def test_infeasible_directions_are_named(directions, reason):
     final = [-4000.0, 0.0, 50.0, 0.0, 0.0, 0.0]
-    with pytest.raises(ValueError, match=f"thrusters: no firing in 600 s makes the transfer: {reason}"):
+    with pytest.raises(ValueError, match=f"thrusters: no firing in 600 s achieves the transfer: {reason}"):
         ORBIT.impulsive(np.zeros(6), final, 600.0, thrusters=cf.Thrusters(directions))
     with pytest.raises(ValueError, match=f"thrusters: transfer 1 of 2: no firing in 600 s .* {reason}"):
         ORBIT.impulsive(np.zeros(6), [np.zeros(6), final], 600.0, thrusters=cf.Thrusters(directions))

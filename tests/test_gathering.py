@@ -673,7 +673,7 @@ def test_only_lost_spacecraft_burn_in_the_near_field_search():
     assert g.lost == (2,)
     assert "craft 2 locked with no craft" in g.reason
     assert g.rounds == 3
-    # spacecraft that drift out of the near field during the wait do not burn
+    # spacecraft that drift to leave the near field during the wait do not burn
     g = cf.gather(search, [[0, 0, 0], [0, 0, 60.0]], [[0, 0, 0], [0.5, 0, 0]], max_speed=0.5)
     assert not [e for e in g.events if e.kind == "near field"]
     assert g.ok

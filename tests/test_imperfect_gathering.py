@@ -192,7 +192,7 @@ def test_study_of_failures_is_independent_of_chunks():
         some = [kind.evaluate(first, last) for first, last in zip(parts, parts[1:], strict=False)]
         for name, column in whole.items():
             np.testing.assert_array_equal(np.concatenate([part[name] for part in some]), column)
-    assert "free of craft adrift" in flown(scenario).reason
+    assert "without craft adrift" in flown(scenario).reason
 
 
 def bodies_of(scenario):

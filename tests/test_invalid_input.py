@@ -51,7 +51,7 @@ def contents(folder: Path) -> dict[str, bytes]:
 # mistake: valid text, replacement, key, a word of the remedy
 MISTAKES = {
     "no TOML": ('title = "Three craft"', "title = Three craft", "title", "line 2"),
-    "a key that stands twice": ('mass = "150 kg"', 'mass = "150 kg"\nmass = "1 kg"', "mass", "keep one"),
+    "a key that occurs twice": ('mass = "150 kg"', 'mass = "150 kg"\nmass = "1 kg"', "mass", "keep one"),
     "no format": ("closeform = 1", "", "closeform", "closeform = 1"),
     "an unknown table": ("[craft]", "[camera]\n[craft]", "camera", "use one of"),
     "an unknown key": ("keep_out =", "keepout =", "keepout", "keep_out"),

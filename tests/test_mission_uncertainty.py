@@ -189,7 +189,7 @@ def test_probability_of_any_collision_is_bounded_by_the_sum() -> None:
     assert bound < 1.2 * share  # few formations meet twice
     (section,) = RunReport(mission).sections
     (line,) = (line for line in section.closing if "any two" in line)
-    assert line == f"Probability that any two collide at most {bound:.4g}: a bound, the sum of 6 pairs"
+    assert line == f"Probability that any two collide: at most {bound:.4g}, the sum of 6 pairs"
     assert section.figures["uncertain"]["any_pair_at_most"] == bound
 
 
@@ -231,7 +231,7 @@ def test_hard_bodies_are_judged_without_keep_out_zones() -> None:
     assert result.uncertain.likeliest.probability.method == "bound"
     (section,) = RunReport(mission).sections
     (line,) = (line for line in section.closing if line.startswith("Probability"))
-    assert re.search(r"\(certified .* the hard bodies' 10 m in this stage", line)
+    assert re.search(r"in this stage: .*\(certified .* the hard bodies' 10 m", line)
 
 
 def test_mission_without_uncertainty(monkeypatch) -> None:

@@ -93,7 +93,7 @@ DAMAGE = {
     ),
     "a row lost": (
         lambda text: text.replace(ROWS.splitlines()[2] + "\n", "", 1),
-        f"line {AT + 5}: 4 values where row 3 of a lower triangle stands",
+        f"line {AT + 5}: 4 values in place of row 3 of a lower triangle",
     ),
     "the last row lost": (
         lambda text: text.replace(ROWS.splitlines()[5] + "\n", "", 1),
@@ -116,7 +116,7 @@ DAMAGE = {
     "a negative variance": (lambda text: text.replace("4.1943040e-10", "-4.1943040e-10"), "smallest eigenvalue"),
     "epochs that fall": (
         lambda text: text.replace("2017-01-01T00:00:10\n4", "2016-12-31T23:59:40\n4"),
-        f"line {AT + 10}: epochs of covariances must rise",
+        f"line {AT + 10}: epochs of covariances must increase",
     ),
     "never closed": (lambda text: text.replace("COVARIANCE_STOP\n", ""), "COVARIANCE_STOP is missing"),
     "opened twice": (
@@ -164,7 +164,7 @@ def test_invalid_covariance_is_rejected():
         Covariances([0.0], [MATRIX - 500.0 * np.eye(6)], ["RTN"])
     with pytest.raises(ValueError, match="times, matrices, frames: expected"):
         Covariances([0.0, 1.0], [MATRIX], ["RTN"])
-    with pytest.raises(ValueError, match="times: must be finite and rise"):
+    with pytest.raises(ValueError, match="times: must be finite and increase"):
         Covariances([1.0, 1.0], [MATRIX, MATRIX], ["RTN"] * 2)
     with pytest.raises(ValueError, match="covariances: frame ITRF is not supported"):
         replace(circular(), covariances=Covariances([0.0], [MATRIX], ["ITRF"]))

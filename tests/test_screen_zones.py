@@ -72,5 +72,5 @@ def test_conflicting_zone_options(desk, capsys) -> None:
     (desk / "zones.toml").write_text(ZONES)
     for more in (["--sphere", "20 m"], ["--body"], ["--hard-body", "5 m"]):
         assert main(["screen", "A.oem", "B.oem", "--zones", "zones.toml", *more]) == 2
-        words = "screen: --zones gives the zone of each craft; remove the other options of zones\n"
+        words = "screen: --zones gives the zone of each craft; remove the other zone options\n"
         assert capsys.readouterr().err == words

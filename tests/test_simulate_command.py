@@ -135,7 +135,7 @@ def test_violations_are_counted_and_give_status_1(run: Path, tmp_path: Path, cap
     worst = cf.closest_approach(*two(tables["paths"], cf.load(run)), cf.Sphere(30.0))
     assert ratios["ratio"].min() == pytest.approx(worst.ratio, abs=1e-6)
     printed = capsys.readouterr().out
-    assert f"violated: zones are entered in {len(entered)} of 30 flights" in printed
+    assert f"violated: zones are entered in {len(entered)} of 30 simulations" in printed
     assert f"{ratios['ratio'].min():.4f} x zone" in printed
 
 
@@ -451,7 +451,7 @@ def test_viewer_shows_the_worst_simulation_stage_by_stage(run: Path, tmp_path: P
     """Closest approaches agree with a dense sampling of the worst simulation."""
     _, summary, tables = simulated(run, tmp_path / "out", "--seeds", "12")
     scene, loaded, worst = Seen.of((tmp_path / "out" / "viewer.html").read_text()).record, cf.load(run), []
-    assert scene["title"].startswith(f"Flight {summary['worst']} of 12, in which two come nearest: ")
+    assert scene["title"].startswith(f"Simulation {summary['worst']} of 12, with the closest approach: ")
     given = [('Stage 1 "swap": reconfigure', 0.0), ("Stage 2: coast", loaded.results[0].end)]
     assert [(one["title"], one["start"]) for one in scene["stages"]] == [
         (title, pytest.approx(start, abs=1e-3)) for title, start in given

@@ -69,7 +69,7 @@ def test_a_run_flies_its_plans_as_its_command_does(tmp_path: Path, capsys):
     flights = whole["flights"]
     assert flights == {key: own[key] for key in flights}
     assert 5 < flights["violated"] < 20  # they touch as planned: a coin's chance
-    words = f"zones are entered in {flights['violated']} of 20 flights, minimum "
+    words = f"zones are entered in {flights['violated']} of 20 simulations, minimum "
     assert whole["verdict"].startswith(words)
     assert words in printed
     assert [line.split()[:2] for line in printed.splitlines() if line.startswith("    ")][:2] == [
@@ -122,7 +122,7 @@ def test_a_run_whose_flights_keep_clear_is_clear(tmp_path: Path):
     assert mission.verdict.ok
     assert mission.flights.flight.violated == 0.0
     assert len(mission.flights.flight.states) == 30
-    assert "no zone is entered in 30 flights, minimum " in str(mission.verdict)
+    assert "no zone is entered in 30 simulations, minimum " in str(mission.verdict)
 
 
 def test_the_open_loop_is_asked_for(tmp_path: Path):
@@ -221,7 +221,7 @@ def test_what_is_counted(missions):
     captions = [one.caption for one in MissionStudyReport(missions).pictures]
     assert captions[:2] == ["Delta-v of all craft, as planned", "Simulated delta-v of all craft"]
     reason = missions.column("reason")[flights.nearest[1]]
-    assert reason == f"a zone is entered in flight, minimum {ratios.min():.4f} x zone"
+    assert reason == f"a zone is entered in simulation, minimum {ratios.min():.4f} x zone"
 
 
 def test_a_flight_without_errors_is_the_integrated_one():
@@ -338,14 +338,14 @@ def test_a_plan_that_cannot_be_flown_is_left_with_why(tmp_path: Path, capsys):
     assert begin.startswith("acceleration: B: at about ")
     assert float(rest.split()[0]) == pytest.approx(drag, rel=0.1)  # the air turns with the Earth, thrust adds
     assert rest.endswith("it gives 0.0001667; plan with a max_acceleration or more time")
-    assert summary["verdict"] == f"cannot be flown: {why}"
+    assert summary["verdict"] == f"cannot be simulated: {why}"
     assert f"Not simulated: {why}" in printed
-    assert f"cannot be flown: {why}" in (tmp_path / "run" / "report.html").read_text()
+    assert f"cannot be simulated: {why}" in (tmp_path / "run" / "report.html").read_text()
     loaded, mission = cf.load(tmp_path / "run"), cf.run(tmp_path / "weak.toml")
     assert np.array_equal(loaded.paths.arcs, mission.paths.arcs)
     assert (mission.grounded, mission.flights, mission.verdict.status) == (why, None, 1)
     assert main(["simulate", str(tmp_path / "run"), "--out", str(tmp_path / "flights")]) == 2
-    assert capsys.readouterr().err == f"{tmp_path / 'run'}: cannot be flown: {why}\n"
+    assert capsys.readouterr().err == f"{tmp_path / 'run'}: cannot be simulated: {why}\n"
 
 
 def test_cases_that_cannot_be_flown_do_not_count_as_flights():
@@ -357,7 +357,7 @@ def test_cases_that_cannot_be_flown_do_not_count_as_flights():
     grounded = status == "refused"
     assert 0 < grounded.sum() < 6
     for why, off in zip(reasons, grounded, strict=True):
-        assert ("cannot be flown: acceleration: B: at about " in why) == off
+        assert ("cannot be simulated: acceleration: B: at about " in why) == off
     assert (missions.column("delta_v_m_s") > 0.1).all()  # m/s, of the plan
     for name in ("end_s", "flown_end_m", "flown_delta_v_m_s", "flown_ratio"):
         assert np.array_equal(np.isnan(missions.column(name)), grounded)

@@ -78,14 +78,14 @@ def test_late_stage_is_not_clear(stage: str, tmp_path, monkeypatch, capsys) -> N
     assert late["took_s"] == pytest.approx(flown["end_s"], rel=1e-12)
     verb = flown["do"]
     by = f"{late['took_s'] - late['asked_s']:.1f} s"
-    begin = f"later than requested: stage 1 ({verb}) by {by}, for want of "
+    begin = f"later than requested: stage 1 ({verb}) by {by}, avoidable with "
     verdict = summary["verdict"]
     assert verdict.startswith(begin)
     assert f'<p class="verdict bad">{verdict}</p>' in page
     assert verdict in " ".join(printed.split())
     needed = {name: float(force) for force, name in re.findall(r"([0-9.]+) N \((\w+)\)", verdict)}
     assert needed == pytest.approx(late["keeping_N"], rel=1e-3)
-    assert summary["warnings"][0].endswith(' would keep it; see "Tried"')
+    assert summary["warnings"][0].endswith(' would avoid the delay; see "Tried"')
     for factor, kept in ((1.0, True), (0.998, False)):
         force = [f'"{factor * needed.get(name, 1.0)!r} N"' for name in ("chief", "insp")]
         mission = fly(parse(scenario(stage).replace('"1 mN"', f"[{', '.join(force)}]")))
@@ -97,7 +97,7 @@ def test_several_late_stages_and_spacecraft() -> None:
     uses = tuple(Use("thrust", "N", f"F{k}", 0.12341, 0.1) for k in range(5))
     late = Late(1, "avoid", 100.0, 150.0, uses), Late(3, "scatter", 200.0, 250.05)
     assert str(Verdict(None, 1, 1, (), False, late)) == (
-        "1 conflict remains; later than requested: stage 1 (avoid) by 50.0 s, for want of 0.1235 N (F0), "
+        "1 conflict remains; later than requested: stage 1 (avoid) by 50.0 s, avoidable with 0.1235 N (F0), "
         "0.1235 N (F1), 0.1235 N (F2), 2 more, stage 3 (scatter) by 50.1 s"
     )
     assert Verdict(None, 0, 0, (), False, late).status == 1
@@ -118,7 +118,7 @@ def test_search_for_longer_times_is_bounded(place: str, stage: str) -> None:
     most = 100.0 * asked if place == "deep space" else ASKED / 0.04
     found = re.search(
         r"insp needs (\S+) N in (\S+) s, its max_thrust is 5e-08 N; "
-        r"no longer is tried, and (\S+) s take (\S+) N: raise the limit$",
+        r"no longer duration is tried, and (\S+) s require (\S+) N: raise the limit$",
         mission.stopped,
     )
     last, longest, shortest, first = map(float, found.groups())

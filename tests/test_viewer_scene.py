@@ -389,7 +389,7 @@ def test_a_crowd_stands_still(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("closeform.viewer.page.MOST", 7)
     parts = Parts(document(scene_of(Shown.of_mission(mission("cluster")))))
     assert parts.scripts == {}
-    assert "8 craft, and more than 7 are not shown in motion." in "".join(parts.text)
+    assert "8 craft; more than 7 are not animated." in "".join(parts.text)
     assert [tag for tag, _ in parts.tags].count("polyline") > 3 * 8
 
 
@@ -414,7 +414,7 @@ def test_study_links_its_worst_cases_to_their_replays(
     assert set(links) <= set(summary["files"])
     last, most = (int(np.argmax(np.array(cases[name]))) for name in ("duration_s", "delta_v_m_s"))
     assert "gathered last" in links[f"case-{last}.html"]
-    assert "most delta-v" in links[f"case-{most}.html"]
+    assert "highest delta-v" in links[f"case-{most}.html"]
     for case in (last, most):
         page = Seen.of((place / f"case-{case}.html").read_text())
         assert page.record["end"] == pytest.approx(cases["duration_s"][case])

@@ -157,7 +157,7 @@ def test_sum_of_half_space_and_ball():
     kept = cf.PairZones.of([cf.Body(ball), cf.Body(wall)])
     assert kept.between(0, 1).norm([0.0, 52.0, 7.0]) == pytest.approx(1.0)
     assert kept.between(0, 1).norm([0.0, -500.0, 0.0]) < 0.0
-    with pytest.raises(ValueError, match=r"^A and B: the sum of their zones has no end"):
+    with pytest.raises(ValueError, match=r"^A and B: the sum of their zones is unbounded"):
         cf.PairZones.of([cf.Body(wall), cf.Body(cf.HalfSpaces([[1.0, 0.0, 0.0]], [5.0]))], ["A", "B"])
 
 

@@ -42,7 +42,7 @@ def rows(keys: Iterable[Row]) -> Iterator[str]:
 def section(heading: str, table: type[Table], keys: Iterable[Row]) -> Iterator[str]:
     """Yield the heading of a table, the first line of its docstring and its keys."""
     keys, shared = list(keys), list(Formation.reference())
-    summary = re.sub(r"^Table (\[\w+\]|`\w+`)( of \S+)?: (\w)", lambda m: m[3].upper(), table.__doc__ or "")
+    summary = re.sub(r"^Table (\[\w+\]|`\w+`)( of \S+)?: (\S)", lambda m: m[3].upper(), table.__doc__ or "")
     yield from (f"## {heading}", "", summary.partition("\n")[0], "")
     if issubclass(table, Formation) and table is not Formation:
         keys = [key for key in keys if key not in shared]

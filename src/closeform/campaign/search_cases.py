@@ -48,7 +48,7 @@ WORDS = {
     "clear": "clear",
     "delta-v": "within delta_v_budget",
     "propellant": "within propellant",
-    "thrust": "free of craft adrift",
+    "thrust": "without craft adrift",
     "sun": "within the sun limit",
 }
 CAUSES = {  # columns of delta-v other than for joining, with their labels

@@ -162,15 +162,15 @@ class Lines:
     def __init__(self, total: int) -> None:
         self.total = total
         self.begun: int | None = None
-        self.start = self.told = time.monotonic()
+        self.start = self.reported = time.monotonic()
 
     def tell(self, done: int, met: int) -> None:
         """Print the progress, the rate and the remaining time, if a line is due."""
         now = time.monotonic()
         self.begun = done if self.begun is None else self.begun  # cases of an interrupted study
-        if now - self.told < EVERY or done <= self.begun:
+        if now - self.reported < EVERY or done <= self.begun:
             return
-        self.told, rate = now, (done - self.begun) / (now - self.start)
+        self.reported, rate = now, (done - self.begun) / (now - self.start)
         left = f"{(self.total - done) / rate:,.0f} s left"
         complain(f"{done:,} of {self.total:,} cases, {rate:,.0f}/s, {left}, {done - met:,} not met")
 

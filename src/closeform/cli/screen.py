@@ -219,24 +219,23 @@ def encounter(
     place = free(out, message, "encounter", overwrite)
     command = Command("encounter", [message], {"radius": radius, "window": window, "limit": limit}, out=out)
     try:
-        told = read_cdm(message)
-        bodies = bodies or told.hard_body_radius
+        conjunction = read_cdm(message)
+        bodies = bodies or conjunction.hard_body_radius
         if bodies is None:
-            remedy = '--radius "15 m", say'
-            if told.exclusion_radii:
-                remedy = (
-                    f'--radius "{sum(told.exclusion_radii):g} m" is what its screening excludes about both'
-                )
+            remedy = 'for example --radius "15 m"'
+            if conjunction.exclusion_radii:
+                both = sum(conjunction.exclusion_radii)
+                remedy = f'--radius "{both:g} m" is the sum of the exclusion radii of its screening'
             raise ValueError(f"{message}: contains no hard-body radius; give one: {remedy}")
         with within(message):
-            report = judged(told, bodies, half, limit, command)
+            report = judged(conjunction, bodies, half, limit, command)
     except ValueError as error:
         raise UsageError(str(error)) from None
     return left(lambda: report, place, overwrite)
 
 
 def judged(
-    told: "Conjunction", radius: float, half_window: float | None, limit: float | None, command: "Command"
+    message: "Conjunction", radius: float, half_window: float | None, limit: float | None, command: "Command"
 ) -> "EncounterReport":
     """Return the report of a conjunction message, for a combined `radius` [m] of both bodies.
 
@@ -249,14 +248,14 @@ def judged(
     from closeform.uncertainty.short_encounter import NotPassing
     from closeform.zones.solids import Sphere
 
-    met, zone = told.encounter(half_window), Sphere(radius)
+    met, zone = message.encounter(half_window), Sphere(radius)
     pair = met.path, met.other, zone, met.errors, met.other_errors
     entries = collision_probability(*pair)
     try:
         short = collision_probability(*pair, method="short-encounter")
     except NotPassing:
         short = None  # closest approach at an end of the window, which the report states
-    return EncounterReport(told, radius, met, clearance_in_sigmas(*pair), entries, short, limit, command)
+    return EncounterReport(message, radius, met, clearance_in_sigmas(*pair), entries, short, limit, command)
 
 
 def export(
@@ -297,7 +296,9 @@ def export(
     place = out if out is not None else Path(f"{directory.resolve().name}-{to}")
     run = load(directory)
     if not isinstance(run, LoadedRun):
-        raise UsageError(f"{directory}: is a study's, whose cases are not kept; export the run of one --case")
+        raise UsageError(
+            f"{directory}: holds a study, which keeps no paths; run one case with --case, and export that"
+        )
     try:
         write(run, place, to, frame=frame, step=apart, overwrite=overwrite)
     except FolderError:

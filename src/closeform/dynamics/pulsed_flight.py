@@ -74,7 +74,7 @@ def fired_in(
     except Grounded as error:
         if PUSHES not in str(error) or not _can_fire(paths[shooters], thrusters):
             raise
-        reason = str(error).replace(PUSHES, "the correction of the plan for this field pushes")
+        reason = str(error).replace(PUSHES, "the correction of the plan for this field requires thrust")
         raise Grounded(f"{reason.partition(';')[0]}; add one there, or omit thrusters") from None
 
 

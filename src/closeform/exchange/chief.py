@@ -73,7 +73,7 @@ class Chief:
             raise ValueError(f"epoch: {error}") from None
         if self.frame.upper() not in INERTIAL:
             remedy = f"convert to one of {', '.join(INERTIAL)}"
-            raise ValueError(f"frame: {shown(self.frame)} turns or is unknown; {remedy}")
+            raise ValueError(f"frame: {shown(self.frame)} rotates or is unknown; {remedy}")
         state = numbers("state", self.state)
         if state.shape != (6,):
             raise ValueError(f"state: expected shape (6,), got {state.shape}")
@@ -193,8 +193,8 @@ class Chief:
     def warnings(self) -> tuple[str, ...]:
         """Warnings about deviations of the orbit from a circle."""
         e = self.eccentricity
-        off = f"off by up to {1e3 * OFF_BY * e:.3g} m for each km of separation and orbit"
-        words = f"the chief's eccentricity is {e:.4f}, and Hill's equations are of a circle: {off}"
+        off = f"errors of up to {1e3 * OFF_BY * e:.3g} m for each km of separation and orbit"
+        words = f"the chief's eccentricity is {e:.4f}, but Hill's equations assume a circle: {off}"
         return (words,) if e > ALMOST_CIRCULAR else ()
 
     def states(self, times: ArrayLike) -> Floats:

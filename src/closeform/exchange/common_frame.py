@@ -283,7 +283,7 @@ def _shared(spans: tuple[Spans, ...], offsets: Floats) -> Floats:
         for when, _ in each.manoeuvres:
             apart = float(np.abs(times - when - offset).min())
             if apart > SAME_EPOCH and times[0] < when + offset < times[-1]:
-                what = f"fires {apart:.3g} s from the nearest epoch that all share"
+                what = f"has a manoeuvre {apart:.3g} s from the nearest common epoch"
                 raise ValueError(
                     f'{each.name}: {what}; allow interpolation, as with screen --interpolate "1 m"'
                 )
@@ -335,7 +335,7 @@ def _comparable(ephemerides: Sequence[Ephemeris]) -> None:
         raise ValueError(f"ephemerides: at least two are needed, got {len(ephemerides)}")
     chief = ephemerides[0]
     if chief.frame.upper() not in INERTIAL:
-        what = f"REF_FRAME {chief.frame} turns with the Earth or is unknown"
+        what = f"REF_FRAME {chief.frame} rotates with the Earth or is unknown"
         raise ValueError(f"{chief.name}: {what}; convert to one of {', '.join(INERTIAL)}")
     names = set()
     for each in ephemerides:

@@ -35,7 +35,7 @@ class Burns(NamedTuple):
         return self.size >= min(LEAST, SHARE * float(self.size.sum()))
 
     @property
-    def told(self) -> "Burns":
+    def significant(self) -> "Burns":
         """Significant burns only."""
         return Burns(*(column[self.telling] for column in self))
 

@@ -21,7 +21,7 @@ NODES, WEIGHTS = np.polynomial.legendre.leggauss(8)
 ANGLE, SHARE = 0.02, 1.0 / 64.0
 NOTHING = 1e-9  # of the largest thrust: no thruster fires for less
 UNREACHED = 1e-6  # share of all delta-v: a smaller part is rounding of a plan
-PUSHES = "the plan pushes"  # replaced where the high-fidelity model causes the thrust
+PUSHES = "the plan requires thrust"  # replaced where the high-fidelity model causes the thrust
 MOST = 1_000_000  # cycles and pieces of a path
 
 
@@ -83,7 +83,7 @@ def cells_of(path: Path, thrusters: Thrusters) -> Chunks:
         k = np.flatnonzero(~real)[every.impulse[~real].argmax()]
         sign, axis = divmod(int(every.thruster[k]) - allocation.count, 3)
         raise ValueError(
-            f"thrusters: at {every.centroid[k]:.6g} s {PUSHES} where they cannot, along "
+            f"thrusters: at {every.centroid[k]:.6g} s {PUSHES} that they lack, along "
             f"{'+-'[sign]}{'xyz'[axis]} of their frame; plan with these thrusters, or add one"
         )
     return every[real][np.lexsort((every.centroid[real], every.thruster[real]))]

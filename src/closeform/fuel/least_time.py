@@ -210,8 +210,8 @@ def _proved(orbit: Orbit, begins: Floats, ends: Floats, limits: Floats, shape: t
     prove_times(n, arcs, ends, limits, reach, enough)
     for k in map(int, np.flatnonzero(enough)):
         raise ValueError(
-            f"max_acceleration: {names[k]}no thrust within {limits[k]:g} m/s^2 makes the transfer in up to "
-            f"{reach:.6g} s ({REACH:g} orbits); {enough[k]:.4g} m/s^2 is enough"
+            f"max_acceleration: {names[k]}no thrust within {limits[k]:g} m/s^2 achieves the transfer in up "
+            f"to {reach:.6g} s ({REACH:g} orbits); {enough[k]:.4g} m/s^2 is enough"
         )
     return np.asarray(arcs[:, END] - arcs[:, START])
 

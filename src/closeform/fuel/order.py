@@ -206,5 +206,5 @@ def _check_overlap(thruster: Any, begin: Floats, over: Floats) -> None:
         k = int(both.argmax())
         raise Overlap(
             f"acceleration: thruster {one[k]} fires from {begin[k]:.6g} to {over[k]:.6g} s, and must begin "
-            f"again at {begin[k + 1]:.6g} s; give it more, or plan with more time between"
+            f"again at {begin[k + 1]:.6g} s; increase the acceleration, or plan with more time between"
         )

@@ -65,8 +65,8 @@ class Thrusters:
         if (wrong := np.flatnonzero(np.abs(lengths - 1.0) > UNIT)).size:
             k = wrong[0]
             raise ValueError(
-                f"directions[{k}]: must be of length 1, got {lengths[k]:g}; give unit vectors, and how "
-                "strong thrusters are as acceleration"
+                f"directions[{k}]: must be of length 1, got {lengths[k]:g}; give unit vectors, and the "
+                "thrust as acceleration"
             )
         units = given / lengths[:, None] + 0.0  # without -0
         apart = np.linalg.norm(units[:, None] - units, axis=-1) + 3.0 * np.tri(len(units))

@@ -114,7 +114,7 @@ def as_happened(
     from closeform.dynamics.infeasible import Grounded
     from closeform.mission.simulation import FlownRun
 
-    progress("flying in the field")
+    progress("simulation in the high-fidelity model")
     try:
         flights = FlownRun.asked(mission)
         lost = tuple(flights.drifted(one) for one in mission.lost)

@@ -122,8 +122,8 @@ class StageResult(Result, Generic[AnyStage, AnyResult]):
         """Delta-v of each spacecraft (N,) [m/s], summed over its thrusters."""
         spent = np.array(self.burning.delta_v)
         if self.pulsed is not None:
-            who = [self.after.names.index(name) for name in self.pulsed.names]
-            spent[who] = self.pulsed.firing.delta_v
+            firing = [self.after.names.index(name) for name in self.pulsed.names]
+            spent[firing] = self.pulsed.firing.delta_v
         return spent
 
     @property

@@ -63,8 +63,8 @@ def gather_flawed(
     """Return the gathering from the same states (N, 6), with the burn errors `flaws`."""
     from closeform.search.burn_errors import gather_flawed
 
-    told = scenario.gathering(planned.stage)
-    found = gather_flawed(planned.result, scenario.plan, states[:, :3], states[:, 3:], flaws, **told)
+    arguments = scenario.gathering(planned.stage)
+    found = gather_flawed(planned.result, scenario.plan, states[:, :3], states[:, 3:], flaws, **arguments)
     flight, failure = flown(scenario, found, planned.start), incomplete(scenario, found)
     return replace(
         planned, before=flight, after=flight, result=found, failure=failure, commanded=planned.after

@@ -60,15 +60,15 @@ class Entered:
     @property
     def many(self) -> str:
         """Text with the number of flights."""
-        return f"{self.flights} flight{'s' * (self.flights != 1)}"
+        return f"{self.flights} simulation{'s' * (self.flights != 1)}"
 
     @property
     def asked(self) -> Asked:
         """Requirement of the run that no flight enters a zone, and whether it is met."""
         if self.least is None:
-            return Asked(f"{self.many} flown, there is no zone to enter", "", True, inf, "flight")
+            return Asked(f"{self.many}, without zones", "", True, inf, "flight")
         if self.flights == 1:
-            kept, broken = "no zone is entered in flight", "a zone is entered in flight"
+            kept, broken = "no zone is entered in simulation", "a zone is entered in simulation"
         else:
             kept = f"no zone is entered in {self.many}"
             broken = f"zones are entered in {self.count} of {self.many}"
@@ -79,7 +79,7 @@ class Entered:
     def zones(self) -> str:
         """Text that states in how many flights zones are entered."""
         if self.least is None:
-            return f"flown: {self.many}, there is no zone to enter"
+            return f"{self.many}, without zones"
         found = (
             "clear: no zone is entered in"
             if self.clear
@@ -99,7 +99,7 @@ class Entered:
 def in_flight(flights: "FlownRun | None", grounded: str | None) -> tuple[Asked, ...]:
     """Return the requirement on a requested simulation; `grounded` is the reason why it is impossible."""
     if grounded is not None:
-        return (Asked("", f"cannot be flown: {grounded}", False, 0.0, "flight"),)
+        return (Asked("", f"cannot be simulated: {grounded}", False, 0.0, "flight"),)
     return () if flights is None else (flights.entered.asked,)
 
 
@@ -121,10 +121,12 @@ def eaten(mission: "Mission") -> Iterator[str]:
         if entered:
             first, second = found.pairs[min(entered, key=lambda k: float(found.flown[k]))].tolist()
             names, more = result.after.names, f" and {len(entered) - 1} more" * (len(entered) > 1)
-            where = f"stage {result.number}: flown as planned, in the field of {found.field},"
+            where = (
+                f"stage {result.number}: without compensation, in the high-fidelity model ({found.field}),"
+            )
             pair = f"{names[first]} and {names[second]}{more}"
-            remedy = 'add [simulation] to correct thrust for it, and margin = "auto" for errors'
-            yield f"{where} leads {pair} into zones that the plan keeps; {remedy}"
+            remedy = 'add [simulation] to compensate, and margin = "auto" for errors'
+            yield f"{where} {pair} enter zones that the plan keeps; {remedy}"
 
 
 @dataclass(frozen=True)

@@ -53,8 +53,8 @@ def around(start: StageStart, stage: Avoid) -> StageResult[Avoid, AvoidResult]:
         later = start.time + duration - path.end
         return join([path, start.orbit.coast(path.state(path.end), later, path.end)]) if later > 0.0 else path
 
-    who = [mover, *(names.index(name) for name in rest)]
-    known = start.planned_errors(stage, who)
+    chosen = [mover, *(names.index(name) for name in rest)]
+    known = start.planned_errors(stage, chosen)
     drift = start.planned_drift(stage)
     seen = far_beyond(asked + (drift or 0.0), start.orbit.mean_motion)
     others = [other(name, seen) for name in rest]
@@ -101,7 +101,7 @@ def around(start: StageStart, stage: Avoid) -> StageResult[Avoid, AvoidResult]:
             stage.proving.seconds,
         )
 
-    avoidance = with_margin(start, stage, who, others, made)
+    avoidance = with_margin(start, stage, chosen, others, made)
     if avoidance.weak is not None:
         avoidance = replace(
             avoidance, reason=weakness(avoidance.weak, craft.name, start.scenario.force_mass(craft.name))

@@ -89,14 +89,14 @@ class StageStart:
 
         return carried(self.errors[k], self.coast(k, duration))
 
-    def planned_errors(self, stage: Avoid | Joint, who: list[int]) -> list[Any] | None:
+    def planned_errors(self, stage: Avoid | Joint, chosen: list[int]) -> list[Any] | None:
         """Return the uncertainty of the craft `who` for the planner; None if the stage requires no sigmas.
 
         Methods that are not exact do not plan with uncertainty; their plans are only checked afterwards.
         """
         if stage.sigmas is None or not self.errors or not stage.is_exact:
             return None
-        return [self.errors[k] for k in who]
+        return [self.errors[k] for k in chosen]
 
     def asked(self, stage: Avoid | Joint | Transfer) -> float:
         """Return the duration [s] of plans of a stage, without the reserve for burns at both ends."""
@@ -246,10 +246,10 @@ class StageStart:
         assert plan.paths is not None
         return plan.paths[0]
 
-    def mixed(self, who: list[int], paths: Path) -> WatchedFlight:
+    def mixed(self, chosen: list[int], paths: Path) -> WatchedFlight:
         """Return the flight with the `paths` of the craft `who`; the others coast meanwhile."""
         duration = float(np.max(paths.end)) - self.time
-        flying = {k: paths[place] if paths.shape else paths for place, k in enumerate(who)}
+        flying = {k: paths[place] if paths.shape else paths for place, k in enumerate(chosen)}
         flying |= {k: self.coast(k, duration) for k in range(len(self.states)) if k not in flying}
         return self.flight([flying[k] for k in sorted(flying)])
 

@@ -116,7 +116,7 @@ def closeness(spent: float, bound: float, cost: Cost = "energy", limited: bool =
     if is_proven(spent, bound):
         return f"proven minimum {of} these ends and times"
     if not bound > 0.0:
-        return f"compared with a {cost} of 0 where nothing is in the way"
+        return f"compared with a {cost} of 0 without obstacles"
     return f"at most {100.0 * gap(spent, bound):.2g} % above the minimum {of} these ends and times"
 
 

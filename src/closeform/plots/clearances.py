@@ -281,9 +281,7 @@ def sigmas(
         if known:
             least.append((near.sigmas, f"{near.sigmas:.2f} sigma at least: {called[k]} at {when}"))
     if not least:
-        raise ValueError(
-            "errors: none of any size brings two of these craft together; there is nothing to show"
-        )
+        raise ValueError("errors: no error of any size causes a conflict; there is nothing to show")
     panel = Panel("clearance [sigma]", curves, asked, f"required: {asked:g}" if asked else "", "log")
     return series(f"Clear by {min(least)[1]}", [panel], ticks, start, end, height=5.9)
 

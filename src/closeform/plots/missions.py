@@ -115,7 +115,7 @@ def overview(
         for flight in flights[1:]:
             axes.axvline(float(ticks(flight.times[0])), color=OTHER, linewidth=0.8, zorder=1)
     stage_strip(strip, flights, ticks, end - start)
-    burns = [joined([burns_of(flight.paths[k]).told for flight in flights]) for k in range(count)]
+    burns = [joined([burns_of(flight.paths[k]).significant for flight in flights]) for k in range(count)]
     largest = burn_rows(
         rows, ticks, burns, called if count <= NAMED else [""] * count, tints, end - start, False
     )

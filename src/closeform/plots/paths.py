@@ -496,20 +496,20 @@ def two_ways(
 
     own: list[tuple[Path, float, str, str, float]] = [(path, near.time, BEFORE, "path", 1.0)]
     other = obstacle.position(near.time)
-    for k, way in enumerate(chosen):
-        common_time(way, obstacle)
-        at = closest_approach(way, obstacle, zone).time
-        label = f"way {k + 1}, {extra_cost(path, way)}"
-        own.append((way, at, (AFTER, ALTERNATIVE)[k], label, (1.0, -1.0)[k]))
+    for k, avoidance in enumerate(chosen):
+        common_time(avoidance, obstacle)
+        at = closest_approach(avoidance, obstacle, zone).time
+        label = f"way {k + 1}, {extra_cost(path, avoidance)}"
+        own.append((avoidance, at, (AFTER, ALTERNATIVE)[k], label, (1.0, -1.0)[k]))
     stays = [(stay.start, stay.end) for stay in find_conflicts(path, obstacle, zone) if stay.start < stay.end]
     tracks = [Track(obstacle.position(instants(*shared, obstacle)), OTHER, 1.6, label=called)]
     relative, marks, dots = list[Track](), list[Mark](), [Mark(ORIGIN, OTHER, "s", label=called)]
-    bases = [passing_plane(way.state(at) - obstacle.state(at), side) for way, at, *_, side in own]
+    bases = [passing_plane(avoidance.state(at) - obstacle.state(at), side) for avoidance, at, *_, side in own]
     bases[0] = bases[1] if len(bases) > 1 else bases[0]
-    for (way, at, colour, label, _), basis in zip(own, bases, strict=True):
-        legs = [(way.start, at, "-", ", initial leg"), (at, way.end, DOTTED, ", terminal leg")]
-        if way is path:
-            legs = [(way.start, way.end, DASHED, "")]
+    for (avoidance, at, colour, label, _), basis in zip(own, bases, strict=True):
+        legs = [(avoidance.start, at, "-", ", initial leg"), (at, avoidance.end, DOTTED, ", terminal leg")]
+        if avoidance is path:
+            legs = [(avoidance.start, avoidance.end, DASHED, "")]
             legs += [(start, end, "-", "in conflict") for start, end in stays]
         for start, end, dashes, leg in legs:
             if start >= end:
@@ -520,15 +520,17 @@ def two_ways(
                 "arrow": not hit and dashes != DOTTED,
             }
             look |= {"colour": CONFLICT if hit else colour, "width": 4.5 if hit else 2.2, "dashes": dashes}
-            tracks.append(Track(way.position(instants(start, end, way)), **look))
+            tracks.append(Track(avoidance.position(instants(start, end, avoidance)), **look))
             start, end = max(start, shared[0]), min(end, shared[1])
             if start < end:
-                times = instants(start, end, way, obstacle)
-                relative.append(Track(flat(way.position(times) - obstacle.position(times), basis), **look))
-        if way is not path:
-            marks.append(Mark(way.position(at), colour, size=8.0, order=5.0))
+                times = instants(start, end, avoidance, obstacle)
+                relative.append(
+                    Track(flat(avoidance.position(times) - obstacle.position(times), basis), **look)
+                )
+        if avoidance is not path:
+            marks.append(Mark(avoidance.position(at), colour, size=8.0, order=5.0))
             dots.append(
-                Mark(flat((way.position(at) - obstacle.position(at))[None], basis)[0], colour, size=8.0)
+                Mark(flat((avoidance.position(at) - obstacle.position(at))[None], basis)[0], colour, size=8.0)
             )
     first, last = path.position([path.start, path.end])
     marks += [
@@ -589,11 +591,12 @@ def shown_well(course: Floats, points: Sequence[Floats], pair: tuple[int, int]) 
     return float(np.hypot(*np.ptp(points, axis=0)[list(pair)]) * (long + 3 * wide))
 
 
-def extra_cost(path: Path, way: Path) -> str:
+def extra_cost(path: Path, avoidance: Path) -> str:
     """Return the extra cost of a path as text: energy if both are finite, otherwise delta-v."""
-    if 0 < path.energy < np.inf and way.energy < np.inf:
-        return f"{signed_percent(way.energy / path.energy - 1)} energy"
-    return f"{'+' if way.delta_v >= path.delta_v else '−'}{speed(abs(way.delta_v - path.delta_v))} Δv"
+    if 0 < path.energy < np.inf and avoidance.energy < np.inf:
+        return f"{signed_percent(avoidance.energy / path.energy - 1)} energy"
+    more = avoidance.delta_v - path.delta_v
+    return f"{'+' if more >= 0.0 else '−'}{speed(abs(more))} Δv"
 
 
 # ----- free drift after a loss of thrust

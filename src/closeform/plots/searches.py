@@ -458,7 +458,9 @@ def lemma_2(search: Search, position: ArrayLike, velocity: ArrayLike, time: floa
     """
     instance("search", search, Search)
     if search.sensor.offset > 0.0 or search.sensor.cosine <= 0.0:
-        raise ValueError("search: lemma 2 wants sensors at the centres of mass and half-angles below 90 deg")
+        raise ValueError(
+            "search: lemma 2 requires sensors at the centres of mass and half-angles below 90 deg"
+        )
     r, v = numbers("position", position), numbers("velocity", velocity)
     for name, vector in (("position", r), ("velocity", v)):
         if vector.shape != (3,):

@@ -255,7 +255,7 @@ def pulse_lines(mission: Mission, result: StageResult[Any, Any]) -> Iterator[str
         more = 100.0 * (margins.larger - 1.0)
         yield f"Planned for zones {more:.3g} % larger, to allow for the deviation of pulses"
     if result.pulsed.short is not None:
-        yield f"Pulses require larger margins, but for {result.pulsed.short}"
+        yield f"Pulses require larger margins, which no plan provides: {result.pulsed.short}"
 
 
 def burn_pictures(result: StageResult[Any, Any]) -> tuple[Picture, ...]:

@@ -214,7 +214,9 @@ class SweepReport(CasesReport):
         if not self.campaign.as_in_file:
             return ()
         file = quoted(self.campaign.scenario.file)
-        return (f"closeform run {file} --case K --point P shows a case of the point in row P, from 0 on",)
+        return (
+            f"closeform run {file} --case K --point P shows a case of the point in row P, counted from 0",
+        )
 
     @cached_property
     def tables(self) -> tuple[Table, ...]:
@@ -313,7 +315,7 @@ class ErrorStudyReport(CasesReport):
             campaign.scenario.title,
             f"{len(campaign)} cases of the errors of {craft}, seed {campaign.seed}",
             f"Executed as planned, 0.0 s to {results[-1].end if results else 0.0:.1f} s: "
-            f"initial states{drawn} are drawn",
+            f"initial states{drawn} are sampled",
         )
 
     @property

@@ -416,7 +416,7 @@ def best(mission: Mission, result: StageResult[Any, Any], plan: Avoidance | Plan
     elif plan.cost == "delta-v" and mission.scenario.during(result.stage).limits(*movers):
         whose = f"within the limit, {whose}"
     proven = f"proven minimum {plan.cost} {whose}"
-    return f"{proven}: natural motion arrives" if float(plan.delta_v) < NOTHING else proven
+    return f"{proven}: natural motion reaches the target" if float(plan.delta_v) < NOTHING else proven
 
 
 def margin(plan: Avoidance | Plan) -> str:
@@ -533,7 +533,7 @@ def path_tables(mission: Mission, result: Joint) -> Iterator[Table]:
     spent = [effort.spent(mission, result, name, result.planned.path(name)) for name in moved.movers]
     _, speed, push, force, fuel = zip(*spent, strict=True)
     if by_delta_v:
-        burns = [len(burns_of(paths[k]).told.size) for k in range(len(movers))]
+        burns = [len(burns_of(paths[k]).significant.size) for k in range(len(movers))]
         title = "impulses" if any(paths[k].impulses for k in range(len(movers))) else "burns"
         columns[Column(title)] = [*burns, sum(burns)]
     else:

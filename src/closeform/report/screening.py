@@ -337,7 +337,7 @@ class EncounterReport:
         return (
             f"{first} and {second}, closest at {message.tca} UTC",
             f"Miss distance {encounter.distance:.3f} m ({place}), relative speed {encounter.speed:.6g} m/s",
-            f"Radius of both bodies {self.radius:g} m; followed for {span:.6g} s before and after, "
+            f"Radius of both bodies {self.radius:g} m; evaluated for {span:.6g} s before and after, "
             f"in the Hill frame of {message.objects[0].name}",
         )
 

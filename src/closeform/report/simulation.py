@@ -109,7 +109,7 @@ def tables(flown: FlownRun) -> tuple[Table, ...]:
     fuel = effort.in_grams(flown, replace(effort.FUEL, heading=burnt if weighed else None))
     ends = ": median, 95 % and largest deviation at the end" if many else ": deviation at the end"
     spends = "; feedback: median and largest" if many else ""
-    if flown.control == "track" and flown.told["feedback"].impulses:
+    if flown.control == "track" and flown.arguments["feedback"].impulses:
         spends += "; feedback also cancels the model error during coasts"
     stages, costs = (
         some if many else tuple(replace(one, heading=ALONE.get(one.key or "", one.heading)) for one in some)
@@ -118,7 +118,7 @@ def tables(flown: FlownRun) -> tuple[Table, ...]:
     flights = FLIGHTS if many else (replace(FLIGHTS[0], heading=None), *FLIGHTS[1:])
     return (
         Table(
-            f"Stages, each from the simulated end of the one before{ends}",
+            f"Stages, each from the simulated end of the previous one{ends}",
             stages,
             [stage_row(flown, one) for one in flown.stages],
         ),
@@ -142,7 +142,7 @@ def stage_row(flown: FlownRun, one: FlownStage) -> tuple[Any, ...]:
 def spent_rows(flown: FlownRun) -> Iterator[tuple[Any, ...]]:
     """Yield the rows of SPENT, one per spacecraft and one for all."""
     flight, back, tanks = flown.flight, flown.flight.feedback_delta_v, flown.propellant
-    bounded, engine = flown.told["max_acceleration"] is not None, flown.told["engine"]
+    bounded, engine = flown.arguments["max_acceleration"] is not None, flown.arguments["engine"]
     for k, name in enumerate(flown.names):
         yield (
             name,
@@ -199,7 +199,7 @@ def contained(flown: FlownRun) -> float:
 
 def sure(flown: FlownRun) -> Section:
     """Return the section on certified and sampled figures, and on the parts of the tracking-error tube."""
-    tube, fading = flown.tube, flown.told["navigation"].correlation
+    tube, fading = flown.tube, flown.arguments["navigation"].correlation
     noise = f"correlation time {fading:g} s" if fading else "white from one measurement to the next"
     rows = [
         (
@@ -222,7 +222,7 @@ def sure(flown: FlownRun) -> Section:
         parts += [("biases", tube.bias), (f"noise, {tube.sigmas:g} sigmas", tube.sigmas * tube.noise)]
         parts += [("total", tube.radius), ("total, for a pair", tube.of_a_pair)]
         share = f"{100.0 * tube.probability:.3f} % of simulations"
-        parts += [(f"all craft at all times, in {share}", contained(flown))]
+        parts += [(f"bound for all craft at all times, in {share}", contained(flown))]
         tables.append(
             Table("Predicted tracking-error tube", TUBE, [(one, float(np.max(part))) for one, part in parts])
         )
@@ -258,7 +258,7 @@ class SimulationContent:
     @property
     def opening(self) -> tuple[str, ...]:
         """The number of simulations, the force model, the control law, the errors and lost craft."""
-        one, given = self.flown, self.flown.told
+        one, given = self.flown, self.flown.arguments
         law, sight = given["feedback"], given["navigation"]
         count = f"{counted(len(one.flight.states), 'simulation')} of {len(one.names)} craft"
         alike = "" if one.uncertain else "; without uncertainty, all others are the same"
@@ -286,7 +286,7 @@ class SimulationContent:
     @property
     def without_control(self) -> Iterator[str]:
         """The spacecraft without an engine, and those that lose their thrust."""
-        if names := ", ".join(np.array(self.flown.names)[~self.flown.told["engine"]]):
+        if names := ", ".join(np.array(self.flown.names)[~self.flown.arguments["engine"]]):
             yield f"No engine: {names}; they drift in the high-fidelity model without feedback"
         if losses := ", ".join(f"{one.craft} at {one.time:.1f} s" for one in self.flown.run.lost):
             yield f"Thrust lost: {losses}; from then on they drift"
@@ -311,8 +311,8 @@ class SimulationContent:
             names = "all" if len(shot) == len(self.flown.names) else ", ".join(shot)
             back = "" if self.flown.control == "open" else ", and feedback corrections of at least one bit"
             yield f"Thrusters: {names} fire the compensated plan as pulses{back}"
-        size, angle = np.atleast_2d(self.flown.told["thrust_error"]).max(axis=0)
-        found = list(error_lines(self.flown.told["errors"] or ()))
+        size, angle = np.atleast_2d(self.flown.arguments["thrust_error"]).max(axis=0)
+        found = list(error_lines(self.flown.arguments["errors"] or ()))
         if size or angle:
             largest = f"{100.0 * size:.3g} % and {degrees(angle):.3g} deg"
             yield f"Thrust: error up to {largest}, constant in a simulation"
@@ -339,7 +339,8 @@ class SimulationContent:
         if tube is not None:
             radius = f"{np.max(tube.radius):.3g} m per craft, {tube.of_a_pair:.3g} m per pair"
             lines.append(
-                f"Tracking-error tube of any such plan: {radius}, {tube.sigmas:g} sigmas per direction"
+                f"Tracking-error tube of any plan with this feedback: {radius}, "
+                f"{tube.sigmas:g} sigmas per direction"
             )
             within = (
                 f"{100.0 * tube.probability:.3f} % of simulations stay within {contained(self.flown):.3g} m"
@@ -398,7 +399,7 @@ class SimulationContent:
     @property
     def figures(self) -> dict[str, Any]:
         """The figures in full precision and SI units."""
-        one, verdict, given = self.flown, self.verdict, self.flown.told
+        one, verdict, given = self.flown, self.verdict, self.flown.arguments
         law, sight, tube = given["feedback"], given["navigation"], one.tube
         found = {
             "status": verdict.status,

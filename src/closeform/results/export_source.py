@@ -161,7 +161,7 @@ def of_paths(path: Path, chief: Chief | None, names: Sequence[str] | None) -> So
         raise ValueError(f"names: expected {len(each)} distinct names, got {', '.join(called)}")
     craft = []
     for name, one in zip(called, each, strict=True):
-        found = burns_of(one).told
+        found = burns_of(one).significant
         unknown = np.full(len(found.start), np.nan)
         burns = Shots(found.start, found.duration, found.push, unknown, np.zeros(len(found.start), dtype=int))
         craft.append(FlownCraft(name, UNKNOWN, one, burns))

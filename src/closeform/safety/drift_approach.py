@@ -214,7 +214,7 @@ def _checked(path: Path, other: Path, zone: Zone, until: float, failure: Any, fa
             and (one.end < end - forgiven(one)).any()
         ):
             raise ValueError(
-                f"{name}: ends at {last_times(one).min():g} s, and continues while the other fails; "
+                f"{name}: ends at {last_times(one).min():g} s, but must continue while the other fails; "
                 f"extend it to {end:g} s, for example by a coast"
             )
     return end

@@ -224,7 +224,7 @@ def firing(scenario: Scenario, number: int, stage: Avoid | Joint | Transfer) -> 
 
 def thrusting(scenario: Scenario, number: int, stage: Thrusting) -> Iterator[str]:
     """Yield an error line for each engine key of a stage that lacks a mass, a thrust or an exhaust speed."""
-    for craft in scenario.craft if stage.told else ():
+    for craft in scenario.craft if stage.given_keys else ():
         if craft.name not in stage.moving(scenario.names):
             continue
         known = {*craft.unfit()}
@@ -454,7 +454,7 @@ def in_flight(scenario: Scenario) -> Iterator[str]:
     autos = any(getattr(stage, "margin", None) == "auto" for stage in scenario.stages)
     if scenario.noisy and autos:
         remedy = "remove noise, or give margins in metres"
-        yield f'craft.execution: margin = "auto" counts no white noise; {remedy}'
+        yield f'craft.execution: margin = "auto" does not cover white noise; {remedy}'
     if autos or scenario.flights is not None:
         try:
             flown_thrusters(scenario)
@@ -522,14 +522,15 @@ def too_blind(scenario: Scenario, orbit: Orbit) -> Iterator[str]:
     from closeform.dynamics.feedback import Feedback
     from closeform.dynamics.tube import tube
 
-    told = scenario.flight
-    room = tube(orbit, told["feedback"] or Feedback(), told["navigation"])
+    flight = scenario.flight
+    room = tube(orbit, flight["feedback"] or Feedback(), flight["navigation"])
     zones = [zone for zone in scenario.zones.zones if np.isfinite(zone.extents).all()]
     least = min((float(np.min(zone.extents)) for zone in zones), default=np.inf)
     if room.of_a_pair > least:
         yield (
-            f"navigation: pairs are off by {room.of_a_pair:.3g} m ({room.sigmas:g} sigmas), and the smallest "
-            f"zone reaches {least:.3g} m; give better navigation, another feedback or larger zones"
+            f"navigation: the tracking error of a pair is {room.of_a_pair:.3g} m ({room.sigmas:g} sigmas), "
+            f"more than the {least:.3g} m of the smallest zone; give better navigation, another feedback "
+            "or larger zones"
         )
 
 

@@ -266,7 +266,7 @@ class Engine(Table):
         return self.max_thrust is not None or self.acceleration is not None
 
     @property
-    def told(self) -> dict[str, Any]:
+    def given_keys(self) -> dict[str, Any]:
         """Given values by field; one thrust limit resets the other."""
         given = {name: value for name in Engine.model_fields if (value := getattr(self, name)) is not None}
         return dict.fromkeys(LIMITS) | given if self.limited else given
@@ -464,8 +464,8 @@ class Craft(Engine):
         yield from self.unfit()
         if self.propellant is not None and self.mass is not None and self.propellant >= self.mass:
             yield (
-                f"propellant of {self.propellant:g} kg leaves nothing of a mass of {self.mass:g} kg; "
-                "give less of it"
+                f"propellant of {self.propellant:g} kg is the whole mass of {self.mass:g} kg or more; "
+                "give less propellant"
             )
         if hypot(*self.pointing_error) >= MOST_TURN:
             yield 'pointing_error must be below 90 deg; write for example "0.5 0 0 deg"'
@@ -481,7 +481,7 @@ class Craft(Engine):
         """Yield one line per inconsistency between the engine and the mass."""
         yield from self.unmet("max_thrust", needed="mass")
         if self.thrusters is not None and not super().limited:
-            yield 'thrusters need max_thrust, which each gives; add for example max_thrust = "10 mN"'
+            yield 'thrusters need the max_thrust of each; add for example max_thrust = "10 mN"'
         yield from self.unmet("minimum_bit", partners=["thrusters"])
         yield from self.unmet("period", partners=["thrusters"])
         if self.minimum_bit is not None and self.minimum_bit.impulse and self.mass is None:
@@ -490,7 +490,7 @@ class Craft(Engine):
 
     def using(self, engine: Engine) -> Self:
         """Return the craft with the engine keys of a stage in place of its own."""
-        return self.model_copy(update=engine.told) if engine.told else self
+        return self.model_copy(update=engine.given_keys) if engine.given_keys else self
 
     def placed(self, place: int, count: int) -> Self:
         """Return the craft with place `place` of `count` in a formation that `start` names."""

@@ -99,12 +99,12 @@ class Inputs:
         """
         if error > DOUBTFUL:
             raise ValueError(
-                f"{name}: at the epoch a state between its own may be off by {error:.3g} m; "
-                "give states closer together, or the epoch of one"
+                f"{name}: the state interpolated at the epoch may have an error of {error:.3g} m; "
+                "give states closer together, or the epoch of one of them"
             )
         if error > 0.0:
             self.notes.append(
-                f"{name}: state at the epoch interpolated, off by up to {error:.2g} m, by estimate"
+                f"{name}: state at the epoch is interpolated, with an estimated error of up to {error:.2g} m"
             )
 
 

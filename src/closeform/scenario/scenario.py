@@ -149,7 +149,7 @@ class Scenario:
 
     def craft_in(self, stage: StageTable) -> tuple[Craft, ...]:
         """Return the craft as they thrust in a stage: its engine keys apply to the craft that it moves."""
-        if not isinstance(stage, Thrusting) or not stage.told:
+        if not isinstance(stage, Thrusting) or not stage.given_keys:
             return self.craft
         moving = stage.moving(self.names)
         return tuple(craft.using(stage) if craft.name in moving else craft for craft in self.craft)
@@ -370,5 +370,5 @@ class Scenario:
                 continue  # not yet known
             there = first.setdefault(tuple(place), name)
             if there != name:
-                lines.append(f"craft.position: {there} and {name} are at one place; {remedy}")
+                lines.append(f"craft.position: {there} and {name} are at the same position; {remedy}")
         return tuple(lines)

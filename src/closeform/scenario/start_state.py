@@ -85,7 +85,7 @@ def along(scenario: "Scenario", name: str, start: float, end: float) -> tuple[Fl
     if first > start + SAME_EPOCH or last < end - SAME_EPOCH:
         has = f"has states of {name} from {first:.6g} to {last:.6g} s of the mission"
         raise ValueError(
-            f"{file}: {has}, the stage lasts from {start:.6g} to {end:.6g} s; give a longer file"
+            f"{file}: {has}, but the stage lasts from {start:.6g} to {end:.6g} s; give a longer file"
         )
     times = spans.times - begin
     times = np.array([start, *times[(times > start + LEAST) & (times < end - LEAST)], end])

@@ -33,7 +33,7 @@ def all_rounds(search: Search, rounds: int, max_speed: float | None) -> tuple[Se
             )
         wait = search.near_field / max_speed
         if not SHORTEST < wait / search.duration < 1.0 / SHORTEST:
-            raise ValueError(f"max_speed: {max_speed:g} m/s makes a wait of {wait:g} s; correct its unit")
+            raise ValueError(f"max_speed: {max_speed:g} m/s causes a wait of {wait:g} s; correct its unit")
         for _ in ("wait", "drift"):
             start, end = legs[-1].end, legs[-1].end + wait
             number, attitude = legs[-1].round, START_ATTITUDE["A"]

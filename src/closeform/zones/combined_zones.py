@@ -126,7 +126,7 @@ def pair_zone(around: OwnZone | None, seen: OwnZone | None) -> tuple[Zone, str]:
     if kinds == [REGION]:
         zone = containing_zone(*sets)
         if zone is None:
-            raise ValueError("neither zone holds the other; give both one that holds both")
+            raise ValueError("neither zone contains the other; give both a zone that contains both")
         return zone, REGION
     both = " and ".join(kinds) if len(kinds) > 1 else "bodies"
     sigmas = "".join(f", {one.sigmas:g} sigma" for one in own if isinstance(one, CovarianceZone))

@@ -77,5 +77,5 @@ def _between_planes(one: Zone, other: Zone) -> Zone:
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     ends = one.support(normals) + other.support(normals)
     if not np.isfinite(ends).any():
-        raise ValueError("the sum of their zones has no end; give one of them a bounded zone")
+        raise ValueError("the sum of their zones is unbounded; give one of them a bounded zone")
     return HalfSpaces(normals[np.isfinite(ends)], ends[np.isfinite(ends)])

@@ -42,7 +42,7 @@ def aem(name: str, object_id: str, frame: FileFrame, turns: list[tuple[Floats, F
     parts = ["\n".join([*lines, f"CREATION_DATE = {now()}", f"ORIGINATOR = {ORIGINATOR}", ""])]
     for times, values in turns:
         stamps = frame.stamps(times)
-        told = {
+        metadata = {
             "OBJECT_NAME": name,
             "OBJECT_ID": object_id,
             "REF_FRAME_A": frame.name,
@@ -58,7 +58,7 @@ def aem(name: str, object_id: str, frame: FileFrame, turns: list[tuple[Floats, F
             "INTERPOLATION_METHOD": "LINEAR",
             "INTERPOLATION_DEGREE": "1",
         }
-        parts.append("\n".join(["", "META_START", *keyed(told), "META_STOP", "", "DATA_START", ""]))
+        parts.append("\n".join(["", "META_START", *keyed(metadata), "META_STOP", "", "DATA_START", ""]))
         parts.append(text_rows(stamps, " ".join(["%s"] + ["%.16f"] * 4), values))
         parts.append("DATA_STOP\n")
     return "".join(parts)

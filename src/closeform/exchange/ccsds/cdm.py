@@ -97,7 +97,7 @@ def read_cdm(file: str | PathLike[str]) -> Conjunction:
             objects=(_object(objects[0], "OBJECT1"), _object(objects[1], "OBJECT2")),
             miss_distance=quantity(found["MISS_DISTANCE"], "m"),
             hard_body_radius=_radius(relative, found),
-            collision_probability=_told(chance and number_in(chance.line, chance.value)),
+            collision_probability=_optional(chance and number_in(chance.line, chance.value)),
             collision_probability_method=_word(found, "COLLISION_PROBABILITY_METHOD"),
             originator=found["ORIGINATOR"].value,
             message_id=found["MESSAGE_ID"].value,
@@ -131,29 +131,29 @@ def write_cdm(file: str | PathLike[str], conjunction: Conjunction, *, comments: 
     CCSDS 508.0-B, Conjunction Data Message; docs/ephemerides.md.
     """
     instance("file", file, str, PathLike)
-    told = instance("conjunction", conjunction, Conjunction)
+    checked = instance("conjunction", conjunction, Conjunction)
     comments = sequence("comments", comments, str)
-    relative = told.relative_state
+    relative = checked.relative_state
     lines: list[tuple[str, Any, str]] = [
         ("CCSDS_CDM_VERS", "1.0", ""),
         *(("COMMENT", comment, "") for comment in comments),
-        ("CREATION_DATE", told.creation_date or now(), ""),
-        ("ORIGINATOR", told.originator, ""),
-        *([("MESSAGE_FOR", told.message_for, "")] if told.message_for else []),
-        ("MESSAGE_ID", told.message_id, ""),
-        ("TCA", told.tca, ""),
-        ("MISS_DISTANCE", f"{told.miss_distance:.6f}", "m"),
-        ("RELATIVE_SPEED", f"{told.relative_speed:.9f}", "m/s"),
+        ("CREATION_DATE", checked.creation_date or now(), ""),
+        ("ORIGINATOR", checked.originator, ""),
+        *([("MESSAGE_FOR", checked.message_for, "")] if checked.message_for else []),
+        ("MESSAGE_ID", checked.message_id, ""),
+        ("TCA", checked.tca, ""),
+        ("MISS_DISTANCE", f"{checked.miss_distance:.6f}", "m"),
+        ("RELATIVE_SPEED", f"{checked.relative_speed:.9f}", "m/s"),
         *((f"RELATIVE_POSITION_{part}", f"{relative[k]:.6f}", "m") for k, part in enumerate("RTN")),
         *((f"RELATIVE_VELOCITY_{part}", f"{relative[3 + k]:.9f}", "m/s") for k, part in enumerate("RTN")),
     ]
-    if told.collision_probability is not None:
-        lines.append(("COLLISION_PROBABILITY", told.collision_probability, ""))
-    if told.collision_probability_method is not None:
-        lines.append(("COLLISION_PROBABILITY_METHOD", told.collision_probability_method, ""))
-    if told.hard_body_radius is not None:
-        lines.append(("COMMENT HBR", told.hard_body_radius, "m"))
-    for number, each in enumerate(told.objects, 1):
+    if checked.collision_probability is not None:
+        lines.append(("COLLISION_PROBABILITY", checked.collision_probability, ""))
+    if checked.collision_probability_method is not None:
+        lines.append(("COLLISION_PROBABILITY_METHOD", checked.collision_probability_method, ""))
+    if checked.hard_body_radius is not None:
+        lines.append(("COMMENT HBR", checked.hard_body_radius, "m"))
+    for number, each in enumerate(checked.objects, 1):
         lines += [("OBJECT", f"OBJECT{number}", "")]
         lines += [(keyword, getattr(each, field), "") for field, keyword in WORDS.items()]
         if each.radius is not None:
@@ -178,7 +178,7 @@ def _parts(entries: Sequence[Entry]) -> list[list[Entry]]:
     for entry in entries:
         if entry.keyword == "OBJECT":
             if entry.value != f"OBJECT{len(parts)}":
-                what = f"OBJECT is '{entry.value[:30]}' where OBJECT{len(parts)} stands"
+                what = f"OBJECT is '{entry.value[:30]}', expected OBJECT{len(parts)}"
                 raise ValueError(
                     f"line {entry.line}: {what if len(parts) < 3 else 'a third OBJECT'}; {CORRECT}"
                 )
@@ -219,9 +219,9 @@ def _finite(entry: Entry, unit: str) -> float:
 
 def _radius(entries: Sequence[Entry], found: dict[str, Entry]) -> float | None:
     """Return the radius [m] in a keyword or a comment of this part, or None."""
-    told = [quantity(found[keyword], "m") for keyword in RADIUS_WORDS if keyword in found]
-    told += [_length(entry, match) for entry, match in _comments(entries, RADIUS)]
-    return _told(told[0]) if told else None
+    radii = [quantity(found[keyword], "m") for keyword in RADIUS_WORDS if keyword in found]
+    radii += [_length(entry, match) for entry, match in _comments(entries, RADIUS)]
+    return _optional(radii[0]) if radii else None
 
 
 def _comments(entries: Sequence[Entry], pattern: re.Pattern[str]) -> list[tuple[Entry, re.Match[str]]]:
@@ -242,6 +242,6 @@ def _word(found: dict[str, Entry], keyword: str) -> str | None:
     return found[keyword].value or None if keyword in found else None
 
 
-def _told(value: float | None) -> float | None:
+def _optional(value: float | None) -> float | None:
     """Return a number, or None if the message omits it."""
     return None if value is None or np.isnan(value) else value

@@ -166,13 +166,13 @@ class Conjunction(Result):
             both = f"{first.frame} and {second.frame}"
             raise ValueError(f"objects: are in different frames, {both}; convert the states of one")
         apart = float(np.linalg.norm(second.state[:3] - first.state[:3]))
-        told = self.miss_distance
-        if told is None:
+        stated = self.miss_distance
+        if stated is None:
             object.__setattr__(self, "miss_distance", apart)
-        elif not 0.0 <= number("miss_distance", told) < np.inf:
-            raise ValueError(f"miss_distance: must not be negative, got {told:g} m")
-        elif max(told, apart) > UNIT_SLIP * min(told, apart) + UNIT_SLIP:
-            what = f"{told:g} m, but the states are {apart:g} m apart"
+        elif not 0.0 <= number("miss_distance", stated) < np.inf:
+            raise ValueError(f"miss_distance: must not be negative, got {stated:g} m")
+        elif max(stated, apart) > UNIT_SLIP * min(stated, apart) + UNIT_SLIP:
+            what = f"{stated:g} m, but the states are {apart:g} m apart"
             raise ValueError(f"miss_distance: {what}; check their units, km and km/s in a message")
         radii = [each.radius for each in objects]
         if self.hard_body_radius is None and None not in radii:

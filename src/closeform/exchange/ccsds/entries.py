@@ -130,7 +130,7 @@ def by_keyword(entries: Iterable[Entry], where: str) -> dict[str, Entry]:
         if entry.keyword == "COMMENT":
             continue
         if entry.keyword in found:
-            raise ValueError(f"line {entry.line}: keyword {entry.keyword} stands twice {where}; keep one")
+            raise ValueError(f"line {entry.line}: keyword {entry.keyword} occurs twice {where}; keep one")
         found[entry.keyword] = entry
     return found
 

@@ -35,7 +35,7 @@ def ocm(track: Track, frame: FileFrame) -> str:
     )
     parts = ["\n".join([*head, "META_STOP", ""])]
     for number, piece in enumerate(track.pieces, 1):
-        told = {
+        metadata = {
             "TRAJ_ID": f"{track.name} {number}",
             "TRAJ_BASIS": "PREDICTED",
             "INTERPOLATION": "HERMITE",
@@ -45,7 +45,7 @@ def ocm(track: Track, frame: FileFrame) -> str:
             "TRAJ_TYPE": "CARTPV",
             "TRAJ_UNITS": "[km, km, km, km/s, km/s, km/s]",
         }
-        parts.append(block("TRAJ", told))
+        parts.append(block("TRAJ", metadata))
         parts.append(text_rows(seconds(piece.times), STATE, piece.states / 1e3))
         parts.append("TRAJ_STOP\n")
     if track.mass is not None:
@@ -67,7 +67,7 @@ def manoeuvre(track: Track, frame: FileFrame, kind: str, composition: tuple[str,
     """Return the beginning of a block of manoeuvres."""
     speed = {"ACC": "km/s**2", "DV_": "km/s"}
     units = [UNITS.get(word) or speed[word[:3]] for word in composition[1:]]
-    told = {
+    metadata = {
         "MAN_ID": f"{track.name} {kind}",
         "MAN_BASIS": "PLANNED",
         "MAN_DEVICE_ID": "ALL",
@@ -76,7 +76,7 @@ def manoeuvre(track: Track, frame: FileFrame, kind: str, composition: tuple[str,
         "MAN_COMPOSITION": ", ".join(composition),
         "MAN_UNITS": f"[{', '.join(units)}]",
     }
-    return block("MAN", told, (about,))
+    return block("MAN", metadata, (about,))
 
 
 def impulses(track: Track, frame: FileFrame) -> list[str]:

@@ -50,7 +50,7 @@ def read_oem(file: str | PathLike[str]) -> Ephemeris:
     with within(file):
         segments = segments_of(message(file, "OEM"))
         if len(segments) > 1:
-            remedy = "give a file for each segment, or take them from read_oem_segments"
+            remedy = "give a file for each segment, or read them with read_oem_segments"
             raise ValueError(f"has {len(segments)} segments; {remedy}")
         return ephemeris_of(segments[0])
 

@@ -130,7 +130,7 @@ def _covariances(blocks: Sequence[Sequence[Entry]], epochs: Floats, states: str)
     frames, matrices = [], []
     for index, (epoch, *entries) in enumerate(blocks):
         if index and epochs[index] <= epochs[index - 1]:
-            raise ValueError(f"line {epoch.line}: epochs of covariances must rise; sort them")
+            raise ValueError(f"line {epoch.line}: epochs of covariances must increase; sort them")
         frame = states
         if entries and entries[0].keyword == "COV_REF_FRAME":
             frame = entries[0].value
@@ -156,9 +156,9 @@ def _lower(epoch: Entry, entries: Sequence[Entry]) -> list[float]:
         if entry.keyword or row > 6 or len(words) != row:
             what = f"keyword {entry.keyword}" if entry.keyword else f"{len(words)} values"
             raise ValueError(
-                f"line {entry.line}: {what} where row {row} of a lower triangle stands; {CORRECT}"
+                f"line {entry.line}: {what} in place of row {row} of a lower triangle; {CORRECT}"
             )
         values += numbers_in(entry.line, words)
     if len(values) != len(LOWER[0]):
-        raise ValueError(f"line {epoch.line}: covariance of {epoch.value} lacks rows, of six; {CORRECT}")
+        raise ValueError(f"line {epoch.line}: covariance of {epoch.value} has fewer than six rows; {CORRECT}")
     return values

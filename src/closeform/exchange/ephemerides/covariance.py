@@ -54,7 +54,7 @@ class Covariances(Result):
             got = f"got {times.shape}, {matrices.shape} and {len(frames)}"
             raise ValueError(f"times, matrices, frames: expected (C,), (C, 6, 6) and C of them, {got}")
         if not (np.isfinite(times).all() and (np.diff(times) > 0.0).all()):
-            raise ValueError("times: must be finite and rise; sort the covariances and remove doubles")
+            raise ValueError("times: must be finite and increase; sort the covariances and remove duplicates")
         for index, matrix in enumerate(matrices):
             check(f"matrices[{index}]", matrix)
         for name, value in (("times", times), ("matrices", matrices), ("frames", frames)):

@@ -88,7 +88,7 @@ def flaw_of_states(times: Floats, states: Floats) -> tuple[int, str] | None:
         return int(np.argmin(finite)), "a value is not finite; remove or correct this state"
     rising = np.diff(times) > 0.0
     if not rising.all():
-        return int(np.argmin(rising)) + 1, "epochs must rise; sort the states and remove doubles"
+        return int(np.argmin(rising)) + 1, "epochs must increase; sort the states and remove duplicates"
     return None
 
 

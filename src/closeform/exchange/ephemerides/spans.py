@@ -42,7 +42,9 @@ class Spans:
             apart = float(np.linalg.norm((segments[other].states[0] - segments[one].states[-1])[:3]))
             if apart > JUMP:
                 what = f"segment {number} begins {apart:.3g} m from the end of the previous one"
-                raise ValueError(f"{found.name}: {what}; a manoeuvre jumps in velocity, correct the file")
+                raise ValueError(
+                    f"{found.name}: {what}; a manoeuvre changes only the velocity; correct the file"
+                )
         return found
 
     @property
@@ -90,9 +92,9 @@ class Spans:
             one, some = self.segments[k], which == k
             wanted = (times[some] - self.starts[k]).clip(one.times[0], one.times[-1])
             closest = nearest(one.times, wanted)
-            told = np.abs(one.times[closest] - wanted) <= SAME_EPOCH
+            at_epoch = np.abs(one.times[closest] - wanted) <= SAME_EPOCH
             found, off = one.states[closest], np.zeros(len(wanted))
-            if not told.all():
-                found[~told], off[~told] = interpolated(one, wanted[~told])
+            if not at_epoch.all():
+                found[~at_epoch], off[~at_epoch] = interpolated(one, wanted[~at_epoch])
             states[some], errors[some] = found, off
         return states, errors

@@ -77,7 +77,9 @@ def tracks(craft: Sequence[FlownCraft], frame: FileFrame, step: float | None = N
         Track(
             one.name,
             one.object_id,
-            tuple(told(part, times, frame, one.spread) for part, times in zip(parts, own, strict=True)),
+            tuple(
+                sampled_piece(part, times, frame, one.spread) for part, times in zip(parts, own, strict=True)
+            ),
             off,
             turned(one, frame),
             one.mass,
@@ -86,7 +88,7 @@ def tracks(craft: Sequence[FlownCraft], frame: FileFrame, step: float | None = N
     )
 
 
-def told(
+def sampled_piece(
     piece: Path, times: Floats, frame: FileFrame, spread: Sequence[tuple[Path, Uncertainty]] = ()
 ) -> Piece:
     """Return states and thrust of a piece at its nodes, and covariances at some of them."""

@@ -30,14 +30,14 @@ class FileFrame:
     epoch: Epoch
     chief: Chief | None
     about: tuple[str, ...] = ()
-    _told: dict[bytes, list[str]] = field(default_factory=dict, repr=False)
+    _stamps: dict[bytes, list[str]] = field(default_factory=dict, repr=False)
 
     def stamps(self, times: Floats) -> list[str]:
         """Return times (T,) [s] as epochs with nine decimals; shared times are converted once."""
         key = times.tobytes()
-        if key not in self._told:
-            self._told[key] = self.epoch.stamps(times)
-        return self._told[key]
+        if key not in self._stamps:
+            self._stamps[key] = self.epoch.stamps(times)
+        return self._stamps[key]
 
     def utc(self, times: Floats) -> list[str]:
         """Return times (T,) [s] as UTC epochs with a Z at the end, for any time system of the epoch."""

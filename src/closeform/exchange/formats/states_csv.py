@@ -28,9 +28,9 @@ NAMED = re.compile(r"#\s*(center|frame|time_system|epoch)\s*[:=]\s*(.+?)\s*")
 
 def csv_text(tracks: Iterable[Track], frame: FileFrame) -> str:
     """Return the CSV of all spacecraft, one row for each state; a burn has two rows for one time."""
-    told = {"frame": frame.name, "center": frame.center, "time_system": frame.epoch.system}
-    told["epoch"] = frame.stamps(np.zeros(1))[0]
-    parts = ["\n".join([*(f"# {key} = {value}" for key, value in told.items()), ",".join(HEAD), ""])]
+    header = {"frame": frame.name, "center": frame.center, "time_system": frame.epoch.system}
+    header["epoch"] = frame.stamps(np.zeros(1))[0]
+    parts = ["\n".join([*(f"# {key} = {value}" for key, value in header.items()), ",".join(HEAD), ""])]
     for track in tracks:
         plain = re.search(r'[",\s]', track.name) is None
         name = track.name if plain else '"' + track.name.replace('"', '""') + '"'
@@ -132,7 +132,7 @@ def _columns(names: Sequence[str], timed: bool) -> tuple[dict[str, tuple[int, fl
         if unit not in units:
             raise ValueError(f"column '{name.strip()}' has an unknown unit; name it one of {known}")
         if quantity in found:
-            raise ValueError(f"column '{name.strip()}' stands twice; keep one")
+            raise ValueError(f"column '{name.strip()}' occurs twice; keep one")
         found[quantity] = k, units[unit]
     if missing := [one for one in WANTED if one not in found and (timed or one != "time")]:
         example = ", ".join(f"{one}_{next(iter(WANTED[one]))}" for one in missing)
@@ -180,7 +180,7 @@ def ephemerides_of(rows: StateRows, only: str | None = None) -> Iterable[Ephemer
         gaps = np.diff(times[own])
         if (gaps < 0.0).any():
             line = lines[own[int(np.argmax(gaps < 0.0)) + 1]]
-            raise ValueError(f"line {line}: times of {name or 'the craft'} must rise; sort the rows")
+            raise ValueError(f"line {line}: times of {name or 'the craft'} must increase; sort the rows")
         for part in np.split(own, np.flatnonzero(gaps == 0.0) + 1):
             if len(part) < 2:
                 line = lines[part[0]]
