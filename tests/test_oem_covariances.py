@@ -97,11 +97,11 @@ DAMAGE = {
     ),
     "the last row lost": (
         lambda text: text.replace(ROWS.splitlines()[5] + "\n", "", 1),
-        f"line {AT + 1}: covariance of 2016-12-31T23:59:50 lacks rows",
+        f"line {AT + 1}: covariance of 2016-12-31T23:59:50 has fewer than six rows",
     ),
     "a full matrix": (
         lambda text: text.replace("4.1024000e-04\n", "4.1024000e-04 0 0 0 0 0\n", 1),
-        f"line {AT + 3}: 6 values where row 1",
+        f"line {AT + 3}: 6 values in place of row 1",
     ),
     "a seventh row": (lambda text: text.replace("\n" + SECOND, "1 2 3 4 5 6 7\n" + SECOND), f"line {AT + 9}: 7 values where row 7"),
     "a word": (lambda text: text.replace("4.1024000e-04", "large"), f"line {AT + 3}: 'large' is not a number"),

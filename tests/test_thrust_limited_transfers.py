@@ -87,7 +87,7 @@ def test_convex_programs_agree_on_cost_and_feasibility(orbit, cost):
     for begin, end, duration, limit in zip(begins, ends, durations, limits, strict=True):
         least = program(orbit.mean_motion, begin, end, duration, limit, cost == "delta-v")
         if least is None:
-            with pytest.raises(ValueError, match=r"^max_acceleration: no thrust within .* is enough$"):
+            with pytest.raises(ValueError, match=r"^max_acceleration: a thrust of .* is enough$"):
                 orbit.transfer(begin, end, duration, 0.0, limit, cost)
             continue
         path = orbit.transfer(begin, end, duration, 0.0, limit, cost)
@@ -240,7 +240,7 @@ def test_batches_broadcast_and_name_who_cannot():
     alone = ORBIT.transfer(begins[1], ends[1], durations[1], 10.0, limits[2, 1], "delta-v")
     assert paths[2, 1].delta_v == pytest.approx(alone.delta_v, rel=1e-12)
     limits[2, 1] = 0.2 * free.peak_thrust[1]
-    with pytest.raises(ValueError, match=r"^max_acceleration: craft 2, 1: no thrust within "):
+    with pytest.raises(ValueError, match=r"^max_acceleration: craft 2, 1: a thrust of "):
         ORBIT.transfer(begins, ends, durations, 10.0, limits)
     assert ORBIT.transfer(np.empty((0, 6)), ends[0], 10.0, 0.0, 1.0).shape == (0,)
 
@@ -332,7 +332,7 @@ def test_burns_of_one_craft_are_not_told_of_another(monkeypatch):
     monkeypatch.setattr("closeform.motion.within_limit.WORST", -1.0)
     for k in range(0, 12, 2):
         two = slice(k, k + 2)
-        with pytest.raises(ValueError, match=r"^max_acceleration: craft 1: no thrust within"):
+        with pytest.raises(ValueError, match=r"^max_acceleration: craft 1: a thrust of "):
             ORBIT.transfer(begins[two], ends[two], durations[two], 0.0, limits[two], "delta-v")
 
 

@@ -480,7 +480,7 @@ def test_a_case_counts_if_its_run_would(stage: str, tmp_path, monkeypatch, capsy
     assert re.search(rf"^all requirements +{campaign.good.sum()} +{share:.3f} ", printed, re.MULTILINE)
     summary = json.loads(Path("lost-study/summary.json").read_text())
     assert summary["status"] == 1
-    assert summary["asked"]["all of it"]["cases"] == campaign.good.sum()
+    assert summary["asked"]["all requirements"]["cases"] == campaign.good.sum()
     assert summary["verdict"] == campaign.reason
     for what in ("clear", *(["within delta_v_budget", "within propellant"] if limits else [])):
         assert f"of 120 cases not {what}: " in campaign.reason

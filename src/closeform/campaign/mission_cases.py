@@ -230,7 +230,7 @@ class MissionCases(Cases):
         return kept or self.as_happened(one_case(self.scenario, self.seed, case), case)
 
     def as_happened(self, scenario: Scenario, case: int) -> Mission:
-        """Return the mission of a case with the events that its plan does not know."""
+        """Return the mission of a case with the events that its plan does not anticipate."""
         predicted = self.scenario.flights is None  # a simulation gives better predictions
 
         def plan() -> Mission:
@@ -269,7 +269,7 @@ def ended(mission: Mission) -> str:
 class Plans:
     """Plans by the inputs of a case that they depend on; threads wait for one that is being computed.
 
-    Also holds the missions of the cases that a report will show.
+    It also holds the missions of cases that a report shows.
     """
 
     def __init__(self) -> None:

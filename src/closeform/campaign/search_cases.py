@@ -474,7 +474,7 @@ class LockCampaign(Campaign):
         return tuple(found)
 
     def detected(self, step: float) -> tuple[list[int], int]:
-        """Return the cases by phase for detection every `step` [s], and those with a missed first lock."""
+        """Return the cases by phase for detection every `step` [s], and those that miss their first lock."""
 
         def counts(part: Columns) -> Any:
             time, leg = self.kind.ended(part)

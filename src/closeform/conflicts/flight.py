@@ -107,7 +107,7 @@ def watch(paths: Path, names: Sequence[str], zones: PairZones) -> WatchedFlight:
 def nearest(paths: Path, zones: PairZones) -> Iterator[tuple[Zone, Any, Any]]:
     """Yield at least `CLOSEST` of the closest pairs, by zone, without computing all approaches.
 
-    A screening finds them, with zones scaled until that many pairs are in conflict.
+    They are found by screenings with larger and larger zones, until that many pairs are in conflict.
     """
     factor, pairs = 0.5 * guess(paths, zones), np.empty((0, 2), dtype=np.int64)
     while len(pairs) < CLOSEST and factor < HUGE:

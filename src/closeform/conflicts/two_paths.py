@@ -161,7 +161,8 @@ def find_conflicts(
 
     With errors the zone is the Minkowski sum of itself and the ellipsoid of `sigmas` standard deviations,
     which moves and grows with the covariance; the norm is that of the paths in this sum. Between conflicts,
-    no errors within the ellipsoid cause a conflict; with cylinders, an end may be late by 1e-5 of the sigmas.
+    no errors within the ellipsoid cause a conflict; with cylinders, the end of a conflict may be too late by
+    1e-5 of the sigmas.
 
     References
     ----------

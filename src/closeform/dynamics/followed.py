@@ -40,9 +40,9 @@ class Followed:
 
     `jumps` are the impulses as fired. They lead to the reference of the feedback, which is `aside` of the
     plan (N, T, 3) [m], as do the pulses of `thrusters` on paths that are `pulsed`, with a `ripple` (N,) [m]
-    between times. Impulses `missed` some ends, given as craft, time and state error, and the following motion
-    starts from there. Continuous thrust is that of the plan plus compensation `against` (N, T, 3) [m/s^2] of
-    the model error; the part `felt` (N, T, 3) is not compensated.
+    between times. `missed` lists ends that impulses did not reach, as craft, time and state error; the
+    following motion starts from the states that were reached. Continuous thrust is that of the plan plus
+    compensation `against` (N, T, 3) [m/s^2] of the model error; the part `felt` (N, T, 3) is not compensated.
     """
 
     paths: Path

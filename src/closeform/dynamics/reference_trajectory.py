@@ -56,9 +56,9 @@ class Commands:
     """Commands of craft along `path` (N,) at the times of a `table`.
 
     `known` is the field whose model error is compensated, or None, and `holding` the times. `jumps` (N, Q, 3)
-    are planned impulses, one for each of the table's. `reference` (N, T, 6) are the states to which feedback
-    returns, at shown times, if they differ from the path's; `limits` and `bits` (N,) bound thrust and
-    impulses. `nozzles` fire the feedback of one craft. From `lost` [s] on there is no thrust.
+    are planned impulses, one for each of the table's. `reference` (N, T, 6) holds the states to which
+    feedback returns, at output times, if they differ from those of the path. `limits` and `bits` (N,) bound
+    thrust and impulses. `nozzles` fire the feedback of one craft. From `lost` [s] on there is no thrust.
     """
 
     path: Path

@@ -118,8 +118,9 @@ def _spans(commands: Commands) -> dict[tuple[int, int], list[int]]:
 def _retargeted(commands: Commands, field: Field, frame: ChiefFrame) -> tuple[Floats, Floats]:
     """Return the impulses of a span (N, Q, 3) changed for a field, and the resulting states (N, T, 6).
 
-    The end state is met as far as impulses can, and points along the path as closely as the remaining freedom
-    allows. Newton's method, theory (89), with finite differences from simulations.
+    Impulses reach the end state as far as possible, and pass points along the path as closely as the
+    remaining degrees of freedom allow. Newton's method, theory (89), with finite differences from
+    simulations.
     """
     times, n = commands.table.shown_times, commands.path.orbit.mean_motion
     wanted = commands.path.state(times)

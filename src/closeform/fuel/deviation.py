@@ -27,9 +27,9 @@ SAFE = 1.0 + 1e-6  # for neglected effects: thrust below 1e-9 of the largest, ro
 class Misfit:
     """Effect of each of K chunks on the path.
 
-    From `start` to `end` [s] its F along its thruster is at most `size` [m], and its motion differs from that
-    of the kick by at most `astray` [m]. The kicks (K, 6) [m, m/s] occur at `when` (K,) [s]; afterwards the
-    motion differs from that of the kick by at most `rest` [m].
+    From `start` to `end` [s], F along its thruster is at most `size` [m], and the motion differs from that
+    after the impulse by at most `astray` [m]. The kicks (K, 6) [m, m/s] occur at `when` (K,) [s]; afterwards
+    the motion differs from that of the kick by at most `rest` [m].
     """
 
     start: Floats

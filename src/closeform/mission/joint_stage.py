@@ -102,7 +102,7 @@ def together(start: StageStart, stage: Joint, goals: Goals) -> Moved:
 def planned(
     start: StageStart, stage: Joint, goals: Goals, moving: list[int], rest: list[int]
 ) -> tuple["Plan", tuple[str, ...]]:
-    """Return the plan for the craft `who`, clear of the coasting craft `rest`, and the further attempts.
+    """Return the plan of the craft `moving`, clear of the coasting craft `rest`, and the further attempts.
 
     If spacecraft arrive later than requested, moving goals are updated to the later time, and the formation
     is planned again.

@@ -273,7 +273,7 @@ class FlownRun:
 
     @property
     def which(self) -> str:
-        """Words that name the worst flight and the criterion; empty for a single flight."""
+        """The worst simulation and its criterion as text; empty for a single simulation."""
         if len(self.flight.states) == 1:
             return ""
         why = "with the closest approach" if self.flight.ratios.size else "with the largest end error"

@@ -44,7 +44,7 @@ class Entered:
 
     @property
     def clear(self) -> bool:
-        """True if no flight enters a zone."""
+        """True if no zone is entered in any simulation."""
         return self.count == 0
 
     @property

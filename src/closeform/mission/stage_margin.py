@@ -24,7 +24,7 @@ def with_margin(
 ) -> Any:
     """Return the plan of `make` with the keep-out margin of the stage.
 
-    `who` lists the craft by index: first those that are planned, then those whose paths are `others`.  For
+    `craft` lists the craft by index: first those that are planned, then those whose paths are `others`.  For
     the margin "auto", the plan is iterated until it keeps the margin that its tracking error in the
     high-fidelity model requires.  If the iteration fails, or tracking exceeds a limit, the plan has the
     status NO_MARGIN and a reason.
@@ -66,7 +66,7 @@ def unfit(plan: "Plan | Avoidance", reason: str) -> "Plan | Avoidance":
 
 
 def flown_errors(start: StageStart, craft: list[int]) -> list[Any] | None:
-    """Return the uncertainty of the craft `who` at the start of their reference paths, with execution errors.
+    """Return the uncertainty of `craft` on their reference paths at the start, with execution errors.
 
     Return None if no spacecraft has any.
     """

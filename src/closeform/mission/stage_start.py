@@ -90,7 +90,7 @@ class StageStart:
         return carried(self.errors[k], self.coast(k, duration))
 
     def planned_errors(self, stage: Avoid | Joint, chosen: list[int]) -> list[Any] | None:
-        """Return the uncertainty of the craft `who` for the planner; None if the stage requires no sigmas.
+        """Return the uncertainty of the craft `chosen` for the planner; None if the stage requires no sigmas.
 
         Methods that are not exact do not plan with uncertainty; their plans are only checked afterwards.
         """
@@ -247,7 +247,7 @@ class StageStart:
         return plan.paths[0]
 
     def mixed(self, chosen: list[int], paths: Path) -> WatchedFlight:
-        """Return the flight with the `paths` of the craft `who`; the others coast meanwhile."""
+        """Return the flight with the `paths` of the craft `chosen`; the others coast meanwhile."""
         duration = float(np.max(paths.end)) - self.time
         flying = {k: paths[place] if paths.shape else paths for place, k in enumerate(chosen)}
         flying |= {k: self.coast(k, duration) for k in range(len(self.states)) if k not in flying}

@@ -162,7 +162,7 @@ def bound(q, order, n, h, axis):
 
 @kernel()
 def bounds(q, order, n, h):
-    """Return bounds over [0, h] of the acceleration along each axis, of its norm, and of the speed."""
+    """Return upper bounds over [0, h] on the acceleration along each axis, on its norm, and on the speed."""
     ax, vx = bound(q, order, n, h, 0)
     ay, vy = bound(q, order, n, h, 1)
     az, vz = bound(q, order, n, h, 2)

@@ -334,7 +334,7 @@ class Orbit(CircularOrbit):
         return self._through(times, states)
 
     def _through(self, times: ArrayLike, states: ArrayLike, arrivals: Floats | None = None) -> Path:
-        """Return the path through samples.
+        """Return the path that interpolates samples.
 
         Where `arrivals` differ from `states` the path has impulses, also at its ends.
         """

@@ -1,4 +1,4 @@
-"""Minimum-delta-v impulses from a nearly optimal primer: Newton's method on the local maxima of its length.
+"""Impulses of minimum delta-v from a nearly optimal primer, by Newton's method on its local maxima.
 
 The program of `impulses` requires |p| <= 1 at every time; it is reduced to the local maxima of |p|, whose
 times move with y, p = B(t) y:

@@ -66,7 +66,7 @@ def fill_gaps(n, lost, clock, matrix, other, first, gaps):
 
 @kernel()
 def fill_squares(scene, kind, sign, gaps, first, squares):
-    """Fill the signed squares of a zone's norm at all samples; those of absent bodies exceed any other."""
+    """Fill the signed squares of a zone's norm at all samples; for absent bodies they exceed all others."""
     shape = scene.shapes[kind]
     if shape == BALL:
         for k in range(first, len(squares)):

@@ -54,7 +54,7 @@ def _changes(request: Request, fallback: Fallback) -> Iterator[tuple[Request, st
 def within_limits(request: Request, plan: Plan, attempt: Attempt, longer: bool) -> tuple[Request, Plan]:
     """Return the request and plan with the shortest durations found that respect the thrust limits.
 
-    The status is TOO_WEAK where no stretch does, or where `longer` is False.
+    The status is TOO_WEAK if no longer duration does, or if `longer` is False.
     """
     limits = request.limits
     if limits is None:

@@ -64,7 +64,7 @@ class Moments(NamedTuple):
         return cut.some(cut.shares(self).any(axis=1) | cut.shares(other).any(axis=1))
 
     def shares(self, other: "Moments") -> Floats:
-        """Return the share (J, K) of each of the `other` moments that overlaps each of these."""
+        """Return the fraction (J, K) of each moment in `other` that each of these moments overlaps."""
         if not self.widths.any():
             same = (self.times[:, None] == other.times) & (self.which[:, None] == other.which)
             return np.where(same, 1.0, 0.0)

@@ -91,7 +91,7 @@ def step_down(solver: ImpulseSolver, here: Spent, moments: list[Moments]) -> Spe
 
 
 def kept_by(solver: ImpulseSolver, clear: Spent, found: Spent) -> Contacts:
-    """Return the contacts of conflicts of paths that were found, with normals that clear paths satisfy."""
+    """Return contacts for the conflicts of found paths, with planes that clear paths satisfy."""
     problem, lost, met = solver.problem, found.checked.lost, solver.problem.met(found.checked.missed)
     if solver.failures is not None:
         lost = lost._replace(normals=problem.normals(solver.failures.brief(clear.flown), lost, -inf))

@@ -2,8 +2,8 @@
 
 At a contact the path keeps the supporting plane a . (r_i - r_j) >= h(a) of the zone, with h(a) the zone's
 extent along the normal a.  By the envelope theorem the minimum cost rises with h(a) at the rate of the
-contact's multiplier, whatever else the plan changes.  A zone that grows by d in every direction has the
-extent h + d, and one enlarged by a factor has factor times h.                                 # theory (21b)
+contact's multiplier, whatever else the plan changes.  A zone enlarged by d in every direction extends to h +
+d; one enlarged by a factor extends to factor times h.                                 # theory (21b)
 """
 
 from __future__ import annotations

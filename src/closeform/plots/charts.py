@@ -163,7 +163,7 @@ class Spans:
 
 
 def spans(results: Spans, said: str) -> Figure:
-    """Plot results with a time as spans, under the headline `said`."""
+    """Plot results that have a time as spans, with the headline `said`."""
     rows = np.flatnonzero(np.isfinite(results.time) & np.isfinite(results.height))
     start, time, end, height = (
         np.asarray(part, dtype=float)[rows]

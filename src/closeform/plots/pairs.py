@@ -64,7 +64,7 @@ class Pairs:
     def of(cls, paths: Any, zones: Any, count: int | None = None, name: str = "zones") -> Self:
         """Return the pairs of N `paths` with one zone for all, one for each, or `PairZones`; or no pairs.
 
-        The first two apply to pairs with at least one of the first `flown` spacecraft. Raises ValueError for
+        The first two apply to pairs with at least one of the first `count` spacecraft. Raises ValueError for
         a wrong number of zones, or if two zones cannot be combined.
         """
         batch = stack(crafts("paths", paths))
@@ -96,7 +96,7 @@ class Pairs:
 
     @property
     def hit(self) -> Any:
-        """Mask (M,) of the pairs in conflict."""
+        """Mask (M,) of pairs: True for those in conflict."""
         return np.array([bool(stays) for stays in self.stays], dtype=bool)
 
     @property

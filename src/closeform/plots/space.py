@@ -208,8 +208,8 @@ def three_planes(
 ) -> tuple[Figure, Unit, list[list[Axes]]]:
     """Return a figure whose planes hold points (M, 3) at one scale, its unit, and the axes of each column.
 
-    A single column has two planes above each other, one next to them, and fourth axes for a view in space.
-    `below` adds inches and a row of the grid for axes below them.
+    A single column has two planes above each other, the third next to them, and a fourth panel for a view in
+    space. `below` adds inches and a row of the grid for axes below them.
     """
     middle, span, unit = extent(points)
     if columns == 1:

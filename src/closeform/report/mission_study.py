@@ -273,7 +273,7 @@ class SweepReport(CasesReport):
 def numbered(texts: Sequence[str]) -> tuple[list[float], str, str]:
     """Return the numbers of quantities of one kind, the text before them, and their unit.
 
-    Quantities of different kinds are numbered in their order.
+    Quantities of different kinds are numbered in the order in which they appear.
     """
     found = [NUMBER.fullmatch(text) for text in texts]
     kinds = {(one[1], one[3]) for one in found if one is not None}

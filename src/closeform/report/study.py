@@ -165,7 +165,7 @@ class CasesReport(ABC):
 
 
 def percent(heading: str) -> tuple[Column, Column]:
-    """Return two columns for estimates: the share, and its interval."""
+    """Return two columns for estimates: the share and its confidence interval."""
 
     def interval(share: Estimate) -> str:
         return f"{100.0 * share.low:.3f} to {100.0 * share.high:.3f}"

@@ -104,8 +104,8 @@ def point_of(room, count, costs, inverse, u):
 def leaning(room, count, u, way):
     """Return the weight of drift in the mix if a basis' point drifts against `way`, and the centre's drift.
 
-    Otherwise the weight is 0. It is scaled by the drifts of the edges, so that normals and drifts are of one
-    size.
+    Otherwise the weight is 0. It is scaled by the drifts of the edges, so that normals and drifts are of
+    similar size.
     """
     centre = room.drifts[0] - room.drifts[OTHER]
     drift, unit = centre, 0.0

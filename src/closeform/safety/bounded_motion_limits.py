@@ -170,7 +170,7 @@ def ways_from(one, two, cell, width, far, n, form, slow, count, room):
 
 @kernel()
 def limit_of(one, two, cell, width, slow, far, n, form, tube, count, room, best):
-    """Return the limit of the norms of ever slower drifts in a cell, if below `best`, at `shares` of it.
+    """Return the norm that ever slower drifts in a cell approach at its fractions `shares`, if below `best`.
 
     Where they drift in only one sense, only the region ahead counts.
     """
@@ -187,7 +187,7 @@ def limit_of(one, two, cell, width, slow, far, n, form, tube, count, room, best)
 
 @kernel()
 def limit_downhill(one, two, cell, width, slow, far, n, form, tube, room, best):
-    """Return the minimum of the limits of slow drifts along failures without drift from `room.point[1]`.
+    """Return the local minimum, from `room.point[1]`, of limits of slow drifts near failures without drift.
 
     Of two unknowns one is moved, by steps that grow downhill and turn back smaller uphill, and the other
     follows so that the failure does not drift; both stay inside the cell.

@@ -476,7 +476,7 @@ def in_flight(scenario: Scenario) -> Iterator[str]:
 def flown_thrusters(scenario: Scenario) -> list[Thrusters | None]:
     """Return the thrusters of each craft, which are the same in all stages; None for a craft without any.
 
-    Raises ValueError, beginning with the key of a stage, if a craft has other thrusters in that stage.
+    Raises ValueError, with the key of the stage, if a craft has other thrusters in that stage.
     """
     return [throughout(scenario, k).fired(1.0) for k in range(len(scenario.craft))]
 

@@ -142,7 +142,7 @@ def moves(target: Target | Goal) -> bool:
 
 
 def near(scenario: Scenario, states: Floats, movers: list[int], margin: float) -> Iterator[str]:
-    """Yield a line, with a remedy, for each pair with a craft in `who` inside its zone plus `margin` [m]."""
+    """Yield a line, with a remedy, for each pair with one of `movers` inside its zone plus `margin` [m]."""
     for zone, first, second in portions(scenario.zones):
         apart = states[first, :3] - states[second, :3]
         padded = zone.padded(margin) if margin else zone

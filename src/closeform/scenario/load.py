@@ -182,7 +182,7 @@ class Reading:
         }
 
     def complain(self, place: Place, text: str) -> None:
-        """Add an error line for a place; a craft's column that holds one value gets no index."""
+        """Add an error line for a key; a column of a craft with a single value gets no index."""
         if place[0] == "craft" and len(place) > 1 and isinstance(place[1], int):
             number, *rest = place[1:]
             listed = bool(rest) and isinstance(self.raw["craft"].get(str(rest[0])), list)

@@ -101,8 +101,8 @@ def into_formation(monitor, craft, log, t, low, high, leg, way, formed):
 def keep_clear(monitor, craft, log, t, leg, label, end):
     """Burn the craft of a knowledge set that would enter each other's zones before `end`.
 
-    The burns are made one after another, the smallest first, by new craft and then by all. A conflict without
-    a burn remains, and appears in Gathering.conflicts.
+    Burns are made one after another, the smallest first: first by new craft, then by all craft. A conflict
+    without a burn remains, and appears in Gathering.conflicts.
     """
     labels, scratch = craft.labels, monitor.scratch
     for i in range(len(labels)):

@@ -209,7 +209,7 @@ class Gathering(Result):
         return times
 
     def acquainted(self, first: int, second: int) -> float:
-        """Return the time at which two craft came into one set.
+        """Return the time at which two craft first belonged to the same set.
 
         Parameters
         ----------

@@ -9,7 +9,7 @@ sigma(n). The mean rate of entries is
 
 over the part within `TAIL` of the largest density: a band of tilts from the minor axis, and arcs of each
 quadrant in it. Gauss's rule is used for both, so that a thin covariance takes as many nodes as a round one.
-Both are cut where mu changes sign, which is an edge if sigma is small.
+Both are divided where mu changes sign, because the integrand has an edge there if sigma is small.
 """
 
 from math import acos, asin, cos, erfc, exp, inf, pi, sin, sqrt

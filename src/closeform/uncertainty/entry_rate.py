@@ -85,8 +85,8 @@ def draw_entries(means, factors, matrix, rules, fineness, first, shares, errors)
     """Turn standard normals (N, M) in `errors` into the errors of trajectories that enter at given times.
 
     The errors of time k are rows `first[k]` to `first[k + 1]`. `shares` (N, 2) give the place on the surface,
-    rising from 0 to 1 for each time, and the speed. Given position and inward speed, the rest keeps its
-    distribution: errors are moved only along the directions that determine these.  # theory (63)
+    rising from 0 to 1 for each time, and the speed. Errors are moved only along the directions that determine
+    position and inward speed; for given values of these, the rest keeps its distribution.  # theory (63)
     """
     means, factors, matrix, errors = borrowed(means), borrowed(factors), borrowed(matrix), borrowed(errors)
     rules = borrowed(rules)

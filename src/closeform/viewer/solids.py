@@ -57,7 +57,7 @@ def mesh(zone: Zone) -> dict[str, Any]:
 
 
 def fan(corners: Floats, face: Any, normal: Floats) -> list[list[int]]:
-    """Return the triangles of one face, whose normal is along `way`, counterclockwise."""
+    """Return the triangles of one face, whose normal is along `normal`, counterclockwise."""
     members = np.flatnonzero(face)
     if len(members) < 3:
         return []

@@ -116,7 +116,7 @@ def burns(shown: Shown, numbers: Numbers) -> list[Record]:
 
 
 def spent(result: StageResult[Any, Any], craft: int) -> tuple[Floats, Floats] | None:
-    """Return times (K,) [s] and cumulative delta-v (K,) [m/s] of a stage; None if it is zero."""
+    """Return times (K,) [s] and cumulative delta-v (K,) [m/s] of a stage; None without any delta-v."""
     total = float(result.delta_v[craft])
     if total == 0.0:
         return None

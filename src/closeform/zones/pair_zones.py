@@ -163,7 +163,7 @@ class PairZones:
         return self.zones[k] if one < other else self.zones[k].mirrored
 
     def rule(self, one: int, other: int) -> str | None:
-        """Return how the zone of a pair was made.
+        """Return the rule by which the zone of a pair was made.
 
         Parameters
         ----------

@@ -93,7 +93,7 @@ def flaw_of_states(times: Floats, states: Floats) -> tuple[int, str] | None:
 
 
 def flaw_of_frame(frame: str, states: str) -> str | None:
-    """Return why a covariance cannot be in a `frame`, given that of the states; None if it can."""
+    """Return the reason why a covariance cannot be in `frame`, given the frame of the states, or None."""
     if canonical(frame) in (*LOCAL, canonical(states)):
         return None
     return f"{frame} is not supported; give covariances in one of {', '.join(LOCAL)}, {states}"
