@@ -85,7 +85,7 @@ def test_given_phase(do):
     arrives = "Inspector arrives on the safety ellipse at 70.00 deg, as given; lowest cost at"
     phase = float(re.fullmatch(rf"{arrives} ([\d.]+) deg", own).group(1))
     told = re.fullmatch(
-        r"By free thrust without obstacles: ([-\de.]+) m²/s³; "
+        r"With free thrust and without obstacles: ([-\de.]+) m²/s³; "
         r'lowest cost ([-\de.]+) m²/s³ \(phase = "cheapest"\)',
         beside,
     )

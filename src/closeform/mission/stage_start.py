@@ -166,8 +166,10 @@ class StageStart:
         times, states, arrivals = along(self.scenario, name, self.time, self.time + duration)
         jump = states[0] - self.states[k]
         if (apart := float(np.linalg.norm(jump[:3]))) > JUMP:
-            what = f"begins {apart:.4g} m from where {name} is at {self.time:.6g} s"
-            raise ValueError(f"follow: its file {what}; name it in all coasts before, or correct the file")
+            raise ValueError(
+                f"follow: the file of {name} begins {apart:.4g} m from its position at {self.time:.6g} s; "
+                "follow it in all earlier coasts, or correct the file"
+            )
         arrivals[0], arrivals[-1, :3] = states[0], states[-1, :3]
         if np.linalg.norm(jump[3:]) > LEAST_JUMP:
             arrivals[0, 3:] = self.states[k, 3:]

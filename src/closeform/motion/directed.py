@@ -177,7 +177,7 @@ def answers_of(
             where = thrusters.unreachable if reason.args[0] == ONE_SIDED else None
             lack = ""
             if where is not None:
-                lack = f"; add a thruster along {' '.join(f'{x:.3g}' for x in where)} of their frame"
+                lack = f"; add a thruster along {' '.join(f'{x:.3g}' for x in where)} of the thrusters' frame"
             raise ValueError(
                 f"thrusters: {craft}no firing in {duration:g} s achieves the transfer: {reason}{lack}"
             ) from None

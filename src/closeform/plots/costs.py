@@ -398,7 +398,7 @@ def clearance(found: ClearanceCostCurve, most: MaxClearance | None = None) -> Fi
         raise ValueError(f"most: has no plan; {most.reason}")
     factors, costs, slopes, plans = found.factor, found.spent, found.slope, list(found.plans)
     if most is not None and most.sigmas == most.sigmas:
-        raise ValueError("most: of sigmas, not of the size of zones; make it without errors")
+        raise ValueError("most: is a number of sigmas, not a size of zones; compute it without errors")
     if most is not None and most.plan is not None:  # an ordinary point of the curve
         own = most.factor, most.plan.spent, slope(most.plan, most.factor)
         pairs = zip((factors, costs, slopes), own, strict=True)

@@ -378,7 +378,7 @@ def arrival_lines(craft: str, goal: Arrival | None, drifts: bool, safe: bool = F
     else:
         yield f"{arrives}, as given; lowest cost at {lowest:.2f} deg"
         less = f"{best.spent:.4g} {UNITS[goal.cost]}"
-        yield f'By free thrust without obstacles: {spent}; lowest cost {less} ({shape.phased} = "cheapest")'
+        yield f'With free thrust and without obstacles: {spent}; lowest cost {less} ({shape.phased} = "cheapest")'
     if safe:
         yield "The lowest cost among passively safe phases; a passively safe path there may not exist"
     elif drifts:

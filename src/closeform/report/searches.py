@@ -408,7 +408,7 @@ def ways(result: Gathered) -> tuple[Table, ...]:
     chosen = choice(result)
     words = {"second": f"second: {high} burns, {low} holds", "first": f"first: {low} burns, {high} holds"}
     rows = [
-        (words.get(way, "half: half each"), total, chosen if way == gathering.burns else "")
+        (words.get(way, "half: each burns half"), total, chosen if way == gathering.burns else "")
         for way, total in gathering.totals.items()
     ]
     columns = Column("first pair", words=True), speed(gathering, " of all craft"), Column("")

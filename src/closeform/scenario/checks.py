@@ -413,7 +413,7 @@ def in_field(scenario: Scenario) -> Iterator[str]:
     table, chief = scenario.orbit.field, scenario.orbit.chief
     if table is not None:
         if chief is not None and (chief.center or "EARTH").upper() != "EARTH":
-            yield f"orbit.field: is the Earth's, and the chief is about {chief.center}; remove field"
+            yield f"orbit.field: models the Earth, but the chief orbits {chief.center}; remove field"
         return
     tables = {
         "feedback": scenario.feedback,

@@ -151,7 +151,7 @@ def draw_error(key: str, draw: Draw) -> str | None:
     except ValueError as error:
         return str(error)
     if draw.shell is not None and numbers[0] > numbers[1]:
-        return f"shell {shown(draw.shell)} shrinks; write the inner radius first"
+        return f"shell {shown(draw.shell)} begins with its outer radius; write the inner radius first"
     return None
 
 
