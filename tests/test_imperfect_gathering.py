@@ -6,7 +6,7 @@ from scipy.special import ndtri
 
 import closeform as cf
 from bodies import Body
-from closeform.campaign import case_of, flown
+from closeform.campaign import case_of, evaluated
 from closeform.campaign.mission_cases import MissionCampaign
 from closeform.campaign.search_cases import GatherCampaign
 from closeform.mission.mission import fly
@@ -145,7 +145,7 @@ def assert_agree(found, model):
 def test_failed_spacecraft_keep_coasting(text):
     """Each case agrees with the model, whose failures come from NumPy's Philox generator."""
     scenario, chance = parse(text), 0.4 if text is FAILING else 0.5
-    campaign, sky, push = flown(scenario), sky_of(scenario), 0.6 if text is FAILING else 0.0
+    campaign, sky, push = evaluated(scenario), sky_of(scenario), 0.6 if text is FAILING else 0.0
     assert isinstance(campaign, GatherCampaign)
     sensor, seen = scenario.plan.sensor, set()
     some = {0, 1, 2, int(np.argmax(campaign.column("adrift")))}
@@ -186,13 +186,13 @@ def test_failed_spacecraft_keep_coasting(text):
 
 def test_study_of_failures_is_independent_of_chunks():
     scenario = parse(FAILING)
-    kind = flown(scenario).kind
+    kind = evaluated(scenario).kind
     whole = kind.evaluate(0, 24)
     for parts in ((0, 24), (0, 7, 8, 24)):
         some = [kind.evaluate(first, last) for first, last in zip(parts, parts[1:], strict=False)]
         for name, column in whole.items():
             np.testing.assert_array_equal(np.concatenate([part[name] for part in some]), column)
-    assert "without craft adrift" in flown(scenario).reason
+    assert "without craft adrift" in evaluated(scenario).reason
 
 
 def bodies_of(scenario):
@@ -227,7 +227,7 @@ def test_failures_with_search_errors(text, erring):
     )  # respected with all pointing errors
     scenario = parse(text + DRAWN)
     cases = 8
-    campaign, sky, seen = flown(scenario, cases), sky_of(scenario), set()
+    campaign, sky, seen = evaluated(scenario, cases), sky_of(scenario), set()
     assert isinstance(campaign, MissionCampaign if erring else GatherCampaign)
     for case in range(cases):
         mission = fly(case_of(scenario, case))
@@ -259,7 +259,7 @@ def test_failures_with_search_errors(text, erring):
 def test_burn_errors_follow_gates_model():
     """Burn errors and their consequences agree with the model."""
     scenario = parse(OFF)
-    campaign = flown(scenario, 10)
+    campaign = evaluated(scenario, 10)
     assert isinstance(campaign, MissionCampaign)
     burns, sky = 0, sky_of(scenario)
     for case in range(10):
@@ -370,7 +370,7 @@ def test_mission_continues_after_failures():
     text = text.replace("180 m", "2 km")
     text = text.replace("[sensor]", 'keep_out = { sphere = "5 m" }\n\n[sensor]')
     scenario = parse(text)
-    campaign = flown(scenario, 10)
+    campaign = evaluated(scenario, 10)
     assert isinstance(campaign, MissionCampaign)
     drifted = 0
     for case in range(10):
@@ -407,7 +407,7 @@ def test_mission_continues_after_failures():
 def test_zero_chance_of_failure_changes_nothing():
     """A chance of zero changes nothing."""
     none, some = parse(LOST + '"craft.fails" = { chance = 0 }\n'), parse(LOST)
-    one, other = flown(none, 20), flown(some, 20)
+    one, other = evaluated(none, 20), evaluated(some, 20)
     np.testing.assert_array_equal(one.time, other.time)
     np.testing.assert_array_equal(one.delta_v, other.delta_v)
     assert (one.column("adrift") == 0).all()

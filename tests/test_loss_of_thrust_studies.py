@@ -7,7 +7,7 @@ import pytest
 from scipy.linalg import expm
 
 from bridge import hill
-from closeform.campaign import case_of, flown
+from closeform.campaign import case_of, evaluated
 from closeform.campaign.draws import failing
 from closeform.mission.mission import fly
 from closeform.report.run import requirements
@@ -28,7 +28,7 @@ FAILS = FAILS.replace(
 
 @pytest.fixture(scope="module")
 def campaign():
-    return flown(parse(FAILS, "fails.toml", "study"), 24)
+    return evaluated(parse(FAILS, "fails.toml", "study"), 24)
 
 
 def test_failed_spacecraft_drift_and_others_follow_the_plan(campaign):
@@ -65,7 +65,7 @@ def test_failed_spacecraft_drift_and_others_follow_the_plan(campaign):
 
 def test_coasting_spacecraft_do_not_fail():
     """A coasting station never fails."""
-    campaign = flown(parse(STATION.replace("chance = 0.5", "chance = 1.0"), "fails.toml", "study"), 3)
+    campaign = evaluated(parse(STATION.replace("chance = 0.5", "chance = 1.0"), "fails.toml", "study"), 3)
     assert np.isnan(campaign.column("B_fails_s")).all()
     assert not np.isnan(campaign.column("A_fails_s")).any()
     for case in range(3):

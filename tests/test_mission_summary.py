@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from closeform.campaign import case_of, flown
+from closeform.campaign import case_of, evaluated
 from closeform.cli.app import main
 from closeform.mission.mission import fly
 from closeform.report.run import RunReport
@@ -124,7 +124,7 @@ def test_a_study_keeps_the_zones_that_a_run_keeps(zones: str, stage: str) -> Non
     """Of each pair, where craft have zones of their own."""
     text = LOST.replace('do = "gather"', f'do = "{stage}"').replace('{ sphere = "20 m" }', zones)
     scenario = parse(text)
-    clear = flown(scenario, 60, 3, lambda done: None).kept["clear"]
+    clear = evaluated(scenario, 60, 3, lambda done: None).kept["clear"]
     alone = [not fly(case_of(scenario, case)).verdict.conflicts for case in range(60)]
     np.testing.assert_array_equal(clear, alone)
     assert 0.1 < clear.mean() < 0.95

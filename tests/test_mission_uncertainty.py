@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 import closeform as cf
 import closeform.campaign
 from bridge import hill
-from closeform.campaign import error_cases, flown
+from closeform.campaign import error_cases, evaluated
 from closeform.campaign.error_cases import drawn
 from closeform.cli.app import main
 from closeform.mission.mission import fly
@@ -296,7 +296,7 @@ def test_study_cases_against_an_integrator() -> None:
     scenario = parse(
         head.replace("5 m", "8 m") + known + move + '[study]\ncases = 24\nseed = 4\ndraws = "errors"\n'
     )
-    campaign = flown(scenario, 24, 4)
+    campaign = evaluated(scenario, 24, 4)
     (pair,) = campaign.bodies
     paths = [campaign.mission.results[0].after.path(name) for name in scenario.names]
     times = np.linspace(paths[0].start, paths[0].end, 600)

@@ -103,7 +103,7 @@ DAMAGE = {
         lambda text: text.replace("4.1024000e-04\n", "4.1024000e-04 0 0 0 0 0\n", 1),
         f"line {AT + 3}: 6 values in place of row 1",
     ),
-    "a seventh row": (lambda text: text.replace("\n" + SECOND, "1 2 3 4 5 6 7\n" + SECOND), f"line {AT + 9}: 7 values where row 7"),
+    "a seventh row": (lambda text: text.replace("\n" + SECOND, "1 2 3 4 5 6 7\n" + SECOND), f"line {AT + 9}: 7 values in place of row 7"),
     "a word": (lambda text: text.replace("4.1024000e-04", "large"), f"line {AT + 3}: 'large' is not a number"),
     "not finite": (
         lambda text: text.replace("4.1024000e-04", "nan"),

@@ -8,7 +8,7 @@ import threading
 import numpy as np
 import pytest
 
-from closeform.campaign import case_of, flown, mission_cases
+from closeform.campaign import case_of, evaluated, mission_cases
 from closeform.campaign.mission_cases import MOST_PLANS, Plans
 from closeform.mission.mission import fly
 from closeform.scenario import ScenarioError, parse
@@ -47,7 +47,7 @@ def test_plan_is_made_once_for_equal_inputs(text, plans, monkeypatch):
     monkeypatch.setattr(
         mission_cases, "staged", lambda one, **told: (made.append(plan_inputs(one)), planned(one, **told))[1]
     )
-    campaign = flown(scenario, 8)
+    campaign = evaluated(scenario, 8)
     assert len(made) == plans
     if text is not TWICE:  # its plans start at disturbed states
         assert len({plan_inputs(one.scenario) for one in runs}) == plans
@@ -99,7 +99,7 @@ def test_number_of_stored_plans_is_bounded():
 
 def test_copies_of_a_study_hold_no_plans():
     """A pickled or copied result gives the same rows."""
-    campaign = flown(parse(FAILURES, "plans.toml", "study"), 4)
+    campaign = evaluated(parse(FAILURES, "plans.toml", "study"), 4)
     for twin in (pickle.loads(pickle.dumps(campaign)), copy.deepcopy(campaign)):
         assert campaign.kind.plans.held
         assert not twin.kind.plans.held

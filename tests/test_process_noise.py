@@ -8,7 +8,7 @@ from scipy.stats import chi2
 
 import closeform as cf
 from bridge import hill
-from closeform.campaign import case_of, flown
+from closeform.campaign import case_of, evaluated
 from closeform.dynamics.process_noise import STEP, shaken
 from closeform.mission.executed_mission import ProcessNoise
 from closeform.mission.mission import fly
@@ -187,21 +187,21 @@ def test_runs_reproduce_the_cases_of_a_study():
         'pointing = "0.5 deg", noise = "1e-7 m^2/s^3" }, { noise = "2e-8 m^2/s^3" }]',
     )
     scenario = parse(noisy, "near.toml", "study")
-    campaign = flown(scenario, 80)
+    campaign = evaluated(scenario, 80)
     entered = campaign.zones[0]
     assert 4 < campaign.counts["zone"].any < 76
     for case in [*np.flatnonzero(entered.inside)[:3].tolist(), *range(3)]:
         mission = fly(case_of(scenario, case))
         assert mission.verdict.conflicts == entered.entries[case] + entered.began[case]
         assert mission.delta_v.sum() == pytest.approx(mission.paths.delta_v.sum())
-    np.testing.assert_array_equal(flown(scenario, 20).zones[0].entries, entered.entries[:20])
+    np.testing.assert_array_equal(evaluated(scenario, 20).zones[0].entries, entered.entries[:20])
 
 
 @pytest.mark.slow
 def test_share_of_entries_is_the_collision_probability():
     """Compare 4000 cases with the Monte Carlo of `collision_probability`."""
     text = COASTS.replace("execution = [{", 'covariance = { position = "2 5 2 m" }\nexecution = [{')
-    found = flown(scenario_of(text), 4000).counts["zone"]
+    found = evaluated(scenario_of(text), 4000).counts["zone"]
     path, other = ORBIT.coast([[0, -60, 0, 0, 0, 0], np.zeros(6)], 3000.0)
     known = np.diag([4.0, 25.0, 4.0, 0, 0, 0])
     figure = cf.collision_probability(
@@ -243,7 +243,7 @@ def test_excessive_noise_is_rejected():
     with pytest.raises(
         ValueError, match=r"^coasts.toml: craft.execution: noise of 1e\+06 m\^2/s\^3 moves a pair"
     ):
-        flown(scenario_of(COASTS.replace("1e-7", "1e6")), 10)
+        evaluated(scenario_of(COASTS.replace("1e-7", "1e6")), 10)
 
 
 # Simulations

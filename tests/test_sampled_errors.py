@@ -6,7 +6,7 @@ from scipy.integrate import solve_ivp
 from scipy.special import ndtri
 
 from bridge import hill
-from closeform.campaign import case_of, flown
+from closeform.campaign import case_of, evaluated
 from closeform.campaign.mission_cases import MissionCases
 from closeform.mission.executed_mission import History
 from closeform.mission.mission import fly
@@ -153,7 +153,7 @@ def test_starts_have_the_covariance(scenario):
 
 
 def test_rows_have_the_final_deviations(scenario):
-    campaign = flown(scenario)
+    campaign = evaluated(scenario)
     assert "stage 3, avoid, deviation [m]" in campaign.spreads
     for case in (0, 5):
         mission = fly(case_of(scenario, case))
@@ -173,7 +173,7 @@ def test_study_agrees_with_runs_of_cases():
     """Entries of 40 cases agree with runs of each case."""
     text = NEAR.replace('sphere = "25 m"', 'sphere = "31 m"').replace('"1 2 1 m"', '"6 9 6 m"')
     scenario = parse(text, "near.toml", "study")
-    campaign = flown(scenario, 3000)
+    campaign = evaluated(scenario, 3000)
     inside = campaign.counts["zone"]
     assert inside.any >= 20
     entered = campaign.zones[0]

@@ -16,7 +16,7 @@ from closeform.cli.app import main
 from closeform.mission.mission import fly
 from closeform.mission.mission_result import Mission
 from closeform.mission.simulation_verdict import Entered
-from closeform.mission.stage_margin import flown_errors
+from closeform.mission.stage_margin import reference_errors
 from closeform.mission.stage_start import BurnRoom, StageStart
 from closeform.results.load import LoadedRun
 from closeform.scenario import parse
@@ -290,10 +290,10 @@ def test_margin_uses_the_errors_at_the_start_of_its_plan():
     orbit, own = scenario.orbit.build(), tuple(craft.errors for craft in scenario.craft)
     first = StageStart(scenario, orbit, 1, scenario.states(orbit), 0.0, {}, np.ones(2), errors=own)
     coasted = orbit.transition(120.0) @ own[0].state @ orbit.transition(120.0).T
-    (late,) = flown_errors(first.leaving(BurnRoom(before=120.0)), [0])
+    (late,) = reference_errors(first.leaving(BurnRoom(before=120.0)), [0])
     assert late.state == pytest.approx(coasted, rel=1e-9, abs=1e-12)
     coast = fly(parse(swap(craft=EXECUTION, more=COAST), "swap.toml")).results[:1]
-    (later,) = flown_errors(replace(first, number=2, flown=coast, errors=()), [1])
+    (later,) = reference_errors(replace(first, number=2, executed=coast, errors=()), [1])
     assert later.state == pytest.approx(own[1].state)
     assert (later.magnitude, late.magnitude) == (0.01, 0.01)
 

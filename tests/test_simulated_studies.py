@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from scipy.special import ndtri
 
 import closeform as cf
-from closeform.campaign import case_of, flown
+from closeform.campaign import case_of, evaluated
 from closeform.campaign.mission_cases import MissionCases
 from closeform.cli.app import main
 from closeform.dynamics.drag import EARTH_SPIN
@@ -46,7 +46,7 @@ MANY = swap(
 
 @pytest.fixture(scope="module")
 def missions():
-    return flown(parse(MANY, "many.toml"))
+    return evaluated(parse(MANY, "many.toml"))
 
 
 def row(campaign, case: int) -> dict:
@@ -352,7 +352,7 @@ def test_cases_that_cannot_be_flown_do_not_count_as_flights():
     """Their plans stand in their rows, with why; the same thrust is enough in others."""
     study = STUDY[: STUDY.index("[study.vary]")].replace("cases = 20", "cases = 6")
     draws = '[study.vary]\n"craft.max_thrust" = { uniform = "1 mN" }\n'
-    missions = flown(parse(dragged(0.0612, study + draws), "weak.toml"))
+    missions = evaluated(parse(dragged(0.0612, study + draws), "weak.toml"))
     status, reasons = missions.column("status"), missions.column("reason")
     grounded = status == "refused"
     assert 0 < grounded.sum() < 6

@@ -68,11 +68,11 @@ def study(
     to files, and its memory does not grow with the number of cases.
     """
     found: Campaign | ErrorCampaign | MissionCampaign | SweepCampaign
-    found = flown(load(instance("file", file, str, Path)), cases, seed)
+    found = evaluated(load(instance("file", file, str, Path)), cases, seed)
     return found
 
 
-def flown(
+def evaluated(
     scenario: Scenario,
     cases: int | None = None,
     seed: int | None = None,

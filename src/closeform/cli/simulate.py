@@ -81,7 +81,7 @@ def simulate(
     for why, without in not_anew(run.scenario) if control == "replan" else ():
         raise UsageError(f"--control: {why} in {directory}; use --control track, or a run with {without}")
     from closeform.dynamics.infeasible import Grounded
-    from closeform.mission.simulation import FlownRun, usually_led
+    from closeform.mission.simulation import SimulatedRun, usually_led
     from closeform.report.page import Command
 
     settings = asked.instead_of(run.scenario.truth.flight, usually_led(run, control))
@@ -92,7 +92,7 @@ def simulate(
         from closeform.report.simulation import SimulationReport
 
         try:
-            return SimulationReport(FlownRun.of(run, control, settings, seeds), command)
+            return SimulationReport(SimulatedRun.of(run, control, settings, seeds), command)
         except Grounded as error:
             raise UsageError(f"{directory}: cannot be simulated: {error}") from None
         except ValueError as error:

@@ -9,7 +9,7 @@ from closeform.arrays import Floats
 from closeform.fuel.chunks import Chunks, cells_of, gathered
 from closeform.fuel.deviation import bound, misfit_of
 from closeform.fuel.falling_mass import fired_within
-from closeform.fuel.pulses import Pulses, flown
+from closeform.fuel.pulses import Pulses, pulsed_path
 from closeform.fuel.thrusters import Thrusters
 from closeform.motion.path import Path, ends_of
 
@@ -52,7 +52,7 @@ class Order:
         chunks = self.chunks[self.fired]
         strength = chunks.impulse / np.diff(self.times, axis=0)[0]
         ends = np.array([plan.start, plan.end])
-        return flown(
+        return pulsed_path(
             plan.orbit, self.thrusters, chunks.thruster, self.times, strength, ends_of(plan)[0], ends
         )
 

@@ -82,7 +82,7 @@ def extended(path: Path, start: float, end: float) -> Path:
     return Path(path.orbit, rows, np.array([0, len(rows)]), ())
 
 
-def flown(
+def pulsed_path(
     orbit: Orbit,
     thrusters: Thrusters,
     thruster: Any,

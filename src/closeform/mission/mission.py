@@ -75,7 +75,7 @@ def staged(
         begin, shares = results[-1].end if results else 0.0, shares_left(scenario, results)
         known = () if replanned else tuple(results)  # replanning starts from newly measured states
         here = scenario.during(stage)
-        start = StageStart(here, orbit, number, states, begin, past, shares, errors=errors, flown=known)
+        start = StageStart(here, orbit, number, states, begin, past, shares, errors=errors, executed=known)
         if stage.name is not None:
             past[stage.name] = start.time, states
         try:
@@ -112,11 +112,11 @@ def as_happened(
     if scenario.flights is None or not mission.flown:
         return mission
     from closeform.dynamics.infeasible import Grounded
-    from closeform.mission.simulation import FlownRun
+    from closeform.mission.simulation import SimulatedRun
 
     progress("simulation in the high-fidelity model")
     try:
-        flights = FlownRun.asked(mission)
+        flights = SimulatedRun.asked(mission)
         lost = tuple(flights.drifted(one) for one in mission.lost)
         return replace(mission, flights=flights, lost=lost)
     except Grounded as error:

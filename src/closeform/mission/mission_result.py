@@ -36,7 +36,7 @@ from closeform.zones.zone import Zone
 if TYPE_CHECKING:
     from closeform.dynamics.validity import Validity
     from closeform.mission.passive_safety import PairDrift, PassiveSafety
-    from closeform.mission.simulation import FlownRun
+    from closeform.mission.simulation import SimulatedRun
     from closeform.mission.stage_start import Arrival
     from closeform.mission.thruster_firing import Pulsed
     from closeform.mission.uncertainty import UncertainStage
@@ -264,7 +264,7 @@ class Mission(Stages):
     results: tuple[StageResult[Any, Any], ...]
     stopped: str | None = None
     lost: tuple[LostThrust, ...] = ()
-    flights: "FlownRun | None" = None
+    flights: "SimulatedRun | None" = None
     grounded: str | None = None  # reason why a requested simulation is impossible
 
     @cached_property

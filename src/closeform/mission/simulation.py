@@ -30,7 +30,7 @@ from closeform.mission.verdict import LostThrust, Use
 from closeform.motion.arc import END, START
 from closeform.motion.path import Path, fires_impulses, path_of
 from closeform.named_craft import as_listed
-from closeform.scenario.checks import flown_thrusters
+from closeform.scenario.checks import simulated_thrusters
 from closeform.zones.pair_zones import PairZones
 
 Control = Literal["track", "replan", "open"]
@@ -38,7 +38,7 @@ PARTIAL = 1e-9  # [s] tolerance for a stage end that coincides with an output ti
 
 
 @dataclass(frozen=True, eq=False)
-class FlownStage:
+class SimulatedStage:
     """One stage of S simulated flights of N spacecraft.
 
     `ends` (S, N) [m] are the distances from the plan at the end of the stage.  `ratios` (S, P) are the
@@ -62,7 +62,7 @@ class FlownStage:
 
 
 @dataclass(frozen=True, eq=False)
-class FlownRun:
+class SimulatedRun:
     """All stages of a `run`, simulated as one `flight`.
 
     `arguments` are the keyword arguments of `simulate`, and `control` is its control mode.  `known` is the
@@ -97,7 +97,7 @@ class FlownRun:
         assert known is not None
         assert field is not None
         zones = run.scenario.zones if run.scenario.zones.pairs <= ALL_PAIRS else None
-        own, pulsed = flown_thrusters(run.scenario), fires_pulses(run)
+        own, pulsed = simulated_thrusters(run.scenario), fires_pulses(run)
         plan = followed(run.flown) if pulsed else planned(run)
         arguments = arguments | {"feedback": arguments["feedback"] or usually_led(run, control)}
         if run.lost:
@@ -163,7 +163,7 @@ class FlownRun:
         return near
 
     @cached_property
-    def stages(self) -> tuple[FlownStage, ...]:
+    def stages(self) -> tuple[SimulatedStage, ...]:
         """Results of each stage by itself."""
         return tuple(self.stage(one) for one in self.run.flown)
 
@@ -240,7 +240,7 @@ class FlownRun:
         """True if propellant is printed in grams: no spacecraft uses more than a kilogram."""
         return bool(np.nanmax(self.propellant, initial=0.0) <= 1.0)
 
-    def stage(self, result: Any) -> FlownStage:
+    def stage(self, result: Any) -> SimulatedStage:
         """Return the part of the simulation that belongs to one stage."""
         flight = self.flight
         first = np.searchsorted(flight.times, result.start, "right") - 1
@@ -257,7 +257,7 @@ class FlownRun:
         now = float(flight.times[last])
         ahead = flight.states[:, :, last] - flight.planned.state([now])[:, -1]
         off = np.linalg.norm(ahead[..., :3] + (result.end - now) * ahead[..., 3:], axis=-1)
-        return FlownStage(result.number, result.stage.verb, result.start, result.end, off, ratios)
+        return SimulatedStage(result.number, result.stage.verb, result.start, result.end, off, ratios)
 
     @cached_property
     def worst(self) -> WatchedFlight:

@@ -20,7 +20,7 @@ from closeform.motion.mean_motion import EARTH_MU, EARTH_RADIUS, semi_major_axis
 if TYPE_CHECKING:
     from closeform.dynamics.validity import Validity
     from closeform.mission.mission_result import Mission, StageResult
-    from closeform.mission.simulation import FlownRun
+    from closeform.mission.simulation import SimulatedRun
     from closeform.motion.orbit import Orbit
     from closeform.scenario import Scenario
 
@@ -96,7 +96,7 @@ class Entered:
         return f"{self.zones}; limits are not kept: {beyond(self.exceeded)}"
 
 
-def in_flight(flights: "FlownRun | None", grounded: str | None) -> tuple[Asked, ...]:
+def in_flight(flights: "SimulatedRun | None", grounded: str | None) -> tuple[Asked, ...]:
     """Return the requirement on a requested simulation; `grounded` is the reason why it is impossible."""
     if grounded is not None:
         return (Asked("", f"cannot be simulated: {grounded}", False, 0.0, "flight"),)

@@ -72,7 +72,7 @@ def around(start: StageStart, stage: Avoid) -> StageResult[Avoid, AvoidResult]:
         around = [other(name, path.end - start.time) for name in rest]
         return start.flight([*around[:mover], path, *around[mover:]])
 
-    def way(factor: float) -> Path:
+    def direct_path(factor: float) -> Path:
         if to is None:
             return start.coast(mover, factor * asked)
         task = to, mover, factor * asked, stage.cost
@@ -83,7 +83,7 @@ def around(start: StageStart, stage: Avoid) -> StageResult[Avoid, AvoidResult]:
         except TooLittleThrust:
             return start.transfer(*task)  # the planner then reports the lack of thrust
 
-    craft, direct = start.scenario.craft[mover], way(1.0)
+    craft, direct = start.scenario.craft[mover], direct_path(1.0)
     thrusters = start.thrusters(mover, stage.cost)
     task = Around.of(start.orbit, others, zones, stage.method, None, rest, stage.cost, thrusters)
     task = replace(task, drift=drift, gap=stage.proving.gap)
@@ -96,7 +96,7 @@ def around(start: StageStart, stage: Avoid) -> StageResult[Avoid, AvoidResult]:
             return padded.plan(direct, stage.proving.seconds)
         return padded.keep(
             craft.max_acceleration,
-            lambda factor: way(factor) if factor != 1.0 else direct,
+            lambda factor: direct_path(factor) if factor != 1.0 else direct,
             stage.longer,
             stage.proving.seconds,
         )
@@ -109,7 +109,7 @@ def around(start: StageStart, stage: Avoid) -> StageResult[Avoid, AvoidResult]:
     before = flight(direct)
     after = flight(avoidance.path) if avoidance.path not in (None, direct) else before
     late = too_late(start, stage, after, {craft.name: avoidance.punctual})
-    plain = way((after.end - start.time) / asked) if late is not None else direct
+    plain = direct_path((after.end - start.time) / asked) if late is not None else direct
     asked_for = start.scenario.zones_around(craft.name)  # zones of the scenario, not enlarged for pulses
     result = AvoidResult(stage.craft, rest, asked_for, direct, plain, avoidance, asked, goals)
     failure = None if avoidance.ok else avoidance.reason

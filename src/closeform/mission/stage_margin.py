@@ -44,9 +44,9 @@ def with_margin(
         settings["navigation"],
         obstacles=others,
         held=True,
-        before=followed(start.flown)[craft] if start.flown else None,
+        before=followed(start.executed)[craft] if start.executed else None,
         thrust_error=settings["thrust_error"][craft],
-        errors=flown_errors(start, craft),
+        errors=reference_errors(start, craft),
         thrusters=[start.scenario.craft[k].fired(1.0) for k in craft],
         engine=settings["engine"][craft],
     )
@@ -65,12 +65,12 @@ def unfit(plan: "Plan | Avoidance", reason: str) -> "Plan | Avoidance":
     return replace(plan, status=Status.NO_MARGIN, reason=reason, **without)
 
 
-def flown_errors(start: StageStart, craft: list[int]) -> list[Any] | None:
+def reference_errors(start: StageStart, craft: list[int]) -> list[Any] | None:
     """Return the uncertainty of `craft` on their reference paths at the start, with execution errors.
 
     Return None if no spacecraft has any.
     """
-    own = start.scenario.flight["errors"] if start.flown else start.errors
+    own = start.scenario.flight["errors"] if start.executed else start.errors
     return [own[k] for k in craft] if own else None
 
 

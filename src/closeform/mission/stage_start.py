@@ -59,7 +59,7 @@ class StageStart:
     - `shares` (N,): remaining fraction of the initial mass of each spacecraft.
     - `room`: reserve for thruster burns; with it, `time` is the later start of the plan.
     - `errors`: uncertainty of each spacecraft; empty if none has any.
-    - `flown`: previous stages; empty if each stage is replanned from known states.
+    - `executed`: previous stages; empty if each stage is replanned from known states.
     """
 
     scenario: Scenario
@@ -71,7 +71,7 @@ class StageStart:
     shares: Floats
     room: BurnRoom = BurnRoom()
     errors: tuple[Any, ...] = ()
-    flown: "tuple[StageResult[Any, Any], ...]" = ()
+    executed: "tuple[StageResult[Any, Any], ...]" = ()
 
     def leaving(self, room: BurnRoom) -> Self:
         """Return the start of a plan that leaves the reserve `room`, after the coast before it."""

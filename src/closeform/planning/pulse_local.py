@@ -12,8 +12,7 @@ from typing import Any, Self
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.fuel.pulses import extended
-from closeform.fuel.pulses import flown as flown_by_pulses
+from closeform.fuel.pulses import extended, pulsed_path
 from closeform.fuel.thrusters import Thrusters
 from closeform.motion.arc import END, START, STATE
 from closeform.motion.path import Path
@@ -146,7 +145,7 @@ class PulseSolver(ImpulseSolver):
             begins = self.begins(i, own, lengths)
             middle, strength = begins + 0.5 * lengths, thrusters.acceleration[own.which]
             times = np.stack([begins, begins + lengths])
-            path = flown_by_pulses(orbit, thrusters, own.which, times, strength, initial, (start, end))
+            path = pulsed_path(orbit, thrusters, own.which, times, strength, initial, (start, end))
             along = thrusters.directions_at(orbit, middle)[np.arange(len(own.times)), own.which]
             off = units * (final - path.state(end))
             if np.abs(off).max() <= MET * sizes.sum():

@@ -129,20 +129,20 @@ def animate(
     if kind not in FLYING:
         which = _listed({**FLYING, "Gathering": None})
         raise TypeError(f"result: {shown(result)} has no paths; give one of: {which}")
-    flown = FLYING[kind](result)
+    motion = FLYING[kind](result)
     others = crafts("obstacles", obstacles) if obstacles is not None else []
-    known = names if names is not None else flown.names
+    known = names if names is not None else motion.names
     if known is not None:
         known = [*known, *(f"obstacle {k}" for k in range(len(others)))]
-    every = stack([*crafts("result", flown.after), *others])
-    plots.formation_animation(every, file, known, zone if zone is not None else flown.zone, frames=frames)
+    every = stack([*crafts("result", motion.after), *others])
+    plots.formation_animation(every, file, known, zone if zone is not None else motion.zone, frames=frames)
 
 
 def _in_space(result: Any, zone: Any, obstacles: Any, names: Any) -> Figure:
-    flown = FLYING[_kind(result)](result)
-    known, kept = names if names is not None else flown.names, zone if zone is not None else flown.zone
+    motion = FLYING[_kind(result)](result)
+    known, kept = names if names is not None else motion.names, zone if zone is not None else motion.zone
     others = () if obstacles is None else obstacles
-    return plots.formation_paths(flown.before, flown.after, known, kept, others)
+    return plots.formation_paths(motion.before, motion.after, known, kept, others)
 
 
 def _kind(result: Any) -> str:

@@ -377,8 +377,8 @@ def arrival_lines(craft: str, goal: Arrival | None, drifts: bool, safe: bool = F
         yield f"{arrives}, {'' if asked else 'as given, '}lowest cost: {spent} by free thrust"
     else:
         yield f"{arrives}, as given; lowest cost at {lowest:.2f} deg"
-        less = f"{best.spent:.4g} {UNITS[goal.cost]}"
-        yield f'With free thrust and without obstacles: {spent}; lowest cost {less} ({shape.phased} = "cheapest")'
+        cheapest = f'{best.spent:.4g} {UNITS[goal.cost]} ({shape.phased} = "cheapest")'
+        yield f"With free thrust and without obstacles: {spent}; lowest cost {cheapest}"
     if safe:
         yield "The lowest cost among passively safe phases; a passively safe path there may not exist"
     elif drifts:

@@ -457,7 +457,7 @@ def in_flight(scenario: Scenario) -> Iterator[str]:
         yield f'craft.execution: margin = "auto" does not cover white noise; {remedy}'
     if autos or scenario.flights is not None:
         try:
-            flown_thrusters(scenario)
+            simulated_thrusters(scenario)
         except ValueError as error:
             yield str(error)
     if scenario.flights is None:
@@ -473,7 +473,7 @@ def in_flight(scenario: Scenario) -> Iterator[str]:
         yield f"study.vary.{shown(FAILS)}: cannot be combined with replanning; {remedy}"
 
 
-def flown_thrusters(scenario: Scenario) -> list[Thrusters | None]:
+def simulated_thrusters(scenario: Scenario) -> list[Thrusters | None]:
     """Return the thrusters of each craft, which are the same in all stages; None for a craft without any.
 
     Raises ValueError, with the key of the stage, if a craft has other thrusters in that stage.

@@ -118,13 +118,13 @@ class Shown:
     @classmethod
     def of_flight(cls, report: "SimulationContent") -> Self:
         """Return the worst simulation of a run stage by stage; the title identifies it."""
-        flown = report.flown
+        simulated = report.simulated
         shown = cls._of_one(report, report.epoch, report.flight, report.zones, staged(Flight))
         stages = tuple(
             StageResult(one.number, one.stage, float(np.min(flight.paths.start)), flight, flight, None)
-            for one, flight in zip(flown.run.flown, flown.worst_by_stage, strict=True)
+            for one, flight in zip(simulated.run.flown, simulated.worst_by_stage, strict=True)
         )
-        which = f"{flown.which[0].upper()}{flown.which[1:]}: " if flown.which else ""
+        which = f"{simulated.which[0].upper()}{simulated.which[1:]}: " if simulated.which else ""
         return replace(shown, title=which + shown.title, results=stages)
 
     @classmethod
