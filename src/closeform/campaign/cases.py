@@ -47,8 +47,8 @@ class Cases(ABC):
     """Cases of one kind, determined by a scenario and a seed alone.
 
     `failures`: the words for a case without each requirement, by its name. `unfinished`: the requirements
-    without which a case counts as never ended. `drawn`: the columns that seed and case reproduce, not kept in
-    memory.
+    without which a case counts as never ended. `drawn`: columns that are not kept in memory, because seed and
+    case number reproduce them.
     """
 
     scenario: Scenario
@@ -82,7 +82,7 @@ class Cases(ABC):
         """Return the cases (C,) in which each requirement is met; True or False if all are equal."""
 
     def quantities(self) -> dict[str, Quantity]:
-        """Return the quantities that have a spread, by label."""
+        """Return the quantities whose distribution is reported, by label."""
         return {}
 
     def prepared(self) -> Self:

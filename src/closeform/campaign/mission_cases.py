@@ -247,7 +247,7 @@ class MissionCases(Cases):
 
 
 def ranks(case: int, row: Mapping[str, Any]) -> dict[str, float]:
-    """Return the ranks that select a case for a page, lowest first; nan if none does (`viewer.replays`)."""
+    """Return the ranks by which `viewer.replays` selects cases for pages, lowest first; nan for none."""
     last = nan if np.isnan(row["end_s"]) else 0.0
     return {
         **{status: case if row["status"] == status else nan for status in (UNMET, STOPPED)},
@@ -295,7 +295,7 @@ class Plans:
         return Plans, ()  # a copy, in this or another process, is empty
 
     def of(self, known: Known, make: Callable[[], Mission]) -> Mission:
-        """Return the plan for the given inputs, computed if absent; an error is raised in every thread."""
+        """Return the plan for the given inputs, computed once; an error is raised in every thread."""
         with self.lock:
             found, new = self.held.get(known), Future[Mission]()
             if found is None:

@@ -152,7 +152,7 @@ class LockCases(SearchCases):
 
     @property
     def numbers(self) -> int:
-        """Number of lock times: of each pair with exact detection, and at each step."""
+        """Number of lock times of a case: for each pair, one exact time and one for each sampling step."""
         return self.rows * (1 + len(self.steps))
 
     def chunk_size(self, count: int) -> int:
@@ -262,7 +262,7 @@ class GatherCases(SearchCases):
         return columns["duration_s"], columns["leg"]
 
     def quantities(self) -> dict[str, Quantity]:
-        """Return the times [s], and the delta-v [m/s]."""
+        """Return the quantities of the study: times [s] and delta-v [m/s]."""
         return super().quantities() | {"delta-v of all craft [m/s]": self.spent}
 
     def spent(self, columns: Columns) -> Floats:

@@ -74,7 +74,7 @@ def open_output() -> None:
 def spelt(error: UnicodeError) -> tuple[str | bytes, int]:
     """Return the replacement of characters that an encoding lacks, and the position after them.
 
-    It consists of plain characters (2 for a superscript 2) if there are any, else of escape sequences.
+    Plain characters are used where they exist (2 for a superscript 2), and otherwise escape sequences.
     """
     if not isinstance(error, UnicodeEncodeError):
         raise error

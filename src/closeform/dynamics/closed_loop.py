@@ -52,7 +52,7 @@ class ClosedLoop:
     def of(cls, orbit: Orbit, feedback: Feedback, every: float, steps: int, lasting: bool = False) -> Self:
         """Return the loop of a feedback, for intervals of length `every` [s] with some steps.
 
-        `lasting`: finite burns in place of impulses.
+        If `lasting`, finite burns replace impulses.
         """
         since, delay = np.linspace(0.0, every, steps + 1), min(feedback.delay, every)
         if not feedback.impulses:

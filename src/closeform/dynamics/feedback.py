@@ -177,7 +177,7 @@ def kicks_back(orbit: Orbit, law: Feedback, lasting: bool = False) -> tuple[Floa
 def delayed(orbit: Orbit, law: Feedback, every: float) -> tuple[Floats, Floats]:
     """Return the transitions over the delay (6, 6) of the new measurement, and of the previous one.
 
-    The state is predicted by a coast, with the thrust of the last feedback meanwhile.  # theory (92)
+    The state is predicted by free motion plus the thrust of the last feedback in the meantime.  # theory (92)
     """
     wait = min(law.delay, every)
     left, moved, _ = way_back(orbit, law.horizon, np.array([every - wait, every]))

@@ -111,8 +111,8 @@ class Followed:
     def caused(self) -> tuple[Floats, Floats]:
         """True deviations (5, N, T, 3) [m] and believed ones (5, N, I, 6) for each of five causes.
 
-        The causes are the uncompensated acceleration, thrust larger by 100 %, and thrust rotated by 1 rad
-        about each axis.
+        The causes are the uncompensated acceleration, a thrust error of 100 % in size, and one of 1 rad about
+        each axis.
         """
         orbit, times, flown = self.paths.orbit, self.times, self.flown
         pushes = [self.felt, *np.einsum("kij,ntj->knti", KINDS, flown)]

@@ -295,7 +295,7 @@ def _course(
 ) -> Course:
     """Return the course of the given steps, with feedback rules, gains and delay matrices.
 
-    `drawn`: the error events of burns and impulses, and their Gates parameters.
+    `drawn` holds the error events of burns and impulses, and their Gates parameters.
     """
     table, path, count = commands.table, commands.path, len(commands.path)
     halves, nodes = slice(2 * steps.start, 2 * steps.stop + 1), slice(steps.start, steps.stop + 1)

@@ -164,8 +164,8 @@ def _retargeted(commands: Commands, field: Field, frame: ChiefFrame) -> tuple[Fl
 def _step(did: Floats, missed: Floats, changed: Floats) -> Floats:
     """Return the further change of impulses (3 M,), as lengths, for the errors `missed` (6 + P,).
 
-    The first six errors are those at the end. Changes with little effect on the end are determined by points
-    along the path.
+    The first six components of the error are those of the end state. Changes with little effect on the end
+    are determined by points along the path.
     """
     push, singular, ways = np.linalg.svd(did[:6])
     strong = int((singular > LEVER).sum())

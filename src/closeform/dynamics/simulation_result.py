@@ -104,7 +104,7 @@ class Simulation(Rows):
     def feedback_delta_v(self) -> Any:
         """Delta-v of each craft for feedback (S, N) [m/s], reduced by thrust limits.
 
-        Impulsive and pulsed feedback also compensates the model error on held coasts.
+        With impulsive or pulsed feedback it includes the compensation of the model error on held coasts.
         """
         spent = self.delta_v - self.planned_delta_v - self.field_delta_v
         return np.where(np.abs(spent) > ROUNDING * self.delta_v, spent, 0.0)

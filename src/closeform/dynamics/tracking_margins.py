@@ -55,7 +55,8 @@ class TrackingMargins(Result):
     sigmas : float, no unit
         Number of standard deviations that count.
     thrust : array of shape (N,) [m/s^2]
-        Largest thrust required with feedback, without impulses. With a lower limit the margins do not hold.
+        Largest thrust required with feedback, without impulses. The margins do not hold for a craft whose
+        thrust limit is lower than that.
     """
 
     _told: ClassVar = ("greatest", "thrust_error", "rest", "noise", "sigmas", "thrust")

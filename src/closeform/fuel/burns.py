@@ -47,7 +47,7 @@ def burns_of_pulses(pulses: Pulses, craft: int) -> Burns:
 
 
 def _rounded(burns: Burns) -> Burns:
-    """Return the burns without components that are rounding."""
+    """Return the burns with components that are only rounding errors set to zero."""
     kept = np.abs(burns.push) > ROUNDING * burns.size[:, None]
     return burns._replace(push=np.where(kept, burns.push, 0.0))
 

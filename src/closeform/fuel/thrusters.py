@@ -167,7 +167,7 @@ class Thrusters:
 
     @property
     def unreachable(self) -> Floats | None:
-        """Direction (3,), no unit, that no thruster contributes to; None if there is none.
+        """Direction (3,), no unit, in which no thruster can contribute; None if there is none.
 
         No combination of thrusters has a positive component along it.
         """

@@ -352,7 +352,7 @@ def noisy_zones(scenario: Scenario) -> Iterator[tuple[Zone, float]]:
 
 
 def interval(level: int, row: int) -> int:
-    """Return the event number of an interval: the sum over a block, or the split of one of its parts."""
+    """Return the event number of an interval: a sum of noise over a block, or the split of a part."""
     if level == 0:
         return row * HALVES
     parts = 1 << (level - 1)

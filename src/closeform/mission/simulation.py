@@ -54,7 +54,7 @@ class SimulatedStage:
 
     @property
     def nearest(self) -> tuple[int, int] | None:
-        """Indices of the flight and the pair with the minimum clearance ratio; None without zones."""
+        """Indices of the simulation and the pair with the minimum clearance ratio; None without zones."""
         if not self.ratios.size:
             return None
         seed, pair = np.unravel_index(int(np.argmin(self.ratios)), self.ratios.shape)

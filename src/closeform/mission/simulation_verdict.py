@@ -32,8 +32,8 @@ EARTHLIKE = 1e-3  # relative tolerance of the gravitational parameter for an orb
 class Entered:
     """Number of simulated flights that enter a zone, with the minimum clearance ratio `least`.
 
-    `least` is None without zones.  All flights are equal unless `uncertain`.  `exceeded` lists the uses above
-    a limit in the flight with the highest use; it is None without any limit.
+    `least` is None without zones.  All simulations are equal unless `uncertain`.  `exceeded` lists the uses
+    above a limit in the flight with the highest use; it is None without any limit.
     """
 
     count: int
@@ -49,7 +49,7 @@ class Entered:
 
     @property
     def ok(self) -> bool:
-        """True if no flight enters a zone and every limit is kept."""
+        """True if no zone is entered in any simulation and every limit is kept."""
         return self.clear and not self.exceeded
 
     @property

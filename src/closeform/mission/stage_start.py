@@ -184,7 +184,7 @@ class StageStart:
         return states @ self.orbit.transition(-self.room.after).T if self.room.after else states
 
     def goal(self, target: Target, duration: float) -> Floats:
-        """Return the end state (6,) of a plan to a target with this `duration` [s]."""
+        """Return the final state (6,) at a target for a plan of this `duration` [s]."""
         return self.earlier(target.state(self.orbit, self.latitude(duration + self.room.after)))
 
     def arrival(

@@ -99,7 +99,7 @@ class UncertainStage:
     def likely(self, where: str) -> Iterator[Asked]:
         """Yield the requirement on the collision probability; `where` names the stage in its text.
 
-        Without a limit, a requirement that is always met reports the probability.
+        If there is no limit, the probability is reported as a requirement that is always met.
         """
         limit, pair = self.stage.max_probability, self.likeliest
         high = 0.0 if pair is None or pair.probability is None else pair.probability.high

@@ -75,8 +75,8 @@ def thrust_use(craft: Craft, acceleration: float) -> Use:
 class Late:
     """Stage, by its `number` and `verb`, that `took` [s] instead of the requested `asked` [s].
 
-    `punctual` lists the thrust that each spacecraft with less would need to finish in time.  It is empty if
-    the delay is not due to a lack of thrust.
+    `punctual` lists, for each spacecraft that lacks thrust, the thrust that it needs to finish in time.  It
+    is empty if the delay is not due to a lack of thrust.
     """
 
     number: int
@@ -183,7 +183,7 @@ class LostThrust:
     """Loss of thrust of a `craft` at a `time` [s], and whether it still `needed` thrust.
 
     `ratio` is the minimum clearance ratio of the free drift, and `other` is the spacecraft of that closest
-    approach.  They are nan and None for a spacecraft without a zone.
+    approach.  For a spacecraft without a zone, `ratio` is nan and `other` is None.
     """
 
     craft: str

@@ -4,10 +4,10 @@ A norm s is convex, so from s(t) outside a zone, with rate D and an acceleration
 
     s(t + h) >= s(t) + D h - A h^2 / 2                                          # theory (10)
 
-and the norm stays above the target until the right side falls to it.  From inside, each flat part of
-a norm and the square of a round one are smooth, and the same bound holds with the opposite sign (see
-`zones.shapes`).  Both converge like Newton's method at a crossing.  Where they stall (a norm that
-is almost constant, as between two spacecraft on one circular relative orbit), a Taylor model takes over.
+and the norm stays above the target until the right side has fallen to the target.  From inside, each flat
+part of a norm and the square of a round one are smooth, and the same bound holds with the opposite sign (see
+`zones.shapes`).  Both converge like Newton's method at a crossing.  Where they stall (a norm that is almost
+constant, as between two spacecraft on one circular relative orbit), a Taylor model takes over.
 
 All kernels work in zone coordinates: positions divided by the half-axes of the zone, and `q`, the
 derivatives (8, 3) of the relative position at the start of a window (see `arc`).

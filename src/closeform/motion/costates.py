@@ -108,7 +108,7 @@ def side(n, c, t, low, high):
 
 @kernel()
 def piece_end(n, duration, c, t, region, low, high):
-    """Return the end of the piece that begins at time t in a region of |p|, and the region after it."""
+    """Return the end of the piece that begins at time t in a region of |p|, and the next region."""
     bent = region == SATURATED or (region == RISING and low > 0.0)  # thrust differs from p
     end = duration if n == 0.0 else min(duration, t + (ANGLE if bent else 2.0 * ANGLE) / n)
     if bent:

@@ -189,8 +189,8 @@ def polish(scene, contacts, count, factors, gram, paths, samples, found):
 def solve_local(scene, sides, count, bar, room):
     """Relax the first `count` contacts in `hand` and new ones; return (status, contacts, energy).
 
-    Fills `best` with the contacts of the cheapest clear solution, for BLOCKED with the last ones.  Stops
-    where the energy is well above `bar` when nearly clear.
+    Fills `best` with the contacts of the cheapest clear solution, or for BLOCKED with the last contacts.
+    Stops where the energy is well above `bar` when nearly clear.
     """
     best, contacts = lent(room.best), lent(room.hand)
     samples = lent(Bodies(room.states, room.places, room.speeds))

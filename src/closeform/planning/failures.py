@@ -154,8 +154,8 @@ def add_minima(scene, arcs, offsets, which, side, s, lost, squares, first, reach
 def find_failures(scene, arcs, offsets, moments, shifts, reach, contacts, norms):
     """Fill `contacts` with local minima over time after failures at `moments` (N, S); return their number.
 
-    Minima are those within `reach` aims; `norms` receives their norms.  `shifts` (N + M, 6) are added to the
-    bodies as natural motions, given as states at the first time.
+    Minima up to `reach` times the aim are returned; `norms` receives their norms.  `shifts` (N + M, 6) are
+    added to the bodies as natural motions, given as states at the first time.
     """
     arcs, offsets = borrowed(arcs), borrowed(offsets)
     craft, count, times = len(scene.base), 0, scene.times
@@ -252,8 +252,8 @@ def slide_failure(scene, arcs, offsets, contacts, k, side, motion, turns):
 def slide_failures(scene, arcs, offsets, contacts, turned, norms):
     """Move contacts to their pairs' current closest approaches, with the normals there.
 
-    Contacts with edged zones keep their failure instants.  Fills the normals `turned` (K, 3) at the previous
-    times, and the norms (K,) as a share of the aim.
+    Contacts with zones that have edges keep their failure instants.  Fills the normals `turned` (K, 3) at the
+    previous times, and the norms (K,) as a share of the aim.
     """
     motion, turns, work, before = stack_matrix(3, 3), stack_matrix(3, 3), stack_vector(3), stack_vector(3)
     for k in range(len(contacts.times)):

@@ -98,7 +98,7 @@ def within_limits(request: Request, plan: Plan, attempt: Attempt, longer: bool) 
 
 
 def _peaks(request: Request, plan: Plan) -> Floats:
-    """Return peak thrusts (N,) [m/s^2]: for a shortfall only that of its craft, 0 without paths."""
+    """Return peak thrusts (N,) [m/s^2]; after a shortfall only that of its craft, and 0 without paths."""
     peaks = np.zeros(len(request.initial))
     if plan.weak is not None:
         peaks[plan.weak.craft] = plan.weak.needed

@@ -137,8 +137,8 @@ def blended(
 class Pushes(NamedTuple):
     """Thrust directions of N craft: `directions` (N, M, 3) at time 0, the first `counts` (N,) of each valid.
 
-    A craft with free direction has one zero vector.  Directions fixed in inertial axes rotate backwards with
-    `spins` (N,) [rad/s].
+    A craft with free direction has one zero vector.  Directions that are fixed in inertial axes rotate
+    backwards in the orbit's axes, at `spins` (N,) [rad/s].
     """
 
     directions: Floats

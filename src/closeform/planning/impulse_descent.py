@@ -50,7 +50,7 @@ def at_rest(solver: ImpulseSolver, best: Spent, moments: Callable[[Spent], list[
 def cleared(
     solver: ImpulseSolver, near: Spent, moments: Callable[[Spent], list[Moments]] | None = None
 ) -> Spent | None:
-    """Return clear paths that arrive, reached by steps from nearly clear ones at their moments; else None.
+    """Return clear paths to the final states, in steps from nearly clear ones at their moments, or None.
 
     If `moments` is given, each step fires at the moments that it returns for the previous paths.
     """

@@ -206,7 +206,8 @@ class ImpulseFailures:
     ) -> Contacts:
         """Return the contacts for fewer moments `after`, each of which replaces the nearest of `before`.
 
-        A loss of thrust among the replaced moments becomes one amid their replacement, after the same share.
+        A loss of thrust among the replaced moments becomes one during their replacement, after the same
+        fraction.
         """
         craft, drifts = self.failed(contacts), contacts.drifts.copy()
         for k in np.flatnonzero(contacts.drifts.any(axis=1)):

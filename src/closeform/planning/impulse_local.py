@@ -3,7 +3,7 @@
 A round solves the program for the planes of the contacts (`joint_dual`), propagates the impulses, and
 searches for conflicts.  Each plane is then turned to its pair's position, and pairs still in conflict get
 another one.  Paths that are clear stay clear when the planes turn, and their cost decreases.  Craft may fire
-at the times of a grid, at the maxima of their primers, and when they last did; at the end only at necessary
+at the times of a grid, at the maxima of their primers, and when they last did; finally only at necessary
 times. Each thruster has moments of its own: a time and its direction.                               # theory
 6
 """
@@ -390,6 +390,6 @@ class ImpulseSolver:
 
 
 def beside(problem: Problem, flown: Flown, contacts: Contacts) -> Contacts:
-    """Return contacts with normals on the sides on which paths pass; ahead where two craft meet."""
+    """Return contacts with normals towards the sides on which paths pass, or forward where two craft meet."""
     normals = problem.normals(flown, contacts, -inf)
     return contacts._replace(normals=np.where(normals.any(axis=1, keepdims=True), normals, AHEAD))

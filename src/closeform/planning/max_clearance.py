@@ -187,7 +187,7 @@ class SigmaCounts(Sizes):
     other_errors: Any
 
     def told(self, factor: float) -> tuple[float, float, float]:
-        """Return factor, metres and sigmas of a result; the zones stay fixed."""
+        """Return factor, metres and sigmas of a result for fixed zones."""
         return 1.0, 0.0, factor
 
     def plan(self, factor: float) -> Avoidance | Plan:
@@ -220,7 +220,7 @@ def next_factor(
 
 
 def is_spent(plan: Avoidance | Plan, limit: float) -> bool:
-    """Return whether a plan spends the budget to rounding, or nothing is available for clearance."""
+    """Return whether a plan uses the budget up to rounding, or no budget is left for clearance."""
     left = limit * (1.0 + ROUNDING) - free_cost(plan)
     return plan.ok and (left < 0.0 or 0.0 <= limit * (1.0 + ROUNDING) - plan.spent <= FINE * left)
 

@@ -51,7 +51,7 @@ class Outcome:
 
     @property
     def unfireable(self) -> str:
-        """Return as text how many impulses are below the minimum bit, empty without any."""
+        """Return text with the number of impulses below the minimum bit; empty if there are none."""
         count = self.below_bit
         return f"; no plan found without the {count} impulses below minimum_bit" if count else ""
 
@@ -89,8 +89,8 @@ class Outcome:
 def solve(problem: Problem, budget: int | None = None, more: bool = False, waiting: bool = True) -> Outcome:
     """Return the best of at most `budget` candidates; the default budget depends on the pairs in contact.
 
-    Zones are enlarged only by what rounding requires, and by more only if no clear path is found.  With
-    `waiting`, passively safe paths are otherwise blended from a two-impulse plan with waits.
+    Zones are enlarged by the minimum that rounding requires, and by more only if no clear path is found.
+    With `waiting`, passively safe paths are otherwise blended from a two-impulse plan with waits.
     """
     if problem.drift is not None:
         from closeform.planning.passive_search import PassiveSearch

@@ -146,7 +146,7 @@ class _Search:
         return min(self.goal, self.least, self.queue[0].bound if self.queue else inf)
 
     def examine(self, bound: float, samples: list[int], cut: list[Piece]) -> None:
-        """Queue a child node of one with the given bound, unless its own bound reaches the goal."""
+        """Queue a child of a node with the given bound, unless the child's own bound reaches the goal."""
         self.nodes += 1
         answer = self.samples.answer(samples, cut, self.goal, NEARLY)
         bound = max(bound, answer.bound)

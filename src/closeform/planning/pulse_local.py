@@ -69,7 +69,7 @@ class PulseSolver(ImpulseSolver):
         return few if few is not None else cleared(self, some, self.following)
 
     def without(self, found: Spent, small: Any) -> Spent | None:
-        """Return clear pulses without some of the small ones, or without one of them; None without any."""
+        """Return clear pulses without some of the small ones, or without one; None if none are clear."""
         sizes = sizes_of(found.impulses)
         order = np.argsort(np.where(small, sizes, inf), axis=None)[: np.count_nonzero(small)]
         for those in (order[: -(-len(order) // PART)], *order[:, None]):

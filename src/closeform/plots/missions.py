@@ -197,7 +197,7 @@ def joined(every: Sequence[Burns]) -> Burns:
 
 
 def stage_strip(axes: Axes, flights: list[Stage], ticks: Clock, duration: float) -> None:
-    """Draw the strip of stages, with titles, or their first words, where they fit."""
+    """Draw the strip of stages, with titles (or their first words) where there is room."""
     axes.set(ylim=(0.0, 1.0), yticks=[])
     axes.tick_params(bottom=False)
     axes.spines[:].set_visible(False)

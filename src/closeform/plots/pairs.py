@@ -88,7 +88,7 @@ class Pairs:
 
     @cached_property
     def stays(self) -> list[tuple[Conflict, ...]]:
-        """Conflicts of each pair."""
+        """Conflicts (intervals inside the zone) of each pair."""
         return [
             find_conflicts(self.paths[i], self.paths[j], zone) if ratio <= 1.0 + SURE else ()
             for (i, j), zone, ratio in zip(self.craft.tolist(), self.zone, self.ratio, strict=True)

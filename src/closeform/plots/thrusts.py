@@ -347,7 +347,7 @@ def burn_rows(
 ) -> float:
     """Draw a row of bars for each spacecraft, as high as its burns; return the largest burn [m/s].
 
-    The larger burns have labels if `names`, where there is room. `span` is the length of the time axis [s].
+    If `names`, the larger burns have labels where there is room. `span` is the length of the time axis [s].
     """
     count, greatest = len(every), max(float(one.size.max(initial=0.0)) for one in every)
     unit, points, words = speed_unit(greatest), list[Floats](), list[str]()

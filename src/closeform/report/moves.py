@@ -345,7 +345,7 @@ def cost_table(
 ) -> Table:
     """Return the costs of labelled paths, each with the name of its craft, and the change by the last one.
 
-    The change is that of an avoidance trajectory from the path before it.
+    The change is the difference between the avoidance trajectory and the path before avoidance.
     """
     rows: list[tuple[Any, ...]] = [
         (label, path.end - path.start, *effort.spent(mission, result, name, path))
@@ -434,8 +434,8 @@ def optimality(
 ) -> Iterator[str]:
     """Yield the optimality gap, the active constraints and the shadow price of clearance of a plan.
 
-    `free` is the cost without zones, in the unit of the stage's cost, `whose` its owner; `where` holds the
-    contacts as text, and `names` the craft that the plan counts.
+    `free` is the cost without zones, in the unit of the stage's cost, and `whose` names the craft. `where`
+    holds the contacts as text, and `names` the craft of the plan.
     """
     stage, fired, unit = result.stage, result.pulsed is not None, UNITS[plan.cost]
     share = f"at most {100 * plan.gap:.3f} %, " if plan.lower_bound > 0.0 else ""

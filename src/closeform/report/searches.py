@@ -147,7 +147,7 @@ def since(result: StageResult[Any, Any]) -> tuple[str, ...]:
 
 
 def watched(result: StageResult[Any, Any]) -> tuple[tuple[str, ...], tuple[Table, ...]]:
-    """Return lines and tables of conflicts during a search, in times of the mission."""
+    """Return lines and tables of conflicts during a search; times count from the start of the mission."""
     if not result.after.approaches:
         return ("Conflicts: not evaluated, no craft has a keep_out",), ()
     return conflicts.summed("Conflicts", result.after)

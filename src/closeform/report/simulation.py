@@ -295,7 +295,7 @@ class SimulationContent:
 
     @property
     def drawn(self) -> Iterator[str]:
-        """The sampled values of a case that its plans do not know."""
+        """The sampled values of a case that are unknown to its plans."""
         scenario = self.simulated.run.scenario
         if scenario.study is None or scenario.drawn_flight is None:
             return

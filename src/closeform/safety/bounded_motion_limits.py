@@ -189,8 +189,8 @@ def limit_of(one, two, cell, width, slow, far, n, form, tube, count, room, best)
 def limit_downhill(one, two, cell, width, slow, far, n, form, tube, room, best):
     """Return the local minimum, from `room.point[1]`, of limits of slow drifts near failures without drift.
 
-    Of two unknowns one is moved, by steps that grow downhill and turn back smaller uphill, and the other
-    follows so that the failure does not drift; both stay inside the cell.
+    One of two unknowns is varied, with steps that grow while the limit decreases and otherwise reverse and
+    shrink. The other follows so that the failure does not drift. Both stay inside the cell.
     """
     t, turn = cell[FROM], cell[FROM] + 2.0 * pi / n
     for k in range(2):

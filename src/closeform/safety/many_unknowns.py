@@ -35,8 +35,8 @@ from closeform.zones.shapes import FACES, FORM
 def least_downhill(one, two, top, width, end, n, form, room, best, when, most):
     """Return the minimum norm that descents from cells reach, if below `best`, and its time.
 
-    Descents start in cells that seem to come closer than that, or than `most`; `room.point[1]` receives the
-    failure.
+    Descents start in cells that seem to have a lower norm than that, or than `most`; `room.point[1]` receives
+    the failure.
     """
     worst, kept = room.point[1], room.point[2]
     for c in range(len(worst)):

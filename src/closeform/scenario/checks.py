@@ -223,7 +223,7 @@ def firing(scenario: Scenario, number: int, stage: Avoid | Joint | Transfer) -> 
 
 
 def thrusting(scenario: Scenario, number: int, stage: Thrusting) -> Iterator[str]:
-    """Yield an error line for each engine key of a stage that lacks a mass, a thrust or an exhaust speed."""
+    """Yield an error line for each engine key that requires a missing mass, thrust or exhaust speed."""
     for craft in scenario.craft if stage.given_keys else ():
         if craft.name not in stage.moving(scenario.names):
             continue
@@ -240,7 +240,7 @@ def thrusting(scenario: Scenario, number: int, stage: Thrusting) -> Iterator[str
 
 
 def as_before(scenario: Scenario, number: int, name: str, earlier: list[str]) -> Iterator[str]:
-    """Yield an error line if the stage to return to is absent, is later or precedes a gather."""
+    """Yield an error line if the stage to return to is missing, is later, or precedes a `gather`."""
     key = f"stage[{number}].as_before"
     if name not in earlier:
         if name in [stage.name for stage in scenario.stages]:
@@ -370,7 +370,7 @@ def spans(scenario: Scenario, orbit: Orbit) -> Iterator[str]:
 
 
 def doubted(scenario: Scenario, number: int, stage: StageTable) -> Iterator[str]:
-    """Yield an error line for each `sigmas` or `max_probability` without errors, other craft or sizes."""
+    """Yield an error line for each `sigmas` or `max_probability` that lacks errors, other craft or sizes."""
     asked = [key for key in ("sigmas", "max_probability") if getattr(stage, key) is not None]
     for key in asked:
         if not scenario.uncertain:

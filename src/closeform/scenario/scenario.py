@@ -347,7 +347,7 @@ class Scenario:
 
     @property
     def searches_alone(self) -> bool:
-        """True if the study has one search stage and varies only states, search errors and loss of thrust."""
+        """True if a search is the only stage, and only states, search errors and thrust loss vary."""
         if self.study is not None and self.study.draws == "replanned":
             return False
         vary = self.study.vary if self.study is not None else {}

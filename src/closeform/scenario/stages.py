@@ -397,7 +397,7 @@ class Regather(Joint):
 
 
 def one_or_each(value: Any) -> str:
-    """Return the form of `to`: one goal for all craft or a list with one target each."""
+    """Return how `to` is given: as one goal for all craft, or as a list with one target for each."""
     return EACH if isinstance(value, list | tuple) else ALL
 
 

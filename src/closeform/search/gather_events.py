@@ -264,7 +264,7 @@ def fly_cases(
     labels,
     results,
 ):
-    """Simulate gatherings of one search with some choices of burns; `events` holds those of the last.
+    """Simulate gatherings of one search with given choices of burns; `events` holds those of the last one.
 
     All scratch arrays are allocated here, outside the loops, so that inner functions do not count references.
     """

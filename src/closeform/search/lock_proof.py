@@ -120,7 +120,7 @@ def prove_locks(
     counterexample is a pair that the certified march of `lock_times` never sees lock with errors as bad as
     the bounds allow. Boresights then always tilt away from the other craft, which is equivalent to sensors
     narrower by the pointing error, and clocks are exact, or of a craft behind or ahead of all others.
-    Sensors with an offset are not tilted.
+    Sensors with an offset are treated as not tilted.
 
     References
     ----------

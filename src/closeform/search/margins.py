@@ -168,7 +168,7 @@ def lock_margins(search: Search, position: ArrayLike, velocity: ArrayLike) -> Lo
 
 
 def _depth(search: Search, leg: int, time: float, separation: Floats) -> tuple[float, float]:
-    """Return the depth [rad] of the other's sensor inside the cone at a time, and its distance [m]."""
+    """Return how far inside the cone [rad] the other craft's sensor is at a time, and its distance [m]."""
     boresight = search.legs[leg].attitude_at(time)[:, 2]
     q = separation - search.sensor.baseline * boresight
     angle = atan2(float(np.linalg.norm(np.cross(q, boresight))), float(q @ boresight))

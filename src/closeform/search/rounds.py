@@ -1,4 +1,4 @@
-"""Legs of a whole gathering: the repeated search, each time with its near-field search."""
+"""Legs of a whole gathering: repetitions of the search, each followed by its near-field search."""
 
 from dataclasses import replace
 from math import atan2, degrees, isinf, pi

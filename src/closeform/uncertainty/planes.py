@@ -43,7 +43,7 @@ def times(s, x, y, z):
 
 @kernel()
 def room(r, s, k, x, y, z):
-    """Return g of (x, y, z) and the point p at which it is attained; r without uncertainty."""
+    """Return g of (x, y, z) and the point p at which it is attained; p = r without uncertainty."""
     ux, uy, uz = times(s, x, y, z)
     wide = sqrt(max(x * ux + y * uy + z * uz, 0.0))
     h = k / wide if wide > 0.0 else 0.0

@@ -112,7 +112,7 @@ def burnt(result: StageResult[Any, Any]) -> Iterator[Record]:
 
 
 def burns_of(result: StageResult[Any, Any], craft: int) -> Iterator[Record]:
-    """Yield the burns of one craft; only the first and the last of a large number."""
+    """Yield the burns of one craft, or if there are many, only the first and the last."""
     name, (kind, rows) = result.after.names[craft], pushes(result, craft)
     some = [*rows[:1], *rows[-1:]] if len(rows) > MANY else list(rows)
     for k, (start, lasts, *push) in enumerate(some):

@@ -55,7 +55,7 @@ def begin(campaign: Any, folder: Folder, asked: bool = True) -> tuple[tuple[Repl
 
 
 def mission_of(campaign: Any, case: int | None) -> Mission:
-    """Return the mission of a case; for None, the mission as planned.
+    """Return the mission of a case, or for None the mission as planned.
 
     A search is recomputed. Other missions are those that the study kept in this process.
     """

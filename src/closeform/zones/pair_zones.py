@@ -27,8 +27,8 @@ class PairZones:
 
     An own zone is a region (any `Zone`), a `CovarianceZone` or a `Body`.  Of two regions, the one that
     contains the other applies.  Covariances add.  Bodies add as sets, as do zones of different kinds.  A body
-    without a zone is a point with a known position: its pairs have the other's own zone, and a pair of two
-    such bodies has none.  A pair of two bodies that do not move has none either.
+    without a zone is a point with a known position. A pair with one such body has the own zone of the other;
+    a pair of two has none.  A pair of two bodies that do not move has none either.
 
     The zone of a pair i < j applies to r_i - r_j: it is the zone around j, or the mirrored zone around i.
 

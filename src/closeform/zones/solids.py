@@ -164,7 +164,7 @@ class Cylinder(Zone):
 
 
 def _about(axis: Floats) -> Floats:
-    """Return orthonormal rows, the last along `axis`; the others along x, y, z if `axis` is."""
+    """Return orthonormal rows, the last along `axis`; if `axis` is along x, y or z, so are the others."""
     x, y, z = direction = axis / np.abs(axis).max() / sqrt(sum((axis / np.abs(axis).max()) ** 2))
     sign = 1.0 if z >= 0.0 else -1.0
     u = -1.0 / (sign + z)  # Frisvad's method without its singular direction (Duff et al. 2017)

@@ -33,7 +33,7 @@ def states_of(ephemeris: Ephemeris, epoch: Epoch, times: ArrayLike) -> tuple[Flo
 
 
 def nearest(epochs: Floats, times: Floats) -> Any:
-    """Return the index (K,) of the epoch (T,) nearest to each time (K,); of two as near, the later."""
+    """Return the index (K,) of the epoch (T,) nearest to each time (K,), the later of two equally near."""
     after = np.clip(np.searchsorted(epochs, times), 1, len(epochs) - 1)
     return after - (times - epochs[after - 1] < epochs[after] - times)
 

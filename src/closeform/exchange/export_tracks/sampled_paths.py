@@ -38,7 +38,7 @@ TURN = 0.5  # rad of the frame's rotation, within which 16 Gauss points integrat
 class FlownCraft:
     """One spacecraft's `path` through all stages, with its `burns` in Hill's frame; its `mass` [kg] if known.
 
-    `spread` holds its path stage by stage, with its errors at the beginning of each, if it has any.
+    `spread` holds its path in each stage, with its errors at the start of the stage; empty without errors.
     """
 
     name: str

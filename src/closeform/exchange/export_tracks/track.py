@@ -111,7 +111,7 @@ class Track:
     """Exported data of one spacecraft.
 
     `pieces` are in order of time; `error` [m] is the measured error of Hermite's polynomials through COUNT
-    states of a piece. `mass` [kg] is that at the start, None if unknown.
+    states of a piece. `mass` [kg] is the mass at the start; None if unknown.
     """
 
     name: str

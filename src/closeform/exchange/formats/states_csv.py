@@ -172,7 +172,7 @@ def _is_number(cell: str) -> bool:
 
 
 def ephemerides_of(rows: StateRows, only: str | None = None) -> Iterable[Ephemeris]:
-    """Yield the ephemerides of each craft, or of one `only`, cut where two rows have one time."""
+    """Yield the ephemerides of each craft, or of craft `only`, divided where two rows have the same time."""
     times, lines, about = rows.times, rows.lines, rows.about
     assert times is not None
     for name in dict.fromkeys(rows.craft) if only is None else (only,):
