@@ -175,7 +175,9 @@ def test_limits_of_sigmas():
     assert (free.reason, free.sigmas) == ("no conflict at 10 000 sigmas", 10_000.0)
     exact = cf.max_clearance(PATH, OTHER, cf.Sphere(1.0), 2.0 * PATH.energy, errors=cf.Uncertainty())
     assert (exact.status, exact.sigmas) == (ClearanceStatus.NEVER_NEAR, 10_000.0)
-    with pytest.raises(ValueError, match=r"^other_errors: not for a formation; append them to errors"):
+    with pytest.raises(
+        ValueError, match=r"^other_errors: is for one spacecraft; for a formation append them to errors"
+    ):
         cf.max_clearance(FORMATION, (), ZONE, 1.0, other_errors=KNOWN)
 
 

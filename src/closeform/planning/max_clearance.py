@@ -148,7 +148,7 @@ def max_clearance(
     if errors is not None or other_errors is not None:
         sizes = SigmaCounts(**vars(sizes), errors=errors, other_errors=other_errors)
         if path.shape and other_errors is not None:
-            raise ValueError("other_errors: not for a formation; append them to errors, after its craft")
+            raise ValueError("other_errors: is for one spacecraft; for a formation append them to errors")
     low, high, factor, tried = 0.0, inf, sizes.first, 0
     best: Avoidance | Plan | None = None
     beyond: Avoidance | Plan | None = None

@@ -266,7 +266,7 @@ class SimulationContent:
         alike = "" if one.uncertain else "; without uncertainty, all others are the same"
         lines = [self.title, f"{count}, {counted(len(one.stages), 'stage')}{alike}"]
         unknown = "" if one.field is one.known else " except for drawn values"
-        where = f"High-fidelity model: {described(one.field)}, known{unknown}; thrust is compensated for it"
+        where = f"High-fidelity model: {described(one.field)}, known{unknown}; thrust compensates for it"
         if one.control == "open":
             lines.append(f"{where}; open loop, no navigation updates")
         else:

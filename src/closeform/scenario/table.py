@@ -49,7 +49,7 @@ def setting(
 ) -> Any:
     """Return the description of a key, from which its checks, messages and reference derive.
 
-    `example` is a value as written in a file and `help` one line. A default of ... makes the key required.
+    `example` is a value as written in a file and `help` one line. A key with the default `...` is required.
     The key `needs` another, and is allowed `only_with` one of several others, which are fields.
     """
     usual = {"default_factory": default} if callable(default) else {"default": default}
