@@ -1,9 +1,8 @@
-"""Plans of many craft flown again by an integrator that knows Hill's equations and the thrust only.
+"""Independent check of formation plans: an integrator of Hill's equations with only the plan's thrust.
 
-`faults` says in words what is wrong with a plan.  Motion is integrated from the states that were
-asked for, energies are quadratures, least ratios come from dense samples with every low one
-refined, and unconstrained optima from exponentials of Hill's matrix; from the plan only the thrust
-is taken, and the numbers that it claims.
+`faults` lists what is wrong with a plan.  Motion is integrated from the requested states, energies are
+quadratures, minimum ratios come from dense samples whose local minima are refined, and unconstrained optima
+from exponentials of Hill's matrix.  From the plan only its thrust and the numbers that it states are used.
 """
 
 from dataclasses import dataclass
@@ -25,7 +24,7 @@ SAMPLES = 1500  # at least, over the whole plan
 PLANNED = 1.0, 1.001, 1.02  # zones; the larger ones where no plan was found any closer
 TOUCHING = 1e-4  # of an ellipsoid; weak touches settle last
 ROUNDED = 0.03  # of a box, whose edges are rounded first and then sharpened
-STRIDE = 0.2  # of the smallest zone, at most flown between two samples
+STRIDE = 0.2  # of the smallest zone, at most travelled between two samples
 LOWS = 30  # of a pair, at most; where two keep their distance every sample is one
 NODES = np.polynomial.legendre.leggauss(24)
 PANELS = 12  # of quadrature between two jumps of the thrust's rate
@@ -33,7 +32,7 @@ PANELS = 12  # of quadrature between two jumps of the thrust's rate
 
 @dataclass
 class Flight:
-    """One craft flown: dense solutions between the times at which the rate of its thrust jumps."""
+    """One simulated craft: dense solutions between the times at which the rate of its thrust jumps."""
 
     joints: np.ndarray  # (K + 1,)
     legs: list  # K functions of times
@@ -342,7 +341,7 @@ def _effort_faults(plan, craft, max_acceleration):
 
 
 def _bound_faults(plan, orbit, initial, final, asked, ends, assign):
-    """The unconstrained optima over the times as flown: before and after them craft coast."""
+    """The unconstrained optima over the planned times: before and after them craft coast."""
     said, system = [], hill(orbit.mean_motion)
     begun = [
         expm(system * (t - t0)) @ state for t, t0, state in zip(plan.starts, asked, initial, strict=True)
