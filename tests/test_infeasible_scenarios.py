@@ -86,7 +86,7 @@ def test_search_key_that_cannot_vary_is_rejected(key, tmp_path, monkeypatch, cap
     Path("two.toml").write_text(text)
     assert main(["check", "two.toml"]) == 2
     checked = capsys.readouterr()
-    assert "but study and run --case cannot fly them, run takes it" in " ".join(checked.out.split())
+    assert "but not for study and run --case; use run" in " ".join(checked.out.split())
     for arguments in (["study"], ["run", "--case", "0"]):
         assert main([arguments[0], "two.toml", *arguments[1:]]) == 2
         assert capsys.readouterr().err == checked.err
