@@ -32,7 +32,7 @@ CONTENTS = {
         "ephemerides export epochs field evidence campaigns motion elements python "
         "notebooks/find notebooks/collide notebooks/move pictures viewer"
     ),
-    "reference": "scenario command-line api messages glossary",
+    "reference": "scenario scenario_keys command-line api messages glossary",
     "background": "certified theory papers validity benchmarks peers",
 }
 

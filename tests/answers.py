@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 import closeform as cf
-from closeform.campaign import flown
+from closeform.campaign import evaluated
 from closeform.cli.app import main
 from closeform.mission.mission import fly
 from closeform.scenario import parse
@@ -289,15 +289,18 @@ def answers() -> dict[str, Any]:
     swap = low.orbit, craft, craft[[1, 0, 2]], 200.0, ball
     found["FittedMargin"] = cf.fit_margin(lambda margin: cf.reconfigure(*swap, margin=margin), field, ball)
     mission = fly(parse(STUDY, "study.toml", "run"))
-    errors, locked = flown(parse(STUDY, "study.toml", "study")), flown(parse(LOCKS, "locks.toml", "study"))
+    errors, locked = (
+        evaluated(parse(STUDY, "study.toml", "study")),
+        evaluated(parse(LOCKS, "locks.toml", "study")),
+    )
     return found | {
         "Mission": mission,
         "StageResult": mission.results[0],
         **loaded(),
         "WatchedFlight": mission.results[0].after,
         "ErrorCampaign": errors,
-        "SweepCampaign": flown(parse(LOCKS + SWEEP, "sweep.toml", "study")),
-        "MissionCampaign": flown(parse(MISSIONS, "missions.toml", "study")),
+        "SweepCampaign": evaluated(parse(LOCKS + SWEEP, "sweep.toml", "study")),
+        "MissionCampaign": evaluated(parse(MISSIONS, "missions.toml", "study")),
         "LockCampaign": locked,
-        "GatherCampaign": flown(parse(LOCKS.replace('"lock"', '"gather"'), "gather.toml", "study")),
+        "GatherCampaign": evaluated(parse(LOCKS.replace('"lock"', '"gather"'), "gather.toml", "study")),
     }

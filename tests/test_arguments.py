@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 import closeform as cf
-from test_surface import CALLABLES, RESULTS
+from test_public_interface import CALLABLES, RESULTS
 
 mpl.use("agg")
 ORBIT = cf.Orbit(1.1e-3)

@@ -20,7 +20,7 @@ from closeform.campaign import (
     LockCampaign,
     case_of,
     drawn,
-    flown,
+    evaluated,
     study,
 )
 from closeform.campaign.draws import searching, uniform
@@ -39,7 +39,7 @@ from closeform.search.schedule import Search
 from closeform.search.sensor import Sensor
 from pages import assert_linked
 from test_cli import numbers
-from test_flawed_gathering import LOST
+from test_imperfect_gathering import LOST
 
 pytestmark = pytest.mark.usefixtures("unpainted")
 
@@ -215,7 +215,7 @@ def test_shares_agree_with_counting_times(s04: tuple[Path, str]) -> None:
 
 def test_fractions_of_s04() -> None:
     """1 500 000 cases of exact detection against the paper's 150 000, by the error of both samples."""
-    campaign = flown(without_samples(load(S04)), 1_500_000)
+    campaign = evaluated(without_samples(load(S04)), 1_500_000)
     share = {one.label: one for one in campaign.shares}
     theirs = 150_000  # cases
     for published, ours in (
@@ -235,7 +235,7 @@ def test_s04s_count_in_the_second_ips_is_that_of_sampling(s04: tuple[Path, str])
     """37 of 150 000: some ten to thirty seconds between samples, of which each shifts the count up."""
     scenario = load(S04)
     study = scenario.study.model_copy(update={"sampled": (1.0, 10.0, 20.0, 60.0)})
-    campaign = flown(replace(scenario, study=study), 600_000)
+    campaign = evaluated(replace(scenario, study=study), 600_000)
     assert isinstance(campaign, LockCampaign)
     counts = {
         way: found["IPS 2"] / 4 for way, found in report_of(campaign, campaign.scenario).by_detection.items()
@@ -349,7 +349,7 @@ def as_words(command: str) -> list[str]:
 def test_commands_that_are_told_can_be_pasted(file) -> None:
     """A shell takes the name of the file as one word as it is, in all four places."""
     scenario = parse(NARROW, file)
-    campaign = flown(scenario, 50)
+    campaign = evaluated(scenario, 50)
     report, case = report_of(campaign, scenario), int(campaign.failed[0])
     run = ["closeform", "run", file, "--case", str(case)]
     study = ["closeform", "study", file, "--cases", "50"]
@@ -364,7 +364,7 @@ def test_failures_are_counted_named_and_kept_as_null(tmp_path, capsys) -> None:
     file, place = tmp_path / "narrow.toml", tmp_path / "out"
     file.write_text(NARROW)
     assert main(["study", str(file), "--out", str(place)]) == 1
-    campaign = flown(load(file))
+    campaign = evaluated(load(file))
     printed = capsys.readouterr().out
     assert campaign.status is CampaignStatus.INCOMPLETE
     first = campaign.failed[0]
@@ -387,7 +387,7 @@ def test_failures_are_counted_named_and_kept_as_null(tmp_path, capsys) -> None:
 
 def test_gatherings_are_those_of_gather() -> None:
     scenario = parse(GATHERING)
-    campaign = flown(scenario, 40)
+    campaign = evaluated(scenario, 40)
     assert isinstance(campaign, GatherCampaign)
     for case, states in enumerate(drawn(scenario, 7, 0, 40)):
         one = gather(
@@ -409,7 +409,7 @@ def test_gatherings_are_those_of_gather() -> None:
 def test_what_gatherings_cost_by_cause_and_phase() -> None:
     """By the events of each case's run, which an independent model tells, too."""
     text = LOST.replace("[sensor]", 'keep_out = { sphere = "40 m" }\n\n[sensor]')
-    campaign = flown(parse(text.replace("180 m", "300 m")), 60)
+    campaign = evaluated(parse(text.replace("180 m", "300 m")), 60)
     assert isinstance(campaign, GatherCampaign)
     words = {
         "burn": "to join the formation set",
@@ -469,7 +469,7 @@ def test_folder_of_gatherings(tmp_path, capsys) -> None:
     assert main(["study", str(tmp_path / "narrow.toml"), "--cases", "60", "--out", str(place)]) == 1
     printed = capsys.readouterr().out
     rows = pyarrow.parquet.read_table(place / "cases").to_pydict()
-    campaign = flown(parse(GATHERING), 60)
+    campaign = evaluated(parse(GATHERING), 60)
     assert rows["case"] == list(range(60))
     assert [k for k, time in enumerate(rows["duration_s"]) if time is None] == campaign.failed.tolist()
     assert rows["left"] == campaign.left.tolist()
@@ -526,7 +526,9 @@ def test_messages(tmp_path, monkeypatch, capsys) -> None:
     Path("robust.toml").write_text((EXAMPLES / "robustness.toml").read_text())
     Path("cluster.toml").write_text((EXAMPLES / "cluster.toml").read_text())
     Path("one.toml").write_text(NARROW.replace('{ shell = ["50 m", "200 m"] }', '{ choice = ["1 2 3 m"] }'))
-    together = "s04.toml: craft.position: A1 and B1 are at one place; add --case K, or use closeform study"
+    together = (
+        "s04.toml: craft.position: A1 and B1 are at the same position; add --case K, or use closeform study"
+    )
     assert refused(capsys, ["run", "s04.toml"]) == [together]
     assert refused(capsys, ["run", "robust.toml"]) == [together.replace("s04", "robust")]
     assert refused(capsys, ["study", "cluster.toml"]) == [
@@ -582,7 +584,7 @@ def test_messages(tmp_path, monkeypatch, capsys) -> None:
         (
             '"craft.position" = { shell = ["50 m", "200 m"] }',
             "",
-            "craft.position: P and Q are at one place; move one of them",
+            "craft.position: P and Q are at the same position; move one of them",
         ),
     ],
 )
@@ -652,7 +654,7 @@ def test_a_gathering_of_craft_that_search_imperfectly_is_the_same_as_a_run() -> 
         '"search.slew_rate" = { normal = "0.001 deg/s" }\n'
     )
     scenario = parse(text)
-    campaign, perfect = flown(scenario, 60), flown(parse(GATHERING), 60)
+    campaign, perfect = evaluated(scenario, 60), evaluated(parse(GATHERING), 60)
     assert isinstance(campaign, GatherCampaign)
     for case in range(12):
         one = fly(case_of(scenario, case)).results[0].result

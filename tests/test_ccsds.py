@@ -12,9 +12,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from oem import OrbitEphemerisMessage
 
+from closeform.exchange.ccsds.oem import read_oem, read_oem_segments, write_oem
 from closeform.exchange.common_frame import common_frame
-from closeform.exchange.ephemeris import Ephemeris
-from closeform.exchange.oem import read_oem, read_oem_segments, write_oem
+from closeform.exchange.ephemerides.ephemeris import Ephemeris
 from closeform.motion.elements import elements_from_inertial, inertial_from_elements
 from closeform.motion.mean_motion import EARTH_MU
 
@@ -143,8 +143,11 @@ DAMAGE = {
     "NaN": (lambda text: text.replace("75.0", "nan"), "line 17: a value is not finite"),
     "infinite": (lambda text: text.replace("75.0", "1e999"), "line 17: a value is not finite"),
     "a word": (lambda text: text.replace("75.0", "many"), "line 17: 'many' is not a number"),
-    "epochs fall": (lambda text: HEAD + "".join(ROWS.splitlines(True)[::-1]), "line 17: epochs must rise"),
-    "epoch twice": (lambda text: text + ROWS.splitlines()[2], "line 19: epochs must rise"),
+    "epochs fall": (
+        lambda text: HEAD + "".join(ROWS.splitlines(True)[::-1]),
+        "line 17: epochs must increase",
+    ),
+    "epoch twice": (lambda text: text + ROWS.splitlines()[2], "line 19: epochs must increase"),
     "no epoch": (
         lambda text: text.replace("23:59:60.5", "23:59"),
         "line 17: '2016-12-31T23:59' is not a valid epoch",
@@ -156,7 +159,7 @@ DAMAGE = {
     ),
     "keyword twice": (
         lambda text: text.replace("META_STOP", "REF_FRAME = TOD\nMETA_STOP"),
-        "line 13: keyword REF_FRAME stands twice",
+        "line 13: keyword REF_FRAME occurs twice",
     ),
     "unknown time": (lambda text: text.replace("UTC", "MET"), "TIME_SYSTEM MET is not supported"),
     "wrong span": (
@@ -249,15 +252,15 @@ def test_astropy_is_not_needed(tmp_path):
     code = f"""
 import sys
 sys.modules["astropy"] = None
-import closeform.exchange.oem
-print(closeform.exchange.oem.read_oem({str(written(tmp_path, GOOD))!r}).times)
+import closeform.exchange.ccsds.oem
+print(closeform.exchange.ccsds.oem.read_oem({str(written(tmp_path, GOOD))!r}).times)
 """
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert run.stdout == "[ 0.  10.5 21. ]\n"
 
 
 def test_importing_the_module_loads_no_heavy_package():
-    code = "import sys, closeform.exchange.oem; print({'oem', 'astropy', 'erfa', 'numba', 'lxml'} & set(sys.modules))"
+    code = "import sys, closeform.exchange.ccsds.oem; print({'oem', 'astropy', 'erfa', 'numba', 'lxml'} & set(sys.modules))"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert run.stdout == "set()\n"
 
@@ -266,7 +269,7 @@ def test_ephemeris_is_checked_when_made():
     chief = circular()
     with pytest.raises(ValueError, match=r"expected shapes \(T,\) and \(T, 6\)"):
         replace(chief, times=chief.times[:5])
-    with pytest.raises(ValueError, match="row 1: epochs must rise"):
+    with pytest.raises(ValueError, match="row 1: epochs must increase"):
         replace(chief, times=chief.times * 0)
     with pytest.raises(ValueError, match="row 0: a value is not finite"):
         replace(chief, states=chief.states * np.nan)
@@ -318,7 +321,7 @@ def test_incompatible_ephemerides_are_refused(others, message):
 
 def test_earth_fixed_frame_is_refused():
     fixed = [circular(name, frame="ITRF2000") for name in ("A", "B")]
-    with pytest.raises(ValueError, match="A: REF_FRAME ITRF2000 turns with the Earth or is unknown"):
+    with pytest.raises(ValueError, match="A: REF_FRAME ITRF2000 rotates with the Earth or is unknown"):
         common_frame(fixed)
 
 

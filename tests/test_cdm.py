@@ -263,11 +263,11 @@ DAMAGE = {
     "no name": (lambda text: text.replace("NAME = PRIMARY", "NAME ="), "keyword OBJECT_NAME is missing in OBJECT1"),
     "a keyword twice": (
         lambda text: text.replace("CATALOG_NAME = SATCAT", "X = 1 [km]", 1),
-        f"line {number_of('X = ')}: keyword X stands twice in OBJECT1",
+        f"line {number_of('X = ')}: keyword X occurs twice in OBJECT1",
     ),
     "objects exchanged": (
         lambda text: text.replace("OBJECT = OBJECT1", "OBJECT = OBJECT2"),
-        f"line {number_of('OBJECT = ')}: OBJECT is 'OBJECT2' where OBJECT1 stands",
+        f"line {number_of('OBJECT = ')}: OBJECT is 'OBJECT2', expected OBJECT1",
     ),
     "a third object": (lambda text: text + "OBJECT = OBJECT3\n", "has 3 of 2 objects"),
     "states in m": (

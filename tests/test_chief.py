@@ -11,8 +11,8 @@ from astropy.time import Time, TimeDelta
 from scipy.integrate import solve_ivp
 
 import closeform as cf
+from closeform.exchange.ccsds.oem import read_oem
 from closeform.exchange.chief import Chief
-from closeform.exchange.oem import read_oem
 
 GRACE = Path(__file__).parents[1] / "examples" / "grace"
 EPOCH = "2026-11-22T12:00:00.123456789"
@@ -153,8 +153,8 @@ def test_elements_and_warnings():
     assert chief.semi_major_axis == pytest.approx(INCLINED[0], rel=1e-12)
     assert chief.eccentricity == pytest.approx(np.hypot(2e-3, 1e-3), rel=1e-9)
     assert chief.warnings == (
-        "the chief's eccentricity is 0.0022, and Hill's equations are of a circle: "
-        "off by up to 55.9 m for each km of separation and orbit",
+        "the chief's eccentricity is 0.0022, but Hill's equations assume a circle: "
+        "errors of up to 55.9 m for each km of separation and orbit",
     )
     assert Chief.from_elements(EPOCH, [7e6, 0, 5e-4, 0, 1, 0]).warnings == ()
 
@@ -189,7 +189,7 @@ def test_chief_pickles(grace):
         ({"epoch": "noon"}, "epoch: 'noon' is not a valid epoch; write it in the form"),
         ({"time_system": "UT1"}, "epoch: TIME_SYSTEM UT1 requires tables of the Earth's rotation"),
         ({"epoch": 5}, "epoch: expected str, got 5"),
-        ({"frame": "ITRF"}, "frame: 'ITRF' turns or is unknown; convert to one of EME2000"),
+        ({"frame": "ITRF"}, "frame: 'ITRF' rotates or is unknown; convert to one of EME2000"),
         ({"state": [1, 2, 3]}, r"state: expected shape \(6,\), got \(3,\)"),
         ({"state": [7e6, 0, 0, 0, 12e3, 0]}, "state: the orbit must be an ellipse"),
         ({"state": [7e6, 0, 0, 0, np.nan, 0]}, "state: every number must be finite"),

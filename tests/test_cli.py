@@ -24,7 +24,7 @@ from closeform.storage.publishing import folder
 from closeform.storage.result_folder import FolderError
 from pages import assert_linked
 from scenarios import GOOD
-from test_errors import contents, oem
+from test_invalid_input import contents, oem
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 

@@ -8,10 +8,10 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from closeform.cli.app import main
+from closeform.exchange.ccsds.oem import read_oem, write_oem
 from closeform.exchange.common_frame import common_frame
-from closeform.exchange.ephemeris import Ephemeris
-from closeform.exchange.interpolation import interpolated
-from closeform.exchange.oem import read_oem, write_oem
+from closeform.exchange.ephemerides.ephemeris import Ephemeris
+from closeform.exchange.ephemerides.interpolation import interpolated
 from closeform.motion.elements import elements_from_inertial, inertial_from_elements
 from closeform.motion.mean_motion import EARTH_MU
 from test_ccsds import circular as turning

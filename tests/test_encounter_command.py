@@ -46,7 +46,7 @@ def test_slow_conjunction_of_alfano(capsys):
     assert low <= value <= high
     assert high - low < 0.002 * value
     assert figure("short encounter (2-D)", printed)[0] < 0.97 * value  # straight motion misses the rest
-    assert "Radius of both bodies 4 m; followed for 10135 s before and after" in printed
+    assert "Radius of both bodies 4 m; evaluated for 10135 s before and after" in printed
     assert "Clear by 0 sigmas" in printed  # 2.95 m apart, with bodies of 4 m
     assert "Warning" not in printed
 
@@ -65,7 +65,7 @@ def test_fast_conjunction_agrees_with_its_message(capsys):
     assert main(["encounter", "fast.cdm"]) == 2
     refused = capsys.readouterr().err
     assert refused.startswith("fast.cdm: contains no hard-body radius; give one: ")
-    radius = re.search(r'--radius "(.*)" is what its screening excludes', refused)[1]
+    radius = re.search(r'--radius "(.*)" is the sum of the exclusion radii', refused)[1]
     assert main(["encounter", "fast.cdm", "--radius", radius]) == 0
     printed = capsys.readouterr().out
     stated = figure("the message", printed)[0]

@@ -14,7 +14,7 @@ from astropy.time import Time, TimeDelta
 import closeform as cf
 from closeform.cli.app import main
 from closeform.cli.console import tell_run
-from closeform.exchange.oem import read_oem, write_oem
+from closeform.exchange.ccsds.oem import read_oem, write_oem
 from closeform.report.run import RunReport, states
 from closeform.scenario import ScenarioError, parse
 from test_chief import to_fifty_digits
@@ -221,7 +221,9 @@ def test_interpolated_states_are_reported(tmp_path, capsys):
     orbit = 'epoch = "2010-07-27T00:16:41 GPS"\nchief = { oem = "A.oem" }'
     lines, figures, _ = run_output(tmp_path, scenario(orbit), capsys)
     (told,) = [line for line in lines if line.startswith("A.oem: ")]
-    off = re.fullmatch(r"A\.oem: state at the epoch interpolated, off by up to (\S+) m, by estimate", told)
+    off = re.fullmatch(
+        r"A\.oem: state at the epoch is interpolated, with an estimated error of up to (\S+) m", told
+    )
     assert off is not None
     assert 1e-9 < float(off[1]) < 0.01  # of the files' own noise, which their velocities have
     assert any("eccentricity" in line for line in figures["warnings"])  # 0.002 at that epoch

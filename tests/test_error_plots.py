@@ -63,7 +63,7 @@ def test_sigmas_against_time_are_the_least_distances_in_sigmas() -> None:
         assert curve.get_ydata()[k] == pytest.approx(fewest, rel=1e-3)  # of so many samples
     assert f"{least.sigmas:.2f} sigma" in figure.get_suptitle()
     across = cf.Uncertainty(np.diag([0.0, 0.0, 1.0, 0.0, 0.0, 0.0]))
-    with pytest.raises(ValueError, match="errors: none of any size"):
+    with pytest.raises(ValueError, match="errors: no error of any size"):
         cf.plots.sigmas(PATH, REST, BALL, across)
 
 

@@ -53,10 +53,10 @@ def test_predicted_violation_is_in_the_verdict():
     assert least < 0.99  # the plan touches the zone
     assert stage.validity.flown[0] == pytest.approx(least, abs=5e-4)  # 15 mm
     (warning,) = mission.warnings
-    assert warning.startswith("stage 1: flown as planned, in the field of J2, leads A and B into zones")
+    assert warning.startswith("stage 1: without compensation, in the high-fidelity model (J2), A and B enter")
     verdict = mission.verdict
     assert verdict.predicted == stage.validity.flown[0]
-    assert str(verdict).startswith("clear as planned, not as predicted in the field: ")
+    assert str(verdict).startswith("clear as planned, but not as predicted in the high-fidelity model: ")
     assert f"minimum {stage.validity.flown[0]:.4f} x zone in J2" in str(verdict)
     assert verdict.status == 1
     assert not verdict.clear
@@ -78,7 +78,7 @@ def test_printed_prediction_and_results(tmp_path: Path, capsys):
     at = next(k for k, line in enumerate(lines) if line.startswith("Stage 1"))
     assert lines[at + 1].startswith("In J2 to J4 and drag, without compensation, ")
     assert " (entered), A and B; as planned 1.0000. The model error of Hill's equations is " in lines[at + 2]
-    assert any(line.startswith("Warning: stage 1: flown as planned") for line in lines)
+    assert any(line.startswith("Warning: stage 1: without compensation") for line in lines)
     given = json.loads((tmp_path / "out" / "summary.json").read_text())["stages"][0]["in_field"]
     assert given["field"] == "J2 to J4 and drag"
     assert given["least_ratio"] < 0.99 < given["planned_ratio"]

@@ -298,8 +298,8 @@ REFUSED = {
     ),
     "out of reach": (
         {"thrusters": cf.Thrusters(SIX.directions[:5], acceleration=1.0, period=30.0)},
-        "thrusters: at 7.45443 s the plan pushes where they cannot, along -z of their frame; plan with these "
-        "thrusters, or add one",
+        "thrusters: at 7.45443 s the plan requires thrust that they lack, along -z of their frame; "
+        "plan with these thrusters, or add one",
     ),
     "impulses too close": (
         {"plan": ORBIT.two_impulse(A, A + [0, 9, 0, 0, 2, 0], 20.0), "thrusters": SIX},

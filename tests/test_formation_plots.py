@@ -300,7 +300,7 @@ def test_bad_input_is_named():
         ),
         (
             lambda: plots.ratio_matrix(SOME, [cf.Box([1, 9, 1]), cf.Box([9, 1, 1]), None]),
-            "craft 0 and craft 1: neither zone holds the other",
+            "craft 0 and craft 1: neither zone contains the other",
         ),
         (lambda: plots.closest_pairs(SOME, BALL, count=0), "count: expected a whole number from 1 on, got 0"),
         (lambda: plots.closest_pairs(APART, BALL), "paths: no two craft that have a zone share a time"),

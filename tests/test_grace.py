@@ -12,8 +12,8 @@ from astropy.time import Time, TimeDelta
 from astropy.utils import iers
 
 from closeform import Orbit
+from closeform.exchange.ccsds.oem import read_oem
 from closeform.exchange.common_frame import common_frame
-from closeform.exchange.oem import read_oem
 from closeform.motion.elements import elements_from_inertial
 from closeform.motion.frames import relative_from_inertial
 

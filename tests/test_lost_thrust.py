@@ -8,10 +8,10 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import closeform as cf
-from closeform.campaign import case_of, flown
+from closeform.campaign import case_of, evaluated
 from closeform.cli.app import main
 from closeform.mission.mission import fly
-from closeform.mission.simulation import FlownRun
+from closeform.mission.simulation import SimulatedRun
 from closeform.scenario import parse
 from field_scenario import swap
 from test_field import axes_of, chief, textbook
@@ -150,7 +150,7 @@ seed = 5
 def test_cases_with_failures_agree_with_simulate():
     """A row agrees with `simulate` with the sampled failures."""
     scenario = parse(swap(more='margin = "auto"\n' + STUDY), "fails.toml")
-    campaign, seen = flown(scenario), set()
+    campaign, seen = evaluated(scenario), set()
     sound = parse(swap(more='margin = "auto"\n' + STUDY.split("[study]")[0]), "sound.toml")
     plan = fly(sound).paths
     for case in range(6):
@@ -190,8 +190,8 @@ def test_loaded_case_gives_the_same_simulations(tmp_path: Path):
     loaded, mission = cf.load(out), fly(case_of(scenario, case))
     (lost,) = mission.lost
     assert loaded.lost == mission.lost
-    own = FlownRun.of(loaded, "track", scenario.flight, seeds=range(3))
-    then = FlownRun.of(mission, "track", scenario.flight, seeds=range(3))
+    own = SimulatedRun.of(loaded, "track", scenario.flight, seeds=range(3))
+    then = SimulatedRun.of(mission, "track", scenario.flight, seeds=range(3))
     assert (own.flight.states == then.flight.states).all()
     k, failed = scenario.names.index(lost.craft), own.flight.times == lost.time
     for flight in own.flight.states[:, k]:

@@ -6,7 +6,7 @@ import pytest
 import closeform as cf
 from closeform.planning.max_clearance import ClearanceStatus
 from test_least_delta_v_plans import passage
-from test_price import OTHER, PATH, TILT, swapping
+from test_shadow_prices import OTHER, PATH, TILT, swapping
 
 ORBIT, SPACE = PATH.orbit, cf.Orbit(0.0)
 ZONE = cf.Ellipsoid([20.0, 40.0, 25.0], TILT)
@@ -175,7 +175,9 @@ def test_limits_of_sigmas():
     assert (free.reason, free.sigmas) == ("no conflict at 10 000 sigmas", 10_000.0)
     exact = cf.max_clearance(PATH, OTHER, cf.Sphere(1.0), 2.0 * PATH.energy, errors=cf.Uncertainty())
     assert (exact.status, exact.sigmas) == (ClearanceStatus.NEVER_NEAR, 10_000.0)
-    with pytest.raises(ValueError, match=r"^other_errors: not for a formation; append them to errors"):
+    with pytest.raises(
+        ValueError, match=r"^other_errors: is for one spacecraft; for a formation append them to errors"
+    ):
         cf.max_clearance(FORMATION, (), ZONE, 1.0, other_errors=KNOWN)
 
 

@@ -10,7 +10,7 @@ import pytest
 from scipy.special import ndtri
 
 import closeform as cf
-from closeform.campaign import case_of, flown
+from closeform.campaign import case_of, evaluated
 from closeform.campaign.mission_cases import MissionCases
 from closeform.cli.app import main
 from closeform.mission.mission import fly
@@ -64,12 +64,12 @@ BLOCKED = PASS.replace('"0 0 0 m", "10 400 0 m"', '"0 200 0 m", "0 250 0 m"').re
 
 @pytest.fixture(scope="module")
 def missions():
-    return flown(parse(PASS, "pass.toml"))
+    return evaluated(parse(PASS, "pass.toml"))
 
 
 @pytest.fixture(scope="module")
 def blocked():
-    return flown(parse(BLOCKED, "blocked.toml"), 40)
+    return evaluated(parse(BLOCKED, "blocked.toml"), 40)
 
 
 def test_each_case_equals_its_run(missions, blocked):
@@ -160,7 +160,7 @@ def test_study_of_a_mission_with_a_search(tmp_path, monkeypatch):
     examples = Path(__file__).parents[1] / "examples"
     text = (examples / "find_then_fly.toml").read_text()
     study = '\n[study]\ncases = 4\nseed = 2\n[study.vary]\n"craft.velocity" = { ball = "1 mm/s" }\n'
-    campaign = flown(parse(text + study, "find.toml"))
+    campaign = evaluated(parse(text + study, "find.toml"))
     assert set(campaign.statuses) <= {"met", "unmet", "stopped"}
     assert (campaign.column("stage_1_delta_v_m_s") > 0.0).any()
     assert {"stage 1, gather [m/s]", "stage 2, reconfigure [m/s]"} <= set(campaign.spreads)
@@ -190,7 +190,7 @@ def test_study_of_a_mission_with_a_search(tmp_path, monkeypatch):
 )
 def test_invalid_distributions_are_rejected(old, new, told):
     with pytest.raises(ScenarioError, match=re.escape(told)):
-        flown(parse(PASS.replace(old, new), "pass.toml", "study"))
+        evaluated(parse(PASS.replace(old, new), "pass.toml", "study"))
 
 
 def test_optimality_gap_column(missions):
@@ -217,7 +217,7 @@ def test_tables_omit_empty_rows_and_columns(missions):
 
 def test_pages_show_the_missions_of_the_study(tmp_path, monkeypatch, blocked):
     """No case is planned again, and each page equals that of a run."""
-    fresh = flown(blocked.scenario, 12)
+    fresh = evaluated(blocked.scenario, 12)
 
     def refuse(*_, **__):
         raise AssertionError("a case was planned again")

@@ -15,7 +15,7 @@ from closeform.cli.console import WIDTH
 from closeform.mission.mission import fly
 from closeform.report.run import RunReport
 from closeform.scenario import ScenarioError, load, parse
-from reflown import faults
+from resimulated import faults
 from test_mission_search import Run, run_text
 
 pytestmark = pytest.mark.usefixtures("unpainted")

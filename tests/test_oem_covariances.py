@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 from oem import OrbitEphemerisMessage
 from scipy.integrate import solve_ivp
 
-from closeform.exchange.carried_covariance import covariance_at
+from closeform.exchange.ccsds.oem import read_oem, write_oem
 from closeform.exchange.common_frame import common_frame
-from closeform.exchange.covariance import Covariances, axes, inertial
-from closeform.exchange.oem import read_oem, write_oem
+from closeform.exchange.ephemerides.covariance import Covariances, axes, inertial
+from closeform.exchange.ephemerides.propagated_covariance import covariance_at
 from closeform.motion.frames import relative_from_inertial
 from closeform.motion.mean_motion import EARTH_MU
 from test_ccsds import GOOD, circular
@@ -93,17 +93,17 @@ DAMAGE = {
     ),
     "a row lost": (
         lambda text: text.replace(ROWS.splitlines()[2] + "\n", "", 1),
-        f"line {AT + 5}: 4 values where row 3 of a lower triangle stands",
+        f"line {AT + 5}: 4 values in place of row 3 of a lower triangle",
     ),
     "the last row lost": (
         lambda text: text.replace(ROWS.splitlines()[5] + "\n", "", 1),
-        f"line {AT + 1}: covariance of 2016-12-31T23:59:50 lacks rows",
+        f"line {AT + 1}: covariance of 2016-12-31T23:59:50 has fewer than six rows",
     ),
     "a full matrix": (
         lambda text: text.replace("4.1024000e-04\n", "4.1024000e-04 0 0 0 0 0\n", 1),
-        f"line {AT + 3}: 6 values where row 1",
+        f"line {AT + 3}: 6 values in place of row 1",
     ),
-    "a seventh row": (lambda text: text.replace("\n" + SECOND, "1 2 3 4 5 6 7\n" + SECOND), f"line {AT + 9}: 7 values where row 7"),
+    "a seventh row": (lambda text: text.replace("\n" + SECOND, "1 2 3 4 5 6 7\n" + SECOND), f"line {AT + 9}: 7 values in place of row 7"),
     "a word": (lambda text: text.replace("4.1024000e-04", "large"), f"line {AT + 3}: 'large' is not a number"),
     "not finite": (
         lambda text: text.replace("4.1024000e-04", "nan"),
@@ -116,7 +116,7 @@ DAMAGE = {
     "a negative variance": (lambda text: text.replace("4.1943040e-10", "-4.1943040e-10"), "smallest eigenvalue"),
     "epochs that fall": (
         lambda text: text.replace("2017-01-01T00:00:10\n4", "2016-12-31T23:59:40\n4"),
-        f"line {AT + 10}: epochs of covariances must rise",
+        f"line {AT + 10}: epochs of covariances must increase",
     ),
     "never closed": (lambda text: text.replace("COVARIANCE_STOP\n", ""), "COVARIANCE_STOP is missing"),
     "opened twice": (
@@ -164,7 +164,7 @@ def test_invalid_covariance_is_rejected():
         Covariances([0.0], [MATRIX - 500.0 * np.eye(6)], ["RTN"])
     with pytest.raises(ValueError, match="times, matrices, frames: expected"):
         Covariances([0.0, 1.0], [MATRIX], ["RTN"])
-    with pytest.raises(ValueError, match="times: must be finite and rise"):
+    with pytest.raises(ValueError, match="times: must be finite and increase"):
         Covariances([1.0, 1.0], [MATRIX, MATRIX], ["RTN"] * 2)
     with pytest.raises(ValueError, match="covariances: frame ITRF is not supported"):
         replace(circular(), covariances=Covariances([0.0], [MATRIX], ["ITRF"]))

@@ -11,7 +11,7 @@ import closeform as cf
 from closeform.scenario import ScenarioError
 from test_arguments import BALL, COAST, GATHERED, MOVE, PLACE, REST, SEARCH, SPEED, STAYS, is_named
 from test_arguments import CALLS as OTHERS
-from test_surface import CALLABLES
+from test_public_interface import CALLABLES
 
 mpl.use("agg")
 KNOWN = cf.Uncertainty(np.diag([1.0, 2.0, 1.0, 1e-3, 1e-3, 1e-3]) ** 2)

@@ -15,7 +15,7 @@ from closeform.planning.request import Request
 from closeform.report.run import RunReport
 from closeform.scenario import parse
 from formations import Task, random_case
-from reflown import faults
+from resimulated import faults
 
 SPACE = cf.Orbit(0.0)
 TILT = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))[0]

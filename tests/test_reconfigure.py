@@ -12,7 +12,7 @@ import closeform as cf
 from bridge import Hindrance, bridge, hill, settle
 from closeform.planning.plan import Plan, Status
 from closeform.zones.shapes import CUBE
-from reflown import faults, fly
+from resimulated import faults, fly
 
 N = 1.1e-3
 ORBIT, SPACE = cf.Orbit(N), cf.Orbit(0.0)
@@ -683,7 +683,7 @@ def refusals():
         "nan start": ({"start": np.nan}, "start"),
         "zones": ({"zone": [cf.Sphere(1.0)] * 2}, "zone"),
         "zone number": ({"zone": 10.0}, "zone"),
-        "zones that do not nest": ({"zone": [plate, rod, None]}, "0.*1.*neither zone holds"),
+        "zones that do not nest": ({"zone": [plate, rod, None]}, "0.*1.*neither zone contains"),
         "orbit of an obstacle": ({"obstacles": [elsewhere]}, "obstacles"),
         "no obstacle at all": ({"obstacles": [None]}, "obstacles"),
         "limits": ({"max_acceleration": [1.0, 1.0]}, "max_acceleration"),

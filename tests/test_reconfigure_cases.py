@@ -11,7 +11,7 @@ import pytest
 import closeform as cf
 from closeform.planning.plan import Status
 from formations import CASES, CONFLICTING, LOW_ORBIT, conflicting, random_case, swap
-from reflown import faults
+from resimulated import faults
 
 SAMPLE = range(0, CASES, 9)  # both parities: deep space and orbit
 CONFLICTING_SAMPLE = range(0, CONFLICTING, 3)

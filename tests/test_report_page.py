@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 
 import closeform as cf
 from closeform.cli.app import main
-from closeform.exchange.oem import read_oem
+from closeform.exchange.ccsds.oem import read_oem
 from closeform.mission.mission import fly
 from closeform.report import effort, model, run
 from closeform.report.run import RunReport
@@ -21,7 +21,7 @@ from closeform.scenario import parse
 from closeform.storage.result_folder import Folder
 from pages import assert_linked
 from scenarios import GOOD
-from test_errors import oem
+from test_invalid_input import oem
 
 LIMITED = (
     "# Three in a row; the last\n# goes past both.\n"

@@ -4,6 +4,7 @@ import re
 from contextlib import suppress
 from itertools import permutations
 from pathlib import Path
+from runpy import run_path
 from time import process_time
 
 import astropy.units
@@ -12,19 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from closeform.scenario import Avoid, Craft, KeepOut, ScenarioError, load, parse
-from closeform.scenario.craft import Covariance, Execution, Gates, SearchTable, SensorTable, ThrusterTable
-from closeform.scenario.formation import Destination, Goal, Shape, Start
-from closeform.scenario.orbit import (
-    ChiefTable,
-    Elements,
-    FeedbackTable,
-    FieldTable,
-    FlightTable,
-    NavigationTable,
-    OrbitTable,
-    VerdictTable,
-)
+from closeform.scenario import Avoid, ScenarioError, load, parse
 from closeform.scenario.quantity import (
     ANGLE,
     DURATION,
@@ -39,8 +28,7 @@ from closeform.scenario.quantity import (
     Reader,
     unit_of,
 )
-from closeform.scenario.stages import STAGES
-from closeform.scenario.study import Draw, Study, readers
+from closeform.scenario.study import readers
 from closeform.zones.containment import containing_zone, greatest_norm
 from closeform.zones.solids import Box, Cylinder, Ellipsoid, HalfSpaces, Sphere
 from closeform.zones.zone import Zone
@@ -274,39 +262,19 @@ def test_errors_come_with_the_file_that_was_named(tmp_path: Path) -> None:
     assert raised.value.lines == (f"{file}: closeform: must say the file's format; write closeform = 1",)
 
 
-def test_every_key_is_documented() -> None:
-    """Each key stands in a table row of docs/scenario.md, and each row's key is a key."""
-    page = (EXAMPLES.parent / "docs" / "scenario.md").read_text()
-    documented = set(re.findall(r"^\| `(\w+)` \|", page, re.MULTILINE))
-    tables = [
-        OrbitTable,
-        ChiefTable,
-        Elements,
-        Craft,
-        Start,
-        Goal,
-        KeepOut,
-        SensorTable,
-        SearchTable,
-        Study,
-        Draw,
-    ]
-    tables += [
-        Covariance,
-        Execution,
-        Gates,
-        ThrusterTable,
-        Destination,
-        *Shape.__subclasses__(),
-        *STAGES.values(),
-        FieldTable,
-        FeedbackTable,
-        FlightTable,
-        NavigationTable,
-        VerdictTable,
-    ]
-    keys = {key for table in tables for key in table.examples()}
-    assert documented == keys | {"closeform", "title"}
+def test_reference_of_the_keys_is_up_to_date() -> None:
+    """If it is not, run `python tools/scenario_keys.py > docs/scenario_keys.md`."""
+    root = EXAMPLES.parent
+    made = run_path(str(root / "tools" / "scenario_keys.py"))["page"]()
+    assert (root / "docs" / "scenario_keys.md").read_text(encoding="utf-8") == made
+
+
+@pytest.mark.parametrize("size", ['hard_body = "1e16 m"', 'keep_out = { box = "1 1 1e-10 m" }'])
+def test_size_of_a_zone_out_of_range_is_an_error_of_the_file(size) -> None:
+    key = size.partition(" ")[0]
+    text = GOOD.replace('keep_out = { sphere = "20 m" }', size)
+    with pytest.raises(ScenarioError, match=rf"craft.*{key}.*must be from 1e-09 to 1e\+15 m"):
+        parse(text)
 
 
 def test_documented_example_is_a_scenario() -> None:

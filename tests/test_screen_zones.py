@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from closeform.cli.app import main
+from closeform.exchange.ccsds.oem import read_oem
 from closeform.exchange.common_frame import common_frame
-from closeform.exchange.oem import read_oem
-from test_errors import oem
+from test_invalid_input import oem
 
 ZONES = """\
 [craft]
@@ -72,5 +72,5 @@ def test_conflicting_zone_options(desk, capsys) -> None:
     (desk / "zones.toml").write_text(ZONES)
     for more in (["--sphere", "20 m"], ["--body"], ["--hard-body", "5 m"]):
         assert main(["screen", "A.oem", "B.oem", "--zones", "zones.toml", *more]) == 2
-        words = "screen: --zones gives the zone of each craft; remove the other options of zones\n"
+        words = "screen: --zones gives the zone of each craft; remove the other zone options\n"
         assert capsys.readouterr().err == words

@@ -8,7 +8,7 @@ import pytest
 
 import closeform as cf
 from bodies import RATE, Body, first_lock
-from closeform.campaign import case_of, flown
+from closeform.campaign import case_of, evaluated
 from closeform.mission.mission import fly
 from closeform.scenario import parse
 from turns import turns
@@ -256,7 +256,7 @@ def test_slew_acceleration_of_each_spacecraft_in_a_study():
     """A reaches its rate in a second, B in a minute; pointing is sampled."""
     ramps = 'slew_acceleration = ["0.25 deg/s^2", "0.004 deg/s^2"]'
     scenario = parse(RUN.replace('start_offset = ["0 s", "30 s"]', ramps) + STUDY)
-    times = flown(scenario, 4).time
+    times = evaluated(scenario, 4).time
     alone = [fly(case_of(scenario, case)).results[0].result.locks.time[0] for case in range(4)]
     assert alone == times.tolist()
     assert (times > 60.0).any()
@@ -266,7 +266,7 @@ def test_sun_limit_includes_the_errors():
     """Compare with sampled attitudes, for a run and each case of a study."""
     ball = STUDY.replace("2 deg", "8 deg")
     scenario = parse(RUN + ball)
-    campaign = flown(scenario, 4)
+    campaign = evaluated(scenario, 4)
     for case in range(4):
         one = case_of(scenario, case)
         run = fly(one)

@@ -306,7 +306,10 @@ def test_invalid_input():
             lambda: plots.complementary_cones(Search.modified(Sensor(pi / 2), RATE, 0.4)),
             "search: a half-angle of 90 deg leaves no complementary cones",
         ),
-        (lambda: plots.lemma_2(BASIC, [9, 0, 0], [0, 0, 0]), "search: lemma 2 wants sensors at the centres"),
+        (
+            lambda: plots.lemma_2(BASIC, [9, 0, 0], [0, 0, 0]),
+            "search: lemma 2 requires sensors at the centres",
+        ),
         (lambda: plots.lemma_2(MODIFIED, [9, 0], [0, 0, 0]), "position: expected shape"),
         (lambda: plots.lemma_2(MODIFIED, [9, 0, 0], [0, 0, 0], 2200.0), "time: 2200 s is not in the first"),
         (lambda: plots.lemma_2(MODIFIED, [0, 0, 9], [0, 0, 0]), "time: .* is not in the first in-plane"),

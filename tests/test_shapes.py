@@ -444,7 +444,7 @@ def test_asymmetric_zone_follows_the_order_of_its_pair():
 
 
 def test_two_asymmetric_zones_are_rejected():
-    with pytest.raises(ValueError, match="A and B: neither zone holds the other"):
+    with pytest.raises(ValueError, match="A and B: neither zone contains the other"):
         cf.PairZones.of([WEDGE, WEDGE], ["A", "B"])
     assert cf.PairZones.of([WEDGE, WEDGE], moves=[False, False]).between(0, 1) is None
 

@@ -16,7 +16,7 @@ from closeform.cli.app import main
 from closeform.mission.mission import fly
 from closeform.mission.mission_result import Mission
 from closeform.mission.simulation_verdict import Entered
-from closeform.mission.stage_margin import flown_errors
+from closeform.mission.stage_margin import reference_errors
 from closeform.mission.stage_start import BurnRoom, StageStart
 from closeform.results.load import LoadedRun
 from closeform.scenario import parse
@@ -135,7 +135,7 @@ def test_violations_are_counted_and_give_status_1(run: Path, tmp_path: Path, cap
     worst = cf.closest_approach(*two(tables["paths"], cf.load(run)), cf.Sphere(30.0))
     assert ratios["ratio"].min() == pytest.approx(worst.ratio, abs=1e-6)
     printed = capsys.readouterr().out
-    assert f"violated: zones are entered in {len(entered)} of 30 flights" in printed
+    assert f"violated: zones are entered in {len(entered)} of 30 simulations" in printed
     assert f"{ratios['ratio'].min():.4f} x zone" in printed
 
 
@@ -290,10 +290,10 @@ def test_margin_uses_the_errors_at_the_start_of_its_plan():
     orbit, own = scenario.orbit.build(), tuple(craft.errors for craft in scenario.craft)
     first = StageStart(scenario, orbit, 1, scenario.states(orbit), 0.0, {}, np.ones(2), errors=own)
     coasted = orbit.transition(120.0) @ own[0].state @ orbit.transition(120.0).T
-    (late,) = flown_errors(first.leaving(BurnRoom(before=120.0)), [0])
+    (late,) = reference_errors(first.leaving(BurnRoom(before=120.0)), [0])
     assert late.state == pytest.approx(coasted, rel=1e-9, abs=1e-12)
     coast = fly(parse(swap(craft=EXECUTION, more=COAST), "swap.toml")).results[:1]
-    (later,) = flown_errors(replace(first, number=2, flown=coast, errors=()), [1])
+    (later,) = reference_errors(replace(first, number=2, executed=coast, errors=()), [1])
     assert later.state == pytest.approx(own[1].state)
     assert (later.magnitude, late.magnitude) == (0.01, 0.01)
 
@@ -451,7 +451,7 @@ def test_viewer_shows_the_worst_simulation_stage_by_stage(run: Path, tmp_path: P
     """Closest approaches agree with a dense sampling of the worst simulation."""
     _, summary, tables = simulated(run, tmp_path / "out", "--seeds", "12")
     scene, loaded, worst = Seen.of((tmp_path / "out" / "viewer.html").read_text()).record, cf.load(run), []
-    assert scene["title"].startswith(f"Flight {summary['worst']} of 12, in which two come nearest: ")
+    assert scene["title"].startswith(f"Simulation {summary['worst']} of 12, with the closest approach: ")
     given = [('Stage 1 "swap": reconfigure', 0.0), ("Stage 2: coast", loaded.results[0].end)]
     assert [(one["title"], one["start"]) for one in scene["stages"]] == [
         (title, pytest.approx(start, abs=1e-3)) for title, start in given

@@ -10,10 +10,10 @@ from scipy.integrate import solve_ivp
 from bridge import hill
 from closeform.cli.app import main
 from closeform.mission.mission import fly
-from closeform.mission.simulation import FlownRun
+from closeform.mission.simulation import SimulatedRun
 from closeform.scenario import ScenarioError, parse
 from field_scenario import swap
-from test_fuel_mission import G0, N, pictureless, plain, ran  # noqa: F401 (fixtures)
+from test_mission_delta_v import G0, N, pictureless, plain, ran  # noqa: F401 (fixtures)
 
 TWO_ENGINES = """\
 closeform = 1
@@ -171,7 +171,7 @@ ENGINE = 'max_thrust = "50 mN"\nthrusters = "rtn"\nperiod = "30 s"\nminimum_bit 
 def test_simulations_use_the_thrusters_of_the_stage():
     stage = fly(parse(swap(craft='mass = "12 kg"', more=f"{ENGINE}\n")))
     craft = fly(parse(swap(craft=f'mass = "12 kg"\n{ENGINE}')))
-    flown = [FlownRun.of(run, "track", run.scenario.flight, 2) for run in (stage, craft)]
+    flown = [SimulatedRun.of(run, "track", run.scenario.flight, 2) for run in (stage, craft)]
     assert flown[0].thrusters == ("A", "B")
     assert np.array_equal(flown[0].flight.states, flown[1].flight.states)
     assert np.array_equal(flown[0].flight.delta_v, flown[1].flight.delta_v)
@@ -183,7 +183,7 @@ def test_simulations_use_the_specific_impulse_of_each_stage():
     ends = (f'{{ position = "0 0 {z} m", velocity = "0 0 0 m/s" }}' for z in (120, -120))
     more += f"[{', '.join(ends)}]"
     run = fly(parse(swap(craft='mass = "12 kg"\nspecific_impulse = "220 s"', more=more)))
-    flown = FlownRun.of(run, "open", run.scenario.flight, 1)
+    flown = SimulatedRun.of(run, "open", run.scenario.flight, 1)
     planned = flown.burnt(slice(None), run.delta_v.sum(axis=0))
     assert planned == pytest.approx(run.propellant.sum(axis=0), rel=1e-12)
     by_hand = 12.0 * -np.expm1(-run.delta_v[0] / (G0 * 220.0) - run.delta_v[1] / (G0 * 60.0))

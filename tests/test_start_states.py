@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import closeform as cf
-from closeform.exchange.states_csv import state_rows
+from closeform.exchange.formats.states_csv import state_rows
 from closeform.motion.elements import inertial_from_elements
 from closeform.motion.frames import relative_from_inertial
 from closeform.report.run import states as flown_states
@@ -192,5 +192,5 @@ def test_table_of_states_as_a_path(tmp_path):
         '[[stage]]\ndo = "coast"\nfor = "700 s"\n\n[[stage]]\ndo = "coast"\nfor = "1 s"\nfollow = ["F1"]\n'
     )
     file.write_text(text.partition("[[stage]]")[0] + stages)
-    with pytest.raises(ValueError, match="from where F1 is"):
+    with pytest.raises(ValueError, match="from its position"):
         cf.run(file)

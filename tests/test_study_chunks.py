@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from closeform.campaign import case_of, chunks, flown, search_cases, spread
+from closeform.campaign import case_of, chunks, evaluated, search_cases, spread
 from closeform.campaign.campaign import kind_of
 from closeform.campaign.chunks import Chunk, Stored
 from closeform.campaign.cluster import Task, evaluate
@@ -171,8 +171,8 @@ def test_a_damaged_chunk_is_flown_anew(desk, monkeypatch, capsys) -> None:
     again = flown_ranges(monkeypatch)
     assert main(STUDY) == 1
     damaged, going_on = capsys.readouterr().err.splitlines()
-    assert damaged == f"out: {spoilt.name} is damaged or missing, and simulated again"
-    assert re.fullmatch(r"out: going on, [1-9]\d* of \d+ cases are flown", going_on)
+    assert damaged == f"out: {spoilt.name} is damaged or missing, and is evaluated again"
+    assert re.fullmatch(r"out: continuing, [1-9]\d* of \d+ cases are complete", going_on)
     assert len(again) == 3
     assert int(spoilt.stem) in again
     assert rows(desk / "out") == rows(desk / "undisturbed")
@@ -215,7 +215,7 @@ def test_files_give_the_same_figures_as_arrays(text, tmp_path, monkeypatch) -> N
     monkeypatch.setattr(search_cases, "PAIRS_AT_ONCE", 100)
     monkeypatch.setattr("closeform.campaign.search_cases.GATHERINGS_AT_ONCE", 70)
     scenario = parse(text)
-    held, kind = flown(scenario, 300, 5), kind_of(scenario, 5)
+    held, kind = evaluated(scenario, 300, 5), kind_of(scenario, 5)
     stored = Stored(kind, 300, tmp_path / "cases", tmp_path / "manifest.jsonl")
     stored.begin()
     for some in stored.missing:
@@ -267,7 +267,7 @@ def test_quantiles_have_the_confidence_that_they_say() -> None:
 
 
 def test_a_histogram_of_chunks_is_that_of_all_times() -> None:
-    campaign = flown(load(S04), 20_000)
+    campaign = evaluated(load(S04), 20_000)
     times, search = campaign.time, campaign.search
     parts = Binned.of(np.array_split(times, 7), search.duration, search)
     later = times[times > 0.0]

@@ -71,7 +71,7 @@ def until(holds: Callable[[], object], patience: float = 60.0) -> None:
 
 def goes_on(kept: int) -> list[str]:
     """What a study says of the chunks that are there, if there are some."""
-    return [f"out: going on, {kept * (CASES // 40)} of {CASES} cases are flown"] if kept else []
+    return [f"out: continuing, {kept * (CASES // 40)} of {CASES} cases are complete"] if kept else []
 
 
 def said(err: str) -> list[str]:

@@ -8,7 +8,7 @@ import numpy as np
 import pyarrow.parquet
 import pytest
 
-from closeform.campaign import flown
+from closeform.campaign import evaluated
 from closeform.campaign.chunks import Held
 from closeform.campaign.sweep_cases import SweepCases
 from closeform.cli.app import main
@@ -29,7 +29,7 @@ VALUES = [(size, angle) for size in ("0.1 deg", "20 deg") for angle in ("70 deg"
 
 @pytest.fixture(scope="module")
 def swept():
-    return flown(parse(ROBUST + SWEEP, "swept.toml"), 300)
+    return evaluated(parse(ROBUST + SWEEP, "swept.toml"), 300)
 
 
 def alone(size: str, angle: str) -> str:
@@ -43,7 +43,7 @@ def test_each_point_is_the_study_of_its_own_file(swept):
     assert len(swept) == 300
     for (size, angle), point in zip(VALUES, swept.points, strict=True):
         assert list(point.values.values()) == [f"ball {size}", angle]
-        truth = flown(parse(alone(size, angle), "alone.toml"), 300)
+        truth = evaluated(parse(alone(size, angle), "alone.toml"), 300)
         np.testing.assert_array_equal(point.campaign.time, truth.time)
         np.testing.assert_array_equal(point.campaign.leg, truth.leg)
         assert point.met_cases == truth.good.sum()
@@ -53,7 +53,7 @@ def test_each_point_is_the_study_of_its_own_file(swept):
 
 def test_the_command_of_a_point_can_be_pasted():
     """A shell takes the name of the file as one word."""
-    (hint,) = SweepReport(flown(parse(ROBUST + SWEEP, "two words.toml"), 1)).hint
+    (hint,) = SweepReport(evaluated(parse(ROBUST + SWEEP, "two words.toml"), 1)).hint
     assert as_words(hint)[:7] == ["closeform", "run", "two words.toml", "--case", "K", "--point", "P"]
 
 
@@ -78,9 +78,11 @@ def test_each_point_of_missions_is_the_study_of_its_own_file(count):
     """Times and delta-v of each case at each thrust, row for row, whatever the size of chunks."""
     limits = '"1 N"', '"0.2 N"'
     sweep = f'\n[study.sweep]\n"craft.max_thrust" = [{", ".join(limits)}]\n'
-    swept = flown(parse(PASS + sweep, "swept.toml"), count)
+    swept = evaluated(parse(PASS + sweep, "swept.toml"), count)
     for limit, point in zip(limits, swept.points, strict=True):
-        truth = flown(parse(PASS.replace('max_thrust = "1 N"', f"max_thrust = {limit}"), "alone.toml"), count)
+        truth = evaluated(
+            parse(PASS.replace('max_thrust = "1 N"', f"max_thrust = {limit}"), "alone.toml"), count
+        )
         for name in truth.kind.names:
             np.testing.assert_array_equal(point.campaign.column(name), truth.column(name))
         assert (point.met_cases, point.campaign.nearest) == (truth.met_cases, truth.nearest)

@@ -345,8 +345,12 @@ REFUSED = {
     "states: no place that continues": lambda: targets.added_member(DEEP, RING[:1]),
     "factor: must be at least 1": lambda: targets.scattered(ORBIT, RING, 100.0, 0.5),
     "duration: must be positive": lambda: targets.scattered_from(ORBIT, RING, 0.0, [0, 0, 0], 5.0),
-    "craft 1 and 3 are at one place at the start": lambda: targets.scattered(ORBIT, TWINS, 100.0, 2.0),
-    "craft 0 and 2 are at one place after 100 s": lambda: targets.scattered(DEEP, MEETING, 100.0, 2.0),
+    "craft 1 and 3 are at the same position at the start": lambda: targets.scattered(
+        ORBIT, TWINS, 100.0, 2.0
+    ),
+    "craft 0 and 2 are at the same position after 100 s": lambda: targets.scattered(
+        DEEP, MEETING, 100.0, 2.0
+    ),
     "coasting brings craft 2 to it": lambda: targets.scattered_from(DEEP, MEETING, 50.0, [150, 0, 0], 9.0),
     "point: expected shape": lambda: targets.scattered_from(ORBIT, RING, 9.0, [0, 0], 5.0),
     "elapsed: must be at least 0": lambda: targets.regathered(ORBIT, RING, -1.0),

@@ -76,8 +76,8 @@ def test_force_becomes_acceleration():
     [
         (
             {"directions": [[1, 0, 0], [1, 1, 0]]},
-            "directions[1]: must be of length 1, got 1.41421; give unit vectors, and how strong thrusters "
-            "are as acceleration",
+            "directions[1]: must be of length 1, got 1.41421; give unit vectors, and the thrust as "
+            "acceleration",
         ),
         ({"directions": [1, 0, 0]}, "directions: expected shape (m, 3) for 1 to 64 thrusters, got (3,)"),
         (

@@ -285,7 +285,11 @@ def test_avoid_says_that_it_cannot(obstacle: cf.Path, arguments: dict, remedy: s
     assert weak.weak.limit == limit
     assert weak.weak.needed > limit
     first = cf.avoid(PATH, LONG, BALL).path.peak_thrust
-    longest = f"no longer is tried, and 1000 s take {first:.4g} m/s²: " if remedy == "raise the limit" else ""
+    longest = (
+        f"no longer duration is tried, and 1000 s require {first:.4g} m/s²: "
+        if remedy == "raise the limit"
+        else ""
+    )
     assert weak.reason == (
         f"path needs {weak.weak.needed:.4g} m/s² in {weak.weak.duration:.6g} s, "
         f"its limit is {limit:.4g} m/s²; {longest}{remedy}"
@@ -473,10 +477,10 @@ def test_a_case_counts_if_its_run_would(stage: str, tmp_path, monkeypatch, capsy
     assert main(["study", "lost.toml"]) == 1
     printed = capsys.readouterr().out
     share = 100.0 * np.mean([one.ok for one in alone])
-    assert re.search(rf"^all of it +{campaign.good.sum()} +{share:.3f} ", printed, re.MULTILINE)
+    assert re.search(rf"^all requirements +{campaign.good.sum()} +{share:.3f} ", printed, re.MULTILINE)
     summary = json.loads(Path("lost-study/summary.json").read_text())
     assert summary["status"] == 1
-    assert summary["asked"]["all of it"]["cases"] == campaign.good.sum()
+    assert summary["asked"]["all requirements"]["cases"] == campaign.good.sum()
     assert summary["verdict"] == campaign.reason
     for what in ("clear", *(["within delta_v_budget", "within propellant"] if limits else [])):
         assert f"of 120 cases not {what}: " in campaign.reason

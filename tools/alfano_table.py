@@ -29,7 +29,7 @@ def table() -> str:
             _, figure = probability(number)
             cells += [f"{figure.value:.4g}", f"{figure.at_start:.2g}", f"{figure.mean_entries:.4g}"]
         except ValueError:  # eccentric orbit
-            cells += ["refused", "", ""]
+            cells += ["rejected", "", ""]
         try:
             cells.append(f"{probability(number, method='short-encounter')[1].value:.4g}")
         except ValueError:  # two neighbours on one orbit have no short encounter

@@ -24,8 +24,8 @@ import numpy as np
 from astropy.time import Time, TimeDelta
 from astropy.utils import iers
 
-from closeform.exchange.ephemeris import Ephemeris
-from closeform.exchange.oem import write_oem
+from closeform.exchange.ccsds.oem import write_oem
+from closeform.exchange.ephemerides.ephemeris import Ephemeris
 
 OBJECTS = (("GRACE-A", "2002-012A"), ("GRACE-B", "2002-012B"))
 EARTH_RATE = 1.00273781191135448 * 2.0 * np.pi / 86400.0  # rad/s: of the Earth rotation angle, IERS 2010

@@ -1,8 +1,8 @@
-"""Craft and their chief, flown by Basilisk; nothing of closeform is in here.
+"""Simulation of craft and their chief in Basilisk; this module does not use closeform.
 
-Steps of some seconds by Runge and Kutta's method of fourth order, each with the force that its start asked
-for, fixed in inertial axes.  What is asked is an acceleration in the chief's own axes: radial outward, along
-the motion, orbit normal, as the simulated chief has them.
+The steps of some seconds are integrated by Runge and Kutta's method of fourth order.  The force of a step is
+determined at its start, and constant in inertial axes.  It is commanded as an acceleration in the axes of the
+simulated chief: radial outward, along the motion, orbit normal.
 """
 
 from collections.abc import Callable
@@ -122,23 +122,23 @@ class TurningEarth(sysModel.SysModel):
     def UpdateState(self, now: int) -> None:
         angle = SPIN * now * macros.NANO2SEC
         c, s = np.cos(angle), np.sin(angle)
-        told = messaging.SpicePlanetStateMsgPayload()
-        told.PlanetName = "earth"
-        told.J20002Pfix = [[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]
-        told.J20002Pfix_dot = [[-s * SPIN, c * SPIN, 0.0], [-c * SPIN, -s * SPIN, 0.0], [0.0, 0.0, 0.0]]
-        told.computeOrient = 1
-        self.said.write(told, now, self.moduleID)
+        message = messaging.SpicePlanetStateMsgPayload()
+        message.PlanetName = "earth"
+        message.J20002Pfix = [[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]
+        message.J20002Pfix_dot = [[-s * SPIN, c * SPIN, 0.0], [-c * SPIN, -s * SPIN, 0.0], [0.0, 0.0, 0.0]]
+        message.computeOrient = 1
+        self.said.write(message, now, self.moduleID)
 
 
 def fly(start: np.ndarray, law: Law | None, duration: float, world: World, step: float = 10.0) -> Flown:
-    """Fly a chief and N craft from inertial states (N + 1, 6) through a multiple of the step [s].
+    """Simulate a chief and N craft from inertial states (N + 1, 6) for a multiple of the step [s].
 
-    `law` is asked at the start of each step for what the craft (N, 3) are to thrust in the middle of it;
-    without one nobody thrusts, and only the first and last states are told.
+    At the start of each step `law` returns the thrust of the craft (N, 3) in the middle of the step.  Without
+    a law no craft thrusts, and only the first and last states are returned.
     """
     steps = round(duration / step)
-    if abs(duration - steps * step) > 1e-6:  # Basilisk would stop early, without a word
-        raise ValueError(f"duration: {duration:g} s is no multiple of steps of {step:g} s")
+    if abs(duration - steps * step) > 1e-6:  # Basilisk would stop early, without an error
+        raise ValueError(f"duration: {duration:g} s is not a multiple of the step of {step:g} s")
     run = SimulationBaseClass.SimBaseClass()
     run.CreateNewProcess("all").addTask(run.CreateNewTask("flight", macros.sec2nano(step)))
     earth = gravityEffector.GravBodyData()
@@ -151,7 +151,7 @@ def fly(start: np.ndarray, law: Law | None, duration: float, world: World, step:
         earth.planetBodyInMsg.subscribeTo(turning.said)
         run.AddModelToTask("flight", turning, EARTH)
     craft = [of_state(state, f"craft {k}", earth) for k, state in enumerate(start)]
-    told = [start] if law is None else command(run, Commander(craft, law, step, earth), craft, kept)
+    returned = [start] if law is None else command(run, Commander(craft, law, step, earth), craft, kept)
     if world.density > 0.0:
         breathe(run, craft, world, kept)
     for one in craft:
@@ -162,8 +162,8 @@ def fly(start: np.ndarray, law: Law | None, duration: float, world: World, step:
     run.ExecuteSimulation()
     seconds = process_time() - begin
     last = [one.scStateOutMsg.read() for one in craft]
-    told.append(np.array([[*said.r_BN_N, *said.v_BN_N] for said in last]))
-    return Flown(np.linspace(0.0, steps * step, len(told)), np.array(told), seconds)
+    returned.append(np.array([[*said.r_BN_N, *said.v_BN_N] for said in last]))
+    return Flown(np.linspace(0.0, steps * step, len(returned)), np.array(returned), seconds)
 
 
 def command(run: Any, commander: Commander, craft: list[Any], kept: list[Any]) -> list[np.ndarray]:

@@ -22,7 +22,7 @@ from closeform.planning.max_clearance import (
 )
 from closeform.planning.reconfigure import reconfigure as reconfigure
 from closeform.campaign import study as study
-from closeform.exchange.cdm import read_cdm as read_cdm, write_cdm as write_cdm
+from closeform.exchange.ccsds.cdm import read_cdm as read_cdm, write_cdm as write_cdm
 from closeform.mission.mission import run as run
 from closeform.exchange.chief import Chief as Chief
 from closeform.dynamics.compensated_thrust import (
@@ -42,10 +42,13 @@ from closeform.dynamics.tracking_margins import (
 from closeform.dynamics.tube import Tube as Tube, tube as tube
 from closeform.dynamics.validity import Validity as Validity, validity as validity
 from closeform.exchange.common_frame import CommonFrame as CommonFrame, common_frame as common_frame
-from closeform.exchange.conjunction import Conjunction as Conjunction, ConjunctionObject as ConjunctionObject
-from closeform.exchange.covariance import Covariances as Covariances
-from closeform.exchange.ephemeris import Ephemeris as Ephemeris
-from closeform.exchange.oem import (
+from closeform.exchange.ccsds.conjunction import (
+    Conjunction as Conjunction,
+    ConjunctionObject as ConjunctionObject,
+)
+from closeform.exchange.ephemerides.covariance import Covariances as Covariances
+from closeform.exchange.ephemerides.ephemeris import Ephemeris as Ephemeris
+from closeform.exchange.ccsds.oem import (
     read_oem as read_oem,
     read_oem_segments as read_oem_segments,
     write_oem as write_oem,
@@ -96,7 +99,7 @@ from closeform.conflicts.all_pairs import (
 )
 from closeform.search.gather import gather as gather, gather_cases as gather_cases
 from closeform.results.export import export as export
-from closeform.exchange.states_csv import read_csv as read_csv
+from closeform.exchange.formats.states_csv import read_csv as read_csv
 from closeform.results.load import (
     load as load,
 )

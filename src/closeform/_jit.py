@@ -120,7 +120,7 @@ class Kernel:
 
 @typeof_impl.register(Kernel)
 def _typeof_kernel(kernel: Kernel, context: Any) -> Any:
-    """Let kernels call kernels."""
+    """Return numba's type of a kernel, so that kernels can call it."""
     return types.Dispatcher(kernel.dispatcher)
 
 

@@ -21,7 +21,7 @@ try {
   still.hidden = false;
   const graphics = /webgl/i.test(error.message);
   const reason = graphics
-    ? "This browser gives the page no WebGL, without which nothing can move here; the pictures below show the same scene."
+    ? "This browser provides no WebGL, which the animation requires; the pictures below show the same scene."
     : `The scene cannot be shown: ${error.message}`;
   document.getElementById("still-reason").textContent = reason;
   if (!graphics) throw error;

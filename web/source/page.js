@@ -5,7 +5,7 @@ import { icon } from "./icon.js";
 import { TITLES } from "./strip.js";
 import { VIEWS } from "./viewpoints.js";
 
-const KEYS = [["space", "play"], ["← →", "step (Shift: ten)"], ["↑ ↓", "speed"], ["n p", "next, previous event"], ["1 – 9", "follow spacecraft"], ["v", "one view"], ["0", "views as at first"], ["t", "theme"], ["?", "help (Esc closes it)"]];
+const KEYS = [["space", "play"], ["← →", "step (Shift: ten)"], ["↑ ↓", "speed"], ["n p", "next, previous event"], ["1 – 9", "follow spacecraft"], ["v", "one view"], ["0", "reset all views"], ["t", "theme"], ["?", "help (Esc closes it)"]];
 
 export class Page {
   constructor(root, scene, does) {
@@ -30,7 +30,7 @@ export class Page {
     this.panes = Object.fromEntries(VIEWS.map((key) => [key, element("div", { class: `pane ${key}`, tabindex: "0", role: "group" })]));
     this.tools = {};
     for (const [key, pane] of Object.entries(this.panes)) {
-      const buttons = [button(icon("home"), "As at first", () => does.home(key), { class: "home" }), button(icon("alone"), "This view alone", () => does.alone(key))];
+      const buttons = [button(icon("home"), "Reset view", () => does.home(key), { class: "home" }), button(icon("alone"), "This view alone", () => does.alone(key))];
       this.tools[key] = element("span", { class: "tools" }, ...(key === "close" ? [this.follow] : []), ...buttons);
       pane.append(this.tools[key]);
     }
@@ -40,7 +40,7 @@ export class Page {
     this.speed = element("output", { class: "speed", "aria-label": "Speed" });
     const transport = element("div", { class: "transport" },
       button(icon("last"), "Previous event", () => does.event(-1)), button(icon("back"), "Step back", () => does.step(-1)), this.play,
-      button(icon("on"), "Step on", () => does.step(1)), button(icon("next"), "Next event", () => does.event(1)),
+      button(icon("on"), "Step forward", () => does.step(1)), button(icon("next"), "Next event", () => does.event(1)),
       button(icon("slower"), "Slower", () => does.faster(-1)), this.speed, button(icon("faster"), "Faster", () => does.faster(1)));
     this.line = element("div", { class: "line", role: "slider", tabindex: "0", "aria-label": "Time", "aria-valuemin": scene.start, "aria-valuemax": scene.end });
     this.time = element("section", { class: "time", "aria-label": "Time" }, transport, this.line);
@@ -53,7 +53,7 @@ export class Page {
     this.side = element("aside", { "aria-label": "Events and legend" });
     this.hint = element("div", { class: "hint", hidden: true });
     this.keys = element("p", { class: "keys", hidden: true }, ...KEYS.map(([key, what]) => element("span", {}, element("kbd", {}, key), ` ${what}`)),
-      element("span", {}, "drag turns, wheel or two fingers zoom, Shift and drag moves, a click on a spacecraft follows it"));
+      element("span", {}, "drag: turn; wheel or two fingers: zoom; Shift and drag: move; click on a spacecraft: follow it"));
     root.append(head, this.views, this.time, this.charts, this.side, this.keys, this.hint);
   }
 

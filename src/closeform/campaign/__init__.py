@@ -1,6 +1,6 @@
 """Monte Carlo studies of a scenario: sampling, execution of the cases, and statistics."""
 
-from closeform.campaign.campaign import flown, requested, study
+from closeform.campaign.campaign import evaluated, requested, study
 from closeform.campaign.cases import CampaignStatus
 from closeform.campaign.draws import drawn
 from closeform.campaign.one_case import case_of
@@ -15,7 +15,7 @@ __all__ = [
     "Share",
     "case_of",
     "drawn",
-    "flown",
+    "evaluated",
     "requested",
     "study",
 ]

@@ -68,11 +68,11 @@ def study(
     to files, and its memory does not grow with the number of cases.
     """
     found: Campaign | ErrorCampaign | MissionCampaign | SweepCampaign
-    found = flown(load(instance("file", file, str, Path)), cases, seed)
+    found = evaluated(load(instance("file", file, str, Path)), cases, seed)
     return found
 
 
-def flown(
+def evaluated(
     scenario: Scenario,
     cases: int | None = None,
     seed: int | None = None,
@@ -81,7 +81,7 @@ def flown(
     """Return the campaign of a loaded scenario as arrays; `progress` receives the number of cases done."""
     kind, count = requested(scenario, cases, seed)
     if count * kind.numbers > MOST_NUMBERS:
-        line = f"{count} with {kind.numbers} numbers each are too many to hold"
+        line = f"{count} with {kind.numbers} numbers each are too many to hold in memory"
         most = MOST_NUMBERS // kind.numbers
         raise ScenarioError(scenario.file, [f"study.cases: {line}; give {most} at most"])
     held, done = Held(kind, count), 0

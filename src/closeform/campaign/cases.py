@@ -47,7 +47,8 @@ class Cases(ABC):
     """Cases of one kind, determined by a scenario and a seed alone.
 
     `failures`: the words for a case without each requirement, by its name. `unfinished`: the requirements
-    without which a case never ended. `drawn`: the columns that seed and case reproduce, not kept in memory.
+    without which a case counts as never ended. `drawn`: columns that are not kept in memory, because seed and
+    case number reproduce them.
     """
 
     scenario: Scenario
@@ -65,7 +66,7 @@ class Cases(ABC):
 
     @property
     def numbers(self) -> int:
-        """Number of values of a case that stay in memory for the Python interface, about."""
+        """Approximate number of values of a case that the Python interface keeps in memory."""
         return 1
 
     @abstractmethod
@@ -81,7 +82,7 @@ class Cases(ABC):
         """Return the cases (C,) in which each requirement is met; True or False if all are equal."""
 
     def quantities(self) -> dict[str, Quantity]:
-        """Return the quantities that have a spread, by label."""
+        """Return the quantities whose distribution is reported, by label."""
         return {}
 
     def prepared(self) -> Self:
@@ -198,7 +199,7 @@ class Statistics(Result):
         return best if best[0] < inf else None
 
     def spread(self, of: Quantity, shares: tuple[float, ...] = QUANTILES) -> Spread | None:
-        """Return the spread of a quantity over the cases that count; None if none does."""
+        """Return the spread of a quantity over the cases that have one; None without any."""
 
         def values() -> Iterator[tuple[Floats, Any]]:
             for cases, part in self.chunks.parts():
@@ -209,7 +210,7 @@ class Statistics(Result):
         return Spread.of(values, shares)
 
     def each_spread(self, quantities: Mapping[str, Quantity]) -> dict[str, Spread]:
-        """Return the spreads of several quantities, of those that some case has."""
+        """Return the spreads of several quantities, without those that no case has."""
         found = {label: self.spread(of) for label, of in quantities.items()}
         return {label: spread for label, spread in found.items() if spread is not None}
 

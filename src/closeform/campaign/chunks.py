@@ -186,7 +186,7 @@ class Stored:
 
     @property
     def identity(self) -> dict[str, Any]:
-        """Inputs and versions that identify the study, so that no other is mixed with it."""
+        """Inputs and versions that identify the study, so that chunks of different studies are not mixed."""
         scenario = self.cases.scenario
         return {
             "text": scenario.text,

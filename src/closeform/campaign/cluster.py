@@ -224,7 +224,7 @@ def address_of(scheduler: str) -> str:
 
 
 def refusal(cases: Cases, lines: tuple[str, ...]) -> Exception:
-    """Return the error of a worker as this machine would raise it."""
+    """Return an error raised on a worker as this machine would raise it."""
     file = cases.scenario.file
     prefix = f"{file.rpartition('/')[2]}: "
     if lines[0].startswith(prefix):

@@ -166,7 +166,7 @@ class ErrorCases(Cases):
         return found
 
     def met(self, columns: Columns) -> dict[str, Any]:
-        """Return the cases (C,) in which no pair of each kind is ever inside."""
+        """Return, for each kind of pairs, the cases (C,) in which no pair has a conflict."""
         return {MET[kind]: columns[MET[kind].replace(" ", "_")] for kind in self.encounters}
 
     def campaign(self, chunks: CaseChunks) -> ErrorCampaign:
@@ -185,7 +185,7 @@ class PairCases:
 
     @property
     def inside(self) -> Any:
-        """Cases (C,) in which they are ever inside."""
+        """Cases (C,) in which the pair has a conflict."""
         return self.began | (self.entries > 0)
 
 

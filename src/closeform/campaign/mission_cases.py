@@ -48,7 +48,7 @@ Known = tuple[bytes, ...]
 
 
 class Figure(NamedTuple):
-    """Number of a mission: its column, its value, and the label of its spread; None without one."""
+    """Quantity of a mission: its column, its value, and the label of its spread (None for no spread)."""
 
     column: str
     of: Callable[[Mission], Any]
@@ -204,13 +204,13 @@ class MissionCases(Cases):
         return row
 
     def met(self, columns: Columns) -> dict[str, Any]:
-        """Return the cases that did not end with each status other than MET."""
+        """Return, for each status other than MET, the cases that did not end with it."""
         return {status: columns["status"] != status for status in STATUSES[1:]}
 
     def quantities(self) -> dict[str, Quantity]:
         """Return the delta-v [m/s] in all, by stage and by craft, the end time [s], and deviations [m].
 
-        Of complete missions. A mission that is simulated has each number as simulated and as planned.
+        Only complete missions count. Quantities of a simulated mission appear as simulated and as planned.
         """
 
         def of(column: str) -> Quantity:
@@ -230,7 +230,7 @@ class MissionCases(Cases):
         return kept or self.as_happened(one_case(self.scenario, self.seed, case), case)
 
     def as_happened(self, scenario: Scenario, case: int) -> Mission:
-        """Return the mission of a case with the events that its plan does not know."""
+        """Return the mission of a case with the events that its plan does not anticipate."""
         predicted = self.scenario.flights is None  # a simulation gives better predictions
 
         def plan() -> Mission:
@@ -247,7 +247,7 @@ class MissionCases(Cases):
 
 
 def ranks(case: int, row: Mapping[str, Any]) -> dict[str, float]:
-    """Return the ranks that select a case for a page, lowest first; nan if none does (`viewer.replays`)."""
+    """Return the ranks by which `viewer.replays` selects cases for pages, lowest first; nan for none."""
     last = nan if np.isnan(row["end_s"]) else 0.0
     return {
         **{status: case if row["status"] == status else nan for status in (UNMET, STOPPED)},
@@ -269,7 +269,7 @@ def ended(mission: Mission) -> str:
 class Plans:
     """Plans by the inputs of a case that they depend on; threads wait for one that is being computed.
 
-    Also holds the missions of the cases that a report will show.
+    It also holds the missions of cases that a report shows.
     """
 
     def __init__(self) -> None:
@@ -295,7 +295,7 @@ class Plans:
         return Plans, ()  # a copy, in this or another process, is empty
 
     def of(self, known: Known, make: Callable[[], Mission]) -> Mission:
-        """Return the plan for the given inputs, computed if absent; an error is raised in every thread."""
+        """Return the plan for the given inputs, computed once; an error is raised in every thread."""
         with self.lock:
             found, new = self.held.get(known), Future[Mission]()
             if found is None:

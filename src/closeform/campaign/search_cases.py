@@ -48,7 +48,7 @@ WORDS = {
     "clear": "clear",
     "delta-v": "within delta_v_budget",
     "propellant": "within propellant",
-    "thrust": "free of craft adrift",
+    "thrust": "without craft adrift",
     "sun": "within the sun limit",
 }
 CAUSES = {  # columns of delta-v other than for joining, with their labels
@@ -116,7 +116,7 @@ class SearchCases(Cases):
         return states, moves
 
     def within_sun_limit(self, errors: SearchErrors | None, cases: int) -> dict[str, Any]:
-        """Return in which cases all craft keep the sun limit; no column without pointing errors."""
+        """Return a mask of the cases that keep the sun limit; empty without pointing errors."""
         key = "craft.pointing_error"
         if errors is None or not (key in varied(self.scenario) or np.any(self.scenario.given(key))):
             return {}
@@ -152,7 +152,7 @@ class LockCases(SearchCases):
 
     @property
     def numbers(self) -> int:
-        """Number of lock times: of each pair with exact detection, and at each step."""
+        """Number of lock times of a case: for each pair, one exact time and one for each sampling step."""
         return self.rows * (1 + len(self.steps))
 
     def chunk_size(self, count: int) -> int:
@@ -178,7 +178,7 @@ class LockCases(SearchCases):
     def ended(self, columns: Columns, step: float | None = None) -> tuple[Floats, Any]:
         """Return time [s] and leg in which the last pair of each case locked; nan and -1 unless all did.
 
-        With `step`, for detection every `step` [s].
+        With `step`, locks are detected only every `step` [s].
         """
         time, leg = (columns[name].reshape(-1, self.rows) for name in lock_columns(step))
         return time.max(axis=1), np.where((leg < 0).any(axis=1), -1, leg.max(axis=1))
@@ -204,8 +204,8 @@ class GatherCases(SearchCases):
     """Cases of gatherings with a row each, done when one formation set holds all craft.
 
     Columns: `duration_s`, `leg`, `rounds`, `left`, `delta_v_m_s`, the numbers of conflicts, and each
-    requirement. Where they can occur: the delta-v of corrections and of the near-field search, and for craft
-    that may lose their thrust the time of each loss and the number `adrift`.
+    requirement. Further columns, where they apply: the delta-v of corrections and of the near-field search,
+    the time of each loss of thrust, and the number `adrift`.
     """
 
     stage: Gather
@@ -262,7 +262,7 @@ class GatherCases(SearchCases):
         return columns["duration_s"], columns["leg"]
 
     def quantities(self) -> dict[str, Quantity]:
-        """Return the times [s], and the delta-v [m/s]."""
+        """Return the quantities of the study: times [s] and delta-v [m/s]."""
         return super().quantities() | {"delta-v of all craft [m/s]": self.spent}
 
     def spent(self, columns: Columns) -> Floats:
@@ -313,7 +313,7 @@ def lock_columns(step: float | None = None) -> tuple[str, str]:
 
 
 def coasts_clear(scenario: Scenario, states: Floats, duration: float) -> Any:
-    """Return in which cases (C,) no two craft that coast from states (C, N, 6) enter each other's zone."""
+    """Return a mask (C,) of the cases in which craft that coast from states (C, N, 6) have no conflict."""
     paths = scenario.orbit.build().coast(states, duration)
     clear = np.ones(len(states), dtype=bool)
     for zone, first, second in portions(scenario.zones):
@@ -323,7 +323,7 @@ def coasts_clear(scenario: Scenario, states: Floats, duration: float) -> Any:
 
 
 def within_limits(scenario: Scenario, found: Gatherings) -> dict[str, Any]:
-    """Return in which gatherings (C,) each clearance and limit that the file requires is kept."""
+    """Return masks (C,) of the gatherings that keep each clearance and limit of the file."""
     kept: dict[str, Any] = {}
     if scenario.zones.pairs:
         kept["clear"] = found.met_unknown + found.met_known == 0
@@ -366,10 +366,10 @@ def shares(search: Search, counts: Sequence[int]) -> tuple[Share, ...]:
 class Campaign(Statistics):
     """Statistics of C cases of a search, drawn with its seed.
 
-    Arrays (C,) are read on request: `time` [s] at which the case was done, nan if it never was, and the `leg`
-    of `search`, then -1; `kept` of each clearance and limit that the file requires: "clear" of keep-out
-    zones, within the "delta-v" budget, within the "propellant" on board of every craft, with the "thrust"
-    that every craft needs.
+    Arrays (C,) are read on request. `time` [s] is when the case was done, nan if it never was. `leg` is that
+    of `search`, -1 if it never was. `kept` has a mask for each clearance and limit of the file: "clear" of
+    keep-out zones, within the "delta-v" budget, within the "propellant" of each craft, with the "thrust" that
+    each craft needs.
     """
 
     kind: Any
@@ -474,7 +474,7 @@ class LockCampaign(Campaign):
         return tuple(found)
 
     def detected(self, step: float) -> tuple[list[int], int]:
-        """Return the cases by phase for detection every `step` [s], and those whose lock was stepped over."""
+        """Return the cases by phase for detection every `step` [s], and those that miss their first lock."""
 
         def counts(part: Columns) -> Any:
             time, leg = self.kind.ended(part)
@@ -491,8 +491,8 @@ class GatherCampaign(Campaign):
     """Statistics of gatherings, each done when one formation set holds all craft.
 
     `rounds` (C,): searches begun; `left` (C,): craft not in the formation set; `delta_v` (C,) of all craft
-    together [m/s]; `met_unknown` (C,): pairs that entered their keep-out zone before they knew each other,
-    `met_known` (C,): only after.
+    together [m/s]; `met_unknown` (C,): pairs with a conflict before they knew each other; `met_known` (C,):
+    pairs with conflicts only after that.
     """
 
     kind: GatherCases

@@ -95,9 +95,9 @@ class PointChunks:
 
 
 class Point(NamedTuple):
-    """Statistics at one point: its `values` by key, its `campaign`, the share of cases that meet all.
+    """Statistics at one point: its `values` by key, its `campaign`, and the share of good cases.
 
-    `name` and `spread`: of the times or the delta-v of its cases; None if none was done.
+    `name` and `spread` describe the times or the delta-v of its cases; they are None if no case is done.
     """
 
     values: dict[str, str]

@@ -66,9 +66,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         sys.stdout.flush()
     except CycloptsError as error:
         named = " ".join(("closeform", *(error.command_chain or ())))
-        told, listed, _ = one_line(error).partition("Available commands: ")  # cyclopts lists only eight
+        summary, listed, _ = one_line(error).partition("Available commands: ")  # cyclopts lists only eight
         every = ", ".join(name for name in app if not name.startswith("-")) if listed else ""
-        complain(f"closeform: {told}{listed}{every}; see {named} --help")
+        complain(f"closeform: {summary}{listed}{every}; see {named} --help")
         return BAD_INPUT
     except (UsageError, FolderError) as error:
         complain(str(error))
@@ -127,7 +127,7 @@ def run(
     Parameters
     ----------
     scenario
-        TOML file; docs/scenario.md lists its keys.
+        TOML file; docs/scenario_keys.md lists its keys.
     out
         Folder for the results. Default: NAME-results in the current folder.
     case
@@ -186,13 +186,13 @@ def check(scenario: Path, /) -> int:
     Parameters
     ----------
     scenario
-        TOML file; docs/scenario.md lists its keys.
+        TOML file; docs/scenario_keys.md lists its keys.
     """
     loaded = read(scenario, "check")
     if loaded is None:
         return BAD_INPUT
     stages = ", ".join(stage.verb for stage in loaded.stages)
-    told = f"{len(loaded.craft)} craft; stages: {stages}"
+    summary = f"{len(loaded.craft)} craft; stages: {stages}"
     commands = ("study", "run --case", "run") if loaded.study is not None else ("run",)
     refused = {command: lines for command in commands if (lines := loaded.refused(command))}
     if commands[0] not in refused:
@@ -200,16 +200,16 @@ def check(scenario: Path, /) -> int:
 
         held = stops(loaded) if "run" not in refused else ()
         if held and loaded.study is None:
-            say(stdout(), f"{scenario}: valid tables, but run would stop: {told}")
+            say(stdout(), f"{scenario}: the tables are valid, but a run would stop: {summary}")
             complain(*(f"{scenario}: {line}" for line in held))
             return BAD_INPUT
-        say(stdout(), f"{scenario}: valid: {told}")
+        say(stdout(), f"{scenario}: valid: {summary}")
         for lines in (*refused.values(), *([held] if held else [])):
             say(stdout(), f"{scenario}: for run: {lines[0]}")
         return CLEAR
     others = [command for command in commands if command not in refused]
-    taken = f", {others[0]} takes it" if others else ""
-    say(stdout(), f"{scenario}: valid tables, but {' and '.join(refused)} cannot fly them{taken}: {told}")
+    taken = f"; use {others[0]}" if others else ""
+    say(stdout(), f"{scenario}: the tables are valid, but not for {' and '.join(refused)}{taken}: {summary}")
     complain(*(f"{scenario}: {line}" for line in refused[commands[0]]))
     return BAD_INPUT
 
@@ -292,11 +292,11 @@ def new(name: str | None = None, /) -> int:
         with open(file, "x", encoding="utf-8") as written:
             written.write(examples.text(name))
     except FileExistsError:
-        raise UsageError(f"{file}: is there already, and stays as it is; move it away") from None
+        raise UsageError(f"{file}: exists already and is not overwritten; move it away") from None
     except OSError as error:
         raise UsageError(f"{file}: {(error.strerror or str(error)).lower()}; choose another folder") from None
     verb = "study" if examples.studied(name) else "run"
-    say(stdout(), f"{file}: {examples.title(name)}", f"Fly it with: closeform {verb} {file}")
+    say(stdout(), f"{file}: {examples.title(name)}", f"Run it with: closeform {verb} {file}")
     return CLEAR
 
 

@@ -74,7 +74,7 @@ def open_output() -> None:
 def spelt(error: UnicodeError) -> tuple[str | bytes, int]:
     """Return the replacement of characters that an encoding lacks, and the position after them.
 
-    It consists of plain characters (2 for a superscript 2) if there are any, else of escape sequences.
+    Plain characters are used where they exist (2 for a superscript 2), and otherwise escape sequences.
     """
     if not isinstance(error, UnicodeEncodeError):
         raise error
@@ -108,7 +108,7 @@ def stderr() -> "Console":
 
 @contextmanager
 def working(console: "Console", what: str) -> "Iterator[Callable[[str], None]]":
-    """Yield a function that shows which part of long work is under way.
+    """Yield a function that shows the current part of a long computation.
 
     On a terminal, the text is updated at once; otherwise a line is printed every `EVERY` seconds.
     """
@@ -162,15 +162,15 @@ class Lines:
     def __init__(self, total: int) -> None:
         self.total = total
         self.begun: int | None = None
-        self.start = self.told = time.monotonic()
+        self.start = self.reported = time.monotonic()
 
     def tell(self, done: int, met: int) -> None:
         """Print the progress, the rate and the remaining time, if a line is due."""
         now = time.monotonic()
         self.begun = done if self.begun is None else self.begun  # cases of an interrupted study
-        if now - self.told < EVERY or done <= self.begun:
+        if now - self.reported < EVERY or done <= self.begun:
             return
-        self.told, rate = now, (done - self.begun) / (now - self.start)
+        self.reported, rate = now, (done - self.begun) / (now - self.start)
         left = f"{(self.total - done) / rate:,.0f} s left"
         complain(f"{done:,} of {self.total:,} cases, {rate:,.0f}/s, {left}, {done - met:,} not met")
 

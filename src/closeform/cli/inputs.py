@@ -65,8 +65,8 @@ def ephemerides(files: Sequence[Path], interpolate: float | None = None) -> "Com
     if len(files) < 2:
         raise UsageError("screen: needs two ephemerides or more; name another file")
     check_present(*files)
+    from closeform.exchange.ccsds.oem import read_oem_segments
     from closeform.exchange.common_frame import common_frame
-    from closeform.exchange.oem import read_oem_segments
 
     try:
         return common_frame([read_oem_segments(file) for file in files], interpolate=interpolate)

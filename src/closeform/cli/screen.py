@@ -12,8 +12,8 @@ from closeform.cli.inputs import BAD_INPUT, CLEAR, UsageError, check_present, ep
 
 if TYPE_CHECKING:
     from closeform.conflicts.flight import WatchedFlight
+    from closeform.exchange.ccsds.conjunction import Conjunction
     from closeform.exchange.common_frame import CommonFrame
-    from closeform.exchange.conjunction import Conjunction
     from closeform.report.page import Command
     from closeform.report.picture import Shot
     from closeform.report.screening import EncounterReport, ScreenReport
@@ -58,13 +58,14 @@ def screen(
     axis
         Direction of the cylinder, radial, along-track, cross-track: "0 1 0".
     covariance
-        Position covariance of every object, rr tr tt nr nt nn: "25 0 400 0 0 25 m^2"; those of two add.
+        Position covariance of every object, rr tr tt nr nt nn: "25 0 400 0 0 25 m^2"; the covariances of a
+        pair add.
     sigmas
-        Number of standard deviations kept clear, of --covariance or else of the ephemerides' covariances.
+        Number of standard deviations to keep clear, of --covariance or else of the ephemerides' covariances.
     body
         Treat the zone as the body of each object; the bodies of two objects add.
     hard_body
-        Radius of the sphere that encloses each object: "5 m"; those of two add.
+        Radius of the sphere that encloses each object: "5 m"; the radii of a pair add.
     zones
         TOML file with a zone for each object: [craft] with name and keep_out, as in a scenario.
     interpolate
@@ -72,8 +73,8 @@ def screen(
     cdm
         Write a conjunction data message for each conflict into cdm/ of the results.
     out
-        Folder for the results; NAME-screen-results next to where you are by default, NAME of the first file,
-        and a number behind it where that is taken.
+        Folder for the results. Default: NAME-screen-results in the current folder, with NAME of the first
+        file and a number if that folder exists.
     overwrite
         Replace finished results.
     """
@@ -193,20 +194,20 @@ def encounter(
     message
         CCSDS conjunction data message, key-value or XML.
     radius
-        Radius of both bodies together: "15 m"; that of the message unless given.
+        Sum of the radii of both bodies: "15 m". Default: that of the message.
     window
-        Time before and after closest approach that is evaluated: "1420 s"; a quarter of an orbit, or as
-        long as they are near each other.
+        Time to evaluate before and after closest approach: "1420 s". Default: a quarter of an orbit, or the
+        time for which the objects are near each other.
     limit
-        The largest probability that is accepted: 1e-4.  Above it the exit status is 1.
+        Largest accepted probability: 1e-4.  Above it the exit status is 1.
     out
-        Folder for the results; NAME-encounter-results next to where you are by default, and a number
-        behind it where that is taken.
+        Folder for the results. Default: NAME-encounter-results in the current folder, with a number if that
+        folder exists.
     overwrite
         Replace finished results.
     """
-    from closeform.exchange.cdm import read_cdm
-    from closeform.exchange.message import within
+    from closeform.exchange.ccsds.cdm import read_cdm
+    from closeform.exchange.ccsds.entries import within
     from closeform.report.page import Command
     from closeform.scenario.quantity import LENGTH, TIME
 
@@ -218,24 +219,23 @@ def encounter(
     place = free(out, message, "encounter", overwrite)
     command = Command("encounter", [message], {"radius": radius, "window": window, "limit": limit}, out=out)
     try:
-        told = read_cdm(message)
-        bodies = bodies or told.hard_body_radius
+        conjunction = read_cdm(message)
+        bodies = bodies or conjunction.hard_body_radius
         if bodies is None:
-            remedy = '--radius "15 m", say'
-            if told.exclusion_radii:
-                remedy = (
-                    f'--radius "{sum(told.exclusion_radii):g} m" is what its screening excludes about both'
-                )
+            remedy = 'for example --radius "15 m"'
+            if conjunction.exclusion_radii:
+                both = sum(conjunction.exclusion_radii)
+                remedy = f'--radius "{both:g} m" is the sum of the exclusion radii of its screening'
             raise ValueError(f"{message}: contains no hard-body radius; give one: {remedy}")
         with within(message):
-            report = judged(told, bodies, half, limit, command)
+            report = judged(conjunction, bodies, half, limit, command)
     except ValueError as error:
         raise UsageError(str(error)) from None
     return left(lambda: report, place, overwrite)
 
 
 def judged(
-    told: "Conjunction", radius: float, half_window: float | None, limit: float | None, command: "Command"
+    message: "Conjunction", radius: float, half_window: float | None, limit: float | None, command: "Command"
 ) -> "EncounterReport":
     """Return the report of a conjunction message, for a combined `radius` [m] of both bodies.
 
@@ -248,14 +248,14 @@ def judged(
     from closeform.uncertainty.short_encounter import NotPassing
     from closeform.zones.solids import Sphere
 
-    met, zone = told.encounter(half_window), Sphere(radius)
+    met, zone = message.encounter(half_window), Sphere(radius)
     pair = met.path, met.other, zone, met.errors, met.other_errors
     entries = collision_probability(*pair)
     try:
         short = collision_probability(*pair, method="short-encounter")
     except NotPassing:
         short = None  # closest approach at an end of the window, which the report states
-    return EncounterReport(told, radius, met, clearance_in_sigmas(*pair), entries, short, limit, command)
+    return EncounterReport(message, radius, met, clearance_in_sigmas(*pair), entries, short, limit, command)
 
 
 def export(
@@ -277,11 +277,11 @@ def export(
     to
         Format: oem, oem-xml, opm, ocm, aem, cdm, csv, stk, czml or spk.
     out
-        Folder for the files; NAME-TO next to where you are by default.
+        Folder for the files. Default: NAME-TO in the current folder.
     frame
-        The chief's inertial frame by its name (the default), or RSW_ROTATING, the axes of Hill's frame.
+        The chief's inertial frame by its name (default), or RSW_ROTATING, the axes of Hill's frame.
     step
-        Interval between states: "10 s"; as long as interpolation allows by default.
+        Interval between states: "10 s". Default: as long as interpolation allows.
     overwrite
         Replace an earlier export.
     """
@@ -296,7 +296,9 @@ def export(
     place = out if out is not None else Path(f"{directory.resolve().name}-{to}")
     run = load(directory)
     if not isinstance(run, LoadedRun):
-        raise UsageError(f"{directory}: is a study's, whose cases are not kept; export the run of one --case")
+        raise UsageError(
+            f"{directory}: holds a study, which keeps no paths; run one case with --case, and export that"
+        )
     try:
         write(run, place, to, frame=frame, step=apart, overwrite=overwrite)
     except FolderError:

@@ -38,21 +38,21 @@ def simulate(
     directory
         Result folder of a run whose [orbit] has a field.
     every
-        Interval between measurements: "60 s"; the scenario's unless given.
+        Interval between measurements: "60 s". Default: that of the scenario.
     horizon
         Time in which feedback removes a deviation: "10 min".
     navigation
-        Standard deviations of each axis that is measured: "10 cm, 0.3 mm/s".
+        Standard deviations of the measured position and velocity on each axis: "10 cm, 0.3 mm/s".
     thrust_error
         Largest error of thrust in size and direction, constant over a simulation: "1 %, 1 deg".
     execution
-        Standard deviations of each burn and impulse by itself, in size and direction: "1 %, 0.5 deg".
+        Standard deviations of the size and the direction of each burn and impulse: "1 %, 0.5 deg".
     control
         track: feedback to the plan; replan: plan the remainder again; open: commanded thrust, no feedback.
     seeds
         Number of simulations.
     out
-        Folder for the results; NAME-flights next to where you are by default.
+        Folder for the results. Default: NAME-flights in the current folder.
     overwrite
         Replace finished results.
     """
@@ -70,21 +70,21 @@ def simulate(
     check_free(place, overwrite)
     run = load(directory)
     if not isinstance(run, LoadedRun):
-        raise UsageError(f"{directory}: is of a study; give the folder of a run")
+        raise UsageError(f"{directory}: holds a study; give the folder of a run")
     if run.scenario.field is None:
         remedy = "add field, with epoch and chief, to [orbit], and run it again"
         raise UsageError(f"{directory}: its scenario has no field; {remedy}")
     if not run.flown:
         raise UsageError(
-            f"{directory}: nothing was flown, {run.stopped}; change the scenario, and run it again"
+            f"{directory}: no stage was executed, {run.stopped}; change the scenario, and run it again"
         )
     for why, without in not_anew(run.scenario) if control == "replan" else ():
-        raise UsageError(f"--control: {why} in {directory}; simulate it by track, or a run with {without}")
+        raise UsageError(f"--control: {why} in {directory}; use --control track, or a run with {without}")
     from closeform.dynamics.infeasible import Grounded
-    from closeform.mission.simulation import FlownRun, usually_led
+    from closeform.mission.simulation import SimulatedRun, usually_led
     from closeform.report.page import Command
 
-    told = asked.instead_of(run.scenario.truth.flight, usually_led(run, control))
+    settings = asked.instead_of(run.scenario.truth.flight, usually_led(run, control))
     options = {**given, "control": None if control == "track" else control, "seeds": seeds}
     command = Command("simulate", [directory], options, [directory / SUMMARY], out)
 
@@ -92,9 +92,9 @@ def simulate(
         from closeform.report.simulation import SimulationReport
 
         try:
-            return SimulationReport(FlownRun.of(run, control, told, seeds), command)
+            return SimulationReport(SimulatedRun.of(run, control, settings, seeds), command)
         except Grounded as error:
-            raise UsageError(f"{directory}: cannot be flown: {error}") from None
+            raise UsageError(f"{directory}: cannot be simulated: {error}") from None
         except ValueError as error:
             raise UsageError(f"{directory}: {error}") from None
 
@@ -127,25 +127,27 @@ class Options(NamedTuple):
             parts("execution", as_thrust_error, given["execution"]),
         )
 
-    def instead_of(self, told: dict[str, Any], usual: "Feedback") -> dict[str, Any]:
+    def instead_of(self, settings: dict[str, Any], usual: "Feedback") -> dict[str, Any]:
         """Return the arguments of `simulate`: from the options, else from the scenario, else the default."""
         times = {key: value for key in ("every", "horizon") if (value := getattr(self, key)) is not None}
-        found = dict(told)
+        found = dict(settings)
         if times:
             try:
-                found["feedback"] = replace(told["feedback"] or usual, **times)
+                found["feedback"] = replace(settings["feedback"] or usual, **times)
             except ValueError as error:
                 raise UsageError(f"--{error}") from None
         if self.navigation is not None:
             position, velocity = self.navigation
-            found["navigation"] = replace(told["navigation"], position=position, velocity=velocity)
+            found["navigation"] = replace(settings["navigation"], position=position, velocity=velocity)
         if self.thrust_error is not None:
             found["thrust_error"] = self.thrust_error
         if self.execution is not None:
             from closeform.uncertainty.errors import Uncertainty  # kernels that only this needs
 
             size, turn = self.execution
-            states = [one and one.state for one in told["errors"] or [None] * len(told["thrust_error"])]
+            states = [
+                one and one.state for one in settings["errors"] or [None] * len(settings["thrust_error"])
+            ]
             found["errors"] = [Uncertainty(state, size, turn, (0.0, size, 0.0, turn)) for state in states]
         return found
 

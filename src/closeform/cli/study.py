@@ -39,7 +39,7 @@ def study(
     seed
         Seed of the samples, instead of that in the file.
     out
-        Folder for the results; NAME-study next to where you are by default.
+        Folder for the results. Default: NAME-study in the current folder.
     overwrite
         Replace finished results.
     scheduler
@@ -72,9 +72,9 @@ def study(
         with runner_of(scheduler) as runner, folder(place, overwrite, study=True) as under_way:
             chunks = Stored(kind, count, under_way.path / CASES, under_way.manifest)
             with written(place):
-                complain(*(f"{place}: {what}, and simulated again" for what in chunks.begin(overwrite)))
+                complain(*(f"{place}: {what}, and is evaluated again" for what in chunks.begin(overwrite)))
                 if chunks.whole:
-                    complain(f"{place}: going on, {chunks.done} of {count} cases are flown")
+                    complain(f"{place}: continuing, {chunks.done} of {count} cases are complete")
                 beside = Timer(0.1, import_module, ["scipy.special"])  # loaded early for the report
                 beside.daemon = True
                 beside.start()
@@ -111,7 +111,7 @@ def finished_before(place: Path, cases: "Cases", count: int) -> int | None:
     asked = {"kind": "study", "seed": cases.seed, "cases": count, "versions": versions()}
     if {**done, **asked} != done or sorted(done.get("inputs", {}).values()) != sorted(inputs.values()):
         return None
-    complain(f"{place}: holds the results of this very study; add --overwrite to repeat it")
+    complain(f"{place}: holds the results of this study already; add --overwrite to repeat it")
     say(stdout(), f"{done['verdict']}; results in {place}")
     return int(done["status"])
 

@@ -125,7 +125,7 @@ def search_pairs(
     """Return the conflicts of pairs in order: indices (M, 2) and rows (M, 4) of start, end, time, ratio.
 
     `first` (P,) are indices of the bodies of `arcs`, `second` of those of `others`; `tracks` bound their
-    positions. If `tracks` is None they are computed here when that pays.
+    positions. If `tracks` is None, they are computed here if that saves time.
     """
     if tracks is None:
         tracks = follow(arcs, offsets, others, other_offsets, (zone,), len(first))[zone]

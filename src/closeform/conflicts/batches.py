@@ -26,7 +26,7 @@ KEPT = 1 << 23  # number of pairs left by a sieve from which they are searched b
 
 
 def sieve_of(paths: Path, zones: Zone | PairZones) -> Sieve | None:
-    """Return the sieve of many spacecraft, or None if it does not pay."""
+    """Return the sieve of many spacecraft, or None if it saves no time."""
     if len(paths) < MANY:
         return None
     from closeform.conflicts.sieve import Sieve  # imported here: few users need its kernel
@@ -37,7 +37,7 @@ def sieve_of(paths: Path, zones: Zone | PairZones) -> Sieve | None:
 def rounds(
     sieve: Sieve | None, count: int, pool: ThreadPoolExecutor, begin: float, before: float
 ) -> Iterator[tuple[float, float, Iterable[tuple[Any, Any]]]]:
-    """Yield what has to be searched among `count` spacecraft for conflicts that begin in [begin, before).
+    """Yield the parts of the search among `count` spacecraft for conflicts that begin in [begin, before).
 
     Each item is a span [since, until) and parts of pairs i (M,), j (M,) that include all pairs with
     conflicts that begin in the span. Pairs may recur with a later span.

@@ -79,7 +79,7 @@ class WatchedFlight(Result):
 
 
 def stays_rather(path: Path, other: Path) -> bool:
-    """Return True if the first spacecraft is rather taken as fixed: less delta-v, or a shorter track."""
+    """Return True if the first spacecraft counts as fixed: it has less delta-v, or a shorter track."""
     burnt = path.delta_v - other.delta_v
     if abs(burnt) > SAME:
         return bool(burnt < 0.0)
@@ -107,7 +107,7 @@ def watch(paths: Path, names: Sequence[str], zones: PairZones) -> WatchedFlight:
 def nearest(paths: Path, zones: PairZones) -> Iterator[tuple[Zone, Any, Any]]:
     """Yield at least `CLOSEST` of the closest pairs, by zone, without computing all approaches.
 
-    A screening finds them, with zones scaled until that many pairs are in conflict.
+    They are found by screenings with larger and larger zones, until that many pairs are in conflict.
     """
     factor, pairs = 0.5 * guess(paths, zones), np.empty((0, 2), dtype=np.int64)
     while len(pairs) < CLOSEST and factor < HUGE:

@@ -100,7 +100,7 @@ def append(rows, count, pair, start, end):
 
 @kernel()
 def search_window(a, b, t, stop, form, q, inside, entry, pair, rows, count):
-    """March two arcs from t to `stop`; return if inside at the end, since when, and the count of rows."""
+    """March two arcs from t to `stop`; return whether inside then, since when, and the count of rows."""
     shape, matrix, faces = form
     patience = PATIENCE
     while True:

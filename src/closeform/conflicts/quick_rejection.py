@@ -33,7 +33,7 @@ FEW = 100  # intervals of a pair: more cost more than the bound of an ellipse
 
 @kernel()
 def see(arc, t, matrix, q):
-    """Fill `q` with the derivatives of one arc at time t; return their order, and the size that rounds."""
+    """Fill `q` with the derivatives of one arc at time t; return their order, and the scale of rounding."""
     order = 8 if thrusts(arc) and not is_cubic(arc) else 4
     q[:order] = 0.0
     derivatives_at(arc, t, order, q, 1.0)
@@ -169,7 +169,8 @@ def is_clear(times, near, k, stop):
 def apart_along(q, n, h, wx, wy, wz, reach, either):
     """Return True if natural motion stays beyond `reach` along the direction w all over [0, h].
 
-    With `either`, -w is accepted too. Along any direction the motion is centre + drift t + an oscillation.
+    With `either`, separation along -w counts as well. Along any direction the motion is centre + drift t + an
+    oscillation.
     """
     square = 1.0 / (n * n)
     place = wx * q[0, 0] + wy * q[0, 1] + wz * q[0, 2]

@@ -1,8 +1,8 @@
-"""The sieve: pairs of many spacecraft that can meet at all, found in near-linear time.
+"""The sieve: pairs of many spacecraft that may have a conflict, found in near-linear time.
 
 Spacecraft are bounded by chords (see `quick_rejection`) over short intervals of time.  In each interval a
-tree of boxes (see `box_tree`) finds the pairs that may be inside their zone: no pair that meets is lost.
-Where too many boxes overlap because spacecraft move far in an interval, the interval is halved.
+tree of boxes (see `box_tree`) finds the pairs that may be inside their zone: no conflict is missed. Where too
+many boxes overlap because spacecraft move far in an interval, the interval is halved.
 """
 
 from __future__ import annotations

@@ -38,7 +38,7 @@ def follow(
 ) -> dict[Zone, Tracks]:
     """Return the tracks of two batches for each of the zones, to search a number of pairs.
 
-    They are empty where they cost more than they save, or would take too much memory.
+    They are empty if they would cost more time than they save, or too much memory.
     """
     craft = len(offsets) - 1 if others is arcs else len(offsets) + len(other_offsets) - 2
     if not 0 < PAYS * craft * len(zones) <= pairs:

@@ -160,8 +160,9 @@ def find_conflicts(
     changes faster than 1e-6 per second.  The clearance ratio is accurate to 1e-9.
 
     With errors the zone is the Minkowski sum of itself and the ellipsoid of `sigmas` standard deviations,
-    which moves and grows with the covariance; the norm is that of the paths in this sum. Between
-    conflicts no errors within it let them meet; with cylinders an end may be late by 1e-5 of the sigmas.
+    which moves and grows with the covariance; the norm is that of the paths in this sum. Between conflicts,
+    no errors within the ellipsoid cause a conflict; with cylinders, the end of a conflict may be too late by
+    1e-5 of the sigmas.
 
     References
     ----------

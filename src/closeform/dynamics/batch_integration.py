@@ -297,11 +297,12 @@ def fly_all(constants, course, wrong, errors, events, pushes, now, states, impul
     """Simulate R = S N times, N craft per simulation, from `now` (R, 18), which receives the last values.
 
     `now` holds the states before impulses in the chief's axes, the deviations in effect for feedback, and
-    those measured. Fills `states` (R, T, 6) at shown nodes, after `impulses` (R, Q, 3) [m/s], or the delta-v
-    that thrusters are ordered to give from then on. Adds the delta-v [m/s] and the time at the thrust limit
-    [s] to `spent` (R, 2). Measurements have errors `wrong` (R, M, 6); thrust has `errors` (R, 4), of its size
-    and a small rotation. `events` (R, E, 4) are the same for continuous burns, and normal numbers for
-    impulses. Process noise adds `pushes` (R, K or 0, 6) to the states at the end of each step.
+    those measured. Fills `states` (R, T, 6) at output nodes, after impulses. `impulses` (R, Q, 3) [m/s] are
+    planned impulses, or delta-v that thrusters are ordered to give from that time on. Adds the delta-v [m/s]
+    and the time at the thrust limit [s] to `spent` (R, 2). Measurements have errors `wrong` (R, M, 6); thrust
+    has `errors` (R, 4), of its size and a small rotation. `events` (R, E, 4) are the same for continuous
+    burns, and normal numbers for impulses. Process noise adds `pushes` (R, K or 0, 6) to the states at the
+    end of each step.
     """
     course = lent(course)
     wrong, errors, events, now = borrowed(wrong), borrowed(errors), borrowed(events), borrowed(now)

@@ -13,7 +13,7 @@ ORDER, BURN, OWN, BACK, NONE, LANE = 27, 36, 39, 43, 47, 51
 
 @kernel(inline=True)
 def erred(lanes, m, row, x, y, z):
-    """Return a thrust or an impulse of a lane with its errors, common ones and those in a `row`."""
+    """Return a thrust or an impulse of a lane with its errors: the common ones and those in a `row`."""
     grown, a = 1.0 + lanes[ERROR, m] + lanes[row, m], lanes[ERROR + 1, m] + lanes[row + 1, m]
     b, c = lanes[ERROR + 2, m] + lanes[row + 2, m], lanes[ERROR + 3, m] + lanes[row + 3, m]
     return grown * (x + b * z - c * y), grown * (y + c * x - a * z), grown * (z + a * y - b * x)

@@ -52,7 +52,7 @@ class ClosedLoop:
     def of(cls, orbit: Orbit, feedback: Feedback, every: float, steps: int, lasting: bool = False) -> Self:
         """Return the loop of a feedback, for intervals of length `every` [s] with some steps.
 
-        `lasting`: finite burns in place of impulses.
+        If `lasting`, finite burns replace impulses.
         """
         since, delay = np.linspace(0.0, every, steps + 1), min(feedback.delay, every)
         if not feedback.impulses:
@@ -162,7 +162,7 @@ class ClosedLoop:
         return _moved(now, asked).sum(axis=0), _moved(later, asked).sum(axis=0), believed.sum(axis=0)[0]
 
     def _struck(self, errors: Uncertainty, asked: Floats) -> tuple[Floats, Floats, Floats]:
-        """Return the same for Gates' errors of impulses; fixed errors act in all directions."""
+        """Return the result of `_pushed` for Gates' errors; fixed errors act in all directions."""
         fixed, share, aside, turned = errors.impulse
         sizes = _moved(self.law, asked)
         total = np.trace(sizes, axis1=-2, axis2=-1)[:, None, None] * np.eye(3)
@@ -267,7 +267,7 @@ class ClosedLoop:
     def missed(self) -> float:
         """Largest deviation [s] per unit of impulses that are not fired.
 
-        In the worst directions, all of them: the sum over all previous ones.  # theory (94)
+        All impulses act in the worst directions: the result is the sum over all previous ones.  # theory (94)
         """
         own = np.linalg.norm(self.kicked[:, :, :3], 2, axis=(2, 3)).sum(axis=1)
         pushed, total = self.orbit.transition(self.every - self.fired)[..., 3:], own

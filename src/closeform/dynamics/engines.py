@@ -43,7 +43,7 @@ class Engines(NamedTuple):
 def running_engines(engine: Any, paths: Path, field: Field, thrusters: Sequence[Any] = ()) -> Any:
     """Return the argument `engine` for each craft (N,); a planned path must not thrust without an engine.
 
-    Except for a path sampled from natural motion in the known field.
+    The exception is a path sampled from natural motion in the known field.
     """
     count, given = len(paths), np.asarray(engine)
     if given.dtype != bool or given.shape not in ((), (count,)):

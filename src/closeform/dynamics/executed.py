@@ -57,7 +57,7 @@ def nothing_of(count: int, table: Timetable) -> Events:
 def burn_edges(path: Path) -> Floats:
     """Return the times at which burns of one craft begin and end, within its path [s].
 
-    Thrust between two burns counts as one burn, too.
+    Thrust between two burns also counts as one burn.
     """
     found = [time for a, b in burning(path) for time in (path.arcs[a, START], path.arcs[b - 1, END])]
     edges = np.unique(np.array(found))

@@ -137,7 +137,8 @@ def thrust_errors(value: ArrayLike, count: int) -> Floats:
 def way_back(orbit: Orbit, horizon: float, times: Floats) -> tuple[Floats, Floats, Floats]:
     """Return M, Phi (T, 6, 6) and the gains (T, 3, 6) of the optimal return to zero within a horizon.
 
-    At times (T,) of it: the transition with feedback, that of a coast, and the thrust law.  # theory (85)
+    M is the transition with feedback at times (T,), Phi that of a coast, and the gains give the thrust.  #
+    theory (85)
     """
     paths = orbit.transfer(np.eye(6), np.zeros(6), horizon)
     left = np.moveaxis(paths.state(times), 0, -1)
@@ -156,8 +157,8 @@ def slots_of(law: Feedback) -> tuple[Floats, Floats]:
 def kicks_back(orbit: Orbit, law: Feedback, lasting: bool = False) -> tuple[Floats, Floats]:
     """Return the times of impulses after a measurement (J,) [s], and their gains (J, 3, 6).
 
-    The minimum sum of squares that brings a deviation to zero in the horizon. Impulses act at the start of
-    their slots, finite burns (`lasting`) about the middle.  # theory (88)
+    The gains minimise the sum of squares of the impulses that remove a deviation within the horizon. Impulses
+    act at the start of their slots, finite burns (`lasting`) about the middle.  # theory (88)
     """
     begin, over = slots_of(law)
     times = 0.5 * (begin + over) if lasting else begin
@@ -176,7 +177,7 @@ def kicks_back(orbit: Orbit, law: Feedback, lasting: bool = False) -> tuple[Floa
 def delayed(orbit: Orbit, law: Feedback, every: float) -> tuple[Floats, Floats]:
     """Return the transitions over the delay (6, 6) of the new measurement, and of the previous one.
 
-    The state is predicted by a coast, with the thrust of the last feedback meanwhile.  # theory (92)
+    The state is predicted by free motion plus the thrust of the last feedback in the meantime.  # theory (92)
     """
     wait = min(law.delay, every)
     left, moved, _ = way_back(orbit, law.horizon, np.array([every - wait, every]))

@@ -116,8 +116,9 @@ class Field:
     def orbit(self) -> Orbit:
         """Circular orbit whose frame rotates at the mean rate of the chief's in this field, over a day.
 
-        Relative orbits planned in it stay in phase with the chief for long. Those in `Chief.orbit`, which is
-        Keplerian, drift by a part in a thousand.
+        Relative orbits that are planned in it stay in phase with the chief for a long time. Those planned in
+        `Chief.orbit`, which is Keplerian, drift, because its mean motion is wrong by about one part in a
+        thousand.
         """
         end = DAY
         if self.chief.ephemeris is not None:

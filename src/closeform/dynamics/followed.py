@@ -38,11 +38,11 @@ Missed = tuple[tuple[int, float, Floats], ...]
 class Followed:
     """Paths (N,) at T `times`, under feedback by a `loop`.
 
-    `jumps` are the impulses as fired, which lead `aside` of the plan (N, T, 3) [m], to the reference of the
-    feedback. So do the pulses of `thrusters`, on paths that are `pulsed`, with a `ripple` (N,) [m] between
-    times. Impulses `missed` some ends, given as craft, time and state error, and the following motion starts
-    from there. Continuous thrust is that of the plan plus compensation `against` (N, T, 3) [m/s^2] of the
-    model error; the part `felt` (N, T, 3) is not compensated.
+    `jumps` are the impulses as fired. They lead to the reference of the feedback, which is `aside` of the
+    plan (N, T, 3) [m], as do the pulses of `thrusters` on paths that are `pulsed`, with a `ripple` (N,) [m]
+    between times. `missed` lists ends that impulses did not reach, as craft, time and state error; the
+    following motion starts from the states that were reached. Continuous thrust is that of the plan plus
+    compensation `against` (N, T, 3) [m/s^2] of the model error; the part `felt` (N, T, 3) is not compensated.
     """
 
     paths: Path
@@ -111,7 +111,8 @@ class Followed:
     def caused(self) -> tuple[Floats, Floats]:
         """True deviations (5, N, T, 3) [m] and believed ones (5, N, I, 6) for each of five causes.
 
-        The uncompensated acceleration, thrust larger by 100 %, and thrust rotated by 1 rad about each axis.
+        The causes are the uncompensated acceleration, a thrust error of 100 % in size, and one of 1 rad about
+        each axis.
         """
         orbit, times, flown = self.paths.orbit, self.times, self.flown
         pushes = [self.felt, *np.einsum("kij,ntj->knti", KINDS, flown)]

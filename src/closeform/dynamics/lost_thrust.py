@@ -56,7 +56,7 @@ def flown_by_each(
     lost: Floats,
     measured: tuple[Floats, Floats] | None = None,
 ) -> Flights:
-    """Return simulations of the craft `who` (N,), one by one for those that lose their thrust."""
+    """Return simulations of the craft `who` (N,); each that loses its thrust is simulated separately."""
     measured = measured or draws.measured(commands.table)
     times = lost[list(who)]
     if not np.isfinite(times).any():
@@ -75,8 +75,8 @@ def flown_by_each(
 class Loss:
     """Motion of N craft after the `craft`, by its index, loses its thrust at a `time` [s].
 
-    `craft` is -1, and `time` nan, where no craft has thrust.  `states` (N, T, 6) are at `times` (T,), and
-    `arrivals` the same before impulses.
+    `craft` is -1, and `time` nan, where no craft has thrust.  `states` (N, T, 6) are the states at `times`
+    (T,), and `arrivals` those just before impulses.
     """
 
     craft: int

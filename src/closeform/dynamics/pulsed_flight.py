@@ -74,7 +74,7 @@ def fired_in(
     except Grounded as error:
         if PUSHES not in str(error) or not _can_fire(paths[shooters], thrusters):
             raise
-        reason = str(error).replace(PUSHES, "the correction of the plan for this field pushes")
+        reason = str(error).replace(PUSHES, "the correction of the plan for this field requires thrust")
         raise Grounded(f"{reason.partition(';')[0]}; add one there, or omit thrusters") from None
 
 
@@ -181,7 +181,7 @@ def given_until(pulses: Pulses, time: float) -> float:
 
 
 def each_counts(done: Flights, given: float) -> Flights:
-    """Return one craft's simulations with the planned pulses counted per thruster, not as their sum."""
+    """Return one craft's simulations, with the delta-v of planned pulses summed over thrusters."""
     asked = np.array([given])
     return replace(done, spent=done.spent - done.asked + asked, asked=asked)
 
@@ -225,8 +225,9 @@ def flown_pulses(
     """Return times (T,), times of thruster orders (Q,), and simulations of planned paths (N,) by pulses.
 
     The simulation is in the first of two `fields`; guidance uses the second. Craft with thrusters have their
-    own steps, and feedback returns them to the path of their pulses, or to the plan on held coasts. The
-    others are simulated as without thrusters. `draws` are the errors, thrust is `lost` (N,) [s].
+    own steps, and feedback returns them to the path of their pulses, or to the plan on held coasts. Craft
+    without thrusters are simulated with continuous thrust or impulses. `draws` holds the errors, and `lost`
+    (N,) [s] the times at which thrust is lost.
     """
     field, believed = fields
     span = np.array([firing.path.start.min(), firing.path.end.max()])

@@ -69,7 +69,7 @@ class PulsedPlan(NamedTuple):
         return self.of(paths, self.thrusters, believed, self.engines)
 
     def fired(self, asked: Floats) -> Floats:
-        """Return the delta-v of craft (N,) [m/s], with that of the firing for craft with thrusters."""
+        """Return the delta-v of craft (N,) [m/s]; for craft with thrusters, that of the pulses as fired."""
         sums = np.bincount(self.firing.pulses.craft, self.firing.pulses.impulse, len(self.firing.thrusters))
         found = asked.copy()
         found[[k for k, one in enumerate(self.thrusters) if one is not None]] = sums

@@ -13,7 +13,7 @@ FLAT = 1e-9  # relative singular value below which directions span only a plane 
 def reachable(thrusters: Thrusters, angles: Floats) -> Floats:
     """Return projections (T, 3, 3) onto the span of the thrusters, after rotations by `angles` (T,) [rad].
 
-    In the orbit's axes. For thrusters that control all axes the projection is the unit matrix.
+    Projections are along the orbit's axes. For thrusters that control all axes they are unit matrices.
     """
     sides, sizes, _ = np.linalg.svd(thrusters.directions.T, full_matrices=False)
     span = sides[:, sizes > FLAT * sizes[0]]

@@ -56,9 +56,9 @@ class Commands:
     """Commands of craft along `path` (N,) at the times of a `table`.
 
     `known` is the field whose model error is compensated, or None, and `holding` the times. `jumps` (N, Q, 3)
-    are planned impulses, one for each of the table's. `reference` (N, T, 6) are the states to which feedback
-    returns, at shown times, if they differ from the path's; `limits` and `bits` (N,) bound thrust and
-    impulses. `nozzles` fire the feedback of one craft. From `lost` [s] on there is no thrust.
+    are planned impulses, one for each of the table's. `reference` (N, T, 6) holds the states to which
+    feedback returns, at output times, if they differ from those of the path. `limits` and `bits` (N,) bound
+    thrust and impulses. `nozzles` fire the feedback of one craft. From `lost` [s] on there is no thrust.
     """
 
     path: Path
@@ -89,7 +89,7 @@ class Commands:
     def alone(self, first: int, last: int) -> tuple[Commands, Any, Any]:
         """Return the plan alone between two nodes, without feedback and compensation.
 
-        With the rows of its impulses and of its states among all.
+        Also returns the rows of its impulses and of its states among all.
         """
         nodes = slice(first, last + 1)
         fired, shown = (rows[nodes][rows[nodes] >= 0] for rows in (self.table.fires, self.table.shown))
@@ -295,7 +295,7 @@ def _course(
 ) -> Course:
     """Return the course of the given steps, with feedback rules, gains and delay matrices.
 
-    `drawn`: the error events of burns and impulses, and their Gates parameters.
+    `drawn` holds the error events of burns and impulses, and their Gates parameters.
     """
     table, path, count = commands.table, commands.path, len(commands.path)
     halves, nodes = slice(2 * steps.start, 2 * steps.stop + 1), slice(steps.start, steps.stop + 1)

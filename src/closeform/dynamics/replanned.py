@@ -195,7 +195,7 @@ def reordered(zones: PairZones, order: Any, moving: int) -> PairZones:
 def replanning_margin(sight: Navigation, every: float, pushes: Floats) -> float:
     """Return the margin [m] for two craft between measurements `every` [s] apart.
 
-    It covers 4 sigmas of noise, all constant errors, and unplanned accelerations `pushes` (N,) [m/s^2].
+    It covers 4 sigmas of noise, all constant errors, and the unplanned accelerations `pushes` (N,) [m/s^2].
     """
     noise = SIGMAS * np.sqrt(2.0) * np.hypot(sight.position, every * sight.velocity)
     constant = 2.0 * (sight.position_bias + every * sight.velocity_bias)

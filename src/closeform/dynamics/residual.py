@@ -13,7 +13,7 @@ from closeform.dynamics.field import Field
 def residuals(field: Field, frame: ChiefFrame, states: Floats, n: float) -> Floats:
     """Return the residual of Hill's equations with mean motion `n` (N, T, 3) [m/s^2].
 
-    At states (N, T, 6) [m, m/s], in the chief's axes; craft in the order of the field's ballistic
+    `states` (N, T, 6) [m, m/s] are in the chief's axes, with craft in the order of the field's ballistic
     coefficients.  # theory (82)
     """
     place, speed = states[..., :3], states[..., 3:]

@@ -118,8 +118,9 @@ def _spans(commands: Commands) -> dict[tuple[int, int], list[int]]:
 def _retargeted(commands: Commands, field: Field, frame: ChiefFrame) -> tuple[Floats, Floats]:
     """Return the impulses of a span (N, Q, 3) changed for a field, and the resulting states (N, T, 6).
 
-    The end state is met as far as impulses can, and points along the path as closely as the remaining freedom
-    allows. Newton's method, theory (89), with finite differences from simulations.
+    Impulses reach the end state as far as possible, and pass points along the path as closely as the
+    remaining degrees of freedom allow. Newton's method, theory (89), with finite differences from
+    simulations.
     """
     times, n = commands.table.shown_times, commands.path.orbit.mean_motion
     wanted = commands.path.state(times)
@@ -163,8 +164,8 @@ def _retargeted(commands: Commands, field: Field, frame: ChiefFrame) -> tuple[Fl
 def _step(did: Floats, missed: Floats, changed: Floats) -> Floats:
     """Return the further change of impulses (3 M,), as lengths, for the errors `missed` (6 + P,).
 
-    The first six errors are those at the end. Changes with little effect on the end are determined by points
-    along the path.
+    The first six components of the error are those of the end state. Changes with little effect on the end
+    are determined by points along the path.
     """
     push, singular, ways = np.linalg.svd(did[:6])
     strong = int((singular > LEVER).sum())
@@ -176,7 +177,7 @@ def _step(did: Floats, missed: Floats, changed: Floats) -> Floats:
 
 
 def _nudged(commands: Commands, craft: int, own: Any) -> Commands:
-    """Return a craft 3 M times, with each of its `own` impulses (M,) larger along each axis."""
+    """Return 3 M copies of a craft, each with one component of one of its `own` impulses (M,) increased."""
     which = np.full(3 * len(own), craft)
     some = commands.of(which)
     some.jumps[np.arange(len(which)), np.repeat(own, 3), np.tile(np.arange(3), len(own))] += NUDGE

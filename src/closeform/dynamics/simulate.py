@@ -113,8 +113,8 @@ def simulate(
     Steps are 10 s, 20 s for impulses alone and 5 s for pulses; a step ends at each discontinuity of thrust.
     Feedback returns craft to the plan. For thrusters, and for impulsive spans, the reference is the motion
     without errors in the known field. Coasts that begin without an impulse and last for a horizon or an orbit
-    are held, also in a path of several stages. A field that is a function is evaluated along a simulation
-    without errors; nearby, the gradient of its zonals is used.
+    are held by feedback, also in a path of several stages. A field that is a function is evaluated along a
+    simulation without errors; nearby, the gradient of its zonals is used.
 
     References
     ----------

@@ -31,7 +31,7 @@ class Simulation(Rows):
     states : array of shape (S, N, T, 6) [m, m/s]
         Simulated states, in the chief's axes.
     arrivals : array of shape (S, N, T, 6) [m, m/s]
-        The same before impulses at these times, in the chief's axes; velocities differ.
+        States before impulses at these times, in the chief's axes; only velocities differ.
     delta_v : array of shape (S, N) [m/s]
         Delta-v spent: the sum of the next three.
     planned_delta_v : array of shape (N,) [m/s]
@@ -104,7 +104,7 @@ class Simulation(Rows):
     def feedback_delta_v(self) -> Any:
         """Delta-v of each craft for feedback (S, N) [m/s], reduced by thrust limits.
 
-        Impulsive and pulsed feedback also compensates the model error on held coasts.
+        With impulsive or pulsed feedback it includes the compensation of the model error on held coasts.
         """
         spent = self.delta_v - self.planned_delta_v - self.field_delta_v
         return np.where(np.abs(spent) > ROUNDING * self.delta_v, spent, 0.0)

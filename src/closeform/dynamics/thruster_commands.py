@@ -22,7 +22,7 @@ def order(course, lanes, m, node, given):
 
     The order holds for three thrusters: index, and on and off times, counted in time without planned firing
     and centred in the slot. `given` (3,) is the delta-v in the chief's axes, which is added to the spent one.
-    A slot counts as limited if the thrusters cannot give the whole feedback.
+    A slot counts as limited if the thrusters cannot provide the whole feedback impulse.
     """
     i, until, v = int(lanes[CRAFT, m]), course.slots[node], stack_vector(3)
     correct(course, lanes, m, node, v)

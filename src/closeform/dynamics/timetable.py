@@ -76,9 +76,9 @@ class Timetable(NamedTuple):
     ) -> Timetable:
         """Return a timetable with steps of at most `longest` [s], some ending at `edges` and `fired`.
 
-        Measurements are at equal intervals of at most the law's, from the start on. Impulses are fired
-        `offsets` (J,) [s] after each measurement. States are also shown at the times `looked_at`, which are
-        step ends.
+        From the start on, measurements have equal intervals, which are at most that of the feedback law.
+        Impulses are fired `offsets` (J,) [s] after each measurement. States are also shown at the times
+        `looked_at`, which are step ends.
         """
         start, end = span
         fired = merged(fired)

@@ -43,7 +43,7 @@ class TrackingMargins(Result):
     stretch : array of shape (N, T, 3) [m]
         Further deviation for thrust larger by 100 %, in the chief's axes.
     turn : array of shape (N, T, 3, 3) [m/rad]
-        The same for thrust rotated about each of the chief's axes, in columns.
+        Further deviation for thrust rotated about each of the chief's axes, in columns.
     thrust_error : array of shape (N, 2), no unit and [rad]
         Bounds on the relative thrust error and on the direction error.
     rest : array of shape (N,) [m]
@@ -55,7 +55,8 @@ class TrackingMargins(Result):
     sigmas : float, no unit
         Number of standard deviations that count.
     thrust : array of shape (N,) [m/s^2]
-        Largest thrust required with feedback, without impulses. With a lower limit the margins do not hold.
+        Largest thrust required with feedback, without impulses. The margins do not hold for a craft whose
+        thrust limit is lower than that.
     """
 
     _told: ClassVar = ("greatest", "thrust_error", "rest", "noise", "sigmas", "thrust")

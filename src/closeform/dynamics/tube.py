@@ -129,8 +129,8 @@ class Tube(Result):
         craft : int
             Number of craft.
         fixed : int, default 0
-            Number of bodies after them, such as obstacles. A tube of one number applies to all bodies; in a
-            tube of N craft these bodies have no deviation.
+            Number of bodies after the craft, such as obstacles. A tube of one number applies to all bodies;
+            in a tube of N craft these bodies have no deviation.
 
         Returns
         -------

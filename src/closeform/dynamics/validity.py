@@ -46,7 +46,7 @@ class Validity(Result):
     planned : array of shape (P,), no unit
         Minimum clearance ratio of each pair as planned, at these times and between them.
     flown : array of shape (P,), no unit
-        The same as predicted; below 1 the zone is entered.
+        Predicted minimum clearance ratio of each pair; below 1 the zone is entered.
     """
 
     _told: ClassVar = ("field", "ends", "residual", "planned", "flown")

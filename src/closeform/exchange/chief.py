@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, broadcast, instance, numbers, shown
 from closeform.exchange.common_frame import INERTIAL
-from closeform.exchange.ephemeris import Ephemeris
+from closeform.exchange.ephemerides.ephemeris import Ephemeris
+from closeform.exchange.ephemerides.interpolation import states_of
 from closeform.exchange.epochs import Epoch
-from closeform.exchange.interpolation import states_of
 from closeform.motion.elements import elements_from_inertial, inertial_from_elements, inertial_later
 from closeform.motion.frames import AlongTrack, inertial_from_relative, relative_from_inertial
 from closeform.motion.mean_motion import EARTH_MU, checked
@@ -73,7 +73,7 @@ class Chief:
             raise ValueError(f"epoch: {error}") from None
         if self.frame.upper() not in INERTIAL:
             remedy = f"convert to one of {', '.join(INERTIAL)}"
-            raise ValueError(f"frame: {shown(self.frame)} turns or is unknown; {remedy}")
+            raise ValueError(f"frame: {shown(self.frame)} rotates or is unknown; {remedy}")
         state = numbers("state", self.state)
         if state.shape != (6,):
             raise ValueError(f"state: expected shape (6,), got {state.shape}")
@@ -193,8 +193,8 @@ class Chief:
     def warnings(self) -> tuple[str, ...]:
         """Warnings about deviations of the orbit from a circle."""
         e = self.eccentricity
-        off = f"off by up to {1e3 * OFF_BY * e:.3g} m for each km of separation and orbit"
-        words = f"the chief's eccentricity is {e:.4f}, and Hill's equations are of a circle: {off}"
+        off = f"errors of up to {1e3 * OFF_BY * e:.3g} m for each km of separation and orbit"
+        words = f"the chief's eccentricity is {e:.4f}, but Hill's equations assume a circle: {off}"
         return (words,) if e > ALMOST_CIRCULAR else ()
 
     def states(self, times: ArrayLike) -> Floats:

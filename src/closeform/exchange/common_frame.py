@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, instance, number, numbers, positive, sequence, shown
-from closeform.exchange.carried_covariance import covariance_at
-from closeform.exchange.ephemeris import SAME_EPOCH, Ephemeris
+from closeform.exchange.ephemerides.ephemeris import SAME_EPOCH, Ephemeris
+from closeform.exchange.ephemerides.interpolation import nearest
+from closeform.exchange.ephemerides.propagated_covariance import covariance_at
+from closeform.exchange.ephemerides.spans import Spans
 from closeform.exchange.epochs import seconds_of
-from closeform.exchange.interpolation import nearest
-from closeform.exchange.spans import Spans
 from closeform.motion.frames import AlongTrack, relative_from_inertial, relative_jacobian
 from closeform.motion.mean_motion import EARTH_MU, mean_motion_from_semi_major_axis
 from closeform.result import Result
@@ -111,7 +111,7 @@ class CommonFrame(Result):
         return self._spans[k].states(wanted - self._offsets[k])[0]
 
     def _starts(self, k: int) -> list[float]:
-        """Return when each segment of object k counts from [s], since `epoch`."""
+        """Return time 0 of each segment of object k [s], since `epoch`."""
         return [float(self._offsets[k]) + start for start in self._spans[k].starts]
 
     @cached_property
@@ -283,7 +283,7 @@ def _shared(spans: tuple[Spans, ...], offsets: Floats) -> Floats:
         for when, _ in each.manoeuvres:
             apart = float(np.abs(times - when - offset).min())
             if apart > SAME_EPOCH and times[0] < when + offset < times[-1]:
-                what = f"fires {apart:.3g} s from the nearest epoch that all share"
+                what = f"has a manoeuvre {apart:.3g} s from the nearest common epoch"
                 raise ValueError(
                     f'{each.name}: {what}; allow interpolation, as with screen --interpolate "1 m"'
                 )
@@ -335,7 +335,7 @@ def _comparable(ephemerides: Sequence[Ephemeris]) -> None:
         raise ValueError(f"ephemerides: at least two are needed, got {len(ephemerides)}")
     chief = ephemerides[0]
     if chief.frame.upper() not in INERTIAL:
-        what = f"REF_FRAME {chief.frame} turns with the Earth or is unknown"
+        what = f"REF_FRAME {chief.frame} rotates with the Earth or is unknown"
         raise ValueError(f"{chief.name}: {what}; convert to one of {', '.join(INERTIAL)}")
     names = set()
     for each in ephemerides:

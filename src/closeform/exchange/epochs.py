@@ -70,7 +70,7 @@ class Epoch:
     def seconds_until(self, other: Epoch, times: ArrayLike) -> Dates:
         """Return the seconds until times (T,) [s] after another epoch, in two parts: whole days and the rest.
 
-        The seconds are this epoch's where both are of one time system, else those of TAI.
+        The seconds are those of this epoch's time system if both have the same one, else those of TAI.
         """
         later, own = other._later(times), self._date
         if self.system.upper() != other.system.upper():
@@ -85,7 +85,7 @@ class Epoch:
         return written(utc(later), "UTC", 9)
 
     def utc(self, times: ArrayLike, decimals: int = 9) -> list[str]:
-        """Return the same in UTC, with a Z at the end."""
+        """Return the epoch in UTC, with a Z at the end."""
         later = utc(tai(self._later(times), self.system))
         return [f"{stamp}Z" for stamp in written(later, "UTC", decimals)]
 
@@ -108,12 +108,12 @@ def seconds_of(stamps: Sequence[str], system: str) -> Floats:
 
 
 def between(one: Dates, other: Dates) -> Floats:
-    """Return the seconds from one date to another; whole days apart, to keep tenths of a nanosecond."""
+    """Return the seconds from one date to another, accurate to tenths of a nanosecond."""
     return (other[0] - one[0]) * DAY + (other[1] - one[1]) * DAY
 
 
 def dates(stamps: Sequence[str], system: str) -> Dates:
-    """Return dates of ISO epochs in days of 86400 s: for UTC in TAI, else in the system itself."""
+    """Return dates of ISO epochs in days of 86400 s, in TAI for UTC epochs and else in their own system."""
     if (known := system.upper()) not in SYSTEMS:
         why = "requires tables of the Earth's rotation" if known == "UT1" else "is not supported"
         raise ValueError(f"TIME_SYSTEM {system} {why}; use one of {', '.join(SYSTEMS)}")

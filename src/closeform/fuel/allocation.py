@@ -1,4 +1,4 @@
-"""Allocation of a thrust of any direction to thrusters, with the smallest sum of their pushes."""
+"""Allocation of a thrust in any direction to thrusters, with the minimum sum of thrusts."""
 
 from dataclasses import dataclass
 from itertools import combinations

@@ -81,9 +81,9 @@ def transfer_cost_table(
     Notes
     -----
     The slot with the lowest bound is optimised, and the primer that proves its cost bounds the cost of every
-    other slot (theory 27: the required change is the slot less the initial state, in any duration), until
-    the lowest bound is a cost.  The first bounds are those of `delta_v_bound`.  A later first impulse is a
-    coast before it, so that more time never costs more.
+    other slot (theory 27: the required change is the slot less the initial state, in any duration), until no
+    bound is below the lowest cost.  The first bounds are those of `delta_v_bound`.  The first impulse may be
+    preceded by a coast, so that the cost never increases with the duration.
 
     References
     ----------

@@ -96,8 +96,8 @@ def least_delta_v(
     Raises
     ------
     ValueError
-        If no thrust within the limit makes the transfer; if a limit or a duration is not positive, a duration
-        is too long, shapes do not fit, or a number is not finite.
+        If no thrust within the limit achieves the transfer; if a limit or a duration is not positive, a
+        duration is too long, shapes do not fit, or a number is not finite.
 
     Notes
     -----

@@ -35,7 +35,7 @@ class Burns(NamedTuple):
         return self.size >= min(LEAST, SHARE * float(self.size.sum()))
 
     @property
-    def told(self) -> "Burns":
+    def significant(self) -> "Burns":
         """Significant burns only."""
         return Burns(*(column[self.telling] for column in self))
 
@@ -47,7 +47,7 @@ def burns_of_pulses(pulses: Pulses, craft: int) -> Burns:
 
 
 def _rounded(burns: Burns) -> Burns:
-    """Return the burns without components that are rounding."""
+    """Return the burns with components that are only rounding errors set to zero."""
     kept = np.abs(burns.push) > ROUNDING * burns.size[:, None]
     return burns._replace(push=np.where(kept, burns.push, 0.0))
 

@@ -21,7 +21,7 @@ NODES, WEIGHTS = np.polynomial.legendre.leggauss(8)
 ANGLE, SHARE = 0.02, 1.0 / 64.0
 NOTHING = 1e-9  # of the largest thrust: no thruster fires for less
 UNREACHED = 1e-6  # share of all delta-v: a smaller part is rounding of a plan
-PUSHES = "the plan pushes"  # replaced where the high-fidelity model causes the thrust
+PUSHES = "the plan requires thrust"  # replaced where the high-fidelity model causes the thrust
 MOST = 1_000_000  # cycles and pieces of a path
 
 
@@ -83,7 +83,7 @@ def cells_of(path: Path, thrusters: Thrusters) -> Chunks:
         k = np.flatnonzero(~real)[every.impulse[~real].argmax()]
         sign, axis = divmod(int(every.thruster[k]) - allocation.count, 3)
         raise ValueError(
-            f"thrusters: at {every.centroid[k]:.6g} s {PUSHES} where they cannot, along "
+            f"thrusters: at {every.centroid[k]:.6g} s {PUSHES} that they lack, along "
             f"{'+-'[sign]}{'xyz'[axis]} of their frame; plan with these thrusters, or add one"
         )
     return every[real][np.lexsort((every.centroid[real], every.thruster[real]))]
@@ -111,7 +111,7 @@ def in_frame(vectors: Floats, angles: Floats, thrusters: Thrusters) -> Floats:
 
 
 def _firsts(cells: Chunks, begin: float, period: float | None, bits: Floats) -> Any:
-    """Return the first cell of each chunk; cells are sorted by thruster and time, cycles merge to a bit."""
+    """Return the first cell of each chunk; cells are sorted, and cycles are merged up to a minimum bit."""
     impulsive = np.isinf(cells.peak)
     cycle = np.floor((cells.centroid - begin) / (period or np.inf))
     near = 1e-6 * np.maximum(cells.end - cells.start, np.roll(cells.end - cells.start, 1))
@@ -217,7 +217,7 @@ def _cut(spans: Floats, begin: float, period: float | None, n: float) -> tuple[F
 
 
 def _taken_over(facet: Any, low: Floats, high: Floats) -> tuple[Floats, Floats]:
-    """Return intervals cut where the facet of the thrust changes, which is bisected to the last digit."""
+    """Return intervals cut at the changes of the thrust's facet, found by bisection to the last digit."""
     for _ in range(8):  # several changes in one interval
         first, last = facet(low), facet(np.nextafter(high, low))
         changes = np.flatnonzero(first != last)

@@ -5,8 +5,8 @@ With e the thrust fired less the thrust planned, and F its second integral over 
     dr(t) = F(t) + integral of K(t, s) F(s) ds                                        # theory (40)
 
 A pulse about the chunk's centroid leaves F = F' = 0 at its end, and F has one sign during it.  The
-remainder is a natural motion that starts at the centroid of F with a kick of the size of its integral.  All
-kicks are added as vectors, so those of opposite lobes cancel, as they do in the motion.
+remainder is a natural motion that starts at the centroid of F with a velocity change equal to its integral.
+All kicks are added as vectors, so those of opposite lobes cancel, as they do in the motion.
 """
 
 from dataclasses import dataclass
@@ -27,9 +27,9 @@ SAFE = 1.0 + 1e-6  # for neglected effects: thrust below 1e-9 of the largest, ro
 class Misfit:
     """Effect of each of K chunks on the path.
 
-    From `start` to `end` [s] its F is at most `size` [m] along its thruster, and the motion that it causes
-    differs from that of the kick by at most `astray` [m]. The kicks (K, 6) [m, m/s] are at `when` (K,) [s];
-    afterwards the motion is that of the kick up to `rest` [m].
+    From `start` to `end` [s], F along its thruster is at most `size` [m], and the motion differs from that
+    after the kick by at most `astray` [m]. The kicks (K, 6) [m, m/s] occur at `when` (K,) [s]; afterwards the
+    motion differs from that of the kick by at most `rest` [m].
     """
 
     start: Floats
@@ -82,7 +82,7 @@ def misfit_of(plan: Path, thrusters: Thrusters, chunks: Chunks, widths: Floats, 
 
 
 def _greatest(chunks: Chunks, width: Floats, whole: Floats) -> Floats:
-    """Return the largest F (K,) [m] of pulses of `width` (K,) [s], with its integral `whole` (K,) [m s].
+    """Return the largest F (K,) [m] of pulses of `width` (K,) [s], given its integral `whole` (K,) [m s].
 
     For an impulse it is q w / 8. Otherwise it is at most q times half the mean deviation of the chunk from
     its centroid, which is below half its standard deviation, and below that of a chunk at its two ends. As

@@ -31,7 +31,7 @@ LOOKS = 8  # instants of each arc at which the pulsed path is compared with the 
 class ThrusterFiring(Result):
     """A plan as the thrusters of its spacecraft realise it.
 
-    Numbers of each spacecraft are floats for the path of one spacecraft, else arrays of shape (N,).
+    Values per spacecraft are floats for the path of one spacecraft, else arrays of shape (N,).
 
     Attributes
     ----------

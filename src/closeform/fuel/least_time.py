@@ -45,7 +45,7 @@ def length(x, y, z):
 
 @kernel()
 def proved_step(n, t, c, final, limit, margin):
-    """Return how much longer than t, where m is `margin`, transfers are provably impossible.
+    """Return the length of the interval after t, where m is `margin`, without any possible transfer.
 
     m'' is bounded by bounds on natural motion over a window.
     """
@@ -71,7 +71,7 @@ def proved_step(n, t, c, final, limit, margin):
 def exclude(n, arc, final, limit, c, g, reach, gained, hessian):
     """Extend the proof of `c` from the end of `arc`, which moves to the end of the proof.
 
-    Returns by how much.
+    Returns the length of the extension.
     """
     begin = arc[END]
     for _ in range(200):
@@ -88,9 +88,9 @@ def exclude(n, arc, final, limit, c, g, reach, gained, hessian):
 
 @kernel(void(float64, float64[:, ::1], float64[:, ::1], float64[::1], float64, float64[::1]))
 def prove_times(n, arcs, finals, limits, reach, enough):
-    """Move the ends of `arcs` (P, 30) to durations before which no thrust within `limits` makes a transfer.
+    """Move the ends of `arcs` (P, 30) to durations before which no thrust within `limits` suffices.
 
-    `enough` (P,) is 0, or if the proof extends beyond `reach` a limit that suffices in that time.
+    `enough` (P,) is 0 or, if the proof extends beyond `reach`, a limit that suffices in that time.
     """
     g, c, scale, nothing = stack_vector(6), stack_vector(6), stack_vector(6), stack_vector(6)
     gained, hessian, work = stack_vector(6), stack_matrix(6, 6), stack_matrix(6, 6)
@@ -148,7 +148,7 @@ def least_time(
     Returns
     -------
     Path
-        Path of the broadcast shape.  No thrust within the limit makes the transfer in a duration that is
+        Path of the broadcast shape.  No thrust within the limit achieves the transfer in a duration that is
         shorter by more than a relative 1e-5; nearly always by more than 1e-8.
 
     Raises
@@ -210,8 +210,8 @@ def _proved(orbit: Orbit, begins: Floats, ends: Floats, limits: Floats, shape: t
     prove_times(n, arcs, ends, limits, reach, enough)
     for k in map(int, np.flatnonzero(enough)):
         raise ValueError(
-            f"max_acceleration: {names[k]}no thrust within {limits[k]:g} m/s^2 makes the transfer in up to "
-            f"{reach:.6g} s ({REACH:g} orbits); {enough[k]:.4g} m/s^2 is enough"
+            f"max_acceleration: {names[k]}no thrust within {limits[k]:g} m/s^2 achieves the transfer in up "
+            f"to {reach:.6g} s ({REACH:g} orbits); {enough[k]:.4g} m/s^2 is enough"
         )
     return np.asarray(arcs[:, END] - arcs[:, START])
 

@@ -9,7 +9,7 @@ from closeform.arrays import Floats
 from closeform.fuel.chunks import Chunks, cells_of, gathered
 from closeform.fuel.deviation import bound, misfit_of
 from closeform.fuel.falling_mass import fired_within
-from closeform.fuel.pulses import Pulses, flown
+from closeform.fuel.pulses import Pulses, pulsed_path
 from closeform.fuel.thrusters import Thrusters
 from closeform.motion.path import Path, ends_of
 
@@ -52,7 +52,7 @@ class Order:
         chunks = self.chunks[self.fired]
         strength = chunks.impulse / np.diff(self.times, axis=0)[0]
         ends = np.array([plan.start, plan.end])
-        return flown(
+        return pulsed_path(
             plan.orbit, self.thrusters, chunks.thruster, self.times, strength, ends_of(plan)[0], ends
         )
 
@@ -206,5 +206,5 @@ def _check_overlap(thruster: Any, begin: Floats, over: Floats) -> None:
         k = int(both.argmax())
         raise Overlap(
             f"acceleration: thruster {one[k]} fires from {begin[k]:.6g} to {over[k]:.6g} s, and must begin "
-            f"again at {begin[k + 1]:.6g} s; give it more, or plan with more time between"
+            f"again at {begin[k + 1]:.6g} s; increase the acceleration, or plan with more time between"
         )

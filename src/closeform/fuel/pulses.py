@@ -18,7 +18,7 @@ from closeform.result import Rows
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Pulses(Rows):
-    """Pulses of thrusters, by spacecraft in order of time: columns of K rows.
+    """Pulses of thrusters, ordered by spacecraft and time: columns of K rows.
 
     Attributes
     ----------
@@ -82,7 +82,7 @@ def extended(path: Path, start: float, end: float) -> Path:
     return Path(path.orbit, rows, np.array([0, len(rows)]), ())
 
 
-def flown(
+def pulsed_path(
     orbit: Orbit,
     thrusters: Thrusters,
     thruster: Any,

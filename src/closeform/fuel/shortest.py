@@ -130,7 +130,7 @@ def surely_enough(begin: Floats, end: Floats, limit: float) -> float:
 
 
 def surely_too_short(n: float, begin: Floats, end: Floats, limit: float, reach: float) -> float:
-    """Return a duration up to which no thrust within the limit makes the transfer, optimal or not.
+    """Return a duration up to which no thrust within the limit achieves the transfer, optimal or not.
 
     With a largest speed V and cross-track offset R = R0 + V T, |v'| <= 3 n^2 R + 2 n V + limit, so V (1 - 2
     n T - 3 n^2 T^2) <= V0 + 3 n^2 T R0 + limit T; both changes must be within that.
@@ -157,7 +157,7 @@ def _scan(n: float, first: float, last: float) -> Floats:
 
 
 def _first(peak: Peak, low: float, high: float, limit: float) -> float:
-    """Return the first time after `low` at which the peak keeps the limit, in a dip too; nan if none."""
+    """Return the first time after `low` at which the peak keeps the limit, also within a dip; nan if none."""
     found = nan
     while high - low > FINE * high:
         times = np.linspace(low, high, 33)

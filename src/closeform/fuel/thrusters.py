@@ -65,8 +65,8 @@ class Thrusters:
         if (wrong := np.flatnonzero(np.abs(lengths - 1.0) > UNIT)).size:
             k = wrong[0]
             raise ValueError(
-                f"directions[{k}]: must be of length 1, got {lengths[k]:g}; give unit vectors, and how "
-                "strong thrusters are as acceleration"
+                f"directions[{k}]: must be of length 1, got {lengths[k]:g}; give unit vectors, and the "
+                "thrust as acceleration"
             )
         units = given / lengths[:, None] + 0.0  # without -0
         apart = np.linalg.norm(units[:, None] - units, axis=-1) + 3.0 * np.tri(len(units))
@@ -167,7 +167,7 @@ class Thrusters:
 
     @property
     def unreachable(self) -> Floats | None:
-        """Direction (3,), no unit, along which no thruster pushes; None where they push in all directions.
+        """Direction (3,), no unit, in which no thruster can contribute; None if there is none.
 
         No combination of thrusters has a positive component along it.
         """
@@ -218,7 +218,7 @@ class Thrusters:
 def each_set(
     thrusters: Thrusters | Sequence[Thrusters | None] | None, count: int, *kinds: type
 ) -> tuple[Any, ...]:
-    """Return the thrusters of each spacecraft; None if it pushes freely, unless `kinds` exclude it."""
+    """Return the thrusters of each spacecraft; None for free thrust, unless `kinds` exclude it."""
     if isinstance(thrusters, Thrusters) or (thrusters is None and not kinds):
         return (thrusters,) * count
     own = sequence("thrusters", thrusters, *(kinds or (Thrusters, type(None))))

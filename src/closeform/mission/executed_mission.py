@@ -71,7 +71,7 @@ class History:
 
     @property
     def replanned(self) -> bool:
-        """True if each stage is planned from the state in which errors have left the craft."""
+        """True if each stage is planned from the executed end of the previous one."""
         return self.draws == "replanned"
 
     @property
@@ -233,7 +233,7 @@ def with_reported_losses(mission: Mission, times: Mapping[int, float], needed: M
 def missed(mission: Mission, k: int, time: float) -> bool:
     """Return True if a craft misses a burn after a time, in a mission executed without its thrust.
 
-    In a gathering: True if it could not join for want of a burn.
+    In a gathering, return True if a missing burn kept it from joining.
     """
     for result in mission.flown:
         if isinstance(result.result, Gathering):
@@ -247,7 +247,7 @@ def missed(mission: Mission, k: int, time: float) -> bool:
 
 
 def with_paths(scenario: Scenario, result: StageResult[Any, Any], paths: list[Path]) -> StageResult[Any, Any]:
-    """Return a stage with the paths that the craft really followed."""
+    """Return a stage with the executed paths of the craft."""
     after = watch(stack(paths), scenario.names, scenario.zones)
     return replace(result, after=after, commanded=result.planned)
 
@@ -352,7 +352,7 @@ def noisy_zones(scenario: Scenario) -> Iterator[tuple[Zone, float]]:
 
 
 def interval(level: int, row: int) -> int:
-    """Return the event number of an interval: the sum over a block, or the split of one of its parts."""
+    """Return the event number of an interval: a sum of noise over a block, or the split of a part."""
     if level == 0:
         return row * HALVES
     parts = 1 << (level - 1)

@@ -59,19 +59,19 @@ def reconfigure(start: StageStart, stage: Reconfigure) -> Moved:
     from closeform.planning import targets
 
     names, to = start.scenario.names, stage.to
-    who = [names.index(name) for name in stage.moving(names)]
+    moving = [names.index(name) for name in stage.moving(names)]
 
     def goals(duration: float) -> Floats:
         coasted = np.asarray(start.states @ start.orbit.transition(duration).T)
-        slots = stage.known(start.orbit, len(who), start.latitude(duration))
+        slots = stage.known(start.orbit, len(moving), start.latitude(duration))
         if slots is not None:
-            return stage.centred(slots, coasted[who])
+            return stage.centred(slots, coasted[moving])
         if isinstance(to, Goal) and to.join is not None:
             members = [names.index(name) for name in to.join]
             return targets.added_member(start.orbit, coasted[members])[None]
         if isinstance(to, Goal) and to.remove == "eccentricity":
-            return targets.without_eccentricity(start.orbit, coasted[who])
-        return targets.without_altitude_difference(start.orbit, coasted[who])
+            return targets.without_eccentricity(start.orbit, coasted[moving])
+        return targets.without_altitude_difference(start.orbit, coasted[moving])
 
     return pulsed(start, lambda later: together(later, stage, goals))
 
@@ -86,12 +86,12 @@ def together(start: StageStart, stage: Joint, goals: Goals) -> Moved:
     names = start.scenario.names
     movers = stage.moving(names)
     others = tuple(name for name in names if name not in movers)
-    who = [names.index(name) for name in movers]
-    plan, measures = planned(start, stage, goals, who, [names.index(name) for name in others])
+    moving = [names.index(name) for name in movers]
+    plan, measures = planned(start, stage, goals, moving, [names.index(name) for name in others])
     asked = start.asked(stage)
-    before = start.mixed(who, plan.direct)
+    before = start.mixed(moving, plan.direct)
     changed = plan.status is Status.AVOIDED
-    after = start.mixed(who, plan.paths) if changed and plan.paths is not None else before
+    after = start.mixed(moving, plan.paths) if changed and plan.paths is not None else before
     punctual = plan.punctual.tolist() if plan.punctual is not None else [None] * len(movers)
     late = too_late(start, stage, after, dict(zip(movers, punctual, strict=True)))
     failure = None if plan.ok else f"{plan.status}: {plan.reason}"
@@ -100,9 +100,9 @@ def together(start: StageStart, stage: Joint, goals: Goals) -> Moved:
 
 
 def planned(
-    start: StageStart, stage: Joint, goals: Goals, who: list[int], rest: list[int]
+    start: StageStart, stage: Joint, goals: Goals, moving: list[int], rest: list[int]
 ) -> tuple["Plan", tuple[str, ...]]:
-    """Return the plan for the craft `who`, clear of the coasting craft `rest`, and the further attempts.
+    """Return the plan of the craft `moving`, clear of the coasting craft `rest`, and the further attempts.
 
     If spacecraft arrive later than requested, moving goals are updated to the later time, and the formation
     is planned again.
@@ -111,18 +111,18 @@ def planned(
     from closeform.planning.reconfigure import reconfigure
 
     scenario = start.scenario
-    thrusters = [start.thrusters(k, stage.cost) for k in who]
+    thrusters = [start.thrusters(k, stage.cost) for k in moving]
     limits = np.array(  # accelerations of the initial mass
         [
             inf if own is not None else scenario.craft[k].max_acceleration
-            for k, own in zip(who, thrusters, strict=True)
+            for k, own in zip(moving, thrusters, strict=True)
         ]
     )
     order = None
     if stage.plan == "sequential":
-        order = [who.index(scenario.names.index(name)) for name in stage.order or ()]
-        order += [k for k in range(len(who)) if k not in order]
-    duration, known = start.asked(stage), start.planned_errors(stage, who + rest)
+        order = [moving.index(scenario.names.index(name)) for name in stage.order or ()]
+        order += [k for k in range(len(moving)) if k not in order]
+    duration, known = start.asked(stage), start.planned_errors(stage, moving + rest)
     drift = start.planned_drift(stage)
     seen = far_beyond(duration + (drift or 0.0), start.orbit.mean_motion)
     coasting = [start.coast(k, seen) for k in rest]
@@ -134,10 +134,10 @@ def planned(
         def made(margin: Any, slots: Floats = slots, duration: float = duration) -> "Plan":
             return reconfigure(
                 start.orbit,
-                start.states[who],
+                start.states[moving],
                 slots,
                 duration,
-                [start.keep_out[k] for k in who + rest],
+                [start.keep_out[k] for k in moving + rest],
                 assign=stage.assigns,
                 start=start.time,
                 obstacles=coasting,
@@ -145,7 +145,7 @@ def planned(
                 if_blocked=stage.if_blocked,
                 method=stage.plan,
                 order=order,
-                names=[scenario.names[k] for k in who + rest],
+                names=[scenario.names[k] for k in moving + rest],
                 cost=stage.cost,
                 thrusters=thrusters if any(own is not None for own in thrusters) else None,
                 errors=known,
@@ -156,12 +156,12 @@ def planned(
                 gap=stage.proving.gap,
             )
 
-        plan = with_margin(start, stage, who + rest, coasting, made)
+        plan = with_margin(start, stage, moving + rest, coasting, made)
         measures += plan.measures
         punctual = punctual if attempt else plan.punctual  # for the requested duration
         plan = replace(plan, punctual=punctual)
         if plan.weak is not None:
-            weak = scenario.craft[who[plan.weak.craft]]
+            weak = scenario.craft[moving[plan.weak.craft]]
             plan = replace(plan, reason=weakness(plan.weak, weak.name, scenario.force_mass(weak.name)))
         took = float(np.max(plan.starts + plan.durations)) - start.time
         if not plan.ok or abs(took - duration) <= ROUNDING * duration:
@@ -169,7 +169,7 @@ def planned(
         if np.array_equal(start.earlier(goals(took + start.room.time)), slots):
             return plan, measures  # these goals do not depend on the arrival time
         duration = took * SLACK if attempt else took
-        measures += (f"aims at where the relative orbits are after {duration:.6g} s",)
-    reason = f"the relative orbits move on faster than craft arrive, up to {took:.6g} s"
+        measures += (f"targets on the relative orbits after {duration:.6g} s",)
+    reason = f"no arrival at the moving relative orbits within {took:.6g} s"
     late = replace(plan, paths=None, energy=nan, delta_v=nan, status=Status.TOO_WEAK, reason=reason)
     return late, measures

@@ -54,7 +54,7 @@ def fly(
     `progress` is called with a text at the start of each part of the work.  A manoeuvre without a clear path,
     or a search that leaves spacecraft lost, ends the mission; `stopped` of the Mission then holds the reason.
     With `predicted`, each stage carries the `validity` of its plan in the high-fidelity model of the
-    scenario, if it has one.  Raises ScenarioError if a stage rejects its numbers.
+    scenario, if it has one.  Raises ScenarioError for values that a stage rejects.
     """
     return as_happened(staged(scenario, progress, predicted), progress, predicted)
 
@@ -75,7 +75,7 @@ def staged(
         begin, shares = results[-1].end if results else 0.0, shares_left(scenario, results)
         known = () if replanned else tuple(results)  # replanning starts from newly measured states
         here = scenario.during(stage)
-        start = StageStart(here, orbit, number, states, begin, past, shares, errors=errors, flown=known)
+        start = StageStart(here, orbit, number, states, begin, past, shares, errors=errors, executed=known)
         if stage.name is not None:
             past[stage.name] = start.time, states
         try:
@@ -112,11 +112,11 @@ def as_happened(
     if scenario.flights is None or not mission.flown:
         return mission
     from closeform.dynamics.infeasible import Grounded
-    from closeform.mission.simulation import FlownRun
+    from closeform.mission.simulation import SimulatedRun
 
-    progress("flying in the field")
+    progress("simulation in the high-fidelity model")
     try:
-        flights = FlownRun.asked(mission)
+        flights = SimulatedRun.asked(mission)
         lost = tuple(flights.drifted(one) for one in mission.lost)
         return replace(mission, flights=flights, lost=lost)
     except Grounded as error:

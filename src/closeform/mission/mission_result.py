@@ -36,7 +36,7 @@ from closeform.zones.zone import Zone
 if TYPE_CHECKING:
     from closeform.dynamics.validity import Validity
     from closeform.mission.passive_safety import PairDrift, PassiveSafety
-    from closeform.mission.simulation import FlownRun
+    from closeform.mission.simulation import SimulatedRun
     from closeform.mission.stage_start import Arrival
     from closeform.mission.thruster_firing import Pulsed
     from closeform.mission.uncertainty import UncertainStage
@@ -122,8 +122,8 @@ class StageResult(Result, Generic[AnyStage, AnyResult]):
         """Delta-v of each spacecraft (N,) [m/s], summed over its thrusters."""
         spent = np.array(self.burning.delta_v)
         if self.pulsed is not None:
-            who = [self.after.names.index(name) for name in self.pulsed.names]
-            spent[who] = self.pulsed.firing.delta_v
+            firing = [self.after.names.index(name) for name in self.pulsed.names]
+            spent[firing] = self.pulsed.firing.delta_v
         return spent
 
     @property
@@ -264,7 +264,7 @@ class Mission(Stages):
     results: tuple[StageResult[Any, Any], ...]
     stopped: str | None = None
     lost: tuple[LostThrust, ...] = ()
-    flights: "FlownRun | None" = None
+    flights: "SimulatedRun | None" = None
     grounded: str | None = None  # reason why a requested simulation is impossible
 
     @cached_property

@@ -319,9 +319,9 @@ def directed(zones: PairZones, thrusts: Any, chunk: int) -> Iterator[tuple[Zone,
     for zone, first, second in portions(zones, chunk):
         forth = thrusts[first] | ~thrusts[second]
         back = thrusts[second]
-        for one, mask, who, whom in ((zone, forth, first, second), (zone.mirrored, back, second, first)):
+        for one, mask, failed, other in ((zone, forth, first, second), (zone.mirrored, back, second, first)):
             if mask.any():
-                yield one, who[mask], whom[mask]
+                yield one, failed[mask], other[mask]
 
 
 def ways(zones: PairZones, first: Any, second: Any) -> Iterator[tuple[Zone, Any, Any]]:

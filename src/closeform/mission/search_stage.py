@@ -52,7 +52,7 @@ def gather(start: StageStart, stage: Gather) -> StageResult[Gather, Gathering]:
 
     scenario, states = start.scenario, start.states
     found = gather(scenario.plan, states[:, :3], states[:, 3:], **scenario.gathering(stage))
-    flight = flown(scenario, found, start.time)
+    flight = gathered_flight(scenario, found, start.time)
     failure, sun = incomplete(scenario, found), sun_angle(scenario, found.search)
     return StageResult(start.number, stage, start.time, flight, flight, found, failure, sun=sun)
 
@@ -63,9 +63,9 @@ def gather_flawed(
     """Return the gathering from the same states (N, 6), with the burn errors `flaws`."""
     from closeform.search.burn_errors import gather_flawed
 
-    told = scenario.gathering(planned.stage)
-    found = gather_flawed(planned.result, scenario.plan, states[:, :3], states[:, 3:], flaws, **told)
-    flight, failure = flown(scenario, found, planned.start), incomplete(scenario, found)
+    arguments = scenario.gathering(planned.stage)
+    found = gather_flawed(planned.result, scenario.plan, states[:, :3], states[:, 3:], flaws, **arguments)
+    flight, failure = gathered_flight(scenario, found, planned.start), incomplete(scenario, found)
     return replace(
         planned, before=flight, after=flight, result=found, failure=failure, commanded=planned.after
     )
@@ -80,7 +80,7 @@ def sun_angle(scenario: Scenario, search: Search) -> SunAngle | None:
     return SunAngle(scenario.names[k], float(turns.sun_angles[k]), search.sun_limit)
 
 
-def flown(scenario: Scenario, found: Gathering, time: float) -> WatchedFlight:
+def gathered_flight(scenario: Scenario, found: Gathering, time: float) -> WatchedFlight:
     """Return the flight of a gathering that begins at a mission time [s], with its conflicts."""
     arcs = found.paths.arcs.copy()
     arcs[:, [START, END]] += time

@@ -30,7 +30,7 @@ from closeform.mission.verdict import LostThrust, Use
 from closeform.motion.arc import END, START
 from closeform.motion.path import Path, fires_impulses, path_of
 from closeform.named_craft import as_listed
-from closeform.scenario.checks import flown_thrusters
+from closeform.scenario.checks import simulated_thrusters
 from closeform.zones.pair_zones import PairZones
 
 Control = Literal["track", "replan", "open"]
@@ -38,7 +38,7 @@ PARTIAL = 1e-9  # [s] tolerance for a stage end that coincides with an output ti
 
 
 @dataclass(frozen=True, eq=False)
-class FlownStage:
+class SimulatedStage:
     """One stage of S simulated flights of N spacecraft.
 
     `ends` (S, N) [m] are the distances from the plan at the end of the stage.  `ratios` (S, P) are the
@@ -54,7 +54,7 @@ class FlownStage:
 
     @property
     def nearest(self) -> tuple[int, int] | None:
-        """Indices of the flight and the pair with the minimum clearance ratio; None without zones."""
+        """Indices of the simulation and the pair with the minimum clearance ratio; None without zones."""
         if not self.ratios.size:
             return None
         seed, pair = np.unravel_index(int(np.argmin(self.ratios)), self.ratios.shape)
@@ -62,10 +62,10 @@ class FlownStage:
 
 
 @dataclass(frozen=True, eq=False)
-class FlownRun:
+class SimulatedRun:
     """All stages of a `run`, simulated as one `flight`.
 
-    `told` holds the keyword arguments of `simulate`, and `control` is its control mode.  `known` is the
+    `arguments` are the keyword arguments of `simulate`, and `control` is its control mode.  `known` is the
     high-fidelity model that plans and commands use.  It differs from the simulated `field` if a case of a
     study has sampled the latter.
     """
@@ -74,46 +74,48 @@ class FlownRun:
     field: Field
     known: Field
     control: Control
-    told: dict[str, Any]
+    arguments: dict[str, Any]
     flight: Simulation
 
     @classmethod
-    def of(cls, run: Stages, control: Control, told: dict[str, Any], seeds: int | Sequence[int]) -> Self:
+    def of(cls, run: Stages, control: Control, arguments: dict[str, Any], seeds: int | Sequence[int]) -> Self:
         """Simulate a run, once if nothing is uncertain.
 
         Raises Grounded, with the names of the spacecraft, if the run cannot be simulated.
         """
         try:
-            return cls.flying(run, control, told, seeds)
+            return cls.flying(run, control, arguments, seeds)
         except Grounded as error:
             raise Grounded(as_listed(str(error), run.scenario.names)) from None
 
     @classmethod
-    def flying(cls, run: Stages, control: Control, told: dict[str, Any], seeds: int | Sequence[int]) -> Self:
+    def flying(
+        cls, run: Stages, control: Control, arguments: dict[str, Any], seeds: int | Sequence[int]
+    ) -> Self:
         """Simulate a run; the message of Grounded refers to spacecraft by index."""
         known, field = run.scenario.field, run.scenario.truth.field
         assert known is not None
         assert field is not None
         zones = run.scenario.zones if run.scenario.zones.pairs <= ALL_PAIRS else None
-        own, pulsed = flown_thrusters(run.scenario), fires_pulses(run)
+        own, pulsed = simulated_thrusters(run.scenario), fires_pulses(run)
         plan = followed(run.flown) if pulsed else planned(run)
-        told = told | {"feedback": told["feedback"] or usually_led(run, control)}
+        arguments = arguments | {"feedback": arguments["feedback"] or usually_led(run, control)}
         if run.lost:
             times = {one.craft: one.time for one in run.lost}
-            told["lost"] = [times.get(name, np.inf) for name in run.scenario.names]
+            arguments["lost"] = [times.get(name, np.inf) for name in run.scenario.names]
         if pulsed or fires_impulses(plan):
-            told["max_acceleration"] = None
+            arguments["max_acceleration"] = None
         if pulsed:
             from closeform.dynamics.pulsed_flight import led_by_pulses  # kernels that only thrusters need
 
-            told["thrusters"] = own
+            arguments["thrusters"] = own
             if control != "replan":  # replanning chooses its own feedback for pulses
-                told["feedback"] = led_by_pulses(told["feedback"], own)
-        some = seeds if differs(control, told) else seeds_of(seeds)[:1]
-        flight = simulate(plan, field, control, zones=zones, known=known, seeds=some, **told)
+                arguments["feedback"] = led_by_pulses(arguments["feedback"], own)
+        some = seeds if differs(control, arguments) else seeds_of(seeds)[:1]
+        flight = simulate(plan, field, control, zones=zones, known=known, seeds=some, **arguments)
         if pulsed:  # deviations are relative to the certified paths, which are pulsed as well
             flight = replace(flight, planned=spanning(run.paths, flight.times))
-        return cls(run, field, known, control, told, flight)
+        return cls(run, field, known, control, arguments, flight)
 
     @classmethod
     def asked(cls, run: Stages) -> Self:
@@ -130,7 +132,7 @@ class FlownRun:
     @property
     def uncertain(self) -> bool:
         """True if flights with different seeds differ."""
-        return differs(self.control, self.told)
+        return differs(self.control, self.arguments)
 
     @property
     def zones(self) -> PairZones:
@@ -161,14 +163,14 @@ class FlownRun:
         return near
 
     @cached_property
-    def stages(self) -> tuple[FlownStage, ...]:
+    def stages(self) -> tuple[SimulatedStage, ...]:
         """Results of each stage by itself."""
         return tuple(self.stage(one) for one in self.run.flown)
 
     @property
     def thrusters(self) -> tuple[str, ...]:
         """Names of the spacecraft that fire pulses."""
-        own = self.told.get("thrusters", [None] * len(self.names))
+        own = self.arguments.get("thrusters", [None] * len(self.names))
         return tuple(name for name, one in zip(self.names, own, strict=True) if one is not None)
 
     @cached_property
@@ -178,7 +180,7 @@ class FlownRun:
 
         flight, found = self.flight, dict[str, float]()
         off = flight.states[..., :3] - flight.planned.position(flight.times)
-        for k, own in enumerate(self.told.get("thrusters", ())):
+        for k, own in enumerate(self.arguments.get("thrusters", ())):
             if own is not None and lacks(own):
                 led = reachable(own, flight.orbit.mean_motion * flight.times)
                 aside = off[:, k] - np.einsum("tij,stj->sti", led, off[:, k])
@@ -195,13 +197,17 @@ class FlownRun:
         """Planned thruster pulses in columns, with the propellant of each for the decreasing mass."""
         assert self.flight.firing is not None
         fired = self.flight.firing.pulses
-        who = np.array([self.names.index(name) for name in self.thrusters])[fired.craft]
+        firing = np.array([self.names.index(name) for name in self.thrusters])[fired.craft]
         so_far = np.cumsum(
-            np.where(who[:, None] == np.arange(len(self.names)), fired.impulse[:, None], 0.0), 0
+            np.where(firing[:, None] == np.arange(len(self.names)), fired.impulse[:, None], 0.0), 0
         )
-        spent = so_far[np.arange(len(who)), who]
-        burnt = self.burnt(who, spent) - self.burnt(who, spent - fired.impulse)
-        named = {"craft": np.array(self.names)[who], "thruster": fired.thruster + 1, "propellant_kg": burnt}
+        spent = so_far[np.arange(len(firing)), firing]
+        burnt = self.burnt(firing, spent) - self.burnt(firing, spent - fired.impulse)
+        named = {
+            "craft": np.array(self.names)[firing],
+            "thruster": fired.thruster + 1,
+            "propellant_kg": burnt,
+        }
         return self.flight.firing.burns | named
 
     def burnt(self, which: Any, delta_v: Floats) -> Floats:
@@ -234,7 +240,7 @@ class FlownRun:
         """True if propellant is printed in grams: no spacecraft uses more than a kilogram."""
         return bool(np.nanmax(self.propellant, initial=0.0) <= 1.0)
 
-    def stage(self, result: Any) -> FlownStage:
+    def stage(self, result: Any) -> SimulatedStage:
         """Return the part of the simulation that belongs to one stage."""
         flight = self.flight
         first = np.searchsorted(flight.times, result.start, "right") - 1
@@ -251,7 +257,7 @@ class FlownRun:
         now = float(flight.times[last])
         ahead = flight.states[:, :, last] - flight.planned.state([now])[:, -1]
         off = np.linalg.norm(ahead[..., :3] + (result.end - now) * ahead[..., 3:], axis=-1)
-        return FlownStage(result.number, result.stage.verb, result.start, result.end, off, ratios)
+        return SimulatedStage(result.number, result.stage.verb, result.start, result.end, off, ratios)
 
     @cached_property
     def worst(self) -> WatchedFlight:
@@ -267,17 +273,17 @@ class FlownRun:
 
     @property
     def which(self) -> str:
-        """Words that name the worst flight and the criterion; empty for a single flight."""
+        """The worst simulation and its criterion as text; empty for a single simulation."""
         if len(self.flight.states) == 1:
             return ""
-        why = "in which two come nearest" if self.flight.ratios.size else "which ends farthest off"
-        return f"flight {self.flight.worst} of {len(self.flight.states)}, {why}"
+        why = "with the closest approach" if self.flight.ratios.size else "with the largest end error"
+        return f"simulation {self.flight.worst} of {len(self.flight.states)}, {why}"
 
     @cached_property
     def commanded(self) -> tuple[CompensatedThrust, ...]:
         """Thrust commands for the high-fidelity model, one item per stage."""
         return tuple(
-            compensated_thrust(one.planned.paths, self.known, engine=self.told["engine"])
+            compensated_thrust(one.planned.paths, self.known, engine=self.arguments["engine"])
             for one in self.run.flown
         )
 
@@ -290,24 +296,26 @@ class FlownRun:
         their paths deviate from the plan in between.  For planned impulses, and for errors of single burns,
         the deviation depends on the plan.
         """
-        told, impulses = self.told, fires_impulses(self.run.paths)
-        drifts = bool(self.run.lost) or not self.told["engine"].all()
+        arguments, impulses = self.arguments, fires_impulses(self.run.paths)
+        drifts = bool(self.run.lost) or not self.arguments["engine"].all()
         if not self.uncertain or self.control != "track" or drifts:
             return None
-        if told["feedback"].impulses or impulses or told["errors"] is not None:
+        if arguments["feedback"].impulses or impulses or arguments["errors"] is not None:
             return None
-        sizes = np.broadcast_to(told["thrust_error"], (len(self.names), 2))
+        sizes = np.broadcast_to(arguments["thrust_error"], (len(self.names), 2))
         off = np.hypot(sizes[:, 0], sizes[:, 1]) * np.max([one.peak_thrust for one in self.commanded], axis=0)
-        return tube(self.run.paths.orbit, told["feedback"], told["navigation"], thrust_error=off)
+        return tube(self.run.paths.orbit, arguments["feedback"], arguments["navigation"], thrust_error=off)
 
 
-def differs(control: Control, told: dict[str, Any]) -> bool:
+def differs(control: Control, arguments: dict[str, Any]) -> bool:
     """Return True if flights with this control mode and these arguments of `simulate` differ."""
-    return uncertain(control != "open", told["navigation"], told["thrust_error"], told["errors"])
+    return uncertain(
+        control != "open", arguments["navigation"], arguments["thrust_error"], arguments["errors"]
+    )
 
 
 def fires_pulses(run: Stages) -> bool:
-    """Return True if a spacecraft fires pulses in the run."""
+    """Return the default feedback of a run whose scenario specifies none."""
     return any(craft.fired(1.0) is not None for craft in run.scenario.craft_of_all)
 
 

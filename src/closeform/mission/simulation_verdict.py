@@ -20,7 +20,7 @@ from closeform.motion.mean_motion import EARTH_MU, EARTH_RADIUS, semi_major_axis
 if TYPE_CHECKING:
     from closeform.dynamics.validity import Validity
     from closeform.mission.mission_result import Mission, StageResult
-    from closeform.mission.simulation import FlownRun
+    from closeform.mission.simulation import SimulatedRun
     from closeform.motion.orbit import Orbit
     from closeform.scenario import Scenario
 
@@ -32,8 +32,8 @@ EARTHLIKE = 1e-3  # relative tolerance of the gravitational parameter for an orb
 class Entered:
     """Number of simulated flights that enter a zone, with the minimum clearance ratio `least`.
 
-    `least` is None without zones.  All flights are equal unless `uncertain`.  `exceeded` lists the uses above
-    a limit in the flight with the highest use; it is None without any limit.
+    `least` is None without zones.  All simulations are equal unless `uncertain`.  `exceeded` lists the uses
+    above a limit in the flight with the highest use; it is None without any limit.
     """
 
     count: int
@@ -44,12 +44,12 @@ class Entered:
 
     @property
     def clear(self) -> bool:
-        """True if no flight enters a zone."""
+        """True if no zone is entered in any simulation."""
         return self.count == 0
 
     @property
     def ok(self) -> bool:
-        """True if no flight enters a zone and every limit is kept."""
+        """True if no zone is entered in any simulation and every limit is kept."""
         return self.clear and not self.exceeded
 
     @property
@@ -60,15 +60,15 @@ class Entered:
     @property
     def many(self) -> str:
         """Text with the number of flights."""
-        return f"{self.flights} flight{'s' * (self.flights != 1)}"
+        return f"{self.flights} simulation{'s' * (self.flights != 1)}"
 
     @property
     def asked(self) -> Asked:
         """Requirement of the run that no flight enters a zone, and whether it is met."""
         if self.least is None:
-            return Asked(f"{self.many} flown, there is no zone to enter", "", True, inf, "flight")
+            return Asked(f"{self.many}, without zones", "", True, inf, "flight")
         if self.flights == 1:
-            kept, broken = "no zone is entered in flight", "a zone is entered in flight"
+            kept, broken = "no zone is entered in simulation", "a zone is entered in simulation"
         else:
             kept = f"no zone is entered in {self.many}"
             broken = f"zones are entered in {self.count} of {self.many}"
@@ -79,7 +79,7 @@ class Entered:
     def zones(self) -> str:
         """Text that states in how many flights zones are entered."""
         if self.least is None:
-            return f"flown: {self.many}, there is no zone to enter"
+            return f"{self.many}, without zones"
         found = (
             "clear: no zone is entered in"
             if self.clear
@@ -96,10 +96,10 @@ class Entered:
         return f"{self.zones}; limits are not kept: {beyond(self.exceeded)}"
 
 
-def in_flight(flights: "FlownRun | None", grounded: str | None) -> tuple[Asked, ...]:
+def in_flight(flights: "SimulatedRun | None", grounded: str | None) -> tuple[Asked, ...]:
     """Return the requirement on a requested simulation; `grounded` is the reason why it is impossible."""
     if grounded is not None:
-        return (Asked("", f"cannot be flown: {grounded}", False, 0.0, "flight"),)
+        return (Asked("", f"cannot be simulated: {grounded}", False, 0.0, "flight"),)
     return () if flights is None else (flights.entered.asked,)
 
 
@@ -121,10 +121,12 @@ def eaten(mission: "Mission") -> Iterator[str]:
         if entered:
             first, second = found.pairs[min(entered, key=lambda k: float(found.flown[k]))].tolist()
             names, more = result.after.names, f" and {len(entered) - 1} more" * (len(entered) > 1)
-            where = f"stage {result.number}: flown as planned, in the field of {found.field},"
+            where = (
+                f"stage {result.number}: without compensation, in the high-fidelity model ({found.field}),"
+            )
             pair = f"{names[first]} and {names[second]}{more}"
-            remedy = 'add [simulation] to correct thrust for it, and margin = "auto" for errors'
-            yield f"{where} leads {pair} into zones that the plan keeps; {remedy}"
+            remedy = 'add [simulation] to compensate, and margin = "auto" for errors'
+            yield f"{where} {pair} enter zones that the plan keeps; {remedy}"
 
 
 @dataclass(frozen=True)

@@ -54,8 +54,8 @@ def around(start: StageStart, stage: Avoid) -> StageResult[Avoid, AvoidResult]:
         later = start.time + duration - path.end
         return join([path, start.orbit.coast(path.state(path.end), later, path.end)]) if later > 0.0 else path
 
-    who = [mover, *(names.index(name) for name in rest)]
-    known = start.planned_errors(stage, who)
+    chosen = [mover, *(names.index(name) for name in rest)]
+    known = start.planned_errors(stage, chosen)
     drift = start.planned_drift(stage)
     seen = far_beyond(asked + (drift or 0.0), start.orbit.mean_motion)
     others = [other(name, seen) for name in rest]
@@ -73,7 +73,7 @@ def around(start: StageStart, stage: Avoid) -> StageResult[Avoid, AvoidResult]:
         around = [other(name, path.end - start.time) for name in rest]
         return start.flight([*around[:mover], path, *around[mover:]])
 
-    def way(factor: float) -> Path:
+    def direct_path(factor: float) -> Path:
         if to is None:
             return start.coast(mover, factor * asked)
         task = to, mover, factor * asked, stage.cost
@@ -84,7 +84,7 @@ def around(start: StageStart, stage: Avoid) -> StageResult[Avoid, AvoidResult]:
         except TooLittleThrust:
             return start.transfer(*task)  # the planner then reports the lack of thrust
 
-    craft, direct = start.scenario.craft[mover], way(1.0)
+    craft, direct = start.scenario.craft[mover], direct_path(1.0)
     thrusters = start.thrusters(mover, stage.cost)
     limited = craft.limited and thrusters is None
     errors = {} if known is None else {"errors": known[0], "other_errors": known[1:], "sigmas": stage.sigmas}
@@ -95,7 +95,7 @@ def around(start: StageStart, stage: Avoid) -> StageResult[Avoid, AvoidResult]:
             others,
             zones,
             stage.method,
-            path_over=way,
+            path_over=direct_path,
             max_acceleration=craft.max_acceleration if limited else None,
             longer=stage.longer,
             name=craft.name,
@@ -110,7 +110,7 @@ def around(start: StageStart, stage: Avoid) -> StageResult[Avoid, AvoidResult]:
         )
         return planned(request)
 
-    plan = with_margin(start, stage, who, others, made)
+    plan = with_margin(start, stage, chosen, others, made)
     if plan.weak is not None:
         plan = replace(plan, reason=weakness(plan.weak, craft.name, start.scenario.force_mass(craft.name)))
     before = flight(direct)
@@ -118,7 +118,7 @@ def around(start: StageStart, stage: Avoid) -> StageResult[Avoid, AvoidResult]:
     after = flight(plan.path) if changed else before
     punctual = None if plan.punctual is None else float(plan.punctual[0])
     late = too_late(start, stage, after, {craft.name: punctual})
-    plain = way((after.end - start.time) / asked) if late is not None else direct
+    plain = direct_path((after.end - start.time) / asked) if late is not None else direct
     asked_for = start.scenario.zones_around(craft.name)  # zones of the scenario, not enlarged for pulses
     result = AvoidResult(stage.craft, rest, asked_for, direct, plain, plan, asked, goals)
     failure = None if plan.ok else plan.reason

@@ -33,16 +33,16 @@ def _of_craft(result: "StageResult[Any, Any]", k: int, burnt: Burnt) -> Iterator
 
     pulsed, name, thruster = result.pulsed, result.after.names[k], None
     if pulsed is not None and name in pulsed.names:
-        pulses, who = pulsed.firing.pulses, pulsed.names.index(name)
-        burns = burns_of_pulses(pulses, who)
-        thruster = (pulses.thruster[pulses.craft == who] + 1).tolist()
+        pulses, index = pulsed.firing.pulses, pulsed.names.index(name)
+        burns = burns_of_pulses(pulses, index)
+        thruster = (pulses.thruster[pulses.craft == index] + 1).tolist()
     else:
         burns = burns_of(result.burning[k])
     so_far = [burnt(k, spent) for spent in np.cumsum(burns.size).tolist()]
-    told = burns.telling | (thruster is not None)  # every thruster pulse is listed
+    is_listed = burns.telling | (thruster is not None)  # every thruster pulse is listed
     columns = burns.start, burns.duration, *burns.push.T, burns.size
     for row, values in enumerate(zip(*(column.tolist() for column in columns), strict=True)):
-        if not told[row]:
+        if not is_listed[row]:
             continue
         fuel = so_far[row] - (so_far[row - 1] if row else 0.0)
         yield name, *values, thruster and thruster[row], fuel if isfinite(fuel) else None

@@ -16,13 +16,13 @@ if TYPE_CHECKING:
 def with_margin(
     start: StageStart,
     stage: Avoid | Joint,
-    who: list[int],
+    craft: list[int],
     others: Sequence[Path],
     make: Callable[[Any], Any],
 ) -> Any:
     """Return the plan of `make` with the keep-out margin of the stage.
 
-    `who` lists the craft by index: first those that are planned, then those whose paths are `others`.  For
+    `craft` lists the craft by index: first those that are planned, then those whose paths are `others`.  For
     the margin "auto", the plan is iterated until it keeps the margin that its tracking error in the
     high-fidelity model requires.  If the iteration fails, or tracking exceeds a limit, the plan has the
     status NO_MARGIN and a reason.
@@ -32,26 +32,26 @@ def with_margin(
     from closeform.dynamics.feedback import usual_feedback
     from closeform.dynamics.fitted import fit_margin
 
-    told, known = start.scenario.flight, start.scenario.field
+    settings, known = start.scenario.flight, start.scenario.field
     assert known is not None
     found = fit_margin(
         make,
-        known._of(who),
-        PairZones.of([start.keep_out[k] for k in who]),
-        told["feedback"] or usual_feedback("track", led_by_impulses(start.scenario)),
-        told["navigation"],
+        known._of(craft),
+        PairZones.of([start.keep_out[k] for k in craft]),
+        settings["feedback"] or usual_feedback("track", led_by_impulses(start.scenario)),
+        settings["navigation"],
         obstacles=others,
         held=True,
-        before=followed(start.flown)[who] if start.flown else None,
-        thrust_error=told["thrust_error"][who],
-        errors=flown_errors(start, who),
-        thrusters=[start.scenario.craft[k].fired(1.0) for k in who],
-        engine=told["engine"][who],
+        before=followed(start.executed)[craft] if start.executed else None,
+        thrust_error=settings["thrust_error"][craft],
+        errors=reference_errors(start, craft),
+        thrusters=[start.scenario.craft[k].fired(1.0) for k in craft],
+        engine=settings["engine"][craft],
     )
     if found.fits or not found.plan.ok:
         return found.plan
     remedy = "" if ";" in found.reason else "; give better navigation, or more time"
-    return unfit(found.plan, as_listed(found.reason, [start.scenario.names[k] for k in who]) + remedy)
+    return unfit(found.plan, as_listed(found.reason, [start.scenario.names[k] for k in craft]) + remedy)
 
 
 def unfit(plan: "Plan", reason: str) -> "Plan":
@@ -61,13 +61,13 @@ def unfit(plan: "Plan", reason: str) -> "Plan":
     return without_paths(plan, Status.NO_MARGIN, reason)
 
 
-def flown_errors(start: StageStart, who: list[int]) -> list[Any] | None:
-    """Return the uncertainty of the craft `who` at the start of their reference paths, with execution errors.
+def reference_errors(start: StageStart, craft: list[int]) -> list[Any] | None:
+    """Return the uncertainty of `craft` on their reference paths at the start, with execution errors.
 
     Return None if no spacecraft has any.
     """
-    own = start.scenario.flight["errors"] if start.flown else start.errors
-    return [own[k] for k in who] if own else None
+    own = start.scenario.flight["errors"] if start.executed else start.errors
+    return [own[k] for k in craft] if own else None
 
 
 def led_by_impulses(scenario: Scenario) -> bool:

@@ -10,8 +10,8 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.conflicts.flight import WatchedFlight, watch
-from closeform.exchange.spans import JUMP
-from closeform.exchange.spans import LEAST as LEAST_JUMP
+from closeform.exchange.ephemerides.spans import JUMP
+from closeform.exchange.ephemerides.spans import LEAST as LEAST_JUMP
 from closeform.fuel.thrusters import Thrusters
 from closeform.mission.verdict import Late, thrust_use
 from closeform.motion.arc import IMPULSE
@@ -59,7 +59,7 @@ class StageStart:
     - `shares` (N,): remaining fraction of the initial mass of each spacecraft.
     - `room`: reserve for thruster burns; with it, `time` is the later start of the plan.
     - `errors`: uncertainty of each spacecraft; empty if none has any.
-    - `flown`: previous stages; empty if each stage is replanned from known states.
+    - `executed`: previous stages; empty if each stage is replanned from known states.
     """
 
     scenario: Scenario
@@ -71,7 +71,7 @@ class StageStart:
     shares: Floats
     room: BurnRoom = BurnRoom()
     errors: tuple[Any, ...] = ()
-    flown: "tuple[StageResult[Any, Any], ...]" = ()
+    executed: "tuple[StageResult[Any, Any], ...]" = ()
 
     def leaving(self, room: BurnRoom) -> Self:
         """Return the start of a plan that leaves the reserve `room`, after the coast before it."""
@@ -89,14 +89,14 @@ class StageStart:
 
         return carried(self.errors[k], self.coast(k, duration))
 
-    def planned_errors(self, stage: Avoid | Joint, who: list[int]) -> list[Any] | None:
-        """Return the uncertainty of the craft `who` for the planner; None if the stage requires no sigmas.
+    def planned_errors(self, stage: Avoid | Joint, chosen: list[int]) -> list[Any] | None:
+        """Return the uncertainty of the craft `chosen` for the planner; None if the stage requires no sigmas.
 
         Methods that are not exact do not plan with uncertainty; their plans are only checked afterwards.
         """
         if stage.sigmas is None or not self.errors or not stage.is_exact:
             return None
-        return [self.errors[k] for k in who]
+        return [self.errors[k] for k in chosen]
 
     def asked(self, stage: Avoid | Joint | Transfer) -> float:
         """Return the duration [s] of plans of a stage, without the reserve for burns at both ends."""
@@ -166,8 +166,10 @@ class StageStart:
         times, states, arrivals = along(self.scenario, name, self.time, self.time + duration)
         jump = states[0] - self.states[k]
         if (apart := float(np.linalg.norm(jump[:3]))) > JUMP:
-            what = f"begins {apart:.4g} m from where {name} is at {self.time:.6g} s"
-            raise ValueError(f"follow: its file {what}; name it in all coasts before, or correct the file")
+            raise ValueError(
+                f"follow: the file of {name} begins {apart:.4g} m from its position at {self.time:.6g} s; "
+                "follow it in all earlier coasts, or correct the file"
+            )
         arrivals[0], arrivals[-1, :3] = states[0], states[-1, :3]
         if np.linalg.norm(jump[3:]) > LEAST_JUMP:
             arrivals[0, 3:] = self.states[k, 3:]
@@ -182,7 +184,7 @@ class StageStart:
         return states @ self.orbit.transition(-self.room.after).T if self.room.after else states
 
     def goal(self, target: Target, duration: float) -> Floats:
-        """Return the end state (6,) of a plan to a target with this `duration` [s]."""
+        """Return the final state (6,) at a target for a plan of this `duration` [s]."""
         return self.earlier(target.state(self.orbit, self.latitude(duration + self.room.after)))
 
     def arrival(
@@ -246,10 +248,10 @@ class StageStart:
         assert plan.paths is not None
         return plan.paths[0]
 
-    def mixed(self, who: list[int], paths: Path) -> WatchedFlight:
-        """Return the flight with the `paths` of the craft `who`; the others coast meanwhile."""
+    def mixed(self, chosen: list[int], paths: Path) -> WatchedFlight:
+        """Return the flight with the `paths` of the craft `chosen`; the others coast meanwhile."""
         duration = float(np.max(paths.end)) - self.time
-        flying = {k: paths[place] if paths.shape else paths for place, k in enumerate(who)}
+        flying = {k: paths[place] if paths.shape else paths for place, k in enumerate(chosen)}
         flying |= {k: self.coast(k, duration) for k in range(len(self.states)) if k not in flying}
         return self.flight([flying[k] for k in sorted(flying)])
 

@@ -121,7 +121,7 @@ def pulsed(start: StageStart, plan: Callable[[StageStart], Result]) -> Result:
             continue
         planned = room.larger
         room = replace(room, larger=min(1.0 + GROWTH * (planned - norm), planned + LEAP))
-    return without(kept, found, room, f"{TRIES} plans are not enough; {REMEDY}")
+    return without(kept, found, room, f"no sufficient reserve after {TRIES} plans; {REMEDY}")
 
 
 def without(kept: Result | None, found: Result, room: BurnRoom, why: str) -> Result:

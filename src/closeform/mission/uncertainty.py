@@ -69,8 +69,8 @@ class UncertainStage:
     def likeliest(self) -> UncertainPair | None:
         """Pair with the highest collision probability of its hard bodies."""
         pairs = self.bodies.pairs if self.bodies is not None else ()
-        told = [(pair.probability.high, pair) for pair in pairs if pair.probability is not None]
-        return max(told, key=lambda one: one[0], default=(0.0, None))[1]
+        known_odds = [(pair.probability.high, pair) for pair in pairs if pair.probability is not None]
+        return max(known_odds, key=lambda one: one[0], default=(0.0, None))[1]
 
     @property
     def undrawn(self) -> UncertainPair | None:
@@ -99,19 +99,21 @@ class UncertainStage:
     def likely(self, where: str) -> Iterator[Asked]:
         """Yield the requirement on the collision probability; `where` names the stage in its text.
 
-        Without a limit, a requirement that is always met reports the probability.
+        If there is no limit, the probability is reported as a requirement that is always met.
         """
         limit, pair = self.stage.max_probability, self.likeliest
         high = 0.0 if pair is None or pair.probability is None else pair.probability.high
-        who = "" if pair is None else f" of {pair.first} - {pair.second}"
-        words = f"probability of collision{who} up to {high:.3g}"
+        pair_names = "" if pair is None else f" of {pair.first} - {pair.second}"
+        words = f"probability of collision{pair_names} up to {high:.3g}"
         if limit is None:
             if high > UNTOLD:
                 yield Asked(f"{words}, without a limit", "", True, TOLD_LAST / high, "likelihood")
             return
         if unknown := self.undrawn:
-            who = f"{unknown.first} - {unknown.second}"
-            words = f"probability of collision of {who} is not known, with more than {MOST_BURNS} burns"
+            pair_names = f"{unknown.first} - {unknown.second}"
+            words = (
+                f"probability of collision of {pair_names} is not known, with more than {MOST_BURNS} burns"
+            )
             yield Asked("", f"{words}, in {where}", False, 0.0, "probability")
             return
         broken, margin = f"{words}, above {limit:g} in {where}", limit / high if high > 0.0 else inf

@@ -75,8 +75,8 @@ def thrust_use(craft: Craft, acceleration: float) -> Use:
 class Late:
     """Stage, by its `number` and `verb`, that `took` [s] instead of the requested `asked` [s].
 
-    `punctual` lists the thrust that each spacecraft with less would need to finish in time.  It is empty if
-    the delay is not due to a lack of thrust.
+    `punctual` lists, for each spacecraft that lacks thrust, the thrust that it needs to finish in time.  It
+    is empty if the delay is not due to a lack of thrust.
     """
 
     number: int
@@ -102,14 +102,14 @@ class Late:
         """Text of the warning."""
         keeping = ""
         if self.punctual:
-            keeping = f"; {KEYS[self.punctual[0].unit]} of {self.keeping} would keep it"
+            keeping = f"; {KEYS[self.punctual[0].unit]} of {self.keeping} would avoid the delay"
         return (
             f"stage {self.number} ({self.verb}) takes {self.took:.1f} s, not {self.asked:.1f} s{keeping}; "
             'see "Tried"'
         )
 
     def __str__(self) -> str:
-        keeping = f", for want of {self.keeping}" if self.punctual else ""
+        keeping = f", avoidable with {self.keeping}" if self.punctual else ""
         return f"stage {self.number} ({self.verb}) by {self.late:.1f} s{keeping}"
 
 
@@ -183,7 +183,7 @@ class LostThrust:
     """Loss of thrust of a `craft` at a `time` [s], and whether it still `needed` thrust.
 
     `ratio` is the minimum clearance ratio of the free drift, and `other` is the spacecraft of that closest
-    approach.  They are nan and None for a spacecraft without a zone.
+    approach.  For a spacecraft without a zone, `ratio` is nan and `other` is None.
     """
 
     craft: str
@@ -215,13 +215,13 @@ class LostThrust:
         """Requirement that the spacecraft needed no further thrust and that its drift is clear."""
         words = f"{self.craft} loses its thrust at {self.time:.1f} s"
         if not self.needed and not self.ratio < 1.0:
-            return Asked(f"{words} and needed it no more", "", True, inf, f"thrust of {self.craft}")
+            return Asked(f"{words} and no longer needs it", "", True, inf, f"thrust of {self.craft}")
         if self.other is None:
             drifts = "drifts"
         elif self.ratio < 1.0:
-            drifts = f"drifts into the zone of {self.other}, to {self.ratio:.4f} of it"
+            drifts = f"drifts into the zone of {self.other}, minimum {self.ratio:.4f} x zone"
         else:
-            drifts = f"drifts clear of all, minimum {self.ratio:.4f} x zone of {self.other}"
+            drifts = f"drifts without a conflict, minimum {self.ratio:.4f} x zone of {self.other}"
         return Asked("", f"{words} and {drifts}", False, 0.0, f"thrust of {self.craft}")
 
 
@@ -357,9 +357,9 @@ class Verdict:
     def found(self) -> Iterator[str]:
         """Texts of the requirements that are met, with the margin last."""
         if self.searched:
-            yield "nobody is lost"
+            yield "no craft is lost"
         looked = self.conflicts is not None
-        yield f"no conflict remains{self.at}" if looked else "conflicts were not looked for"
+        yield f"no conflict remains{self.at}" if looked else "no search for conflicts"
         order = sorted(self.asked, key=lambda one: (bool(one.doubt), -one.margin))
         yield from map(str, {one.kind: one for one in order}.values())
         if self.exceeded is not None:
@@ -377,7 +377,7 @@ class Verdict:
             yield f"{conflicts_of(self.conflicts, self.pairs)} {remain}"
         if self.enters:
             least = f"minimum {self.predicted:.4f} x zone in {self.field}"
-            yield f"clear as planned, not as predicted in the field: {least}"
+            yield f"clear as planned, but not as predicted in the high-fidelity model: {least}"
         if self.exceeded:
             yield f"limits are not kept: {beyond(self.exceeded)}"
         if self.late:

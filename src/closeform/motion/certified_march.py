@@ -4,10 +4,10 @@ A norm s is convex, so from s(t) outside a zone, with rate D and an acceleration
 
     s(t + h) >= s(t) + D h - A h^2 / 2                                          # theory (10)
 
-and the norm stays above the target until the right side falls to it.  From inside, each flat part of
-a norm and the square of a round one are smooth, and the same bound holds with the opposite sign (see
-`zones.shapes`).  Both converge like Newton's method at a crossing.  Where they stall (a norm that
-is almost constant, as between two spacecraft on one circular relative orbit), a Taylor model takes over.
+and the norm stays above the target until the right side has fallen to the target.  From inside, each flat
+part of a norm and the square of a round one are smooth, and the same bound holds with the opposite sign (see
+`zones.shapes`).  Both converge like Newton's method at a crossing.  Where they stall (a norm that is almost
+constant, as between two spacecraft on one circular relative orbit), a Taylor model takes over.
 
 All kernels work in zone coordinates: positions divided by the half-axes of the zone, and `q`, the
 derivatives (8, 3) of the relative position at the start of a window (see `arc`).
@@ -40,7 +40,7 @@ TAYLOR_ANGLE = 0.25  # reach in n t; the truncation error is below 1e-17 of the 
 
 @kernel()
 def window_end(a, b, t, end):
-    """Return when the window of arcs a and b from time t ends: with an arc, or where bounds get wide."""
+    """Return the end of the window of arcs a and b from t on: the end of an arc, or where bounds get wide."""
     n = max(a[MEAN_MOTION], b[MEAN_MOTION])
     stop = min(end, a[END], b[END])
     if n == 0.0:
@@ -84,7 +84,7 @@ def store(q, k, matrix, x, y, z):
 
 @kernel()
 def locate(arcs, first, last, t):
-    """Return the index in [first, last) of the arc that holds just after time t."""
+    """Return the index in [first, last) of the arc that applies just after time t."""
     while last - first > 1:
         middle = (first + last) // 2
         if arcs[middle, START] <= t:
@@ -162,7 +162,7 @@ def bound(q, order, n, h, axis):
 
 @kernel()
 def bounds(q, order, n, h):
-    """Return bounds over [0, h] of the acceleration along each axis, of its norm, and of the speed."""
+    """Return upper bounds over [0, h] on the acceleration along each axis, on its norm, and on the speed."""
     ax, vx = bound(q, order, n, h, 0)
     ay, vy = bound(q, order, n, h, 1)
     az, vz = bound(q, order, n, h, 2)

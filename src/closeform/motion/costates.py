@@ -42,7 +42,7 @@ def square(n, c, t, level):
 
 @kernel()
 def turning(n, c, start, end, before):
-    """Return when the rate of |p|^2 is zero, between two times at which its signs differ."""
+    """Return the time at which the rate of |p|^2 is zero, between two times at which its signs differ."""
     low, high = start, end
     a, b = before, square(n, c, end, 0.0)[1]
     t = 0.5 * (low + high)
@@ -85,7 +85,7 @@ def crossing(n, c, start, end, level):
 
 @kernel()
 def left(n, c, start, end, level, outside):
-    """Return when |p| first leaves its side of `level`, or `end`; |p| may turn once in the piece."""
+    """Return the time at which |p| first leaves its side of `level`, or `end`; |p| may turn once before."""
     away = 1.0 if outside else -1.0
     last, after = square(n, c, end, level)
     if last * away < 0.0:
@@ -108,7 +108,7 @@ def side(n, c, t, low, high):
 
 @kernel()
 def piece_end(n, duration, c, t, region, low, high):
-    """Return the end of the piece that begins at time t in a region of |p|, and the region after it."""
+    """Return the end of the piece that begins at time t in a region of |p|, and the next region."""
     bent = region == SATURATED or (region == RISING and low > 0.0)  # thrust differs from p
     end = duration if n == 0.0 else min(duration, t + (ANGLE if bent else 2.0 * ANGLE) / n)
     if bent:

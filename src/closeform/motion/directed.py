@@ -33,7 +33,7 @@ NEAR = 0.9  # d . p from which a time stays in the program
 INDEPENDENT = 1e-13  # share of the largest eigenvalue of the reachable changes: less counts as zero
 EXACT = 1e-15  # share of the states: a smaller change is rounding, for each radian
 TOLERANCES = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
-ONE_SIDED = "the required change lies where no thruster pushes"
+ONE_SIDED = "no thruster acts along the required change"
 REACHED = 1e-9  # share of the required change that must be reached
 
 
@@ -98,7 +98,7 @@ class Program:
     def solve(self, g: Floats) -> tuple[float, Floats, Floats, Any, Floats]:
         """Return the lower bound, the start of the primer, and times, thrusters and sizes of the impulses.
 
-        Raises `OutOfReach` where no firing makes the required change g (6,).
+        Raises `OutOfReach` if no firing achieves the required change g (6,).
         """
         times = np.linspace(0.0, 1.0, int(GRID + GRID_PER_TURN * self.n / (2 * np.pi)))
         columns = self.rows(times)[0].reshape(-1, 6)
@@ -109,7 +109,7 @@ class Program:
         if np.linalg.norm(beside) > REACHED * np.linalg.norm(g):
             across = np.linalg.norm(beside[[2, 5]]) > 0.5 * np.linalg.norm(beside)
             raise OutOfReach(
-                "no thruster pushes cross-track" if across else "no thruster changes the along-track drift"
+                "no thruster acts cross-track" if across else "no thruster changes the along-track drift"
             )
         lower, best, primer = 0.0, None, np.zeros(6)
         for _ in range(ROUNDS):
@@ -141,7 +141,7 @@ class Program:
 
 
 class OutOfReach(Exception):
-    """No firing makes a transfer; the argument states why."""
+    """Transfer that no firing achieves; the argument states the reason."""
 
 
 def answers_of(
@@ -149,7 +149,7 @@ def answers_of(
 ) -> Floats:
     """Return answers (P, 34) as `impulses.answers` does, with impulses of one spacecraft's thrusters.
 
-    Raises ValueError where no firing makes a transfer; the message names it by its entry in `called`.
+    Raises ValueError for a transfer that no firing achieves; the message names it by its entry in `called`.
     """
     if not hasattr(thrusters, "directions"):
         raise ValueError(f"thrusters: expected Thrusters, got {shown(thrusters)}")
@@ -177,11 +177,9 @@ def answers_of(
             where = thrusters.unreachable if reason.args[0] == ONE_SIDED else None
             lack = ""
             if where is not None:
-                lack = (
-                    f", as along {' '.join(f'{x:.3g}' for x in where)} of their frame; add a thruster there"
-                )
+                lack = f"; add a thruster along {' '.join(f'{x:.3g}' for x in where)} of the thrusters' frame"
             raise ValueError(
-                f"thrusters: {craft}no firing in {duration:g} s makes the transfer: {reason}{lack}"
+                f"thrusters: {craft}no firing in {duration:g} s achieves the transfer: {reason}{lack}"
             ) from None
         pushes = (
             sizes[:, None]

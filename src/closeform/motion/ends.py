@@ -26,7 +26,7 @@ def arcs_from(
     arcs[..., START] = starts
     arcs[..., END] = starts + lengths
     if not (arcs[..., END] > arcs[..., START]).all():
-        raise ValueError(f"duration: {lengths.min():g} s is too short next to a start of {starts.max():g} s")
+        raise ValueError(f"duration: {lengths.min():g} s is too short for a start at {starts.max():g} s")
     arcs[..., MEAN_MOTION] = mean_motion
     arcs[..., STATE : STATE + 6] = states
     return arcs

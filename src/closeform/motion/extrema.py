@@ -128,7 +128,7 @@ def half_slope(q, order, n, t):
 
 @kernel()
 def bottom(q, order, n, low, high):
-    """Return where |q|^2 is smallest in [low, high], over which it is convex: by secants of its slope."""
+    """Return the time of the minimum of |q|^2 in [low, high], where it is convex, by secants of its slope."""
     u, slope_u = low, half_slope(q, order, n, low)
     if slope_u >= 0.0:
         return low
@@ -228,7 +228,7 @@ def advance(q, n, t):
 
 @kernel()
 def step_on(q, n, t, transforms):
-    """Do what `advance` does, given the `oscillation` of t."""
+    """Move the expansion point to time t, as `advance` does, given the `oscillation` of t."""
     p0, p1, p2 = transforms
     c = 1.0 - n * n * p1
     for i in range(3):

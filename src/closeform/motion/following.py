@@ -24,7 +24,7 @@ def followed(
     start: float,
     within: float,
 ) -> Path:
-    """Return the path through `states_at(times)`, (..., T, 6) [m, m/s], to `within` [m]."""
+    """Return the path through `states_at(times)`, (..., T, 6) [m, m/s], with an error up to `within` [m]."""
     length, begin = checked("duration", number("duration", duration)), number("start", start)
     if wrong := flaw(np.array([length]), orbit.mean_motion):
         raise ValueError(f"duration: {wrong}")

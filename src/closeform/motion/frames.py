@@ -161,8 +161,8 @@ def relative_jacobian(
 ) -> Floats:
     """Return the Jacobian (..., 6, 6) of `relative_from_inertial` by the deputy's inertial state.
 
-    The chief's frame is held fixed. Central differences: accurate to a relative 1e-9 in an orbit of the
-    Earth.
+    The chief's frame is treated as constant. Central differences: accurate to a relative 1e-9 in an orbit of
+    the Earth.
     """
     steps = np.diag(STEPS)
     known, there = (np.asarray(state, dtype=float)[..., None, :] for state in (chief, deputy))

@@ -29,7 +29,7 @@ def left_over(columns, target, weights, active, count, rest):
 
 @kernel()
 def balance(columns, target, costs, weights, active, count, rest, gram, aims):
-    """Fill `aims` with the stationary weights of the active columns, refined by one step on the residual."""
+    """Fill `aims` with the stationary weights of the active columns, refined once by the residual."""
     longest = 0.0
     for a in range(count):
         for b in range(a, count):

@@ -116,7 +116,7 @@ class Orbit(CircularOrbit):
         Raises
         ------
         ValueError
-            If no thrust within the limit makes the transfer, which is proven: the message names the
+            If it is proven that no thrust within the limit achieves the transfer: the message names the
             spacecraft and a sufficient limit; if a limit or a duration is not positive, a duration is too
             long, shapes do not fit, or a number is not finite.
 
@@ -174,7 +174,7 @@ class Orbit(CircularOrbit):
         Notes
         -----
         At times when an initial velocity has no effect along some direction, as after half an orbit, either
-        many coasts reach a position or none does: of many, the result minimises the sum of both impulses
+        many coasts reach a position or none does. Of many, the result minimises the sum of both impulses
         squared.
 
         References
@@ -216,7 +216,7 @@ class Orbit(CircularOrbit):
         ------
         ValueError
             If a duration is not positive or too long, shapes do not fit, a number is not finite, or the
-            thrusters cannot make a transfer (the message states why).
+            thrusters cannot achieve a transfer (the message states why).
 
         Notes
         -----
@@ -334,7 +334,7 @@ class Orbit(CircularOrbit):
         return self._through(times, states)
 
     def _through(self, times: ArrayLike, states: ArrayLike, arrivals: Floats | None = None) -> Path:
-        """Return the path through samples.
+        """Return the path that interpolates samples.
 
         Where `arrivals` differ from `states` the path has impulses, also at its ends.
         """

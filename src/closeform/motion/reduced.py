@@ -1,4 +1,4 @@
-"""Minimum-delta-v impulses from a nearly optimal primer: Newton's method on the local maxima of its length.
+"""Impulses of minimum delta-v from a nearly optimal primer, by Newton's method on its local maxima.
 
 The program of `impulses` requires |p| <= 1 at every time; it is reduced to the local maxima of |p|, whose
 times move with y, p = B(t) y:
@@ -34,7 +34,7 @@ FALLS = 1e-14  # relative decrease of the bound that counts as rounding
 
 @kernel()
 def keep_plan(n, metric, y, g, times, weights, active, count, answer):
-    """Correct impulses of these weights along p so that they make the transfer; keep them if cheaper."""
+    """Correct impulses of these weights along p to achieve the transfer; keep them if they cost less."""
     rows, rest, aim = stack_vector(18), stack_vector(6), stack_vector(6)
     normal, columns = stack_matrix(6, 6), stack_matrix(MOST, 9)
     trace, total = 0.0, 0.0

@@ -2,9 +2,9 @@
 
 Saturated thrust U p/|p| has no finite basis.  It is approximated by arcs whose thrust has its value and
 rate at both ends: if the thrust turns by an angle d, the error is at most d^4/384 of U, towards the inside of
-the ball of radius U.  Newton's last steps use the change that the arcs make, so a path ends in its final
-state, keeps the limit, and is certified like any other; its cost is compared with the bound of
-theory (31, 32).
+the ball of radius U.  The last steps of Newton's method use the change of state that the arcs achieve. A path
+therefore ends in its final state, keeps the limit, and is certified like any other. Its cost is compared with
+the bound of theory (31, 32).
 """
 
 from math import inf, sqrt
@@ -173,10 +173,10 @@ def within(g, noise):
 
 @kernel()
 def meet_end(n, duration, origin, final, noise, scale, c, hessian, free, low, e, limit, rows, first):
-    """Do what `lay_arcs` does; correct `c` until the path ends in `final` (6,), up to `noise` if possible.
+    """Lay arcs as `lay_arcs` does, with `c` corrected so that the path ends in `final` (6,), up to `noise`.
 
-    Where thrust of size (|p| - 1) / e rounds, an optimal thrust of relative size 1e-9 corrects the remainder;
-    `free` (6, 6) maps such thrust to the change that it makes.
+    Where thrust of size (|p| - 1) / e rounds, an optimal thrust of relative size 1e-9 corrects the
+    remainder; `free` (6, 6) maps such thrust to the change that it makes.
     """
     missing, nothing, step, work = stack_vector(6), stack_vector(6), stack_vector(6), stack_matrix(6, 6)
     for k in range(6):
@@ -242,9 +242,9 @@ def limit_thrust(n, arcs, finals, limits, sparing, rows, offsets, facts):
 
     `arcs` (P, 30) are the optima without a limit, to `finals` (P, 6); `sparing` minimises delta-v instead of
     energy. `offsets` (P + 1,) receives the index of each path's first arc; after a path that is not POSSIBLE,
-    or finds no space, offsets stay negative. `facts` (P, 10) receives for each transfer: a lower bound on the
-    smallest feasible limit if that exceeds the given one (else POSSIBLE or UNDECIDED), a sufficient limit, a
-    lower bound on the cost, the cost, and the start of a primer that proves the bound.
+    or for which there is no space, offsets stay negative. `facts` (P, 10) receives for each transfer: a lower
+    bound on the smallest feasible limit if that exceeds the given one (else POSSIBLE or UNDECIDED), a
+    sufficient limit, a lower bound on the cost, the cost, and the start of a primer that proves the bound.
     """
     arcs, finals, rows = borrowed(arcs), borrowed(finals), borrowed(rows)
     g, scale, c = stack_vector(6), stack_vector(6), stack_vector(6)

@@ -152,8 +152,8 @@ def _mean_effects(n: float, duration: float, burns: Burns) -> Floats:
 def _primer_of(n: float, primer: Floats, burns: Floats, duration: float) -> Floats:
     """Return the primer (6,) close to `primer` of mean length 1 where burns (K, 2) begin and end.
 
-    Its bound has an error of second order in the durations; the bound of impulses at an end has one of first
-    order, theory (32).
+    The error of its bound is of second order in the durations; for impulses at an end it is of first order,
+    theory (32).
     """
     switches = np.where([burns[:, 0] > 0.0, burns[:, 1] < duration], burns.T, burns[:, ::-1].T)
     rows = transition_matrices(n, switches.ravel())[:, :3]

@@ -20,8 +20,8 @@ BRIEF = 1e-3  # share of the duration
 class TooLittleThrust(ValueError):
     """Thrust limit that is proven too low, or not proven sufficient, for spacecraft `which` of a batch.
 
-    Less than `needed` [m/s^2] makes no transfer, `enough` does; they are 0 and inf where nothing is
-    proven.
+    No transfer is possible with less than `needed` [m/s^2], and one is with `enough`; they are 0 and inf
+    where nothing is proven.
     """
 
     def __init__(self, words: str, which: int, facts: Floats) -> None:
@@ -86,7 +86,7 @@ def _brief(n: float, arcs: Floats, limits: Floats) -> Any:
 
 
 def refusal(arc: Floats, limit: float, facts: Floats) -> str:
-    """Return why a transfer is refused."""
+    """Return the reason why a transfer is refused."""
     duration = arc[END] - arc[START]
     if facts[NEEDED] == UNDECIDED:
         return (
@@ -94,6 +94,6 @@ def refusal(arc: Floats, limit: float, facts: Floats) -> str:
             "increase it or the duration a little"
         )
     return (
-        f"no thrust within {limit:g} m/s^2 makes the transfer in {duration:g} s; "
+        f"a thrust of {limit:g} m/s^2 is too low for this transfer in {duration:g} s; "
         f"{facts[ENOUGH] * (1.0 + CLOSE):.7g} m/s^2 is enough"
     )

@@ -39,10 +39,11 @@ def avoid(
     margin: Any = 0.0,
     requirements: Any = (),
 ) -> Plan:
-    """Plan the path of minimum cost found between the same states and times that stays out of every zone.
+    """Plan the lowest-cost path found between the same states and times that stays out of every zone.
 
     A path that is already clear is returned unchanged.  Every returned path is certified clear of the zones
-    themselves.  Otherwise the status is the reason: a start or end inside a zone, or no clear path found.
+    themselves.  If there is none, the status is the reason: a start or end inside a zone, or no clear path
+    found.
 
     Parameters
     ----------
@@ -86,8 +87,8 @@ def avoid(
         Thrusters of the craft.  They require cost "delta-v", which is then summed over the thrusters: two
         that fire at once both count.  A clear path is replanned for them.  No impulse is below `minimum_bit`
         where such a path is found; otherwise the reason states it.  With `drift` and a given
-        acceleration, a plan around zones consists of pulses, none below `minimum_bit`.  Cannot be combined
-        with `max_acceleration`.
+        acceleration, a plan around zones consists of pulses, of which none is below `minimum_bit`.  Cannot be
+        combined with `max_acceleration`.
     drift : float [s], optional
         Passive-safety horizon.  If thrust is permanently lost at any time, the craft stays clear of every
         zone until this long after the path's end.  Obstacles must be known until then.  Cannot be combined

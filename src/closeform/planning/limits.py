@@ -91,9 +91,9 @@ def stretched(
 ) -> Stretched[Planned]:
     """Return the plan with the smallest factor of all durations found to keep the thrust limits.
 
-    `excess` (N,) is the peak thrust of the unlimited plan divided by its limits.  `free` returns the same
-    for the direct paths at a factor, and `attempt` plans at a factor: it returns None without a clear plan.
-    The factor is at most `most`.
+    `excess` (N,) is the peak thrust of the unlimited plan divided by its limits.  `free` returns the same for
+    the direct paths at a factor. `attempt` plans at a factor and returns None if no plan is clear. The factor
+    is at most `most`.
     """
     short = long = weak = 1.0
     found = None

@@ -55,7 +55,7 @@ class MaxClearance(Result):
     status : ClearanceStatus
         Reason why the zones cannot be larger.
     reason : str
-        The same, as text.
+        The reason as text.
     budget : float [m^2/s^3, or m/s of delta-v]
         Given budget.
     tried : int
@@ -147,7 +147,7 @@ def max_clearance(
     if errors is not None or other_errors is not None:
         sizes = SigmaCounts(**vars(sizes), errors=errors, other_errors=other_errors)
         if path.shape and other_errors is not None:
-            raise ValueError("other_errors: not for a formation; append them to errors, after its craft")
+            raise ValueError("other_errors: is for one spacecraft; for a formation append them to errors")
     low, high, factor, tried = 0.0, inf, sizes.first, 0
     best: Plan | None = None
     beyond: Plan | None = None
@@ -186,7 +186,7 @@ class SigmaCounts(Sizes):
     other_errors: Any
 
     def told(self, factor: float) -> tuple[float, float, float]:
-        """Return factor, metres and sigmas of a result; the zones stay fixed."""
+        """Return factor, metres and sigmas of a result for fixed zones."""
         return 1.0, 0.0, factor
 
     def plan(self, factor: float) -> Plan:

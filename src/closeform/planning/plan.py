@@ -128,8 +128,10 @@ def weakness(weak: ThrustShortfall, name: str, mass: float | None = None) -> str
     size, unit, has = (1.0, "m/s²", "its limit is") if mass is None else (mass, "N", "its max_thrust is")
     tried = ""
     if weak.duration > weak.shortest:
-        tried = f"no longer is tried, and {weak.shortest:.6g} s take {size * weak.first:.4g} {unit}: "
-    least = f", and at least {size * weak.proven:.4g} {unit} by proof" if weak.proven else ""
+        tried = (
+            f"no longer duration is tried, and {weak.shortest:.6g} s require {size * weak.first:.4g} {unit}: "
+        )
+    least = f", and at least {size * weak.proven:.4g} {unit} is proven necessary" if weak.proven else ""
     return (
         f"{name} needs {size * weak.needed:.4g} {unit} in {weak.duration:.6g} s{least}, "
         f"{has} {size * weak.limit:.4g} {unit}; {tried}{weak.remedy}"

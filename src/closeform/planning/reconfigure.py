@@ -1,4 +1,4 @@
-"""Reconfiguration of a formation: all paths at once, each pair certified clear, at minimum cost found."""
+"""Reconfiguration of a formation: all paths at once, each pair certified clear, at the lowest cost found."""
 
 from __future__ import annotations
 

@@ -154,10 +154,10 @@ def deviated(problem: Problem, names: Sequence[str]) -> Outcome:
         k = max(int(np.searchsorted(legs.arcs[:, 0], time, side="right")) - 1, 0)
         leg = _alone(legs, k)
         if len(contacts) >= LEGS or not 1e-6 < (time - leg.start) / (leg.end - leg.start) < 1.0 - 1e-6:
-            return refused(f"no way past {obstacle} at {time:.6g} s")
+            return refused(f"no path past {obstacle} at {time:.6g} s")
         found = _deviation(leg, problem.index[pair], time, problem)
         if found is None:
-            return refused(f"no one deviation clears {obstacle} at {time:.6g} s")
+            return refused(f"no single deviation clears {obstacle} at {time:.6g} s")
         contacts.append(found[1])
         parts: list[Any] = [_alone(legs, i) for i in range(len(legs.arcs)) if i != k]
         legs = join(sorted([*parts, *(_alone(found[0], i) for i in range(2))], key=lambda part: part.start))

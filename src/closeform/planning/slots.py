@@ -1,4 +1,4 @@
-"""Revision of the slot assignment of minimum unconstrained cost where avoidance makes another cheaper."""
+"""Slot assignment: the one of minimum unconstrained cost, revised if avoidance makes another one cheaper."""
 
 from collections.abc import Callable, Iterator
 from typing import Any

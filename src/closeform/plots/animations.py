@@ -235,7 +235,7 @@ class FormationFilm:
     def kept(self, step: int) -> list[tuple[int, Zone]]:
         """Return the zones to draw, each with the index of its spacecraft; that of the closest pair is first.
 
-        With few spacecraft, each has the zone between it and its nearest neighbour.
+        If there are few spacecraft, a zone is drawn around each: that of the pair with its nearest neighbour.
         """
         pairs, found, near = self.pairs, dict[int, Zone](), self.closest_at(step)
         if near is None:

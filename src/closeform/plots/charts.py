@@ -162,32 +162,33 @@ class Spans:
     edge: float | None = 1.0
 
 
-def spans(told: Spans, said: str) -> Figure:
-    """Plot results with a time as spans, under the headline `said`."""
-    rows = np.flatnonzero(np.isfinite(told.time) & np.isfinite(told.height))
+def spans(results: Spans, said: str) -> Figure:
+    """Plot results that have a time as spans, with the headline `said`."""
+    rows = np.flatnonzero(np.isfinite(results.time) & np.isfinite(results.height))
     start, time, end, height = (
-        np.asarray(part, dtype=float)[rows] for part in (told.start, told.time, told.end, told.height)
+        np.asarray(part, dtype=float)[rows]
+        for part in (results.start, results.time, results.end, results.height)
     )
     figure, (axes,) = chart(5.2)
     first, last = (float(start.min()), float(end.max())) if len(time) else (0.0, 1.0)
     first, last = (first, last) if last > first else (first - 0.5, last + 0.5)
     ticks, room = Clock(plain_unit(last - first)), 0.03 * (last - first)
-    tint = AFTER if told.edge is None else np.where(height < told.edge, CONFLICT, AFTER)
-    if told.edge is not None:
-        zone_band(axes, told.edge)
+    tint = AFTER if results.edge is None else np.where(height < results.edge, CONFLICT, AFTER)
+    if results.edge is not None:
+        zone_band(axes, results.edge)
     if len(time):
         lines = np.stack([np.stack([ticks(start), height], 1), np.stack([ticks(end), height], 1)], 1)
         axes.add_collection(LineCollection(list(lines), colors=tint, linewidths=2.0, alpha=0.6))
         axes.scatter(ticks(time), height, s=26.0, c=tint, zorder=4, clip_on=False)
-    most = float(height.max(initial=told.edge or 0.0)) or 1.0
-    if told.edge is not None and most > WIDE * told.edge:
-        axes.set_yscale("symlog", linthresh=2.0 * told.edge)
+    most = float(height.max(initial=results.edge or 0.0)) or 1.0
+    if results.edge is not None and most > WIDE * results.edge:
+        axes.set_yscale("symlog", linthresh=2.0 * results.edge)
     axes.set_ylim(0.0, 1.12 * most)
-    axes.set_ylabel(told.what)
+    axes.set_ylabel(results.what)
     time_axes([axes], ticks, first - room, last + room)
     least = np.argsort(height, kind="stable")[:LABELLED]
     points = np.column_stack([ticks(time), height])[least]
-    label(axes, points, [told.called(int(k)) for k in rows[least]], spots=NEAR)
+    label(axes, points, [results.called(int(k)) for k in rows[least]], spots=NEAR)
     headline(figure, said)
     return figure
 

@@ -281,9 +281,7 @@ def sigmas(
         if known:
             least.append((near.sigmas, f"{near.sigmas:.2f} sigma at least: {called[k]} at {when}"))
     if not least:
-        raise ValueError(
-            "errors: none of any size brings two of these craft together; there is nothing to show"
-        )
+        raise ValueError("errors: no error of any size causes a conflict; there is nothing to show")
     panel = Panel("clearance [sigma]", curves, asked, f"required: {asked:g}" if asked else "", "log")
     return series(f"Clear by {min(least)[1]}", [panel], ticks, start, end, height=5.9)
 
@@ -458,9 +456,9 @@ def passive_safety(found: Sequence[Failed]) -> str:
 def distances(path: Path, other: Path, zone: Zone, names: Sequence[str] | None = None) -> Figure:
     """Plot the distance along each axis against time, with zone limits and timelines: SP11 figure 1.
 
-    The shaded bands are the extent of the zone. The bars below show the intervals within the extent along
-    each axis, along all three axes (the box around the zone) and, if different, in the zone itself. Their
-    edges are the exact times of `find_conflicts`.
+    The shaded bands are the extent of the zone. The bars below show when the distance is within the zone's
+    extent: along each axis, along all three (the box around the zone) and, if different, in the zone itself.
+    Their edges are the exact times of `find_conflicts`.
 
     Parameters
     ----------

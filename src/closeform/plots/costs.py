@@ -192,15 +192,15 @@ def primer(path: Path | Plan, craft: int = 0, thrusters: Thrusters | None = None
     ----------
     docs/theory.md (26, 27, 36, 38).
     """
-    flown = path.paths if isinstance(path, Plan) else path
-    several = isinstance(path, Plan) and flown is not None
-    if whole("craft", craft) >= (count := len(flown) if several and flown is not None else 1):
+    planned_paths = path.paths if isinstance(path, Plan) else path
+    several = isinstance(path, Plan) and planned_paths is not None
+    if whole("craft", craft) >= (count := len(planned_paths) if several and planned_paths is not None else 1):
         raise ValueError(f"craft: from 0 to {count - 1}, got {craft}")
-    one = one_craft("path", flown[craft] if several and flown is not None else flown)
+    one = one_craft("path", planned_paths[craft] if several and planned_paths is not None else planned_paths)
     if thrusters is not None:
         instance("thrusters", thrusters, Thrusters)
     contacts = ContactTerms.of(path, craft, one)
-    burns, impulses = len(burns_of(one).told.size), len(one.impulses)
+    burns, impulses = len(burns_of(one).significant.size), len(one.impulses)
     how = plural(burns, "burn") if burns > impulses else plural(impulses, "impulse")
     times, when = instants(one.start, one.end, one), np.array([time for time, _ in one.impulses])
     pushes = np.array([push for _, push in one.impulses]).reshape(-1, 3)
@@ -314,11 +314,11 @@ def trade(
     """
     instance("found", found, TransferCostTable)
     if not len(found.duration):
-        raise ValueError("found: has no duration; give arrivals one at least")
+        raise ValueError("found: has no duration; give transfer_cost_table at least one")
     if fired is not None and (plan is None or not number("fired", fired) >= 0.0):
-        raise ValueError("fired: the delta-v [m/s] with which a plan is flown; give it with the plan")
+        raise ValueError("fired: requires a plan; give both, or leave it out")
     if asked is not None and not number("asked", asked) > 0.0:
-        raise ValueError(f"asked: a duration above 0 s, got {asked:g}")
+        raise ValueError(f"asked: must be above 0 s, got {asked:g}")
     order = np.argsort(found.duration)
     across, up = plain_unit(float(found.duration.max())), speed_unit(float(found.delta_v[order[-1]]))
     durations, costs, slots = (
@@ -341,8 +341,11 @@ def trade(
             asked / across.size, color=INK, linestyle=DASHED, linewidth=1.2, label="required duration"
         )
     if plan is not None:
-        flown = crafts("plan", plan)
-        lasts, spent = max(one.end - one.start for one in flown), sum(one.delta_v for one in flown)
+        planned_paths = crafts("plan", plan)
+        lasts, spent = (
+            max(one.end - one.start for one in planned_paths),
+            sum(one.delta_v for one in planned_paths),
+        )
         places = {"plan": spent} | ({} if fired is None else {"plan as fired": fired})
         for name, delta_v in reversed(places.items()):
             face = "none" if name == "plan" else INK
@@ -393,7 +396,7 @@ def clearance(found: ClearanceCostCurve, most: MaxClearance | None = None) -> Fi
         raise ValueError(f"most: has no plan; {most.reason}")
     factors, costs, slopes, plans = found.factor, found.spent, found.slope, list(found.plans)
     if most is not None and most.sigmas == most.sigmas:
-        raise ValueError("most: of sigmas, not of the size of zones; make it without errors")
+        raise ValueError("most: is a number of sigmas, not a size of zones; compute it without errors")
     if most is not None and most.plan is not None:  # an ordinary point of the curve
         own = most.factor, most.plan.spent, slope(most.plan, most.factor)
         pairs = zip((factors, costs, slopes), own, strict=True)

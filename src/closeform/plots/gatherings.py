@@ -328,9 +328,9 @@ class Strip:
             if first < end:
                 share = (min(last, end) - first) / end
                 axes.axvspan(first, min(last, end), facecolor=FAINT, alpha=0.35 + 0.5 * (k % 2), linewidth=0)
-                told = f"{name}: {SPELLED[name]} search" if share > SPACIOUS else name
+                text = f"{name}: {SPELLED[name]} search" if share > SPACIOUS else name
                 if share > NARROWEST:
-                    word(axes, (first, 0.5), told, shift=(5, 0), ha="left")
+                    word(axes, (first, 0.5), text, shift=(5, 0), ha="left")
         times = sorted({event.time for event in gathering.events if event.kind == EventKind.LOCK})
         apart, free = 0.06 * end, -end  # between two labels
         axes.vlines(times, 0.0, 1.0, color=INK, linewidth=1.4 if len(times) <= FEW else 0.6)
@@ -391,13 +391,13 @@ class ThreeViews:
         for part in self.parts:
             part.show(moment)
         past = [event for event in self.gathering.events if event.time <= time]
-        said = self.told(past) if past else "all spacecraft are lost"
+        said = self.last_event(past) if past else "all spacecraft are lost"
         self.story.set_text(wrapped(self.figure, f"{clock_text(time)}  {moment.leg.phase}: {said}"))
 
-    def told(self, past: list[Event]) -> str:
+    def last_event(self, past: list[Event]) -> str:
         """Return the last lock, or the last separate burn after it, as text."""
-        told = [event for event in past if event.kind != EventKind.BURN]
-        last = [event for event in told if event.time == told[-1].time]
+        marked = [event for event in past if event.kind != EventKind.BURN]
+        last = [event for event in marked if event.time == marked[-1].time]
         event = max(last, key=lambda one: one.kind == EventKind.LOCK)
         when, name = clock_text(event.time), self.names[event.first]
         if event.kind == EventKind.LOCK:
@@ -407,7 +407,7 @@ class ThreeViews:
             members = ", ".join(held) if len(held) <= 8 else f"{len(held)} craft"
             return f"{name} and {self.names[event.second]} lock at {when}; {what}: {members}"
         size = 1e3 * float(np.linalg.norm(event.delta_v))
-        why = "to keep clear" if event.kind == EventKind.CORRECTION else "out of the near field"
+        why = "to keep clear" if event.kind == EventKind.CORRECTION else "to leave the near field"
         return f"{name} burns {size:.3g} mm/s at {when} {why}"
 
     def legend(self) -> list[Artist]:

@@ -115,7 +115,7 @@ def overview(
         for flight in flights[1:]:
             axes.axvline(float(ticks(flight.times[0])), color=OTHER, linewidth=0.8, zorder=1)
     stage_strip(strip, flights, ticks, end - start)
-    burns = [joined([burns_of(flight.paths[k]).told for flight in flights]) for k in range(count)]
+    burns = [joined([burns_of(flight.paths[k]).significant for flight in flights]) for k in range(count)]
     largest = burn_rows(
         rows, ticks, burns, called if count <= NAMED else [""] * count, tints, end - start, False
     )
@@ -197,7 +197,7 @@ def joined(every: Sequence[Burns]) -> Burns:
 
 
 def stage_strip(axes: Axes, flights: list[Stage], ticks: Clock, duration: float) -> None:
-    """Draw the strip of stages, with titles, or their first words, where they fit."""
+    """Draw the strip of stages, with titles (or their first words) where there is room."""
     axes.set(ylim=(0.0, 1.0), yticks=[])
     axes.tick_params(bottom=False)
     axes.spines[:].set_visible(False)

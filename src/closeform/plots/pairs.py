@@ -39,13 +39,13 @@ class Pairs:
     total: int  # number of all pairs with a zone, which may be more than M
 
     @classmethod
-    def near(cls, paths: Any, zones: Any, flown: int, name: str) -> Self:
+    def near(cls, paths: Any, zones: Any, count: int, name: str) -> Self:
         """Return the pairs in conflict, or else the closest ones, of formations too large for `of`.
 
         Arguments and errors are those of `of`.
         """
         batch = stack(crafts("paths", paths))
-        kept = pair_zones(name, zones, flown, len(batch) - flown)
+        kept = pair_zones(name, zones, count, len(batch) - count)
         craft = np.unique(np.sort(screen(batch, kept).pairs, axis=1), axis=0)
         if len(craft):
             which = kept.which(*craft.T)
@@ -61,14 +61,14 @@ class Pairs:
         return cls(batch, craft, chosen, ratio, time, kept.pairs)
 
     @classmethod
-    def of(cls, paths: Any, zones: Any, flown: int | None = None, name: str = "zones") -> Self:
+    def of(cls, paths: Any, zones: Any, count: int | None = None, name: str = "zones") -> Self:
         """Return the pairs of N `paths` with one zone for all, one for each, or `PairZones`; or no pairs.
 
-        The first two apply to pairs with at least one of the first `flown` spacecraft. Raises ValueError for
+        The first two apply to pairs with at least one of the first `count` spacecraft. Raises ValueError for
         a wrong number of zones, or if two zones cannot be combined.
         """
         batch = stack(crafts("paths", paths))
-        flying = len(batch) if flown is None else flown
+        flying = len(batch) if count is None else count
         none = zones is None or (isinstance(zones, Sequence) and not zones)
         own = [None] * len(batch) if none else zones
         kept = pair_zones(name, own, flying, len(batch) - flying)
@@ -88,7 +88,7 @@ class Pairs:
 
     @cached_property
     def stays(self) -> list[tuple[Conflict, ...]]:
-        """Conflicts of each pair."""
+        """Conflicts (intervals inside the zone) of each pair."""
         return [
             find_conflicts(self.paths[i], self.paths[j], zone) if ratio <= 1.0 + SURE else ()
             for (i, j), zone, ratio in zip(self.craft.tolist(), self.zone, self.ratio, strict=True)
@@ -96,7 +96,7 @@ class Pairs:
 
     @property
     def hit(self) -> Any:
-        """Mask (M,) of the pairs in conflict."""
+        """Mask (M,) of pairs: True for those in conflict."""
         return np.array([bool(stays) for stays in self.stays], dtype=bool)
 
     @property
@@ -109,11 +109,11 @@ class Pairs:
 
 def asked_pairs(paths: Any, zones: Any, names: Sequence[str] | None) -> tuple[Pairs, list[str]]:
     """Return the pairs to show and the labels of their spacecraft."""
-    flown = crafts("paths", paths)
-    if len(flown) < 2:
-        raise ValueError(f"paths: give at least two craft, got {len(flown)}")
-    called = short_names(names, len(flown))
-    pairs = Pairs.of(flown, zones)
+    count = crafts("paths", paths)
+    if len(count) < 2:
+        raise ValueError(f"paths: give at least two craft, got {len(count)}")
+    called = short_names(names, len(count))
+    pairs = Pairs.of(count, zones)
     if not len(pairs):
         raise ValueError("zones: no two craft have a zone")
     return pairs, called

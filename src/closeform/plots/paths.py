@@ -118,25 +118,27 @@ class Formation:
 
         Of many spacecraft only `shown` have tracks, by default those of the closest pairs.
         """
-        flown = crafts("paths", paths)
-        count, lacking = len(flown), zone is None or (isinstance(zone, Sequence) and not zone)
+        craft_paths = crafts("paths", paths)
+        count, lacking = len(craft_paths), zone is None or (isinstance(zone, Sequence) and not zone)
         many = count > MANY
         kept = Sphere(1.0) if many and lacking else zone  # ranks pairs by distance
-        pairs = (Pairs.near if many else Pairs.of)([*flown, *others], kept, count, "zone")
+        pairs = (Pairs.near if many else Pairs.of)([*craft_paths, *others], kept, count, "zone")
         if shown is None:
             shown = closest_craft(pairs, count) if many else list(range(count))
         rest = np.setdiff1d(np.arange(count), shown)
         sample = rest[np.linspace(0, len(rest) - 1, min(len(rest), SAMPLE)).astype(int)]
         faint = f"{len(sample)} of the others"
-        tracks = [track_of(flown[k], "#8a9ba84d", 0.5, label=faint, arrow=False, order=1.2) for k in sample]
+        tracks = [
+            track_of(craft_paths[k], "#8a9ba84d", 0.5, label=faint, arrow=False, order=1.2) for k in sample
+        ]
         tracks += [track_of(one, OTHER, 1.2, label="obstacles") for one in others]
-        tracks += own_tracks([track_of(flown[k], INK).points for k in shown])
+        tracks += own_tracks([track_of(craft_paths[k], INK).points for k in shown])
         marks = ends(
             [track.points for track in tracks[len(sample) + len(others) :]], [called[k] for k in shown]
         )
         shapes, nearest, story = closest_pair(pairs, count, called, many and lacking)
         if not (many and lacking):
-            for path, intervals in zip(flown, conflicts_of(pairs, count), strict=True):
+            for path, intervals in zip(craft_paths, conflicts_of(pairs, count), strict=True):
                 tracks += stretches(path, intervals, 4.5 if len(shown) <= NAMED else 2.2)
         if len(sample):
             story = f"{story}; in colour the {len(shown)} craft of the closest pairs"
@@ -164,11 +166,11 @@ def ends(lines: Sequence[Floats], called: Sequence[str]) -> list[Mark]:
     return found
 
 
-def closest_craft(pairs: Pairs, flown: int) -> list[int]:
+def closest_craft(pairs: Pairs, count: int) -> list[int]:
     """Return the sorted indices of the spacecraft in the closest pairs."""
     found: dict[int, None] = {}
     for k in pairs.order:
-        both = [craft for craft in pairs.craft[k].tolist() if craft < flown]
+        both = [craft for craft in pairs.craft[k].tolist() if craft < count]
         if len({*found, *both}) > NAMED:
             break
         found |= dict.fromkeys(both)
@@ -176,7 +178,7 @@ def closest_craft(pairs: Pairs, flown: int) -> list[int]:
 
 
 def closest_pair(
-    pairs: Pairs, flown: int, called: list[str], by_distance: bool = False
+    pairs: Pairs, count: int, called: list[str], by_distance: bool = False
 ) -> tuple[list[Shape], list[Mark], str]:
     """Return zone, marks and description of the closest pair then; `by_distance` for 1 m zones."""
     if not pairs.order:
@@ -185,7 +187,7 @@ def closest_pair(
     one, other = pairs.craft[near].tolist()
     least = pairs.ratio[near]
     how = length(float(least)) if by_distance else f"{ratio_text(least)} × zone"
-    pair = [other, one] if carries(pairs.paths, flown, other, one) else [one, other]
+    pair = [other, one] if carries(pairs.paths, count, other, one) else [one, other]
     places = [pairs.paths[k].position(pairs.time[near]) for k in pair]
     shapes = [] if by_distance else [Shape(pairs.zone[near], places[0], "its zone")]
     look: dict[str, Any] = {"marker": "D", "size": 4.0, "label": "closest pair then", "order": 4.2}
@@ -196,10 +198,10 @@ def closest_pair(
     )
 
 
-def carries(paths: Path, flown: int, one: int, other: int) -> bool:
+def carries(paths: Path, count: int, one: int, other: int) -> bool:
     """Return True if spacecraft `one` should carry the zone: it is the obstacle, or moves less."""
-    if (one >= flown) != (other >= flown):
-        return one >= flown
+    if (one >= count) != (other >= count):
+        return one >= count
     return stays_rather(paths[one], paths[other])
 
 
@@ -359,17 +361,17 @@ def before_after(
     others = crafts("obstacles", obstacles)
     called = short_names(names, len(others), "obstacles") if names is not None else [""] * len(others)
     changed = not same(before, after)
-    flown: list[tuple[Path, str, Any, str, float]] = [
+    versions: list[tuple[Path, str, Any, str, float]] = [
         (before, BEFORE, DASHED, "before" if changed else "path", 1.0)
     ]
     if changed:
-        flown.append((after, AFTER, "-", "after", TOUCHED))
+        versions.append((after, AFTER, "-", "after", TOUCHED))
     tracks, marks, shapes, stories = list[Track](), list[Mark](), list[Shape](), list[str]()
     for other in others:
         times = instants(*common_time(before, other), other)
         tracks.append(Track(other.position(times), OTHER, 1.1, label="obstacles"))
     hit, closest = set[int](), list[tuple[float, int]]()
-    for path, colour, dashes, role, limit in flown:
+    for path, colour, dashes, role, limit in versions:
         tracks.append(track_of(path, colour, 2.2, dashes, role))
         near = [closest_approach(path, other, zone) for other in others]
         found = [find_conflicts(path, other, zone) for other in others]
@@ -496,20 +498,20 @@ def two_ways(
 
     own: list[tuple[Path, float, str, str, float]] = [(path, near.time, BEFORE, "path", 1.0)]
     other = obstacle.position(near.time)
-    for k, way in enumerate(chosen):
-        common_time(way, obstacle)
-        at = closest_approach(way, obstacle, zone).time
-        label = f"way {k + 1}, {extra_cost(path, way)}"
-        own.append((way, at, (AFTER, ALTERNATIVE)[k], label, (1.0, -1.0)[k]))
+    for k, avoidance in enumerate(chosen):
+        common_time(avoidance, obstacle)
+        at = closest_approach(avoidance, obstacle, zone).time
+        label = f"way {k + 1}, {extra_cost(path, avoidance)}"
+        own.append((avoidance, at, (AFTER, ALTERNATIVE)[k], label, (1.0, -1.0)[k]))
     stays = [(stay.start, stay.end) for stay in find_conflicts(path, obstacle, zone) if stay.start < stay.end]
     tracks = [Track(obstacle.position(instants(*shared, obstacle)), OTHER, 1.6, label=called)]
     relative, marks, dots = list[Track](), list[Mark](), [Mark(ORIGIN, OTHER, "s", label=called)]
-    bases = [passing_plane(way.state(at) - obstacle.state(at), side) for way, at, *_, side in own]
+    bases = [passing_plane(avoidance.state(at) - obstacle.state(at), side) for avoidance, at, *_, side in own]
     bases[0] = bases[1] if len(bases) > 1 else bases[0]
-    for (way, at, colour, label, _), basis in zip(own, bases, strict=True):
-        legs = [(way.start, at, "-", ", initial leg"), (at, way.end, DOTTED, ", terminal leg")]
-        if way is path:
-            legs = [(way.start, way.end, DASHED, "")]
+    for (avoidance, at, colour, label, _), basis in zip(own, bases, strict=True):
+        legs = [(avoidance.start, at, "-", ", initial leg"), (at, avoidance.end, DOTTED, ", terminal leg")]
+        if avoidance is path:
+            legs = [(avoidance.start, avoidance.end, DASHED, "")]
             legs += [(start, end, "-", "in conflict") for start, end in stays]
         for start, end, dashes, leg in legs:
             if start >= end:
@@ -520,15 +522,17 @@ def two_ways(
                 "arrow": not hit and dashes != DOTTED,
             }
             look |= {"colour": CONFLICT if hit else colour, "width": 4.5 if hit else 2.2, "dashes": dashes}
-            tracks.append(Track(way.position(instants(start, end, way)), **look))
+            tracks.append(Track(avoidance.position(instants(start, end, avoidance)), **look))
             start, end = max(start, shared[0]), min(end, shared[1])
             if start < end:
-                times = instants(start, end, way, obstacle)
-                relative.append(Track(flat(way.position(times) - obstacle.position(times), basis), **look))
-        if way is not path:
-            marks.append(Mark(way.position(at), colour, size=8.0, order=5.0))
+                times = instants(start, end, avoidance, obstacle)
+                relative.append(
+                    Track(flat(avoidance.position(times) - obstacle.position(times), basis), **look)
+                )
+        if avoidance is not path:
+            marks.append(Mark(avoidance.position(at), colour, size=8.0, order=5.0))
             dots.append(
-                Mark(flat((way.position(at) - obstacle.position(at))[None], basis)[0], colour, size=8.0)
+                Mark(flat((avoidance.position(at) - obstacle.position(at))[None], basis)[0], colour, size=8.0)
             )
     first, last = path.position([path.start, path.end])
     marks += [
@@ -589,11 +593,12 @@ def shown_well(course: Floats, points: Sequence[Floats], pair: tuple[int, int]) 
     return float(np.hypot(*np.ptp(points, axis=0)[list(pair)]) * (long + 3 * wide))
 
 
-def extra_cost(path: Path, way: Path) -> str:
+def extra_cost(path: Path, avoidance: Path) -> str:
     """Return the extra cost of a path as text: energy if both are finite, otherwise delta-v."""
-    if 0 < path.energy < np.inf and way.energy < np.inf:
-        return f"{signed_percent(way.energy / path.energy - 1)} energy"
-    return f"{'+' if way.delta_v >= path.delta_v else '−'}{speed(abs(way.delta_v - path.delta_v))} Δv"
+    if 0 < path.energy < np.inf and avoidance.energy < np.inf:
+        return f"{signed_percent(avoidance.energy / path.energy - 1)} energy"
+    more = avoidance.delta_v - path.delta_v
+    return f"{'+' if more >= 0.0 else '−'}{speed(abs(more))} Δv"
 
 
 # ----- free drift after a loss of thrust
@@ -841,14 +846,14 @@ def flight_paths(flight: Simulation, names: Sequence[str] | None = None) -> Figu
     off = flight.states[shown][:, :, some, :3] - planned
     room, most = SHARE * (np.ptp(planned.reshape(-1, 3), axis=0).max() or 1.0), float(np.abs(off).max())
     gain = rounded_down(room / most) if 0.0 < most < room else 1.0
-    flown = planned + gain * off
+    enlarged = planned + gain * off
     tracks = own_tracks(list(planned))
     for k, tint in enumerate(colours(count)):
         pale: dict[str, Any] = {"width": 0.6, "arrow": False, "order": 1.9, "label": "each run"}
-        tracks += [Track(line, [*tint[:3], 0.25], **pale) for line in flown[:-1, k] if runs > 1]
+        tracks += [Track(line, [*tint[:3], 0.25], **pale) for line in enlarged[:-1, k] if runs > 1]
         worst = f"run {flight.worst}, {'closest approach' if flight.ratios.size else 'largest deviation'}"
         words = worst if runs > 1 else "simulated"
-        tracks.append(Track(flown[-1, k], CONFLICT, 0.9, label=words, arrow=False, order=2.5))
+        tracks.append(Track(enlarged[-1, k], CONFLICT, 0.9, label=words, arrow=False, order=2.5))
     scale = f"magnified {gain:g} times" if gain != 1.0 else "to scale"
     most_off = length(flight.greatest_deviation)
     said = f"{plural(runs, 'run')} of {count} craft: deviation at most {most_off}, {scale}"

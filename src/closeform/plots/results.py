@@ -72,12 +72,12 @@ def plot(
     kind = _kind(result)
     if kind not in FLYING and kind not in PICTURES:
         which = _listed({**PICTURES, **FLYING})
-        raise TypeError(f"result: cannot draw {shown(result)}; what is drawn: {which}")
+        raise TypeError(f"result: cannot draw {shown(result)}; give one of: {which}")
     drawer: Drawer = PICTURES.get(kind, _in_space)
     taken = inspect.signature(drawer).parameters
     for name, value in given.items():
         if name not in taken and value is not None:
-            raise ValueError(f"{name}: no part of the picture of a {kind}; leave it out")
+            raise ValueError(f"{name}: does not apply to the picture of a {kind}; leave it out")
     return drawer(result, **{name: value for name, value in given.items() if name in taken})
 
 
@@ -128,21 +128,21 @@ def animate(
         return
     if kind not in FLYING:
         which = _listed({**FLYING, "Gathering": None})
-        raise TypeError(f"result: {shown(result)} has no paths; what can be animated: {which}")
-    flown = FLYING[kind](result)
+        raise TypeError(f"result: {shown(result)} has no paths; give one of: {which}")
+    motion = FLYING[kind](result)
     others = crafts("obstacles", obstacles) if obstacles is not None else []
-    known = names if names is not None else flown.names
+    known = names if names is not None else motion.names
     if known is not None:
         known = [*known, *(f"obstacle {k}" for k in range(len(others)))]
-    every = stack([*crafts("result", flown.after), *others])
-    plots.formation_animation(every, file, known, zone if zone is not None else flown.zone, frames=frames)
+    every = stack([*crafts("result", motion.after), *others])
+    plots.formation_animation(every, file, known, zone if zone is not None else motion.zone, frames=frames)
 
 
 def _in_space(result: Any, zone: Any, obstacles: Any, names: Any) -> Figure:
-    flown = FLYING[_kind(result)](result)
-    known, kept = names if names is not None else flown.names, zone if zone is not None else flown.zone
+    motion = FLYING[_kind(result)](result)
+    known, kept = names if names is not None else motion.names, zone if zone is not None else motion.zone
     others = () if obstacles is None else obstacles
-    return plots.formation_paths(flown.before, flown.after, known, kept, others)
+    return plots.formation_paths(motion.before, motion.after, known, kept, others)
 
 
 def _kind(result: Any) -> str:
@@ -240,15 +240,15 @@ def _conflicts(result: Any) -> Figure:
 
 
 def _screening(result: Any, names: Any = None) -> Figure:
-    told = Spans(result.start, result.time, result.end, result.ratio, _pairs(result, names), RATIO)
-    return spans(told, _met(result.ratio))
+    rows = Spans(result.start, result.time, result.end, result.ratio, _pairs(result, names), RATIO)
+    return spans(rows, _met(result.ratio))
 
 
 def _drift_screening(result: Any, names: Any = None) -> Figure:
     failed = result.failed_at if result.failed_at.ndim == 1 else result.failed_at.min(axis=1)
-    told = Spans(failed, result.time, result.time, result.ratio, _pairs(result, names), RATIO)
+    rows = Spans(failed, result.time, result.time, result.ratio, _pairs(result, names), RATIO)
     said = f"{len(result)} pairs are not passively safe" if len(result) else "All pairs are passively safe"
-    return spans(told, f"{said}; lines from loss of thrust to closest approach")
+    return spans(rows, f"{said}; lines from loss of thrust to closest approach")
 
 
 def _met(ratio: Any) -> str:
@@ -269,20 +269,20 @@ def _least(start: Any, time: Any, least: Any, what: str, edge: float | None) -> 
     start = start.min(axis=-1) if start.ndim > np.ndim(least) else start
     begin, when, height = (np.ravel(np.asarray(part, dtype=float)) for part in (start, time, least))
     labels = [", ".join(map(str, index)) for index in np.ndindex(np.shape(least))]
-    told = Spans(begin, when, when, height, labels.__getitem__, what, edge)
+    rows = Spans(begin, when, when, height, labels.__getitem__, what, edge)
     known = np.flatnonzero(np.isfinite(when) & np.isfinite(height))
     if not len(known):
-        return spans(told, "No two spacecraft share a time, or no error causes a conflict")
+        return spans(rows, "No two spacecraft share a time, or no error causes a conflict")
     k = known[np.argmin(height[known])]
     of = f" of {height.size}" if height.size > 1 else ""
-    return spans(told, f"Minimum{of}: {height[k]:.4g} at {when[k]:.6g} s")
+    return spans(rows, f"Minimum{of}: {height[k]:.4g} at {when[k]:.6g} s")
 
 
 def _pulses(result: Any) -> Figure:
     end = result.start + result.duration
     middle = 0.5 * (result.start + end)
-    told = Spans(result.start, middle, end, result.impulse, lambda k: "", "delta-v of a pulse [m/s]", None)
-    return spans(told, f"{plural(len(result), 'pulse')}, {speed(float(result.impulse.sum()))} in total")
+    rows = Spans(result.start, middle, end, result.impulse, lambda k: "", "delta-v of a pulse [m/s]", None)
+    return spans(rows, f"{plural(len(result), 'pulse')}, {speed(float(result.impulse.sum()))} in total")
 
 
 def _fired(result: Any, names: Any = None) -> Figure:
@@ -320,7 +320,9 @@ def _margins(result: Any) -> Figure:
 
 def _proof(result: Any) -> Figure:
     volume = [result.proven, result.open]
-    said = f"Proven but for {result.open:.3g} of the box" if not result.ok else "Every pair of the box locks"
+    said = (
+        f"Proven except for {result.open:.3g} of the box" if not result.ok else "Every pair of the box locks"
+    )
     found = len(result.counterexamples)
     said += f"; {plural(found, 'counterexample')}" if found else ""
     return intervals(["proven", "not proven"], volume, [0.0, 0.0], volume, "share of the box", said)

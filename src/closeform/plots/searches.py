@@ -426,7 +426,7 @@ def lemma_2(search: Search, position: ArrayLike, velocity: ArrayLike, time: floa
 
     The figure shows spacecraft j of group B as seen by spacecraft i of group A. The cone of spacecraft j
     meets the plane of the boresights in the hyperbola H. S is the projection of spacecraft j onto the plane
-    and T the vertex of H. The ray from S through T sweeps over spacecraft i in every in-plane search.
+    and T the vertex of H. The ray from S through T passes over spacecraft i in every in-plane search.
     Spacecraft i is beyond T, because a spacecraft on the segment from S to T is in a complementary cone.
     Hence spacecraft i comes within H, and both lock.
 
@@ -458,7 +458,9 @@ def lemma_2(search: Search, position: ArrayLike, velocity: ArrayLike, time: floa
     """
     instance("search", search, Search)
     if search.sensor.offset > 0.0 or search.sensor.cosine <= 0.0:
-        raise ValueError("search: lemma 2 wants sensors at the centres of mass and half-angles below 90 deg")
+        raise ValueError(
+            "search: lemma 2 requires sensors at the centres of mass and half-angles below 90 deg"
+        )
     r, v = numbers("position", position), numbers("velocity", velocity)
     for name, vector in (("position", r), ("velocity", v)):
         if vector.shape != (3,):

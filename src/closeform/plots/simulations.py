@@ -123,7 +123,7 @@ def flight_ratios(flight: Simulation, zone: Zone | PairZones, names: Sequence[st
         raise ValueError("flight: has one spacecraft and so no pair; give a simulation of two or more")
     least = np.stack([nearest_pairs(one, zone) for one in flight.states])
     if not np.isfinite(least).any():
-        raise ValueError("zone: no pair has one; give a zone")
+        raise ValueError("zone: no pair has a zone; give one")
     planned = nearest_pairs(flight.planned.state(flight.times), zone)
     run, step = (int(k) for k in np.unravel_index(int(np.argmin(least)), least.shape))
     pair = " and ".join(called[k] for k in nearest_pair(flight.states[run, :, step], zone))

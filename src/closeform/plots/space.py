@@ -171,7 +171,7 @@ class Scene:
             axes.scatter(places[:, 0], places[:, 1], **look)
 
     def name(self, axes: Axes, camera: Camera, unit: float = 1.0) -> None:
-        """Write the names of the marks next to them, where they hide least."""
+        """Write the names of the marks next to them, where they cover as little as possible."""
         named = [mark for mark in self.marks if mark.name]
         if named:
             others = [mark.point for mark in self.marks if not mark.name]
@@ -208,8 +208,8 @@ def three_planes(
 ) -> tuple[Figure, Unit, list[list[Axes]]]:
     """Return a figure whose planes hold points (M, 3) at one scale, its unit, and the axes of each column.
 
-    A single column has two planes above each other, one next to them, and fourth axes for a view in space.
-    `below` adds inches and a row of the grid for axes below them.
+    A single column has two planes above each other, the third next to them, and a fourth panel for a view in
+    space. `below` [inches] adds a row to the grid, for axes below the planes.
     """
     middle, span, unit = extent(points)
     if columns == 1:

@@ -283,7 +283,8 @@ def collision(
 
     The lower curve is the probability of being inside at the start plus the expected number of entries so
     far. It is an upper bound on the probability of a conflict up to that time, and equals it if each case
-    enters at most once. The mark at the end is the probability of ever being inside, with its interval.
+    enters at most once. The mark at the end is the probability of being inside at any time, with its
+    interval.
 
     Parameters
     ----------

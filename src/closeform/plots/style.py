@@ -265,7 +265,7 @@ def wrapped(figure: Figure, text: str) -> str:
 
 
 def banner(figure: Figure, text: str, bad: bool = False) -> None:
-    """Add text above the headline and extend the page for it; `bad` makes both red."""
+    """Add text above the headline and extend the page for it; if `bad`, both are red."""
     wide, high = (float(side) for side in figure.get_size_inches())
     figure.set_size_inches(wide, high + BANNER * (1 + wrapped(figure, text).count("\n")))
     words = headline(figure, f"{text}\n{figure.get_suptitle()}")

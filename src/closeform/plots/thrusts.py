@@ -94,15 +94,17 @@ def thrust(paths: Path | Sequence[Path], labels: Sequence[str], mass: float | No
     """
     if mass is not None and not 0.0 < number("mass", mass) < np.inf:
         raise ValueError(f"mass: must be positive and finite [kg], got {mass!r:.60}")
-    flown = crafts("paths", paths)
-    if not 1 <= len(flown) <= len(LINES):
-        raise ValueError(f"paths: from one to {len(LINES)}, got {len(flown)}")
-    labels = texts("labels", labels, len(flown), "paths")
-    start, end = min(path.start for path in flown), max(path.end for path in flown)
-    ticks = clock(flown[0], start, end)
+    single_paths = crafts("paths", paths)
+    if not 1 <= len(single_paths) <= len(LINES):
+        raise ValueError(f"paths: from one to {len(LINES)}, got {len(single_paths)}")
+    labels = texts("labels", labels, len(single_paths), "paths")
+    start, end = min(path.start for path in single_paths), max(path.end for path in single_paths)
+    ticks = clock(single_paths[0], start, end)
     force, basic = (1.0, "m/s²") if mass is None else (mass, "N")
-    unit = thrust_unit(force * max(path.peak_thrust for path in flown), basic)
-    greatest = max((float(np.linalg.norm(jump)) for path in flown for _, jump in path.impulses), default=0.0)
+    unit = thrust_unit(force * max(path.peak_thrust for path in single_paths), basic)
+    greatest = max(
+        (float(np.linalg.norm(jump)) for path in single_paths for _, jump in path.impulses), default=0.0
+    )
 
     figure, panels = chart(9.0, [1.25, 1, 1, 1])
     names = [("magnitude", INK), *((d.name, d.colour) for d in DIRECTIONS)]
@@ -110,9 +112,11 @@ def thrust(paths: Path | Sequence[Path], labels: Sequence[str], mass: float | No
         axes.set_ylabel(f"{name} [{unit.name}]", fontsize=SMALL, color=colour)
         if axes is not panels[0]:
             axes.axhline(0, color=INK, linewidth=0.8)
-    spent = speed_unit(max(path.delta_v for path in flown))
+    spent = speed_unit(max(path.delta_v for path in single_paths))
     lines, words = [], []
-    for path, (colour, dashes), name in zip(flown, LINES[len(flown) - 1 :: -1], labels, strict=True):
+    for path, (colour, dashes), name in zip(
+        single_paths, LINES[len(single_paths) - 1 :: -1], labels, strict=True
+    ):
         times = instants(path.start, path.end, path)
         push = force * path.thrust(times)
         energy = f", energy {path.energy:.4g} m²/s³" if np.isfinite(path.energy) else ""
@@ -124,12 +128,13 @@ def thrust(paths: Path | Sequence[Path], labels: Sequence[str], mass: float | No
     for axes in panels:
         level(axes, 1.1 * max(np.abs(axes.get_ylim())), axes is panels[0])
     if greatest > 0:
-        stems(panels, flown, ticks, greatest)
+        stems(panels, single_paths, ticks, greatest)
     time_axes(panels, ticks, start, end)
     legend(figure, lines, words, handlelength=2.6)
-    most = max(range(len(flown)), key=lambda k: flown[k].delta_v)
+    most = max(range(len(single_paths)), key=lambda k: single_paths[k].delta_v)
     headline(
-        figure, f"Thrust and impulses; {labels[most]} has the largest delta-v, {speed(flown[most].delta_v)}"
+        figure,
+        f"Thrust and impulses; {labels[most]} has the largest delta-v, {speed(single_paths[most].delta_v)}",
     )
     return figure
 
@@ -139,13 +144,13 @@ def level(axes: Axes, top: float, positive: bool) -> None:
     axes.set_ylim(0 if positive else -top, top)
 
 
-def stems(panels: list[Axes], flown: list[Path], ticks: Clock, greatest: float) -> None:
+def stems(panels: list[Axes], single_paths: list[Path], ticks: Clock, greatest: float) -> None:
     """Draw impulses on a right axis whose zero coincides with that of the thrust."""
     unit = speed_unit(greatest)
     for row, axes in enumerate(panels):
         right = right_axis(axes, f"impulse [{unit.name}]", INK)
         level(right, 1.15 * greatest / unit.size, row == 0)
-        for path, (colour, dashes) in zip(flown, LINES[len(flown) - 1 :: -1], strict=True):
+        for path, (colour, dashes) in zip(single_paths, LINES[len(single_paths) - 1 :: -1], strict=True):
             for time, jump in path.impulses:
                 height = float(np.linalg.norm(jump) if row == 0 else jump[row - 1]) / unit.size
                 at = float(ticks(time))
@@ -191,8 +196,8 @@ def formation_thrust(
         If the number of names, limits, masses or on_off is wrong, masses are not positive, or an argument
         has the wrong type.
     """
-    flown = crafts("paths", paths)
-    called, count = short_names(names, len(flown)), len(flown)
+    single_paths = crafts("paths", paths)
+    called, count = short_names(names, len(single_paths)), len(single_paths)
     kilograms = np.ones(count) if masses is None else vector("masses", masses, count)
     if not (kilograms > 0.0).all():
         raise ValueError("masses: must be positive")
@@ -203,14 +208,14 @@ def formation_thrust(
             f"on_off: expected True, False, or one for each of {count} craft, got {shown(on_off)}"
         )
     pulsed = np.broadcast_to(pulsed, count)
-    peaks, most = np.array([path.peak_thrust for path in flown]) * kilograms, most * kilograms
+    peaks, most = np.array([path.peak_thrust for path in single_paths]) * kilograms, most * kilograms
     known, basic = np.isfinite(most), "m/s²" if masses is None else "N"
     unit = thrust_unit(float(peaks.max() or most[known].max(initial=0.0)), basic)
-    start, end = min(path.start for path in flown), max(path.end for path in flown)
+    start, end = min(path.start for path in single_paths), max(path.end for path in single_paths)
 
     tints, few = colours(count), 1 < count <= FEW
     pushes, shares = list[Curve](), list[Curve]()
-    for k, path in enumerate(flown):
+    for k, path in enumerate(single_paths):
         times = instants(path.start, path.end, path)
         push = np.linalg.norm(path.thrust(times), axis=1) * kilograms[k]
         look: dict[str, Any] = {"colour": tints[k], "width": 2.0 if count <= FEW else 1.0}
@@ -223,7 +228,11 @@ def formation_thrust(
     if unlike:
         panels.append(Panel("share of own limit [%]", shares))
     figure = series(
-        thrust_verdict(called, peaks, most, pulsed, basic), panels, clock(flown[0], start, end), start, end
+        thrust_verdict(called, peaks, most, pulsed, basic),
+        panels,
+        clock(single_paths[0], start, end),
+        start,
+        end,
     )
     if unlike:
         limited(figure.axes[1], 100.0, "thrust of one thruster" if pulsed[known].all() else "limit of each")
@@ -309,16 +318,16 @@ def burns(paths: Path | Sequence[Path] | ThrusterFiring, names: Sequence[str] | 
         If there are more than 60 paths, the number of names is wrong, or an argument has the wrong type.
     """
     firing = paths if isinstance(paths, ThrusterFiring) else None
-    flown = crafts("paths", paths.path if isinstance(paths, ThrusterFiring) else paths)
-    if len(flown) > MOST_ROWS:
-        raise ValueError(f"paths: up to {MOST_ROWS}, got {len(flown)}; show some of them")
-    called, count = short_names(names, len(flown)), len(flown)
+    single_paths = crafts("paths", paths.path if isinstance(paths, ThrusterFiring) else paths)
+    if len(single_paths) > MOST_ROWS:
+        raise ValueError(f"paths: up to {MOST_ROWS}, got {len(single_paths)}; show some of them")
+    called, count = short_names(names, len(single_paths)), len(single_paths)
     if firing is not None:
         every = [burns_of_pulses(firing.pulses, k) for k in range(count)]
     else:
-        every = [burns_of(path).told for path in flown]
-    start, end = min(path.start for path in flown), max(path.end for path in flown)
-    ticks, room = clock(flown[0], start, end), 0.015 * (end - start)
+        every = [burns_of(path).significant for path in single_paths]
+    start, end = min(path.start for path in single_paths), max(path.end for path in single_paths)
+    ticks, room = clock(single_paths[0], start, end), 0.015 * (end - start)
     figure, (axes,) = chart(2.4 + 0.55 * count if count > 1 else 3.6)
     time_axes([axes], ticks, start - room, end + room)
     burn_rows(axes, ticks, every, called, colours(count) if count > 1 else [AFTER], end - start)
@@ -338,7 +347,7 @@ def burn_rows(
 ) -> float:
     """Draw a row of bars for each spacecraft, as high as its burns; return the largest burn [m/s].
 
-    The larger burns have labels if `names`, where there is room. `span` is the length of the time axis [s].
+    If `names`, the larger burns have labels where there is room. `span` is the length of the time axis [s].
     """
     count, greatest = len(every), max(float(one.size.max(initial=0.0)) for one in every)
     unit, points, words = speed_unit(greatest), list[Floats](), list[str]()
@@ -530,15 +539,14 @@ def bars(axes: Axes, own: Pulses, scale: float, ticks: Clock, colour: str) -> No
 
 def pulses_story(firing: ThrusterFiring, craft: int, fired: Pulses, dropped: Pulses, name: str | None) -> str:
     """Return the headline: number of pulses, delta-v, propellant and deviation from the plan."""
-    who = f"{f'Craft {craft}' if name is None else name}: " if len(firing.thrusters) > 1 or name else ""
+    lead = f"{f'Craft {craft}' if name is None else name}: " if len(firing.thrusters) > 1 or name else ""
     if not len(fired):
-        return f"{who}no pulses"
+        return f"{lead}no pulses"
     off, bound = np.ravel(firing.deviation)[craft], np.ravel(firing.deviation_bound)[craft]
     unit, burned = length_unit(bound), fired.propellant.sum()
     planned = float(np.ravel(firing.planned.delta_v)[craft])
-    words = (
-        f"{who}{plural(len(fired), 'pulse')}, {speed(fired.impulse.sum())} fired for {speed(planned)} planned"
-    )
+    given = speed(fired.impulse.sum())
+    words = f"{lead}{plural(len(fired), 'pulse')}, {given} fired for {speed(planned)} planned"
     if np.isfinite(burned):
         words += f", {1e3 * burned:.3g} g" if burned < 1.0 else f", {burned:.4g} kg"
     words += f"; {unit.text(off, 3)} from the plan, at most {unit.text(bound, 3)}"

@@ -194,7 +194,9 @@ class Choices:
             plans = [self.plan(name) for name in self.movers]
             if self.result.pulsed is not None:
                 fired = float(self.result.delta_v[self.places].sum())
-        caption = "Minimum delta-v against duration" + ", of all, without zones" * (len(self.movers) > 1)
+        caption = "Minimum delta-v against duration" + ", all craft together, without zones" * (
+            len(self.movers) > 1
+        )
         yield Picture("trade", caption, "trade", (self.trade, plans, fired, asked))
 
     def primer(self, name: str) -> tuple[tuple[Any, ...], dict[str, Any]]:

@@ -46,9 +46,9 @@ CONFLICT = (
 BY_PAIR = (
     PAIR,
     Column("conflicts", "conflicts"),
-    Column("first from [s]", "start_s", SECONDS, since="mission"),
-    Column("last to [s]", "end_s", SECONDS, since="mission"),
-    Column("in all [s]", "inside_s", SECONDS),
+    Column("first start [s]", "start_s", SECONDS, since="mission"),
+    Column("last end [s]", "end_s", SECONDS, since="mission"),
+    Column("total [s]", "inside_s", SECONDS),
     CLOSEST,
     RATIO,
 )
@@ -300,7 +300,7 @@ def when(passive: "PassiveSafety", pair: "PairDrift") -> str:
     """Return the time of failure and the time from there to the closest approach, as text."""
     failed = "" if isnan(pair.failed_at) else f", if {event(passive)} at {pair.failed_at:.1f} s"
     if not isfinite(pair.time):
-        return f"{failed}, in a drift too slow to date"
+        return f"{failed}, in a drift too slow to determine the time"
     if not failed:
         return f", without any thrust, at {pair.time:.1f} s"
     return f"{failed}, {span(pair.time - pair.failed_at)} later"

@@ -35,7 +35,7 @@ def above(spent: float, least: float) -> float | None:
 
 
 class Weighed(Protocol):
-    """Object that knows the unit of propellant."""
+    """Object that states the unit in which propellant is printed."""
 
     @property
     def grams(self) -> bool:
@@ -50,7 +50,7 @@ def in_grams(mission: Weighed, column: Column) -> Column:
 
 
 def asked(mission: Mission, result: StageResult[Any, Any], name: str, path: Path) -> float:
-    """Return the delta-v [m/s] of a planned path, summed over thrusters if it is planned for them."""
+    """Return the delta-v [m/s] of a planned path, summed over the thrusters that it is planned for."""
     table = next(craft for craft in mission.scenario.craft_in(result.stage) if craft.name == name)
     thrusters = table.fired(1.0) if getattr(result.stage, "cost", None) == "delta-v" else None
     if thrusters is None or not result.flown:
@@ -119,7 +119,7 @@ def figures(
 def files(
     mission: Mission, result: StageResult[Any, Any], slots: Mapping[str, int] | None = None
 ) -> dict[str, Table]:
-    """Return each spacecraft's costs over its thrusters, and the slot that it took, counted from 1."""
+    """Return the costs of each spacecraft, summed over thrusters, and its assigned slot, counted from 1."""
     rows = []
     for k, (name, used) in enumerate(zip(result.after.names, result.delta_v.tolist(), strict=True)):
         energy, _, peak, force, _ = spent(mission, result, name, result.after.paths[k])
@@ -255,7 +255,7 @@ def pulse_lines(mission: Mission, result: StageResult[Any, Any]) -> Iterator[str
         more = 100.0 * (margins.larger - 1.0)
         yield f"Planned for zones {more:.3g} % larger, to allow for the deviation of pulses"
     if result.pulsed.short is not None:
-        yield f"Pulses require larger margins, but for {result.pulsed.short}"
+        yield f"Pulses require larger margins, which no plan provides: {result.pulsed.short}"
 
 
 def burn_pictures(result: StageResult[Any, Any]) -> tuple[Picture, ...]:

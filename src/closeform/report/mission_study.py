@@ -214,7 +214,9 @@ class SweepReport(CasesReport):
         if not self.campaign.as_in_file:
             return ()
         file = quoted(self.campaign.scenario.file)
-        return (f"closeform run {file} --case K --point P shows a case of the point in row P, from 0 on",)
+        return (
+            f"closeform run {file} --case K --point P shows a case of the point in row P, counted from 0",
+        )
 
     @cached_property
     def tables(self) -> tuple[Table, ...]:
@@ -271,7 +273,7 @@ class SweepReport(CasesReport):
 def numbered(texts: Sequence[str]) -> tuple[list[float], str, str]:
     """Return the numbers of quantities of one kind, the text before them, and their unit.
 
-    Quantities of different kinds are numbered in their order.
+    Quantities of different kinds are numbered in the order in which they appear.
     """
     found = [NUMBER.fullmatch(text) for text in texts]
     kinds = {(one[1], one[3]) for one in found if one is not None}
@@ -294,7 +296,7 @@ class ErrorStudyReport(CasesReport):
 
     @property
     def requested(self) -> tuple[Table, ...]:
-        """Nothing: errors are keys of the scenario."""
+        """Nothing, because errors are keys of the scenario."""
         return ()
 
     @property
@@ -313,7 +315,7 @@ class ErrorStudyReport(CasesReport):
             campaign.scenario.title,
             f"{len(campaign)} cases of the errors of {craft}, seed {campaign.seed}",
             f"Executed as planned, 0.0 s to {results[-1].end if results else 0.0:.1f} s: "
-            f"initial states{drawn} are drawn",
+            f"initial states{drawn} are sampled",
         )
 
     @property

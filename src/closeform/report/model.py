@@ -26,7 +26,7 @@ DEVIATIONS = (
     Column("neglected effect", "cause", words=True),
     Column("rule, for one orbit", "rule", words=True),
     Column("here [m]", "deviation_m", "{:.3g}".format),
-    Column("a tenth of the smallest zone from", "limit", words=True),
+    Column("a tenth of the smallest zone at", "limit", words=True),
 )
 SURE = Column("figure", "figure", words=True), Column("certainty", "words", words=True)
 LOCKS = (
@@ -73,27 +73,27 @@ class Reach:
 
 def section(mission: Mission) -> Section:
     """Return the section on the limits of a mission's figures."""
-    flown = [result for result in mission.results if result.flown]
-    sure = certain([*certainties(flown)])
-    if not flown:
+    executed = [result for result in mission.results if result.flown]
+    sure = certain([*certainties(executed)])
+    if not executed:
         return Section("Limits of the model", tables=(sure,))
-    reach = Reach.of([result.after for result in flown])
+    reach = Reach.of([result.after for result in executed])
     n, mu, chief = mission.orbit.mean_motion, mission.scenario.orbit.mu, mission.scenario.chief
     orbit = Circle(n, mu or EARTH_MU) if chief is None else Circle(n, chief.mu, chief.eccentricity)
-    (exact, far), tables = beyond(reach, orbit, flown[-1].end)
-    lines = exact, *beside(mission, flown), far
+    (exact, far), tables = beyond(reach, orbit, executed[-1].end)
+    lines = exact, *beside(mission, executed), far
     return Section("Limits of the model", lines, (*tables, sure))
 
 
-def beside(mission: Mission, flown: list[StageResult[Any, Any]]) -> Iterator[str]:
+def beside(mission: Mission, executed: list[StageResult[Any, Any]]) -> Iterator[str]:
     """Yield the line on inexact results: predicted in a field, uncertain, or simulated."""
     found = []
-    if some := [one.number for one in flown if one.validity is not None]:
-        field = next(one.validity.field for one in flown if one.validity is not None)
+    if some := [one.number for one in executed if one.validity is not None]:
+        field = next(one.validity.field for one in executed if one.validity is not None)
         found.append(f"predictions in the high-fidelity model with {field} ({numbered(some)})")
-    if some := [one.number for one in flown if one.uncertain is not None]:
+    if some := [one.number for one in executed if one.uncertain is not None]:
         found.append(f"sigmas and probabilities, for errors as given ({numbered(some)})")
-    if some := [one.number for one in flown if one.commanded is not None]:
+    if some := [one.number for one in executed if one.commanded is not None]:
         found.append(f"paths with the errors drawn for this case ({numbered(some)})")
     if mission.flights is not None:
         found.append("simulations in the high-fidelity model, integrated with drawn errors")
@@ -155,38 +155,38 @@ def deviations(reach: Reach, orbit: Circle) -> Iterator[tuple[Any, ...]]:
         yield "the Earth's oblateness", rule, high * far, limit
 
 
-def certainties(flown: list[StageResult[Any, Any]]) -> Iterator[tuple[str, str]]:
+def certainties(executed: list[StageResult[Any, Any]]) -> Iterator[tuple[str, str]]:
     """Yield the rows of SURE for the contents of a mission."""
-    if any(result.after.pairs for result in flown):
+    if any(result.after.pairs for result in executed):
         yield (
             "Conflicts, closest approaches",
             "certified: none is missed, however short; times to 1e-6 s, ratios to 1e-9",
         )
-    if any(plan_of(result) for result in flown):
+    if any(plan_of(result) for result in executed):
         yield (
             "Cost of a plan",
             "the minimum found; its lower bound is certified for these ends and times, and a proven minimum "
             "cannot be improved",
         )
-    for field in dict.fromkeys(one.validity.field for one in flown if one.validity is not None):
+    for field in dict.fromkeys(one.validity.field for one in executed if one.validity is not None):
         yield (
             f"Model error with {field}",
             "predicted for uncompensated thrust, to a few per cent; with compensated thrust the certified "
             "figures hold there: closeform simulate",
         )
-    if any(result.passive is not None for result in flown):
+    if any(result.passive is not None for result in executed):
         yield (
             "Passive safety",
             "certified for every instant of failure and the whole free drift, one failing craft at a time",
         )
-    if any(result.stage.searches for result in flown):
+    if any(result.stage.searches for result in executed):
         yield LOCKS
-    if any(result.pulsed is not None for result in flown):
+    if any(result.pulsed is not None for result in executed):
         yield (
             "Pulses of thrusters",
             "certified as fired; the bound on their deviation holds",
         )
-    yield from of_errors(any(result.uncertain is not None for result in flown))
+    yield from of_errors(any(result.uncertain is not None for result in executed))
 
 
 def of_errors(known: bool) -> Iterator[tuple[str, str]]:

@@ -345,7 +345,7 @@ def cost_table(
 ) -> Table:
     """Return the costs of labelled paths, each with the name of its craft, and the change by the last one.
 
-    The change is that of an avoidance trajectory from the path before it.
+    The change is the difference between the avoidance trajectory and the path before avoidance.
     """
     rows: list[tuple[Any, ...]] = [
         (label, path.end - path.start, *effort.spent(mission, result, name, path))
@@ -377,8 +377,8 @@ def arrival_lines(craft: str, goal: Arrival | None, drifts: bool, safe: bool = F
         yield f"{arrives}, {'' if asked else 'as given, '}lowest cost: {spent} by free thrust"
     else:
         yield f"{arrives}, as given; lowest cost at {lowest:.2f} deg"
-        less = f"{best.spent:.4g} {UNITS[goal.cost]}"
-        yield f'By free thrust without obstacles: {spent}; lowest cost {less} ({shape.phased} = "cheapest")'
+        cheapest = f'{best.spent:.4g} {UNITS[goal.cost]} ({shape.phased} = "cheapest")'
+        yield f"With free thrust and without obstacles: {spent}; lowest cost {cheapest}"
     if safe:
         yield "The lowest cost among passively safe phases; a passively safe path there may not exist"
     elif drifts:
@@ -416,7 +416,7 @@ def best(mission: Mission, result: StageResult[Any, Any], plan: Plan, *movers: s
     elif plan.cost == "delta-v" and mission.scenario.during(result.stage).limits(*movers):
         whose = f"within the limit, {whose}"
     proven = f"proven minimum {plan.cost} {whose}"
-    return f"{proven}: natural motion arrives" if float(plan.delta_v) < NOTHING else proven
+    return f"{proven}: natural motion reaches the target" if float(plan.delta_v) < NOTHING else proven
 
 
 def margin(plan: Plan) -> str:
@@ -434,8 +434,8 @@ def optimality(
 ) -> Iterator[str]:
     """Yield the optimality gap, the active constraints and the shadow price of clearance of a plan.
 
-    `free` is the cost without zones, in the unit of the stage's cost, `whose` its owner; `where` holds the
-    contacts as text, and `names` the craft that the plan counts.
+    `free` is the cost without zones, in the unit of the stage's cost, and `whose` names the craft. `where`
+    holds the contacts as text, and `names` the craft of the plan.
     """
     stage, fired, unit = result.stage, result.pulsed is not None, UNITS[plan.cost]
     share = f"at most {100 * plan.gap:.3f} %, " if plan.lower_bound > 0.0 else ""
@@ -533,7 +533,7 @@ def path_tables(mission: Mission, result: Joint) -> Iterator[Table]:
     spent = [effort.spent(mission, result, name, result.planned.path(name)) for name in moved.movers]
     _, speed, push, force, fuel = zip(*spent, strict=True)
     if by_delta_v:
-        burns = [len(burns_of(paths[k]).told.size) for k in range(len(movers))]
+        burns = [len(burns_of(paths[k]).significant.size) for k in range(len(movers))]
         title = "impulses" if any(paths[k].impulses for k in range(len(movers))) else "burns"
         columns[Column(title)] = [*burns, sum(burns)]
     else:

@@ -220,7 +220,7 @@ HOLDS = {  # files of results, in the order in which they are listed
     "paths.parquet": "states and thrust accelerations, at equal steps",
     "flown.parquet": "states in the worst simulation",
     "flights.parquet": "deviation and delta-v of each craft in each simulation",
-    "ends.parquet": "the same at the end of each stage",
+    "ends.parquet": "deviation and delta-v at the end of each stage",
     "ratios.parquet": "minimum clearance ratio of each pair in each simulation",
     "pulses.parquet": "planned pulses of thrusters in the high-fidelity model",
     "corrections.parquet": "further pulses in the worst simulation, by feedback",
@@ -230,7 +230,7 @@ HOLDS = {  # files of results, in the order in which they are listed
     "events.parquet": "every lock and burn of a gathering",
     "sets.parquet": "the set of every craft when a gathering ends",
     "locks.parquet": "the first lock of every pair",
-    "arcs.parquet": "every arc of every path, to the last bit",
+    "arcs.parquet": "every arc of every path, in full precision",
     "legs.parquet": "every turn of every search",
     "cases": "every case by its number",
 }

@@ -57,7 +57,7 @@ class Picture:
     stage: str = ""  # written above it, in red if the stage failed
     failed: bool = False
     shows: str = ""  # written there too, if the picture shows something other than the final paths
-    flown: bool = True  # if False, its title begins with "Not executed"
+    executed: bool = True  # if False, its title begins with "Not executed"
 
     @property
     def made(self) -> Any:
@@ -74,7 +74,7 @@ class Picture:
 
         figure = self.made
         says = figure.get_suptitle().replace("\n", " ")
-        if not self.flown and says:
+        if not self.executed and says:
             says = f"Not executed: {says}"
             headline(figure, says)
         if self.stage:

@@ -515,7 +515,7 @@ def section(mission: Mission, result: StageResult[Any, Any]) -> Section:
                 name=f"stage-{result.number}-{picture.name}",
                 stage=fate(result),
                 failed=result.failure is not None,
-                flown=result.flown or picture.plot == "trade",  # which shows the cost of any path
+                executed=result.flown or picture.plot == "trade",  # which shows the cost of any path
             )
             for picture in pictures
             if not (isinstance(picture, Film) and picture.most < count)

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from closeform.conflicts.flight import WatchedFlight
-from closeform.exchange.cdm import write_cdm
+from closeform.exchange.ccsds.cdm import write_cdm
+from closeform.exchange.ccsds.conjunction import Conjunction
 from closeform.exchange.common_frame import CommonFrame
-from closeform.exchange.conjunction import Conjunction
 from closeform.exchange.epochs import Epoch
-from closeform.exchange.exported import file_names
+from closeform.exchange.export_tracks.track import file_names
 from closeform.mission.verdict import MET, NOT_MET, Verdict, conflicts_in
 from closeform.report import conflicts, model, page, uncertain
 from closeform.report.conflicts import APPROACH, CONFLICT, MOST_PAIRS
@@ -337,7 +337,7 @@ class EncounterReport:
         return (
             f"{first} and {second}, closest at {message.tca} UTC",
             f"Miss distance {encounter.distance:.3f} m ({place}), relative speed {encounter.speed:.6g} m/s",
-            f"Radius of both bodies {self.radius:g} m; followed for {span:.6g} s before and after, "
+            f"Radius of both bodies {self.radius:g} m; evaluated for {span:.6g} s before and after, "
             f"in the Hill frame of {message.objects[0].name}",
         )
 

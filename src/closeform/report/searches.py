@@ -147,7 +147,7 @@ def since(result: StageResult[Any, Any]) -> tuple[str, ...]:
 
 
 def watched(result: StageResult[Any, Any]) -> tuple[tuple[str, ...], tuple[Table, ...]]:
-    """Return lines and tables of conflicts during a search, in times of the mission."""
+    """Return lines and tables of conflicts during a search; times count from the start of the mission."""
     if not result.after.approaches:
         return ("Conflicts: not evaluated, no craft has a keep_out",), ()
     return conflicts.summed("Conflicts", result.after)
@@ -408,7 +408,7 @@ def ways(result: Gathered) -> tuple[Table, ...]:
     chosen = choice(result)
     words = {"second": f"second: {high} burns, {low} holds", "first": f"first: {low} burns, {high} holds"}
     rows = [
-        (words.get(way, "half: half each"), total, chosen if way == gathering.burns else "")
+        (words.get(way, "half: each burns half"), total, chosen if way == gathering.burns else "")
         for way, total in gathering.totals.items()
     ]
     columns = Column("first pair", words=True), speed(gathering, " of all craft"), Column("")

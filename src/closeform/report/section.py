@@ -29,11 +29,12 @@ class Column:
 
     `heading` includes the unit; None for a column that is stored and not shown.  `key`: name in stored
     files, in SI, with the unit as in `start_s`; None for a column that is only shown.  `form` formats a
-    value, times `scale`, as text; `absent` stands in for a missing value.  `words`: text, aligned left;
+    value, multiplied by `scale`, as text; `absent` replaces a missing value.  `words`: text, aligned left;
     numbers are aligned right.  `parts` names the values of a cell of several values: Parquet stores these,
     JSON the whole under the `key` if there is one.  `since`: origin of times, in a column of instants.
-    `spare`: left out if there is no room for it.  On the page, a cell of a column with `links` is a link
-    to the file it names, and a cell of a column with `judges` is marked good if true and bad if false.
+    `spare`: True for a column that is omitted if there is no room for it.  On the page, a cell of a column
+    with `links` is a link to the file it names, and a cell of a column with `judges` is marked good if true
+    and bad if false.
     """
 
     heading: str | None

@@ -11,7 +11,7 @@ import numpy as np
 from closeform.conflicts.flight import WatchedFlight
 from closeform.dynamics.field import described
 from closeform.exchange.epochs import Epoch
-from closeform.mission.simulation import FlownRun, FlownStage
+from closeform.mission.simulation import SimulatedRun, SimulatedStage
 from closeform.mission.simulation_verdict import Entered
 from closeform.report import conflicts, effort, model, page
 from closeform.report.page import Command, Head
@@ -100,16 +100,16 @@ TUBE = (
 )
 
 
-def tables(flown: FlownRun) -> tuple[Table, ...]:
+def tables(simulated: SimulatedRun) -> tuple[Table, ...]:
     """Return the tables of stages, of costs, and of the worst simulations."""
-    worst = [flight_row(flown, seed) for seed in order(flown)[:WORST]]
-    weighed = not np.isnan(flown.propellant).all()
+    worst = [flight_row(simulated, seed) for seed in order(simulated)[:WORST]]
+    weighed = not np.isnan(simulated.propellant).all()
     many = len(worst) > 1
     burnt = "largest [kg]" if many else "propellant [kg]"
-    fuel = effort.in_grams(flown, replace(effort.FUEL, heading=burnt if weighed else None))
+    fuel = effort.in_grams(simulated, replace(effort.FUEL, heading=burnt if weighed else None))
     ends = ": median, 95 % and largest deviation at the end" if many else ": deviation at the end"
     spends = "; feedback: median and largest" if many else ""
-    if flown.control == "track" and flown.told["feedback"].impulses:
+    if simulated.control == "track" and simulated.arguments["feedback"].impulses:
         spends += "; feedback also cancels the model error during coasts"
     stages, costs = (
         some if many else tuple(replace(one, heading=ALONE.get(one.key or "", one.heading)) for one in some)
@@ -118,32 +118,32 @@ def tables(flown: FlownRun) -> tuple[Table, ...]:
     flights = FLIGHTS if many else (replace(FLIGHTS[0], heading=None), *FLIGHTS[1:])
     return (
         Table(
-            f"Stages, each from the simulated end of the one before{ends}",
+            f"Stages, each from the simulated end of the previous one{ends}",
             stages,
-            [stage_row(flown, one) for one in flown.stages],
+            [stage_row(simulated, one) for one in simulated.stages],
         ),
-        Table(f"Delta-v of each craft{spends}", costs, [*spent_rows(flown)], idle=effort.UNUSED),
+        Table(f"Delta-v of each craft{spends}", costs, [*spent_rows(simulated)], idle=effort.UNUSED),
         Table("Worst simulations" if many else "Simulation", flights, worst),
     )
 
 
-def stage_row(flown: FlownRun, one: FlownStage) -> tuple[Any, ...]:
+def stage_row(simulated: SimulatedRun, one: SimulatedStage) -> tuple[Any, ...]:
     """Return a row of STAGES."""
     worst = one.ends.max(axis=1)
     least: tuple[Any, ...] = (None, None, None, None)
     if one.nearest is not None:
         seed, row = one.nearest
         share = float((one.ratios < 1.0).any(axis=1).mean())
-        least = float(one.ratios[seed, row]), pair(flown, row), seed, share
+        least = float(one.ratios[seed, row]), pair(simulated, row), seed, share
     ends = (float(v) for v in (np.median(worst), np.quantile(worst, 0.95), worst.max()))
     return one.number, one.verb, one.end, *ends, *least
 
 
-def spent_rows(flown: FlownRun) -> Iterator[tuple[Any, ...]]:
+def spent_rows(simulated: SimulatedRun) -> Iterator[tuple[Any, ...]]:
     """Yield the rows of SPENT, one per spacecraft and one for all."""
-    flight, back, tanks = flown.flight, flown.flight.feedback_delta_v, flown.propellant
-    bounded, engine = flown.told["max_acceleration"] is not None, flown.told["engine"]
-    for k, name in enumerate(flown.names):
+    flight, back, tanks = simulated.flight, simulated.flight.feedback_delta_v, simulated.propellant
+    bounded, engine = simulated.arguments["max_acceleration"] is not None, simulated.arguments["engine"]
+    for k, name in enumerate(simulated.names):
         yield (
             name,
             float(flight.planned_delta_v[k]),
@@ -152,7 +152,9 @@ def spent_rows(flown: FlownRun) -> Iterator[tuple[Any, ...]]:
             float(back[:, k].max()),
             float(flight.delta_v[:, k].max()),
             known(tanks[:, k].max()),
-            float(flight.limited[:, k].max()) if (bounded or name in flown.thrusters) and engine[k] else None,
+            float(flight.limited[:, k].max())
+            if (bounded or name in simulated.thrusters) and engine[k]
+            else None,
         )
     planned, field, every = (
         one.sum(axis=-1) for one in (flight.planned_delta_v, flight.field_delta_v, flight.delta_v)
@@ -167,39 +169,39 @@ def known(value: Any) -> float | None:
     return None if np.isnan(value) else float(value)
 
 
-def order(flown: FlownRun) -> list[int]:
+def order(simulated: SimulatedRun) -> list[int]:
     """Return the indices of the simulations, worst first."""
-    flight = flown.flight
+    flight = simulated.flight
     by = flight.ratios.min(axis=1) if flight.ratios.size else -flight.ends.max(axis=1)
     return [int(k) for k in np.argsort(by, kind="stable")]
 
 
-def flight_row(flown: FlownRun, seed: int) -> tuple[Any, ...]:
+def flight_row(simulated: SimulatedRun, seed: int) -> tuple[Any, ...]:
     """Return a row of FLIGHTS."""
-    flight, ratio, both = flown.flight, None, None
+    flight, ratio, both = simulated.flight, None, None
     if flight.ratios.size:
         k = int(np.argmin(flight.ratios[seed]))
-        ratio, both = float(flight.ratios[seed, k]), pair(flown, k)
+        ratio, both = float(flight.ratios[seed, k]), pair(simulated, k)
     off, cost = flight.deviations[seed], float(flight.delta_v[seed].sum())
     return seed, ratio, both, float(off[:, -1].max()), float(off.max()), cost
 
 
-def pair(flown: FlownRun, row: int) -> tuple[str, str]:
+def pair(simulated: SimulatedRun, row: int) -> tuple[str, str]:
     """Return the names of a pair by its row."""
-    i, j = flown.flight.pairs[row]
-    return flown.names[i], flown.names[j]
+    i, j = simulated.flight.pairs[row]
+    return simulated.names[i], simulated.names[j]
 
 
-def contained(flown: FlownRun) -> float:
+def contained(simulated: SimulatedRun) -> float:
     """Return the predicted deviation that nearly all simulations stay within [m]."""
-    times, tube = flown.flight.times, flown.tube
+    times, tube = simulated.flight.times, simulated.tube
     assert tube is not None
-    return float(np.max(tube.containment(float(times[-1] - times[0]), craft=len(flown.names))))
+    return float(np.max(tube.containment(float(times[-1] - times[0]), craft=len(simulated.names))))
 
 
-def sure(flown: FlownRun) -> Section:
+def sure(simulated: SimulatedRun) -> Section:
     """Return the section on certified and sampled figures, and on the parts of the tracking-error tube."""
-    tube, fading = flown.tube, flown.told["navigation"].correlation
+    tube, fading = simulated.tube, simulated.arguments["navigation"].correlation
     noise = f"correlation time {fading:g} s" if fading else "white from one measurement to the next"
     rows = [
         (
@@ -208,7 +210,7 @@ def sure(flown: FlownRun) -> Section:
         ),
         (
             "High-fidelity model",
-            f"{described(flown.field)}, integrated by a Runge-Kutta method and known to the craft: "
+            f"{described(simulated.field)}, integrated by a Runge-Kutta method and known to the craft: "
             "only errors of navigation and thrust remain",
         ),
         (
@@ -222,7 +224,7 @@ def sure(flown: FlownRun) -> Section:
         parts += [("biases", tube.bias), (f"noise, {tube.sigmas:g} sigmas", tube.sigmas * tube.noise)]
         parts += [("total", tube.radius), ("total, for a pair", tube.of_a_pair)]
         share = f"{100.0 * tube.probability:.3f} % of simulations"
-        parts += [(f"all craft at all times, in {share}", contained(flown))]
+        parts += [(f"bound for all craft at all times, in {share}", contained(simulated))]
         tables.append(
             Table("Predicted tracking-error tube", TUBE, [(one, float(np.max(part))) for one, part in parts])
         )
@@ -231,40 +233,40 @@ def sure(flown: FlownRun) -> Section:
 
 @dataclass(frozen=True, eq=False)
 class SimulationContent:
-    """Content of a report on a mission that was `flown` in its high-fidelity model."""
+    """Content of a report on a mission that was `simulated` in its high-fidelity model."""
 
-    flown: FlownRun
+    simulated: SimulatedRun
 
     @property
     def title(self) -> str:
         """The title of the report."""
-        return f"{self.flown.run.scenario.title}: simulated in the high-fidelity model"
+        return f"{self.simulated.run.scenario.title}: simulated in the high-fidelity model"
 
     @property
     def flight(self) -> WatchedFlight:
         """The worst simulation, for the animated page."""
-        return self.flown.worst
+        return self.simulated.worst
 
     @property
     def zones(self) -> PairZones:
         """The keep-out zones of all pairs."""
-        return self.flown.zones
+        return self.simulated.zones
 
     @property
     def epoch(self) -> Epoch | None:
         """The epoch of time 0; None if it is unknown."""
-        return self.flown.run.scenario.epoch
+        return self.simulated.run.scenario.epoch
 
     @property
     def opening(self) -> tuple[str, ...]:
         """The number of simulations, the force model, the control law, the errors and lost craft."""
-        one, given = self.flown, self.flown.told
+        one, given = self.simulated, self.simulated.arguments
         law, sight = given["feedback"], given["navigation"]
         count = f"{counted(len(one.flight.states), 'simulation')} of {len(one.names)} craft"
         alike = "" if one.uncertain else "; without uncertainty, all others are the same"
         lines = [self.title, f"{count}, {counted(len(one.stages), 'stage')}{alike}"]
         unknown = "" if one.field is one.known else " except for drawn values"
-        where = f"High-fidelity model: {described(one.field)}, known{unknown}; thrust is compensated for it"
+        where = f"High-fidelity model: {described(one.field)}, known{unknown}; thrust compensates for it"
         if one.control == "open":
             lines.append(f"{where}; open loop, no navigation updates")
         else:
@@ -286,15 +288,15 @@ class SimulationContent:
     @property
     def without_control(self) -> Iterator[str]:
         """The spacecraft without an engine, and those that lose their thrust."""
-        if names := ", ".join(np.array(self.flown.names)[~self.flown.told["engine"]]):
+        if names := ", ".join(np.array(self.simulated.names)[~self.simulated.arguments["engine"]]):
             yield f"No engine: {names}; they drift in the high-fidelity model without feedback"
-        if losses := ", ".join(f"{one.craft} at {one.time:.1f} s" for one in self.flown.run.lost):
+        if losses := ", ".join(f"{one.craft} at {one.time:.1f} s" for one in self.simulated.run.lost):
             yield f"Thrust lost: {losses}; from then on they drift"
 
     @property
     def drawn(self) -> Iterator[str]:
-        """The sampled values of a case that its plans do not know."""
-        scenario = self.flown.run.scenario
+        """The sampled values of a case that are unknown to its plans."""
+        scenario = self.simulated.run.scenario
         if scenario.study is None or scenario.drawn_flight is None:
             return
         found = []
@@ -307,12 +309,14 @@ class SimulationContent:
     @property
     def thrust_errors(self) -> Iterator[str]:
         """The spacecraft that fire pulses, the execution errors of thrust, and the errors of each craft."""
-        if shot := self.flown.thrusters:
-            names = "all" if len(shot) == len(self.flown.names) else ", ".join(shot)
-            back = "" if self.flown.control == "open" else ", and feedback corrections of at least one bit"
+        if shot := self.simulated.thrusters:
+            names = "all" if len(shot) == len(self.simulated.names) else ", ".join(shot)
+            back = (
+                "" if self.simulated.control == "open" else ", and feedback corrections of at least one bit"
+            )
             yield f"Thrusters: {names} fire the compensated plan as pulses{back}"
-        size, angle = np.atleast_2d(self.flown.told["thrust_error"]).max(axis=0)
-        found = list(error_lines(self.flown.told["errors"] or ()))
+        size, angle = np.atleast_2d(self.simulated.arguments["thrust_error"]).max(axis=0)
+        found = list(error_lines(self.simulated.arguments["errors"] or ()))
         if size or angle:
             largest = f"{100.0 * size:.3g} % and {degrees(angle):.3g} deg"
             yield f"Thrust: error up to {largest}, constant in a simulation"
@@ -323,12 +327,12 @@ class SimulationContent:
     @property
     def verdict(self) -> Entered:
         """The keep-out violations and the limits that are exceeded."""
-        return self.flown.entered
+        return self.simulated.entered
 
     @property
     def lines(self) -> tuple[str, ...]:
         """The worst simulation, the tracking-error tube, and shortfalls of thrust."""
-        flight, tube, near = self.flown.flight, self.flown.tube, self.flight.closest
+        flight, tube, near = self.simulated.flight, self.simulated.tube, self.flight.closest
         lines = []
         if near is not None:
             lead = f"Worst simulation, {flight.worst}" if len(flight.states) > 1 else "Closest approach"
@@ -339,29 +343,29 @@ class SimulationContent:
         if tube is not None:
             radius = f"{np.max(tube.radius):.3g} m per craft, {tube.of_a_pair:.3g} m per pair"
             lines.append(
-                f"Tracking-error tube of any such plan: {radius}, {tube.sigmas:g} sigmas per direction"
+                f"Tracking-error tube of any plan with this feedback: {radius}, "
+                f"{tube.sigmas:g} sigmas per direction"
             )
-            within = (
-                f"{100.0 * tube.probability:.3f} % of simulations stay within {contained(self.flown):.3g} m"
-            )
+            bound = contained(self.simulated)
+            within = f"{100.0 * tube.probability:.3f} % of simulations stay within {bound:.3g} m"
             lines.append(f"Largest deviation from the plan: {flight.greatest_deviation:.3g} m; {within}")
-        short = dict(zip(self.flown.names, flight.limited.max(axis=0).tolist(), strict=True))
+        short = dict(zip(self.simulated.names, flight.limited.max(axis=0).tolist(), strict=True))
         lines += [
             f"{name}: feedback exceeds its thrusters in up to {100.0 * short[name]:.3g} % of a simulation; "
             "use stronger thrusters, or add one along each axis"
-            for name in self.flown.thrusters
+            for name in self.simulated.thrusters
             if short[name] > 0.0
         ]
         lines += [
             f"{name}: an axis without a thruster is not controlled; deviation up to {aside:.3g} m"
-            for name, aside in self.flown.unled.items()
+            for name, aside in self.simulated.unled.items()
         ]
         return tuple(lines)
 
     @cached_property
     def tables(self) -> tuple[Table, ...]:
         """Stages, costs, and the worst simulations."""
-        return tables(self.flown)
+        return tables(self.simulated)
 
     def section(self, title: str, lines: tuple[str, ...] = ()) -> Section:
         """Return the section on the simulations under a title, after some lines."""
@@ -371,25 +375,27 @@ class SimulationContent:
     @property
     def sure(self) -> Section:
         """The section on certified and sampled figures."""
-        return sure(self.flown)
+        return sure(self.simulated)
 
     @property
     def worst(self) -> tuple[tuple[str, ...], tuple[Table, ...]]:
         """The conflicts of the worst simulation, as lines and tables."""
         if not self.flight.conflicts:
             return (), ()
-        which = "worst " * (len(self.flown.flight.states) > 1)
+        which = "worst " * (len(self.simulated.flight.states) > 1)
         return conflicts.listed(f"Conflicts of the {which}simulation", self.flight)
 
     @property
     def pictures(self) -> Iterator[Picture]:
         """Pictures of clearance ratios, deviations, paths and delta-v."""
-        flight, names = self.flown.flight, {"names": self.flown.names}
+        flight, names = self.simulated.flight, {"names": self.simulated.names}
         if flight.ratios.size:
             caption = "Clearance ratios in every simulation, and those of the closest pair"
             yield Picture("flights-ratios", caption, "flight_ratios", (flight, self.zones), names)
         caption = "Deviation from the plan in every simulation, and the predicted tracking-error tube"
-        yield Picture("flights-deviations", caption, "flight_deviations", (flight, self.flown.tube), names)
+        yield Picture(
+            "flights-deviations", caption, "flight_deviations", (flight, self.simulated.tube), names
+        )
         caption = "The paths as planned and as simulated, with deviations enlarged"
         yield Picture("flights-paths", caption, "flight_paths", (flight,), names)
         caption = "Delta-v of each craft for the plan, for the model error and for feedback"
@@ -398,7 +404,7 @@ class SimulationContent:
     @property
     def figures(self) -> dict[str, Any]:
         """The figures in full precision and SI units."""
-        one, verdict, given = self.flown, self.verdict, self.flown.told
+        one, verdict, given = self.simulated, self.verdict, self.simulated.arguments
         law, sight, tube = given["feedback"], given["navigation"], one.tube
         found = {
             "status": verdict.status,
@@ -440,7 +446,7 @@ class SimulationContent:
     @property
     def stored(self) -> Iterator[tuple[str, dict[str, Any]]]:
         """The tables of the result folder, each with its name."""
-        flight, names = self.flown.flight, np.array(self.flown.names)
+        flight, names = self.simulated.flight, np.array(self.simulated.names)
         columns = flight.columns()
         yield "flights", {**columns, "craft": names[columns["craft"]]}
         if flight.ratios.size:
@@ -454,7 +460,7 @@ class SimulationContent:
                     "ratio": flight.ratios.ravel(),
                 },
             )
-        stages = self.flown.stages
+        stages = self.simulated.stages
         yield (
             "ends",
             {
@@ -464,19 +470,22 @@ class SimulationContent:
                 "end_m": np.concatenate([one.ends.ravel() for one in stages]),
             },
         )
-        yield "paths", state_columns(self.flown.names, flight.times, flight.states[flight.worst], self.epoch)
-        if self.flown.thrusters:
+        yield (
+            "paths",
+            state_columns(self.simulated.names, flight.times, flight.states[flight.worst], self.epoch),
+        )
+        if self.simulated.thrusters:
             orders = flight.orders[flight.worst]
             firing, when = orders.any(axis=2).nonzero()
             given = dict(
                 zip(("radial_m_s", "along_track_m_s", "cross_track_m_s"), orders[firing, when].T, strict=True)
             )
-            yield "pulses", self.flown.pulses
+            yield "pulses", self.simulated.pulses
             yield (
                 "corrections",
                 {"craft": names[firing], "time_s": flight.ordered[when], **given},
             )
-        parts = [one.columns() for one in self.flown.commanded]
+        parts = [one.columns() for one in self.simulated.commanded]
         numbers = [np.full(len(part["craft"]), one.number) for one, part in zip(stages, parts, strict=True)]
         whole = {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}
         yield "commanded", {"stage": np.concatenate(numbers), **whole, "craft": names[whole["craft"]]}
@@ -503,14 +512,14 @@ class SimulationReport(SimulationContent):
     def lines(self) -> tuple[str, ...]:
         """The lines of the simulations, followed by warnings about exceeded limits."""
         exceeded = self.verdict.exceeded or ()
-        return (*super().lines, *(use.warning(self.flown.grams) for use in exceeded))
+        return (*super().lines, *(use.warning(self.simulated.grams) for use in exceeded))
 
     def write(
         self, folder: Folder, progress: Progress = lambda text: None, viewer: page.Viewer | None = None
     ) -> None:
         """Fill a result folder with the files of the simulations; `viewer` writes the animated page."""
         progress("writing tables")
-        folder.scenario(self.flown.run.scenario)
+        folder.scenario(self.simulated.run.scenario)
         for name, columns in self.stored:
             folder.table(name, columns)
         head = Head(self.title, self.opening[1:], str(self.verdict), self.verdict.ok)

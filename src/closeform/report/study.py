@@ -165,7 +165,7 @@ class CasesReport(ABC):
 
 
 def percent(heading: str) -> tuple[Column, Column]:
-    """Return two columns for estimates: the share, and its interval."""
+    """Return two columns for estimates: the share and its confidence interval."""
 
     def interval(share: Estimate) -> str:
         return f"{100.0 * share.low:.3f} to {100.0 * share.high:.3f}"
@@ -316,7 +316,7 @@ class StudyReport(CasesReport):
         """Each requirement with the count and share of cases that meet it; the last row covers all."""
         tally = self.campaign.tally
         every = {self.campaign.requirement_label(what): met for what, met in tally.met.items()}
-        for what, met in {**every, "all of it": tally.good}.items():
+        for what, met in {**every, "all requirements": tally.good}.items():
             yield what, met.count, estimate(met.count, len(self.campaign))
 
     @cached_property

@@ -33,7 +33,7 @@ CURVES = 4  # maximum number of pairs whose clearance in sigmas is plotted
 TUBE_SIGMAS = 3.0  # width of a tube if no sigmas are required
 SURE = {  # name of the interval of each method other than "entries"
     "bound": "certified",
-    "monte-carlo": "95 % Monte Carlo interval, as errors this thin have no rate of entries,",
+    "monte-carlo": "95 % Monte Carlo interval, because the errors are too thin for a rate of entries,",
 }
 DRAWN = 1e-15  # expected entries above which they are plotted
 
@@ -77,7 +77,8 @@ def lines(found: "UncertainStage") -> tuple[str, ...]:
         lead = f"{'Clear' if near is None or near.sigmas >= many else 'Not clear'} at {many:g} sigma"
     of = "keep-out zones" if found.zones is not None else "the hard bodies"
     judged = found.zones is not None or found.bodies is not None
-    words = ["No pair of craft with a keep-out zone has uncertain relative states"] if judged else []
+    sized = "a keep-out zone" if found.zones is not None else "hard bodies"
+    words = [f"No pair of craft with {sized} has an uncertain relative state"] if judged else []
     if near is not None:
         words = [f"{lead}: {fewest(near)}, of {of}"]
     pair = found.likeliest
@@ -94,11 +95,11 @@ def lines(found: "UncertainStage") -> tuple[str, ...]:
     if odds.high == 0.0:
         most, counts = "below 1e-300", ""
     both = f"{pair.first} - {pair.second}"
-    words.append(f"Probability of collision {most}, {both}: of ever coming {within} in this stage{counts}")
+    words.append(f"Probability of collision of {both} in this stage: {most}; of ever being {within}{counts}")
     if (bound := together(found)) is not None:
         flight = found.bodies
         every = f"the sum of {0 if flight is None else len(flight.pairs)} pairs"
-        words.append(f"Probability that any two collide at most {bound:.4g}: a bound, {every}")
+        words.append(f"Probability that any two collide: at most {bound:.4g}, {every}")
     return tuple(words)
 
 
@@ -116,7 +117,11 @@ def tables(found: "UncertainStage") -> tuple[Table, ...]:
     ):
         pairs = flight.pairs if flight is not None else ()
         if pairs:
-            some = f", the {MOST_ROWS} with fewest of {len(pairs)}" if len(pairs) > MOST_ROWS else ""
+            some = (
+                f", the {MOST_ROWS} with the lowest clearance of {len(pairs)}"
+                if len(pairs) > MOST_ROWS
+                else ""
+            )
             rows = [row(pair)[: len(columns)] for pair in pairs[:MOST_ROWS]]
             made.append(Table(title + some, columns, rows))
     return tuple(made)

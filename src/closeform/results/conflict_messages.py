@@ -12,14 +12,14 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.conflicts.flight import WatchedFlight
 from closeform.conflicts.two_paths import PairConflict
-from closeform.exchange.carried_covariance import covariance_at
+from closeform.exchange.ccsds.conjunction import INERTIAL as FRAMES
+from closeform.exchange.ccsds.conjunction import Conjunction, ConjunctionObject
 from closeform.exchange.chief import Chief
 from closeform.exchange.common_frame import CommonFrame
-from closeform.exchange.conjunction import INERTIAL as FRAMES
-from closeform.exchange.conjunction import Conjunction, ConjunctionObject
-from closeform.exchange.covariance import axes, canonical
+from closeform.exchange.ephemerides.covariance import axes, canonical
+from closeform.exchange.ephemerides.propagated_covariance import covariance_at
 from closeform.exchange.epochs import Epoch
-from closeform.exchange.exported import FileFrame
+from closeform.exchange.export_tracks.track import FileFrame
 from closeform.motion.path import Path
 from closeform.results.export_source import UNKNOWN, Source
 from closeform.uncertainty.errors import Uncertainty

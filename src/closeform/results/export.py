@@ -10,17 +10,17 @@ from pathlib import Path as FilePath
 from typing import Any
 
 from closeform.arrays import instance, number, sequence, shown
-from closeform.exchange import spk
-from closeform.exchange.aem import aem
+from closeform.exchange.ccsds.aem import aem
+from closeform.exchange.ccsds.ocm import ocm
+from closeform.exchange.ccsds.oem_text import oem, oem_xml, opm
 from closeform.exchange.chief import Chief
-from closeform.exchange.czml import czml
 from closeform.exchange.epochs import Epoch
-from closeform.exchange.exported import ROTATING, FileFrame, Track, file_names
-from closeform.exchange.ocm import ocm
-from closeform.exchange.oem_text import oem, oem_xml, opm
-from closeform.exchange.states_csv import csv_text
-from closeform.exchange.stk import SYSTEMS, stk
-from closeform.exchange.tracks import tracks
+from closeform.exchange.export_tracks.sampled_paths import tracks
+from closeform.exchange.export_tracks.track import ROTATING, FileFrame, Track, file_names
+from closeform.exchange.formats import spk
+from closeform.exchange.formats.czml import czml
+from closeform.exchange.formats.states_csv import csv_text
+from closeform.exchange.formats.stk import SYSTEMS, stk
 from closeform.mission.mission_result import Mission
 from closeform.motion.path import Path
 from closeform.results.export_source import Source, source_of
@@ -37,7 +37,7 @@ INERTIAL_ONLY = ("cdm", "stk", "czml", "spk")
 
 @dataclass(frozen=True, eq=False)
 class Export:
-    """Export in progress: what is written, in which frame, with which `step` [s]."""
+    """Export in progress: its source, its frame and its `step` [s]."""
 
     source: Source
     frame: FileFrame
@@ -223,7 +223,7 @@ def write_aem(made: Export, place: Folder) -> None:
 
 def write_cdm(made: Export, place: Folder) -> None:
     """Write a CDM of each conflict."""
-    from closeform.exchange.cdm import write_cdm
+    from closeform.exchange.ccsds.cdm import write_cdm
     from closeform.results.conflict_messages import messages  # imported late: compiles kernels
 
     found = list(messages(made.source))

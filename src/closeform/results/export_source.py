@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.exchange.aem import quaternions
+from closeform.exchange.ccsds.aem import quaternions
 from closeform.exchange.chief import Chief
 from closeform.exchange.epochs import Epoch
-from closeform.exchange.exported import Shots
-from closeform.exchange.tracks import FlownCraft
+from closeform.exchange.export_tracks.sampled_paths import FlownCraft
+from closeform.exchange.export_tracks.track import Shots
 from closeform.fuel.burns import burns_of
 from closeform.mission.mission_result import Mission
 from closeform.motion.path import Path
@@ -161,7 +161,7 @@ def of_paths(path: Path, chief: Chief | None, names: Sequence[str] | None) -> So
         raise ValueError(f"names: expected {len(each)} distinct names, got {', '.join(called)}")
     craft = []
     for name, one in zip(called, each, strict=True):
-        found = burns_of(one).told
+        found = burns_of(one).significant
         unknown = np.full(len(found.start), np.nan)
         burns = Shots(found.start, found.duration, found.push, unknown, np.zeros(len(found.start), dtype=int))
         craft.append(FlownCraft(name, UNKNOWN, one, burns))

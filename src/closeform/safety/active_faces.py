@@ -9,9 +9,9 @@ largest,
 which equals the minimum norm in the parallelotope.  The multipliers are a point; the steepest part of the
 norm at that point enters the basis next, round parts with their gradient there.
 
-A weaker condition suffices for failures that drift one `way`, 1 or -1, along the track: where the point
-drifts the other way, enough of the drift is mixed in to compensate it.                            # theory
-(49a)
+A weaker condition suffices if all failures drift along the track with the sign `way`, 1 or -1: where the
+point drifts the other way, enough drift is mixed into the normal to compensate it.
+# theory (49a)
 """
 
 from math import inf
@@ -84,7 +84,7 @@ def exchange(inverse, shares, column, size):
 def point_of(room, count, costs, inverse, u):
     """Return the point of a basis, and the edge that it exceeds most, or -1.
 
-    `u` receives the norm and the point's shares of the edges from the centre.
+    `u` receives the norm, and the coordinates of the point along the edges from the centre.
     """
     x, y, z = place_at(room, count, 0.5)
     beyond, which = 0.5 + LEVEL, -1
@@ -104,8 +104,8 @@ def point_of(room, count, costs, inverse, u):
 def leaning(room, count, u, way):
     """Return the weight of drift in the mix if a basis' point drifts against `way`, and the centre's drift.
 
-    The weight is 0 elsewhere. It is scaled by the drifts of the edges, so that normals and drifts are of one
-    size.
+    Otherwise the weight is 0. It is scaled by the drifts of the edges, so that normals and drifts are of
+    similar size.
     """
     centre = room.drifts[0] - room.drifts[OTHER]
     drift, unit = centre, 0.0

@@ -126,8 +126,8 @@ def remove_drift_at(one, two, cell, width, far, n, form, slow, k, share, room):
 def limit_ahead(one, two, t, width, n, form, tube, way, room, best):
     """Return the minimum norm of the region ahead of a closed ellipse, `room.point[0]`, if below `best`.
 
-    Along the track the motion is at a - size cos(n t - middle). In the half before the zone all that is ahead
-    is the tube; in the half past it only the position itself counts.
+    Along the track the motion is at a - size cos(n t - middle). In the half before the zone, the region ahead
+    is the tube; in the half past it, only the position itself counts.
     """
     point = room.point[0]
     open_window(one, two, point, width, t, t, n, 1, t, form, room)
@@ -170,7 +170,7 @@ def ways_from(one, two, cell, width, far, n, form, slow, count, room):
 
 @kernel()
 def limit_of(one, two, cell, width, slow, far, n, form, tube, count, room, best):
-    """Return the limit of the norms of ever slower drifts in a cell, if below `best`, at `shares` of it.
+    """Return the norm that ever slower drifts in a cell approach at its fractions `shares`, if below `best`.
 
     Where they drift in only one sense, only the region ahead counts.
     """
@@ -187,10 +187,10 @@ def limit_of(one, two, cell, width, slow, far, n, form, tube, count, room, best)
 
 @kernel()
 def limit_downhill(one, two, cell, width, slow, far, n, form, tube, room, best):
-    """Return the minimum of the limits of slow drifts along failures without drift from `room.point[1]`.
+    """Return the local minimum, from `room.point[1]`, of limits of slow drifts near failures without drift.
 
-    Of two unknowns one is moved, by steps that grow downhill and turn back smaller uphill, and the other
-    follows so that the failure does not drift; both stay inside the cell.
+    One of two unknowns is varied, with steps that grow while the limit decreases and otherwise reverse and
+    shrink. The other follows so that the failure does not drift. Both stay inside the cell.
     """
     t, turn = cell[FROM], cell[FROM] + 2.0 * pi / n
     for k in range(2):

@@ -1,10 +1,10 @@
 """Descent over all unknowns of a failure at once: its instant, degree and duration, and the time.
 
-Norms have kinks where faces of a zone meet, and minimum norms lie in them.  BFGS with a line search that
-requires weak descent of the slope continues there, as its metric shrinks across a kink, and not along it
-(A. S. Lewis and M. L. Overton, Nonsmooth optimization via quasi-Newton methods, 2013).  It starts with the
-metric of positions, which makes it independent of the scales of the unknowns, and restarts with shorter and
-shorter steps.  An unknown at its limit is reflected, or held there.
+Norms have kinks where faces of a zone meet, and minima of the norm are often at a kink.  BFGS with a line
+search that requires weak descent of the slope continues there, as its metric shrinks across a kink, and not
+along it (A. S. Lewis and M. L. Overton, Nonsmooth optimization via quasi-Newton methods, 2013).  It starts
+with the metric of positions, which makes it independent of the scales of the unknowns, and restarts with
+shorter and shorter steps.  An unknown at its limit is reflected, or held there.
 """
 
 from math import inf, sqrt
@@ -68,7 +68,7 @@ def range_of(side, cell, o, j, n):
 def ranges(one, two, cell, width, end, n, low, high, scale):
     """Fill the limits and scales of all unknowns of a cell's pieces, the time last.
 
-    Returns the number before it.
+    Returns the number of unknowns without the time.
     """
     count, first = 0, max(earliest(one, cell, SIDE), earliest(two, cell, SIDE + width))
     for second in range(2):

@@ -51,9 +51,9 @@ class DriftApproach(Rows):
     failing : str or array of str of shape (...)
         Which spacecraft fails in the worst case: "path", "other" or "both".
     lower : float or array of shape (...), no unit
-        Lower bound on the norm after any failure: 1e-9 below the ratio, or that share of it.  It is lower
-        where the search ended after many cells, as with several missed burns of both spacecraft, and -inf
-        where drift without an end may lead ever deeper into half-spaces.  Use this bound to judge safety.
+        Lower bound on the norm after any failure: 1e-9 below the ratio, or that share of it.  It is lower if
+        the search reached its maximum number of cells, as with several missed burns of both spacecraft. It is
+        -inf if unlimited drift may lead ever deeper into half-spaces.  Use this bound to judge safety.
     """
 
     _columns: ClassVar = {
@@ -214,7 +214,7 @@ def _checked(path: Path, other: Path, zone: Zone, until: float, failure: Any, fa
             and (one.end < end - forgiven(one)).any()
         ):
             raise ValueError(
-                f"{name}: ends at {last_times(one).min():g} s, and continues while the other fails; "
+                f"{name}: ends at {last_times(one).min():g} s, but must continue while the other fails; "
                 f"extend it to {end:g} s, for example by a coast"
             )
     return end

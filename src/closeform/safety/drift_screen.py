@@ -152,7 +152,7 @@ def worst_drifts(
 ) -> tuple[Any, Floats]:
     """Return the pairs that are not passively safe, and the rows of `search.worst_failures` for these.
 
-    For a drift with an end one search finds both: the minimum norm is searched if one is in the zone.
+    For a drift with an end, one search finds both; the minimum norm is searched only for pairs in the zone.
     """
     judged = 0.0 if for_ever else certain
     rows = search_pairs(*sides, first, second, end, orbit, zone, judged, MEETS, for_ever)

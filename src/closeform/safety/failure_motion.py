@@ -40,8 +40,8 @@ SMALLEST = 1e-13  # of a set's edges, in zones: failures in it are equal
 def target_below(best, certain):
     """Return the norm up to which cells must be clear for `best` to be the minimum of all.
 
-    Cells may hide the share `certain` of it, or of 1; if only entry matters it is 1 until a conflict is
-    found.
+    Cells may be lower by the share `certain` of it, or of 1. If only entry matters, it is 1 until a conflict
+    is found.
     """
     return best - certain * max(abs(best), 1.0) if certain > 0.0 and best != MEETS else 1.0
 
@@ -121,7 +121,7 @@ def note(room, cell):
 def glance(one, two, cell, width, end, n, form, room, best):
     """Estimate the minimum norm of the span of a cell at times GLANCE apart, if below `best`.
 
-    Returns its time too.
+    Also returns its time.
 
     `room.point[1]` receives the failure.
     """

@@ -1,4 +1,4 @@
-"""Search of the drift after the first hundred orbits, without an end.
+"""Search of unlimited drift, after the first hundred orbits.
 
 Natural motion is an ellipse that drifts along the track, so that each orbit repeats the previous one,
 shifted by a constant step.  A cell of failures is clear for good if the first few steps of the march show it;
@@ -29,8 +29,8 @@ TURNS = 16  # alternations between the regions ahead of a zone and behind it, in
 def stays_behind(one, two, cell, width, n, form, scale, tube, target, rest, away, room):
     """Return True if the region ahead of a cell's ellipses is clear for one orbit, and so for good.
 
-    Where they are before the zone the region is the tube; where they are past it, planes that lead away bound
-    it. Half-spaces without a useful tube use such planes alone.
+    For motions before the zone the region is the tube; for motions past it, planes from which they drift away
+    bound the region. Half-spaces without a useful tube use such planes alone.
     """
     start = cell[FROM]
     turn, clear, t = start + 2.0 * pi / n, False, start

@@ -35,8 +35,8 @@ from closeform.zones.shapes import FACES, FORM
 def least_downhill(one, two, top, width, end, n, form, room, best, when, most):
     """Return the minimum norm that descents from cells reach, if below `best`, and its time.
 
-    Descents start in cells that seem to come closer than that, or than `most`; `room.point[1]` receives the
-    failure.
+    Descents start in cells that seem to have a lower norm than that, or than `most`; `room.point[1]` receives
+    the failure.
     """
     worst, kept = room.point[1], room.point[2]
     for c in range(len(worst)):
@@ -58,7 +58,7 @@ def least_downhill(one, two, top, width, end, n, form, room, best, when, most):
 
 @kernel()
 def search_downhill(one, two, top, width, end, n, form, scale, tube, floor, certain, most, room):
-    """Do what `search.search` does: return the minimum norm over failures and drifts, time, and accuracy."""
+    """Return the minimum norm over failures and drifts, its time, and its accuracy, as `search` does."""
     best, when = most, nan
     if most == inf:
         if form[0] == FACES:  # adds another start

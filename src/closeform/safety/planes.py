@@ -4,8 +4,8 @@ A plane separates them while
 
     min a.q_k - max a.w_m + sum min(0, a.g_j) > target + ball                          # theory (47)
 
-for the gradient `a` of a part of the zone's norm.  Each term is the motion of one arc, so that each obeys
-theory (10), and the sum is concave in time within the validity of its bounds.
+for the gradient `a` of a part of the zone's norm.  Each term is the motion of one arc and obeys theory (10).
+The sum is concave in time as long as its bounds hold.
 """
 
 from math import inf, sqrt
@@ -28,7 +28,7 @@ EITHER_WAY = (0.0, 0.0, 0.0, 0.0, 0.0)
 
 @kernel()
 def project(room, window, ax, ay, az, lean):
-    """Fill the terms of every motion along a plane's normal and `lean` times its drift.
+    """Fill the terms of every motion along the sum of a plane's normal and `lean` times its drift.
 
     Returns the minimum sum.
     """
@@ -146,7 +146,7 @@ def mixed_plane(room, count, form, x, y, z):
 
 @kernel()
 def best_plane(room, window, count, form, level, x, y, z, local, wanted, away):
-    """Return how long the best plane separates, of a norm's parts and of their mix, and the gap.
+    """Return how long the best plane, of a norm's parts or of their mix, separates, and its gap.
 
     The direction `away` must not lead back through the plane.
     """

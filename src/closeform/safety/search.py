@@ -109,7 +109,7 @@ def calm_from(side, n):
 
 @kernel()
 def march_drift(one, two, cell, width, calm, end, n, form, tube, scale, target, best, rest, room):
-    """Do what `march` does to the end of a drift; a long drift ends after one orbit if the tube is clear.
+    """March to the end of a drift, as `march` does; a long drift ends after one orbit if the tube is clear.
 
     Both sides are without thrust from `calm` on. In the tube natural motion is periodic, theory (49).
     """
@@ -287,8 +287,9 @@ def worst_failures(one, two, first, second, ends, n, form, scale, certain, most,
     The ratio is `certain` to that share of itself, or of 1, or less accurate if that takes too many cells: no
     failure leads below LOWER. If `most` is MEETS, pairs that stay out of the zone have inf, and 1 without a
     time where undecided; if `certain` is 0 the first failure that meets the zone suffices. A pair without a
-    common time has nan and inf; one that needs more space has -inf, and the number of its cells as a time. If
-    `far` is above 0 the drift continues from its end to then, and norms in the `tube` have the time inf.
+    common time has nan and inf; one that needs more space has -inf, and in place of the time the number of
+    its cells. If `far` is above 0 the drift continues from its end to then, and norms in the `tube` have the
+    time inf.
     """
     one, two, room, out = lent(one), lent(two), lent(room), borrowed(out)
     form = form[0], borrowed(form[1]), borrowed(form[2])

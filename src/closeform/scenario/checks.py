@@ -223,8 +223,8 @@ def firing(scenario: Scenario, number: int, stage: Avoid | Joint | Transfer) -> 
 
 
 def thrusting(scenario: Scenario, number: int, stage: Thrusting) -> Iterator[str]:
-    """Yield an error line for each engine key of a stage that lacks a mass, a thrust or an exhaust speed."""
-    for craft in scenario.craft if stage.told else ():
+    """Yield an error line for each engine key that requires a missing mass, thrust or exhaust speed."""
+    for craft in scenario.craft if stage.given_keys else ():
         if craft.name not in stage.moving(scenario.names):
             continue
         known = {*craft.unfit()}
@@ -240,7 +240,7 @@ def thrusting(scenario: Scenario, number: int, stage: Thrusting) -> Iterator[str
 
 
 def as_before(scenario: Scenario, number: int, name: str, earlier: list[str]) -> Iterator[str]:
-    """Yield an error line if the stage to return to is absent, is later or precedes a gather."""
+    """Yield an error line if the stage to return to is missing, is later, or precedes a `gather`."""
     key = f"stage[{number}].as_before"
     if name not in earlier:
         if name in [stage.name for stage in scenario.stages]:
@@ -370,7 +370,7 @@ def spans(scenario: Scenario, orbit: Orbit) -> Iterator[str]:
 
 
 def doubted(scenario: Scenario, number: int, stage: StageTable) -> Iterator[str]:
-    """Yield an error line for each `sigmas` or `max_probability` without errors, other craft or sizes."""
+    """Yield an error line for each `sigmas` or `max_probability` that lacks errors, other craft or sizes."""
     asked = [key for key in ("sigmas", "max_probability") if getattr(stage, key) is not None]
     for key in asked:
         if not scenario.uncertain:
@@ -413,7 +413,7 @@ def in_field(scenario: Scenario) -> Iterator[str]:
     table, chief = scenario.orbit.field, scenario.orbit.chief
     if table is not None:
         if chief is not None and (chief.center or "EARTH").upper() != "EARTH":
-            yield f"orbit.field: is the Earth's, and the chief is about {chief.center}; remove field"
+            yield f"orbit.field: models the Earth, but the chief orbits {chief.center}; remove field"
         return
     tables = {
         "feedback": scenario.feedback,
@@ -454,10 +454,10 @@ def in_flight(scenario: Scenario) -> Iterator[str]:
     autos = any(getattr(stage, "margin", None) == "auto" for stage in scenario.stages)
     if scenario.noisy and autos:
         remedy = "remove noise, or give margins in metres"
-        yield f'craft.execution: margin = "auto" counts no white noise; {remedy}'
+        yield f'craft.execution: margin = "auto" does not cover white noise; {remedy}'
     if autos or scenario.flights is not None:
         try:
-            flown_thrusters(scenario)
+            simulated_thrusters(scenario)
         except ValueError as error:
             yield str(error)
     if scenario.flights is None:
@@ -473,10 +473,10 @@ def in_flight(scenario: Scenario) -> Iterator[str]:
         yield f"study.vary.{shown(FAILS)}: cannot be combined with replanning; {remedy}"
 
 
-def flown_thrusters(scenario: Scenario) -> list[Thrusters | None]:
+def simulated_thrusters(scenario: Scenario) -> list[Thrusters | None]:
     """Return the thrusters of each craft, which are the same in all stages; None for a craft without any.
 
-    Raises ValueError, beginning with the key of a stage, if a craft has other thrusters in that stage.
+    Raises ValueError, with the key of the stage, if a craft has other thrusters in that stage.
     """
     return [throughout(scenario, k).fired(1.0) for k in range(len(scenario.craft))]
 
@@ -522,14 +522,15 @@ def too_blind(scenario: Scenario, orbit: Orbit) -> Iterator[str]:
     from closeform.dynamics.feedback import Feedback
     from closeform.dynamics.tube import tube
 
-    told = scenario.flight
-    room = tube(orbit, told["feedback"] or Feedback(), told["navigation"])
+    flight = scenario.flight
+    room = tube(orbit, flight["feedback"] or Feedback(), flight["navigation"])
     zones = [zone for zone in scenario.zones.zones if np.isfinite(zone.extents).all()]
     least = min((float(np.min(zone.extents)) for zone in zones), default=np.inf)
     if room.of_a_pair > least:
         yield (
-            f"navigation: pairs are off by {room.of_a_pair:.3g} m ({room.sigmas:g} sigmas), and the smallest "
-            f"zone reaches {least:.3g} m; give better navigation, another feedback or larger zones"
+            f"navigation: the tracking error of a pair is {room.of_a_pair:.3g} m ({room.sigmas:g} sigmas), "
+            f"more than the {least:.3g} m of the smallest zone; give better navigation, another feedback "
+            "or larger zones"
         )
 
 

@@ -7,7 +7,7 @@ from math import hypot, inf, nan, pi
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import BeforeValidator, Field, PlainValidator, PrivateAttr, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, PlainValidator, PrivateAttr, model_validator
 
 from closeform.arrays import Floats
 from closeform.fuel.falling_mass import STANDARD_GRAVITY
@@ -58,7 +58,7 @@ from closeform.scenario.table import (
 from closeform.uncertainty.covariance import root_of
 from closeform.zones.combined_zones import Body, CovarianceZone, OwnZone
 from closeform.zones.solids import Box, Cylinder, Ellipsoid, HalfSpaces, Sphere
-from closeform.zones.zone import Zone
+from closeform.zones.zone import LARGEST, SMALLEST, Zone
 
 if TYPE_CHECKING:
     from closeform.search.schedule import Search
@@ -70,35 +70,57 @@ Row = Annotated[Vector, Field(strict=False)]
 
 
 class KeepOut(Table):
-    """Table `keep_out`: the zone around a craft that no other may enter."""
+    """Table `keep_out`: the zone around a craft that no other craft may enter."""
 
-    kind: Literal["region", "covariance", "body"] | None = setting('"body"', "meaning of the zone")
+    kind: Literal["region", "covariance", "body"] | None = setting(
+        '"body"', 'meaning of the zone; by default "covariance" with `covariance`, else "region"'
+    )
     sphere: Length | None = setting('"20 m"', "radius of a sphere")
-    box: Lengths | None = setting('"20 40 20 m"', "half-widths of a box")
-    ellipsoid: Lengths | None = setting('"20 40 20 m"', "semi-axes of an ellipsoid")
+    box: Lengths | None = setting('"20 40 20 m"', "half-widths of a box: radial, along-track, cross-track")
+    ellipsoid: Lengths | None = setting(
+        '"20 40 20 m"', "semi-axes of an ellipsoid: radial, along-track, cross-track"
+    )
     covariance: Annotated[Six, Reader(AREA, 6)] | None = setting(
-        '"25 0 100 0 0 25 m^2"', "position covariance: rr tr tt nr nt nn", needs="sigmas"
+        '"25 0 100 0 0 25 m^2"',
+        "position covariance, lower triangle rr tr tt nr nt nn as in a conjunction message",
+        needs="sigmas",
     )
     sigmas: Annotated[float, Field(gt=0)] | None = setting(
-        "3.0", "size of the covariance ellipsoid", only_with="covariance"
+        "3.0",
+        "size of the covariance ellipsoid in standard deviations; required with `covariance`",
+        only_with="covariance",
     )
     axes: Annotated[tuple[Row, Row, Row], Field(strict=False)] | None = setting(
         "[[1, 0, 0], [0, 1, 0], [0, 0, 1]]",
-        "axes of a box or an ellipsoid, as rows",
+        "orthonormal axes of the box or ellipsoid, as rows",
         only_with="box ellipsoid",
     )
     cylinder: Annotated[tuple[float, float], Reader(LENGTH, 2, "positive")] | None = setting(
-        '"10 100 m"', "radius and half-height of a cylinder", needs="axis"
+        '"10 100 m"', "radius and half-length of a cylinder", needs="axis"
     )
-    axis: Row | None = setting("[0, 1, 0]", "axis of a cylinder", only_with="cylinder")
+    axis: Row | None = setting(
+        "[0, 1, 0]", "direction of the cylinder; required with `cylinder`", only_with="cylinder"
+    )
     half_spaces: Annotated[tuple[float, ...], Reader(LENGTH, 0, "positive")] | None = setting(
-        '"50 m"', "distances of the faces of a polyhedron", needs="normals"
+        '"50 m"', "distance of each face from the spacecraft", needs="normals"
     )
     normals: Annotated[tuple[Row, ...], Field(strict=False)] | None = setting(
-        "[[1, 0, 0]]", "outward normals of the faces", only_with="half_spaces"
+        "[[1, 0, 0]]",
+        "outward normal of each face, as rows; required with `half_spaces`",
+        only_with="half_spaces",
     )
 
     def flaws(self) -> Iterator[str]:
+        found = list(self.inconsistencies())
+        yield from found
+        if not found:
+            try:
+                self.own()
+            except ValueError as error:  # a size out of range
+                yield f"{error}; change the size"
+
+    def inconsistencies(self) -> Iterator[str]:
+        """Yield one line per inconsistency among the keys."""
         yield from self.one_of(*SHAPES)
         rows = np.array(self.axes or np.eye(3))
         if not np.allclose(rows @ rows.T, np.eye(3), atol=1e-9):
@@ -156,9 +178,15 @@ class ThrusterTable(Table):
     """Table `thrusters`: "rtn" for one thruster along and one against each axis, or a list of directions."""
 
     directions: Directions = setting(
-        "[[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]]", "thrust directions", ...
+        "[[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]]",
+        "thrust direction of each thruster, as unit vectors",
+        ...,
     )
-    frame: Literal["orbit", "inertial"] = setting('"inertial"', "frame of the directions", "orbit")
+    frame: Literal["orbit", "inertial"] = setting(
+        '"inertial"',
+        "directions that rotate with the orbit, or fixed ones along the orbit's axes at time 0",
+        "orbit",
+    )
 
     @model_validator(mode="before")
     @classmethod
@@ -207,15 +235,25 @@ class Engine(Table):
     """Thrust limit, thrusters and specific impulse."""
 
     max_thrust: Annotated[float, Reader(FORCE, 1, "positive", IDLE)] | None = setting(
-        '"1.5 N"', "maximum thrust"
+        '"1.5 N"', "maximum thrust, with `thrusters` of each; needs `mass`"
     )
     acceleration: Annotated[float, Reader(ACCELERATION, 1, "positive", IDLE)] | None = setting(
-        '"5 mm/s^2"', "maximum thrust acceleration", alias="max_acceleration"
+        '"5 mm/s^2"', "maximum thrust acceleration, instead of `max_thrust`", alias="max_acceleration"
     )
-    thrusters: ThrusterTable | None = setting('"rtn"', "on-off thrusters")
-    minimum_bit: MinimumBit | None = setting('"1 mm/s"', "minimum impulse bit")
-    period: Seconds | None = setting('"30 s"', "firing period of on-off thrusters")
-    specific_impulse: Seconds | None = setting('"220 s"', "specific impulse")
+    thrusters: ThrusterTable | None = setting(
+        '"rtn"',
+        'on-off thrusters: "rtn" for one along and one against each axis, or a '
+        "table; by default thrust in any direction",
+    )
+    minimum_bit: MinimumBit | None = setting(
+        '"1 mm/s"', "minimum impulse bit as a speed, or as an impulse with `mass`; with `thrusters`"
+    )
+    period: Seconds | None = setting(
+        '"30 s"', 'firing period for continuous thrust; with `thrusters`; required there with cost = "energy"'
+    )
+    specific_impulse: Seconds | None = setting(
+        '"220 s"', "specific impulse, with which a run reports propellant; needs `mass`"
+    )
 
     def flaws(self) -> Iterator[str]:
         yield from super().flaws()
@@ -228,7 +266,7 @@ class Engine(Table):
         return self.max_thrust is not None or self.acceleration is not None
 
     @property
-    def told(self) -> dict[str, Any]:
+    def given_keys(self) -> dict[str, Any]:
         """Given values by field; one thrust limit resets the other."""
         given = {name: value for name in Engine.model_fields if (value := getattr(self, name)) is not None}
         return dict.fromkeys(LIMITS) | given if self.limited else given
@@ -250,10 +288,12 @@ def as_errors(value: Any) -> Any:
 class Covariance(Table):
     """Table `covariance`: standard deviations and correlations of the initial position and velocity."""
 
-    position: Deviations = setting('"3 6 3 m"', "standard deviations of the position", (0.0, 0.0, 0.0))
+    position: Deviations = setting(
+        '"3 6 3 m"', "standard deviations: radial, along-track, cross-track", (0.0, 0.0, 0.0)
+    )
     velocity: Speeds = setting('"2 2 2 mm/s"', "standard deviations of the velocity", (0.0, 0.0, 0.0))
     correlation: Annotated[SixRows, Field(strict=False)] = setting(
-        str([list(row) for row in UNCORRELATED]), "correlation matrix", UNCORRELATED
+        str([list(row) for row in UNCORRELATED]), "correlation matrix; by default none", UNCORRELATED
     )
 
     def flaws(self) -> Iterator[str]:
@@ -282,20 +322,25 @@ class Covariance(Table):
 class Gates(Table):
     """Table `impulse` of `execution`: the four standard deviations of the Gates model of an impulse."""
 
-    speed: SpeedDeviation = setting('"1 mm/s"', "standard deviation of the size, fixed", 0.0)
-    magnitude: Share = setting('"1 %"', "standard deviation of the size, proportional", 0.0)
-    across: SpeedDeviation = setting('"1 mm/s"', "standard deviation across the impulse, fixed", 0.0)
-    pointing: AngleDeviation = setting('"0.5 deg"', "standard deviation of the direction", 0.0)
+    speed: SpeedDeviation = setting('"1 mm/s"', "fixed magnitude error", 0.0)
+    magnitude: Share = setting('"1 %"', "proportional magnitude error", 0.0)
+    across: SpeedDeviation = setting('"1 mm/s"', "fixed error along each perpendicular axis", 0.0)
+    pointing: AngleDeviation = setting('"0.5 deg"', "pointing error", 0.0)
 
 
 class Execution(Table):
     """Table `execution`: execution errors of a craft's thrust."""
 
-    magnitude: Share = setting('"1 %"', "standard deviation of the thrust magnitude", 0.0)
-    pointing: AngleDeviation = setting('"0.5 deg"', "standard deviation of the thrust direction", 0.0)
-    impulse: Gates | None = setting('{ speed = "1 mm/s", magnitude = "1 %" }', "Gates model of impulses")
+    magnitude: Share = setting('"1 %"', "standard deviation of the size of each burn", 0.0)
+    pointing: AngleDeviation = setting(
+        '"0.5 deg"', "standard deviation of the direction of each burn about each axis", 0.0
+    )
+    impulse: Gates | None = setting(
+        '{ speed = "1 mm/s", magnitude = "1 %" }',
+        "Gates model of impulses; by default `magnitude` and `pointing` apply to them",
+    )
     noise: Annotated[float, Reader(NOISE, least="zero")] = setting(
-        '"1e-9 m^2/s^3"', "density of white acceleration noise", 0.0
+        '"1e-9 m^2/s^3"', "white acceleration along each axis", 0.0
     )
 
     @property
@@ -329,48 +374,72 @@ def as_silence(value: Any) -> bool | Intervals:
     return tuple(found)
 
 
-class Craft(Engine):
-    """One craft of [craft]."""
+def as_radius(radius: float) -> float:
+    """Return the radius of a hard body [m]; raise ValueError for one that no zone can have."""
+    if not SMALLEST <= radius <= LARGEST:
+        raise ValueError(f'must be from {SMALLEST:g} to {LARGEST:g} m; write for example "5 m"')
+    return radius
 
-    name: Name = setting('["F1", "F2"]', "names of the craft", ...)
-    group: Literal["A", "B"] | None = setting('["A", "B"]', "search group")
-    position: Position | None = setting('["0 0 0 m", "0 100 0 m"]', "initial position relative to the origin")
+
+class Craft(Engine):
+    """Table [craft]: initial states, engines, zones and errors of the spacecraft."""
+
+    name: Name = setting('["F1", "F2"]', "names, of at most 24 characters each", ...)
+    group: Literal["A", "B"] | None = setting('["A", "B"]', "search group; required for `lock` and `gather`")
+    position: Position | None = setting(
+        '["0 0 0 m", "0 100 0 m"]', "initial position; required without `start` or `states`"
+    )
     velocity: Velocity | None = setting(
-        '["0 0 0 m/s", "0 0 0 m/s"]', "initial velocity relative to the origin"
+        '["0 0 0 m/s", "0 0 0 m/s"]', "initial velocity; required without `start` or `states`"
     )
     start: Start | None = setting(
-        '{ palmer = "0 0 0 100 0 20 m" }', "initial relative orbit, inertial state or file"
+        '{ palmer = "0 0 0 100 0 20 m" }', "initial relative orbit or inertial state"
     )
-    states: FileName | None = setting('"states.csv"', "file of initial states")
-    mass: Mass | None = setting('"150 kg"', "initial mass")
-    engine: bool = setting("true", "false for a craft without an engine", True)
-    delta_v_budget: Speed | None = setting('"12 m/s"', "maximum delta-v")
-    propellant: Mass | None = setting('"2 kg"', "mass of propellant", needs="specific_impulse")
-    keep_out: KeepOut | None = setting('{ sphere = "20 m" }', "keep-out zone")
+    states: FileName | None = setting('"states.csv"', "CSV file of initial states")
+    mass: Mass | None = setting('"150 kg"', "mass at the start of the mission")
+    engine: bool = setting("true", "false for a spacecraft that cannot thrust", True)
+    delta_v_budget: Speed | None = setting('"12 m/s"', "maximum delta-v of the mission")
+    propellant: Mass | None = setting(
+        '"2 kg"', "mass of propellant, part of `mass`; needs `specific_impulse`", needs="specific_impulse"
+    )
+    keep_out: KeepOut | None = setting('{ sphere = "20 m" }', "keep-out zone; by default the `hard_body`")
     covariance: Annotated[Covariance | None, BeforeValidator(as_errors)] = setting(
-        '{ position = "3 6 3 m", velocity = "2 2 2 mm/s" }', 'uncertainty of the initial state, or "exact"'
+        '{ position = "3 6 3 m", velocity = "2 2 2 mm/s" }',
+        'uncertainty of the initial state; "exact" for none',
     )
     execution: Annotated[Execution | None, BeforeValidator(as_errors)] = setting(
-        '{ magnitude = "1 %", pointing = "0.5 deg" }', 'execution errors of thrust, or "exact"'
+        '{ magnitude = "1 %", pointing = "0.5 deg" }', 'execution errors of burns; "exact" for none'
     )
-    ballistic: Ballistic | None = setting('"0.02 m^2/kg"', "drag coefficient times area over mass")
+    ballistic: Ballistic | None = setting(
+        '"0.02 m^2/kg"', "drag coefficient times area over mass; required with drag"
+    )
     thrust_error: ThrustError = setting(
-        '"1 %, 1 deg"', "execution errors in the simulation: magnitude and pointing", (0.0, 0.0)
+        '"1 %, 1 deg"',
+        "largest magnitude and pointing error of thrust, constant over a simulation",
+        (0.0, 0.0),
     )
-    hard_body: Length | None = setting('"5 m"', "radius of the hard body")
-    shade: Length | None = setting('"15 m"', "radius of the sunshade")
+    hard_body: Annotated[Length, AfterValidator(as_radius)] | None = setting(
+        '"5 m"',
+        "radius of the enclosing sphere, for the collision probability; the radii of two spacecraft add",
+    )
+    shade: Length | None = setting('"15 m"', "diameter of the sunshade; informative only")
     pointing_error: Annotated[Vector, Reader(ANGLE, 3)] = setting(
-        '"0 0 0 deg"', "attitude error in a search", (0.0, 0.0, 0.0)
+        '"0 0 0 deg"',
+        "constant rotation vector of the body in a search, in body axes with the "
+        "boresight along z; `sun_limit` includes it",
+        (0.0, 0.0, 0.0),
     )
     slew_rate_error: Annotated[float, Reader(SHARE)] = setting(
-        '"0.1 %"', "error of the slew rate in a search", 0.0
+        '"0.1 %"', "share by which all turns are too fast", 0.0
     )
-    start_offset: Annotated[float, Reader(TIME)] = setting('"2 s"', "delay of the search", 0.0)
+    start_offset: Annotated[float, Reader(TIME)] = setting('"2 s"', "delay of the spacecraft's search", 0.0)
     slew_acceleration: Annotated[float, Reader(TURNING, least="positive")] | None = setting(
-        '"0.01 deg/s^2"', "slew acceleration"
+        '"0.01 deg/s^2"', "angular acceleration at the beginning and end of turns; by default unlimited"
     )
     silent: Annotated[bool | Intervals, PlainValidator(as_silence)] = setting(
-        "false", "true, or the intervals in which the craft is silent", False
+        "false",
+        'true for a spacecraft that never locks, or intervals of a search: "10 min to 20 min, 1 h to end"',
+        False,
     )
     _place: tuple[int, int] = PrivateAttr((0, 1))  # place and number of places in a formation
     _known: Floats | None = PrivateAttr(None)  # initial state (6,) that is inertial or in a file
@@ -395,8 +464,8 @@ class Craft(Engine):
         yield from self.unfit()
         if self.propellant is not None and self.mass is not None and self.propellant >= self.mass:
             yield (
-                f"propellant of {self.propellant:g} kg leaves nothing of a mass of {self.mass:g} kg; "
-                "give less of it"
+                f"propellant of {self.propellant:g} kg is the whole mass of {self.mass:g} kg or more; "
+                "give less propellant"
             )
         if hypot(*self.pointing_error) >= MOST_TURN:
             yield 'pointing_error must be below 90 deg; write for example "0.5 0 0 deg"'
@@ -412,7 +481,7 @@ class Craft(Engine):
         """Yield one line per inconsistency between the engine and the mass."""
         yield from self.unmet("max_thrust", needed="mass")
         if self.thrusters is not None and not super().limited:
-            yield 'thrusters need max_thrust, which each gives; add for example max_thrust = "10 mN"'
+            yield 'thrusters need the max_thrust of each; add for example max_thrust = "10 mN"'
         yield from self.unmet("minimum_bit", partners=["thrusters"])
         yield from self.unmet("period", partners=["thrusters"])
         if self.minimum_bit is not None and self.minimum_bit.impulse and self.mass is None:
@@ -421,7 +490,7 @@ class Craft(Engine):
 
     def using(self, engine: Engine) -> Self:
         """Return the craft with the engine keys of a stage in place of its own."""
-        return self.model_copy(update=engine.told) if engine.told else self
+        return self.model_copy(update=engine.given_keys) if engine.given_keys else self
 
     def placed(self, place: int, count: int) -> Self:
         """Return the craft with place `place` of `count` in a formation that `start` names."""
@@ -508,9 +577,11 @@ class Craft(Engine):
 class SensorTable(Table):
     """Table [sensor]: the relative sensor that every craft carries."""
 
-    half_angle: Turn = setting('"70 deg"', "half-angle of the sensor cone", ...)
-    offset: Deviation = setting('"7.5 m"', "distance of the sensor from the center", 0.0)
-    range: Length | None = setting('"2 km"', "maximum range")
+    half_angle: Turn = setting('"70 deg"', "half-angle of the sensor cone, below 180 deg", ...)
+    offset: Deviation = setting(
+        '"7.5 m"', "distance of the sensor from the centre of mass, along the boresight", 0.0
+    )
+    range: Length | None = setting('"2 km"', "maximum range; by default unlimited")
 
     def flaws(self) -> Iterator[str]:
         if self.half_angle >= pi:
@@ -524,14 +595,20 @@ class SensorTable(Table):
 
 
 class SearchTable(Table):
-    """Table [search]: the synchronized turns by which lost craft search for each other."""
+    """Table [search]: the synchronised turns by which lost craft search for each other."""
 
     method: Literal["basic", "modified"] = setting('"modified"', "search schedule", ...)
-    slew_rate: Rate = setting('"0.25 deg/s"', "slew rate", ...)
-    sun_limit: Turn = setting('"25 deg"', "maximum angle between body x and the sun", ...)
-    in_plane_turn: Turn | None = setting('"1.5 turn"', "angle of the in-plane search")
-    tip_angle: Turn | None = setting('"25 deg"', "tip angle of the out-of-plane search")
-    max_speed: Speed | None = setting('"12 cm/s"', "maximum relative speed")
+    slew_rate: Rate = setting('"0.25 deg/s"', "angular rate of every turn", ...)
+    sun_limit: Turn = setting('"25 deg"', "largest tip angle of the sunshade, below 90 deg", ...)
+    in_plane_turn: Turn | None = setting(
+        '"1.5 turn"', 'angle of the in-plane search, 1.5 turn by default; method = "basic" only'
+    )
+    tip_angle: Turn | None = setting(
+        '"25 deg"', 'tip angle of the out-of-plane search, `sun_limit` by default; method = "basic" only'
+    )
+    max_speed: Speed | None = setting(
+        '"12 cm/s"', "largest relative speed, which determines the near-field search"
+    )
 
     def flaws(self) -> Iterator[str]:
         for key in ("in_plane_turn", "tip_angle"):

@@ -36,26 +36,28 @@ def stops(scenario: Scenario) -> tuple[str, ...]:
         if isinstance(stage, Coast):
             states = coasted
             continue
-        who = [scenario.names.index(name) for name in stage.moving(scenario.names)]
+        movers = [scenario.names.index(name) for name in stage.moving(scenario.names)]
         latitude = scenario.orbit.latitude + orbit.mean_motion * time
-        after = ends(orbit, stage, coasted, who, latitude)
+        after = ends(orbit, stage, coasted, movers, latitude)
         if stage.keeps_out:
             margin = stage.margin if isinstance(stage, Avoid | Joint) else None
             room = margin if isinstance(margin, float) else 0.0
-            planned = who[:1] if isinstance(stage, Avoid) else who  # other moving craft do not avoid others
+            planned = (
+                movers[:1] if isinstance(stage, Avoid) else movers
+            )  # other moving craft do not avoid others
             for verb, places in (("start", states), ("end", after)):
                 if places is not None and (found := [*near(scenario, places, planned, room)]):
                     return tuple(f"stage[{number}]: {pair.format(verb)}" for pair in found)
-            opened = after if after is not None else open_end(orbit, stage, coasted, who, latitude)
+            opened = after if after is not None else open_end(orbit, stage, coasted, movers, latitude)
             if found := [*adrift(scenario, orbit, stage, opened, planned)]:
                 return tuple(f"stage[{number}]: {pair}" for pair in found)
-        if after is None or later(scenario, stage, who):
+        if after is None or later(scenario, stage, movers):
             return ()
         states = after
     return ()
 
 
-def ends(orbit: Orbit, stage: Moving, coasted: Floats, who: list[int], latitude: float) -> Floats | None:
+def ends(orbit: Orbit, stage: Moving, coasted: Floats, movers: list[int], latitude: float) -> Floats | None:
     """Return the states (N, 6) of all craft after a stage, given their `coasted` states.
 
     Return None if the final states depend on the plan.
@@ -64,21 +66,23 @@ def ends(orbit: Orbit, stage: Moving, coasted: Floats, who: list[int], latitude:
     if isinstance(stage, Joint):
         if not isinstance(stage, Reconfigure) or stage.assigns:
             return None
-        if (finals := stage.known(orbit, len(who), latitude)) is None:
+        if (finals := stage.known(orbit, len(movers), latitude)) is None:
             return None
-        after[who] = stage.centred(finals, coasted[who])
+        after[movers] = stage.centred(finals, coasted[movers])
         return after
     targets = (
         [stage.to, *(fellow.to for fellow in stage.meanwhile)] if isinstance(stage, Avoid) else [stage.to]
     )
-    for k, target in zip(who, targets, strict=True):
+    for k, target in zip(movers, targets, strict=True):
         if target is not None and target.is_open:
             return None
         after[k] = coasted[k] if target is None else target.state(orbit, latitude)
     return after
 
 
-def open_end(orbit: Orbit, stage: Moving, coasted: Floats, who: list[int], latitude: float) -> Floats | None:
+def open_end(
+    orbit: Orbit, stage: Moving, coasted: Floats, movers: list[int], latitude: float
+) -> Floats | None:
     """Return the final states (N, 6) at an arbitrary phase if only the phase is open, else None.
 
     A drift of at least one orbit passes through every phase, so that any phase serves.
@@ -87,7 +91,7 @@ def open_end(orbit: Orbit, stage: Moving, coasted: Floats, who: list[int], latit
         return None
     if not stage.to.is_open or not stage.drift.on(orbit.mean_motion) >= orbit.period:
         return None
-    return ends(orbit, stage.model_copy(update={"to": stage.to.at_phase(0.0)}), coasted, who, latitude)
+    return ends(orbit, stage.model_copy(update={"to": stage.to.at_phase(0.0)}), coasted, movers, latitude)
 
 
 def adrift(
@@ -115,21 +119,21 @@ def adrift(
                 continue
             met = closest_approach(orbit.coast(after[i], drift), orbit.coast(after[j], drift), zone)
             if met.ratio <= ON:
-                drifting = f"{scenario.names[i]} and {scenario.names[j]} end where they drift to"
+                drifting = f"{scenario.names[i]} and {scenario.names[j]} drift to"
                 yield (
                     f"{drifting} {met.ratio:.2f} x zone, {span(met.time)} later: no plan with that end is "
-                    "passively safe; end farther out, ask for less drift or keep a smaller zone"
+                    "passively safe; end farther out, reduce drift, or use a smaller zone"
                 )
 
 
-def later(scenario: Scenario, stage: Moving, who: list[int]) -> bool:
+def later(scenario: Scenario, stage: Moving, movers: list[int]) -> bool:
     """Return True if a stage may take longer than requested and later states depend on its duration."""
-    limited = any(scenario.craft_in(stage)[k].limited for k in who)
+    limited = any(scenario.craft_in(stage)[k].limited for k in movers)
     if not isinstance(stage, Joint):
         return limited
-    coast = len(who) < len(scenario.craft)
-    told = (target for one in scenario.stages for target in one.targets.values())
-    return (limited or stage.if_blocked != ()) and (coast or any(map(moves, told)))
+    coast = len(movers) < len(scenario.craft)
+    goals = (target for one in scenario.stages for target in one.targets.values())
+    return (limited or stage.if_blocked != ()) and (coast or any(map(moves, goals)))
 
 
 def moves(target: Target | Goal) -> bool:
@@ -137,12 +141,12 @@ def moves(target: Target | Goal) -> bool:
     return target.line is not None if isinstance(target, Goal) else target.roe is not None
 
 
-def near(scenario: Scenario, states: Floats, who: list[int], margin: float) -> Iterator[str]:
-    """Yield a line, with a remedy, for each pair with a craft in `who` inside its zone plus `margin` [m]."""
+def near(scenario: Scenario, states: Floats, movers: list[int], margin: float) -> Iterator[str]:
+    """Yield a line, with a remedy, for each pair with one of `movers` inside its zone plus `margin` [m]."""
     for zone, first, second in portions(scenario.zones):
         apart = states[first, :3] - states[second, :3]
         padded = zone.padded(margin) if margin else zone
-        held = (padded._norm(apart) <= ON) & (np.isin(first, who) | np.isin(second, who))
+        held = (padded._norm(apart) <= ON) & (np.isin(first, movers) | np.isin(second, movers))
         for k in np.flatnonzero(held):
             names = f"{scenario.names[first[k]]} and {scenario.names[second[k]]}"
             short = Short.of(zone, apart[k], margin)

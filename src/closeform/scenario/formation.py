@@ -78,7 +78,9 @@ class ProjectedCircular(Shape):
     function = "projected_circular"
     phased = "first_phase"
     radius: Length = setting('"150 m"', "radius of the circle", ...)
-    first_phase: Phase = setting('"0 deg"', 'phase of the first craft, or "cheapest"', 0.0)
+    first_phase: Phase = setting(
+        '"0 deg"', 'phase of the first spacecraft, or "cheapest" in `avoid` and `transfer`', 0.0
+    )
 
 
 class SafetyEllipse(Shape):
@@ -86,25 +88,32 @@ class SafetyEllipse(Shape):
 
     function = "safety_ellipse"
     phased = "phase"
-    radial: Length = setting('"100 m"', "radial semi-axis", ...)
-    cross_track: Length = setting('"100 m"', "cross-track amplitude", ...)
-    along_track: Signed = setting('"0 m"', "along-track offset of the center", 0.0)
-    phase: Phase = setting('"0 deg"', 'phase of the first craft, or "cheapest"', 0.0)
+    radial: Length = setting('"100 m"', "radial half-axis; the along-track half-axis is twice that", ...)
+    cross_track: Length = setting('"100 m"', "cross-track half-axis", ...)
+    along_track: Signed = setting('"0 m"', "along-track position of the centre", 0.0)
+    phase: Phase = setting(
+        '"0 deg"',
+        'phase of the first spacecraft, or "cheapest" in `avoid` and `transfer`; '
+        "the others follow ahead of it",
+        0.0,
+    )
 
 
 class StringOfPearls(Shape):
     """Craft at rest, one behind the other."""
 
     function = "string_of_pearls"
-    spacing: Length = setting('"100 m"', "distance between neighbors", ...)
+    spacing: Length = setting('"100 m"', "distance between neighbours", ...)
 
 
 class Pendulum(Shape):
     """Craft one behind the other, with cross-track oscillation."""
 
     function = "pendulum"
-    spacing: Length = setting('"100 m"', "distance between neighbors", ...)
-    cross_track: Length = setting('"100 m"', "cross-track amplitude", ...)
+    spacing: Length = setting('"100 m"', "distance between neighbours", ...)
+    cross_track: Length = setting(
+        '"100 m"', "cross-track half-axis of neighbours relative to each other", ...
+    )
 
 
 class Ring(Shape):
@@ -112,9 +121,13 @@ class Ring(Shape):
 
     function = "separated_ring"
     phased = "first_phase"
-    eccentricity: Length = setting('"100 m"', "size of the relative eccentricity vector", ...)
-    inclination: Signed = setting('"100 m"', "size of the relative inclination vector", ...)
-    first_phase: Phase = setting('"0 deg"', 'phase of the first craft, or "cheapest"', 0.0)
+    eccentricity: Length = setting('"100 m"', "length of the relative eccentricity vector", ...)
+    inclination: Signed = setting(
+        '"100 m"', "length of the relative inclination vector; negative for anti-parallel vectors", ...
+    )
+    first_phase: Phase = setting(
+        '"0 deg"', 'phase of the first spacecraft, or "cheapest" in `avoid` and `transfer`', 0.0
+    )
 
     def flaws(self) -> Iterator[str]:
         if self.inclination == 0.0:
@@ -124,8 +137,10 @@ class Ring(Shape):
 class Line(Shape):
     """Craft at rest in a row, in deep space."""
 
-    spacing: Length = setting('"75 m"', "distance between neighbors", ...)
-    direction: Annotated[Vector, Field(strict=False)] = setting("[1, 0, 0]", "direction of the row", ...)
+    spacing: Length = setting('"75 m"', "distance between neighbours", ...)
+    direction: Annotated[Vector, Field(strict=False)] = setting(
+        "[1, 0, 0]", "direction from the first spacecraft to the last", ...
+    )
 
     def flaws(self) -> Iterator[str]:
         if not 1e-30 < max(map(abs, self.direction)) < 1e30:
@@ -138,18 +153,30 @@ class Line(Shape):
 
 
 class Formation(Table):
-    """Formation by its name."""
+    """Named formations, centred on the origin, which do not drift."""
 
-    projected_circular: ProjectedCircular | None = setting('{ radius = "150 m" }', "projected circular orbit")
+    projected_circular: ProjectedCircular | None = setting(
+        '{ radius = "150 m" }',
+        "spacecraft evenly spaced on a relative orbit whose radial projection is a circle",
+    )
     safety_ellipse: SafetyEllipse | None = setting(
-        '{ radial = "100 m", cross_track = "100 m" }', "safety ellipse"
+        '{ radial = "100 m", cross_track = "100 m" }',
+        "spacecraft evenly spaced on a safety ellipse around the origin",
     )
-    string_of_pearls: StringOfPearls | None = setting('{ spacing = "100 m" }', "string of pearls")
-    pendulum: Pendulum | None = setting('{ spacing = "100 m", cross_track = "100 m" }', "pendulum")
+    string_of_pearls: StringOfPearls | None = setting(
+        '{ spacing = "100 m" }', "spacecraft one behind the other, the last foremost"
+    )
+    pendulum: Pendulum | None = setting(
+        '{ spacing = "100 m", cross_track = "100 m" }',
+        "as `string_of_pearls`, each with a larger cross-track oscillation than the one before",
+    )
     ring: Ring | None = setting(
-        '{ eccentricity = "100 m", inclination = "100 m" }', "ring of separated craft"
+        '{ eccentricity = "100 m", inclination = "100 m" }',
+        "different phases of parallel eccentricity and inclination vectors",
     )
-    line: Line | None = setting('{ spacing = "75 m", direction = [1, 0, 0] }', "row at rest, in deep space")
+    line: Line | None = setting(
+        '{ spacing = "75 m", direction = [1, 0, 0] }', "spacecraft at rest in a row; in deep space only"
+    )
 
     @property
     def called(self) -> str | None:
@@ -177,14 +204,18 @@ class Formation(Table):
 class Start(Formation):
     """Table `start`: a relative orbit or an inertial state instead of a position and a velocity."""
 
-    palmer: SixLengths | None = setting('"0 0 0 100 0 20 m"', "Palmer's phase-space coordinates, as lengths")
+    palmer: SixLengths | None = setting(
+        '"0 0 0 100 0 20 m"', "Palmer's coordinates e1 e2 d l h1 h2 at the start, as lengths"
+    )
     roe: SixLengths | None = setting(
-        '"0 0 0 100 0 100 m"', "relative orbital elements times the semi-major axis"
+        '"0 0 0 100 0 100 m"', "semi-major axis times the relative orbital elements δa δλ δex δey δix δiy"
     )
     inertial: Inertial | None = setting(
-        '"6928 0.1 0 km, 0 -1.003 7.518 km/s"', "inertial position and velocity"
+        '"6928 0.1 0 km, 0 -1.003 7.518 km/s"', "position and velocity in the chief's frame"
     )
-    oem: FileName | None = setting('"F1.oem"', "orbit ephemeris message")
+    oem: FileName | None = setting(
+        '"F1.oem"', "orbit ephemeris message in the chief's frame, interpolated at the epoch"
+    )
 
     def flaws(self) -> Iterator[str]:
         yield from self.one_of("palmer", "roe", *Formation.model_fields, "inertial", "oem")
@@ -208,9 +239,11 @@ class Target(Table):
     velocity: Velocity | None = setting(
         '"0 0 0 m/s"', "velocity relative to the origin", only_with="position"
     )
-    palmer: SixLengths | None = setting('"0 0 0 100 0 20 m"', "Palmer's phase-space coordinates, as lengths")
+    palmer: SixLengths | None = setting(
+        '"0 0 0 100 0 20 m"', "Palmer's coordinates e1 e2 d l h1 h2 at the end, as lengths"
+    )
     roe: SixLengths | None = setting(
-        '"0 0 0 100 0 100 m"', "relative orbital elements times the semi-major axis"
+        '"0 0 0 100 0 100 m"', "semi-major axis times the relative orbital elements δa δλ δex δey δix δiy"
     )
 
     def flaws(self) -> Iterator[str]:
@@ -264,7 +297,9 @@ class Goal(Formation):
     remove: Literal["eccentricity", "altitude difference"] | None = setting(
         '"eccentricity"', "component of the relative orbits to remove"
     )
-    join: Names | None = setting('["F1", "F2"]', "craft whose mean relative orbit to join")
+    join: Names | None = setting(
+        '["F1", "F2"]', "spacecraft in whose formation the one that moves takes a free place"
+    )
 
     def flaws(self) -> Iterator[str]:
         yield from self.one_of(*Formation.model_fields, "remove", "join")

@@ -8,8 +8,8 @@ from closeform.exchange.epochs import Epoch
 from closeform.scenario.quantity import shown
 
 if TYPE_CHECKING:
-    from closeform.exchange.ephemeris import Ephemeris
-    from closeform.exchange.states_csv import StateRows
+    from closeform.exchange.ephemerides.ephemeris import Ephemeris
+    from closeform.exchange.formats.states_csv import StateRows
 
 DOUBTFUL = 1.0  # m: largest accepted error of an interpolated state
 
@@ -55,7 +55,7 @@ class Inputs:
 
     def segments(self, name: str) -> "tuple[Ephemeris, ...]":
         """Return all segments of an OEM; raise ValueError, with file and line, if it cannot be read."""
-        from closeform.exchange.oem import read_oem_segments  # most scenarios do not need it
+        from closeform.exchange.ccsds.oem import read_oem_segments  # most scenarios do not need it
 
         if name not in self._segments:
             self._segments[name] = read_oem_segments(self.read(name))
@@ -67,7 +67,7 @@ class Inputs:
         Raises ValueError, with file and line, for an invalid file, or if none of several segments covers the
         epoch.
         """
-        from closeform.exchange.ephemeris import SAME_EPOCH
+        from closeform.exchange.ephemerides.ephemeris import SAME_EPOCH
 
         segments = self.segments(name)
         since = [Epoch(one.epoch, one.time_system).until(epoch) for one in segments]
@@ -83,8 +83,8 @@ class Inputs:
 
     def states(self, name: str) -> "StateRows":
         """Return the rows of a file of states; raise ValueError, with file and line, for an invalid file."""
-        from closeform.exchange.message import within
-        from closeform.exchange.states_csv import state_rows
+        from closeform.exchange.ccsds.entries import within
+        from closeform.exchange.formats.states_csv import state_rows
 
         if name not in self._states:
             place = self.read(name)
@@ -99,12 +99,12 @@ class Inputs:
         """
         if error > DOUBTFUL:
             raise ValueError(
-                f"{name}: at the epoch a state between its own may be off by {error:.3g} m; "
-                "give states closer together, or the epoch of one"
+                f"{name}: the state interpolated at the epoch may have an error of {error:.3g} m; "
+                "give states closer together, or the epoch of one of them"
             )
         if error > 0.0:
             self.notes.append(
-                f"{name}: state at the epoch interpolated, off by up to {error:.2g} m, by estimate"
+                f"{name}: state at the epoch is interpolated, with an estimated error of up to {error:.2g} m"
             )
 
 

@@ -75,13 +75,13 @@ def parse(text: str, file: str = "scenario", command: str = "run") -> Scenario:
     `command` needs and this version lacks.
     """
     raw = toml(text, file)
-    scenario = told(raw, text, file, command)
+    scenario = scenario_of(raw, text, file, command)
     if scenario.study is None or not scenario.study.sweep:
         return scenario
     return replace(scenario, points=tuple(swept(raw, scenario, command)))
 
 
-def told(raw: dict[str, Any], text: str, file: str, command: str) -> Scenario:
+def scenario_of(raw: dict[str, Any], text: str, file: str, command: str) -> Scenario:
     """Return the scenario that the tables of a file describe."""
     reading = Reading(raw)
     scenario = Scenario(file, text, **reading.sections())
@@ -96,7 +96,7 @@ def swept(raw: dict[str, Any], scenario: Scenario, command: str) -> Iterator[Sce
     file, same = scenario.file, [stage.verb for stage in scenario.stages]
     try:
         for place, (chosen, changed) in enumerate(points(raw)):
-            point = told(changed, scenario.text, file, command)
+            point = scenario_of(changed, scenario.text, file, command)
             if point.names != scenario.names or [stage.verb for stage in point.stages] != same:
                 raise ScenarioError(file, ["study.sweep: changes the craft or the stages; remove that key"])
             yield replace(point, title=f"{scenario.title}: {words(chosen)}", point=chosen, place=place)
@@ -112,7 +112,9 @@ def toml(text: str, file: str) -> dict[str, Any]:
     """Return the contents of a TOML text; raise ScenarioError for invalid TOML."""
     if deep := DEEP.search(text):
         place = f"line {text.count(chr(10), 0, deep.start()) + 1}"
-        raise ScenarioError(file, [f"{place}: a key of {DEEPEST} parts or more; no key here has so many"])
+        raise ScenarioError(
+            file, [f"{place}: a key of {DEEPEST} parts or more; docs/scenario_keys.md lists the keys"]
+        )
     try:
         return tomllib.loads(text.removeprefix("\ufeff"))
     except (tomllib.TOMLDecodeError, RecursionError) as error:
@@ -136,7 +138,7 @@ def not_toml(text: str, error: Exception) -> str:
     key = next((found[1].strip()[:60] for found in reversed(before) if found is not None), "the file")
     if re.match("Cannot (overwrite|declare)|Duplicate", what):
         inline = re.search("key '(.*)'", what)
-        return f"{place}: {inline[1] if inline else key}: stands twice; keep one"
+        return f"{place}: {inline[1] if inline else key}: occurs twice; keep one"
     return f"{place}: {key}: not TOML: {what}; correct it there"
 
 
@@ -180,7 +182,7 @@ class Reading:
         }
 
     def complain(self, place: Place, text: str) -> None:
-        """Add an error line for a place; a craft's column that holds one value gets no index."""
+        """Add an error line for a key; a column of a craft with a single value gets no index."""
         if place[0] == "craft" and len(place) > 1 and isinstance(place[1], int):
             number, *rest = place[1:]
             listed = bool(rest) and isinstance(self.raw["craft"].get(str(rest[0])), list)

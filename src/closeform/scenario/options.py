@@ -33,7 +33,7 @@ def own_zone(shapes: dict[str, str | None], axis: str | None, sigmas: float | No
     if shape == "covariance" and sigmas is None:
         raise ValueError("screen: --covariance needs --sigmas; for example --sigmas 3")
     if body and shape in ("covariance", HARD_BODY):
-        what = "of where a craft is, not of its body" if shape == "covariance" else "a body already"
+        what = "the uncertainty of a position, not a body" if shape == "covariance" else "a body already"
         raise ValueError(f"screen: --{shape} is {what}; leave --body out")
     if shape == HARD_BODY:
         given, body = {"sphere": given[shape]}, True
@@ -74,9 +74,7 @@ class AskedZones:
             zone = own_zone(shapes, axis, sigmas, body)
             return cls(zone, None, sigmas if shapes["covariance"] is None else None)
         if body or axis is not None or any(text is not None for text in shapes.values()):
-            raise ValueError(
-                "screen: --zones gives the zone of each craft; remove the other options of zones"
-            )
+            raise ValueError("screen: --zones gives the zone of each craft; remove the other zone options")
         return cls(None, file, sigmas)
 
     def of_each(self, names: Sequence[str]) -> list[OwnZone]:
@@ -134,7 +132,7 @@ def own_zones(file: Path, names: Sequence[str]) -> list[OwnZone]:
 def direction(axis: str) -> list[float]:
     """Return three finite numbers, not all zero; raise ValueError for other text."""
     with suppress(ValueError):
-        way = [float(number) for number in axis.split()]
-        if len(way) == 3 and all(map(isfinite, way)) and any(way):
-            return way
+        numbers = [float(number) for number in axis.split()]
+        if len(numbers) == 3 and all(map(isfinite, numbers)) and any(numbers):
+            return numbers
     raise ValueError(f'--axis: "{axis}" is not a direction; write for example "0 1 0"')

@@ -69,13 +69,13 @@ class FieldTable(Table):
     """Table `field` of [orbit]: the Earth's oblateness and its atmosphere."""
 
     zonals: Annotated[int, AfterValidator(as_degree)] = setting(
-        "2", "highest zonal harmonic: 0, or 2 to 6 for J2 to J6", 2
+        "2", "highest zonal harmonic: 0 for a point mass, 2 to 6 for J2 to J6", 2
     )
     density: Annotated[float, Reader(DENSITY, least="positive")] | None = setting(
-        '"5.2e-13 kg/m^3"', "atmospheric density at `at_altitude`"
+        '"5.2e-13 kg/m^3"', "atmospheric density at `at_altitude`; without it, no drag"
     )
-    at_altitude: Length | None = setting('"500 km"', "altitude of that density")
-    scale_height: Length | None = setting('"60 km"', "scale height of the density")
+    at_altitude: Length | None = setting('"500 km"', "altitude of `density` above the equatorial radius")
+    scale_height: Length | None = setting('"60 km"', "altitude over which the density falls by a factor of e")
 
     def flaws(self) -> Iterator[str]:
         missing = [key for key in AIR if getattr(self, key) is None]
@@ -94,12 +94,14 @@ class FieldTable(Table):
 class FeedbackTable(Table):
     """Table [feedback]: interval of the measurements, and horizon and form of the feedback corrections."""
 
-    every: Seconds = setting('"60 s"', "interval of the measurements", 60.0)
-    horizon: Seconds = setting('"10 min"', "time within which a correction ends", 600.0)
+    every: Seconds = setting('"60 s"', "time between measurements", 60.0)
+    horizon: Seconds = setting('"10 min"', "time within which a correction removes a deviation", 600.0)
     impulses: Annotated[int, Field(ge=0)] = setting(
         "6", "number of impulses of a correction; 0 for continuous thrust", 0
     )
-    delay: Delay = setting('"5 s"', "time from a measurement to its correction", 0.0)
+    delay: Delay = setting(
+        '"5 s"', "time from a measurement to the response of continuous thrust, at most `every`", 0.0
+    )
 
     def flaws(self) -> Iterator[str]:
         if self.impulses == 1:
@@ -127,11 +129,19 @@ class FeedbackTable(Table):
 class NavigationTable(Table):
     """Table [navigation]: navigation uncertainty of the measured states."""
 
-    position: Deviation = setting('"10 cm"', "noise of the measured position, 1 sigma", 0.0)
-    velocity: SpeedDeviation = setting('"0.3 mm/s"', "noise of the measured velocity, 1 sigma", 0.0)
-    position_bias: Deviation = setting('"5 cm"', "bias of the measured position, 1 sigma", 0.0)
-    velocity_bias: SpeedDeviation = setting('"0.1 mm/s"', "bias of the measured velocity, 1 sigma", 0.0)
-    correlation: Delay = setting('"5 min"', "correlation time of the bias", 0.0)
+    position: Deviation = setting('"10 cm"', "standard deviation of the measured position on each axis", 0.0)
+    velocity: SpeedDeviation = setting(
+        '"0.3 mm/s"', "standard deviation of the measured velocity on each axis", 0.0
+    )
+    position_bias: Deviation = setting('"5 cm"', "position error that is constant over a simulation", 0.0)
+    velocity_bias: SpeedDeviation = setting(
+        '"0.1 mm/s"', "velocity error that is constant over a simulation", 0.0
+    )
+    correlation: Delay = setting(
+        '"5 min"',
+        "correlation time of the random errors, as of a filter; 0 for independent measurements",
+        0.0,
+    )
 
     def build(self) -> "Navigation":
         """Return the navigation that the table describes."""
@@ -144,15 +154,22 @@ class NavigationTable(Table):
 class FlightTable(Table):
     """Table [simulation]: number and control of the simulations of a run in the high-fidelity model."""
 
-    control: Literal["track", "replan", "open"] = setting('"track"', "control of the simulation", "track")
-    seeds: Annotated[int, Field(ge=1)] = setting("100", "number of simulations of a run", 100)
+    control: Literal["track", "replan", "open"] = setting(
+        '"track"',
+        "feedback to the plan, a new plan for the rest at each measurement, or "
+        "commanded thrust without feedback",
+        "track",
+    )
+    seeds: Annotated[int, Field(ge=1)] = setting(
+        "100", "number of simulations of a run, each with its own errors; a case of a study has one", 100
+    )
 
 
 class VerdictTable(Table):
     """Table [verdict]: result of a run whose model error exceeds the margin."""
 
     model_error: Literal["report", "refuse"] = setting(
-        '"refuse"', "verdict if the model error exceeds the margin", "report"
+        '"refuse"', "without `field`, report a model error above the margin, or fail with status 1", "report"
     )
 
 
@@ -174,13 +191,17 @@ def as_epoch(value: Any) -> Epoch:
 class Elements(Table):
     """Table `elements`: Keplerian elements of the chief at the epoch."""
 
-    altitude: Length | None = setting('"550 km"', "semi-major axis minus `radius`")
+    altitude: Length | None = setting(
+        '"550 km"', "semi-major axis minus `radius`, instead of `semi_major_axis`"
+    )
     semi_major_axis: Length | None = setting('"6928.137 km"', "semi-major axis")
-    eccentricity: float = setting("0.001", "eccentricity", 0.0, strict=False, ge=0.0, lt=1.0)
+    eccentricity: float = setting("0.001", "eccentricity, at most 0.1", 0.0, strict=False, ge=0.0, lt=1.0)
     inclination: Angle = setting('"97.6 deg"', "inclination", ...)
     ascending_node: Angle = setting('"30 deg"', "right ascension of the ascending node", 0.0)
-    argument_of_perigee: Angle = setting('"90 deg"', "argument of perigee", 0.0)
-    latitude: Angle | None = setting('"10 deg"', "mean argument of latitude")
+    argument_of_perigee: Angle = setting('"90 deg"', "argument of perigee; with `eccentricity`", 0.0)
+    latitude: Angle | None = setting(
+        '"10 deg"', "mean argument of latitude; one of this and the two anomalies"
+    )
     mean_anomaly: Angle | None = setting('"10 deg"', "mean anomaly")
     true_anomaly: Angle | None = setting('"10 deg"', "true anomaly")
 
@@ -212,20 +233,30 @@ class ChiefTable(Table):
     """Table `chief`: the orbit of the formation's origin."""
 
     elements: Elements | None = setting(
-        '{ altitude = "550 km", inclination = "97.6 deg", latitude = "0 deg" }', "Keplerian elements"
+        '{ altitude = "550 km", inclination = "97.6 deg", latitude = "0 deg" }',
+        "Keplerian elements at the epoch",
     )
     state: Inertial | None = setting(
-        '"6928.137 0 0 km, 0 -1.003 7.518 km/s"', "inertial position and velocity"
+        '"6928.137 0 0 km, 0 -1.003 7.518 km/s"', "inertial position and velocity at the epoch"
     )
-    oem: FileName | None = setting('"chief.oem"', "orbit ephemeris message")
+    oem: FileName | None = setting('"chief.oem"', "orbit ephemeris message, interpolated at the epoch")
     frame: str | None = setting(
-        '"GCRF"', "inertial frame of `elements` or `state`", min_length=1, only_with="elements state"
+        '"GCRF"',
+        "inertial frame of `elements` or `state`: EME2000 (default), GCRF, ICRF, "
+        "J2000, MCI, MOD, TEME or TOD",
+        min_length=1,
+        only_with="elements state",
     )
     center: str | None = setting(
-        '"EARTH"', "central body of `elements` or `state`", min_length=1, only_with="elements state"
+        '"EARTH"',
+        "central body of `elements` or `state`, by default EARTH",
+        min_length=1,
+        only_with="elements state",
     )
     ballistic: Ballistic | None = setting(
-        '"0.02 m^2/kg"', "drag coefficient times area over mass of the origin"
+        '"0.02 m^2/kg"',
+        "drag coefficient times area over mass of the origin, 0 for an orbit "
+        "without drag; required with drag",
     )
 
     def flaws(self) -> Iterator[str]:
@@ -260,23 +291,31 @@ class OrbitTable(Table):
     mean_motion: Rate | None = setting('"0.0634 deg/s"', "mean motion")
     latitude: Angle = setting(
         '"30 deg"',
-        "argument of latitude of the origin at the start",
+        "argument of latitude of the origin at the start, to which `roe` refers; not in deep space",
         0.0,
         only_with="altitude period semi_major_axis mean_motion",
     )
     mu: Annotated[float, Reader(GRAVITY, least="positive")] | None = setting(
-        '"398600.4418 km^3/s^2"', "gravitational parameter", only_with="altitude semi_major_axis chief"
+        '"398600.4418 km^3/s^2"',
+        "gravitational parameter, by default the Earth's; with `altitude`, `semi_major_axis` or `chief`",
+        only_with="altitude semi_major_axis chief",
     )
     radius: Length | None = setting(
-        '"6378.137 km"', "equatorial radius of the central body", only_with="altitude chief"
+        '"6378.137 km"',
+        "equatorial radius of the central body, by default the Earth's; with `altitude` or `chief`",
+        only_with="altitude chief",
     )
     epoch: Annotated[Epoch, BeforeValidator(as_epoch)] | None = setting(
-        '"2026-11-22T12:00:00Z"', "epoch of the mission's start"
+        '"2026-11-22T12:00:00Z"', "start of the mission, in UTC or another time system"
     )
     chief: ChiefTable | None = setting(
-        '{ oem = "chief.oem" }', "orbit of the formation's origin", needs="epoch"
+        '{ oem = "chief.oem" }', "orbit of the origin at the epoch; needs `epoch`", needs="epoch"
     )
-    field: FieldTable | None = setting("{ zonals = 2 }", "high-fidelity model", needs="chief")
+    field: FieldTable | None = setting(
+        "{ zonals = 2 }",
+        "perturbations of the high-fidelity model; without it, Hill's equations only; needs `chief`",
+        needs="chief",
+    )
 
     def flaws(self) -> Iterator[str]:
         yield from self.one_of("altitude", "period", "semi_major_axis", "mean_motion", "deep_space", "chief")

@@ -231,7 +231,7 @@ class Parts:
 
 
 def span(seconds: float) -> str:
-    """Return a time [s] as text, in hours or minutes from two of them on."""
+    """Return a time [s] as text, in hours or minutes if it is at least two of these."""
     for unit, name in ((3600.0, "h"), (60.0, "min")):
         if seconds >= 2.0 * unit:
             return f"{seconds / unit:.4g} {name}"

@@ -149,7 +149,7 @@ class Scenario:
 
     def craft_in(self, stage: StageTable) -> tuple[Craft, ...]:
         """Return the craft as they thrust in a stage: its engine keys apply to the craft that it moves."""
-        if not isinstance(stage, Thrusting) or not stage.told:
+        if not isinstance(stage, Thrusting) or not stage.given_keys:
             return self.craft
         moving = stage.moving(self.names)
         return tuple(craft.using(stage) if craft.name in moving else craft for craft in self.craft)
@@ -347,7 +347,7 @@ class Scenario:
 
     @property
     def searches_alone(self) -> bool:
-        """True if it is a single search that varies only states, search errors and loss of thrust."""
+        """True if a search is the only stage, and only states, search errors and thrust loss vary."""
         if self.study is not None and self.study.draws == "replanned":
             return False
         vary = self.study.vary if self.study is not None else {}
@@ -370,5 +370,5 @@ class Scenario:
                 continue  # not yet known
             there = first.setdefault(tuple(place), name)
             if there != name:
-                lines.append(f"craft.position: {there} and {name} are at one place; {remedy}")
+                lines.append(f"craft.position: {there} and {name} are at the same position; {remedy}")
         return tuple(lines)

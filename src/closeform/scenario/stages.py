@@ -42,12 +42,12 @@ class StageTable(Table):
     keeps_out: ClassVar[bool] = True  # whether the stage needs keep_out in [craft]
     searches: ClassVar[bool] = False  # whether the stage needs [sensor], [search] and craft groups
 
-    name: Name | None = setting('"threat"', "name of the stage")
+    name: Name | None = setting('"threat"', "name of the stage, different for each")
     sigmas: Annotated[float, Field(gt=0, le=1000)] | None = setting(
-        "3.0", "clearance required in standard deviations"
+        "3.0", "required clearance of all pairs in standard deviations of their errors"
     )
     max_probability: Annotated[float, Field(gt=0, le=1)] | None = setting(
-        "1e-4", "maximum probability of collision"
+        "1e-4", "maximum probability of collision of two hard bodies, met by the upper end of its interval"
     )
 
     @property
@@ -85,7 +85,7 @@ class StageTable(Table):
 class Drifting(StageTable):
     """Stage with a passive-safety horizon: no conflict occurs during free drift for `drift` afterwards."""
 
-    drift: Drift | None = setting('"24 h"', 'passive-safety horizon, or "forever"')
+    drift: Drift | None = setting('"24 h"', 'passive-safety horizon after the end of the stage, or "forever"')
 
     @property
     def for_ever(self) -> bool:
@@ -119,13 +119,23 @@ class Thrusting(Engine, Drifting):
 
     arrival: ArrivalTolerance = setting(
         '{ position = "1 m", velocity = "1 mm/s" }',
-        "maximum arrival error that on-off thrusters may leave",
+        "maximum arrival error of thruster pulses; a larger one gives status 1",
         lambda: ArrivalTolerance.model_validate({}),
     )
-    cost: Cost = setting('"delta-v"', "cost to minimize", "energy")
-    failure: Failed | None = setting('"thrust lost"', "failure that precedes the drift", only_with="drift")
-    least: Share | None = setting('"90 %"', "minimum share of the thrust or burns that remains")
-    longest: Span | None = setting('"10 s"', "maximum time of a stuck thruster")
+    cost: Cost = setting(
+        '"delta-v"', "minimum control energy by smooth thrust, or minimum delta-v by impulses", "energy"
+    )
+    failure: Failed | None = setting(
+        '"thrust lost"',
+        'failure that precedes the drift, by default "thrust lost"; with `drift`',
+        only_with="drift",
+    )
+    least: Share | None = setting(
+        '"90 %"', "minimum share of the planned thrust that missed burns or weak thrust give; by default 0 %"
+    )
+    longest: Span | None = setting(
+        '"10 s"', 'maximum time of stuck-on thrust; required with failure = "thrust stuck"'
+    )
 
     def flaws(self) -> Iterator[str]:
         yield from super().flaws()
@@ -165,9 +175,9 @@ Instant = Annotated[Duration, Reader(DURATION, least="zero")]
 class Burn(Table):
     """Given impulse: a velocity change of one craft, `at` a time after the start of the stage."""
 
-    craft: Name = setting('"F1"', "craft that burns", ...)
-    at: Instant = setting('"0.5 orbits"', "time after the start of the stage", ...)
-    delta_v: Velocity = setting('"0 0.1 0 m/s"', "velocity change", ...)
+    craft: Name = setting('"F1"', "spacecraft that burns", ...)
+    at: Instant = setting('"0.5 orbits"', "time after the start of the stage, before its end", ...)
+    delta_v: Velocity = setting('"0 0.1 0 m/s"', "velocity change: radial, along-track, cross-track", ...)
 
 
 class Coast(Drifting):
@@ -178,8 +188,10 @@ class Coast(Drifting):
     burns: Annotated[tuple[Burn, ...], Field(strict=False)] = setting(
         '[{ craft = "F1", at = "10 min", delta_v = "-0.1 0 0 m/s" }]', "given impulses", ()
     )
-    follow: Names = setting('["F1"]', "craft that follow the file of their start", ())
-    animation: bool = setting("true", "true to write an animation", False)
+    follow: Names = setting(
+        '["F1"]', "spacecraft that follow the file of their `start` or `states` over the whole stage", ()
+    )
+    animation: bool = setting("true", "true for a GIF of the motion of up to 400 spacecraft", False)
 
     def flaws(self) -> Iterator[str]:
         yield from super().flaws()
@@ -198,8 +210,15 @@ class Coast(Drifting):
 class Clearing(Thrusting):
     """Stage whose paths avoid zones: the keep-out margin, and the end of a proof of the lower bound."""
 
-    margin: Margin | None = setting('"0.5 m"', 'keep-out margin, or "auto"')
-    prove: Proof | None = setting('"10 s, 1 %"', "time and optimality gap that end raising the lower bound")
+    margin: Margin | None = setting(
+        '"0.5 m"',
+        'distance added to every zone, or "auto" for the tracking error that feedback and navigation leave',
+    )
+    prove: Proof | None = setting(
+        '"10 s, 1 %"',
+        "time (60 s by default) and optimality gap (0.1 %) at which the proof of a "
+        "lower bound ends; no proof by default",
+    )
 
     @property
     def is_exact(self) -> bool:
@@ -231,7 +250,7 @@ class Clearing(Thrusting):
 class Fellow(Table):
     """Craft with its own transfer during another craft's move; it does not avoid others."""
 
-    craft: Name = setting('"F5"', "craft that moves", ...)
+    craft: Name = setting('"F5"', "spacecraft that moves", ...)
     to: Destination = setting('{ position = "0 100 0 m", velocity = "0 0 0 m/s" }', "destination", ...)
 
 
@@ -239,20 +258,22 @@ class Avoid(Clearing):
     """Move of one craft among the others, around their zones, at minimum cost."""
 
     do: Literal["avoid"] = setting('"avoid"', "kind of stage", ...)
-    craft: Name = setting('"F3"', "craft that moves", ...)
+    craft: Name = setting('"F3"', "spacecraft that moves", ...)
     to: Destination | None = setting(
         '{ position = "0 100 0 m", velocity = "0 0 0 m/s" }',
-        "destination; by default where it would coast to",
+        "destination; by default the end of its coast",
     )
     within: Span = setting('"0.5 orbits"', "duration", ...)
-    method: Literal["exact", "sauter-palmer"] = setting('"exact"', "planning method", "exact")
-    animation: bool = setting("true", "true to write an animation", False)
+    method: Literal["exact", "sauter-palmer"] = setting(
+        '"exact"', 'planning method; "sauter-palmer" in an orbit and for minimum energy', "exact"
+    )
+    animation: bool = setting("true", "true for a GIF of the motion of up to 400 spacecraft", False)
     meanwhile: Annotated[tuple[Fellow, ...], Field(strict=False)] = setting(
         '[{ craft = "F5", to = { position = "0 100 0 m", velocity = "0 0 0 m/s" } }]',
-        "transfers of other craft",
+        "other spacecraft that make their own transfer and do not avoid",
         (),
     )
-    longer: bool = setting("false", "true to allow a longer duration if thrust is short", True)
+    longer: bool = setting("false", "false if the stage may not take longer than `within`", True)
 
     @property
     def is_exact(self) -> bool:
@@ -286,10 +307,10 @@ class Transfer(Thrusting):
 
     keeps_out = False
     do: Literal["transfer"] = setting('"transfer"', "kind of stage", ...)
-    craft: Name | None = setting('"F1"', "craft that moves")
+    craft: Name | None = setting('"F1"', "spacecraft that moves; by default the only one")
     to: Destination = setting('{ position = "0 100 0 m", velocity = "0 0 0 m/s" }', "destination", ...)
     within: Span = setting('"0.5 orbits"', "duration", ...)
-    animation: bool = setting("true", "true to write an animation", False)
+    animation: bool = setting("true", "true for a GIF of the motion of up to 400 spacecraft", False)
 
     def moving(self, names: Names) -> Names:
         return (self.craft or names[0],)
@@ -306,11 +327,19 @@ class Transfer(Thrusting):
 class Joint(Clearing):
     """Stage in which the whole formation moves."""
 
-    within: Span = setting('"0.25 orbits"', "duration", ...)
-    plan: Literal["joint", "sequential"] = setting('"joint"', "planning method", "joint")
-    order: Names | None = setting('["F3", "F1"]', "planning order")
-    if_blocked: Fallbacks = setting(FALLBACK_EXAMPLE, "fallbacks if no plan is found", ALL_FALLBACKS)
-    animation: bool = setting("true", "true to write an animation", False)
+    within: Span = setting('"0.5 orbits"', "duration", ...)
+    plan: Literal["joint", "sequential"] = setting(
+        '"joint"', "planning of all spacecraft at once, or one after another for minimum energy", "joint"
+    )
+    order: Names | None = setting(
+        '["F3", "F1"]', 'planning order, by default that of `name`; plan = "sequential" only'
+    )
+    if_blocked: Fallbacks = setting(
+        FALLBACK_EXAMPLE,
+        "what to try, in this order, if no clear plan is found; [] for nothing",
+        ALL_FALLBACKS,
+    )
+    animation: bool = setting("true", "true for a GIF of the motion of up to 400 spacecraft", False)
 
     @property
     def is_exact(self) -> bool:
@@ -336,10 +365,17 @@ class Scatter(Joint):
 
     do: Literal["scatter"] = setting('"scatter"', "kind of stage", ...)
     factor: Annotated[float, Field(gt=1, le=1e6)] | None = setting(
-        "3.0", "factor of all distances from the center"
+        "3.0", "smallest growth of every distance, above 1"
     )
-    point: Position | None = setting('"0 0 0 m"', "point to move away from", alias="from", needs="distance")
-    distance: Length | None = setting('"1 km"', "distance to move away", only_with="point")
+    point: Position | None = setting(
+        '"0 0 0 m"',
+        "point to move away from, instead of `factor`; needs `distance`",
+        alias="from",
+        needs="distance",
+    )
+    distance: Length | None = setting(
+        '"1 km"', "distance from that point; required with `from`", only_with="point"
+    )
 
     def flaws(self) -> Iterator[str]:
         yield from super().flaws()
@@ -357,11 +393,11 @@ class Regather(Joint):
     """Return of all craft to their relative orbits at the start of an earlier stage."""
 
     do: Literal["regather"] = setting('"regather"', "kind of stage", ...)
-    as_before: Name = setting('"threat"', "earlier stage whose initial relative orbits are restored", ...)
+    as_before: Name = setting('"threat"', "earlier stage whose initial relative orbits are the target", ...)
 
 
 def one_or_each(value: Any) -> str:
-    """Return the form of `to`: one goal for all craft or a list with one target each."""
+    """Return how `to` is given: as one goal for all craft, or as a list with one target for each."""
     return EACH if isinstance(value, list | tuple) else ALL
 
 
@@ -375,12 +411,18 @@ class Reconfigure(Joint):
     """Move of all or of named craft to new relative orbits."""
 
     do: Literal["reconfigure"] = setting('"reconfigure"', "kind of stage", ...)
-    craft: Names | None = setting('["F9"]', "craft that move")
+    craft: Names | None = setting('["F9"]', "spacecraft that move, by default all; the others coast")
     to: Goals = setting(
-        '{ projected_circular = { radius = "300 m" } }', "formation, or one state for each craft", ...
+        '{ projected_circular = { radius = "300 m" } }',
+        "formation, or a list with one state for each spacecraft",
+        ...,
     )
-    assign: bool = setting("true", "true to assign the slots to the craft", False)
-    slots: Annotated[int, Field(ge=1, le=10_000)] | None = setting("10", "number of slots")
+    assign: bool = setting(
+        "true", "true to assign the places at minimum total energy; the list may then be longer", False
+    )
+    slots: Annotated[int, Field(ge=1, le=10_000)] | None = setting(
+        "10", "number of places of a formation, by default one each; with `assign`"
+    )
 
     def flaws(self) -> Iterator[str]:
         yield from super().flaws()
@@ -446,11 +488,14 @@ class Gather(StageTable):
     keeps_out = False
     searches = True
     do: Literal["gather"] = setting('"gather"', "kind of stage", ...)
-    rounds: Annotated[int, Field(ge=1)] = setting("3", "maximum number of searches", 2)
+    rounds: Annotated[int, Field(ge=1)] = setting("3", "maximum number of searches, at most 1000", 2)
     burns: Literal["least", "first", "second", "half"] = setting(
-        '"least"', "burns of a craft that joins", "least"
+        '"least"',
+        'spacecraft of the first pair that burns; "least" leaves the fewest lost, '
+        "then takes the minimum delta-v",
+        "least",
     )
-    animation: bool = setting("false", "true to write an animation", True)
+    animation: bool = setting("false", "true for a GIF of the motion of up to 200 spacecraft", True)
 
 
 class Unknown(StageTable):

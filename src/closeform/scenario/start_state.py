@@ -7,13 +7,13 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.exchange.chief import Chief
-from closeform.exchange.covariance import canonical
-from closeform.exchange.ephemeris import SAME_EPOCH
+from closeform.exchange.ephemerides.covariance import canonical
+from closeform.exchange.ephemerides.ephemeris import SAME_EPOCH
+from closeform.exchange.ephemerides.interpolation import states_of
+from closeform.exchange.ephemerides.spans import Spans
 from closeform.exchange.epochs import Epoch
-from closeform.exchange.exported import ROTATING
-from closeform.exchange.interpolation import states_of
-from closeform.exchange.spans import Spans
-from closeform.exchange.states_csv import ephemerides_of
+from closeform.exchange.export_tracks.track import ROTATING
+from closeform.exchange.formats.states_csv import ephemerides_of
 from closeform.motion.frames import relative_from_inertial
 from closeform.scenario.craft import Craft
 from closeform.scenario.inputs import DOUBTFUL, Inputs
@@ -85,7 +85,7 @@ def along(scenario: "Scenario", name: str, start: float, end: float) -> tuple[Fl
     if first > start + SAME_EPOCH or last < end - SAME_EPOCH:
         has = f"has states of {name} from {first:.6g} to {last:.6g} s of the mission"
         raise ValueError(
-            f"{file}: {has}, the stage lasts from {start:.6g} to {end:.6g} s; give a longer file"
+            f"{file}: {has}, but the stage lasts from {start:.6g} to {end:.6g} s; give a longer file"
         )
     times = spans.times - begin
     times = np.array([start, *times[(times > start + LEAST) & (times < end - LEAST)], end])

@@ -45,15 +45,19 @@ Step = Seconds
 
 
 class Draw(Table):
-    """Distribution of one key; the key determines the units of its texts."""
+    """Distribution of one key, in units of that key."""
 
-    uniform: str | None = setting('"500 m"', "half-width of a uniform distribution")
-    normal: str | None = setting('"0.1 %"', "standard deviation of a normal distribution")
-    ball: str | None = setting('"0.5 deg"', "radius of a uniform ball")
-    shell: Pair | None = setting('["1 km", "2 km"]', "inner and outer radius of a uniform shell")
-    chance: Annotated[float, Field(ge=0, le=1)] | None = setting("0.01", "probability of true")
+    uniform: str | None = setting('"500 m"', "each component uniform between plus and minus this")
+    normal: str | None = setting('"0.1 %"', "standard deviation of each component")
+    ball: str | None = setting('"0.5 deg"', "radius of a uniformly filled ball, for vectors")
+    shell: Pair | None = setting(
+        '["1 km", "2 km"]', "inner and outer radius of a uniformly filled shell, for vectors"
+    )
+    chance: Annotated[float, Field(ge=0, le=1)] | None = setting(
+        "0.01", "probability, for `craft.silent` and `craft.fails`"
+    )
     choice: Annotated[tuple[Any, ...], Field(strict=False, min_length=1)] | None = setting(
-        '["1 km", "2 km"]', "values to choose from"
+        '["1 km", "2 km"]', "values that replace the nominal one"
     )
 
     def flaws(self) -> Iterator[str]:
@@ -91,16 +95,26 @@ class Study(Table):
 
     cases: Annotated[int, Field(ge=1)] = setting("1000", "number of cases", ...)
     seed: Annotated[int, Field(ge=0)] = setting("1", "seed of the random samples", ...)
-    draws: Literal["vary", "errors", "replanned"] = setting('"errors"', "source of the samples", "vary")
-    vary: dict[str, Draw] = setting('{ "craft.position" = { ball = "10 m" } }', "distributions by key", dict)
+    draws: Literal["vary", "errors", "replanned"] = setting(
+        '"errors"', "samples of `vary`, the errors of a mission, or both with new plans in each stage", "vary"
+    )
+    vary: dict[str, Draw] = setting(
+        '{ "craft.position" = { ball = "10 m" } }',
+        "samples by quoted key, drawn for each case and spacecraft",
+        dict,
+    )
     sweep: dict[str, Annotated[tuple[Any, ...], Field(strict=False)]] = setting(
-        '{ "sensor.half_angle" = ["65 deg", "70 deg"] }', "values by key", dict
+        '{ "sensor.half_angle" = ["65 deg", "70 deg"] }',
+        'values by quoted key; not with draws = "errors"',
+        dict,
     )
     sampled: Annotated[tuple[Step, ...], Field(strict=False)] = setting(
-        '["1 s", "60 s"]', "steps of sampled lock detection", ()
+        '["1 s", "60 s"]', "steps of a simulation whose locks are compared; `lock` only", ()
     )
-    pages: bool = setting("false", "false to omit the pages of cases", True)
-    published: dict[str, str] = setting('{ source = "S04", never = "0" }', "published values by row", dict)
+    pages: bool = setting("false", "false to omit the animated pages of single cases", True)
+    published: dict[str, str] = setting(
+        '{ source = "S04", never = "0" }', "published values by row of the printed table", dict
+    )
 
     def flaws(self) -> Iterator[str]:
         others = {"errors": ("vary", "sweep", "sampled", "published"), "replanned": ("sampled", "published")}
@@ -137,7 +151,7 @@ def draw_error(key: str, draw: Draw) -> str | None:
     except ValueError as error:
         return str(error)
     if draw.shell is not None and numbers[0] > numbers[1]:
-        return f"shell {shown(draw.shell)} shrinks; write the inner radius first"
+        return f"shell {shown(draw.shell)} begins with its outer radius; write the inner radius first"
     return None
 
 

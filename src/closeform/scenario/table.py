@@ -36,6 +36,7 @@ from closeform.scenario.quantity import (
     Reader,
     as_number,
     shown,
+    unit_of,
 )
 
 FLAWED = {"flawed": True}  # validation context that accepts inconsistent tables
@@ -48,7 +49,7 @@ def setting(
 ) -> Any:
     """Return the description of a key, from which its checks, messages and reference derive.
 
-    `example` is a value as written in a file and `help` one line. A default of ... makes the key required.
+    `example` is a value as written in a file and `help` one line. A key with the default `...` is required.
     The key `needs` another, and is allowed `only_with` one of several others, which are fields.
     """
     usual = {"default_factory": default} if callable(default) else {"default": default}
@@ -75,19 +76,20 @@ class Table(BaseModel):
     def reference(cls) -> Iterator[tuple[str, str, str, str]]:
         """Yield each key of the table: its name, values or an example, its default and its meaning."""
         for name, field in cls.model_fields.items():
-            parts = field.annotation, *get_args(field.annotation)
+            is_list = get_origin(field.annotation) is tuple
+            parts = () if is_list else (field.annotation, *get_args(field.annotation))
             words = [word for part in parts for word in choices(part)]
             example = " or ".join(words) or (field.examples or [""])[0]
-            usual = field.get_default(call_default_factory=True)
-            default = json.dumps(usual) if isinstance(usual, str | int | float) else ""
-            default = "required" if field.is_required() else default
+            default = "required" if field.is_required() else default_text(field)
             yield cls.key_of(name), example, default, field.description or ""
 
     @classmethod
     def missing(cls, key: str) -> str:
         """Return the message for a missing key, with its remedy."""
         example = cls.examples().get(key)
-        return f"missing; add for example {key} = {example}" if example else "missing; see docs/scenario.md"
+        return (
+            f"missing; add for example {key} = {example}" if example else "missing; see docs/scenario_keys.md"
+        )
 
     @classmethod
     def key_of(cls, name: str) -> str:
@@ -144,6 +146,19 @@ def notes_of(field: FieldInfo) -> Iterator[Any]:
     yield from field.metadata
     for part in get_args(field.annotation):
         yield from getattr(part, "__metadata__", ())
+
+
+def default_text(field: FieldInfo) -> str:
+    """Return the default of a key as a file writes it, in the units of its example; "" for none."""
+    default = field.get_default(call_default_factory=True)
+    quantity = re.fullmatch(r'"(?:[-+.\de]+ )+([^"]+)"', (field.examples or [""])[0])
+    scale = unit_of(quantity[1])[0] if quantity else 0.0
+    if quantity and scale and isinstance(default, float | tuple):
+        numbers = default if isinstance(default, tuple) else (default,)
+        return f'"{" ".join(f"{number / scale:g}" for number in numbers)} {quantity[1]}"'
+    if isinstance(default, tuple) and default and isinstance(default[0], str):
+        return json.dumps(default)
+    return json.dumps(default) if isinstance(default, str | int | float) else ""
 
 
 def choices(annotation: Any) -> list[str]:
@@ -304,7 +319,7 @@ def message(found: Any, table: type[Table]) -> str:
     key = next(reversed(keys_in(place)), "")
     owner = owner_of(table, place)
     keys = owner.examples() if owner is not None else {}
-    example = f"{key} = {keys[key]}" if keys.get(key) else "what docs/scenario.md says"
+    example = f"{key} = {keys[key]}" if keys.get(key) else "what docs/scenario_keys.md says"
     if kind == "missing" and owner is not None:
         return owner.missing(key)
     if kind == "extra_forbidden":

@@ -27,8 +27,8 @@ GAIN = 1e-4  # s
 class Adversary:
     """Search schedule and a box of states between `least` and `greatest` (6,).
 
-    `scaled`: the surface of the box represents all its states. `errors`: search errors of the craft in A and
-    in B, the same for all pairs.
+    `scaled` is True if states on the surface of the box represent all states inside. `errors`: search errors
+    of the craft in A and in B, the same for all pairs.
     """
 
     search: Search

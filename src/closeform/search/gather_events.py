@@ -64,7 +64,7 @@ def leg_at(legs, t):
 
 @kernel()
 def near_field_burns(turns, monitor, craft, log, k):
-    """Burn the lost craft of push k and of all simultaneous ones; return the index of the next push."""
+    """Apply near-field burn k and all simultaneous ones; return the index of the next burn."""
     pushes = turns.pushes
     t = pushes[k, WHEN]
     while k < len(pushes) and pushes[k, WHEN] == t:
@@ -101,8 +101,8 @@ def into_formation(monitor, craft, log, t, low, high, leg, way, formed):
 def keep_clear(monitor, craft, log, t, leg, label, end):
     """Burn the craft of a knowledge set that would enter each other's zones before `end`.
 
-    The burns are made one after another, the smallest first, by new craft and then by all. A conflict without
-    a burn remains, and appears in Gathering.conflicts.
+    Burns are made one after another, the smallest first: first by new craft, then by all craft. A conflict
+    without a burn remains, and appears in Gathering.conflicts.
     """
     labels, scratch = craft.labels, monitor.scratch
     for i in range(len(labels)):
@@ -128,7 +128,7 @@ def keep_clear(monitor, craft, log, t, leg, label, end):
 
 @kernel()
 def newcomers(craft, low, high, label):
-    """Mark the craft that are new to the set of that label when these two lock.
+    """Mark the craft that are new to the set of that label when two craft lock.
 
     These are the craft whose label changes. Of two lost craft it is the higher index; the lower keeps its
     velocity.
@@ -264,7 +264,7 @@ def fly_cases(
     labels,
     results,
 ):
-    """Simulate gatherings of one search with some choices of burns; `events` holds those of the last.
+    """Simulate gatherings of one search with given choices of burns; `events` holds those of the last one.
 
     All scratch arrays are allocated here, outside the loops, so that inner functions do not count references.
     """

@@ -209,7 +209,7 @@ class Gathering(Result):
         return times
 
     def acquainted(self, first: int, second: int) -> float:
-        """Return the time at which two craft came into one set.
+        """Return the time at which two craft first belonged to the same set.
 
         Parameters
         ----------
@@ -282,7 +282,7 @@ def reason_incomplete(
     lines = []
     if lost:
         lines.append(f"craft {named(lost)} locked with no craft")
-    lines += [f"craft {named(some)} know each other but did not meet the formation set" for some in sets[1:]]
+    lines += [f"craft {named(some)} know each other but did not join the formation set" for some in sets[1:]]
     left = ["; ".join(lines) + f" in {rounds} round{'s' * (rounds > 1)}"] if lines else []
     if adrift:
         left.append(f"craft {named(adrift)} lost the thrust to join the formation set")

@@ -29,13 +29,13 @@ class Gatherings(Rows):
     delta_v : array of shape (C,) [m/s]
         Delta-v of all craft together.
     corrections, near_field : array of shape (C,) [m/s]
-        Its parts for corrections against collisions and in the near-field search; the rest joins craft.
+        Parts for corrections against collisions and in the near-field search; the rest is spent on joining.
     each_delta_v : array of shape (C, N) [m/s]
         Delta-v of each craft.
     met_unknown : array of int of shape (C,)
         Number of pairs that entered their keep-out zone before they knew each other.
     met_known : array of int of shape (C,)
-        Number of pairs that did so only after.
+        Number of pairs that entered it only after they knew each other.
     adrift : array of int of shape (C,)
         Number of craft of the formation set without the thrust to match its velocity, in a study.
     """

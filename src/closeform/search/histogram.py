@@ -50,7 +50,7 @@ class Binned:
 
     @property
     def later(self) -> int:
-        """Number of times that are neither 0 nor absent."""
+        """Number of times above 0, without absent ones."""
         return int(self.counts.sum())
 
 

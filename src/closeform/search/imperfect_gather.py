@@ -53,7 +53,7 @@ def fly_astray(
     labels: Any,
     results: Floats,
 ) -> None:
-    """Simulate gatherings whose craft (C, N, 8) differ, with `pushes` (C, P, 6), until `ends` (C,)."""
+    """Simulate gatherings with errors `craft` (C, N, 8) and near-field burns `pushes`, until `ends` (C,)."""
     swings, see = np.empty((2, 16)), LockSensor(0.0, 0.0, 0.0)
     for c in range(len(positions)):
         turned = lent(Astray(own, craft[c], offset, swings))

@@ -50,7 +50,7 @@ def as_box(centre, half):
 
 @kernel()
 def shortfalls(look, box, baseline, longest):
-    """Return by how much a look fails to see a box: at its centre, at one corner, at the worst corner.
+    """Return the shortfalls of a look at a box: at its centre, at one corner, at the worst corner.
 
     A shortfall is g or, if greater, the distance beyond the range. All states lock if the last value, which
     includes the rounding error, is not positive. It equals an earlier value if that one is already positive.

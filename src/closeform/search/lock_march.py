@@ -70,7 +70,7 @@ def sight(boresight, place, sensor):
 
     `boresight` is that of A, `place` the position of B relative to A.  # theory (13)
 
-    Computed by components, so that a pass within a micrometre keeps its digits.
+    The length is computed from components, so that passes within a micrometre keep their digits.
     """
     bx, by, bz = boresight
     px, py, pz = place
@@ -83,7 +83,7 @@ def sight(boresight, place, sensor):
 
 @kernel(inline=True)
 def step(turn, t, position, velocity, bounds, sensor):
-    """Return a time without a lock from t on, whether they see each other at t, and if a lock is near.
+    """Return a duration without a lock from t on, whether both see each other at t, and if a lock is near.
 
     `turn` is the leg's row, `position` that at time 0, `bounds` the leg's `limits`. If a lock is near, it
     follows at the end of the step.

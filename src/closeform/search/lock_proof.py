@@ -45,7 +45,8 @@ class LockProof(Result):
     counterexamples : array of shape (C, 6) [m, m/s]
         States that certainly do not lock in time with errors within the bounds, in the inertial frame.
     errors : SearchErrors
-        Errors (C, 2) of the craft in A and in B with which they do not; `lock_times` confirms it.
+        Errors (C, 2) of the craft in A and in B with which these states do not lock; `lock_times` confirms
+        it.
     nodes : int
         Number of boxes judged.
     """
@@ -88,7 +89,7 @@ def prove_locks(
     low : array_like of shape (6,) [m, m/s]
         Minimum position and velocity of the box, B minus A at the start of the search, in the inertial frame.
     high : array_like of shape (6,) [m, m/s]
-        The maximum, in the same frame. Equal components make a flat box.
+        Maximum position and velocity of the box, in the same frame. Equal components make a flat box.
     pointing_error : float [rad], default 0
         Bound on each boresight's error, in any direction, constant or not.
     timing_error : float [s], default 0
@@ -98,7 +99,7 @@ def prove_locks(
     slew_acceleration : float [rad/s^2], default inf
         Minimum acceleration at the start and end of each craft's turns; any larger value is covered.
     latest : float [s], optional
-        Time by which they must lock. Default: the end of the search.
+        Time by which all pairs must lock. Default: the end of the search.
     nodes : int, default 1_000_000
         Maximum number of boxes to judge.
 
@@ -119,7 +120,7 @@ def prove_locks(
     counterexample is a pair that the certified march of `lock_times` never sees lock with errors as bad as
     the bounds allow. Boresights then always tilt away from the other craft, which is equivalent to sensors
     narrower by the pointing error, and clocks are exact, or of a craft behind or ahead of all others.
-    Sensors with an offset are not tilted.
+    Sensors with an offset are treated as not tilted.
 
     References
     ----------

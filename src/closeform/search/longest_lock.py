@@ -1,7 +1,7 @@
 """Longest time to lock: an adversary searches a box of initial states for the pair that locks last.
 
 It climbs from random pairs. Then `prove_locks` finds for which share of the box a later lock is impossible.
-If it finds a later lock, the climb continues from there.
+If the proof finds a later lock, the climb continues from there.
 """
 
 from __future__ import annotations
@@ -59,8 +59,8 @@ def longest_lock(
     low : array_like of shape (6,) [m, m/s]
         Minimum position and velocity of the box, B minus A at the start of the search, in the inertial frame.
     high : array_like of shape (6,) [m, m/s]
-        The maximum, in the same frame. Without offset and range the problem is scale-invariant, and any box
-        around the origin represents all states.
+        Maximum position and velocity, in the same frame. Without offset and range the problem is
+        scale-invariant, and any box around the origin represents all states.
     seed : int, default 0
         Seed of the random initial states.
     nodes : int, default 200_000

@@ -3,8 +3,8 @@
 A leg misses by an angle m exactly if sensors wider by m do not lock in it. The certified march with a
 wider cone decides this, and bisection finds the largest m. Initial states that differ by dr and dv move
 the line between the two sensors by at most |dr| + t |dv|, and so turn it by at most the arc sine of that
-over its length |q(t)|. A miss by m at a length of at least L persists while |dr| + t |dv| <= L sin m, and
-one instant of depth is enough for a lock to persist.
+over its length |q(t)|. A miss by an angle m at a distance of at least L persists while |dr| + t |dv| <= L sin
+m. For a lock to persist, one instant well inside both cones is enough.
 """
 
 from __future__ import annotations
@@ -168,7 +168,7 @@ def lock_margins(search: Search, position: ArrayLike, velocity: ArrayLike) -> Lo
 
 
 def _depth(search: Search, leg: int, time: float, separation: Floats) -> tuple[float, float]:
-    """Return the depth [rad] of the other's sensor inside the cone at a time, and its distance [m]."""
+    """Return how far inside the cone [rad] the other craft's sensor is at a time, and its distance [m]."""
     boresight = search.legs[leg].attitude_at(time)[:, 2]
     q = separation - search.sensor.baseline * boresight
     angle = atan2(float(np.linalg.norm(np.cross(q, boresight))), float(q @ boresight))

@@ -15,7 +15,7 @@ def labels(search: Search) -> tuple[str, ...]:
 
 
 def tally(search: Search, time: Any, leg: Any) -> tuple[int, ...]:
-    """Return the number of cases done at once, in each phase and never, from times (C,) [s] and legs (C,)."""
+    """Return how many cases are done at once, in each phase and never, from times (C,) [s] and legs (C,)."""
     ended = ended_in(search, time, leg)
     return tuple(np.bincount(ended, minlength=len(labels(search))).tolist())
 

@@ -1,4 +1,4 @@
-"""Legs of a whole gathering: the repeated search, each time with its near-field search."""
+"""Legs of a whole gathering: repetitions of the search, each followed by its near-field search."""
 
 from dataclasses import replace
 from math import atan2, degrees, isinf, pi
@@ -33,7 +33,7 @@ def all_rounds(search: Search, rounds: int, max_speed: float | None) -> tuple[Se
             )
         wait = search.near_field / max_speed
         if not SHORTEST < wait / search.duration < 1.0 / SHORTEST:
-            raise ValueError(f"max_speed: {max_speed:g} m/s makes a wait of {wait:g} s; correct its unit")
+            raise ValueError(f"max_speed: {max_speed:g} m/s causes a wait of {wait:g} s; correct its unit")
         for _ in ("wait", "drift"):
             start, end = legs[-1].end, legs[-1].end + wait
             number, attitude = legs[-1].round, START_ATTITUDE["A"]

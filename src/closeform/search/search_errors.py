@@ -197,7 +197,7 @@ def _within(name: str, value: ArrayLike, least: float, most: float) -> Floats:
 
 
 def _positive(name: str, value: ArrayLike) -> Floats:
-    """Return numbers after a check that they are positive."""
+    """Return positive numbers; raise ValueError for others."""
     array = numbers(name, value)
     if not (array > 0.0).all():
         raise ValueError(f"{name}: must be positive, got {array[~(array > 0.0)].flat[0]:g}")

@@ -236,7 +236,7 @@ def _case(volume: Volume, changes: tuple[float, ...], time: float) -> tuple[str,
 
 
 def _changes(search: Search, r: Floats, v: Floats) -> tuple[tuple[float, ...], Volume]:
-    """Return the times of the changes of volume for t >= 0, and the volume at the start.
+    """Return the times t >= 0 at which the volume changes, and the volume at the start.
 
     A touch of the surface from outside is a visit to the cone of no duration: two changes at the same time.
     """

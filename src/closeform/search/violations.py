@@ -67,7 +67,7 @@ def look_between(monitor, craft, one, other, t):
 
 @kernel()
 def count_violations(monitor, craft, t):
-    """Return the numbers of pairs with a violation before they knew each other, and only after, by time t."""
+    """Count the pairs with a violation by time t: before they knew each other, and only afterwards."""
     unknown = known = 0
     if monitor.on:
         for i in range(len(craft.labels)):

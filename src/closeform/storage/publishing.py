@@ -228,7 +228,7 @@ def make_folders(path: Path) -> list[Path]:
 
 
 def remove_folders(folders: Iterable[Path]) -> None:
-    """Remove the empty ones among some folders, innermost first."""
+    """Remove those of some folders that are empty, innermost first."""
     for one in sorted(set(folders), reverse=True):
         with suppress(OSError):
             one.rmdir()

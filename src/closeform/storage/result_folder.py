@@ -216,7 +216,7 @@ def page_of(path: Path, report: bool = False) -> Path:
 
 
 def unfinished(path: Path) -> str:
-    """Return a description of a folder without finished results, and the remedy."""
+    """Describe a folder without finished results as text, with the remedy."""
     whole, every = manifest.progress(path / PRIVATE / manifest.NAME)
     chunks = f"{whole} of {every} chunks are complete"
     if is_held(path / PRIVATE / LOCK):

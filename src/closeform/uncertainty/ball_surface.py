@@ -9,7 +9,7 @@ sigma(n). The mean rate of entries is
 
 over the part within `TAIL` of the largest density: a band of tilts from the minor axis, and arcs of each
 quadrant in it. Gauss's rule is used for both, so that a thin covariance takes as many nodes as a round one.
-Both are cut where mu changes sign, which is an edge if sigma is small.
+Both are divided where mu changes sign, because the integrand has an edge there if sigma is small.
 """
 
 from math import acos, asin, cos, erfc, exp, inf, pi, sin, sqrt
@@ -90,7 +90,7 @@ def inward(frame, x, y, z):
 
 @kernel()
 def deviation(frame, nx, ny, nz):
-    """Return the deviation of the speed along n, given the position."""
+    """Return the standard deviation of the speed along n, given the position."""
     xx, yy, zz = frame[SPREAD, 0], frame[SPREAD + 1, 1], frame[SPREAD + 2, 2]
     xy, xz, yz = frame[SPREAD, 1], frame[SPREAD, 2], frame[SPREAD + 1, 2]
     square = nx * nx * xx + ny * ny * yy + nz * nz * zz + 2.0 * (nx * ny * xy + nx * nz * xz + ny * nz * yz)
@@ -186,14 +186,14 @@ def fill_panels(frame, begin, end, sharp, panels):
 
 @kernel()
 def gap(mean, reach, sigma):
-    """Return the squared deviations from the mean to the nearest point within `reach` of the centre."""
+    """Return the squared distance, in sigmas, from the mean to the nearest point within `reach` of 0."""
     away = max(0.0, abs(mean) - reach) / sigma
     return away * away
 
 
 @kernel()
 def node_count(fineness, base, deviations, most):
-    """Return the number of nodes for a stretch of some deviations."""
+    """Return the number of quadrature nodes for an interval of a width in standard deviations."""
     return min(most, int(fineness * (base + 0.6 * deviations)) + 1)
 
 

@@ -113,7 +113,7 @@ def _of_burns(path: Path, errors: Uncertainty) -> Iterator[Floats]:
 
 
 def _forced(n: float, arcs: Floats, errors: Uncertainty) -> Iterator[Floats]:
-    """Yield the thrust arcs of the columns of one burn; their states are set later."""
+    """Yield the thrust arcs of a burn's columns; their states are set later."""
     bare = arcs.copy()
     bare[:, IMPULSE:] = 0.0
     if errors.magnitude:

@@ -39,7 +39,7 @@ def enough(histories: SampledTrajectories, flux: Flux, at_start: float, off: flo
 
 
 def strata(samples: int) -> tuple[Any, Any]:
-    """Return the stratum of each sample, two or a few in each, and the number of strata along each axis.
+    """Return the stratum of each sample, with two or a few per stratum, and the number of strata per axis.
 
     Strata are equal parts of all entries in time, across the surface and in speed.
     """

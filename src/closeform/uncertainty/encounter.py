@@ -84,7 +84,7 @@ class Encounter(Result):
             (CCSDS 508.0), or those of the states.
         half_window : float [s], optional
             Duration of the paths before and after that instant. Default: a quarter of the primary's period,
-            or the time within a hundredth of the orbit's radius if that is shorter.
+            or, if shorter, the time in which the distance stays within a hundredth of the orbit's radius.
         mu : float [m^3/s^2], default that of the Earth
             Gravitational parameter of the body.
 

@@ -25,9 +25,9 @@ from closeform.uncertainty.whitened import MEAN, SIGMA, principal
 def surface_integrals(means, factors, matrix, rules, fineness, farthest, out):
     """Write the rate of entries into the unit ball, and the mean's distance, for each time (T, 2).
 
-    From states (T, 6) and factors (T, 6, M) of their covariance, in zone coordinates. The distance to the
-    ball is in standard deviations, 0 from inside; with a fineness of 0 only it is computed. The rate is 0
-    beyond `farthest`.
+    The inputs are states (T, 6) and factors (T, 6, M) of their covariance, in zone coordinates. The distance
+    to the ball is in standard deviations, and 0 inside. With a fineness of 0 only the distance is computed.
+    The rate is 0 beyond `farthest`.
     """
     means, factors, matrix, out = borrowed(means), borrowed(factors), borrowed(matrix), borrowed(out)
     rules = borrowed(rules)
@@ -84,9 +84,9 @@ def speed_of_entry(mu, sigma, share):
 def draw_entries(means, factors, matrix, rules, fineness, first, shares, errors):
     """Turn standard normals (N, M) in `errors` into the errors of trajectories that enter at given times.
 
-    Those of time k are `first[k]` to `first[k + 1]`. `shares` (N, 2) give the place on the surface, rising
-    from 0 to 1 for each time, and the speed. Given position and inward speed, the rest keeps its
-    distribution: errors are moved only along the directions that determine these.  # theory (63)
+    The errors of time k are rows `first[k]` to `first[k + 1]`. `shares` (N, 2) give the place on the surface,
+    rising from 0 to 1 for each time, and the speed. Errors are moved only along the directions that determine
+    position and inward speed; for given values of these, the rest keeps its distribution.  # theory (63)
     """
     means, factors, matrix, errors = borrowed(means), borrowed(factors), borrowed(matrix), borrowed(errors)
     rules = borrowed(rules)

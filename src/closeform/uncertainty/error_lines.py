@@ -137,7 +137,8 @@ def move(run, side, x, plane):
 def follow(mean, line, order, n, t, stop, outward, outward_then, at, run, plane):
     """Move both ends from t to `stop`, where `at` is the line; each may reverse once.
 
-    `outward`, `outward_then` (LOW and HIGH): below 0 if an end moves outward, at t and at `stop`.
+    `outward` and `outward_then` are for the ends LOW and HIGH, at t and at `stop`: below 0 if an end moves
+    outward.
     """
     low, high = ends(at)
     for side in (LOW, HIGH):

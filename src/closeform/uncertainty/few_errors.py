@@ -66,7 +66,7 @@ def _followed(histories: SampledTrajectories, ways: Floats, plane: bool) -> Floa
 
 
 def few_ways(histories: SampledTrajectories) -> Floats | None:
-    """Return the directions (1 or 2, M) of all errors that move craft, zeros without any; None for more."""
+    """Return the directions (1 or 2, M) of all errors, zeros if no craft moves; None for more than two."""
     moved = _moved(histories)[1].reshape(-1, len(histories.columns))
     _, sizes, directions = np.linalg.svd(moved / np.sqrt(len(moved) / 3), full_matrices=False)
     if sizes[0] <= NOTHING:

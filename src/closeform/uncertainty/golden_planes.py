@@ -1,9 +1,9 @@
 """Best separating plane between a zone and an ellipsoid by golden sections, where fast methods fail.
 
 For a thin ellipsoid sqrt(a S a) has an edge, along which Newton's method does not climb. Its square has lost
-half of the digits, and no point determines the best plane. Here planes are only compared, with a root of S
-that has kept its digits. Over all planes that face r the gap g is quasi-concave, so that its maximum over one
-angle is quasi-concave in the other; between three faces that meet it is concave.  # theory 3
+half of the digits, and no point determines the best plane. Here planes are only compared, using a root of S
+that is accurate to all digits. Over all planes that face r the gap g is quasi-concave, so that its maximum
+over one angle is quasi-concave in the other; between three faces that meet it is concave.  # theory 3
 """
 
 from math import inf, sqrt

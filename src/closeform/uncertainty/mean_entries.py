@@ -42,8 +42,8 @@ class Unresolved(ValueError):
 class Flux:
     """Expected entries from the start on: their number, its error, and their distribution in time.
 
-    `of_time` holds the sampled times with the rate and the part of all entries of each; `nearest` [s] the
-    times at which the mean is closest to the zone, the closest first.
+    `of_time` holds the sampled times, with the rate and the part of all entries at each. `nearest` [s] are
+    the times at which the mean is closest to the zone, the closest first.
     """
 
     value: float
@@ -93,7 +93,7 @@ def rates(histories: SampledTrajectories, times: Floats, fineness: float, farthe
 def nearest_times(histories: SampledTrajectories) -> tuple[Floats, Floats]:
     """Return the times at which the mean is closest to the zone, in deviations, and the distances.
 
-    These are all local minima that count.
+    The times are all local minima that contribute to the integral.
     """
     n = histories.mean_motion
     grid = []

@@ -172,7 +172,7 @@ def first_try(tube, longest):
 
 @kernel()
 def brief(tube, longest):
-    """Return the step below which progress stalls."""
+    """Return the step size below which progress is considered to have stalled."""
     n = max(tube.mean_motion, tube.seen[MEAN_RATE])
     return BRIEF * (min(longest, 1.0 / n) if n > 0.0 else longest)
 

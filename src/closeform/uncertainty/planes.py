@@ -43,7 +43,7 @@ def times(s, x, y, z):
 
 @kernel()
 def room(r, s, k, x, y, z):
-    """Return g of (x, y, z) and the point p at which it is attained; r without uncertainty."""
+    """Return g of (x, y, z) and the point p at which it is attained; p = r without uncertainty."""
     ux, uy, uz = times(s, x, y, z)
     wide = sqrt(max(x * ux + y * uy + z * uz, 0.0))
     h = k / wide if wide > 0.0 else 0.0
@@ -81,7 +81,7 @@ def inverse(s, shift, x, y, z, fine):
 
 @kernel()
 def round_plane(x, y, z, s, k, fine):
-    """Return the best unit a of a ball: towards p = rho w, w = (S + rho I)^-1 r, where sqrt(w S w) = k.
+    """Return the best unit normal a for a ball: along p = rho w, w = (S + rho I)^-1 r, sqrt(w S w) = k.
 
     Newton's method on the inverse of that root, which is almost linear in rho; accurate to a thousandth
     unless `fine`.

@@ -8,10 +8,10 @@ from closeform.uncertainty.spread import spread_to_ends
 
 
 def carried(errors: Uncertainty, path: Path) -> Uncertainty:
-    """Return the uncertainty at the end of a path, with all errors so far in the state covariance.
+    """Return the uncertainty at the end of a path, whose state covariance includes all errors up to there.
 
-    Burns, impulses and noise on the path have added their errors; the execution errors ahead are unchanged.
-    Roots are propagated, so that directions keep their digits.  # theory (51)
+    They include the errors of burns, impulses and noise up to that time; execution errors of later burns are
+    unchanged. Roots are propagated, so that directions keep their digits.  # theory (51)
     """
     _, roots = spread_to_ends(path, [errors])
     return errors._with_root(roots[0])

@@ -113,7 +113,7 @@ def fill_windows(arcs, others, columns, offsets, times, orders, matrix, out):
 
 @kernel(void(float64[::1], int64[::1], float64, float64[:, :, :, ::1], FORM, float64[:, :, ::1]))
 def fill_planes(times, orders, n, windows, form, planes):
-    """Fill the distances (W, 1 + m, 4) of mean and columns along the normal of a plane touching the zone.
+    """Fill the components (W, 1 + m, 4) of mean and columns along the normal of a plane at the zone.
 
     In zone units: at a window's start, at its end, and the sag between, in two parts. A trajectory whose sums
     exceed 1 at both ends by more than its sag has no entry there. All are 0 for a window that is neither

@@ -21,7 +21,8 @@ class NotPassing(ValueError):
 def passes_through(histories: SampledTrajectories) -> tuple[float, float]:
     """Return the probability to pass through an ellipsoid, and its quadrature error: Foster's integral.
 
-    In zone coordinates, over the disc of the unit ball seen along the velocity at closest approach.
+    The integral is in zone coordinates, over the disc that the unit ball projects along the velocity at
+    closest approach.
     """
     approach = closest_approach(histories.path, histories.other, histories.zone)
     start, end = histories.edges[0], histories.edges[-1]

@@ -100,7 +100,7 @@ def within_for(tube, k, longest):
 
 @kernel()
 def inside_for(tube, used, span):
-    """Return how long the errors found last certainly keep a position inside."""
+    """Return for how long the errors that were found last certainly keep a position inside."""
     place, best, at, bounds = tube.place, tube.best, tube.at, tube.bounds
     x, y, z, vx, vy, vz = place[0], place[1], place[2], place[3], place[4], place[5]
     if used > 0.0 and tube.along[0] > 0.0:

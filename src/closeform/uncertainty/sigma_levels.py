@@ -133,7 +133,7 @@ def least_in_window(tube, span, k, best, best_time, patience):
 
 @kernel()
 def sketch_level(tube, t, k, enough):
-    """Return an approximate level at time t, by approximate planes; or one above `enough`."""
+    """Return an approximate level at time t from approximate planes, or any value above `enough`."""
     if look(tube, t) <= (1.0 if k < 0.0 else 0.0):
         return 0.0
     s = 0.0
@@ -203,7 +203,7 @@ def advance(arcs, i, i_end, t):
 def least_of_pair(tube, one, first, two, second, start, end, k, best, best_time):
     """Return the minimum level over [start, end] and its time; nan if no error results in a conflict.
 
-    Starts from a known level and its time, or inf and nan.
+    The search starts from a known level and its time, or from inf and nan.
     """
     i_end, j_end = one.offsets[first + 1], two.offsets[second + 1]
     i = locate(one.arcs, one.offsets[first], i_end, start)

@@ -312,7 +312,7 @@ def level_of_plane(tube, k):
 
 @kernel()
 def level(tube, t, k, start):
-    """Return the level of the zone, or the sigmas, at contact at time t, from a lower bound `start` or 0.
+    """Return the level (zones or sigmas) at which both touch at time t, from a lower bound `start` or 0.
 
     k < 0: the number of sigmas that touch the zone; otherwise the scale of zone and k sigmas together, which
     is the mean's norm in their sum. Newton's method: g is convex in either, so that it converges from below.

@@ -47,7 +47,7 @@ class UncertainFlight:
     """Pairs of a flight with any uncertainty, the fewest sigmas first.
 
     `exact`: craft without errors; `sigmas`: the required clearance. `any_pair`: an upper bound on the
-    probability that any pair has a conflict, the sum over all; None if it is not known.
+    probability that any pair has a conflict, the sum over all pairs; None if it is unknown.
     """
 
     pairs: tuple[UncertainPair, ...]

@@ -35,14 +35,14 @@ Normal = Callable[[int, int], Floats]  # from level and rows to normal numbers (
 def step_beside(n: float, density: float, radius: float, span: float) -> float:
     """Return the step [s] for noise [m^2/s^3] whose deviation is a thousandth of a zone.
 
-    Longer, if the span would have more than ten thousand steps.
+    The step is longer if the span would otherwise have more than ten thousand steps.
     """
     longest = (ENOUGH * radius / OFF) ** (2 / 3) / density ** (1 / 3)
     return float(min(max(longest, span / STEPS), ANGLE / n if n > 0.0 else np.inf, span))
 
 
 def off_beside(density: float, step: float) -> float:
-    """Return the deviation by noise [m^2/s^3] within a step [s], in metres.
+    """Return the deviation [m] that noise [m^2/s^3] causes within a step [s].
 
     theory (65)
     """

@@ -99,7 +99,8 @@ def make_orthogonal(frame, rows, size):
 def part_velocity(frame, rows, size):
     """Split the velocity's rows into the regression on the position and the residual.
 
-    A residual of rounding is set to 0: with at most three errors, positions usually determine the velocity.
+    A residual that is only rounding is set to 0: with at most three errors, positions usually determine the
+    velocity.
     """
     for i in range(3):
         whole, left = 0.0, 0.0

@@ -1,4 +1,4 @@
-"""Widths: how far errors move each craft of a batch between common times, for a quick rejection of pairs.
+"""Widths: bounds on the displacement of each craft by its errors between common times, for quick rejection.
 
 With E that maps the zone to the unit ball, one sigma moves a craft by at most the norm of E R(t), R its
 columns. That norm is convex, so that over an interval of length h, with R'' bounded, it is below

@@ -112,7 +112,7 @@ def burnt(result: StageResult[Any, Any]) -> Iterator[Record]:
 
 
 def burns_of(result: StageResult[Any, Any], craft: int) -> Iterator[Record]:
-    """Yield the burns of one craft; only the first and the last of a large number."""
+    """Yield the burns of one craft, or if there are many, only the first and the last."""
     name, (kind, rows) = result.after.names[craft], pushes(result, craft)
     some = [*rows[:1], *rows[-1:]] if len(rows) > MANY else list(rows)
     for k, (start, lasts, *push) in enumerate(some):
@@ -132,9 +132,9 @@ def conflicts(result: StageResult[Any, Any]) -> Iterator[Record]:
     for when, flight in flights(result):
         remains = when == "after"
         for conflict in sorted(flight.conflicts, key=lambda one: one.start):
-            who = f"{conflict.first} - {conflict.second}"
+            pair_names = f"{conflict.first} - {conflict.second}"
             word = "conflict" if remains else "in conflict without avoidance"
-            text = f"{who}: {word}, {conflict.ratio:.4f} x zone at {conflict.time:.1f} s"
+            text = f"{pair_names}: {word}, {conflict.ratio:.4f} x zone at {conflict.time:.1f} s"
             craft = place[conflict.first], place[conflict.second]
             level = "bad" if remains else "plain"
             yield event("conflict", result, conflict.start, text, craft, conflict.end, level)
@@ -175,16 +175,16 @@ def failures(result: StageResult[Any, Any]) -> Iterator[Record]:
     for pair in result.passive.pairs[:NEAREST]:
         if not isfinite(pair.failed_at):
             continue
-        text = f"{pair.fails}: {told(result, pair)}"
+        text = f"{pair.fails}: {consequence(result, pair)}"
         craft = place[pair.fails], place[pair.meets]
         level = "good" if pair.safe else "bad"
         yield event("failure", result, pair.failed_at, text, craft, level=level)
 
 
-def told(result: StageResult[Any, Any], pair: "PairDrift") -> str:
+def consequence(result: StageResult[Any, Any], pair: "PairDrift") -> str:
     """Return the consequence of a failure as text."""
     assert result.passive is not None
-    comes = "comes to" if not pair.safe else "stays clear, minimum"
+    comes = "closest approach" if not pair.safe else "stays clear, minimum"
     return f"if {failure(result.passive)}, {comes} {clearance(pair)} of {pair.meets}"
 
 

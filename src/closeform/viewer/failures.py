@@ -47,10 +47,10 @@ def failures(shown: Shown, numbers: Numbers, drawn: list[Record], error: float) 
                 "met_track": -1,
             }
             if lost and row < DRAWN and isfinite(pair.failed_at):
-                way = drift(result, pair)
+                path = drift(result, pair)
                 record["track"] = len(drawn)
-                drawn.append(track(numbers, way, fails, result.number, "drift", error))
-                if way.end > result.end:
+                drawn.append(track(numbers, path, fails, result.number, "drift", error))
+                if path.end > result.end:
                     if meets not in coasts:
                         coasts[meets] = len(drawn)
                         coast = onward(result, meets, last_shown(result))

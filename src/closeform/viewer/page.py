@@ -20,7 +20,7 @@ STILL = (  # added to the style of the interactive page
     "#still{max-width:62rem;margin:0 auto;padding:1rem}"
     "#still svg{width:min(100%,19rem);margin:0 .5rem .5rem 0;border-radius:.4rem;vertical-align:top}"
 )
-REASON = "This page moves with JavaScript and WebGL, of which one is missing here; what follows stands still."
+REASON = "The animation requires JavaScript and WebGL, one of which is missing here. Still views follow."
 MOST = 1000  # largest number of craft that a browser can animate
 ENDS_SCRIPT = re.compile("</(?=script)", re.IGNORECASE)
 
@@ -40,7 +40,7 @@ def document(scene: Scene) -> str:
     """Return a scene as one self-contained HTML document; for more than MOST craft, only its still views."""
     style = (HERE / "viewer.css").read_text(encoding="utf-8")
     count = len(scene.record["craft"])
-    crowd = f"{count} craft, and more than {MOST} are not shown in motion." if count > MOST else ""
+    crowd = f"{count} craft; more than {MOST} are not animated." if count > MOST else ""
     return (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
         f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">'

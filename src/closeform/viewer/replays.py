@@ -55,7 +55,7 @@ def begin(campaign: Any, folder: Folder, asked: bool = True) -> tuple[tuple[Repl
 
 
 def mission_of(campaign: Any, case: int | None) -> Mission:
-    """Return the mission of a case; for None, the mission as planned.
+    """Return the mission of a case, or for None the mission as planned.
 
     A search is recomputed. Other missions are those that the study kept in this process.
     """
@@ -115,18 +115,18 @@ def missions(campaign: MissionCampaign) -> Iterator[tuple[int, str]]:
             yield case, WORDS[status]
     if spreads := campaign.spreads:
         cost, case = next(iter(spreads.values())).worst[0]  # as simulated, if available
-        yield case, f"most delta-v, {cost:.4g} m/s"
+        yield case, f"highest delta-v, {cost:.4g} m/s"
     near, where = campaign.nearest, ""
     if campaign.flights is not None:
-        near, where = campaign.flights.nearest, " in flight"
+        near, where = campaign.flights.nearest, " in simulation"
     if near is not None:
-        yield near[1], f"two came nearest{where}, {near[0]:.4g} times their zone"
+        yield near[1], f"closest approach{where}, {near[0]:.4g} x zone"
 
 
 def extremes(campaign: GatherCampaign) -> Iterator[tuple[int, str]]:
     """Yield the gatherings with the highest delta-v and with the most pairs within a keep-out zone."""
     if most := campaign.least(lambda part: -part["delta_v_m_s"]):
-        yield most[1], f"most delta-v, {-most[0]:.4g} m/s"
+        yield most[1], f"highest delta-v, {-most[0]:.4g} m/s"
     most = campaign.least(lambda part: -1.0 * (part["met_unknown"] + part["met_known"]))
     if most and most[0]:
         yield most[1], f"most pairs within their keep-out zone, {-most[0]:.0f}"

@@ -91,12 +91,12 @@ class Shown:
     def of_report(cls, report: "ScreenReport | EncounterReport | SimulationReport") -> Self:
         """Return the scene input of a report on a screening, an encounter or a simulation."""
         # by command name: a test of the class would import the modules of the other two reports
-        told: dict[str, Callable[[Any], Self]] = {
+        makers: dict[str, Callable[[Any], Self]] = {
             "screen": cls._of_screening,
             "encounter": cls._of_encounter,
             "simulate": cls.of_flight,
         }
-        return told[report.command.name](report)
+        return makers[report.command.name](report)
 
     @classmethod
     def _of_screening(cls, report: "ScreenReport") -> Self:
@@ -118,14 +118,14 @@ class Shown:
     @classmethod
     def of_flight(cls, report: "SimulationContent") -> Self:
         """Return the worst simulation of a run stage by stage; the title identifies it."""
-        flown = report.flown
-        told = cls._of_one(report, report.epoch, report.flight, report.zones, staged(Flight))
+        simulated = report.simulated
+        shown = cls._of_one(report, report.epoch, report.flight, report.zones, staged(Flight))
         stages = tuple(
             StageResult(one.number, one.stage, float(np.min(flight.paths.start)), flight, flight, None)
-            for one, flight in zip(flown.run.flown, flown.worst_by_stage, strict=True)
+            for one, flight in zip(simulated.run.flown, simulated.worst_by_stage, strict=True)
         )
-        which = f"{flown.which[0].upper()}{flown.which[1:]}: " if flown.which else ""
-        return replace(told, title=which + told.title, results=stages)
+        which = f"{simulated.which[0].upper()}{simulated.which[1:]}: " if simulated.which else ""
+        return replace(shown, title=which + shown.title, results=stages)
 
     @classmethod
     def _of_one(

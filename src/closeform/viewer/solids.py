@@ -50,20 +50,20 @@ def mesh(zone: Zone) -> dict[str, Any]:
     corners, ways = zone.vertices, zone.faces @ zone.matrix
     on = corners @ ways.T > 1.0 - ON
     triangles = [
-        triangle for face, way in zip(on.T, ways, strict=True) for triangle in fan(corners, face, way)
+        triangle for face, normal in zip(on.T, ways, strict=True) for triangle in fan(corners, face, normal)
     ]
     edges = [[a, b] for a, b in combinations(range(len(corners)), 2) if int((on[a] & on[b]).sum()) > 1]
     return {"corners": corners.tolist(), "triangles": triangles, "edges": edges}
 
 
-def fan(corners: Floats, face: Any, way: Floats) -> list[list[int]]:
-    """Return the triangles of one face, whose normal is along `way`, counterclockwise."""
+def fan(corners: Floats, face: Any, normal: Floats) -> list[list[int]]:
+    """Return the triangles of one face, whose normal is along `normal`, counterclockwise."""
     members = np.flatnonzero(face)
     if len(members) < 3:
         return []
     middle = corners[members].mean(axis=0)
     right = corners[members[0]] - middle
-    up = np.cross(way, right)
+    up = np.cross(normal, right)
     spokes = corners[members] - middle
     around = np.arctan2(spokes @ up / np.linalg.norm(up), spokes @ right / np.linalg.norm(right))
     ordered = members[np.argsort(around)].tolist()

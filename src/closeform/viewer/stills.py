@@ -22,7 +22,7 @@ Placed = Callable[[Floats], Floats]
 
 
 def stills(scene: Scene) -> str:
-    """Return the tracks of all craft in three planes as SVG; craft and zones at the closest approach."""
+    """Return the tracks of all craft in three planes as SVG, with craft and zones at the closest approach."""
     shown = scene.shown
     time = moment(scene.record)
     views = "\n".join(view(shown, scene.record, plane, time) for plane in PLANES)

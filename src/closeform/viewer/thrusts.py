@@ -116,7 +116,7 @@ def burns(shown: Shown, numbers: Numbers) -> list[Record]:
 
 
 def spent(result: StageResult[Any, Any], craft: int) -> tuple[Floats, Floats] | None:
-    """Return times (K,) [s] and cumulative delta-v (K,) [m/s] of a stage; None if it is zero."""
+    """Return times (K,) [s] and cumulative delta-v (K,) [m/s] of a stage; None without any delta-v."""
     total = float(result.delta_v[craft])
     if total == 0.0:
         return None
@@ -134,7 +134,7 @@ def spent(result: StageResult[Any, Any], craft: int) -> tuple[Floats, Floats] | 
 
 
 def pulsed(times: Floats, rows: Floats) -> tuple[Floats, Floats]:
-    """Return the times and the delta-v [m/s] of pulses until then; an active pulse counts in part."""
+    """Return the times and the cumulative delta-v [m/s] of pulses; an active pulse counts in part."""
     begun = np.clip((times[:, None] - rows[:, 0]) / np.maximum(rows[:, 1], 1e-12), 0.0, 1.0)
     return times, begun @ np.linalg.norm(rows[:, 2:], axis=1)
 

@@ -43,13 +43,13 @@ def tracks(shown: Shown, numbers: Numbers, error: float) -> list[Record]:
     """Return every track except drifts after a failure; executed paths ("flown") come first."""
     return [
         track(numbers, path, craft, result.number, kind, error)
-        for kind, ways in (("flown", flown), ("before", before), ("planned", planned))
+        for kind, ways in (("flown", executed), ("before", before), ("planned", planned))
         for result in shown.results
         for craft, path in ways(result)
     ]
 
 
-def flown(result: StageResult[Any, Any]) -> Iterator[tuple[int, Path]]:
+def executed(result: StageResult[Any, Any]) -> Iterator[tuple[int, Path]]:
     """Yield the index and the executed path of every craft."""
     paths = result.after.paths
     yield from ((k, paths[k]) for k in range(len(paths)))

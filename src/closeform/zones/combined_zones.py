@@ -108,9 +108,9 @@ def key(own: OwnZone) -> tuple[Any, ...]:
 def pair_zone(around: OwnZone | None, seen: OwnZone | None) -> tuple[Zone, str]:
     """Return the zone `around` one spacecraft and how it was made; `seen` is the other's own zone.
 
-    Of two regions the one that contains the other holds. Covariances add. All others add as sets: two bodies,
-    a region and a body, or one of them and a covariance ellipsoid. If one own zone is None, the other one
-    holds.
+    Of two regions, the one that contains the other applies. Covariances add. All other combinations add as
+    sets: two bodies, a region and a body, or one of them and a covariance ellipsoid. If one own zone is None,
+    the other one applies.
 
     Raises ValueError, without names, for two regions of which neither contains the other, for covariances of
     different sigmas, and for an unbounded sum.
@@ -126,7 +126,7 @@ def pair_zone(around: OwnZone | None, seen: OwnZone | None) -> tuple[Zone, str]:
     if kinds == [REGION]:
         zone = containing_zone(*sets)
         if zone is None:
-            raise ValueError("neither zone holds the other; give both one that holds both")
+            raise ValueError("neither zone contains the other; give both a zone that contains both")
         return zone, REGION
     both = " and ".join(kinds) if len(kinds) > 1 else "bodies"
     sigmas = "".join(f", {one.sigmas:g} sigma" for one in own if isinstance(one, CovarianceZone))

@@ -10,7 +10,7 @@ ROUNDING = 1e-9
 
 
 def containing_zone(*zones: Zone) -> Zone | None:
-    """Return the zone that contains all others, or None if there is none, as of a cigar and a disc."""
+    """Return the zone that contains all others; None if there is none, as for a cigar and a disc."""
     for zone in zones:
         if all(greatest_norm(zone, other) <= 1.0 + ROUNDING for other in zones):
             return zone
@@ -30,7 +30,7 @@ def greatest_norm(outer: Zone, inner: Zone) -> float:
 
 
 def greatest_length(rows: Floats, inner: Zone) -> float:
-    """Return the largest |rows r| over a zone: convex, so at a corner, along an axis or on a rim."""
+    """Return the largest |rows r| over a zone, attained at a corner, along an axis or on a rim."""
     if not inner.bounded:
         return np.inf
     image = rows @ np.linalg.inv(inner.matrix)

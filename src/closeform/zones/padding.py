@@ -71,7 +71,7 @@ class Padding:
         return cls(metres) if metres[np.triu_indices(count, 1)].any() else None
 
     def groups(self, groups: Groups) -> Groups:
-        """Return the same pairs with padded zones."""
+        """Return the groups of pairs with padded zones."""
         found: list[tuple[Zone, Any]] = []
         for zone, pairs in groups:
             each = self.metres[pairs[:, 0], pairs[:, 1]]

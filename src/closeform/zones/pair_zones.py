@@ -25,10 +25,10 @@ TWICE = (
 class PairZones:
     """Zone of every pair among N bodies, combined from their own zones by `PairZones.of`.
 
-    An own zone is a region (any `Zone`), a `CovarianceZone` or a `Body`.  Of two regions the one that
-    contains the other holds, covariances add, and bodies add as sets, as do zones of different
-    kinds.  A body without a zone is a point with a known position: its pairs have the other's own zone,
-    and a pair of two such bodies has none.  A pair of two bodies that do not move has none either.
+    An own zone is a region (any `Zone`), a `CovarianceZone` or a `Body`.  Of two regions, the one that
+    contains the other applies.  Covariances add.  Bodies add as sets, as do zones of different kinds.  A body
+    without a zone is a point with a known position. A pair with one such body has the own zone of the other;
+    a pair of two has none.  A pair of two bodies that do not move has none either.
 
     The zone of a pair i < j applies to r_i - r_j: it is the zone around j, or the mirrored zone around i.
 
@@ -127,7 +127,7 @@ class PairZones:
         return len(self.kinds)
 
     def which(self, first: Any, second: Any) -> Any:
-        """Return which of the `zones` hold for pairs.
+        """Return the index of the zone of each pair.
 
         Parameters
         ----------
@@ -163,7 +163,7 @@ class PairZones:
         return self.zones[k] if one < other else self.zones[k].mirrored
 
     def rule(self, one: int, other: int) -> str | None:
-        """Return how the zone of a pair was made.
+        """Return the rule by which the zone of a pair was made.
 
         Parameters
         ----------
@@ -201,7 +201,7 @@ class PairZones:
         return count_pairs(len(self)) - without
 
     def groups(self) -> Iterator[tuple[Zone, Any]]:
-        """Iterate over the zones with the pairs that they hold for.
+        """Iterate over the zones with the pairs that they apply to.
 
         Returns
         -------
@@ -217,7 +217,7 @@ class PairZones:
 
 
 def by_zone(which: Any) -> Iterator[tuple[int, Any]]:
-    """Yield each zone index in an answer of `PairZones.which`, and the positions where it occurs."""
+    """Yield each zone index in a result of `PairZones.which`, and the positions where it occurs."""
     if len(which) and (which == which[0]).all():
         order, begins = np.arange(len(which)), np.zeros(1, dtype=np.int64)
     else:
@@ -258,7 +258,7 @@ def portions(zones: PairZones, at_once: int = AT_ONCE) -> Iterator[tuple[Zone, A
 
 
 def portions_near(zones: PairZones, places: Floats) -> Iterator[tuple[Zone, Any, Any]]:
-    """Yield what `portions` does, for pairs of positions (N, 3) [m] within the reach of a zone."""
+    """Yield the pairs of `portions` that positions (N, 3) [m] place within the reach of a zone."""
     reach = reach_of(zones)
     if zones.pairs <= AT_ONCE or not reach < np.inf:
         yield from portions(zones)
@@ -284,7 +284,7 @@ def counts_covariances(zones: PairZones) -> bool:
 
 
 def all_made(zones: PairZones) -> PairZones:
-    """Return the same with the zones of all kinds, for kernels that look them up in a table."""
+    """Return pair zones in which the zones of all kinds exist, for kernels that look them up in a table."""
     if not isinstance(zones.table, MadeTable):
         return zones
     count = len(zones.table.own)

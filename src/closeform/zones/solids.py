@@ -155,21 +155,21 @@ class Cylinder(Zone):
 
     def __init__(self, radius: float, half_length: float, axis: ArrayLike = (1.0, 0.0, 0.0)) -> None:
         wide, long = lengths_of("radius", radius, ()), lengths_of("half_length", half_length, ())
-        way = finite("axis", axis)
-        if way.shape != (3,):
-            raise ValueError(f"axis: expected shape (3,), got {way.shape}")
-        if not way.any():
+        direction = finite("axis", axis)
+        if direction.shape != (3,):
+            raise ValueError(f"axis: expected shape (3,), got {direction.shape}")
+        if not direction.any():
             raise ValueError("axis: must not be zero")
-        super().__init__(CYLINDER, _about(way) / np.array([[wide], [wide], [long]]))
+        super().__init__(CYLINDER, _about(direction) / np.array([[wide], [wide], [long]]))
 
 
 def _about(axis: Floats) -> Floats:
-    """Return orthonormal rows, the last along `axis`; the others along x, y, z if `axis` is."""
-    x, y, z = way = axis / np.abs(axis).max() / sqrt(sum((axis / np.abs(axis).max()) ** 2))
+    """Return orthonormal rows, the last along `axis`; if `axis` is along x, y or z, so are the others."""
+    x, y, z = direction = axis / np.abs(axis).max() / sqrt(sum((axis / np.abs(axis).max()) ** 2))
     sign = 1.0 if z >= 0.0 else -1.0
     u = -1.0 / (sign + z)  # Frisvad's method without its singular direction (Duff et al. 2017)
     w = x * y * u
-    return np.array([[1.0 + sign * x * x * u, sign * w, -sign * x], [w, sign + y * y * u, -y], way])
+    return np.array([[1.0 + sign * x * x * u, sign * w, -sign * x], [w, sign + y * y * u, -y], direction])
 
 
 class HalfSpaces(Zone):

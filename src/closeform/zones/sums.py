@@ -1,7 +1,7 @@
 """Sums of zones: a zone that contains the Minkowski sum {a + b} of two zones.
 
-A zone grows into one of its own shape, and the smaller of the two results is taken; the sum of two
-ellipsoids or spheres is the smallest of a family.              # theory (24)-(25)
+Each zone is enlarged, in its own shape, to contain the sum, and the smaller of the two results is taken. For
+two ellipsoids or spheres the result is the smallest of a family.              # theory (24)-(25)
 """
 
 from math import pi, sqrt
@@ -77,5 +77,5 @@ def _between_planes(one: Zone, other: Zone) -> Zone:
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     ends = one.support(normals) + other.support(normals)
     if not np.isfinite(ends).any():
-        raise ValueError("the sum of their zones has no end; give one of them a bounded zone")
+        raise ValueError("the sum of their zones is unbounded; give one of them a bounded zone")
     return HalfSpaces(normals[np.isfinite(ends)], ends[np.isfinite(ends)])

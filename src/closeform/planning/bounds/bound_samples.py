@@ -52,7 +52,7 @@ class Samples:
         self.zones = [self.problem.zones[kind] for kind in self.problem.kinds[self.contacts.which]]
 
     def near(self, which: int, time: float, same: float) -> int:
-        """Return the number of a pair's sample within `same` of all time of a time; add one if missing."""
+        """Return the number of a pair's sample near a time, within `same` of all time; add one if missing."""
         apart = np.where(self.contacts.which == which, np.abs(self.contacts.times - time), inf)
         if apart.min() > same * (self.problem.last - self.problem.first):
             self.add([which], [time])

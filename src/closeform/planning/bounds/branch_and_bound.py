@@ -116,7 +116,7 @@ def closeness(spent: float, bound: float, cost: Cost = "energy", limited: bool =
     if is_proven(spent, bound):
         return f"proven minimum {of} these ends and times"
     if not bound > 0.0:
-        return f"compared with a {cost} of 0 where nothing is in the way"
+        return f"compared with a {cost} of 0 without obstacles"
     return f"at most {100.0 * gap(spent, bound):.2g} % above the minimum {of} these ends and times"
 
 
@@ -146,7 +146,7 @@ class _Search:
         return min(self.goal, self.least, self.queue[0].bound if self.queue else inf)
 
     def examine(self, bound: float, samples: list[int], cut: list[Piece]) -> None:
-        """Queue a child node of one with the given bound, unless its own bound reaches the goal."""
+        """Queue a child of a node with the given bound, unless the child's own bound reaches the goal."""
         self.nodes += 1
         answer = self.samples.answer(samples, cut, self.goal, NEARLY)
         bound = max(bound, answer.bound)

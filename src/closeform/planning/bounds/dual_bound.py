@@ -207,7 +207,8 @@ def begin(places, gram, offsets, floors, multipliers, roots, aims, inverse):
 def dual_bound(places, gram, offsets, floors, enough, tolerance, multipliers, forces):
     """Return a certified bound on the extra energy, maximised until it reaches `enough` or cannot.
 
-    Its accuracy is `tolerance`, relative to the bound or to what is missing to `enough`.  G must not vanish.
+    It is accurate to `tolerance`, relative to the bound or to its difference from `enough`.  G must not
+    vanish.
 
     `places` (m,), `gram` (m, m); rows offsets[g] to offsets[g + 1] are the squares of group g, the last
     len(floors) rows the halves.  `multipliers`, of groups and then halves, are kept where they suffice, as a

@@ -216,7 +216,7 @@ class BurnSolver(ImpulseSolver):
         return best
 
     def fewest(self, best: Spent) -> Spent:
-        """Return the solution without insignificant burns, where that is clear; longer burns replace them."""
+        """Return the solution without insignificant burns if that is clear; longer burns replace them."""
         for share, further in product((FIRED, IDLE), (0.0, FURTHER)):
             large = sizes_of(best.impulses) > share * best.delta_v
             used, start = self.kept(best, large), replace(best, margin=best.margin + further)

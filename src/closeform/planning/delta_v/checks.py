@@ -85,7 +85,7 @@ class Failures(Protocol):
         """Return the contacts that paths touch, moved onto the chords of impulses, and whether all touch."""
 
     def brief(self, flown: Flown) -> Flown:
-        """Return the paths with impulses as brief burns, amid which thrust may be lost."""
+        """Return the paths with impulses as brief burns, during which thrust may be lost."""
 
 
 def arrive(problem: Problem, flown: Flown, finals: Floats) -> bool:

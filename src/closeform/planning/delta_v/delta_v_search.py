@@ -53,10 +53,9 @@ def solve_impulses(
 ) -> tuple[Outcome, Spent]:
     """Return the best paths of minimum delta-v, and the unconstrained optima; `budget` limits the starts.
 
-    Burns are within `limits` (N,) [m/s^2], if given.  Where no impulses are clear, craft without thrusters
-    get the paths of minimum energy, with their delta-v.
-    Raises ValueError naming a craft whose thrusters cannot reach its final state, and TooLittleThrust for a
-    craft whose limit is too low.
+    Burns are within `limits` (N,) [m/s^2], if given.  If no impulses are clear, craft without thrusters
+    receive the paths of minimum energy, with their delta-v. Raises ValueError naming a craft whose thrusters
+    cannot reach its final state, and TooLittleThrust for a craft whose limit is too low.
     """
     by_energy, failures = cache(lambda: solve(problem, more=more, waiting=False)), None
     if problem.drift is not None:
@@ -175,7 +174,7 @@ def clear_optimum(solver: ImpulseSolver, free: Spent, best: Spent | None) -> Spe
 
 
 def in_bits(solver: ImpulseSolver, found: Spent) -> Spent | None:
-    """Return clear paths without an impulse below its minimum bit, where `found` has some; None without."""
+    """Return clear paths without the impulses below the minimum bit in `found`; None if there are none."""
     if solver.failures is not None or solver.limits.any() or not solver.below_bit(found).any():
         return None
     from closeform.planning.delta_v.minimum_bits import in_whole_bits  # which only thrusters with a bit need
@@ -384,7 +383,7 @@ def starts(solver: ImpulseSolver, free: Spent, by_energy: Callable[[], Outcome])
 def turns(solver: ImpulseSolver, best_of: Callable[[], Spent | None]) -> Iterator[Contacts]:
     """Yield the contacts of the best plan with one obstacle passed on another side, cheaper ones first.
 
-    Continue from a better plan as soon as one is found, until none is.
+    Continue from each better plan as soon as it is found, until no better one is found.
     """
     before = None
     while (best := best_of()) is not None and best is not before:

@@ -64,7 +64,7 @@ class Moments(NamedTuple):
         return cut.some(cut.shares(self).any(axis=1) | cut.shares(other).any(axis=1))
 
     def shares(self, other: "Moments") -> Floats:
-        """Return the share (J, K) of each of the `other` moments that overlaps each of these."""
+        """Return the fraction (J, K) of each moment in `other` that each of these moments overlaps."""
         if not self.widths.any():
             same = (self.times[:, None] == other.times) & (self.which[:, None] == other.which)
             return np.where(same, 1.0, 0.0)
@@ -137,8 +137,8 @@ def blended(
 class Pushes(NamedTuple):
     """Thrust directions of N craft: `directions` (N, M, 3) at time 0, the first `counts` (N,) of each valid.
 
-    A craft with free direction has one zero vector.  Directions fixed in inertial axes rotate backwards with
-    `spins` (N,) [rad/s].
+    A craft with free direction has one zero vector.  Directions that are fixed in inertial axes rotate
+    backwards in the orbit's axes, at `spins` (N,) [rad/s].
     """
 
     directions: Floats

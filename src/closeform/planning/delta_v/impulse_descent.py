@@ -25,7 +25,7 @@ MOST = 250  # maximum planes
 def descended(solver: ImpulseSolver, best: Spent) -> Spent:
     """Return clear paths of no higher cost than the given ones, fired at the same moments.
 
-    Moments at the maxima of the primers, which are more, are used where they save more than few impulses may
+    The moments at the maxima of the primers are more, and are used where they save more than few impulses may
     cost.
     """
     few = at_rest(solver, best, lambda found: found.moments)
@@ -34,7 +34,7 @@ def descended(solver: ImpulseSolver, best: Spent) -> Spent:
 
 
 def at_rest(solver: ImpulseSolver, best: Spent, moments: Callable[[Spent], list[Moments]]) -> Spent:
-    """Return the last of the rounds from clear paths, each fired at the `moments` of the one before."""
+    """Return the last round from clear paths; each round fires at the `moments` of the one before."""
     for _ in range(ROUNDS):
         if solver.problem.effort.beyond():
             break
@@ -50,7 +50,7 @@ def at_rest(solver: ImpulseSolver, best: Spent, moments: Callable[[Spent], list[
 def cleared(
     solver: ImpulseSolver, near: Spent, moments: Callable[[Spent], list[Moments]] | None = None
 ) -> Spent | None:
-    """Return clear paths that arrive, reached by steps from nearly clear ones at their moments; else None.
+    """Return clear paths to the final states, in steps from nearly clear ones at their moments, or None.
 
     If `moments` is given, each step fires at the moments that it returns for the previous paths.
     """
@@ -91,7 +91,7 @@ def step_down(solver: ImpulseSolver, here: Spent, moments: list[Moments]) -> Spe
 
 
 def kept_by(solver: ImpulseSolver, clear: Spent, found: Spent) -> Contacts:
-    """Return the contacts of conflicts of paths that were found, with normals that clear paths satisfy."""
+    """Return contacts for the conflicts of found paths, with planes that clear paths satisfy."""
     problem, lost, met = solver.problem, found.checked.lost, solver.problem.met(found.checked.missed)
     if solver.failures is not None:
         lost = lost._replace(normals=problem.normals(solver.failures.brief(clear.flown), lost, -inf))

@@ -2,9 +2,10 @@
 
 A round solves the program for the planes of the contacts (`joint_dual`), propagates the impulses, and
 searches for conflicts.  Each plane is then turned to its pair's position, and pairs still in conflict get
-another one.  Clear paths stay clear when planes turn, and become cheaper.  Craft may fire at the times of a
-grid, at the maxima of their primers, and when they last did; at the end only at necessary times.
-Each thruster has moments of its own: a time and its direction.                               # theory 6
+another one.  Paths that are clear stay clear when the planes turn, and their cost decreases.  Craft may fire
+at the times of a grid, at the maxima of their primers, and when they last did; finally only at necessary
+times. Each thruster has moments of its own: a time and its direction.                               # theory
+6
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -131,7 +132,8 @@ class ImpulseSolver:
     def solve(self, contacts: Contacts, bar: float = inf, stride: float = inf) -> Spent | None:
         """Return the cheapest clear paths found from a start; None without any well below `bar`.
 
-        From rounds that are not clear only a step is taken, in which no pair moves more than `stride` zones.
+        After a round that is not clear only a step is taken, in which no pair moves by more than `stride`
+        zones.
         """
         best, before, self.aim, tolerance, last, idle = None, None, self.least, WIDEST, inf, 0
         moments = self.grid
@@ -488,6 +490,6 @@ class ImpulseSolver:
 
 
 def beside(problem: Problem, flown: Flown, contacts: Contacts) -> Contacts:
-    """Return contacts with normals on the sides on which paths pass; ahead where two craft meet."""
+    """Return contacts with normals towards the sides on which paths pass, or forward where two craft meet."""
     normals = problem.normals(flown, contacts, -inf)
     return contacts._replace(normals=np.where(normals.any(axis=1, keepdims=True), normals, AHEAD))

@@ -12,8 +12,7 @@ from typing import Any, Self
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.fuel.pulses import extended
-from closeform.fuel.pulses import flown as flown_by_pulses
+from closeform.fuel.pulses import extended, pulsed_path
 from closeform.fuel.thrusters import Thrusters
 from closeform.motion.arc import END, START, STATE
 from closeform.motion.path import Path
@@ -70,7 +69,7 @@ class PulseSolver(ImpulseSolver):
         return few if few is not None else cleared(self, some, self.following)
 
     def without(self, found: Spent, small: Any) -> Spent | None:
-        """Return clear pulses without some of the small ones, or without one of them; None without any."""
+        """Return clear pulses without some of the small ones, or without one; None if none are clear."""
         sizes = sizes_of(found.impulses)
         order = np.argsort(np.where(small, sizes, inf), axis=None)[: np.count_nonzero(small)]
         for those in (order[: -(-len(order) // PART)], *order[:, None]):
@@ -146,7 +145,7 @@ class PulseSolver(ImpulseSolver):
             begins = self.begins(i, own, lengths)
             middle, strength = begins + 0.5 * lengths, thrusters.acceleration[own.which]
             times = np.stack([begins, begins + lengths])
-            path = flown_by_pulses(orbit, thrusters, own.which, times, strength, initial, (start, end))
+            path = pulsed_path(orbit, thrusters, own.which, times, strength, initial, (start, end))
             along = thrusters.directions_at(orbit, middle)[np.arange(len(own.times)), own.which]
             off = units * (final - path.state(end))
             if np.abs(off).max() <= MET * sizes.sum():

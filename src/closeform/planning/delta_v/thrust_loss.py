@@ -1,9 +1,10 @@
 """Close approaches of craft that lost their thrust between impulses or during one.
 
-Between impulses a path is one natural motion, whenever thrust is lost there.  It has a plane for its
-start, from which on nothing more is fired, and one for its end, before which everything is.  During an
-impulse the failures form a chord; the impulse is treated as a brief burn, so that each failure has an instant
-of its own.                                                                                 # theory (74)
+Between impulses a path is one natural motion, whenever thrust is lost there.  One plane is for a failure at
+its start, after which nothing more is fired. Another is for a failure at its end, before which all of it is
+fired.  During an impulse the failures form a chord; the impulse is treated as a brief burn, so that each
+failure has an instant of its own.
+# theory (74)
 """
 
 from collections.abc import Iterator
@@ -56,7 +57,7 @@ class ImpulseFailures:
     def checked(self, flown: Flown, known: Contacts) -> Checked:
         """Return conflicts of paths and close approaches of failed craft, also from `known` contacts.
 
-        Certified where there are none.
+        The absence of conflicts is certified.
         """
         problem = self.problem
         planned = problem.path(flown)
@@ -180,7 +181,7 @@ class ImpulseFailures:
         return np.column_stack([lost_at(contacts), contacts.times]) / float(self.lengths.max())
 
     def placed(self, wide: Flown, found: Contacts) -> tuple[Contacts, Floats]:
-        """Return failures amid burns, moved to the nearest points of their chords, and the norms there."""
+        """Return failures during burns, moved to the nearest points of their chords, and the norms there."""
         rows, side = self.rows_of(wide, found), side_of(found)
         start, end = wide[0][rows, START], wide[0][rows, END]
         ball = self.scene.shapes[self.problem.kinds[found.which]] == BALL
@@ -205,7 +206,8 @@ class ImpulseFailures:
     ) -> Contacts:
         """Return the contacts for fewer moments `after`, each of which replaces the nearest of `before`.
 
-        A loss of thrust among the replaced moments becomes one amid their replacement, after the same share.
+        A loss of thrust among the replaced moments becomes one during their replacement, after the same
+        fraction.
         """
         craft, drifts = self.failed(contacts), contacts.drifts.copy()
         for k in np.flatnonzero(contacts.drifts.any(axis=1)):

@@ -32,7 +32,7 @@ def shared(solver: ImpulseSolver, free: Spent) -> Spent | None:
 def allotted(
     own: Moments, pushes: Floats, thrusters: Thrusters, mean_motion: float
 ) -> tuple[Moments, Floats] | None:
-    """Return one craft's impulses `pushes` (J, 3) as impulses of single thrusters with the minimum sum."""
+    """Return one craft's impulses `pushes` (J, 3), shared among thrusters with the minimum sum."""
     allocation = Allocation.of(thrusters.directions)
     angles = mean_motion * own.times * (thrusters.frame == "inertial")
     c, s, x, y = np.cos(angles), np.sin(angles), pushes[:, 0], pushes[:, 1]

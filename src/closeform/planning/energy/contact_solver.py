@@ -1,11 +1,10 @@
 """Local solver: contacts are relaxed until the paths are clear at minimum energy on their sides.
 
-A round solves the quadratic program of the known contacts (the zones' supporting planes there),
-deflects all paths by its forces, and moves every contact to the current closest approach of its paths.
-A contact that moved far also keeps its old time, which damps the rounds.  Once the paths are nearly
-clear, Newton's method solves the conditions of optimality.  A path that slides along a zone has no single
-contact to converge to; its planes are raised by the remaining shortfall.  The cheapest clear solution is
-never lost.                                                                                    # theory 4
+A round solves the quadratic program of the known contacts (the zones' supporting planes there), deflects all
+paths by its forces, and moves every contact to the current closest approach of its paths. A contact that
+moved far also keeps its old time, which damps the rounds.  Once the paths are nearly clear, Newton's method
+solves the conditions of optimality.  A path that slides along a zone has no single contact to converge to;
+its planes are raised by the remaining shortfall.  The cheapest clear solution is always kept.  # theory 4
 """
 
 from math import inf
@@ -190,8 +189,8 @@ def polish(scene, contacts, count, factors, gram, paths, samples, found):
 def solve_local(scene, sides, count, bar, room):
     """Relax the first `count` contacts in `hand` and new ones; return (status, contacts, energy).
 
-    Fills `best` with the contacts of the cheapest clear solution, for BLOCKED with the last ones.  Stops
-    where the energy is well above `bar` when nearly clear.
+    Fills `best` with the contacts of the cheapest clear solution, or for BLOCKED with the last contacts.
+    Stops where the energy is well above `bar` when nearly clear.
     """
     best, contacts = lent(room.best), lent(room.hand)
     samples = lent(Bodies(room.states, room.places, room.speeds))

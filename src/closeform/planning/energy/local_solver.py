@@ -29,9 +29,9 @@ AHEAD = np.array([1.0, 0.0, 0.0])  # arbitrary side where two craft meet
 class Solution:
     """Paths that are certified clear, or not (`clear`), and their contacts.
 
-    A solution that costs more than the given bar is not certified between the samples.  `energy` is
-    the energy beyond the unconstrained optima [m^2/s^3], inf where not clear; `optimal` is True where the
-    conditions of optimality hold to rounding.
+    A solution that costs more than the given bar is not certified between the samples.  `energy` is the
+    energy beyond the unconstrained optima [m^2/s^3], inf if not clear; `optimal` is True if the conditions of
+    optimality hold up to rounding.
     """
 
     problem: Problem
@@ -77,7 +77,7 @@ class LocalSolver:
         return self.scene._replace(powers=powers, aims=np.where(edged, self.margin * rounding, self.margin))
 
     def solve(self, start: Contacts, sides: Sides, bar: float = inf, blunt: int = 0) -> Solution:
-        """Return the cheapest certified solution found from a start; stop well above the energy `bar`.
+        """Return the cheapest certified solution from a start; stop if its energy is well above `bar`.
 
         `blunt` selects the rounding with which sides are chosen, where zones have edges.
         """

@@ -22,7 +22,7 @@ def press(scene, contacts, lift, give, stride, most, arcs, offsets):
     """Fill the multipliers that keep failed craft beyond all planes at `lift` aims, and the paths.
 
     Returns the energy.  The initial active set are the contacts with positive multipliers.  Each plane
-    gives way by `give` of its own compliance.  Where a displacement exceeds `stride` zones, all are reduced.
+    gives way by `give` of its own compliance.  If a displacement exceeds `stride` zones, all are reduced.
     Returns inf for incompatible planes, or where one moves a craft by more than `most` zones.
                                                                                          # theory (72)
     """

@@ -35,9 +35,9 @@ def is_definite(matrix):
 def solve_qp(gram, gaps, count, active, give, work, multipliers):
     """Fill `multipliers` (count,) from the initial `active` set; return the status.
 
-    Every contact gives way by `give` of its own compliance.  All contacts of the wrong sign change sides at
-    once; where that does not help, only the last of them (Judice & Pires 1994), which terminates for every
-    definite G.  If rounding prevents termination, coordinate descent is used.
+    Every contact yields by the fraction `give` of its own compliance.  All contacts of the wrong sign change
+    sides at once; where that does not help, only the last of them (Judice & Pires 1994), which terminates for
+    every definite G.  If rounding prevents termination, coordinate descent is used.
     """
     inside = np.empty(count, dtype=np.int64)
     wrong = np.empty(count, dtype=np.bool_)

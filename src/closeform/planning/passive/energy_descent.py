@@ -1,9 +1,10 @@
 """Descent from safe paths to minimum energy nearby: planes are turned ahead and satisfied after all failures.
 
 Planes that support a zone lie outside it whatever their direction, so that paths that satisfy them after
-all failures are safe.  Planes turned to the current paths yield little where failures touch the zone over a
-range of instants.  A step therefore turns them to an extrapolation of the last two steps, farther as long
-as that lowers the cost.                                                                 # theory (75)
+all failures are safe.  Planes that are turned to the current paths reduce the cost only slightly where
+failures touch the zone over a range of instants.  A step therefore turns them to an extrapolation of the last
+two steps, farther as long as that lowers the cost.
+# theory (75)
 """
 
 from math import inf

@@ -2,8 +2,8 @@
 
     r(t; s) = E Phi(t - s) x(s) - r_other(t),    t >= s                                       # theory (44)
 
-Instants s of failure and times t are sampled; each local minimum over t is refined.  A minimum that is
-missed costs a round of planning, not safety: the certified search has the last word.
+Instants s of failure and times t are sampled; each local minimum over t is refined.  A minimum that is missed
+costs a round of planning, not safety, because the certified search decides.
 """
 
 import numpy as np
@@ -66,7 +66,7 @@ def fill_gaps(n, lost, clock, matrix, other, first, gaps):
 
 @kernel()
 def fill_squares(scene, kind, sign, gaps, first, squares):
-    """Fill the squares of a zone's norm at all samples, with a sign; beyond any for absent bodies."""
+    """Fill the signed squares of a zone's norm at all samples; for absent bodies they exceed all others."""
     shape = scene.shapes[kind]
     if shape == BALL:
         for k in range(first, len(squares)):
@@ -154,8 +154,8 @@ def add_minima(scene, arcs, offsets, which, side, s, lost, squares, first, reach
 def find_failures(scene, arcs, offsets, moments, shifts, reach, contacts, norms):
     """Fill `contacts` with local minima over time after failures at `moments` (N, S); return their number.
 
-    Minima are those within `reach` aims; `norms` receives their norms.  `shifts` (N + M, 6) are added to the
-    bodies as natural motions, given as states at the first time.
+    Minima up to `reach` times the aim are returned; `norms` receives their norms.  `shifts` (N + M, 6) are
+    added to the bodies as natural motions, given as states at the first time.
     """
     arcs, offsets = borrowed(arcs), borrowed(offsets)
     craft, count, times = len(scene.base), 0, scene.times
@@ -196,7 +196,7 @@ def find_failures(scene, arcs, offsets, moments, shifts, reach, contacts, norms)
 def fill_turns(scene, arcs, offsets, which, side, t, drift, out):
     """Fill derivatives of a pair's position after a failure at s: rows d/ds, d2/dsdt, d2/ds2.
 
-    In zone coordinates.                                                                 # theory (44)
+    Derivatives are in zone coordinates.                                                  # theory (44)
     """
     craft = scene.pairs[which, side]
     arc = arcs[locate(arcs, offsets[craft], offsets[craft + 1], t - drift)]
@@ -252,8 +252,8 @@ def slide_failure(scene, arcs, offsets, contacts, k, side, motion, turns):
 def slide_failures(scene, arcs, offsets, contacts, turned, norms):
     """Move contacts to their pairs' current closest approaches, with the normals there.
 
-    Contacts with edged zones keep their failure instants.  Fills the normals `turned` (K, 3) at the previous
-    times, and the norms (K,) as a share of the aim.
+    Contacts with zones that have edges keep their failure instants.  Fills the normals `turned` (K, 3) at the
+    previous times, and the norms (K,) as a share of the aim.
     """
     motion, turns, work, before = stack_matrix(3, 3), stack_matrix(3, 3), stack_vector(3), stack_vector(3)
     for k in range(len(contacts.times)):

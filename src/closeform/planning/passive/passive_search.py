@@ -115,7 +115,7 @@ class PassiveSearch:
         return Found(self.settled(self.best), self.margin, False, self.tried)
 
     def starts(self) -> Iterator[tuple[int, bool]]:
-        """Yield seeds, and whether short steps are used: for a formation, and where other starts fail."""
+        """Yield seeds, and whether steps are short, as for a formation or after other starts have failed."""
         if self.few:
             yield from ((seed, False) for seed in range(self.budget))
             if not self.limited and not (self.best is not None and self.best.clear):

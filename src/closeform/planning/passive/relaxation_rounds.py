@@ -1,8 +1,8 @@
 """Rounds of a passively safe plan: planes are satisfied and turned until no failed craft enters a zone.
 
 A round solves the program of the known planes (the zones' supporting planes at close approaches of failed
-craft), deflects all paths, and samples all failures of the new paths.  Their minima over time become planes,
-and so do the closest approaches over failure instant and time near active planes.  At first the planes are
+craft), deflects all paths, and samples all failures of the new paths.  Planes are added at their minima over
+time, and at closest approaches over failure instant and time near active planes.  At first the planes are
 soft, while their normals turn.  All planes are those of the current paths, so that safe paths stay safe and
 become cheaper.                                                                                # theory 4
 """

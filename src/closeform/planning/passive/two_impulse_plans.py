@@ -7,7 +7,7 @@ craft is left on A, M or B, or, during an impulse, on a motion between two of th
 epoch, these motions are a chain of two straight lines in the space of states, which is sampled here.
 
 The drift times are multiples of a fixed part of the orbit, whatever the duration, and so are the waits at
-the end.  A longer duration therefore offers every plan of a shorter one, with a later start.
+the end.  A longer duration therefore admits every plan of a shorter one, with a later start.
 """
 
 from collections.abc import Iterator

@@ -1,7 +1,7 @@
 """Approximate search for close approaches between certified searches.
 
 Samples locate the minima of every pair's norm, which are then refined.  A minimum that is missed costs a
-round of planning, not safety: the certified march has the last word.
+round of planning, not safety, because the certified march decides.
 """
 
 from math import inf, nan, sqrt

@@ -22,8 +22,8 @@ MEET = 1e-9  # norm below which two craft meet, so that no side is nearer
 class Sides(NamedTuple):
     """Rule for the side of a new contact: the nearer side, unless its norm is below `depth`.
 
-    Below it, every body is treated as shifted a little, so that the choices for all pairs agree: across the
-    relative motion, or `along` it, to pass earlier or later.
+    Below it, every body is treated as slightly displaced, so that the choices for all pairs agree. The
+    displacement is across the relative motion, or `along` it, to pass earlier or later.
     """
 
     shifts: Floats  # (N + M, 3) in zones

@@ -277,7 +277,7 @@ def fly(scene, contacts, arcs, offsets):
 def look_at(scene, arcs, offsets, contacts, motions, gram):
     """Fill the relative motions (K, 3, 3) of pairs at contacts, and their kernel (3K, 3K) there.
 
-    An empty `gram` is not filled.
+    If `gram` is empty, the kernel is not computed.
     """
     count = len(contacts.times)
     factors, block = np.empty((count, 2, 4, 3, 6)), stack_matrix(3, 3)

@@ -51,7 +51,7 @@ class Effort:
             self.limit, self.usual = limit, usual
 
     def beyond(self, share: float = 1.0) -> bool:
-        """Return whether more than a share of the limit is used, at which a part of the search ends."""
+        """Return whether more than `share` of the limit has been used, which ends a part of the search."""
         self.ended |= self.used > share * self.limit
         return self.used > share * self.limit
 
@@ -284,7 +284,7 @@ class Problem:
         return 0.0
 
     def depth(self, ratio: float) -> str:
-        """Return a description of the clearance ratio at an end."""
+        """Return the clearance ratio at an end as text."""
         return f"{ratio:.2f} x zone"
 
     def deviations(self, flown: Flown, contacts: Contacts, directions: Floats) -> Floats:

@@ -34,8 +34,8 @@ def rounded_norm(shape, faces, power, x, y, z):
 def gradient(shape, faces, power, motion, out):
     """Fill `out` with the gradient of the norm at a relative motion (rows: position, velocity).
 
-    On an edge, where one part falls as another rises, it is the mean of their gradients along which the
-    motion has no speed.  At the centre `out` is unchanged.
+    On an edge, where one part decreases and another increases, it is the weighted mean of their gradients for
+    which the norm is stationary along the motion.  At the centre `out` is unchanged.
     """
     x, y, z = motion[0, 0], motion[0, 1], motion[0, 2]
     s = rounded_norm(shape, faces, power, x, y, z)

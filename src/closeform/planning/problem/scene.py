@@ -39,7 +39,7 @@ class Scene(NamedTuple):
 
 
 class Contacts(NamedTuple):
-    """K contacts: which of a problem's pairs, time, outward normal in zone coordinates, multiplier.
+    """K contacts: index of the pair, time, outward normal in zone coordinates, and multiplier.
 
     The multiplier is the force that pushes the pair apart: the thrust's rate jumps by
     `multiplier * matrix^T normal` for the first of the two, and by the opposite for the second.  For a craft

@@ -75,7 +75,7 @@ class Margin:
 
 
 def fields_of(problem: Problem) -> dict[str, Any]:
-    """Return the fields of an ordinary problem."""
+    """Return the fields of a problem without errors, by name."""
     return {one.name: getattr(problem, one.name) for one in fields(Problem)}
 
 
@@ -189,7 +189,7 @@ class SigmaProblem(Problem):
     def insides(self, contacts: Contacts, directions: Floats) -> Floats:
         """Return ellipsoids |W q| <= 1 in sums of zone and sigmas with the same extents: (K, 3, 3).
 
-        They include only errors common to all plans, because another plan may have smaller other errors.
+        They include only errors that all plans have, because the other errors may be smaller in another plan.
         """
         spread, out = self.relative(self.fixed, contacts), np.empty((contacts.number, 3, 3))
         for k, (kind, way) in enumerate(zip(self.kinds[contacts.which], directions, strict=True)):

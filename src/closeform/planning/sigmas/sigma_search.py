@@ -2,8 +2,8 @@
 
 A round solves the program of the known planes, propagates all craft, and finds all conflicts with a slightly
 larger sum of zone and sigmas.  The sum's supporting plane at each closest approach is the next plane.  Active
-planes are turned to their pairs' positions.  The sum is convex, so that clear paths stay clear when planes
-turn, and become cheaper.                                                          # theory (56)
+planes are turned to their pairs' positions.  The sum is convex, so that clear paths stay clear when the
+planes turn, and their cost decreases.                                                          # theory (56)
 """
 
 from collections.abc import Iterator

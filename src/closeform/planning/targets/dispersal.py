@@ -175,7 +175,7 @@ def scattered(orbit: Orbit, states: ArrayLike, duration: float, factor: float) -
     for apart, when in ((before, "at the start"), (after, f"after {duration:g} s of coasting")):
         k = int(apart.argmin())
         if apart[k] <= TOGETHER * max(before.max(), after.max()):
-            raise ValueError(f"states: craft {pairs[0][k]} and {pairs[1][k]} are at one place {when}")
+            raise ValueError(f"states: craft {pairs[0][k]} and {pairs[1][k]} are at the same position {when}")
     centre = coasted.mean(axis=0)
     scale = max(1.0, float((factor * before / after).max()))
     return np.asarray(centre + scale * (coasted - centre))

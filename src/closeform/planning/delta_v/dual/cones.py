@@ -107,7 +107,7 @@ def aim(cone, free, most, tau, share, v):
 def scaled(cone, values, at, sign, size, bend, out):
     """Fill `out` (4,) with W times four values that start at `at`, or its inverse where `sign` is -1.
 
-    `size` and `bend` are the factors of W, or of its inverse.
+    `size` and `bend` are the parameters of W, or of its inverse.
     """
     along = 0.0
     for k in range(1, 4):

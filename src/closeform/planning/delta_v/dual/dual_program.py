@@ -13,8 +13,8 @@ barriers, where
 
     v_i(t) = 2 tau p_i / (1 - |p_i|^2)   or   tau d / (1 - d . p_i)                          # theory (39)
 
-by Mehrotra's predictor-corrector steps.  The last centre is solved accurately, so that a face of equal
-optima is left at its centre.
+by Mehrotra's predictor-corrector steps.  The last centre is computed accurately, so that among equal optima
+the result is the centre of their face.
 """
 
 from math import ceil, inf, log, sqrt
@@ -61,7 +61,7 @@ def barrier_terms(fleet, number):
 
 @kernel()
 def follow(program, terms, degrees, tolerance, bar, cones, planes, x):
-    """Follow the centres to a relative gap; return the bound, and the necessary factor of the limits."""
+    """Follow the centres to a relative gap; return the bound, and the factor that the limits require."""
     craft, number, width = len(program.counts), len(planes), x.shape[1]
     program, x = lent(program), borrowed(x)
     cones, planes = borrowed(cones), borrowed(planes)
@@ -128,8 +128,9 @@ def place_cones(program, multipliers, cones, planes, x):
 def price(fleet, planes, tolerance, bar, dual, impulses):
     """Return the minimum delta-v of a fleet that satisfies planes, to a relative `tolerance`.
 
-    Fills `impulses` (N, J, 3) and the `dual`.  inf where it is above `bar`, or the planes are infeasible.
-    The second number is a lower bound on the factor of the limits that all craft need, as far as known.
+    Fills `impulses` (N, J, 3) and the `dual`.  The cost is inf if it is above `bar`, or if the planes are
+    infeasible. The second number is a lower bound on the factor by which the limits must be increased, as far
+    as known.
     """
     craft, number = len(fleet.base), len(planes.times)
     sizes, members = np.empty(craft, dtype=np.int64), np.empty((craft, number), dtype=np.int64)

@@ -1,0 +1,1 @@
+"""CCSDS messages: orbits (OEM, OPM, OCM), attitudes (AEM) and conjunctions (CDM)."""

@@ -1,0 +1,170 @@
+"""CCSDS orbit ephemeris messages (OEM, CCSDS 502.0-B): read and write.
+
+Files contain km and km/s; this module returns m and m/s.
+"""
+
+from __future__ import annotations
+
+import itertools
+import re
+from collections.abc import Sequence
+from contextlib import nullcontext
+from os import PathLike
+from pathlib import Path as FilePath
+
+from closeform.arrays import Floats, instance, sequence
+from closeform.exchange.ccsds.entries import message, within
+from closeform.exchange.ccsds.oem_segments import ephemeris_of, segments_of
+from closeform.exchange.ephemerides.covariance import covariance_lines
+from closeform.exchange.ephemerides.ephemeris import SAME_EPOCH, Ephemeris
+from closeform.exchange.epochs import Epoch, now, seconds_of
+
+
+def read_oem(file: str | PathLike[str]) -> Ephemeris:
+    """Read the ephemeris of an OEM, in key-value or XML form, with one segment.
+
+    States outside of USEABLE_START_TIME ... USEABLE_STOP_TIME and accelerations are ignored.
+
+    Parameters
+    ----------
+    file : str or path-like
+        File in km and km/s, as in the standard.
+
+    Returns
+    -------
+    Ephemeris
+        Ephemeris in m and m/s, with the covariances of the file.
+
+    Raises
+    ------
+    ValueError
+        If the file is absent, damaged, not an OEM, of several segments, with fewer than two states, with
+        values that are not finite or epochs that do not increase, with covariances that are incomplete,
+        indefinite or in an unknown frame; in one line, with file and line.
+
+    References
+    ----------
+    CCSDS 502.0-B, Orbit Data Messages; docs/ephemerides.md.
+    """
+    instance("file", file, str, PathLike)
+    with within(file):
+        segments = segments_of(message(file, "OEM"))
+        if len(segments) > 1:
+            remedy = "give a file for each segment, or read them with read_oem_segments"
+            raise ValueError(f"has {len(segments)} segments; {remedy}")
+        return ephemeris_of(segments[0])
+
+
+def read_oem_segments(file: str | PathLike[str]) -> tuple[Ephemeris, ...]:
+    """Read the ephemerides of an OEM with several segments, one for each, in order of time.
+
+    Two segments are separated by a manoeuvre or a gap, across which nothing may be interpolated.  Each counts
+    time from its own first state, and has its own covariances.
+
+    Parameters
+    ----------
+    file : str or path-like
+        File in km and km/s, as in the standard.
+
+    Returns
+    -------
+    tuple of Ephemeris
+        Ephemerides in m and m/s.
+
+    Raises
+    ------
+    ValueError
+        As `read_oem`; or if segments are of different objects or time systems, or the useable span of one
+        begins before that of the previous one has ended.
+
+    References
+    ----------
+    CCSDS 502.0-B, Orbit Data Messages, 5.2.4; docs/ephemerides.md.
+    """
+    instance("file", file, str, PathLike)
+    with within(file):
+        found = []
+        segments = segments_of(message(file, "OEM"))
+        for number, segment in enumerate(segments, 1):
+            with within(f"segment {number}") if len(segments) > 1 else nullcontext():
+                found.append(ephemeris_of(segment))
+        for number, (one, other) in enumerate(itertools.pairwise(found), 2):
+            for field in ("name", "object_id", "time_system"):
+                mine, last = getattr(other, field), getattr(one, field)
+                if mine != last:
+                    raise ValueError(
+                        f"segment {number}: is of {mine}, the previous one of {last}; give two files"
+                    )
+            begins = seconds_of([one.epoch, other.epoch], one.time_system)[1]
+            if begins < one.times[-1] - SAME_EPOCH:
+                early = one.times[-1] - begins
+                what = f"begins {early:g} s before the previous one ends; correct the useable spans"
+                raise ValueError(f"segment {number}: {what}")
+        return tuple(found)
+
+
+def write_oem(
+    file: str | PathLike[str],
+    ephemeris: Ephemeris,
+    *,
+    originator: str = "CLOSEFORM",
+    comments: Sequence[str] = (),
+) -> None:
+    """Write an ephemeris as an OEM in key-value form, to 1e-6 m and 1e-9 m/s, with its covariances.
+
+    Parameters
+    ----------
+    file : str or path-like
+        Output file; an existing file is replaced.
+    ephemeris : Ephemeris
+        Ephemeris to write.
+    originator : str, default "CLOSEFORM"
+        ORIGINATOR in the header.
+    comments : sequence of str, optional
+        Lines of COMMENT in the header.
+
+    Raises
+    ------
+    ValueError
+        If an argument is of another type, or `epoch` or `time_system` is invalid.
+
+    References
+    ----------
+    CCSDS 502.0-B, Orbit Data Messages; docs/ephemerides.md.
+    """
+    instance("file", file, str, PathLike)
+    instance("ephemeris", ephemeris, Ephemeris)
+    instance("originator", originator, str)
+    comments = sequence("comments", comments, str)
+    stamps = _stamps(ephemeris, ephemeris.times)
+    lines = [
+        "CCSDS_OEM_VERS = 2.0",
+        *(f"COMMENT {comment}" for comment in comments),
+        f"CREATION_DATE = {now()}",
+        f"ORIGINATOR = {originator}",
+        "",
+        "META_START",
+        f"OBJECT_NAME = {ephemeris.name}",
+        f"OBJECT_ID = {ephemeris.object_id}",
+        f"CENTER_NAME = {ephemeris.center}",
+        f"REF_FRAME = {ephemeris.frame}",
+        f"TIME_SYSTEM = {ephemeris.time_system}",
+        f"START_TIME = {stamps[0]}",
+        f"STOP_TIME = {stamps[-1]}",
+        "META_STOP",
+        "",
+    ]
+    for stamp, state in zip(stamps, ephemeris.states / 1e3, strict=True):
+        position = " ".join(f"{value:17.9f}" for value in state[:3])
+        lines.append(f"{stamp} {position} " + " ".join(f"{value:16.12f}" for value in state[3:]))
+    if ephemeris.covariances is not None:
+        stamps = _stamps(ephemeris, ephemeris.covariances.times)
+        held = ephemeris.covariances
+        lines += covariance_lines(held.matrices, stamps, held.frames, ephemeris.frame)
+    FilePath(file).write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def _stamps(ephemeris: Ephemeris, times: Floats) -> list[str]:
+    """Return times [s] as epochs, to a nanosecond."""
+    start = Epoch(ephemeris.epoch, ephemeris.time_system)
+    return [re.sub(r"\.?0+$", "", stamp) for stamp in start.stamps(times)]

@@ -1,0 +1,1 @@
+"""Ephemerides: states and covariances of one object over time, and interpolation between them."""

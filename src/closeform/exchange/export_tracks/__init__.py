@@ -1,0 +1,1 @@
+"""Planned paths, sampled so that other programs can interpolate them."""

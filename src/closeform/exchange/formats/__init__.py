@@ -1,0 +1,1 @@
+"""Files that are not CCSDS messages: CSV, STK ephemerides, CZML and SPICE kernels."""
