@@ -11,7 +11,7 @@ from numpy.linalg import norm
 
 import closeform as cf
 from bodies import Body
-from closeform.search.knowledge_sets import case_number
+from closeform.search.gathering.join_rule import case_number
 from lost import BASIC, MODIFIED, Sky, depth, gathered
 from turns import turns
 

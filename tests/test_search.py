@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
-from closeform.search.coverage import greatest
-from closeform.search.locks import lock_times
+from closeform.search.leg import greatest
+from closeform.search.lock_times import lock_times
 from closeform.search.schedule import Search
 from closeform.search.sensor import Sensor
 from turns import START, Turning, first_lock, turns

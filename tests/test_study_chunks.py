@@ -18,7 +18,7 @@ from closeform.campaign.cluster import Task, evaluate
 from closeform.campaign.spread import Spread, order_statistics
 from closeform.cli.app import main
 from closeform.scenario import ScenarioError, load, parse
-from closeform.search.histogram import Binned
+from closeform.search.lock_statistics import Binned
 from test_campaign import EXAMPLES, GATHERING, NARROW, S04
 
 pytestmark = pytest.mark.usefixtures("unpainted")

@@ -15,8 +15,8 @@ import numpy as np
 from closeform.campaign.draws import drawn
 from closeform.campaign.search_cases import shares
 from closeform.scenario import load
-from closeform.search.locks import lock_times
-from closeform.search.phases import labels, tally
+from closeform.search.lock_statistics import labels, tally
+from closeform.search.lock_times import lock_times
 
 FILE = Path(__file__).parents[1] / "examples" / "s04.toml"
 AT_ONCE = 131_072

@@ -30,7 +30,7 @@ from closeform.plots.style import (
     time_axes,
 )
 from closeform.plots.text import NEAR, fonts, label
-from closeform.search.histogram import FINER, Binned
+from closeform.search.lock_statistics import FINER, Binned
 from closeform.search.schedule import Search
 from closeform.uncertainty.probability import Probability
 

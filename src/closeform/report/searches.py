@@ -25,9 +25,9 @@ from closeform.report.section import (
     minutes,
 )
 from closeform.scenario import Gather, Lock
-from closeform.search.gather_result import Event, EventKind, Gathering, GatherStatus, listed
+from closeform.search.gathering.result import Event, EventKind, Gathering, GatherStatus, listed
 from closeform.search.leg import SPELLED
-from closeform.search.phases import labels, tally
+from closeform.search.lock_statistics import labels, tally
 from closeform.search.schedule import Search
 
 ROUNDING = 1e-9  # rad

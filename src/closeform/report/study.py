@@ -20,9 +20,8 @@ from closeform.report import model, page, run, searches
 from closeform.report.page import Head, Repeat, quoted
 from closeform.report.picture import Picture, Progress
 from closeform.report.section import Column, Section, Table
-from closeform.search.gather_result import listed
-from closeform.search.histogram import Binned
-from closeform.search.phases import labels
+from closeform.search.gathering.result import listed
+from closeform.search.lock_statistics import Binned, labels
 from closeform.search.schedule import Search
 from closeform.storage.result_folder import Folder
 

@@ -32,7 +32,7 @@ from closeform.scenario.stages import (
 )
 from closeform.scenario.study import FAILS, NORMAL_REACH, SEARCHED, TABLED, Draw, draw_error, readers
 from closeform.scenario.table import alike, did_you_mean, dotted, key_of, meant_by
-from closeform.search.rounds import MOST_ROUNDS, all_rounds
+from closeform.search.repeated_search import MOST_ROUNDS, all_rounds
 
 MOST_SAMPLES = 1e7
 ORBIT = r"orbit(\.(?!field).*)?"  # keys that define the orbit; the field does not

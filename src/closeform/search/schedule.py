@@ -17,13 +17,11 @@ from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, instance, numbers, shown
 from closeform.result import Result
-from closeform.search.coverage import covered
-from closeform.search.leg import START_ATTITUDE, SUN, Group, Leg, rotation
-from closeform.search.out_of_plane_tips import full_tip, least_half_angle, near_field
+from closeform.search.leg import AXES_OF_GROUP, START_ATTITUDE, SUN, Group, Leg, rotation
 from closeform.search.sensor import Sensor, one_positive
+from closeform.search.sky_coverage import covered_share, full_tip, least_half_angle, near_field
 
 YEAR = 365.25636 * 86400.0  # s, sidereal: period of the sun's direction at 1 AU
-COLUMNS = 12  # of a row of a table of legs: START, END, RATE, STEADY (3), COSINE (3), SINE (3)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -150,8 +148,8 @@ class Search(Result):
 
     @cached_property
     def table(self) -> Floats:
-        """Legs as rows (L, 12) for the march: see `Leg.row` for their [s], [rad/s] and vectors."""
-        return np.array([leg.row for leg in self.legs])
+        """Legs as rows (L, 30) for kernels: start and end [s], angle [rad], the matrices of `Leg.parts`."""
+        return np.array([[leg.start, leg.end, leg.angle, *leg.parts.ravel()] for leg in self.legs])
 
     @property
     def phases(self) -> tuple[tuple[str, int, float, float], ...]:
@@ -195,7 +193,7 @@ class Search(Result):
         out = np.empty((*times.shape, 3, 3))
         for k, leg in enumerate(self.legs):
             out[leg_of == k] = leg.attitude_at(times[leg_of == k])
-        return out if group == "A" else out * [1.0, -1.0, -1.0]
+        return np.asarray(out * AXES_OF_GROUP[group])
 
     def boresight(self, t: ArrayLike, group: Group = "A") -> Floats:
         """Return the boresight of the craft of one group.
@@ -313,8 +311,8 @@ class Search(Result):
         if phase is not None and first is None:
             names = ", ".join(dict.fromkeys(leg.phase for leg in self.legs))
             raise ValueError(f"phase: the phases of this search are {names}, got {phase!r}")
-        table = self.table[[phase is None or (leg.phase, leg.round) == (phase, first) for leg in self.legs]]
-        return covered(table, self.sensor.cosine)
+        legs = [leg for leg in self.legs if phase is None or (leg.phase, leg.round) == (phase, first)]
+        return covered_share(legs, self.sensor.cosine)
 
 
 def _known(group: Any) -> None:

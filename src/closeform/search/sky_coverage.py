@@ -1,7 +1,12 @@
-"""Tip angle of the out-of-plane turns of a search, and the region that it covers."""
+"""Sky that a search covers: tip angle of the out-of-plane turns, near field, and share swept by the cone."""
 
+from collections.abc import Sequence
 from math import acos, atan2, cos, degrees, inf, pi, sin, sqrt, tan
+from typing import Any
 
+import numpy as np
+
+from closeform.search.leg import Leg, greatest
 from closeform.search.sensor import Sensor
 
 
@@ -41,3 +46,28 @@ def near_field(sensor: Sensor, tip: float) -> float:
     a, b, ss = reach * reach - c * c, reach * (1.0 - c * c), 1.0 - c * c
     root = sqrt(max(0.0, b * b - a * ss))
     return sensor.offset * ((b + root) / a if c > 0.0 else ss / (b + root))
+
+
+def covered_share(legs: Sequence[Leg], cosine: float) -> float:
+    """Return the share of all directions that come within the cone in any leg.
+
+    Along each meridian the largest cosine to the boresight is sampled at equal steps of height, which are
+    equal areas. Its crossings of the cone are interpolated.
+    """
+    height = np.linspace(-1.0, 1.0, 1001)
+    longitude = (np.arange(360) + 0.5) * pi / 180.0
+    radius = np.sqrt(1.0 - height * height)
+    best = np.full((360, 1001), -1.0)
+    for leg in legs:
+        parts: list[Any] = []
+        for vector in leg.parts[:, :, 2]:
+            around = vector[0] * np.cos(longitude) + vector[1] * np.sin(longitude)
+            parts.append(around[:, None] * radius + vector[2] * height)
+        steady, cosine_part, sine_part = parts
+        best = np.maximum(best, greatest(steady, cosine_part, sine_part, leg.angle))
+    margin = best - cosine
+    low, high = margin[:, :-1], margin[:, 1:]
+    rise = np.where(low == high, 1.0, high - low)
+    crossed = np.clip(np.where(low < 0.0, high, low) / np.abs(rise), 0.0, 1.0)
+    share = np.where((low < 0.0) == (high < 0.0), low >= 0.0, crossed)
+    return float(share.mean())

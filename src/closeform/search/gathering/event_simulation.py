@@ -1,0 +1,201 @@
+"""Gathering as a sequence of events: the next lock or near-field burn, the sets it joins, and the burns."""
+
+from math import inf
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import float64, int64, types, void
+
+from closeform._jit import kernel
+from closeform.arrays import Floats
+from closeform.kernel_loans import Lent, borrowed, lent
+from closeform.search.gathering.burns import (
+    LEG,
+    WHEN,
+    apply_execution_errors,
+    avoid_collisions,
+    burn_in_near_field,
+    join_formation,
+)
+from closeform.search.gathering.craft_state import (
+    ADRIFT,
+    BURNS,
+    COLUMNS,
+    CORRECTED,
+    LOCK,
+    NEAR_FIELD_SPENT,
+    SPENT,
+    CraftState,
+    EventLog,
+    place,
+    record,
+)
+from closeform.search.gathering.join_rule import FORMATION, case_number, join, joint_label
+from closeform.search.gathering.keep_out_monitor import (
+    ZONES,
+    KeepOutMonitor,
+    KeepOutZones,
+    check_joining,
+    count_violations,
+    reset,
+)
+from closeform.search.gathering.lock_prediction import SearchingCraft, earliest_lock, predict_locks
+from closeform.search.lock_march import NEVER
+from closeform.search.slew_profile import SEGMENT, START
+
+# columns of a result; from RESULT on the delta-v of each craft, then whether each is adrift
+END_TIME, END_LEG, LEFT, TOTAL, EVENTS, UNKNOWN, KNOWN, MOST, CORRECTIONS, NEAR_FIELD, RESULT = range(11)
+ROWS, BLOCKS, INDICES = float64[:, ::1], float64[:, :, ::1], int64[::1]
+
+
+class GatheringSearches(NamedTuple):
+    """Search of the craft of C gatherings: see `SearchingCraft`.
+
+    `ends` (C,), `burns` (C, P, 6) and `errors` (C, N, 9 + 2 K) have a length of 1 if all cases are alike.
+    """
+
+    legs: Floats
+    first: Any
+    second: Any
+    ends: Floats
+    burns: Floats
+    errors: Floats
+    offset: float
+
+
+class GatheringBurnErrors(NamedTuple):
+    """Arrays of `BurnErrors` in C gatherings: `losses` (C, N), `gates` (N, 4), `normals` (C, N, B, 3)."""
+
+    losses: Floats
+    gates: Floats
+    normals: Floats
+
+
+SEARCHES = Lent(
+    types.NamedTuple((ROWS, INDICES, INDICES, float64[::1], BLOCKS, BLOCKS, float64), GatheringSearches)
+)
+BURN_ERRORS = Lent(types.NamedTuple((ROWS, ROWS, float64[:, :, :, ::1]), GatheringBurnErrors))
+
+
+@kernel()
+def leg_at(legs, t):
+    """Return the index of the leg at time t."""
+    k = 0
+    while k + 1 < len(legs) and legs[k + 1, START] <= t:
+        k += 1
+    return k
+
+
+@kernel()
+def simulate_gathering(search, monitor, craft, log, locks, choice, result):
+    """Simulate one gathering from placed craft and their next `locks` (A, B); write its outcome to `result`.
+
+    The first pair burns by the given choice.
+    """
+    labels, burns, t, leg = craft.labels, search.burns, 0.0, NEVER
+    formed, unused, k = 0, 1, 0
+    log.count[0] = 0
+    reset(monitor)
+    while formed < len(labels):
+        when, low, high = earliest_lock(search, craft, locks)
+        if k < len(burns) and burns[k, WHEN] <= when:
+            t, leg = burns[k, WHEN], int(burns[k, LEG])
+            k = burn_in_near_field(burns, monitor, craft, log, k)
+        elif when == inf:
+            t, leg = search.end, NEVER
+            break
+        else:
+            t, leg = when, leg_at(search.legs, when)
+            one, other = labels[low], labels[high]
+            label = joint_label(one, other, formed > 0, unused)
+            unused += label == unused
+            check_joining(monitor, craft, low, high, t)
+            join(labels, craft.fresh, low, high, label)
+            record(log, t, LOCK, low, high, leg, case_number(one, other), label, (0.0, 0.0, 0.0))
+            if label == FORMATION:
+                join_formation(monitor, craft, log, t, low, high, leg, choice, formed > 0)
+                formed = 0
+                for m in range(len(labels)):
+                    formed += labels[m] == FORMATION
+            elif monitor.on:
+                avoid_collisions(monitor, craft, log, t, leg, label, search.end)
+        apply_execution_errors(craft)
+        predict_locks(search, craft, locks, t)
+    result[:] = 0.0
+    result[END_TIME], result[END_LEG], result[EVENTS] = t, leg, log.count[0]
+    result[LEFT] = len(labels) - formed
+    result[UNKNOWN], result[KNOWN] = count_violations(monitor, craft, t)
+    for i in range(len(labels)):
+        row = craft.rows[i]
+        result[TOTAL] += row[SPENT]
+        result[CORRECTIONS] += row[CORRECTED]
+        result[NEAR_FIELD] += row[NEAR_FIELD_SPENT]
+        result[MOST] = max(result[MOST], row[BURNS])
+        result[RESULT + i], result[RESULT + len(labels) + i] = row[SPENT], row[ADRIFT]
+
+
+class Scratch(NamedTuple):
+    """Memory of `CraftState` and `SearchingCraft`; next `locks` (A, B), now and in the `initial` state."""
+
+    rows: Floats
+    moved: Any
+    fresh: Any
+    shared: Floats
+    segments: Floats
+    locks: Floats
+    initial: Floats
+
+
+@kernel()
+def simulate_each(
+    searches, burn_errors, choices, positions, velocities, monitor, log, scratch, labels, results
+):
+    """Simulate gatherings one after another; their initial locks are predicted once for all choices."""
+    first, second, legs = borrowed(searches.first), borrowed(searches.second), borrowed(searches.legs)
+    monitor, log, scratch = lent(monitor), lent(log), lent(scratch)
+    positions, velocities = borrowed(positions), borrowed(velocities)
+    labels, results = borrowed(labels), borrowed(results)
+    for c in range(len(positions)):
+        one = 0 if len(searches.ends) == 1 else c
+        end, burns, errors = searches.ends[one], searches.burns[one], searches.errors[one]
+        offset, segments = searches.offset, scratch.segments
+        search = lent(SearchingCraft(legs, first, second, end, burns, errors, offset, segments))
+        memory = scratch.rows, labels[c], scratch.moved, scratch.fresh, scratch.shared
+        craft = lent(CraftState(*memory, burn_errors.losses[c], burn_errors.gates, burn_errors.normals[c]))
+        place(craft, positions[c], velocities[c])
+        craft.moved[:] = True
+        predict_locks(search, craft, scratch.initial, 0.0)
+        for w in range(len(choices)):
+            place(craft, positions[c], velocities[c])
+            scratch.locks[:] = scratch.initial
+            simulate_gathering(search, monitor, craft, log, scratch.locks, choices[w], results[c, w])
+
+
+@kernel(void(SEARCHES, ZONES, BURN_ERRORS, INDICES, BLOCKS, BLOCKS, ROWS, int64[:, ::1], BLOCKS))
+def simulate_gatherings(
+    searches: GatheringSearches,
+    zones: KeepOutZones,
+    burn_errors: GatheringBurnErrors,
+    choices: Any,
+    positions: Floats,
+    velocities: Floats,
+    events: Floats,
+    labels: Any,
+    results: Floats,
+) -> None:
+    """Simulate gatherings (C,), each with all given choices of burns; `events` holds those of the last.
+
+    `labels` (C, N) are those of the last choice, and `results` is (C, choices, RESULT + 2 N). All scratch
+    arrays are allocated here, so that inner functions do not count references.
+    """
+    count, pairs = positions.shape[1], (len(searches.first), len(searches.second))
+    moved, fresh = np.empty(count, dtype=np.bool_), np.empty(count, dtype=np.bool_)
+    segments, locks, initial = np.empty((2, SEGMENT)), np.empty(pairs), np.empty(pairs)
+    scratch = Scratch(np.empty((count, COLUMNS)), moved, fresh, np.empty(3), segments, locks, initial)
+    watched = count if len(zones.boxes) else 0
+    checked, violated = np.empty((watched, watched)), np.empty((watched, watched), dtype=np.int64)
+    monitor = KeepOutMonitor(watched > 0, zones, checked, violated, np.empty((10, 3)))
+    log = EventLog(events, np.zeros(1, dtype=np.int64))
+    simulate_each(
+        searches, burn_errors, choices, positions, velocities, monitor, log, scratch, labels, results
+    )
