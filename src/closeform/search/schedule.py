@@ -15,10 +15,10 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats, instance, numbers, shown
+from closeform.arrays import Floats, instance, numbers, positive, shown
 from closeform.result import Result
 from closeform.search.leg import AXES_OF_GROUP, START_ATTITUDE, SUN, Group, Leg, rotation
-from closeform.search.sensor import Sensor, one_positive
+from closeform.search.sensor import Sensor
 from closeform.search.sky_coverage import covered_share, full_tip, least_half_angle, near_field
 
 YEAR = 365.25636 * 86400.0  # s, sidereal: period of the sun's direction at 1 AU
@@ -131,9 +131,9 @@ class Search(Result):
         H03 (Hadaegh, Scharf and Ploen 2003); docs/lost_craft.md.
         """
         rate, limit = _limits(slew_rate, sun_limit)
-        turn = one_positive("in_plane_turn", in_plane_turn)
+        turn = positive("in_plane_turn", in_plane_turn)
         instance("sensor", sensor, Sensor)
-        tip = limit if tip_angle is None else one_positive("tip_angle", tip_angle)
+        tip = limit if tip_angle is None else positive("tip_angle", tip_angle)
         if tip > limit:
             raise ValueError(
                 f"tip_angle: {degrees(tip):g} deg is above the sun limit of {degrees(limit):g} deg; "
@@ -323,7 +323,7 @@ def _known(group: Any) -> None:
 
 def _limits(slew_rate: float, sun_limit: float) -> tuple[float, float]:
     """Return the slew rate and the sun limit after a check."""
-    rate, limit = one_positive("slew_rate", slew_rate), one_positive("sun_limit", sun_limit)
+    rate, limit = positive("slew_rate", slew_rate), positive("sun_limit", sun_limit)
     if limit >= pi / 2.0:
         raise ValueError(f"sun_limit: must be below pi/2 (90 deg), got {limit:g} rad")
     return rate, limit

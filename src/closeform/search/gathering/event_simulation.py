@@ -41,40 +41,17 @@ from closeform.search.gathering.keep_out_monitor import (
 )
 from closeform.search.gathering.lock_prediction import SearchingCraft, earliest_lock, predict_locks
 from closeform.search.lock_march import NEVER
-from closeform.search.slew_profile import SEGMENT, START
+from closeform.search.slew_profile import START
 
 # columns of a result; from RESULT on the delta-v of each craft, then whether each is adrift
 END_TIME, END_LEG, LEFT, TOTAL, EVENTS, UNKNOWN, KNOWN, MOST, CORRECTIONS, NEAR_FIELD, RESULT = range(11)
-ROWS, BLOCKS, INDICES = float64[:, ::1], float64[:, :, ::1], int64[::1]
+ROWS, BLOCKS, INDICES, LABELS = float64[:, ::1], float64[:, :, ::1], int64[::1], int64[:, ::1]
 
 
-class GatheringSearches(NamedTuple):
-    """Search of the craft of C gatherings: see `SearchingCraft`.
-
-    `ends` (C,), `burns` (C, P, 6) and `errors` (C, N, 9 + 2 K) have a length of 1 if all cases are alike.
-    """
-
-    legs: Floats
-    first: Any
-    second: Any
-    ends: Floats
-    burns: Floats
-    errors: Floats
-    offset: float
-
-
-class GatheringBurnErrors(NamedTuple):
-    """Arrays of `BurnErrors` in C gatherings: `losses` (C, N), `gates` (N, 4), `normals` (C, N, B, 3)."""
-
-    losses: Floats
-    gates: Floats
-    normals: Floats
-
-
-SEARCHES = Lent(
-    types.NamedTuple((ROWS, INDICES, INDICES, float64[::1], BLOCKS, BLOCKS, float64), GatheringSearches)
+# of C gatherings: `end` (C,), `burns` (C, P, 6) and `errors` (C, N, 9 + 2 K), of length 1 if all are alike
+SEARCHING = Lent(
+    types.NamedTuple((ROWS, INDICES, INDICES, float64[::1], BLOCKS, BLOCKS, float64, ROWS), SearchingCraft)
 )
-BURN_ERRORS = Lent(types.NamedTuple((ROWS, ROWS, float64[:, :, :, ::1]), GatheringBurnErrors))
 
 
 @kernel()
@@ -135,33 +112,31 @@ def simulate_gathering(search, monitor, craft, log, locks, choice, result):
 
 
 class Scratch(NamedTuple):
-    """Memory of `CraftState` and `SearchingCraft`; next `locks` (A, B), now and in the `initial` state."""
+    """Memory of `CraftState`; next `locks` (A, B), now and in the `initial` state."""
 
     rows: Floats
     moved: Any
     fresh: Any
     shared: Floats
-    segments: Floats
     locks: Floats
     initial: Floats
 
 
 @kernel()
-def simulate_each(
-    searches, burn_errors, choices, positions, velocities, monitor, log, scratch, labels, results
-):
+def simulate_each(searching, errors, choices, positions, velocities, monitor, log, scratch, labels, results):
     """Simulate gatherings one after another; their initial locks are predicted once for all choices."""
-    first, second, legs = borrowed(searches.first), borrowed(searches.second), borrowed(searches.legs)
+    first, second, legs = borrowed(searching.first), borrowed(searching.second), borrowed(searching.legs)
     monitor, log, scratch = lent(monitor), lent(log), lent(scratch)
+    losses, gates, normals = borrowed(errors[0]), borrowed(errors[1]), borrowed(errors[2])
     positions, velocities = borrowed(positions), borrowed(velocities)
     labels, results = borrowed(labels), borrowed(results)
     for c in range(len(positions)):
-        one = 0 if len(searches.ends) == 1 else c
-        end, burns, errors = searches.ends[one], searches.burns[one], searches.errors[one]
-        offset, segments = searches.offset, scratch.segments
-        search = lent(SearchingCraft(legs, first, second, end, burns, errors, offset, segments))
+        one = 0 if len(searching.end) == 1 else c
+        end, burns, rows = searching.end[one], searching.burns[one], searching.errors[one]
+        sensors = rows, searching.offset, searching.segments
+        search = lent(SearchingCraft(legs, first, second, end, burns, *sensors))
         memory = scratch.rows, labels[c], scratch.moved, scratch.fresh, scratch.shared
-        craft = lent(CraftState(*memory, burn_errors.losses[c], burn_errors.gates, burn_errors.normals[c]))
+        craft = lent(CraftState(*memory, losses[c], gates, normals[c]))
         place(craft, positions[c], velocities[c])
         craft.moved[:] = True
         predict_locks(search, craft, scratch.initial, 0.0)
@@ -171,11 +146,15 @@ def simulate_each(
             simulate_gathering(search, monitor, craft, log, scratch.locks, choices[w], results[c, w])
 
 
-@kernel(void(SEARCHES, ZONES, BURN_ERRORS, INDICES, BLOCKS, BLOCKS, ROWS, int64[:, ::1], BLOCKS))
+@kernel(
+    void(SEARCHING, ZONES, ROWS, ROWS, float64[:, :, :, ::1], INDICES, BLOCKS, BLOCKS, ROWS, LABELS, BLOCKS)
+)
 def simulate_gatherings(
-    searches: GatheringSearches,
+    searching: SearchingCraft,
     zones: KeepOutZones,
-    burn_errors: GatheringBurnErrors,
+    losses: Floats,
+    gates: Floats,
+    normals: Floats,
     choices: Any,
     positions: Floats,
     velocities: Floats,
@@ -188,14 +167,11 @@ def simulate_gatherings(
     `labels` (C, N) are those of the last choice, and `results` is (C, choices, RESULT + 2 N). All scratch
     arrays are allocated here, so that inner functions do not count references.
     """
-    count, pairs = positions.shape[1], (len(searches.first), len(searches.second))
+    count, pairs = positions.shape[1], (len(searching.first), len(searching.second))
     moved, fresh = np.empty(count, dtype=np.bool_), np.empty(count, dtype=np.bool_)
-    segments, locks, initial = np.empty((2, SEGMENT)), np.empty(pairs), np.empty(pairs)
-    scratch = Scratch(np.empty((count, COLUMNS)), moved, fresh, np.empty(3), segments, locks, initial)
+    scratch = Scratch(np.empty((count, COLUMNS)), moved, fresh, np.empty(3), np.empty(pairs), np.empty(pairs))
     watched = count if len(zones.boxes) else 0
     checked, violated = np.empty((watched, watched)), np.empty((watched, watched), dtype=np.int64)
     monitor = KeepOutMonitor(watched > 0, zones, checked, violated, np.empty((10, 3)))
-    log = EventLog(events, np.zeros(1, dtype=np.int64))
-    simulate_each(
-        searches, burn_errors, choices, positions, velocities, monitor, log, scratch, labels, results
-    )
+    log, errors = EventLog(events, np.zeros(1, dtype=np.int64)), (losses, gates, normals)
+    simulate_each(searching, errors, choices, positions, velocities, monitor, log, scratch, labels, results)

@@ -25,7 +25,7 @@ class SearchingCraft(NamedTuple):
     legs: Floats
     first: Any
     second: Any
-    end: float
+    end: Any
     burns: Floats
     errors: Floats
     offset: float

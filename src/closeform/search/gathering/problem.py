@@ -10,7 +10,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arrays import LARGEST, Floats, finite, instance, shown
+from closeform.arrays import LARGEST, Floats, finite, instance, positive, shown
 from closeform.search.gathering.burn_errors import BurnErrors
 from closeform.search.gathering.burns import DELTA_V, FIRST, HALF, SECOND, WHEN
 from closeform.search.gathering.collision_avoidance import ENLARGED
@@ -19,17 +19,15 @@ from closeform.search.gathering.event_simulation import (
     EVENTS,
     MOST,
     RESULT,
-    GatheringBurnErrors,
-    GatheringSearches,
     simulate_gatherings,
 )
 from closeform.search.gathering.keep_out_monitor import KeepOutZones
+from closeform.search.gathering.lock_prediction import SearchingCraft
 from closeform.search.leg import Group
 from closeform.search.repeated_search import MOST_ROUNDS, all_rounds
 from closeform.search.schedule import Search
 from closeform.search.search_errors import SearchErrors, craft_rows, errors_of_each
-from closeform.search.sensor import one_positive
-from closeform.search.slew_profile import ExecutedTurns
+from closeform.search.slew_profile import SEGMENT, ExecutedTurns
 from closeform.zones.combined_zones import OwnZone
 from closeform.zones.pair_zones import PairZones, all_made, pair_zones
 from closeform.zones.shapes import BALL, CUBE
@@ -80,9 +78,9 @@ class GatheringProblem:
         results = np.empty((len(positions), len(choices), RESULT + 2 * positions.shape[1]))
         wrong = burn_errors or BurnErrors.none(positions.shape[:2])
         simulate_gatherings(
-            self._searches(some),
+            self._searching(some),
             self._zones,
-            GatheringBurnErrors(*wrong.sampled(sampled)),
+            *wrong.sampled(sampled),
             np.array([CHOICES[choice] for choice in choices]),
             positions,
             velocities,
@@ -96,17 +94,18 @@ class GatheringProblem:
             return self.simulate(positions, velocities, choices, some, burn_errors, **larger)
         return events[:count], labels, results
 
-    def _searches(self, some: Any) -> GatheringSearches:
+    def _searching(self, some: Any) -> SearchingCraft:
         """Return the kernel's arrays for some cases; those that are alike in all cases have a length of 1."""
         all_rows = (self._ends, self._burns, self.rows)
         ends, burns, errors = (rows if len(rows) == 1 else rows[some] for rows in all_rows)
-        table, (first, second), offset = self.search.table, self._sides, self.search.sensor.offset
-        return GatheringSearches(table, first, second, ends, burns, errors, offset)
+        offset, segments = self.search.sensor.offset, np.empty((2, SEGMENT))
+        return SearchingCraft(self.search.table, *self._sides, ends, burns, errors, offset, segments)
 
     @cached_property
-    def _sides(self) -> list[Any]:
+    def _sides(self) -> tuple[Any, Any]:
         """Craft of group A, and those of B."""
-        return [np.flatnonzero(np.array(self.groups) == group) for group in ("A", "B")]
+        groups = np.array(self.groups)
+        return np.flatnonzero(groups == "A"), np.flatnonzero(groups == "B")
 
     @cached_property
     def _zones(self) -> KeepOutZones:
@@ -174,7 +173,7 @@ def gathering_problem(
         kept = all_made(pair_zones("keep_out", keep_out, count))
         for zone in kept.zones:
             check_zone(zone)
-    speed = None if max_speed is None else one_positive("max_speed", max_speed)
+    speed = None if max_speed is None else positive("max_speed", max_speed)
     repeated, drifts = all_rounds(search, int(rounds), speed)
     own_groups = groups_of(groups, count)
     alike = errors is None or len(instance("errors", errors, SearchErrors).shape) < 2
