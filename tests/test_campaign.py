@@ -39,7 +39,7 @@ from closeform.search.schedule import Search
 from closeform.search.sensor import Sensor
 from pages import assert_linked
 from test_cli import numbers
-from test_flawed_gathering import LOST
+from test_gathering_burn_errors import LOST
 
 pytestmark = pytest.mark.usefixtures("unpainted")
 

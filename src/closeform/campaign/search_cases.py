@@ -23,9 +23,9 @@ from closeform.scenario import Gather, Scenario, ScenarioError
 from closeform.scenario.study import FAILS
 from closeform.search.gathering.gather import gather_cases, gather_cases_with_losses
 from closeform.search.gathering.result import Gatherings
-from closeform.search.lock_statistics import NEVER, ended_in, labels, tally
+from closeform.search.lock_statistics import NEVER, count_by_phase, phase_index, phase_labels
 from closeform.search.lock_times import lock_times
-from closeform.search.repeated_search import all_rounds
+from closeform.search.repeated_search import repeated_search
 from closeform.search.sampled_detection import sampled_times
 from closeform.search.schedule import Search
 from closeform.search.search_errors import SearchErrors, errors_of_each, errors_of_pairs
@@ -216,7 +216,7 @@ class GatherCases(SearchCases):
         (stage,) = scenario.stages
         assert isinstance(stage, Gather)
         arguments = scenario.gathering(stage)
-        search, _ = all_rounds(scenario.plan, arguments["rounds"], arguments["max_speed"])
+        search, _ = repeated_search(scenario.plan, arguments["rounds"], arguments["max_speed"])
         return cls(scenario, seed, search, stage)
 
     def chunk_size(self, count: int) -> int:
@@ -282,7 +282,7 @@ class GatherCases(SearchCases):
 
         def until(number: int) -> Quantity:
             return lambda columns: np.where(
-                ended_in(self.search, *self.ended(columns)) == number, self.spent(columns), np.nan
+                phase_index(self.search, *self.ended(columns)) == number, self.spent(columns), np.nan
             )
 
         return {
@@ -356,7 +356,7 @@ class Share:
 def shares(search: Search, counts: Sequence[int]) -> tuple[Share, ...]:
     """Return the shares of cases by phase from their numbers; the last one counts cases never done."""
     every, ended, found = sum(counts), 0, []
-    for label, count in zip(labels(search), counts, strict=True):
+    for label, count in zip(phase_labels(search), counts, strict=True):
         ended += count
         by_end = None if label == NEVER else estimate(ended, every)
         found.append(Share(label, count, estimate(count, every), by_end))
@@ -426,7 +426,7 @@ class Campaign(Statistics):
     @cached_property
     def shares(self) -> tuple[Share, ...]:
         """Shares of cases done at once, in each phase, and never, with confidence intervals."""
-        counts = self.total(lambda part: np.array(tally(self.search, *self.kind.ended(part))))
+        counts = self.total(lambda part: np.array(count_by_phase(self.search, *self.kind.ended(part))))
         return shares(self.search, counts.tolist())
 
 
@@ -481,7 +481,7 @@ class LockCampaign(Campaign):
             time, leg = self.kind.ended(part)
             later, late = self.kind.ended(part, step)
             over = (late < 0) & (leg >= 0) | (later - time > step)
-            return np.array([*tally(self.search, later, late), over.sum()])
+            return np.array([*count_by_phase(self.search, later, late), over.sum()])
 
         *phases, over = self.total(counts).tolist()
         return phases, over

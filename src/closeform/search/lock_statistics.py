@@ -15,18 +15,18 @@ AT_ONCE, NEVER = "at once", "never"
 FINER = 12  # fine bins in a bin
 
 
-def labels(search: Search) -> tuple[str, ...]:
-    """Return the labels that `tally` counts, in order."""
+def phase_labels(search: Search) -> tuple[str, ...]:
+    """Return the labels that `count_by_phase` counts, in order."""
     return (AT_ONCE, *(f"{phase} {number}" for phase, number, *_ in search.phases), NEVER)
 
 
-def tally(search: Search, time: Any, leg: Any) -> tuple[int, ...]:
+def count_by_phase(search: Search, time: Any, leg: Any) -> tuple[int, ...]:
     """Return the number of cases done at once, in each phase and never, from times (C,) [s] and legs (C,)."""
-    ended = ended_in(search, time, leg)
-    return tuple(np.bincount(ended, minlength=len(labels(search))).tolist())
+    index = phase_index(search, time, leg)
+    return tuple(np.bincount(index, minlength=len(phase_labels(search))).tolist())
 
 
-def ended_in(search: Search, time: Any, leg: Any) -> Any:
+def phase_index(search: Search, time: Any, leg: Any) -> Any:
     """Return the index of the label (C,) under which each case ended."""
     phases = {f"{phase} {number}": k for k, (phase, number, *_) in enumerate(search.phases, 1)}
     never = len(phases) + 1
@@ -35,7 +35,7 @@ def ended_in(search: Search, time: Any, leg: Any) -> Any:
 
 
 @dataclass(eq=False)
-class Binned:
+class TimeHistogram:
     """Counts of `every` times: those equal to 0, and those in bins of length `bin` [s] and in finer ones.
 
     `inside`: the counts in each phase of a search; `last`: the largest time [s].

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import inf, pi
 from typing import Any
@@ -163,34 +164,35 @@ def craft_rows(
     return out
 
 
-def errors_of_pairs(errors: SearchErrors, pairs: Any) -> SearchErrors:
-    """Return the errors (M, 2) of pairs (P, 2) by index, from those of all craft (N,) or of cases (C, N)."""
-    shape = errors.shape
-
-    def of_pairs(name: str) -> Any:
-        values, own = getattr(errors, name), AXES.get(name, 0)
-        if values is None or np.ndim(values) == own:
-            return values  # common to all
-        craft = errors._each(name, shape)
-        return np.take(craft, pairs, axis=len(shape) - 1).reshape(-1, 2, *craft.shape[craft.ndim - own :])
-
-    return SearchErrors(**{name: of_pairs(name) for name in FIELDS})
-
-
 def errors_of_each(errors: SearchErrors, shape: tuple[int, ...]) -> SearchErrors:
     """Return the errors broadcast to all craft of a shape."""
-    return SearchErrors(**{name: errors._each(name, shape) for name in FIELDS})
+    return _changed(errors, shape, lambda values: values)
 
 
 def errors_of_first_case(errors: SearchErrors) -> SearchErrors:
     """Return the errors of the craft (N,) in the first of the given cases (C, N)."""
-    each = errors_of_each(errors, errors.shape)
+    return _changed(errors, errors.shape, lambda values: values[0])
 
-    def of_first(name: str) -> Any:
-        every = getattr(each, name)
-        return None if every is None else every[0]
 
-    return SearchErrors(**{name: of_first(name) for name in FIELDS})
+def errors_of_pairs(errors: SearchErrors, pairs: Any) -> SearchErrors:
+    """Return the errors (M, 2) of pairs (P, 2) by index, from those of all craft (N,) or of cases (C, N)."""
+    if not (shape := errors.shape):
+        return errors  # common to all
+    axis = len(shape) - 1
+
+    def of_pairs(values: Floats) -> Floats:
+        return np.asarray(np.take(values, pairs, axis=axis).reshape(-1, 2, *values.shape[axis + 1 :]))
+
+    return _changed(errors, shape, of_pairs)
+
+
+def _changed(errors: SearchErrors, shape: tuple[int, ...], change: Callable[[Any], Any]) -> SearchErrors:
+    """Return the errors with each given field, broadcast to all craft of a shape, replaced by a function."""
+    fields = {name: errors._each(name, shape) for name in FIELDS}
+    changed: dict[str, Any] = {
+        name: None if values is None else change(values) for name, values in fields.items()
+    }
+    return SearchErrors(**changed)
 
 
 def body_axis(turn: Floats, axis: int) -> Floats:

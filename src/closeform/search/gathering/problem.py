@@ -24,7 +24,7 @@ from closeform.search.gathering.event_simulation import (
 from closeform.search.gathering.keep_out_monitor import KeepOutZones
 from closeform.search.gathering.lock_prediction import SearchingCraft
 from closeform.search.leg import Group
-from closeform.search.repeated_search import MOST_ROUNDS, all_rounds
+from closeform.search.repeated_search import MOST_ROUNDS, repeated_search
 from closeform.search.schedule import Search
 from closeform.search.search_errors import SearchErrors, craft_rows, errors_of_each
 from closeform.search.slew_profile import SEGMENT, ExecutedTurns
@@ -174,7 +174,7 @@ def gathering_problem(
         for zone in kept.zones:
             check_zone(zone)
     speed = None if max_speed is None else positive("max_speed", max_speed)
-    repeated, drifts = all_rounds(search, int(rounds), speed)
+    repeated, drifts = repeated_search(search, int(rounds), speed)
     own_groups = groups_of(groups, count)
     alike = errors is None or len(instance("errors", errors, SearchErrors).shape) < 2
     each = (1, count) if alike else shape
