@@ -6,13 +6,14 @@ of B, they lock when
     |q| cos(h_A) - b.q <= 0,   |q| cos(h_B) + d.q <= 0,   |q| <= range            # theory (13)
 
 Craft without search errors look in opposite directions, d = -b, with equal cones: they are *facing*, and the
-second condition is the first.
+second condition is the first. During an outage a craft neither sees nor is seen.
 """
 
-from math import sqrt
+from math import inf, sqrt
 from typing import NamedTuple
 
 from closeform._jit import kernel
+from closeform.search.search_errors import OUTAGES
 
 TOLERANCE = 1e-12  # of the distance: a smaller positive gap counts as a lock
 
@@ -42,3 +43,15 @@ def view(boresight, other_boresight, place, sensors):
     gap = sensors.cosine * q - (bx * qx + by * qy + bz * qz)
     other_gap = sensors.other_cosine * q + (dx * qx + dy * qy + dz * qz)
     return (qx, qy, qz), q, gap, other_gap, q - sensors.range, TOLERANCE * (q + 4.0 * offset)
+
+
+@kernel()
+def outage(craft, t):
+    """Return whether a craft has an outage at time t, and when one begins or ends next."""
+    out, change = False, inf
+    for k in range(OUTAGES, len(craft), 2):
+        if craft[k] <= t < craft[k + 1]:
+            out, change = True, min(change, craft[k + 1])
+        elif craft[k] > t:
+            change = min(change, craft[k])
+    return out, change

@@ -24,18 +24,10 @@ from numba import float64, int64, void
 from closeform._jit import kernel
 from closeform.arrays import LARGEST, Floats
 from closeform.kernel_loans import stack_matrix
-from closeform.search.field_of_view import Sensors, view
+from closeform.search.field_of_view import Sensors, outage, view
+from closeform.search.schedule import END, START
 from closeform.search.search_errors import COSINE, EXACT, RANGE
-from closeform.search.slew_profile import (
-    END,
-    FINISH,
-    LEG,
-    START,
-    first_segment,
-    next_segment,
-    nominal_segment,
-    outage,
-)
+from closeform.search.slew_profile import FINISH, LEG, first_segment, next_segment, nominal_segment
 
 CLOSE = 1e-8  # s, accuracy of a lock time found by Newton's method
 TINY = 1e-300  # prevents 0 / 0

@@ -16,18 +16,16 @@ import numpy as np
 from closeform._jit import kernel
 from closeform.arrays import Floats
 from closeform.search.leg import AXES_OF_GROUP, Group
-from closeform.search.schedule import Search
+from closeform.search.schedule import ANGLE, END, MATRICES, START, Search
 from closeform.search.search_errors import (
     ACCELERATION,
     BODY,
-    OUTAGES,
     PACE,
     START_DELAY,
     SearchErrors,
     body_axis,
 )
 
-START, END, ANGLE, MATRICES = range(4)  # columns of Search.table
 # columns of a segment: times, then the angle PHASE + RATE s + BEND s^2 / 2, s from its begin
 BEGIN, FINISH, PHASE, RATE, BEND = range(5)
 VECTORS, LEG, PART, SEGMENT = 5, 14, 15, 16  # steady, cosine and sine vectors; leg, part of its turn; columns
@@ -99,18 +97,6 @@ def next_segment(legs, craft, segment):
     segment[FINISH] += angle / rate - ramp if part == STEADY else ramp
     if ramp == 0.0:
         segment[BEND] = 0.0
-
-
-@kernel()
-def outage(craft, t):
-    """Return whether a craft has an outage at time t, and when one begins or ends next."""
-    out, change = False, inf
-    for k in range(OUTAGES, len(craft), 2):
-        if craft[k] <= t < craft[k + 1]:
-            out, change = True, min(change, craft[k + 1])
-        elif craft[k] > t:
-            change = min(change, craft[k])
-    return out, change
 
 
 @dataclass(frozen=True, eq=False)

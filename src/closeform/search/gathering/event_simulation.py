@@ -41,7 +41,7 @@ from closeform.search.gathering.keep_out_monitor import (
 )
 from closeform.search.gathering.lock_prediction import SearchingCraft, earliest_lock, predict_locks
 from closeform.search.lock_march import NEVER
-from closeform.search.slew_profile import START
+from closeform.search.schedule import START
 
 # columns of a result; from RESULT on the delta-v of each craft, then whether each is adrift
 END_TIME, END_LEG, LEFT, TOTAL, EVENTS, UNKNOWN, KNOWN, MOST, CORRECTIONS, NEAR_FIELD, RESULT = range(11)

@@ -1,4 +1,4 @@
-"""Gathering of lost craft: they search, lock and join until one formation set holds them all (H03)."""
+"""Functions that gather lost craft: one gathering or many, also with burn errors and losses of thrust."""
 
 from __future__ import annotations
 

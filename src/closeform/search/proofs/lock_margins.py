@@ -24,8 +24,7 @@ from closeform.search.field_of_view import TOLERANCE, Sensors
 from closeform.search.lock_march import lock_in_leg
 from closeform.search.lock_times import lock_times
 from closeform.search.proofs.theorem import one_pair
-from closeform.search.schedule import Search
-from closeform.search.slew_profile import END, START
+from closeform.search.schedule import END, START, Search
 
 PIECES = 32  # pieces of a leg, each with its own margin and length
 HALVINGS = 45
