@@ -158,9 +158,13 @@ def craft_rows(
     out[..., RANGE] = sensor.range if errors.range is None else of_craft("range")
     out[..., RANGE][of_craft("silent")] = -inf
     out[..., ACCELERATION] = of_craft("slew_acceleration")
-    right = (body == [0.0, 0.0, 1.0]).all(axis=-1) & (half_angle == sensor.half_angle)
-    right &= (out[..., PACE:COSINE] == [1.0, 0.0]).all(axis=-1) & (out[..., OUTAGES::2] == inf).all(axis=-1)
-    out[..., EXACT] = right & (out[..., RANGE] == sensor.range) & (out[..., ACCELERATION] == inf)
+    exact = ~errors.pointing.any(axis=-1) & (errors.slew_rate == 0.0) & (errors.start == 0.0)
+    exact = exact & (errors.half_angle == 0.0) & (errors.slew_acceleration == inf) & ~errors.silent
+    if errors.range is not None:
+        exact = exact & (errors.range == sensor.range)
+    if errors.outages is not None:
+        exact = exact & (errors.outages[..., 0] == inf).all(axis=-1)
+    out[..., EXACT] = np.broadcast_to(exact, shape)[some]
     return out
 
 

@@ -122,7 +122,7 @@ def gather(
     problem = gathering_problem(search, groups, where.shape[:2], keep_out, rounds, burns, max_speed, errors)
     results = problem.simulate(where, speeds, list(CHOICES))[2]
     totals = dict(zip(CHOICES, results[0, :, TOTAL].tolist(), strict=True))
-    best = [*CHOICES][least(results)[0]] if burns == "least" else burns
+    best = [*CHOICES][best_choice(results)[0]] if burns == "least" else burns
     simulated = problem.simulate(where, speeds, [best], room=ROOM * where.shape[1])
     return gathering(problem, where[0], speeds[0], best, totals, *simulated)
 
@@ -178,7 +178,7 @@ def gather_cases(
     """
     where, speeds = initial_states(positions, velocities, 3)
     problem = gathering_problem(search, groups, where.shape[:2], keep_out, rounds, burns, max_speed, errors)
-    return gatherings(problem, simulate_least(problem, where, speeds, burns)[0])
+    return gatherings(problem, simulate_best(problem, where, speeds, burns)[0])
 
 
 def gather_with_burn_errors(
@@ -211,7 +211,7 @@ def gather_cases_with_losses(
     """
     where, speeds = initial_states(positions, velocities, 3)
     problem = gathering_problem(search, shape=where.shape[:2], **arguments)
-    results, choices = simulate_least(problem, where, speeds, arguments["burns"])
+    results, choices = simulate_best(problem, where, speeds, arguments["burns"])
     losses = shares * results[:, END_TIME, None]
     (failing,) = np.nonzero(~np.isnan(losses).all(axis=1))
 
@@ -225,7 +225,7 @@ def gather_cases_with_losses(
     return gatherings(problem, results), np.where(losses <= results[:, END_TIME, None], losses, np.nan)
 
 
-def simulate_least(
+def simulate_best(
     problem: GatheringProblem, positions: Floats, velocities: Floats, burns: Burns
 ) -> tuple[Floats, Any]:
     """Return the results (C, ...) of gatherings with their choice of burns, and its index (C,) in CHOICES."""
@@ -234,7 +234,7 @@ def simulate_least(
 
     def part(some: slice) -> tuple[Floats, Any]:
         each = problem.simulate(positions[some], velocities[some], choices, some)[2]
-        which = least(each)
+        which = best_choice(each)
         return each[np.arange(len(each)), which], np.take(places, which)
 
     results, which = zip(*in_parts(part, len(positions), EACH_CALL), strict=True)
@@ -260,8 +260,8 @@ def gatherings(problem: GatheringProblem, results: Floats) -> Gatherings:
     )
 
 
-def least(results: Floats) -> Any:
-    """Return the choice of burns (C,) from results (C, ways, ...): fewest craft left, then minimum delta-v.
+def best_choice(results: Floats) -> Any:
+    """Return the best of the choices (C,) in results (C, choices, ...): fewest craft left, minimum delta-v.
 
     Of equal choices, the first.
     """
