@@ -46,7 +46,7 @@ REST = 6.07710050650619224932e-11
 def sine_cosine(angle):
     """Return sine and cosine to 2e-16 of an angle up to a few turns, from series about a quarter turn.
 
-    Without branches, as `ahead` requires for many pairs in parallel.
+    Without branches, as `march_block` requires for many pairs in parallel.
     """
     turns = floor(angle * (2.0 / pi) + 0.5)
     x = (angle - turns * QUARTER) - turns * REST
@@ -269,7 +269,7 @@ def first_lock(legs, t, position, velocity, offset, one, other, segments):
 
 # inlined where the arrays are allocated, so that the compiler knows that they do not overlap
 @kernel(inline=True)
-def ahead(leg, positions, velocities, begin, count, sensors, parts, reached, sure):
+def march_block(leg, positions, velocities, begin, count, sensors, parts, reached, sure):
     """Advance a block of facing pairs through a leg in parallel: times reached, and if a lock is certain."""
     x, y, z, vx, vy, vz, speed, last, sideways = parts
     a, start, end = nominal_segment(leg), leg[START], leg[END]
@@ -318,7 +318,7 @@ def first_locks(
     for begin in range(0, len(positions), BLOCK):
         count = min(BLOCK, len(positions) - begin)
         if alike and exact:
-            ahead(legs[0], positions, velocities, begin, count, sensors, parts, reached, sure)
+            march_block(legs[0], positions, velocities, begin, count, sensors, parts, reached, sure)
         for k in range(count):
             m = begin + k
             x, y, z = positions[m, 0], positions[m, 1], positions[m, 2]
