@@ -103,8 +103,8 @@ from closeform.results.load import (
 from closeform.search.gathering.result import (
     GatherStatus as GatherStatus,
     Gathering as Gathering,
+    Gatherings as Gatherings,
 )
-from closeform.search.gathering.result import Gatherings as Gatherings
 from closeform.search.lock_times import Locks as Locks, lock_times as lock_times
 from closeform.search.proofs.lock_proof import LockProof as LockProof, prove_locks as prove_locks
 from closeform.search.proofs.longest_lock import LongestLock as LongestLock, longest_lock as longest_lock

@@ -74,7 +74,7 @@ class Leg(Result):
     attitude: Floats
 
     @property
-    def parts(self) -> Floats:
+    def attitude_parts(self) -> Floats:
         """Steady, cosine and sine matrices (3, 3, 3) of the attitude of A [no unit]."""
         steady = np.outer(self.axis, self.axis @ self.attitude)
         sine = np.cross(self.axis, self.attitude, axisb=0, axisc=0)
@@ -108,7 +108,7 @@ class Leg(Result):
 
     def _sun_angle_of(self, body: Floats) -> Floats:
         """Return the largest angles (...) [rad] of unit vectors (..., 3) in axes of A from the sun line."""
-        steady, cosine, sine = np.moveaxis(body @ (-SUN @ self.parts).T, -1, 0)
+        steady, cosine, sine = np.moveaxis(body @ (-SUN @ self.attitude_parts).T, -1, 0)
         return np.asarray(np.arccos(np.clip(-greatest(steady, cosine, sine, self.angle), -1.0, 1.0)))
 
 

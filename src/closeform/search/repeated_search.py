@@ -44,8 +44,8 @@ def repeated_search(search: Search, rounds: int, max_speed: float | None) -> tup
         for k in range(rounds)
         for leg in legs
     )
-    drifts = np.arange(1, rounds + 1) * len(legs) - 1 if near_field else np.empty(0)
-    return replace(search, legs=every), drifts.astype(np.int64)
+    burn_legs = np.arange(1, rounds + 1) * len(legs) - 1 if near_field else np.empty(0)
+    return replace(search, legs=every), burn_legs.astype(np.int64)
 
 
 def _back(search: Search, near_field: bool) -> list[Leg]:

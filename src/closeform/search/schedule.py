@@ -149,8 +149,8 @@ class Search(Result):
 
     @cached_property
     def table(self) -> Floats:
-        """Legs as rows (L, 30) for kernels: start and end [s], angle [rad], the matrices of `Leg.parts`."""
-        return np.array([[leg.start, leg.end, leg.angle, *leg.parts.ravel()] for leg in self.legs])
+        """Legs as rows (L, 30) for kernels: start and end [s], angle [rad], and `Leg.attitude_parts`."""
+        return np.array([[leg.start, leg.end, leg.angle, *leg.attitude_parts.ravel()] for leg in self.legs])
 
     @property
     def phases(self) -> tuple[tuple[str, int, float, float], ...]:

@@ -21,7 +21,7 @@ def covered_share(legs: Sequence[Leg], cosine: float) -> float:
     best = np.full((360, 1001), -1.0)
     for leg in legs:
         parts: list[Floats] = []
-        for vector in leg.parts[:, :, 2]:
+        for vector in leg.attitude_parts[:, :, 2]:
             around = vector[0] * np.cos(longitude) + vector[1] * np.sin(longitude)
             parts.append(around[:, None] * radius + vector[2] * height)
         steady, cosine_part, sine_part = parts

@@ -44,12 +44,12 @@ class GatheringProblem:
     """Checked arguments of C gatherings of the same N craft.
 
     `search` is that over all `rounds`, `errors` (C or 1, N) are None without search errors, and `rows` (C or
-    1, N, 9 + 2 K) those of kernels. In each of the legs `drifts` a lost craft burns `near_field_burn` [m/s].
+    1, N, 9 + 2 K) those of kernels. In each of `burn_legs` a lost craft burns `near_field_burn` [m/s].
     """
 
     search: Search
     rounds: int
-    drifts: Any
+    burn_legs: Any
     groups: tuple[Group, ...]
     keep_out: PairZones | None
     near_field_burn: float
@@ -125,7 +125,7 @@ class GatheringProblem:
     def _burns(self) -> Floats:
         """Near-field burns (C or 1, P, 6) of all craft by time, then A before B: see `SearchingCraft`."""
         rows = [np.empty((len(self.rows), 0, DELTA_V + 3))]
-        for leg in self.drifts:
+        for leg in self.burn_legs:
             times, looks = self.turns.begins[..., leg], self.turns.boresights(leg)
             for k in np.concatenate(self._sides):
                 # a craft that began so early that the leg is over burns at once
@@ -174,7 +174,7 @@ def gathering_problem(
         for zone in kept.zones:
             check_zone(zone)
     speed = None if max_speed is None else positive("max_speed", max_speed)
-    repeated, drifts = repeated_search(search, int(rounds), speed)
+    repeated, burn_legs = repeated_search(search, int(rounds), speed)
     own_groups = groups_of(groups, count)
     alike = errors is None or len(instance("errors", errors, SearchErrors).shape) < 2
     each = (1, count) if alike else shape
@@ -183,7 +183,7 @@ def gathering_problem(
     rows = craft_rows(errors, search.sensor, each, np.array(own_groups) == "B", asked)
     errors = None if errors is None else errors_of_each(errors, each)
     near_field_burn = 2.0 * (speed or 0.0)
-    return GatheringProblem(repeated, int(rounds), drifts, own_groups, kept, near_field_burn, errors, rows)
+    return GatheringProblem(repeated, int(rounds), burn_legs, own_groups, kept, near_field_burn, errors, rows)
 
 
 def check_zone(zone: Any) -> None:
