@@ -86,7 +86,7 @@ def test_a_plan_is_drawn_with_its_zone_and_obstacles() -> None:
     """With a zone the headline counts conflicts before and after."""
     orbit = cf.Orbit.circular(550e3)
     rest = orbit.coast(np.zeros(6), 200.0)
-    avoided = answers()["Avoidance"]
+    avoided = answers()["Plan of one"]
     said = cf.plot(avoided, zone=cf.Sphere(20.0), obstacles=rest).get_suptitle()
     assert "1" in said
     assert "0" in said or "no" in said.lower()
@@ -130,7 +130,7 @@ def test_what_does_not_belong_to_a_picture_is_named(name: str, argument: str, ba
 
 
 @pytest.mark.parametrize(
-    "name", ["Path", "Avoidance", "ThrusterFiring", "Mission", "Gathering", "CommonFrame"]
+    "name", ["Path", "Plan of one", "ThrusterFiring", "Mission", "Gathering", "CommonFrame"]
 )
 def test_what_flies_is_animated(name: str, tmp_path: Path) -> None:
     file = tmp_path / "flight.gif"
@@ -148,7 +148,9 @@ def test_what_flies_is_animated(name: str, tmp_path: Path) -> None:
 def test_obstacles_are_in_the_film() -> None:
     file = io.BytesIO()
     rest = answers()["list of paths"][1]
-    cf.animate(answers()["Avoidance"], file, zone=cf.Sphere(20.0), obstacles=rest, names=["mover"], frames=2)
+    cf.animate(
+        answers()["Plan of one"], file, zone=cf.Sphere(20.0), obstacles=rest, names=["mover"], frames=2
+    )
     assert Image.open(file).n_frames >= 2
 
 

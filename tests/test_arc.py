@@ -6,7 +6,7 @@ from scipy.integrate import quad, solve_ivp
 
 import closeform as cf
 from closeform.motion.arc import END, MEAN_MOTION, PUSH, STATE, THRUST, WIDTH
-from closeform.planning.approaches import sample_bodies
+from closeform.planning.problem.approaches import sample_bodies
 
 N = 1.1e-3
 STATE_0 = [40.0, -90.0, 25.0, 0.05, -0.12, 0.08]

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from scipy.optimize import nnls
 from scipy.sparse import csc_matrix
 
-from closeform.planning.dual_bound import dual_bound
+from closeform.planning.bounds.dual_bound import dual_bound
 
 SEEDS = st.integers(0, 2**32 - 1)
 

@@ -228,7 +228,7 @@ def test_automatic_margin_covers_the_drift():
         )
         for engine, craft in ((True, ""), (False, DEAD))
     }
-    margins = {key: one.results[1].result.avoidance.padding for key, one in missions.items()}
+    margins = {key: one.results[1].result.plan.padding for key, one in missions.items()}
     drift = _drift(missions[False].scenario, missions[False].paths[1], missions[False].results[1].end)
     assert margins[False] > margins[True] + 0.2 * drift
     assert missions[False].flights.flight.violated == 0.0

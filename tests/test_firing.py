@@ -320,7 +320,7 @@ REFUSED = {
         {"mass": [1.0, 2.0], "specific_impulse": 60.0},
         "mass: expected one number, or one for each of 1 craft, got shape (2,)",
     ),
-    "no plan": ({"plan": "plan"}, "plan: expected a Path, a Plan or an Avoidance, got 'plan'"),
+    "no plan": ({"plan": "plan"}, "plan: expected a Path or a Plan, got 'plan'"),
     "blocked": ({"plan": BLOCKED}, f"plan: has no path: {BLOCKED.reason}"),
     "batch of batches": (
         {"plan": ORBIT.coast(np.zeros((2, 3, 6)), 9.0)},

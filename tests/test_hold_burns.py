@@ -6,10 +6,10 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 import closeform as cf
-from closeform.planning import impulse_search
-from closeform.planning.burn_local import apart
-from closeform.planning.firing_times import Moments, blended
-from closeform.planning.impulse_local import ImpulseSolver
+from closeform.planning.delta_v import delta_v_search
+from closeform.planning.delta_v.burn_solver import apart
+from closeform.planning.delta_v.firing_times import Moments, blended
+from closeform.planning.delta_v.impulse_solver import ImpulseSolver
 from hold_transfers import NUMBER, hold_transfers
 from ring_transfers import RADIUS, ring_transfers
 from test_hold_plans import COSTS, DEARER, SEVERAL
@@ -21,7 +21,7 @@ FULL = 1.0 + 1e-9  # of a limit
 @pytest.fixture(scope="module", autouse=True)
 def impulses_once():
     """Search the safe impulses that burns start from once per transfer; they take most of the time."""
-    search, known = impulse_search.searched, {}
+    search, known = delta_v_search.searched, {}
 
     def searched(solver, *asked, **limits):
         if type(solver) is not ImpulseSolver:  # of burns
@@ -34,7 +34,7 @@ def impulses_once():
         return known[task]
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(impulse_search, "searched", searched)
+        patch.setattr(delta_v_search, "searched", searched)
         yield
 
 

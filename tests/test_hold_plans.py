@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import closeform as cf
-from closeform.planning.firing_times import Moments, blended
+from closeform.planning.delta_v.firing_times import Moments, blended
 from hold_transfers import NUMBER, hold_transfers
 from test_passive_delta_v import failed_states, fired, least_ratio
 

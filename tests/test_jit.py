@@ -13,7 +13,7 @@ from closeform._jit import Kernel, kernel
 
 CALL = """
 import numpy as np
-from closeform.planning.qp import is_definite
+from closeform.planning.energy.quadratic_program import is_definite
 print(is_definite.is_cached, bool(is_definite(np.eye(3))))
 """
 
@@ -30,7 +30,7 @@ def call(folder: Path) -> subprocess.CompletedProcess[str]:
 def test_later_processes_load_compiled_kernels_unless_damaged(tmp_path):
     first, second = call(tmp_path), call(tmp_path)
     assert first.stdout.split() == ["False", "True"]
-    assert "compiling planning.qp.is_definite" in first.stderr
+    assert "compiling planning.energy.quadratic_program.is_definite" in first.stderr
     assert second.stdout.split() == ["True", "True"]
     assert not second.stderr
     for file in tmp_path.rglob("*.nb[ic]"):

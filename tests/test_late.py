@@ -165,7 +165,7 @@ def test_cost_comparison_uses_equal_times() -> None:
         mission = fly(parse(text))
         (flown,), (section,) = mission.results, RunReport(mission).sections
         moved = flown.result
-        assert bool(moved.avoidance.contacts) is contacts
+        assert bool(moved.plan.contacts) is contacts
         took = flown.end - flown.start
         table = next(table for table in section.tables if table.title == "Change made")
         names = [row[0] for row in table.texts]
@@ -174,7 +174,7 @@ def test_cost_comparison_uses_equal_times() -> None:
         assert table.shown[1].heading == "lasts [s]"
         again = mission.orbit.transfer(moved.direct.state(0.0), moved.direct.state(moved.direct.end), took)
         if contacts:
-            change = moved.avoidance.path.delta_v / again.delta_v - 1.0
+            change = moved.plan.path.delta_v / again.delta_v - 1.0
             assert table.texts[-1][3] == f"{100.0 * change:+.3f} %"
             assert section.closing[1].endswith(f" beyond the free optimum over {took:.1f} s")
         else:

@@ -212,7 +212,7 @@ def test_clear_paths():
     far = ORBIT.coast([0.0, 5000.0, 0.0, 0.0, 0.0, 0.0], 3000.0)
     least = ORBIT.impulsive(a, b, 3000.0)
     kept = cf.avoid(least, far, cf.Sphere(50.0), cost="delta-v")
-    assert kept.path is least
+    assert np.array_equal(kept.path.arcs, least.arcs)
     assert kept.proven
     assert kept.gap < 1e-8
     changed = cf.avoid(ORBIT.transfer(a, b, 3000.0), far, cf.Sphere(50.0), cost="delta-v")

@@ -350,7 +350,7 @@ def test_stage_names_the_blocking_spacecraft(tmp_path, capsys):
     file.write_text(text)
     assert main(["run", str(file), "--out", str(tmp_path / "out")]) == 1
     told = capsys.readouterr().out
-    assert "the path's end is 0.33 x zone from B; move it or the time" in told
+    assert "are at 0.33 x zone at their end; move one of them" in told
     assert "obstacle" not in told
     assert "obstacle 0" not in (tmp_path / "out" / "summary.json").read_text()
 

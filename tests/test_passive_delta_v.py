@@ -139,7 +139,7 @@ def test_departure_from_a_v_bar_hold_point_has_low_cost():
 @pytest.mark.parametrize("thrusters", [None, cf.Thrusters.rtn()], ids=["any direction", "thrusters"])
 def test_a_search_without_result_ends_at_its_effort_and_reports_the_nearest_miss(monkeypatch, thrusters):
     """A hold point cannot be left or reached safely in deep drift: a box makes each start expensive."""
-    monkeypatch.setattr("closeform.planning.problem.EFFORT", 1e6)
+    monkeypatch.setattr("closeform.planning.problem.problem.EFFORT", 1e6)
     path = ORBIT.transfer([0, -200, 0, 0, 0, 0], [0, 60, 0, 0, 0, 0], 0.7 * PERIOD)
     client = ORBIT.coast(np.zeros(6), 3.7 * PERIOD)
     given = path, client, cf.Box([20.0, 30.0, 25.0])

@@ -96,7 +96,8 @@ def test_pulses_without_room_say_how_much_they_need():
     plan = mission.results[0]
     assert (plan.passive.safe, mission.verdict.status) == (False, 1)
     (said,) = (line for line in effort.pulse_lines(mission, plan) if "require larger margins" in line)
-    assert "larger: the path's end is" in said
+    assert "larger:" in said
+    assert "at their end" in said
     path = plan.after.path("Inspector")
     least = nearest_drift(path, plan.pulsed.firing.pulses, path.end + 86400.0, 8)
     assert ZONE * (plan.passive.worst.ratio - ROUGH) < least < ZONE
@@ -121,7 +122,7 @@ def test_least_delta_v_is_planned_by_the_pulses_that_are_fired(bit):
 
 def test_bits_that_no_thruster_can_give_are_refused_with_a_reason(monkeypatch):
     """Within the transfer, a thruster of 1 mm/s^2 gives less than 6 m/s."""
-    monkeypatch.setattr("closeform.planning.problem.EFFORT", 4e6)  # of 9e7
+    monkeypatch.setattr("closeform.planning.problem.problem.EFFORT", 4e6)  # of 9e7
     result = fly(parse(inspector("10 m/s", drift="6 h", cost="delta-v"))).results[0]
     assert result.end - result.start < 6000.0
     assert not result.flown

@@ -214,7 +214,7 @@ def test_missing_plan_names_an_alternative():
         '{ safety_ellipse = { radial = "25 m", cross_track = "50 m" } }', hold
     )
     (result,) = flown(HEAD + text + 'drift = "2 orbits"\n').results
-    assert "no passively safe path" in result.failure
+    assert "no passively safe plan" in result.failure
     assert "a safety_ellipse with radial and cross_track of 26 m around Client" in result.failure
 
 

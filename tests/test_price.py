@@ -7,11 +7,11 @@ from scipy import sparse
 from scipy.linalg import expm
 
 import closeform as cf
-from closeform.planning.impulse_local import ImpulseSolver
+from closeform.planning.delta_v.impulse_solver import ImpulseSolver
 from closeform.planning.plan import Contact
 from closeform.planning.planner import once
-from closeform.planning.problem import Problem
-from closeform.planning.scene import Contacts
+from closeform.planning.problem.problem import Problem
+from closeform.planning.problem.scene import Contacts
 from test_least_delta_v_plans import ORBIT as LOW
 from test_least_delta_v_plans import passage, rates
 

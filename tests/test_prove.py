@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 import closeform as cf
 from closeform.mission.mission import fly
-from closeform.planning.pieces import outside, pieces
-from closeform.planning.prove import lower_bound, prove
+from closeform.planning.bounds.branch_and_bound import lower_bound, prove
+from closeform.planning.bounds.zone_pieces import outside, pieces
 from closeform.planning.request import Request
 from closeform.report.run import RunReport
 from closeform.scenario import parse
@@ -188,14 +188,7 @@ def test_clear_formations_are_proven_and_time_is_not_negative():
 def test_a_budget_of_nodes_makes_it_repeatable():
     task = four(1, SPACE, 360.0)
     plan = cf.reconfigure(**task.arguments)
-    problem = Request.of(
-        *(task.arguments[name] for name in ("orbit", "initial", "final", "duration", "zone")),
-        False,
-        0.0,
-        (),
-        None,
-        None,
-    ).problem()
+    problem = Request.of_formation(**task.arguments).problem()
     first, again = (
         prove(problem, plan.contacts, plan.extra_energy, plan.energy, 1e9, nodes=150) for _ in range(2)
     )
@@ -223,7 +216,7 @@ def test_a_stage_closes_its_gap_where_that_is_asked():
     plans = []
     for some in (text, half, asked):
         mission = fly(parse(some, "cluster.toml", "run"))
-        plans.append(mission.results[1].result.avoidance)
+        plans.append(mission.results[1].result.plan)
         said = [line for one in RunReport(mission).sections for line in one.lines + one.closing]
         assert any("lower bound" in line for line in said)
         assert any('prove = "10 s" in the stage' in line for line in said) == (some is text)

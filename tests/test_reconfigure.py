@@ -69,6 +69,7 @@ def by_paths(task, paths):
         np.zeros(2),
         np.full(2, task["duration"]),
         paths.energy.sum(),
+        paths.energy.sum() - direct.energy.sum(),
         paths.delta_v.sum(),
         direct.energy.sum(),
         (),

@@ -8,9 +8,9 @@ import pytest
 import closeform as cf
 from bridge import bridge
 from closeform.kernel_loans import lent
-from closeform.planning.deflection import add_block, fill_factors
-from closeform.planning.problem import Problem
-from closeform.planning.scene import Contacts
+from closeform.planning.problem.deflection import add_block, fill_factors
+from closeform.planning.problem.problem import Problem
+from closeform.planning.problem.scene import Contacts
 from truth import Reference
 
 N = 1.1e-3

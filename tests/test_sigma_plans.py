@@ -10,10 +10,9 @@ from scipy.optimize import brentq
 import closeform as cf
 from closeform.mission.mission import fly
 from closeform.motion.joining import stack
-from closeform.planning.problem import Problem
-from closeform.planning.scene import Contacts
-from closeform.planning.sigma_problem import Margin
-from closeform.planning.single_craft import Around
+from closeform.planning.problem.problem import Problem
+from closeform.planning.problem.scene import Contacts
+from closeform.planning.sigmas.sigma_problem import Margin
 from closeform.scenario import parse
 
 ORBIT = cf.Orbit.circular(500e3)
@@ -267,8 +266,7 @@ def test_rejected_ends_report_their_sigmas():
 
 
 def test_inner_ellipsoid_of_the_lower_bound():
-    task = Around.of(ORBIT, CLIENT, ZONE, "exact", None, None)
-    plain = Problem.of(stack([PATH]), task.obstacles, task.zones)
+    plain = Problem.of(stack([PATH]), stack([CLIENT]), [(ZONE, np.array([[0, 1]]))])
     problem = Margin((ERRORS, None), 2.0).problem(plain)
     plan = cf.avoid(PATH, CLIENT, ZONE, errors=ERRORS, sigmas=2.0)
     contact = plan.contacts[0]

@@ -19,7 +19,7 @@ import closeform as cf
 PACKAGE = Path(cf.__file__).parent
 PAGES = sorted((Path(__file__).parents[1] / "docs").glob("*.md"))
 # Made by functions, never by a user: nothing to raise.
-RESULTS = {"Approach", "Avoidance", "CommonFrame", "Conflict", "Path", "Screening", "Zone"}
+RESULTS = {"Approach", "CommonFrame", "Conflict", "Path", "Screening", "Zone"}
 RESULTS |= {"PairZones", "PairZones.which", "PairZones.between", "PairZones.around", "PairZones.rule"}
 RESULTS |= {"GatherStatus", "Gathering", "Gatherings", "Locks"}
 RESULTS |= {"LockProof", "LongestLock"}

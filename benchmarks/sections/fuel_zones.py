@@ -47,7 +47,7 @@ def passage(seed: int) -> Passage:
             return Passage(LOW_ORBIT, a, b, duration, obstacle, radius)
 
 
-def avoided(one: Passage, cost: str) -> cf.Avoidance:
+def avoided(one: Passage, cost: str) -> cf.Plan:
     make = one.orbit.impulsive if cost == "delta-v" else one.orbit.transfer
     path = make(one.initial, one.final, one.duration)
     return cf.avoid(path, one.obstacle, cf.Sphere(one.radius), cost=cost)

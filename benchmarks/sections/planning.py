@@ -67,7 +67,7 @@ def timed_each(tasks) -> tuple[list[str], list[float], list[float]]:
     return [f"{len(extra)} of {len(plans)}", median, most, *times], extra, took
 
 
-def around(case, cost: str) -> cf.Avoidance:
+def around(case, cost: str) -> cf.Plan:
     """Plan a path of one spacecraft around its client."""
     return cf.avoid(case.path, case.client, case.zone, drift=case.drift, cost=cost)
 

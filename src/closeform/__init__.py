@@ -24,8 +24,7 @@ _NAMES = {
     "uncertainty.clearance": "SigmaApproach clearance_in_sigmas",
     "planning.avoid": "avoid",
     "planning.reconfigure": "reconfigure",
-    "planning.plan": "Avoidance Plan Status",
-    "planning.shadow_price": "ShadowPrice",
+    "planning.plan": "Plan ShadowPrice Status",
     "planning.clearance_cost_curve": "ClearanceCostCurve clearance_cost_curve",
     "planning.max_clearance": "MaxClearance max_clearance",
     "planning.limits": "propellant",
@@ -73,6 +72,7 @@ _MODULES = {
     "papers": "papers",
     "plots": "plots",
     "targets": "planning.targets",
+    "requirements": "planning.requirements",
 }
 _HOMES = {name: module for module, names in _NAMES.items() for name in names.split()}
 

@@ -2,16 +2,16 @@
 
 from closeform import plots as plots
 from closeform.plots.results import animate as animate, plot as plot
+from closeform.planning import requirements as requirements
 from closeform.planning import targets as targets
 from closeform import papers as papers
 from closeform.motion import conversions as elements
 from closeform.planning.avoid import avoid as avoid
 from closeform.planning.plan import (
-    Avoidance as Avoidance,
     Plan as Plan,
+    ShadowPrice as ShadowPrice,
     Status as Status,
 )
-from closeform.planning.shadow_price import ShadowPrice as ShadowPrice
 from closeform.planning.clearance_cost_curve import (
     ClearanceCostCurve as ClearanceCostCurve,
     clearance_cost_curve as clearance_cost_curve,

@@ -139,7 +139,7 @@ def least_ratio(mission: Mission) -> float:
 def gap(mission: Mission) -> float:
     """Return the largest optimality gap of the plans, relative to each plan; nan without bounds."""
     moved = [one.result for one in mission.flown if isinstance(one.stage, Clearing)]
-    plans = [getattr(one, "plan", None) or one.avoidance for one in moved]
+    plans = [one.plan for one in moved]
     return float(np.fmax.reduce([max(plan.gap, 0.0) for plan in plans], initial=nan))
 
 

@@ -9,12 +9,18 @@ if TYPE_CHECKING:
     from closeform.scenario import Scenario
 
 MOTION = "motion.effort motion.path motion.steering conflicts.pair_search conflicts.quick_rejection"
-PLANNING = "planning.approaches planning.contacts planning.deflection planning.qp"
-LEAST_ENERGY = "planning.contact_solver planning.dual_bound planning.side_costs"
+PLANNING = (
+    "planning.problem.approaches planning.problem.contacts planning.problem.deflection "
+    "planning.energy.quadratic_program"
+)
+LEAST_ENERGY = "planning.energy.contact_solver planning.bounds.dual_bound planning.energy.side_costs"
 LEAST_DELTA_V = "motion.impulses motion.impulse_arcs motion.constant_primers"
-JOINT_DELTA_V = "planning.joint_dual planning.primer_maxima planning.impulse_flight planning.impulse_planes"
+JOINT_DELTA_V = (
+    "planning.delta_v.dual.dual_program planning.delta_v.dual.primer_maxima "
+    "planning.delta_v.dual.impulse_paths planning.delta_v.dual.plane_shortfalls"
+)
 PASSIVE_SAFETY = "safety.search"
-SAFE_PLANS = "planning.failures planning.passive_planes"
+SAFE_PLANS = "planning.passive.failure_minima planning.energy.plane_program"
 ERRORS = "uncertainty.sigma_levels uncertainty.spread uncertainty.sigma_conflicts uncertainty.widths"
 PROBABILITY = "uncertainty.sampled_trajectories uncertainty.entry_rate"
 FIELD = "dynamics.gravity dynamics.least_ratios"

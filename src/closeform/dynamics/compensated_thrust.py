@@ -116,7 +116,7 @@ def compensated_thrust(
 
     Parameters
     ----------
-    plan : Plan, Avoidance or Path
+    plan : Plan or Path
         Plan of one craft or of N, in the chief's Hill frame with straight axes, times since its epoch.
     field : Field
         Force model in which they move.

@@ -22,7 +22,7 @@ from closeform.motion.arc import END, START
 from closeform.motion.joining import stack
 from closeform.motion.path import Path, path_of
 from closeform.planning.obstacles import obstacle_batch
-from closeform.planning.plan import Avoidance, Plan
+from closeform.planning.plan import Plan
 from closeform.result import Result
 from closeform.zones.combined_zones import OwnZone
 from closeform.zones.pair_zones import PairZones, pair_zones
@@ -37,7 +37,7 @@ class FittedMargin(Result):
 
     Attributes
     ----------
-    plan : Plan or Avoidance
+    plan : Plan
         The last plan. In the high-fidelity model its pairs keep clear of their zones.
     room : TrackingMargins or None
         Tracking margins of its craft; None if the plan has no paths, or is not feasible in the field.
@@ -67,7 +67,7 @@ class FittedMargin(Result):
 
 
 def fit_margin(
-    planned: Callable[[Floats], Plan | Avoidance],
+    planned: Callable[[Floats], Plan],
     field: Field,
     zones: OwnZone | PairZones,
     feedback: Feedback | None = None,
@@ -187,7 +187,7 @@ def fit_margin(
             f"{remedy}, or enlarge the zones"
         )
     for made in range(1, ROUNDS + 1):
-        plan = instance("planned", planned(margin), Plan, Avoidance)
+        plan = instance("planned", planned(margin), Plan)
         if not plan.ok:
             why = f"no plan with a margin of {margin.max():.3g} m: {plan.reason}"
             return FittedMargin(plan, None, margin, False, made, why)

@@ -8,24 +8,22 @@ from closeform.arrays import Floats, instance
 from closeform.dynamics.field import Field
 from closeform.motion.joining import stack
 from closeform.motion.path import Path, ends_of, path_of
-from closeform.planning.plan import Avoidance, Plan
+from closeform.planning.plan import Plan
 
 FITS = 5e-3  # relative difference of mean motion allowed, due to oblateness
 
 
 def paths_of(plan: Any) -> Path | None:
-    """Return the paths of a plan or an avoidance, None if it found none; paths are returned unchanged."""
-    if isinstance(plan, Plan):
-        return plan.paths
-    return plan.path if isinstance(plan, Avoidance) else plan
+    """Return the paths of a plan, None if it found none; paths are returned unchanged."""
+    return plan.paths if isinstance(plan, Plan) else plan
 
 
 def paths_to_fly(plan: Any, field: Field) -> Path:
-    """Return the paths (N,) of a plan, an avoidance or themselves, after a check against the field.
+    """Return the paths (N,) of a plan or themselves, after a check against the field.
 
     Raises ValueError for paths in deep space, in another orbit, or with different time spans.
     """
-    instance("plan", plan, Plan, Avoidance, Path)
+    instance("plan", plan, Plan, Path)
     instance("field", field, Field)
     path = paths_of(plan)
     if path is None:

@@ -116,7 +116,7 @@ def tracking_margins(
 
     Parameters
     ----------
-    plan : Plan, Avoidance or Path
+    plan : Plan or Path
         Plan of one craft or of N, as in `simulate`.
     field : Field
         Known force model.

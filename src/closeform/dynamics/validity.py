@@ -75,7 +75,7 @@ def validity(plan: Any, field: Field, zones: Zone | PairZones | None = None) -> 
 
     Parameters
     ----------
-    plan : Plan, Avoidance or Path
+    plan : Plan or Path
         Plan of one craft or of N, in the chief's Hill frame with straight axes, times since its epoch.
     field : Field
         Force model in which they move.

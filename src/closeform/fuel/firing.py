@@ -108,8 +108,9 @@ def fire_thrusters(
 
     Parameters
     ----------
-    plan : Path, Plan or Avoidance
-        The plan to realise: the path of one spacecraft, a batch of shape (N,), or a plan with paths.
+    plan : Path or Plan
+        The plan to realise: the path of one spacecraft, a batch of shape (N,), or a plan with paths.  A plan
+        of one spacecraft counts as its path.
     thrusters : Thrusters or sequence of Thrusters
         Thrusters with acceleration, and with a period for continuous thrust; one set for all spacecraft, or
         one for each.
@@ -184,11 +185,13 @@ def fire_thrusters(
 
 def planned_path(plan: Any) -> Path:
     """Return the path of a plan, single or of shape (N,); raise ValueError if there is none."""
-    path = plan if isinstance(plan, Path) else getattr(plan, "paths", getattr(plan, "path", plan))
+    path = plan if isinstance(plan, Path) else getattr(plan, "paths", plan)
     if path is None and plan is not None:
         raise ValueError(f"plan: has no path: {plan.reason}")
     if not isinstance(path, Path):
-        raise ValueError(f"plan: expected a Path, a Plan or an Avoidance, got {shown(plan)}")
+        raise ValueError(f"plan: expected a Path or a Plan, got {shown(plan)}")
+    if path is not plan and len(path) == 1:
+        return path[0]
     if len(path.shape) > 1 or path.shape == (0,):
         raise ValueError(f"plan: expected one spacecraft or a batch of shape (N,), got shape {path.shape}")
     return path

@@ -153,7 +153,7 @@ def run(file: str | Path) -> Mission:
     Mission
         Its `results` are the evaluated stages, each with the flight `before` avoidance and `after` it:
         `paths`, `conflicts` by name (`PairConflict`) and `approaches`, the closest approach of each pair.
-        `result` of a stage holds the `plan`, `avoidance` or gathering.  `verdict` is the last line that a run
+        `result` of a stage holds the `plan` or gathering.  `verdict` is the last line that a run
         prints, and `clear` is True if no conflict remains.  `delta_v` [m/s] and `propellant` [kg] have one
         row per stage and one column per spacecraft.
 

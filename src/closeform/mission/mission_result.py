@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from closeform.mission.stage_start import Arrival
     from closeform.mission.thruster_firing import Pulsed
     from closeform.mission.uncertainty import UncertainStage
-    from closeform.planning.plan import Avoidance, Plan
+    from closeform.planning.plan import Plan
     from closeform.search.lock_times import Locks
 
 AnyStage = TypeVar("AnyStage", bound=StageTable)
@@ -51,7 +51,7 @@ AnyResult = TypeVar("AnyResult")
 class StageResult(Result, Generic[AnyStage, AnyResult]):
     """Evaluated stage from `start` [s] on, with the flight `before` avoidance and `after` it.
 
-    - `result`: plan, avoidance or search; None for a coast.  Times in a Gathering or FirstLocks count from
+    - `result`: plan or search; None for a coast.  Times in a Gathering or FirstLocks count from
       the start of the stage.
     - `failure`: reason why the mission ends after this stage.
     - `flown`: whether the paths are part of the mission; False if planning failed.
@@ -146,7 +146,7 @@ class AvoidResult:
     zones: tuple[Zone, ...]
     direct: Path
     plain: Path
-    avoidance: "Avoidance"
+    plan: "Plan"
     asked: float
     goals: "Mapping[str, Arrival]"
 

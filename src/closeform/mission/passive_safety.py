@@ -302,7 +302,7 @@ def nearest(
 def is_planned(result: StageResult[Any, Any]) -> bool:
     """Return True if the paths of a stage were planned to be passively safe."""
     if isinstance(result.result, AvoidResult):
-        return result.result.avoidance.drift is not None
+        return result.result.plan.drift is not None
     return isinstance(result.result, ReconfigureResult) and result.result.plan.drift is not None
 
 

@@ -31,8 +31,9 @@ def avoid(start: StageStart, stage: Avoid) -> StageResult[Avoid, AvoidResult]:
 
 def around(start: StageStart, stage: Avoid) -> StageResult[Avoid, AvoidResult]:
     """Plan the avoidance trajectory of one spacecraft around the others, and return the result."""
-    from closeform.planning.plan import Avoidance, weakness
-    from closeform.planning.single_craft import Around
+    from closeform.planning.plan import Plan, weakness
+    from closeform.planning.planner import planned
+    from closeform.planning.request import Request
 
     names, asked = start.scenario.names, start.asked(stage)
     mover = names.index(stage.craft)
@@ -85,35 +86,43 @@ def around(start: StageStart, stage: Avoid) -> StageResult[Avoid, AvoidResult]:
 
     craft, direct = start.scenario.craft[mover], way(1.0)
     thrusters = start.thrusters(mover, stage.cost)
-    task = Around.of(start.orbit, others, zones, stage.method, None, rest, stage.cost, thrusters)
-    task = replace(task, drift=drift, gap=stage.proving.gap)
-    if known is not None:
-        task = task.keeping(direct, known[0], known[1:], stage.sigmas)
+    limited = craft.limited and thrusters is None
+    errors = {} if known is None else {"errors": known[0], "other_errors": known[1:], "sigmas": stage.sigmas}
 
-    def made(margin: Any) -> Avoidance:
-        padded = task.padded(margin) if np.any(margin) else task
-        if not craft.limited or thrusters is not None:
-            return padded.plan(direct, stage.proving.seconds)
-        return padded.keep(
-            craft.max_acceleration,
-            lambda factor: way(factor) if factor != 1.0 else direct,
-            stage.longer,
-            stage.proving.seconds,
+    def made(margin: Any) -> Plan:
+        request = Request.of_path(
+            direct,
+            others,
+            zones,
+            stage.method,
+            path_over=way,
+            max_acceleration=craft.max_acceleration if limited else None,
+            longer=stage.longer,
+            name=craft.name,
+            names=rest,
+            cost=stage.cost,
+            thrusters=thrusters,
+            drift=drift,
+            margin=margin,
+            prove=stage.proving.seconds,
+            gap=stage.proving.gap,
+            **errors,
         )
+        return planned(request)
 
-    avoidance = with_margin(start, stage, who, others, made)
-    if avoidance.weak is not None:
-        avoidance = replace(
-            avoidance, reason=weakness(avoidance.weak, craft.name, start.scenario.force_mass(craft.name))
-        )
+    plan = with_margin(start, stage, who, others, made)
+    if plan.weak is not None:
+        plan = replace(plan, reason=weakness(plan.weak, craft.name, start.scenario.force_mass(craft.name)))
     before = flight(direct)
-    after = flight(avoidance.path) if avoidance.path not in (None, direct) else before
-    late = too_late(start, stage, after, {craft.name: avoidance.punctual})
+    changed = plan.paths is not None and not np.array_equal(plan.paths.arcs, direct.arcs)
+    after = flight(plan.path) if changed else before
+    punctual = None if plan.punctual is None else float(plan.punctual[0])
+    late = too_late(start, stage, after, {craft.name: punctual})
     plain = way((after.end - start.time) / asked) if late is not None else direct
     asked_for = start.scenario.zones_around(craft.name)  # zones of the scenario, not enlarged for pulses
-    result = AvoidResult(stage.craft, rest, asked_for, direct, plain, avoidance, asked, goals)
-    failure = None if avoidance.ok else avoidance.reason
-    return StageResult(start.number, stage, start.time, before, after, result, failure, avoidance.ok, late)
+    result = AvoidResult(stage.craft, rest, asked_for, direct, plain, plan, asked, goals)
+    failure = None if plan.ok else plan.reason
+    return StageResult(start.number, stage, start.time, before, after, result, failure, plan.ok, late)
 
 
 def outside(finals: Floats, others: Sequence[Path], zones: Sequence[Zone], time: float, drift: float) -> Any:

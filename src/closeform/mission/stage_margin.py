@@ -1,8 +1,6 @@
 """Keep-out margin of a stage: a given length, or the tracking margin that its own plan requires."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
-from math import nan
 from typing import TYPE_CHECKING, Any
 
 from closeform.mission.stage_start import StageStart, followed
@@ -12,7 +10,7 @@ from closeform.scenario import Avoid, Joint, Scenario
 from closeform.zones.pair_zones import PairZones
 
 if TYPE_CHECKING:
-    from closeform.planning.plan import Avoidance, Plan
+    from closeform.planning.plan import Plan
 
 
 def with_margin(
@@ -56,13 +54,11 @@ def with_margin(
     return unfit(found.plan, as_listed(found.reason, [start.scenario.names[k] for k in who]) + remedy)
 
 
-def unfit(plan: "Plan | Avoidance", reason: str) -> "Plan | Avoidance":
+def unfit(plan: "Plan", reason: str) -> "Plan":
     """Return the plan without paths, with the status NO_MARGIN and the `reason`."""
-    from closeform.planning.plan import Plan, Status
+    from closeform.planning.plan import Status, without_paths
 
-    without: Any = {"paths": None} if isinstance(plan, Plan) else {"path": None, "extra_energy": nan}
-    without |= {"energy": nan, "delta_v": nan, "contacts": ()}
-    return replace(plan, status=Status.NO_MARGIN, reason=reason, **without)
+    return without_paths(plan, Status.NO_MARGIN, reason)
 
 
 def flown_errors(start: StageStart, who: list[int]) -> list[Any] | None:

@@ -3,33 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal
 
-import numpy as np
-
-from closeform.arrays import instance, size
 from closeform.fuel.thrusters import Thrusters
 from closeform.motion.path import Path, of_one_craft
-from closeform.planning.plan import Avoidance, Cost
-from closeform.planning.planner import (
-    check_cost,
-    check_drift,
-    check_effort,
-    check_errors,
-    check_method,
-    check_obstacles,
-)
-from closeform.planning.problem import transfer_of
-from closeform.planning.prove import GAP
-from closeform.planning.single_craft import Around
+from closeform.planning.bounds.branch_and_bound import GAP
+from closeform.planning.plan import Cost, Plan
+from closeform.planning.planner import planned
+from closeform.planning.request import Request
 from closeform.zones.combined_zones import OwnZone
 from closeform.zones.pair_zones import PairZones
 
 if TYPE_CHECKING:
     from closeform.uncertainty.errors import Uncertainty
-
-BOTH = "cannot be combined with thrusters, which have limits of their own; omit it"
 
 
 def avoid(
@@ -51,7 +37,8 @@ def avoid(
     other_errors: Any = None,
     sigmas: float = 3.0,
     margin: Any = 0.0,
-) -> Avoidance:
+    requirements: Any = (),
+) -> Plan:
     """Plan the path of minimum cost found between the same states and times that stays out of every zone.
 
     A path that is already clear is returned unchanged.  Every returned path is certified clear of the zones
@@ -117,11 +104,15 @@ def avoid(
         Keep-out margin added to each zone (`Zone.padded`): the combined deviation of craft and obstacle.  A
         tube counts twice, as if obstacles were under feedback as well; use `Tube.radius` where obstacles are
         known exactly.  An array holds the margins of all pairs of the path followed by the obstacles.
+    requirements : Requirement or NoThrust, or sequence of these, default none
+        Conditions on the states of the spacecraft in continuous time: `requirements.ApproachCone`,
+        `SpeedLimit`, `KeepIn` (also a waypoint with a tolerance), and times of `NoThrust`.  They require cost
+        "delta-v".  The lower bound counts them.
 
     Returns
     -------
-    Avoidance
-        The path with a certified lower bound on its cost.
+    Plan
+        The plan of one spacecraft, with a certified lower bound on its cost.
 
     Raises
     ------
@@ -145,28 +136,25 @@ def avoid(
     (True, ())
     """
     of_one_craft(path)
-
-    def way(factor: float) -> Path:
-        return path if factor == 1.0 else transfer_of(path, factor)
-
-    check_effort(budget, prove, gap)
-    check_method(method, "exact", "sauter-palmer")
-    check_cost(cost, thrusters, prove=prove > 0.0, method=method != "exact")
-    instance("longer", longer, bool, np.bool_)
-    if thrusters is not None:
-        instance("thrusters", thrusters, Thrusters)
-        if max_acceleration is not None:
-            raise ValueError(f"max_acceleration: {BOTH}")
-    task = Around.of(path.orbit, obstacles, zone, method, budget, names, cost, thrusters)
-    if (after := check_drift(drift, prove, method, "exact")) is not None:
-        check_obstacles(task.obstacles, path.end + after, task.names)
-        task = replace(task, drift=after)
-    task = replace(task, gap=gap)
-    task, sigmas = task.padded(margin), size("sigmas", sigmas)
-    if check_errors((errors, other_errors), zone, prove, method != "exact", drift):
-        task = task.keeping(path, errors, other_errors, sigmas)
-    return (
-        task.plan(path, prove)
-        if max_acceleration is None
-        else task.keep(max_acceleration, way, longer, prove)
+    return planned(
+        Request.of_path(
+            path,
+            obstacles,
+            zone,
+            method,
+            max_acceleration=max_acceleration,
+            longer=longer,
+            budget=budget,
+            prove=prove,
+            gap=gap,
+            names=names,
+            cost=cost,
+            thrusters=thrusters,
+            drift=drift,
+            errors=errors,
+            other_errors=other_errors,
+            sigmas=sigmas,
+            margin=margin,
+            requirements=requirements,
+        )
     )

@@ -4,10 +4,10 @@ import numpy as np
 
 from closeform.motion.joining import stack
 from closeform.motion.path import Path
-from closeform.planning.certify import Solution, nearer
-from closeform.planning.obstacles import end_inside
-from closeform.planning.problem import Problem, deepest, transfer_of
-from closeform.planning.side_search import MARGINS, Search
+from closeform.planning.energy.local_solver import Solution, nearer
+from closeform.planning.energy.side_search import MARGINS, Search
+from closeform.planning.infeasible_ends import end_conflict
+from closeform.planning.problem.problem import Problem, deepest, transfer_of
 from closeform.zones.zone import Zone
 
 
@@ -21,7 +21,7 @@ def ways_around(path: Path, obstacle: Path, zone: Zone) -> list[Path]:
     problem = Problem.of(stack([transfer_of(path)]), stack([obstacle]), [(zone, np.array([[0, 1]]))])
     search = Search(problem, MARGINS[0])
     conflicts = problem.conflicts(problem.direct)
-    if end_inside(problem) or not conflicts:
+    if end_conflict(problem) or not conflicts:
         return []
     search.push_exits(*deepest(conflicts))
     found: list[Solution] = []

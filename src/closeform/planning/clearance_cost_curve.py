@@ -15,8 +15,8 @@ from closeform.fuel.thrusters import Thrusters
 from closeform.motion.path import Path, ends_of
 from closeform.planning.avoid import avoid
 from closeform.planning.obstacles import obstacle_batch, zones_around
-from closeform.planning.plan import Avoidance, Cost, Plan
-from closeform.planning.problem import transfer_of
+from closeform.planning.plan import Cost, Plan
+from closeform.planning.problem.problem import transfer_of
 from closeform.planning.reconfigure import reconfigure
 from closeform.result import Rows
 from closeform.zones.combined_zones import OwnZone, enlarged
@@ -41,7 +41,7 @@ class ClearanceCostCurve(Rows):
         Slope of the cost per unit of the factor, from the plan's `prices`; nan if unknown.
     free : float [m^2/s^3, or m/s of delta-v]
         Cost without any zone; nan where no plan was found.
-    plans : tuple of Avoidance or Plan
+    plans : tuple of Plan
         Plan for each size.
     cost : "energy" or "delta-v"
         Minimised cost.
@@ -52,7 +52,7 @@ class ClearanceCostCurve(Rows):
     spent: Floats
     slope: Floats
     free: float
-    plans: tuple[Avoidance | Plan, ...]
+    plans: tuple[Plan, ...]
     cost: Cost
 
     @property
@@ -173,15 +173,15 @@ class Sizes:
         """Return factor, metres and sigmas of a result; sigmas are nan without errors."""
         return factor, float(self.metres(factor)), nan
 
-    def plan(self, factor: float) -> Avoidance | Plan:
+    def plan(self, factor: float) -> Plan:
         """Return the plan for zones enlarged by `factor`."""
         return self.planned(resized(self.zone, factor))
 
-    def slope(self, plan: Avoidance | Plan, factor: float) -> float:
+    def slope(self, plan: Plan, factor: float) -> float:
         """Return the slope of a plan's cost per unit of the factor; nan if unknown."""
         return slope(plan, factor)
 
-    def planned(self, zone: Any, **kept: Any) -> Avoidance | Plan:
+    def planned(self, zone: Any, **kept: Any) -> Plan:
         """Return the plan around zones, with further arguments of the planner."""
         if not self.path.shape:
             return avoid(
@@ -219,11 +219,11 @@ def resized(zone: Zoned, factor: float) -> Zoned:
     return [None if one is None else enlarged(one, factor) for one in zone]
 
 
-def free_cost(plan: Avoidance | Plan) -> float:
+def free_cost(plan: Plan) -> float:
     """Return the cost of a plan without any zone."""
     return plan.lower_bound if plan.cost == "delta-v" else plan.energy - plan.extra_energy
 
 
-def slope(plan: Avoidance | Plan, factor: float) -> float:
+def slope(plan: Plan, factor: float) -> float:
     """Return the slope of a plan's cost per unit of the `factor` of its zones; nan if unknown."""
     return sum(one.per_factor for one in plan.prices) / factor if plan.ok and plan.priced else nan

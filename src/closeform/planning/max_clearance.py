@@ -12,7 +12,7 @@ from closeform.arrays import number, shown
 from closeform.fuel.thrusters import Thrusters
 from closeform.motion.path import Path
 from closeform.planning.clearance_cost_curve import Sizes, Zoned, free_cost
-from closeform.planning.plan import UNITS, Avoidance, Cost, Plan, Status
+from closeform.planning.plan import UNITS, Cost, Plan, Status
 from closeform.result import Result
 
 ROUNDING = 1e-12  # of a budget: a cost that exceeds it by less counts as equal on any processor
@@ -50,9 +50,8 @@ class MaxClearance(Result):
         Factor by which all zones are enlarged; nan without a plan, 1 with errors.
     metres : float [m]
         Minimum growth of the zones in any direction; negative for smaller zones.
-    plan : Avoidance, Plan or None
-        Plan for this size or number of sigmas, within the budget: an `Avoidance` for one craft, a `Plan` for
-        a formation.
+    plan : Plan or None
+        Plan for this size or number of sigmas, within the budget.
     status : ClearanceStatus
         Reason why the zones cannot be larger.
     reason : str
@@ -68,7 +67,7 @@ class MaxClearance(Result):
 
     factor: float
     metres: float
-    plan: Avoidance | Plan | None
+    plan: Plan | None
     status: ClearanceStatus
     reason: str
     budget: float
@@ -150,8 +149,8 @@ def max_clearance(
         if path.shape and other_errors is not None:
             raise ValueError("other_errors: not for a formation; append them to errors, after its craft")
     low, high, factor, tried = 0.0, inf, sizes.first, 0
-    best: Avoidance | Plan | None = None
-    beyond: Avoidance | Plan | None = None
+    best: Plan | None = None
+    beyond: Plan | None = None
     while tried < PLANS and sizes.least < factor:
         plan = sizes.plan(factor)
         tried += 1
@@ -190,19 +189,17 @@ class SigmaCounts(Sizes):
         """Return factor, metres and sigmas of a result; the zones stay fixed."""
         return 1.0, 0.0, factor
 
-    def plan(self, factor: float) -> Avoidance | Plan:
+    def plan(self, factor: float) -> Plan:
         """Return the plan that keeps `factor` sigmas clear."""
         others = {} if self.path.shape else {"other_errors": self.other_errors}
         return self.planned(self.zone, errors=self.errors, sigmas=factor, **others)
 
-    def slope(self, plan: Avoidance | Plan, factor: float) -> float:
+    def slope(self, plan: Plan, factor: float) -> float:
         """Return the slope of a plan's cost per sigma."""
         return sum(one.per_sigma for one in plan.prices) if plan.ok and plan.priced else nan
 
 
-def next_factor(
-    factor: float, plan: Avoidance | Plan, rise: float, limit: float, low: float, high: float
-) -> float:
+def next_factor(factor: float, plan: Plan, rise: float, limit: float, low: float, high: float) -> float:
     """Return the Newton step to where the budget is spent, or the midpoint where that leaves the bracket.
 
     With one contact the cost of clearance is quadratic, so its root is nearly straight.  `rise` is the slope
@@ -219,14 +216,14 @@ def next_factor(
     return most if high == inf else 0.5 * (low + high)
 
 
-def is_spent(plan: Avoidance | Plan, limit: float) -> bool:
+def is_spent(plan: Plan, limit: float) -> bool:
     """Return whether a plan spends the budget to rounding, or nothing is available for clearance."""
     left = limit * (1.0 + ROUNDING) - free_cost(plan)
     return plan.ok and (left < 0.0 or 0.0 <= limit * (1.0 + ROUNDING) - plan.spent <= FINE * left)
 
 
 def in_words(
-    sizes: Sizes, best: Avoidance | Plan | None, beyond: Avoidance | Plan | None, limit: float
+    sizes: Sizes, best: Plan | None, beyond: Plan | None, limit: float
 ) -> tuple[ClearanceStatus, str]:
     """Return the status and reason why zones are not larger than for the `best` plan.
 

@@ -1,4 +1,4 @@
-"""Obstacles of a plan as one batch of paths, with their names, zones, and conflicts at a path's ends."""
+"""Obstacles of a plan as one batch of paths, with their names and zones."""
 
 from collections.abc import Iterable, Sequence
 from typing import Any
@@ -9,11 +9,9 @@ from closeform.arrays import sequence, shown
 from closeform.motion.joining import stack
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
-from closeform.planning.problem import Problem
 from closeform.zones.combined_zones import OwnZone, pair_zone
-from closeform.zones.padding import Padding, Short
 from closeform.zones.pair_zones import PairZones, pair_zones
-from closeform.zones.zone import ON, Zone
+from closeform.zones.zone import Zone
 
 Zones = tuple[tuple[Zone, Any], ...]  # each with its pairs (M, 2)
 
@@ -47,29 +45,6 @@ def obstacle_names(names: Sequence[str] | None, count: int) -> tuple[str, ...]:
     if len(given) != count:
         raise ValueError(f"names: give one for each of {count} obstacles, got {shown(names)}")
     return given
-
-
-def end_inside(problem: Problem) -> tuple[str, float, int] | None:
-    """Return the end of the single craft's path inside a zone: "start" or "end", ratio, obstacle; or None."""
-    start, end = problem.windows[1].T
-    ends = np.array([[problem.first], [problem.arrival]])
-    end_of, which = np.nonzero((start <= ends) & (ends <= end))
-    ratios = problem.ratios(problem.direct, which, ends[end_of, 0])
-    inside = np.flatnonzero(ratios <= ON)
-    if not len(inside):
-        return None
-    k = inside[0]
-    return ("start", "end")[end_of[k]], float(ratios[k]), int(problem.pairs[which[k], 1]) - 1
-
-
-def short_of(
-    problem: Problem, padding: Padding | None, zones: Zones, pair: tuple[int, int], time: float
-) -> Short | None:
-    """Return a pair's shortfall of keep-out margin in the unconstrained paths at a time; None without one."""
-    if padding is None:
-        return None
-    one, other = problem.bodies(problem.direct)._at(np.array(pair), np.full(2, time))[:, :3]
-    return padding.shortage(zones, pair, one - other)
 
 
 def zones_around(zone: OwnZone | Sequence[OwnZone] | PairZones, count: int) -> Zones:

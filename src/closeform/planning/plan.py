@@ -1,18 +1,23 @@
-"""Results of planning: certified paths with their contacts and costs, or the reason why there are none."""
+"""Result of planning: certified paths with their contacts, cost and bound, or the reason why there are none.
+
+At a contact the path keeps the supporting plane a . (r_i - r_j) >= h(a) of the zone, with h(a) the zone's
+extent along the normal a.  By the envelope theorem the minimum cost rises with h(a) at the rate of the
+contact's multiplier, whatever else the plan changes: the shadow price of clearance.  A zone that grows by d
+in every direction has the extent h + d, and one enlarged by a factor has factor times h.     # theory (21b)
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from math import nan
-from typing import Any, Literal, TypeVar
+from typing import Any, Literal
 
 from closeform.arrays import Floats
 from closeform.motion.path import Path
-from closeform.planning.shadow_price import ShadowPrice, prices_of
 from closeform.result import Result
 
-Answer = TypeVar("Answer", "Avoidance", "Plan")
 Cost = Literal["energy", "delta-v"]
 UNITS: dict[Cost, str] = {"energy": "m²/s³", "delta-v": "m/s"}
 
@@ -26,6 +31,7 @@ class Status(StrEnum):
       state or its time.
     - `END_UNSAFE`: a craft without thrust from the plan's start, or after its end, drifts into a zone; no
       plan between these states is passively safe.  Move that state, or reduce `drift`.
+    - `END_OUTSIDE`: a start or end does not keep a requirement, such as an approach corridor.
     - `NOT_FOUND`: no examined candidate is clear, which does not prove that none exists; raise `budget`, or
       allow more time.
     - `TOO_WEAK`: the plan exceeds `max_acceleration` for every allowed duration; allow more thrust or time.
@@ -38,6 +44,7 @@ class Status(StrEnum):
     AVOIDED = "avoided"
     END_INSIDE = "start or end inside a zone"
     END_UNSAFE = "end not passively safe"
+    END_OUTSIDE = "start or end outside a requirement"
     NOT_FOUND = "no clear path found"
     TOO_WEAK = "thrust limit exceeded"
     NO_MARGIN = "no margin fits"
@@ -129,17 +136,128 @@ def weakness(weak: ThrustShortfall, name: str, mass: float | None = None) -> str
     )
 
 
-class Costed(Result):
-    """Common part of the results for one craft and for many."""
+@dataclass(frozen=True, repr=False)
+class ShadowPrice(Result):
+    """Shadow price of the clearance between two craft: slope of a plan's cost with the size of their zone.
 
-    status: Status
+    Other zones, end states and times stay fixed; all paths adapt at minimum cost.
+
+    Attributes
+    ----------
+    first, second : int
+        Indices of the two craft; N + k is obstacle k of a plan of N craft.
+    per_metre : float [m/s^3, of delta-v 1/s]
+        Cost per metre by which the zone grows in every direction, in m^2/s^3 or m/s of delta-v per metre.
+    per_factor : float [m^2/s^3, of delta-v m/s]
+        Cost per unit of the factor by which the zone is enlarged about its origin: a hundredth of it for a
+        zone that is 1 % larger.
+    per_sigma : float [m^2/s^3, of delta-v m/s]
+        Cost per additional standard deviation of the errors that is kept clear; 0 without errors.
+    """
+
+    first: int
+    second: int
+    per_metre: float
+    per_factor: float
+    per_sigma: float = 0.0
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Plan(Result):
+    """Paths of N spacecraft from their initial to their final states, or the reason why there are none.
+
+    `avoid` returns a plan of one spacecraft.
+
+    Attributes
+    ----------
+    paths : Path or None
+        Shape (N,), from the earliest start to the latest end, with coasts before and after each spacecraft's
+        own transfer.  Every pair is certified clear.  None where not `ok`.
+    direct : Path
+        The unconstrained optima over the same times, shape (N,).
+    slots : array of int of shape (N,)
+        Index of each spacecraft's final state.
+    starts, durations : array of shape (N,) [s]
+        Planned values, which differ from the requested ones where `measures` states it.
+    energy : float [m^2/s^3]
+        Control energy of all spacecraft, half the integral of the squared thrust acceleration; inf with
+        impulses, nan where not ok.
+    extra_energy : float [m^2/s^3]
+        Energy beyond that of the paths of minimum energy between the same states; nan where not ok.
+    delta_v : float [m/s]
+        Delta-v of all spacecraft; nan where not ok.  With thrusters it is the sum over all thrusters, which
+        exceeds the paths' own where several fire at once, because the paths' impulses are vector sums.
+    lower_bound : float [m^2/s^3, or m/s of delta-v]
+        Certified lower bound on the cost of every clear plan over these times and, where spacecraft were
+        assigned to slots, of every other assignment.
+    contacts : tuple of Contact
+        Contacts in order of time.
+    status : Status
+        Outcome of planning.
+    reason : str
+        Outcome as text.
+    blocked : tuple of int, or None
+        The two spacecraft whose conflict could not be resolved; N + k for obstacle k.
+    measures : tuple of str
+        Fallbacks and measures tried, in order.
+    clearance_ratio : float, no unit
+        Factor by which the zones were enlarged for planning.
+    proven : bool
+        Whether the cost equals the lower bound to rounding; otherwise the plan is the best found.
+    tried : int
+        Number of candidates examined.
+    weak : ThrustShortfall or None
+        Spacecraft with the largest shortfall of thrust, where a limit is exceeded.
+    punctual : array of shape (N,), or None [m/s^2]
+        Peak thrusts of a clear plan over the requested durations, where they exceed a limit: with these
+        limits no spacecraft would need a longer duration.
+    cost : "energy" or "delta-v"
+        Minimised cost, in which `lower_bound`, `proven` and `gap` are expressed.  With "delta-v" the paths
+        have impulses or burns, and multipliers are delta-v per metre of displacement [1/s].
+    priced : bool
+        Whether the multipliers are slopes of the minimised cost, as `prices` requires.  False for
+        "sequential" and "sauter-palmer", and for paths of minimum energy where delta-v was requested.
+    drift : float or None [s]
+        Certified passive-safety horizon after the plan's end, for the loss of thrust of any one spacecraft
+        while the others complete their plans; None if not requested.
+    sigmas : float, no unit
+        Number of standard deviations of all errors that are certified clear; 0 without `errors`.
+    padding : float or array of shape (N + M, N + M) [m]
+        Requested keep-out `margin`.  The zones enlarged by it are certified clear, and the contacts are with
+        these.
+    """
+
+    paths: Path | None
+    direct: Path
+    slots: Any
+    starts: Floats
+    durations: Floats
     energy: float
+    extra_energy: float
     delta_v: float
     lower_bound: float
     contacts: tuple[Contact, ...]
-    clearance_ratio: float
-    cost: Cost
-    priced: bool
+    status: Status
+    reason: str
+    blocked: tuple[int, int] | None = None
+    measures: tuple[str, ...] = ()
+    clearance_ratio: float = 1.0
+    proven: bool = False
+    tried: int = 0
+    weak: ThrustShortfall | None = None
+    punctual: Floats | None = None
+    cost: Cost = "energy"
+    priced: bool = True
+    drift: float | None = None
+    sigmas: float = 0.0
+    padding: Any = 0.0
+
+    @property
+    def path(self) -> Path | None:
+        """Path of the only spacecraft; None where not ok.  ValueError for a plan of several."""
+        if len(self.starts) != 1:
+            raise ValueError(f"path: this plan has {len(self.starts)} spacecraft; index its paths")
+        return None if self.paths is None else self.paths[0]
 
     @property
     def ok(self) -> bool:
@@ -171,172 +289,29 @@ class Costed(Result):
         return sum((one.per_metre for one in self.prices), 0.0) if self.ok and self.priced else nan
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class Avoidance(Costed):
-    """Path of one craft around obstacles, or the reason why there is none.
+def without_paths(plan: Plan, status: Status, reason: str) -> Plan:
+    """Return a plan without paths and costs, with the status and reason why there are none."""
+    none = replace(plan, paths=None, energy=nan, extra_energy=nan, delta_v=nan, contacts=())
+    return replace(none, proven=False, status=status, reason=reason)
 
-    Attributes
-    ----------
-    path : Path or None
-        Certified clear of every zone; None where not `ok`.
-    energy : float [m^2/s^3]
-        Control energy of the path, half the integral of the squared thrust acceleration; nan where not ok.
-    extra_energy : float [m^2/s^3]
-        Energy beyond that of the unconstrained optimum between the same end states; nan where not ok.
-    delta_v : float [m/s]
-        Delta-v of the path; nan where not ok.  With thrusters it is the sum over all thrusters, which exceeds
-        the path's own where several fire at once, because the path's impulses are vector sums.
-    lower_bound : float [m^2/s^3, or m/s of delta-v]
-        Certified lower bound on the cost of every clear path between these states and times.
-    contacts : tuple of Contact
-        Contacts in order of time; the craft is 0, obstacle k is k + 1.
-    status : Status
-        Outcome of planning.
-    reason : str
-        Outcome as text.
-    clearance_ratio : float, no unit
-        Factor by which the zones were enlarged for planning.
-    proven : bool
-        Whether the cost equals the lower bound to rounding; otherwise the path is the best candidate.
-    tried : int
-        Number of candidates examined.
-    measures : tuple of str
-        Measures taken to respect a thrust limit.
-    weak : ThrustShortfall or None
-        Shortfall of thrust, where a limit is exceeded.
-    punctual : float or None [m/s^2]
-        Peak thrust of a clear path over the requested duration, where that exceeds the limit: with this
-        limit the path would need no longer duration.
-    cost : "energy" or "delta-v"
-        Minimised cost, in which `lower_bound`, `proven` and `gap` are expressed.  With "delta-v" the path has
-        impulses, its energy is inf, and multipliers are delta-v per metre of displacement [1/s].
-    priced : bool
-        Whether the multipliers are slopes of the minimised cost, as `prices` requires.  False for
-        "sauter-palmer", and for a path of minimum energy where delta-v was requested.
-    drift : float or None [s]
-        Certified passive-safety horizon after the path's end; None if not requested.
-    sigmas : float, no unit
-        Number of standard deviations of all errors that are certified clear; 0 without `errors`.
-    padding : float or array of shape (1 + M, 1 + M) [m]
-        Requested keep-out `margin`.  The zones enlarged by it are certified clear, and the contacts are with
-        these.
+
+def too_weak(plan: Plan, weak: ThrustShortfall, name: str) -> Plan:
+    """Return a plan without paths, for the thrust shortfall of the spacecraft `name`."""
+    return replace(without_paths(plan, Status.TOO_WEAK, weakness(weak, name)), weak=weak)
+
+
+def prices_of(contacts: Sequence[Contact], margin: float) -> tuple[ShadowPrice, ...]:
+    """Return the shadow price of each pair in contact, the highest per metre first.
+
+    `margin` is the factor by which the zones were enlarged for planning.
     """
-
-    path: Path | None
-    energy: float
-    extra_energy: float
-    delta_v: float
-    lower_bound: float
-    contacts: tuple[Contact, ...]
-    status: Status
-    reason: str
-    clearance_ratio: float = 1.0
-    proven: bool = False
-    tried: int = 0
-    measures: tuple[str, ...] = ()
-    weak: ThrustShortfall | None = None
-    punctual: float | None = None
-    cost: Cost = "energy"
-    priced: bool = True
-    drift: float | None = None
-    sigmas: float = 0.0
-    padding: Any = 0.0
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Plan(Costed):
-    """Paths of N craft from their initial to their final states, or the reason why there are none.
-
-    Attributes
-    ----------
-    paths : Path or None
-        Shape (N,), from the earliest start to the latest end, with coasts before and after each craft's own
-        transfer.  Every pair is certified clear.  None where not `ok`.
-    direct : Path
-        The unconstrained optima over the same times.
-    slots : array of int of shape (N,)
-        Index of each craft's final state.
-    starts, durations : array of shape (N,) [s]
-        Planned values, which differ from the requested ones where `measures` states it.
-    energy : float [m^2/s^3]
-        Control energy of all craft, half the integral of the squared thrust acceleration; nan where not ok.
-    delta_v : float [m/s]
-        Delta-v of all craft; nan where not ok.  With thrusters it is the sum over all thrusters, as for an
-        `Avoidance`.
-    lower_bound : float [m^2/s^3, or m/s of delta-v]
-        Certified lower bound on the cost of every clear plan over these times and, where craft were assigned
-        to slots, of every other assignment.
-    contacts : tuple of Contact
-        Contacts in order of time.
-    status : Status
-        Outcome of planning.
-    reason : str
-        Outcome as text.
-    blocked : tuple of int, or None
-        The two craft whose conflict could not be resolved; N + k for obstacle k.
-    measures : tuple of str
-        Fallbacks and measures tried, in order.
-    clearance_ratio : float, no unit
-        Factor by which the zones were enlarged for planning.
-    proven : bool
-        Whether the cost is proven minimal for these slots and times; otherwise the plan is the best found.
-    tried : int
-        Number of candidates examined.
-    weak : ThrustShortfall or None
-        Craft with the largest shortfall of thrust, where a limit is exceeded.
-    punctual : array of shape (N,), or None [m/s^2]
-        Peak thrusts of a clear plan over the requested durations, where they exceed a limit: with these
-        limits no craft would need a longer duration.
-    cost : "energy" or "delta-v"
-        Minimised cost, as for an `Avoidance`.
-    priced : bool
-        As for an `Avoidance`; False for sequential planning.
-    drift : float or None [s]
-        Certified passive-safety horizon after the plan's end, for the loss of thrust of any one craft while
-        the others complete their plans; None if not requested.
-    sigmas : float, no unit
-        As for an `Avoidance`.
-    padding : float or array of shape (N + M, N + M) [m]
-        As for an `Avoidance`.
-    """
-
-    paths: Path | None
-    direct: Path
-    slots: Any
-    starts: Floats
-    durations: Floats
-    energy: float
-    delta_v: float
-    lower_bound: float
-    contacts: tuple[Contact, ...]
-    status: Status
-    reason: str
-    blocked: tuple[int, int] | None = None
-    measures: tuple[str, ...] = ()
-    clearance_ratio: float = 1.0
-    proven: bool = False
-    tried: int = 0
-    weak: ThrustShortfall | None = None
-    punctual: Floats | None = None
-    cost: Cost = "energy"
-    priced: bool = True
-    drift: float | None = None
-    sigmas: float = 0.0
-    padding: Any = 0.0
-
-    @property
-    def extra_energy(self) -> float:
-        """Energy of the plan beyond the unconstrained optima [m^2/s^3]; nan where not ok."""
-        return self.energy - float(self.direct.energy.sum())
-
-
-def too_weak(plan: Answer, weak: ThrustShortfall, name: str) -> Answer:
-    """Return a result without paths, for the thrust shortfall of the craft `name`."""
-    paths: dict[str, Any] = (
-        {"path": None, "extra_energy": nan} if isinstance(plan, Avoidance) else {"paths": None}
-    )
-    none = replace(plan, **paths, energy=nan, delta_v=nan, contacts=(), proven=False)
-    return replace(none, status=Status.TOO_WEAK, reason=weakness(weak, name), weak=weak)
+    found: dict[tuple[int, int], tuple[float, float, float]] = {}
+    for one in contacts:
+        metre, factor, sigma = found.get((one.first, one.second), (0.0, 0.0, 0.0))
+        own = margin * one.multiplier
+        found[one.first, one.second] = metre + own, factor + own * one.reach, sigma + own * one.sigma
+    prices = (ShadowPrice(*pair, *slopes) for pair, slopes in found.items())
+    return tuple(sorted(prices, key=lambda price: -price.per_metre))
 
 
 def gap(energy: float, bound: float) -> float:

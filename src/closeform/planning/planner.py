@@ -1,265 +1,402 @@
-"""The planner: checks of the options, choice of the search, and its outcome as contacts in metres."""
+"""The planner: one attempt for a request, then its fallbacks, thrust limits and lower bound.
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from math import inf, nan
-from typing import Any
+An attempt keeps paths that are clear already.  Otherwise it searches for clear paths of minimum energy or
+delta-v.  Where it finds none, the fallbacks allow more candidates, more time, or staggered starts.  Where a
+plan exceeds a thrust limit, all durations are stretched.  The bound of the result is proven last.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from math import nan
 
 import numpy as np
 
-from closeform.arrays import Floats, number, shown, whole
-from closeform.fuel.pulses import extended
+from closeform.arrays import Floats
+from closeform.motion.arc import END, START
 from closeform.motion.joining import stack
 from closeform.motion.path import Path
-from closeform.planning.certify import LocalSolver, nearer
-from closeform.planning.passive_ends import unseparated
-from closeform.planning.plan import Contact
-from closeform.planning.problem import Closest, Flown, Problem, deepest
-from closeform.planning.scene import Contacts
-from closeform.planning.side_search import MARGINS, Found, Search
-from closeform.zones.combined_zones import CovarianceZone
-from closeform.zones.pair_zones import TWICE, PairZones, counts_covariances
+from closeform.motion.within_limit import TooLittleThrust
+from closeform.planning.bounds.branch_and_bound import closeness, is_proven
+from closeform.planning.bounds.branch_and_bound import prove as prove_bound
+from closeform.planning.delta_v.checks import Spent
+from closeform.planning.delta_v.delta_v_search import shortage, solve_impulses, unconstrained
+from closeform.planning.energy.side_search import MARGINS, Found
+from closeform.planning.infeasible_ends import EndConflict, end_conflict, unsafe_end
+from closeform.planning.limits import FULL, longest, stretched
+from closeform.planning.minimum_energy import Outcome, is_passive, joined, once, outcome, solve
+from closeform.planning.plan import Plan, Status, ThrustShortfall
+from closeform.planning.problem.problem import Flown, Problem, deepest, is_optimum
+from closeform.planning.problem.scene import Contacts
+from closeform.planning.request import ROUNDING, Fallback, Request
+from closeform.planning.requirements import NoThrust
+from closeform.planning.sauter_palmer import deviated
+from closeform.planning.sequential import one_by_one
+from closeform.planning.slots import revised
+from closeform.zones.padding import Short
+
+STRETCHES = (1.25, 1.6, 2.0, 3.0)  # of all durations
+WAITS = (0.25, 0.5, 1.0)  # of the longest duration, for the spacecraft that starts last
+DEEP = 1.0 - 1e-6  # ratio to the slightly enlarged zone, below which the zone itself is violated
+CHEAPER = 1e-6  # of its delta-v: smallest saving for which a clear path is replaced
+TOO_DEAR = 1e8  # times the optimum: not a practical plan
 
 
-@dataclass(frozen=True, eq=False)
-class Outcome:
-    """Outcome of a search: clear paths with their contacts, or None with the pair in the deepest conflict.
-
-    `extra` is the energy beyond the unconstrained optima, and `margin` the factor by which the zones were
-    enlarged.  `order` is the planning order of sequential planning, if it differs from the requested one.
-    `delta_v` [m/s] is set where it was minimised, summed over thrusters.  `enough` (N,) [m/s^2] is the thrust
-    of clear paths where none was found within limits; `limited` is True if clear paths exist without limits.
-    `priced` is True if the multipliers are slopes of the minimised cost.  `closest` are the
-    paths nearest to being clear where none is; `unfired` is True if impulses are clear but pulses are not.
-    """
-
-    flown: Flown | None
-    contacts: tuple[Contact, ...]
-    extra: float
-    margin: float
-    proven: bool
-    tried: int
-    blocked: tuple[int, int] | None = None
-    order: tuple[int, ...] = ()
-    delta_v: float = nan
-    priced: bool = True
-    enough: Floats | None = None
-    limited: bool = False
-    closest: Closest = field(default_factory=Closest)
-    unfired: bool = False
-    below_bit: int = 0  # impulses that thrusters cannot give, where no clear plan without any was found
-
-    @property
-    def unfireable(self) -> str:
-        """Return as text how many impulses are below the minimum bit, empty without any."""
-        count = self.below_bit
-        return f"; no plan found without the {count} impulses below minimum_bit" if count else ""
-
-    def near_miss(self, problem: Problem, names: Sequence[str]) -> str:
-        """Return the clearance of the closest paths of a search without safe paths, and suggestions."""
-        from closeform.planning.passive_search import failures_with_norms  # only plans with a drift need it
-
-        effort, said = problem.effort, ""
-        if self.closest.flown is not None:
-            planned = problem.path(self.closest.flown)
-            each = (planned[k] for k in range(problem.count))
-            whole = problem.with_path(*(extended(own, problem.first, problem.last) for own in each))
-            met = problem.conflicts(whole)
-            failed, norms = failures_with_norms(problem, planned, problem.bodies(whole))
-            every = problem.met(met).joined(failed)
-            if every.number:
-                ratios = np.append([row[3] for _, row in met], norms)
-                k = int(np.argmin(ratios))
-                (one, other), drifts, time = problem.pairs[every.which[k]], every.drifts[k], every.times[k]
-                one, other = (other, one) if drifts[1] > 0.0 else (one, other)
-                lost = f" after a loss of thrust at {time - drifts.max():.6g} s" if drifts.any() else ""
-                said = (
-                    f"; the nearest miss: {names[one]} reaches {ratios[k]:.4f} x zone from "
-                    f"{names[other]} at {time:.6g} s{lost}"
-                )
-        if self.unfired:
-            said = (
-                f"; impulses are safe, but no safe pulses above the thrusters' minimum_bit were found{said}"
-            )
-        if effort.ended:
-            said += f"; the search has used its effort; a budget above {effort.usual} raises it in proportion"
-        return said + unseparated(problem, names)
+def planned(request: Request) -> Plan:
+    """Return the plan of a request."""
+    plan = attempt(request)
+    if request.assign:
+        plan = revised(request, plan, attempt)
+        request = request.assigned(plan.slots)
+    if plan.status in (Status.NOT_FOUND, Status.END_UNSAFE):
+        request, plan = fallen_back(request, plan)
+    if plan.ok or plan.weak is not None:
+        request, plan = within_limits(request, plan)
+    plan = bounded(request, plan)
+    return replace(plan, lower_bound=request.least_slots()[1]) if request.assign else plan
 
 
-def solve(problem: Problem, budget: int | None = None, more: bool = False, waiting: bool = True) -> Outcome:
-    """Return the best of at most `budget` candidates; the default budget depends on the pairs in contact.
-
-    Zones are enlarged only by what rounding requires, and by more only if no clear path is found.  With
-    `waiting`, passively safe paths are otherwise blended from a two-impulse plan with waits.
-    """
-    if problem.drift is not None:
-        from closeform.planning.passive_search import PassiveSearch
-
-        search = PassiveSearch(problem, MARGINS[0], budget, more)
-        passive = replace(outcome(search.run()), closest=search.rounds.closest)
-        if passive.flown is not None or not waiting:
-            return passive
-        from closeform.planning.passive_blend import blended_plan
-
-        flown = blended_plan(problem, MARGINS[1])
-        if flown is None:
-            return passive
-        extra = max(problem.energy(flown) - problem.energy(problem.direct), 0.0)
-        return Outcome(flown, (), extra, MARGINS[1], False, passive.tried + 1, priced=False)
-    if problem.sigmas:
-        from closeform.planning.sigma_problem import SigmaProblem
-        from closeform.planning.sigma_search import SigmaSearch
-
-        assert isinstance(problem, SigmaProblem)
-        return outcome(SigmaSearch(problem, MARGINS[0], budget, more).run())
-    searches = []
-    for margin in MARGINS if problem.count == 1 else MARGINS[:1]:
-        searches.append(Search(problem, margin, budget, more).run())
-        if searches[-1].best.clear:
-            break
-    found = searches[-1] if searches[-1].best.clear else searches[0]
-    return replace(outcome(found), tried=sum(search.tried for search in searches))
-
-
-def check_effort(budget: int | None, prove: float, gap: float) -> None:
-    """Raise ValueError for a budget below 1, a negative time to prove, or a gap that is not positive."""
-    if budget is not None:
-        whole("budget", budget, least=1)
-    if not number("prove", prove) >= 0.0:
-        raise ValueError(f"prove: must be 0 s or more, got {prove}")
-    if not number("gap", gap) > 0.0:
-        raise ValueError(f"gap: must be positive, such as 0.01 for 1 %, got {gap}")
-
-
-def check_method(method: str, *known: str) -> None:
-    """Raise ValueError for an unknown method."""
-    if not isinstance(method, str) or method not in known:
-        raise ValueError(f"method: must be {' or '.join(map(repr, known))}, got {shown(method)}")
-
-
-def check_cost(cost: str, thrusters: Any, **energy_only: bool) -> None:
-    """Raise ValueError for an unknown cost, or for an option that the cost does not support."""
-    if not isinstance(cost, str) or cost not in ("energy", "delta-v"):
-        raise ValueError(f"cost: must be 'energy' or 'delta-v', got {shown(cost)}")
-    if cost == "energy" and thrusters is not None:
-        raise ValueError("thrusters: require cost 'delta-v'; set it, or omit thrusters")
-    if cost == "delta-v" and (asked := [name for name, given in energy_only.items() if given]):
-        raise ValueError(f"{asked[0]}: cannot be combined with cost 'delta-v'; omit it, or set cost 'energy'")
-
-
-def check_drift(drift: float | None, prove: float, method: str, exact: str) -> float | None:
-    """Return the passive-safety horizon [s] as a float; raise ValueError for an unsupported one."""
-    if drift is None:
-        return None
-    seconds = number("drift", drift)
-    if seconds == inf:
-        raise ValueError("drift: must be finite; plan with a finite one, and check inf with passively_safe")
-    if not seconds >= 0.0:
-        raise ValueError(f"drift: must be 0 s or more, got {shown(drift)}")
-    if method != exact:
-        raise ValueError(f"drift: requires method {exact!r}, got {shown(method)}")
-    if prove > 0.0:
-        raise ValueError("prove: cannot be combined with drift; remove one of them")
-    return seconds
-
-
-def check_errors(
-    given: Sequence[Any], zone: Any, prove: float, other_method: bool, drift: float | None
-) -> bool:
-    """Return whether any errors are given; raise ValueError for options that do not support them."""
-    if all(one is None for one in given):
-        return False
-    own = zone if isinstance(zone, list | tuple) else [zone]
-    if any(
-        isinstance(one, CovarianceZone) or (isinstance(one, PairZones) and counts_covariances(one))
-        for one in own
-    ):
-        raise ValueError(TWICE)
-    wrong = {"prove": prove > 0.0, "method": other_method, "drift": drift is not None}
-    if asked := [name for name, has in wrong.items() if has]:
-        raise ValueError(f"{asked[0]}: cannot be combined with errors; remove one of them")
-    return True
-
-
-def check_obstacles(obstacles: Path | None, until: float, names: Sequence[str]) -> None:
-    """Raise ValueError for an obstacle whose path ends before the passive-safety horizon."""
-    ends = np.atleast_1d(obstacles.end) if obstacles is not None else np.empty(0)
-    if len(short := np.flatnonzero(ends < until)):
-        name, end = names[short[0]], ends[short[0]]
-        raise ValueError(
-            f"obstacles: {name} ends at {end:.6g} s, the drift at {until:.6g} s; extend the obstacle's "
-            "path, or reduce drift"
+def attempt(request: Request, more: bool = False) -> Plan:
+    """Return the plan for the slots and times of a request; with `more`, examine more candidates."""
+    problem = request.problem()
+    direct = problem.path(problem.direct)
+    least = problem.energy(problem.direct)
+    plan = Plan(
+        *(None, direct, request.slots, request.starts, request.durations, nan, nan, nan, least, ()),
+        *(Status.NOT_FOUND, ""),
+        drift=request.drift,
+        sigmas=problem.sigmas,
+        padding=0.0 if request.padding is None else request.padding.told,
+    )
+    kept = next((own for own, flown in candidates(request, problem) if is_clear(problem, own, flown)), None)
+    if request.cost == "delta-v":
+        return of_least_delta_v(plan, problem, request, more, kept)
+    if kept is not None:
+        return unchanged(plan, kept)
+    if none := infeasible_end(problem, request):
+        status, pair, reason = none
+        return replace(plan, status=status, reason=reason, blocked=pair)
+    if request.method == "sauter-palmer":
+        found = deviated(problem, request.names)
+    elif request.method == "sequential":
+        found = one_by_one(problem, request.order or range(problem.count), request.budget, more)
+    else:
+        found = solve(problem, request.budget, more)
+        if found.flown is None and problem.count > 1 and problem.drift is None and request.errors is None:
+            alone = one_by_one(problem, range(problem.count), request.budget, more)
+            found = joined(problem, alone, found)
+    if found.flown is None:
+        return replace(
+            plan, tried=found.tried, blocked=found.blocked, reason=not_found(request, problem, found)
         )
+    if found.priced and not found.contacts:
+        return unchanged(plan, problem.path(found.flown))
+    # a transfer from rest to rest over one zone in a hundredth of the time costs 1e6 of these
+    zone = 1.0 / max(np.abs(one.matrix).max() for one in problem.zones)
+    if found.extra > TOO_DEAR * (least + 6.0 * zone**2 / (problem.arrival - problem.first) ** 3):
+        reason = f"the cheapest of {examined(found)} costs {found.extra:.3g} m²/s³ more"
+        return replace(plan, tried=found.tried, reason=f"{reason}; allow a longer transfer")
+    return completed(plan, problem, found, request)
 
 
-def is_passive(problem: Problem, path: Path) -> bool:
-    """Return whether one craft's path is passively safe; True for a problem without `drift`."""
-    if problem.drift is None:
-        return True
-    from closeform.planning.passive_search import failures
+def candidates(request: Request, problem: Problem) -> Iterator[tuple[Path, Flown]]:
+    """Yield paths that are kept if they are clear, within the thrust limits, and those of all bodies.
 
-    return not failures(problem, stack([path]), problem.bodies(problem.with_path(path))).number
-
-
-def outcome(found: Found) -> Outcome:
-    """Return the outcome of a search."""
-    best = found.best
-    if not best.clear:
-        conflicts = best.problem.conflicts(best.flown)
-        blocked = deepest(conflicts)[0] if conflicts else None
-        return Outcome(None, (), nan, found.margin, False, found.tried, blocked)
-    touched = contacts_of(best.problem, best.contacts, best.flown)
-    return Outcome(best.planned, touched, best.energy, found.margin, found.proven, found.tried)
+    They are the given path, and those of minimum energy.  A given path was not planned for thrusters.
+    """
+    given = request.given
+    if given is not None and request.thrusters[0] is None:
+        own = stack([given])
+        if (request.cost == "delta-v" or not is_optimum(given)) and keeps_limits(request, own):
+            yield own, problem.with_path(given)
+    if request.cost == "energy":
+        optima = problem.path(problem.planned(Contacts.none()))
+        if keeps_limits(request, optima):
+            yield optima, problem.direct
 
 
-def joined(problem: Problem, alone: Outcome, before: Outcome) -> Outcome:
-    """Return sequentially planned paths re-optimised jointly on the same sides, or the outcome `before`."""
-    tried = before.tried + alone.tried
-    if alone.flown is None:
-        return replace(before, tried=tried)
-    solver = LocalSolver(problem, MARGINS[0])
-    start = solver.nearest(alone.flown, problem.touched(alone.contacts))
-    together = solver.solve(start, nearer(problem))
-    if not together.clear or problem.energy(together.flown) > problem.energy(alone.flown):
-        return replace(alone, tried=tried)
-    return outcome(Found(together, MARGINS[0], False, tried + 1))
+def is_clear(problem: Problem, own: Path, flown: Flown) -> bool:
+    """Return whether paths, and the free drift after any loss of thrust, are clear."""
+    if flown is problem.direct:  # whose conflicts with a margin the search uses again
+        met = problem.direct_conflicts(MARGINS[0])
+        if met and (deepest(met)[1][3] < DEEP or problem.conflicts(flown)):
+            return False
+    elif problem.conflicts(flown):
+        return False
+    return is_passive(problem, own, flown)
 
 
-def contacts_of(problem: Problem, contacts: Contacts, flown: Flown) -> tuple[Contact, ...]:
-    """Return the contacts in metres, in order of time."""
-    if not contacts.number:
-        return ()
-    contacts = contacts.some(np.argsort(contacts.times, kind="stable"))
-    pairs, kinds = problem.pairs[contacts.which], problem.kinds[contacts.which]
-    pushes = (contacts.normals[:, None] @ problem.bare.matrices[kinds])[:, 0]
-    sizes = np.sqrt((pushes * pushes).sum(axis=1))
-    second = contacts.drifts[:, 1] > 0.0  # the craft without thrust is listed first
-    pairs = np.where(second[:, None], pairs[:, ::-1], pairs)
-    pushes[second] *= -1.0
-    drifts = contacts.drifts.max(axis=1)
-    failed, lost = drifts > 0.0, contacts.times - drifts
-    ways = pushes / sizes[:, None]
-    spread = problem.deviations(flown, contacts, ways)
-    reaches = 1.0 / sizes - problem.sigmas * spread
-    places = problem.path(flown)._at(pairs[:, 0], lost)
-    if failed.any():
-        places[failed] = (problem.orbit.transition(drifts[failed]) @ places[failed, :, None])[..., 0]
-    # normals are means of gradients of the norm; along each gradient a zone's extent is 1
-    forces = contacts.multipliers * sizes
-    columns = contacts.times, *pairs.T, forces, reaches, np.where(failed, lost, nan), spread
-    rows = zip(*(column.tolist() for column in columns), places[:, :3], ways, strict=True)
-    return tuple(
-        Contact(time, first, second, place, normal, multiplier, reach, failed_at, sigma)
-        for time, first, second, multiplier, reach, failed_at, sigma, place, normal in rows
+def unchanged(plan: Plan, paths: Path) -> Plan:
+    """Return the plan completed with clear paths that need no avoidance."""
+    least, energy = plan.lower_bound, float(paths.energy.sum())
+    bound = min(least, energy)
+    return replace(
+        plan,
+        paths=paths,
+        energy=energy,
+        extra_energy=max(energy - least, 0.0),  # the optimum itself may round below 0
+        delta_v=float(paths.delta_v.sum()),
+        lower_bound=bound,
+        proven=is_proven(energy, bound),
+        status=Status.CLEAR,
+        reason="no conflict",
     )
 
 
-def once(contacts: tuple[Contact, ...]) -> tuple[Contact, ...]:
-    """Return the contacts without duplicates, whose multipliers are added."""
-    found: dict[Any, Contact] = {}
-    for one in contacts:
-        failed = None if one.failed_at != one.failed_at else round(one.failed_at, 6)
-        key = one.first, one.second, round(one.time, 6), failed, *one.normal.round(6).tolist()
-        held = found.get(key)
-        found[key] = one if held is None else replace(held, multiplier=held.multiplier + one.multiplier)
-    return tuple(found.values())
+def completed(plan: Plan, problem: Problem, found: Outcome, request: Request) -> Plan:
+    """Return the plan completed with the paths of an outcome of minimum energy."""
+    assert found.flown is not None
+    paths, least = problem.path(found.flown), float(plan.direct.energy.sum())
+    reason = found.reason or f"{contact_count(found)}, the best of {examined(found)}"
+    if found.order:
+        reason += f", planned in order: {', '.join(request.names[k] for k in found.order)}"
+    return replace(
+        plan,
+        paths=paths,
+        energy=max(float(paths.energy.sum()), least),
+        extra_energy=found.extra,
+        delta_v=float(paths.delta_v.sum()),
+        contacts=found.contacts,
+        clearance_ratio=found.margin,
+        tried=found.tried,
+        priced=found.priced,
+        status=Status.AVOIDED,
+        reason=reason,
+    )
+
+
+def of_least_delta_v(plan: Plan, problem: Problem, request: Request, more: bool, kept: Path | None) -> Plan:
+    """Return the plan completed with paths of minimum delta-v, or the reason why there are none.
+
+    Clear paths are `kept` unless cheaper ones are found.
+    """
+    names, limits = request.names, request.limits
+    if request.requirements:
+        kept = None  # clear paths may not keep them
+        if reason := end_outside(problem, request):
+            return replace(plan, status=Status.END_OUTSIDE, reason=reason, cost="delta-v")
+    if kept is None and (none := infeasible_end(problem, request)):
+        free = unconstrained(problem, request.thrusters, names)
+        if problem.drift is not None or not free.checked.clear:
+            status, pair, reason = none
+            return replace(beside(plan, problem, free), status=status, reason=reason, blocked=pair)
+    try:
+        found, free = solve_impulses(problem, request.thrusters, names, request.budget, more, limits)
+    except TooLittleThrust as little:
+        assert limits is not None
+        weak = shortage(problem, limits, little)
+        plan = beside(plan, problem, unconstrained(problem, request.thrusters, names))
+        return replace(too_weak(plan, weak, names[weak.craft]), reason=f"{names[weak.craft]}: {little}")
+    plan = replace(beside(plan, problem, free), tried=found.tried, blocked=found.blocked)
+    if found.flown is None and kept is None:
+        if found.enough is not None and limits is not None:
+            weak = shortage(problem, limits, found.enough)
+            return too_weak(plan, weak, names[weak.craft])
+        return replace(plan, reason=not_found(request, problem, found))
+    paths, spent = kept, nan if kept is None else float(kept.delta_v.sum())
+    if found.flown is not None and not found.delta_v >= (1.0 - CHEAPER) * spent:
+        paths, spent = problem.path(found.flown), found.delta_v
+    assert paths is not None
+    changed, bound = paths is not kept and found.tried > 0, min(free.least, spent)
+    contacts = once(found.contacts) if changed else ()
+    best = f"{contact_count(found)}, the best of {examined(found)}" if changed else "no conflict"
+    energy = float(paths.energy.sum())
+    return replace(
+        plan,
+        paths=paths,
+        energy=energy,
+        extra_energy=energy - problem.energy(problem.direct),
+        delta_v=spent,
+        lower_bound=bound,
+        contacts=contacts,
+        blocked=None,
+        clearance_ratio=found.margin if changed else 1.0,
+        proven=is_proven(spent, bound),
+        status=Status.AVOIDED if changed else Status.CLEAR,
+        reason=f"{best}, {closeness(spent, bound, 'delta-v', limits is not None)}{found.unfireable}",
+        priced=found.priced or not contacts,
+    )
+
+
+def beside(plan: Plan, problem: Problem, free: Spent) -> Plan:
+    """Return the plan with the unconstrained optima of delta-v as its direct paths and lower bound."""
+    return replace(plan, direct=problem.path(free.flown), lower_bound=free.least, cost="delta-v")
+
+
+def not_found(request: Request, problem: Problem, found: Outcome) -> str:
+    """Return the reason why no plan was found."""
+    if found.reason:
+        return found.reason
+    reason = f"no {'clear' if problem.drift is None else 'passively safe'} plan among {examined(found)}"
+    if problem.drift is not None:
+        if request.limits is not None and request.cost == "delta-v" and not found.limited:
+            reason += ", nor without the thrust limit"
+        return reason + found.near_miss(problem, request.names)
+    if found.blocked is not None:
+        first, second = (request.names[k] for k in found.blocked)
+        reason += f": {first} and {second} remain in conflict"
+    return f"{reason}; raise budget"
+
+
+def examined(found: Outcome) -> str:
+    """Return the number of candidates as text."""
+    return f"{found.tried} candidate{'s' * (found.tried != 1)} examined"
+
+
+def contact_count(found: Outcome) -> str:
+    """Return the number of contacts as text."""
+    number = len(once(found.contacts))
+    return f"{number or 'no'} contact{'s' * (number != 1)}"
+
+
+def infeasible_end(problem: Problem, request: Request) -> tuple[Status, tuple[int, int], str] | None:
+    """Return status, pair and reason why no clear plan between these states exists; else None."""
+    names = request.names
+    at_end = problem.without_drift
+    clear = request.cost == "delta-v" and not at_end.conflicts(at_end.direct)  # without a margin
+    if not clear and (found := end_conflict(at_end)):
+        pair = found.pair
+        short = margin_shortage(at_end, request, found)
+        less = ", or reduce the margin" if short is not None and not short.inside else ""
+        reason = f"{names[pair[0]]} and {names[pair[1]]} are at {short or at_end.depth(found.ratio)}"
+        return Status.END_INSIDE, pair, f"{reason} {found.when}; move one of them{less}"
+    if problem.drift is not None and (unsafe := unsafe_end(problem)):
+        return Status.END_UNSAFE, unsafe.pair, unsafe.reason(problem, names)
+    return None
+
+
+def end_outside(problem: Problem, request: Request) -> str:
+    """Return which spacecraft starts or ends outside a requirement, as text; empty if none does."""
+    for k, own in enumerate(request.requirements):
+        start, end = problem.base[k, [START, END]]
+        ends = problem.path(problem.direct)[k].state(np.array([start, end]))
+        for one in own:
+            if isinstance(one, NoThrust):
+                continue
+            for word, time, margin in zip(("start", "end"), (start, end), one.margin(ends), strict=True):
+                if one.start <= time <= one.end and margin < 0.0:
+                    kind, name = type(one).__name__, request.names[k]
+                    return f"the {word} of {name} is outside its {kind}, by {-margin:.3g}; move one of them"
+    return ""
+
+
+def margin_shortage(problem: Problem, request: Request, at: EndConflict) -> Short | None:
+    """Return a pair's shortage of keep-out margin in a conflict; None without a margin."""
+    if request.padding is None:
+        return None
+    one, other = problem.bodies(problem.direct)._at(np.array(at.pair), np.full(2, at.time))[:, :3]
+    return request.padding.shortage(request.zones, at.pair, one - other)
+
+
+def fallen_back(request: Request, plan: Plan) -> tuple[Request, Plan]:
+    """Return the request and plan of the first fallback that succeeds, else the given ones.
+
+    `measures` of the plan lists the fallbacks that were tried.
+    """
+    done: list[str] = []
+    for fallback in request.if_blocked:
+        for changed, words in changes(request, fallback):
+            if changed is not request and changed.longest < 1.0:
+                done.append(f"{words}: an obstacle ends before the drift does")
+                continue
+            other = attempt(changed, fallback == "more sides")
+            done.append(f"{words}: {other.reason}")
+            if other.ok:
+                return changed, replace(other, measures=tuple(done))
+    return request, replace(plan, measures=tuple(done))
+
+
+def changes(request: Request, fallback: Fallback) -> Iterator[tuple[Request, str]]:
+    """Yield the requests of a fallback, with their descriptions."""
+    if fallback == "more sides":
+        yield request, "more sides"
+    elif fallback == "longer":
+        for factor in STRETCHES:
+            yield request.longer(factor), f"longer, {factor:g} times the duration"
+    else:
+        for share in WAITS:
+            last = share * float(request.durations.max())
+            yield request.staggered(share), f"stagger, the last starts {last:.6g} s after the first"
+
+
+def within_limits(request: Request, plan: Plan) -> tuple[Request, Plan]:
+    """Return the request and plan with the shortest durations found that keep the thrust limits.
+
+    The status is TOO_WEAK where no stretch does, or where the request does not allow any.
+    """
+    limits = request.limits
+    if limits is None:
+        return request, plan
+    peaks = peak_thrusts(plan)
+    excess = peaks / limits
+    if excess.max() <= FULL:
+        return request, plan
+    if not plan.measures:  # otherwise a fallback has already changed the durations
+        plan = replace(plan, punctual=peaks)
+    proven = 0.0 if plan.weak is None else plan.weak.proven
+
+    def refused(remedy: str, over: Floats = excess, factor: float = 1.0, least: float = 0.0) -> Plan:
+        worst = int(np.argmax(over))
+        needed, first = (float(one[worst] * limits[worst]) for one in (over, excess))
+        lasts, limit = float(request.durations[worst]), float(limits[worst])
+        weak = ThrustShortfall(worst, needed, limit, factor * lasts, remedy, lasts, first, least)
+        return too_weak(plan, weak, request.names[worst])
+
+    if not request.stretches:
+        return request, refused("allow longer, or give more time", least=proven)
+    if request.longest <= 1.0 + ROUNDING:
+        end = float((request.starts + request.durations).max())
+        remedy = f"give more time, or obstacles that are known beyond {end:.6g} s"
+        return request, refused(remedy, least=proven)
+
+    def attempted(factor: float) -> tuple[Plan, Floats] | None:
+        other = attempt(request.longer(factor))
+        return (other, peak_thrusts(other) / limits) if other.ok or other.weak is not None else None
+
+    def free(factor: float) -> Floats:  # of minimum energy; minimum delta-v requires planning
+        if request.cost == "delta-v":
+            return np.zeros(1)
+        return np.asarray(request.longer(factor).direct.peak_thrust / limits)
+
+    asked = float(request.durations.max())
+    most = min(longest(request.orbit, asked) / asked, request.longest)
+    later = stretched(excess, free, attempted, most)
+    measures = *plan.measures, later.measure
+    if later.found is None:
+        return request, replace(refused("raise the limit", later.excess, later.factor), measures=measures)
+    return request.longer(later.factor), replace(later.found, measures=measures, punctual=plan.punctual)
+
+
+def peak_thrusts(plan: Plan) -> Floats:
+    """Return peak thrusts (N,) [m/s^2]: for a shortfall only that of its craft, 0 without paths."""
+    peaks = np.zeros(len(plan.starts))
+    if plan.weak is not None:
+        peaks[plan.weak.craft] = plan.weak.needed
+    elif plan.paths is not None:
+        peaks[:] = plan.paths.peak_thrust
+    return peaks
+
+
+def keeps_limits(request: Request, paths: Path) -> bool:
+    """Return whether paths (N,) keep the thrust limits; impulses exceed any limit."""
+    if request.limits is None:
+        return True
+    limited = np.isfinite(request.limits)
+    fires = any(paths[k].impulses for k in np.flatnonzero(limited).tolist())
+    return not fires and bool((paths.peak_thrust <= FULL * request.limits).all())
+
+
+def bounded(request: Request, plan: Plan) -> Plan:
+    """Return the plan with its proven lower bound, or a plan of lower cost found during the proof."""
+    if plan.status is not Status.AVOIDED or plan.cost == "delta-v" or request.method == "sauter-palmer":
+        return plan
+    problem, fixed = request.problem(), request.limits is not None
+    spent = plan.extra_energy, plan.energy
+    proof = prove_bound(problem, plan.contacts, *spent, request.proof_time, gap=request.gap, fixed=fixed)
+    if proof.better is not None:
+        better = outcome(Found(proof.better, MARGINS[0], False, plan.tried + proof.nodes))
+        plan = completed(plan, problem, better, request)
+    bound = min(float(plan.direct.energy.sum()) + proof.bound, plan.energy)
+    reason = f"{plan.reason}, {closeness(plan.energy, bound)}"
+    return replace(plan, lower_bound=bound, proven=is_proven(plan.energy, bound), reason=reason)

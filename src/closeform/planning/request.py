@@ -1,41 +1,66 @@
-"""Validated inputs of a reconfiguration: spacecraft, slots, times, zones, obstacles and limits."""
+"""Validated inputs of the planner: spacecraft, slots, times, zones, obstacles, limits and options."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from math import inf
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arrays import LARGEST, Floats, finite, numbers, of_each, sequence
+from closeform.arrays import (
+    LARGEST,
+    Floats,
+    finite,
+    instance,
+    number,
+    numbers,
+    of_each,
+    sequence,
+    shown,
+    size,
+    whole,
+)
 from closeform.fuel.bound import least_delta_v
 from closeform.fuel.thrusters import Thrusters, each_set
+from closeform.motion.joining import stack
 from closeform.motion.orbit import Orbit
-from closeform.motion.path import Path
-from closeform.planning.impulse_alone import costs_alone
-from closeform.planning.obstacles import obstacle_batch, obstacle_names
+from closeform.motion.path import Path, ends_of
+from closeform.planning.bounds.branch_and_bound import GAP
+from closeform.planning.delta_v.unconstrained import costs_alone
+from closeform.planning.obstacles import obstacle_batch, obstacle_names, zones_around
 from closeform.planning.plan import Cost
-from closeform.planning.problem import Problem
-from closeform.zones.combined_zones import OwnZone
+from closeform.planning.problem.problem import Problem, transfer_of
+from closeform.planning.requirements import NoThrust, Requirement
+from closeform.zones.combined_zones import CovarianceZone, OwnZone
 from closeform.zones.padding import Padding
-from closeform.zones.pair_zones import PairZones, pair_zones
+from closeform.zones.pair_zones import TWICE, PairZones, counts_covariances, pair_zones
 from closeform.zones.zone import Zone
 
 if TYPE_CHECKING:
-    from closeform.planning.sigma_problem import Margin
+    from closeform.planning.sigmas.sigma_problem import Margin
+
+Method = Literal["joint", "sequential", "exact", "sauter-palmer"]
+Fallback = Literal["more sides", "longer", "stagger"]
+FALLBACKS: tuple[Fallback, ...] = ("more sides", "longer", "stagger")
+ROUNDING = 1e-9  # of a duration
+OWN_LIMITS = "cannot be combined with thrusters, which have limits of their own"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Request:
-    """Validated inputs of `reconfigure` for N spacecraft.
+    """Validated inputs of a plan of N spacecraft.
 
     `initial` (N, 6) are the states at `starts` (N,).  Each spacecraft reaches its slot after its entry of
     `durations` (N,).  `places` (S, 6) are the states of all slots, and `slots` (N,) are the indices of the
     assigned ones.  A spacecraft arrives `early` (N,) [s] before the slot's epoch and coasts into the slot.
     `zones` are the groups of `PairZones.groups`.  With `assign`, the slots are those of minimum `cost`.
     `thrusters` holds one set for each spacecraft, or None where thrust can point in any direction.
+
+    The request of one spacecraft may hold a `given` path, which is kept if it is clear; `path_over` returns
+    the path over a multiple of its duration.
     """
 
     orbit: Orbit
@@ -46,34 +71,55 @@ class Request:
     starts: Floats
     durations: Floats
     zones: tuple[tuple[Zone, Any], ...]
-    others: Path | None
-    limits: Floats | None
+    obstacles: Path | None
     names: tuple[str, ...]
-    assign: bool
-    cost: Cost
+    cost: Cost = "energy"
     thrusters: tuple[Thrusters | None, ...]
-    drift: float | None = None
-    kept: Margin | None = None
+    assign: bool = False
+    method: Method = "joint"
+    order: tuple[int, ...] | None = None
+    given: Path | None = None
+    path_over: Callable[[float], Path] | None = None
+    limits: Floats | None = None  # (N,) [m/s^2] of the thrust acceleration
+    stretches: bool = True  # durations, where a limit is exceeded
+    if_blocked: tuple[Fallback, ...] = ()
+    budget: int | None = None
+    proof_time: float = 0.0  # [s] of branch and bound
+    gap: float = GAP
+    drift: float | None = None  # [s] of free drift that stays clear after a loss of thrust
+    errors: Margin | None = None
     padding: Padding | None = None
+    requirements: tuple[tuple[Requirement | NoThrust, ...], ...] = ()  # of each spacecraft
 
     @classmethod
-    def of(
+    def of_formation(
         cls,
         orbit: Orbit,
         initial: ArrayLike,
         final: ArrayLike,
         duration: ArrayLike,
         zone: OwnZone | Sequence[OwnZone | None] | PairZones,
-        assign: bool,
-        start: ArrayLike,
-        obstacles: Path | Sequence[Path],
-        max_acceleration: ArrayLike | None,
-        names: Sequence[str] | None,
+        *,
+        assign: bool = False,
+        start: ArrayLike = 0.0,
+        obstacles: Path | Sequence[Path] = (),
+        max_acceleration: ArrayLike | None = None,
+        if_blocked: Sequence[Fallback] = FALLBACKS,
+        method: Method = "joint",
+        order: Sequence[int] | None = None,
+        names: Sequence[str] | None = None,
         cost: Cost = "energy",
         thrusters: Thrusters | Sequence[Thrusters | None] | None = None,
         drift: float | None = None,
+        errors: Any = None,
+        sigmas: float = 3.0,
+        margin: Any = 0.0,
+        requirements: Any = (),
+        **effort: Any,
     ) -> Request:
         """Return the request for the arguments of `reconfigure`; raise ValueError naming a bad argument."""
+        instance("assign", assign, bool, np.bool_)
+        options = _options(method, ("joint", "sequential"), cost, thrusters, drift, (errors,), zone, **effort)
         begins, places = _states("initial", initial), _states("final", final)
         count = len(begins)
         if assign and len(places) < count:
@@ -85,52 +131,143 @@ class Request:
                 f"final: {len(places)} states for {count} craft; give one for each, or pass assign=True if "
                 "there are more states than craft"
             )
-        others = obstacle_batch(orbit, obstacles)
-        extra = len(others) if others is not None else 0
-        called = (
-            tuple(sequence("names", names, str))
-            if names is not None
-            else tuple(f"craft {k}" for k in range(count))
-        )
-        if len(called) not in (count, count + extra):
-            raise ValueError(f"names: {len(called)} for {count} craft; give one for each")
-        if len(called) == count:
-            called += obstacle_names(None, extra)
+        batch = obstacle_batch(instance("orbit", orbit, Orbit), obstacles)
+        extra = 0 if batch is None else len(batch)
+        called = _names(names, count, extra)
         limits = (
             None
             if max_acceleration is None
             else _each("max_acceleration", max_acceleration, count, greatest=np.inf)
         )
-        if limits is not None and (limits == np.inf).all():
-            limits = None
         own = each_set(thrusters, count)
-        for k, called_so in enumerate(called[:count]):
+        for k, name in enumerate(called[:count]):
             if own[k] is not None and limits is not None and limits[k] < np.inf:
                 raise ValueError(
-                    f"max_acceleration: {called_so}: cannot be combined with thrusters, which have limits "
-                    "of their own; omit it, or give inf for craft with thrusters"
+                    f"max_acceleration: {name}: {OWN_LIMITS}; omit it, or give inf for craft with thrusters"
                 )
-        return cls(
-            orbit,
-            begins,
-            places,
-            np.arange(count),
-            np.zeros(count),
-            _each("start", start, count, least=-LARGEST),
-            _each("duration", duration, count),
-            tuple(pair_zones("zone", zone, count, extra, called).groups()),
-            others,
-            limits,
-            called,
-            assign,
-            cost,
-            own,
-            drift,
+        if unknown := [word for word in sequence("if_blocked", if_blocked, str) if word not in FALLBACKS]:
+            raise ValueError(f"if_blocked: must be {', '.join(map(repr, FALLBACKS))}, got {unknown[0]!r}")
+        if order is not None:
+            order = sequence("order", order, int, np.integer)
+            if method == "joint" or sorted(order) != list(range(count)):
+                raise ValueError(
+                    f"order: requires method 'sequential' and each of 0 to {count - 1} once, got {order}"
+                )
+        request = cls(
+            orbit=orbit,
+            initial=begins,
+            places=places,
+            slots=np.arange(count),
+            early=np.zeros(count),
+            starts=_each("start", start, count, least=-LARGEST),
+            durations=_each("duration", duration, count),
+            zones=tuple(pair_zones("zone", zone, count, extra, called).groups()),
+            obstacles=batch,
+            names=called,
+            thrusters=own,
+            assign=assign,
+            order=None if order is None else tuple(order),
+            limits=None if limits is None or (limits == np.inf).all() else limits,
+            stretches="longer" in if_blocked,
+            if_blocked=tuple(if_blocked),
+            padding=Padding.of(margin, count, extra),
+            requirements=_requirements(requirements, count, cost),
+            **options,
         ).cheapest()
+        many = size("sigmas", sigmas)
+        if _any_errors((errors,)):
+            from closeform.planning.sigmas.sigma_problem import Margin
+
+            request = replace(request, errors=Margin.among(count, extra, errors, many))
+        return request._checked()
+
+    @classmethod
+    def of_path(
+        cls,
+        path: Path,
+        obstacles: Path | Sequence[Path],
+        zone: OwnZone | Sequence[OwnZone] | PairZones,
+        method: Method = "exact",
+        *,
+        path_over: Callable[[float], Path] | None = None,
+        max_acceleration: float | None = None,
+        longer: bool = True,
+        name: str = "path",
+        names: Sequence[str] | None = None,
+        cost: Cost = "energy",
+        thrusters: Thrusters | None = None,
+        drift: float | None = None,
+        errors: Any = None,
+        other_errors: Any = None,
+        sigmas: float = 3.0,
+        margin: Any = 0.0,
+        requirements: Any = (),
+        **effort: Any,
+    ) -> Request:
+        """Return the request for the arguments of `avoid`; raise ValueError naming a bad argument.
+
+        `name` is that of the spacecraft, and `path_over` returns its path over a multiple of its duration.
+        """
+        instance("longer", longer, bool, np.bool_)
+        known = ("exact", "sauter-palmer")
+        options = _options(method, known, cost, thrusters, drift, (errors, other_errors), zone, **effort)
+        if thrusters is not None:
+            instance("thrusters", thrusters, Thrusters)
+            if max_acceleration is not None:
+                raise ValueError(f"max_acceleration: {OWN_LIMITS}; omit it")
+        batch = obstacle_batch(path.orbit, obstacles)
+        if batch is None:
+            raise ValueError("obstacles: give at least one path")
+        limits = None
+        if max_acceleration is not None:
+            limit = numbers("max_acceleration", max_acceleration)
+            if limit.shape or not limit > 0.0:
+                raise ValueError(
+                    f"max_acceleration: one positive number [m/s^2], got {shown(max_acceleration)}"
+                )
+            limits = limit.reshape(1) if limit < np.inf else None
+        request = cls(
+            orbit=path.orbit,
+            slots=np.zeros(1, dtype=np.int64),
+            early=np.zeros(1),
+            starts=np.array([float(path.start)]),
+            zones=zones_around(zone, len(batch)),
+            obstacles=batch,
+            names=(name, *obstacle_names(names, len(batch))),
+            thrusters=(thrusters,),
+            limits=limits,
+            stretches=longer,
+            path_over=path_over or (lambda factor: transfer_of(path, factor)),
+            padding=Padding.of(margin, 1, len(batch)),
+            requirements=_requirements(requirements, 1, cost),
+            **_ends(path),
+            **options,
+        )
+        many = size("sigmas", sigmas)
+        if _any_errors((errors, other_errors)):
+            from closeform.planning.sigmas.sigma_problem import Margin
+
+            request = replace(request, errors=Margin.around(path, errors, batch, other_errors, many))
+        return request._checked()
+
+    def _checked(self) -> Request:
+        """Return the request; raise ValueError if an obstacle ends before the drift does."""
+        if self.drift is None or self.obstacles is None:
+            return self
+        until = float((self.starts + self.durations).max()) + self.drift
+        if len(short := np.flatnonzero(self.obstacles.end < until)):
+            name, end = self.names[len(self.initial) + short[0]], self.obstacles.end[short[0]]
+            raise ValueError(
+                f"obstacles: {name} ends at {end:.6g} s, the drift at {until:.6g} s; extend the obstacle's "
+                "path, or reduce drift"
+            )
+        return self
 
     @property
     def direct(self) -> Path:
         """The unconstrained optima, each over the spacecraft's own time."""
+        if self.given is not None:
+            return stack([transfer_of(self.given)])
         before = self.orbit.transition(-self.early)
         finals = (before @ self.places[self.slots][:, :, None])[..., 0]
         return self.orbit.transfer(self.initial, finals, self.durations, self.starts)
@@ -152,17 +289,22 @@ class Request:
 
     @property
     def longest(self) -> float:
-        """Largest factor of all durations for which the obstacles remain known until the horizon ends."""
-        if self.drift is None or self.others is None:
+        """Largest factor of all durations for which the obstacles remain known until the horizon ends.
+
+        An obstacle of a formation is absent after its path ends, unless there is a passive-safety horizon.
+        """
+        if self.obstacles is None or (self.drift is None and self.given is None):
             return np.inf
-        last = float(np.min(self.others.end)) - self.drift
-        return float(((last - self.starts) / self.durations).min())
+        last = float((self.starts + self.durations).max()) - ROUNDING * float(self.durations.max())
+        ends = self.obstacles.end[self.obstacles.end >= last] - (self.drift or 0.0)
+        return float(((ends.min(initial=np.inf) - self.starts) / self.durations).min())
 
     def problem(self) -> Problem:
         """Return the planning problem of this request."""
         zones = self.zones if self.padding is None else self.padding.groups(self.zones)
-        plain = Problem.of(self.direct, self.others, zones, self.drift)
-        return plain if self.kept is None else self.kept.problem(plain)
+        plain = Problem.of(self.direct, self.obstacles, zones, self.drift)
+        plain = replace(plain, requirements=self.requirements) if self.requirements else plain
+        return plain if self.errors is None else self.errors.problem(plain)
 
     def least_slots(self) -> tuple[Any, float]:
         """Return the slots (N,) of minimum unconstrained cost, and that cost.
@@ -190,6 +332,8 @@ class Request:
 
     def longer(self, factor: float) -> Request:
         """Return the request with `factor` times the durations; the final states hold at the later ends."""
+        if self.path_over is not None:
+            return replace(self, **_ends(self.path_over(factor)))
         return replace(self, durations=factor * self.durations).cheapest()
 
     def staggered(self, share: float) -> Request:
@@ -203,6 +347,112 @@ class Request:
         initial = (self.orbit.transition(waits) @ self.initial[:, :, None])[..., 0]
         later = replace(self, initial=initial, early=longest - waits, starts=self.starts + waits)
         return later.cheapest()
+
+
+def _ends(path: Path) -> dict[str, Any]:
+    """Return the fields of the request of one spacecraft that its path determines."""
+    initial, final = ends_of(path)
+    lasts = np.array([float(path.end - path.start)])
+    return {"given": path, "initial": initial[None], "places": final[None], "durations": lasts}
+
+
+def _options(
+    method: str,
+    known: tuple[str, str],
+    cost: str,
+    thrusters: Any,
+    drift: float | None,
+    errors: Sequence[Any],
+    zone: Any,
+    budget: int | None = None,
+    prove: float = 0.0,
+    gap: float = GAP,
+) -> dict[str, Any]:
+    """Return the options as fields; raise ValueError for an unknown one, or ones that cannot be combined.
+
+    `known` are the methods: first the usual one, which supports all other options.
+    """
+    if budget is not None:
+        whole("budget", budget, least=1)
+    if not number("prove", prove) >= 0.0:
+        raise ValueError(f"prove: must be 0 s or more, got {prove}")
+    if not number("gap", gap) > 0.0:
+        raise ValueError(f"gap: must be positive, such as 0.01 for 1 %, got {gap}")
+    if not isinstance(method, str) or method not in known:
+        raise ValueError(f"method: must be {' or '.join(map(repr, known))}, got {shown(method)}")
+    if not isinstance(cost, str) or cost not in ("energy", "delta-v"):
+        raise ValueError(f"cost: must be 'energy' or 'delta-v', got {shown(cost)}")
+    if cost == "energy" and thrusters is not None:
+        raise ValueError("thrusters: require cost 'delta-v'; set it, or omit thrusters")
+    proving, unusual = prove > 0.0, method != known[0]
+    if cost == "delta-v" and (proving or unusual):
+        name = "prove" if proving else "method"
+        raise ValueError(f"{name}: cannot be combined with cost 'delta-v'; omit it, or set cost 'energy'")
+    if drift is not None:
+        drift = number("drift", drift)
+        if drift == inf:
+            raise ValueError(
+                "drift: must be finite; plan with a finite one, and check inf with passively_safe"
+            )
+        if not drift >= 0.0:
+            raise ValueError(f"drift: must be 0 s or more, got {shown(drift)}")
+        if unusual:
+            raise ValueError(f"drift: requires method {known[0]!r}, got {shown(method)}")
+        if proving:
+            raise ValueError("prove: cannot be combined with drift; remove one of them")
+    if _any_errors(errors):
+        own = zone if isinstance(zone, list | tuple) else [zone]
+        if any(
+            isinstance(one, CovarianceZone) or (isinstance(one, PairZones) and counts_covariances(one))
+            for one in own
+        ):
+            raise ValueError(TWICE)
+        wrong = {"prove": proving, "method": unusual, "drift": drift is not None}
+        if asked := [name for name, has in wrong.items() if has]:
+            raise ValueError(f"{asked[0]}: cannot be combined with errors; remove one of them")
+    return {
+        "method": method,
+        "cost": cost,
+        "drift": drift,
+        "budget": budget,
+        "proof_time": prove,
+        "gap": gap,
+    }
+
+
+def _requirements(given: Any, count: int, cost: str) -> tuple[tuple[Requirement | NoThrust, ...], ...]:
+    """Return the requirements of each spacecraft: the same for all, or one sequence for each."""
+    one_by_one = isinstance(given, list | tuple) and any(isinstance(own, list | tuple) for own in given)
+    each = [tuple(own) for own in given] if one_by_one else [_as_tuple(given)] * count
+    if len(each) != count:
+        raise ValueError(f"requirements: {len(each)} sequences for {count} craft; give one for each")
+    if not any(each):
+        return ()
+    for one in (one for own in each for one in own):
+        instance("requirements", one, Requirement, NoThrust)
+    if cost != "delta-v":
+        raise ValueError("requirements: need cost 'delta-v'; set it, or omit requirements")
+    return tuple(each)
+
+
+def _as_tuple(given: Any) -> tuple[Any, ...]:
+    """Return a sequence as a tuple, and a single object as one."""
+    return tuple(given) if isinstance(given, list | tuple) else (given,)
+
+
+def _any_errors(given: Sequence[Any]) -> bool:
+    """Return whether any errors are given."""
+    return any(one is not None for one in given)
+
+
+def _names(names: Sequence[str] | None, count: int, extra: int) -> tuple[str, ...]:
+    """Return the names of spacecraft and obstacles; raise ValueError for another number of them."""
+    given = (
+        tuple(f"craft {k}" for k in range(count)) if names is None else tuple(sequence("names", names, str))
+    )
+    if len(given) not in (count, count + extra):
+        raise ValueError(f"names: {len(given)} for {count} craft; give one for each")
+    return given + obstacle_names(None, extra) if len(given) == count else given
 
 
 def _states(name: str, value: ArrayLike) -> Floats:

@@ -6,6 +6,7 @@ The deviations are perpendicular to the cost's gradients.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from math import nan
 from typing import Any
 
@@ -16,10 +17,11 @@ from closeform.motion.arc import IMPULSE, MEAN_MOTION, PUSH, THRUST
 from closeform.motion.joining import join
 from closeform.motion.palmer import state_from_palmer
 from closeform.motion.path import Path
-from closeform.planning.exit_directions import exit_normals
-from closeform.planning.plan import Avoidance, Contact, Status
-from closeform.planning.problem import Problem, deepest
-from closeform.planning.side_search import MARGINS
+from closeform.planning.energy.exit_directions import exit_normals
+from closeform.planning.energy.side_search import MARGINS
+from closeform.planning.minimum_energy import Outcome
+from closeform.planning.plan import Contact
+from closeform.planning.problem.problem import Problem, deepest
 
 LEGS = 12  # at most, of one path
 SCALES = np.geomspace(1.0, 4.0, 25)  # of a deviation, tried until both of its legs are clear
@@ -135,22 +137,20 @@ def _deviation(leg: Path, which: int, time: float, problem: Problem) -> tuple[Pa
     return best
 
 
-def deviated(path: Path, problem: Problem, names: Sequence[str]) -> Avoidance:
-    """Return the avoidance of method "sauter-palmer"; raise ValueError in deep space.
-
-    `names` are those of the obstacles.
-    """
-    if path.orbit.mean_motion == 0.0:
+def deviated(problem: Problem, names: Sequence[str]) -> Outcome:
+    """Return the paths of method "sauter-palmer" for one craft; raise ValueError in deep space."""
+    if problem.orbit.mean_motion == 0.0:
         raise ValueError("method: 'sauter-palmer' requires an orbit; in deep space use 'exact'")
     optimum = legs = problem.path(problem.direct)[0]
     contacts: list[Contact] = []
 
-    def refused(why: str) -> Avoidance:
-        return Avoidance(None, nan, nan, nan, optimum.energy, (), Status.NOT_FOUND, f"{why}; use 'exact'")
+    def refused(why: str) -> Outcome:
+        none: Outcome = Outcome(None, (), nan, MARGINS[0], False, len(contacts))
+        return replace(none, reason=f"{why}; use 'exact'")
 
     while conflicts := problem.conflicts(problem.with_path(legs)):
         pair, (_, _, time, _) = deepest(conflicts)
-        obstacle = names[pair[1] - 1]
+        obstacle = names[pair[1]]
         k = max(int(np.searchsorted(legs.arcs[:, 0], time, side="right")) - 1, 0)
         leg = _alone(legs, k)
         if len(contacts) >= LEGS or not 1e-6 < (time - leg.start) / (leg.end - leg.start) < 1.0 - 1e-6:
@@ -161,18 +161,16 @@ def deviated(path: Path, problem: Problem, names: Sequence[str]) -> Avoidance:
         contacts.append(found[1])
         parts: list[Any] = [_alone(legs, i) for i in range(len(legs.arcs)) if i != k]
         legs = join(sorted([*parts, *(_alone(found[0], i) for i in range(2))], key=lambda part: part.start))
-    return Avoidance(
-        path=legs,
-        energy=legs.energy,
-        extra_energy=legs.energy - optimum.energy,
-        delta_v=legs.delta_v,
-        lower_bound=optimum.energy,
-        contacts=tuple(sorted(contacts, key=lambda contact: contact.time)),
-        status=Status.AVOIDED,
-        reason=f"{len(contacts)} deviation point{'s' * (len(contacts) != 1)} after Sauter & Palmer (2011)",
-        clearance_ratio=MARGINS[0],
-        tried=len(contacts),
+    number = len(contacts)
+    return Outcome(
+        problem.with_path(legs),
+        tuple(sorted(contacts, key=lambda contact: contact.time)),
+        legs.energy - optimum.energy,
+        MARGINS[0],
+        False,
+        number,
         priced=False,
+        reason=f"{number} deviation point{'s' * (number != 1)} after Sauter & Palmer (2011)",
     )
 
 

@@ -14,11 +14,11 @@ import numpy as np
 from closeform.motion.arc import END, START
 from closeform.motion.joining import stack
 from closeform.motion.path import Path
-from closeform.planning.obstacles import end_inside
+from closeform.planning.energy.side_search import MARGINS
+from closeform.planning.infeasible_ends import end_conflict
+from closeform.planning.minimum_energy import Outcome, solve
 from closeform.planning.plan import Contact
-from closeform.planning.planner import Outcome, solve
-from closeform.planning.problem import Problem, deepest
-from closeform.planning.side_search import MARGINS
+from closeform.planning.problem.problem import Problem, deepest
 
 
 def one_by_one(
@@ -52,7 +52,7 @@ def _in_order(problem: Problem, order: list[int], budget: int | None) -> Outcome
         alone, others = _alone(problem, k, published)
         path, tried = alone.path(alone.direct)[0], tried + 1
         if conflicts := alone.conflicts(alone.direct, MARGINS[0]):
-            held = end_inside(alone)  # its ends cannot change
+            held = end_conflict(alone)  # its ends cannot change
             found = solve(alone, budget) if held is None else None
             tried += found.tried if found is not None else 0
             if found is None or found.flown is None:

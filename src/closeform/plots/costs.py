@@ -20,7 +20,7 @@ from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path, ends_of
 from closeform.planning.clearance_cost_curve import ClearanceCostCurve, slope
 from closeform.planning.max_clearance import MaxClearance
-from closeform.planning.plan import Avoidance, Plan
+from closeform.planning.plan import Plan
 from closeform.plots.inputs import crafts, one_craft
 from closeform.plots.palette import AFTER, BEFORE, CONFLICT, FAINT, INK, OTHER, ZONE
 from closeform.plots.style import (
@@ -65,7 +65,7 @@ class ContactTerms:
     pushes: Floats
 
     @classmethod
-    def of(cls, plan: Path | Avoidance | Plan, craft: int, path: Path) -> Self:
+    def of(cls, plan: Path | Plan, craft: int, path: Path) -> Self:
         """Return the pushes at contacts inside the manoeuvre; none for a path or a minimum-energy plan."""
         first, last = path.start, path.end
         if isinstance(plan, Plan):
@@ -160,7 +160,7 @@ def _along(path: Path, contacts: ContactTerms, thrusters: Thrusters, pushes: Flo
     return np.asarray(scale * found.x[:6])
 
 
-def primer(path: Path | Avoidance | Plan, craft: int = 0, thrusters: Thrusters | None = None) -> Figure:
+def primer(path: Path | Plan, craft: int = 0, thrusters: Thrusters | None = None) -> Figure:
     """Plot the magnitude of a primer against time: 1 at optimal impulses, nowhere above 1.
 
     Each dot is an impulse, labelled with its size, at the height p . v/|v|: its value per metre per second.
@@ -170,7 +170,7 @@ def primer(path: Path | Avoidance | Plan, craft: int = 0, thrusters: Thrusters |
 
     Parameters
     ----------
-    path : Path, Avoidance or Plan
+    path : Path or Plan
         Path of one spacecraft over at most 100 orbits, from `Orbit.impulsive` or any other between its end
         states; or a minimum-delta-v plan.
     craft : int, default 0
@@ -192,7 +192,7 @@ def primer(path: Path | Avoidance | Plan, craft: int = 0, thrusters: Thrusters |
     ----------
     docs/theory.md (26, 27, 36, 38).
     """
-    flown = path.paths if isinstance(path, Plan) else path.path if isinstance(path, Avoidance) else path
+    flown = path.paths if isinstance(path, Plan) else path
     several = isinstance(path, Plan) and flown is not None
     if whole("craft", craft) >= (count := len(flown) if several and flown is not None else 1):
         raise ValueError(f"craft: from 0 to {count - 1}, got {craft}")
@@ -459,7 +459,7 @@ def between(factors: Floats, costs: Floats, slopes: Floats) -> tuple[Floats, Flo
     return factors[0] + width * t, curve
 
 
-def alike(one: Avoidance | Plan, other: Avoidance | Plan) -> bool:
+def alike(one: Plan, other: Plan) -> bool:
     """Return True if no pair is passed on different sides in two plans."""
     return all(
         a.normal @ b.normal > 0.0

@@ -15,7 +15,7 @@ from closeform import plots
 from closeform.arrays import shown
 from closeform.confidence import estimate
 from closeform.motion.joining import stack
-from closeform.motion.path import Path, ends_of
+from closeform.motion.path import Path
 from closeform.plots.charts import Curve, Panel, Spans, intervals, series, spans
 from closeform.plots.inputs import crafts
 from closeform.plots.palette import colours
@@ -42,7 +42,7 @@ def plot(
 
     Parameters
     ----------
-    result : Path, Plan, Avoidance, Screening, Locks, Gathering, Mission, and so on, or a sequence of Conflict
+    result : Path, Plan, Screening, Locks, Gathering, Mission, and so on, or a sequence of Conflict
         Result of a function of this package.
     zone : Zone, CovarianceZone, Body, None, sequence of these, or PairZones, optional
         Zones of the paths, as in `formation_paths`; a mission has its own.
@@ -94,7 +94,7 @@ def animate(
 
     Parameters
     ----------
-    result : Path, Plan, Avoidance, ThrusterFiring, Gathering, Mission, and so on
+    result : Path, Plan, ThrusterFiring, Gathering, Mission, and so on
         Result of a function of this package.
     file : str, path-like or file of bytes
         Output file NAME.gif; an existing file is overwritten.
@@ -177,15 +177,6 @@ def _twice(paths: Path, names: Sequence[str] | None = None, zone: Any = None) ->
     return Paths(paths, paths, names, zone)
 
 
-def _avoidance(result: Any) -> Paths:
-    if result.path is None:
-        raise ValueError(f"result: a plan without a path, {result.reason}")
-    after, orbit = result.path, result.path.orbit
-    least = orbit.impulsive if result.cost == "delta-v" else orbit.transfer
-    before = least(*ends_of(after), after.end - after.start, after.start)
-    return Paths(stack([before]), stack([after]))
-
-
 def _plan(result: Any) -> Paths:
     if result.paths is None:
         raise ValueError(f"result: the plan has no paths ({result.reason}); plot result.direct instead")
@@ -221,7 +212,6 @@ def _firing(result: Any) -> Paths:
 
 FLYING: dict[str, Callable[[Any], Paths]] = {
     "Path": lambda result: _twice(stack(crafts("result", result))),
-    "Avoidance": _avoidance,
     "Plan": _plan,
     "MaxClearance": _max_clearance,
     "ThrusterFiring": _firing,

@@ -203,7 +203,7 @@ class Choices:
         own = {"thrusters": self.craft[scenario.names.index(name)].fired(1.0)}
         if isinstance(done, ReconfigureResult):
             return (done.plan, done.movers.index(name)), own
-        return (done.avoidance if isinstance(done, AvoidResult) else self.plan(name),), own
+        return (done.plan if isinstance(done, AvoidResult) else self.plan(name),), own
 
     def plan(self, name: str) -> Path:
         """Return the planned path of a spacecraft."""

@@ -18,7 +18,7 @@ from closeform.mission.mission_result import (
 )
 from closeform.mission.stage_start import Arrival
 from closeform.motion.path import Path
-from closeform.planning.plan import UNITS, Avoidance, Plan, Status
+from closeform.planning.plan import UNITS, Plan, Status
 from closeform.report import conflicts, effort
 from closeform.report.actuator_options import Choices
 from closeform.report.picture import Picture
@@ -117,7 +117,7 @@ def transfer(mission: Mission, result: Moved) -> Section:
 
 def avoid(mission: Mission, result: Avoiding) -> Section:
     """Return the section of a single spacecraft that avoids the others."""
-    moved, stage, plan = result.result, result.stage, result.result.avoidance
+    moved, stage, plan = result.result, result.stage, result.result.plan
     craft = moved.craft
     choices = Choices(mission, result, [craft])
     lines, before = conflicts.summed("Conflicts before", result.before, avoided=True)
@@ -201,14 +201,14 @@ def avoid(mission: Mission, result: Avoiding) -> Section:
 
 def avoidance_lines(mission: Mission, result: Avoiding) -> Iterator[str]:
     """Yield the method, and the optimality of the plan if it differs from the direct path."""
-    moved, plan, method = result.result, result.result.avoidance, f"Method {result.stage.method}"
+    moved, plan, method = result.result, result.result.plan, f"Method {result.stage.method}"
     longer = moved.plain is not moved.direct
     over = f" over {moved.plain.end - moved.plain.start:.1f} s" if longer else ""
     if not plan.ok:
         yield f"{method}: {plan.status}"  # the verdict has the reason
     elif not result.flown:
         yield f"{method}: thrusters cannot execute the plan"
-    elif plan.path is moved.direct or plan.status is Status.CLEAR:
+    elif plan.status is Status.CLEAR:
         yield f"{method}: the direct path{over} is clear"
     else:
         free = plan.energy - plan.extra_energy
@@ -406,7 +406,7 @@ def arrival_figures(goal: Arrival | None) -> dict[str, Any] | None:
     }
 
 
-def best(mission: Mission, result: StageResult[Any, Any], plan: Avoidance | Plan, *movers: str) -> str:
+def best(mission: Mission, result: StageResult[Any, Any], plan: Plan, *movers: str) -> str:
     """Return how optimal a plan is; thrusters, and a limit of thrust, raise the minimum of delta-v."""
     if not plan.proven:
         return f"best of {counted(plan.tried, 'candidate')}"
@@ -419,14 +419,14 @@ def best(mission: Mission, result: StageResult[Any, Any], plan: Avoidance | Plan
     return f"{proven}: natural motion arrives" if float(plan.delta_v) < NOTHING else proven
 
 
-def margin(plan: Avoidance | Plan) -> str:
+def margin(plan: Plan) -> str:
     """Return "enlarged " if a plan was made for zones with a margin, else an empty text."""
     return "enlarged " if np.max(plan.padding) > 0.0 else ""
 
 
 def optimality(
     result: StageResult[Any, Any],
-    plan: Avoidance | Plan,
+    plan: Plan,
     free: float,
     where: Sequence[str],
     names: Sequence[str],
@@ -471,7 +471,7 @@ def optimality(
             yield f"Planned clear at {plan.sigmas:g} sigma; shadow price {more:.4g} {unit} per sigma"
 
 
-def prices(plan: Avoidance | Plan, names: Sequence[str], order: Sequence[str]) -> Table:
+def prices(plan: Plan, names: Sequence[str], order: Sequence[str]) -> Table:
     """Return the shadow prices by pair; the plan indexes `names`, and `order` sorts the names of a pair."""
     unit, (metre, factor) = UNITS[plan.cost], SLOPES[plan.cost]
     columns = (
@@ -486,7 +486,7 @@ def prices(plan: Avoidance | Plan, names: Sequence[str], order: Sequence[str]) -
     return Table("Shadow prices of clearance", columns, rows, folded=True)
 
 
-def optimum_figures(plan: Avoidance | Plan, names: Sequence[str], order: Sequence[str]) -> dict[str, Any]:
+def optimum_figures(plan: Plan, names: Sequence[str], order: Sequence[str]) -> dict[str, Any]:
     """Return the optimality of a plan for `summary.json`."""
     return {
         "ok": plan.ok,
@@ -556,7 +556,7 @@ def path_tables(mission: Mission, result: Joint) -> Iterator[Table]:
 def avoid_pictures(mission: Mission, result: Avoiding) -> Iterator[Picture]:
     """Yield pictures of the avoiding spacecraft and of those that share the zone of the closest approach."""
     moved, before = result.result, result.before
-    craft, path, around = moved.craft, moved.direct, moved.avoidance.path
+    craft, path, around = moved.craft, moved.direct, moved.plan.path
     if not moved.others:
         return
     approaches = [

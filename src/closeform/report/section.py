@@ -16,7 +16,7 @@ from closeform.mission.verdict import MOST_NAMES
 from closeform.report.picture import Picture
 
 if TYPE_CHECKING:
-    from closeform.planning.plan import Avoidance, Plan
+    from closeform.planning.plan import Plan
 
 STATE_COLUMNS = ("x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s")
 TOTAL = "all"  # the name of the last row for all spacecraft
@@ -167,9 +167,9 @@ class Section:
     files: Mapping[str, Table] = field(default_factory=dict)
 
 
-def plan_of(result: StageResult[Any, Any]) -> "Avoidance | Plan | None":
+def plan_of(result: StageResult[Any, Any]) -> "Plan | None":
     """Return the avoidance plan of a stage, of one spacecraft or of many; None for any other stage."""
-    found: Avoidance | Plan | None = getattr(result.result, "plan", getattr(result.result, "avoidance", None))
+    found: Plan | None = getattr(result.result, "plan", None)
     return found
 
 

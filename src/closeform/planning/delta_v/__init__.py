@@ -1,0 +1,1 @@
+"""Minimum delta-v: impulses, burns within a limit, and pulses of thrusters."""

@@ -1,0 +1,106 @@
+"""Checks of impulsive paths: conflicts with thrust, and after a loss of thrust."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.motion.arc import END
+from closeform.planning.delta_v.firing_times import Moments, sizes_of, some_of_each
+from closeform.planning.problem.problem import Flown, PairRow, Problem
+from closeform.planning.problem.scene import Contacts
+
+ASTRAY = 1e-6  # of the distance of the ends, or of a metre: larger errors are misses
+WEAK = 1e-3  # of the mean multiplier: smaller ones are insignificant
+
+
+class Checked(NamedTuple):
+    """Conflicts of paths, close approaches after a loss of thrust, and the smallest norm of these.
+
+    `kept` is True if the paths keep all other requirements, by proof.
+    """
+
+    missed: list[PairRow]
+    lost: Contacts
+    nearest: float
+    kept: bool = True
+
+    @property
+    def clear(self) -> bool:
+        """True if there is no conflict, with thrust or after its loss, and other requirements are kept."""
+        return not self.missed and self.nearest >= 1.0 and self.kept
+
+    @property
+    def worst(self) -> float:
+        """Smallest norm of all conflicts, at most 1."""
+        return min([1.0, self.nearest, *(float(row[3]) for _, row in self.missed)])
+
+
+@dataclass(frozen=True, eq=False)
+class Spent:
+    """Result of one round: paths, their delta-v [m/s], remaining conflicts, and the program's solution.
+
+    Delta-v is the sum of the sizes of all `impulses`; two thrusters that fire at once both count.
+    """
+
+    flown: Flown
+    delta_v: float
+    least: float  # [m/s]: certified lower bound for these planes and any firing times
+    checked: Checked
+    contacts: Contacts
+    margin: float  # distance of the planes, in zones
+    moments: list[Moments]  # of each craft
+    impulses: Floats  # (N, J, 3)
+    peaks: list[Moments]  # maxima of each craft's primer, or of its part along a thruster
+
+    @property
+    def pushing(self) -> Any:
+        """Mask (K,) of the contacts with significant multipliers."""
+        return pushing(self.contacts)
+
+    def fired(self, share: float) -> list[Moments]:
+        """Return the moments of each craft at which it fires more than a `share` of the delta-v."""
+        return some_of_each(self.moments, sizes_of(self.impulses) > share * self.delta_v)
+
+
+class Failures(Protocol):
+    """Conditions for a loss of thrust, for plans that are to be passively safe."""
+
+    holding: bool  # keep active planes although paths have left them
+
+    def checked(self, flown: Flown, known: Contacts) -> Checked:
+        """Return conflicts of paths and close approaches of failed craft, also from `known` contacts."""
+
+    def starts(self, margin: float = ...) -> Iterator[Contacts]:
+        """Yield contacts of other safe plans as starts, for zones enlarged by a margin."""
+
+    def merged(
+        self, contacts: Contacts, before: list[Moments], impulses: Floats, after: list[Moments]
+    ) -> Contacts:
+        """Return the contacts for fewer moments `after`, each of which replaces those of `before` near it."""
+
+    def touching(self, flown: Flown, contacts: Contacts) -> tuple[Contacts, bool]:
+        """Return the contacts that paths touch, moved onto the chords of impulses, and whether all touch."""
+
+    def brief(self, flown: Flown) -> Flown:
+        """Return the paths with impulses as brief burns, amid which thrust may be lost."""
+
+
+def arrive(problem: Problem, flown: Flown, finals: Floats) -> bool:
+    """Return whether craft reach their final states (N, 6), which few fixed directions may not allow."""
+    paths, ends = problem.path(flown), problem.base[:, END]
+    off = np.abs(np.stack([paths[i].state(end) for i, end in enumerate(ends)]) - finals)[:, :3].max()
+    return bool(off <= ASTRAY * np.abs(finals[:, :3]).max(initial=1.0))
+
+
+def pushing(contacts: Contacts) -> Any:
+    """Return the mask (K,) of the contacts with significant multipliers."""
+    pushes = contacts.multipliers
+    return pushes > WEAK * pushes.sum() / max(len(pushes), 1)
+
+
+def drifting(contacts: Contacts) -> Any:
+    """Return the mask (K,) of the contacts after a loss of thrust."""
+    return contacts.drifts.any(axis=1)

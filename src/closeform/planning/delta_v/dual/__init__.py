@@ -1,0 +1,1 @@
+"""Dual program of minimum delta-v: its kernels, primers and the paths of its impulses."""

@@ -1,0 +1,493 @@
+"""Impulses of minimum delta-v that keep all pairs clear: planes at contacts, updated until they hold.
+
+A round solves the program for the planes of the contacts (`joint_dual`), propagates the impulses, and
+searches for conflicts.  Each plane is then turned to its pair's position, and pairs still in conflict get
+another one.  Clear paths stay clear when planes turn, and become cheaper.  Craft may fire at the times of a
+grid, at the maxima of their primers, and when they last did; at the end only at necessary times.
+Each thruster has moments of its own: a time and its direction.                               # theory 6
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from math import ceil, inf, pi
+from typing import Any
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.fuel.thrusters import Thrusters
+from closeform.motion.arc import END, START, STATE, THRUST, WIDTH
+from closeform.motion.nonnegative import MOST
+from closeform.motion.reduced import COUNT, LOWER
+from closeform.motion.reduced import FIRST as FIRED_FROM
+from closeform.planning.delta_v.checks import Checked, Failures, Spent, arrive, drifting, pushing
+from closeform.planning.delta_v.dual.dual_program import price
+from closeform.planning.delta_v.dual.fleet import Dual, Fleet, Planes, Priced
+from closeform.planning.delta_v.dual.impulse_paths import fly_impulses, keep_fewest
+from closeform.planning.delta_v.dual.plane_shortfalls import fill_planes
+from closeform.planning.delta_v.dual.primer_maxima import find_peaks
+from closeform.planning.delta_v.fewer_impulses import steps_to_fewer
+from closeform.planning.delta_v.firing_times import Moments, Pushes, blended, sizes_of, some_of_each, table_of
+from closeform.planning.delta_v.unconstrained import answers_alone
+from closeform.planning.energy.local_solver import AHEAD
+from closeform.planning.problem.problem import Closest, Flown, Problem
+from closeform.planning.problem.scene import Contacts
+from closeform.planning.requirements import NoThrust, Requirement
+from closeform.planning.requirements.requirement import AFTER
+
+LEAST, A_TURN = 12, 12  # times at which craft may fire, and additional ones for each orbit
+LEVEL, ROOM = 0.9, 32  # primer length above which a maximum becomes a firing time; capacity
+FIRED, IDLE = 1e-3, 1e-5  # of all delta-v: significant impulses, and negligible ones
+NEAR = 1.05  # norm beyond which insignificant planes are dropped
+APART = 0.02  # of a craft's duration: closer impulses are merged
+AIM = 1.0 + 1e-6  # of a zone: distance of planes, so that moving contacts stay clear
+ALIKE = 0.002  # of a pair's window: closer planes are merged
+NEARLY = 0.99  # norm above which planes are moved out by the shortfall
+TURNED = 0.3  # norm above which a plane is turned to its pair's position
+WIDEST, LAST = 1e-2, 1e-5  # relative gap of the first and of the last round
+FINER = 0.2  # factor of the gap from round to round
+TURNING = 1e-3  # gap above which turning planes may still lower the cost below the bar
+WORTH = 1e-4  # of the cost: minimum saving for which another start is completed
+ROUNDS, FOCUSING = 30, 8  # maximum rounds, on the grid and with few times
+STEPS, SHARE = 60, 0.5  # maximum rounds of short steps to a first plan; maximum share of the way
+SETTLED = 1e-5  # of the cost: change of clear rounds below which they end
+PATIENCE = 3  # clear rounds without a lower cost
+ROUNDING = 1e-12  # of a bound
+BOUNDING = 4  # rounds of the bound of requirements
+PRICINGS, PRICED = 6, 1e-7  # rounds with fixed planes, and the tolerance of primers above 1
+INSIDE = 1.0 - 1e-6  # of thrust limits: reserve for the repair of the ends
+DEARER, SAFER = 1.0002, 1.005  # cost ratio allowed for few impulses; with loss of thrust
+FEWER = 1e-4  # of the cost: additional cost allowed for even fewer
+# Impulses and burns below SMALL m/s, and this share of the delta-v, are dropped where the others can replace
+# them at hardly more cost: most engines have no shorter pulse, and a tenth of it saves next to nothing.
+SMALL, SMALL_SHARE, REPLACED = 1e-4, 1e-2, 1.001
+DROPS = 12  # maximum attempts to drop small impulses
+LIGHTER = 1.01  # times the minimum bit: a pulse gives up to 1 % more as propellant is used
+SHORT = 1e3  # reserves: paths that are less outside a requirement are nearly inside
+ACTIVE = 1e-6  # of the largest multiplier: planes of requirements below it are dropped
+COARSE = 8  # bisection of the steps to fewer ends at this fraction of them
+
+
+class ImpulseSolver:
+    """Solver of one problem from any contacts, by impulses."""
+
+    def __init__(
+        self,
+        problem: Problem,
+        thrusters: Sequence[Thrusters | None],
+        names: Sequence[str],
+        failures: Failures | None = None,
+    ) -> None:
+        self.problem, self.thrusters, self.names, self.failures = problem, thrusters, names, failures
+        self.pushes = Pushes.of(thrusters, problem.orbit.mean_motion)
+        self.limits = np.zeros(problem.count)  # [m/s^2], of burns
+        self.needed = inf  # factor of these limits that is proven necessary
+        self.aim = self.least = AIM  # of a zone: distance of planes, and its minimum
+        self.closest = Closest()
+        self.cuts, self.reserves = Planes.room(0), np.empty(0)  # of requirements, from all paths so far
+        self.inward, self.outside = (
+            1.0,
+            0.0,
+        )  # factor of the reserves; shortfall of the last paths, in reserves
+        self.bound = 0.0  # on the delta-v [m/s] of all paths that keep the requirements, as far as known
+        base = problem.base
+        turns = problem.orbit.mean_motion * float((base[:, END] - base[:, START]).max()) / (2.0 * pi)
+        times = np.linspace(base[:, START], base[:, END], LEAST + ceil(A_TURN * turns), axis=1)
+        self.grid = self.allowed(list(map(Moments.every, times, self.pushes.counts)))
+        arcs, offsets = problem.direct
+        optima = problem.path(problem.direct)
+        self.finals = np.stack([optima[i].state(base[i, END]) for i in range(problem.count)])
+        drift = arcs.copy()
+        drift[: offsets[problem.count], THRUST : THRUST + 6] = 0.0
+        self.drift = drift, offsets[: problem.count + 1]  # coasting craft
+        never = np.full((len(problem.other_offsets) - 1, 2), inf)
+        self.free = np.concatenate([base[:, [START, END]], never])[problem.pairs]  # controllable times
+        self.span = np.array([problem.first, problem.arrival])
+
+    def unconstrained(self) -> Spent:
+        """Return the minimum delta-v of each craft alone, without keep-out zones.
+
+        Raises ValueError for a craft whose thrusters cannot perform its transfer.
+        """
+        base = self.problem.base
+        given = self.problem.orbit.mean_motion, base, self.finals, self.thrusters, self.names
+        found = answers_alone(*given)
+        tables = [row[FIRED_FROM:].reshape(-1, 4)[: int(row[COUNT])] for row in found]
+        times, impulses = np.zeros((len(base), MOST)), np.zeros((len(base), MOST, 3))
+        for i, table in enumerate(tables):
+            times[i, : len(table)] = base[i, START] + table[:, 0]
+            impulses[i, : len(table)] = table[:, 1:]
+        which = self.pushes.nearest(times, impulses)
+        fired = [
+            Moments.instants(row[: len(table)], own[: len(table)])
+            for row, own, table in zip(times, which, tables, strict=True)
+        ]
+        fleet = self.fleet(fired)
+        impulses = np.ascontiguousarray(impulses[:, : fleet.times.shape[1]])
+        flown, least = self.flown(fleet, impulses), float(found[:, LOWER].sum())
+        spent, none = float(sizes_of(impulses).sum()), Contacts.none()  # after the repair of the ends
+        return Spent(flown, spent, least, self.checked(flown, none), none, 1.0, fired, impulses, fired)
+
+    def solve(self, contacts: Contacts, bar: float = inf, stride: float = inf) -> Spent | None:
+        """Return the cheapest clear paths found from a start; None without any well below `bar`.
+
+        From rounds that are not clear only a step is taken, in which no pair moves more than `stride` zones.
+        """
+        best, before, self.aim, tolerance, last, idle = None, None, self.least, WIDEST, inf, 0
+        moments = self.grid
+        for turn in range(ROUNDS if stride == inf else STEPS):
+            if turn >= ROUNDS and (best is not None or bar < inf):
+                break
+            turning = tolerance > TURNING or self.failures is not None
+            allowed = 1.0 + tolerance if turning else 1.0 - WORTH
+            found = self.priced(moments, contacts, tolerance, allowed * bar)
+            if found is None:
+                break
+            if stride < inf and before is not None and not found.checked.clear:
+                found = self.stepped(before, found, stride)
+            if found.checked.clear:
+                gained = inf if best is None else best.delta_v - found.delta_v
+                best = found if gained > 0.0 else best
+                idle = 0 if gained > SETTLED * found.delta_v else idle + 1
+                if last == LAST and (abs(gained) < SETTLED * found.delta_v or idle == PATIENCE):
+                    break
+            before, contacts, moments = found, self.turned(found), self.following(found)
+            tolerance, last = max(LAST, FINER * tolerance), tolerance
+        return best
+
+    def stepped(self, before: Spent, found: Spent, stride: float) -> Spent:
+        """Return paths part of the way from `before` to `found`, so that no pair moves more than `stride`."""
+        known = before.checked.lost.joined(found.contacts)
+        here, there = (self.problem.motions(one.flown, known)[:, 0] for one in (before, found))
+        farthest = float(np.linalg.norm(there - here, axis=1).max(initial=0.0))
+        return self.part_way(before, found, SHARE if farthest * SHARE <= stride else stride / farthest)
+
+    def part_way(self, before: Spent, found: Spent, share: float) -> Spent:
+        """Return paths a `share` of the way from `before` to `found`, by few impulses."""
+        moments, impulses = blended((before.moments, found.moments), (before.impulses, found.impulses), share)
+        return self.by_few(moments, impulses, found, found.contacts.some(found.pushing))
+
+    def by_few(self, moments: list[Moments], impulses: Floats, known: Spent, contacts: Contacts) -> Spent:
+        """Return the result of as few impulses as the ends and `contacts` require."""
+        keep_fewest(self.fleet(moments), self.planes(contacts), impulses)
+        return self.fired_at(moments, impulses, known)
+
+    def fired_at(self, moments: list[Moments], impulses: Floats, known: Spent) -> Spent:
+        """Return the result of impulses at moments, checked at the contacts of `known` paths."""
+        flown = self.flown(self.fleet(moments), impulses)
+        spent, checked = float(sizes_of(impulses).sum()), self.checked(flown, known.contacts)
+        return replace(known, flown=flown, delta_v=spent, checked=checked, moments=moments, impulses=impulses)
+
+    def following(self, found: Spent) -> list[Moments]:
+        """Return the moments at which each craft may fire in the next round."""
+        return list(map(Moments.joined, self.grid, found.peaks, found.fired(FIRED)))
+
+    def focused(self, best: Spent) -> Spent:
+        """Return the solution fired at few times near maxima of the primers, if that costs hardly more."""
+        apart = APART * (self.problem.base[:, END] - self.problem.base[:, START])
+        for share in (FIRED, IDLE):
+
+            def near_peaks(found: Spent, share: float = share) -> list[Moments]:
+                return list(map(Moments.merged, found.fired(share), found.peaks, apart, self.pushes.fixed))
+
+            few, dearer = None, DEARER if self.failures is None else SAFER
+            for found in self.refired(best, near_peaks, dearer, steady=False):
+                gained = (few or best).delta_v - found.delta_v
+                still = abs(gained) if found.margin == AIM else inf  # distant planes still move back
+                level = (gained if few else still) < SETTLED * found.delta_v
+                few = found if few is None or gained > 0.0 else few
+                if level:
+                    break
+            if few is not None:
+                return few
+        return best
+
+    def fewest(self, best: Spent) -> Spent:
+        """Return the solution with as many impulses joined or omitted as possible at hardly more cost."""
+        base, most = self.problem.base, (1.0 + FEWER) * best.delta_v
+        sizes = [row[row > 0.0] for row in sizes_of(best.impulses)]
+        rates = np.maximum(self.problem.orbit.mean_motion, pi / (base[:, END] - base[:, START]))
+        fired = best.fired(0.0)
+        steps = steps_to_fewer(fired, sizes, rates, most - best.delta_v)
+        kept, low, high, middle = best, 0, len(steps), len(steps)
+        while high - low > len(steps) // COARSE:
+            left = {step.craft: step.left for step in steps[:middle]}
+            moments = [left.get(i, own) for i, own in enumerate(fired)]
+            found = self.refired_at(moments, best, 1.0 + FEWER)
+            if found is None or found.delta_v > most:
+                high = middle - 1
+            else:
+                kept, low = found, middle
+            middle = (low + high + 1) // 2
+        return kept
+
+    def without_small(self, best: Spent) -> Spent:
+        """Return the solution without small impulses or burns, as far as the others can replace them."""
+        most, tries = REPLACED * best.delta_v, DROPS
+        while tries and (small := self.small(best)).any():
+            sizes = np.where(small, sizes_of(best.impulses), inf)
+            order = np.argsort(sizes, axis=None, kind="stable")[: np.count_nonzero(small)]
+            for those in (order, *order[:, None])[:tries]:
+                tries -= 1
+                left = sizes_of(best.impulses) > 0.0
+                left.flat[those] = False
+                found = self.refired_at(self.kept(best, left), best, REPLACED)
+                if found is not None and found.delta_v <= most:
+                    best = found
+                    break
+            else:
+                break
+        return best
+
+    def refired_at(self, moments: list[Moments], best: Spent, dearer: float) -> Spent | None:
+        """Return the first clear paths fired at moments, of at most `dearer` times the cost; None without."""
+        return next(self.refired(best, lambda _: moments, dearer, steady=True), None)
+
+    def small(self, found: Spent) -> Any:
+        """Return which impulses (N, J) are too small to be planned."""
+        sizes = sizes_of(found.impulses)
+        return (sizes > 0.0) & (sizes < min(SMALL, SMALL_SHARE * found.delta_v))
+
+    def kept(self, best: Spent, left: Any) -> list[Moments]:
+        """Return the moments in a mask (N, J)."""
+        return some_of_each(best.moments, left)
+
+    def refired(
+        self, best: Spent, moments: Callable[[Spent], list[Moments]], dearer: float, steady: bool
+    ) -> Iterator[Spent]:
+        """Yield clear paths, fired at `moments` of the round before, of at most `dearer` times the cost.
+
+        With `steady`, conflicts become planes, and no plane is farther out than those of the best paths.
+        """
+        found, self.aim = best, best.margin
+        for _ in range(FOCUSING):
+            self.aim = best.margin if steady else self.aim
+            after, contacts = moments(found), self.turned(found, 0.0)
+            if self.failures is not None:
+                contacts = self.failures.merged(contacts, found.moments, found.impulses, after)
+            again = self.priced(after, contacts, LAST, dearer * best.delta_v)
+            if again is None:
+                return
+            found = again
+            if found.checked.clear:
+                yield found
+
+    def bits(self, i: int, own: Moments) -> Floats:
+        """Return the minimum impulse bit (J,) [m/s] of a spacecraft's thrusters at its moments."""
+        thrusters = self.thrusters[i]
+        if thrusters is None:
+            return np.zeros(len(own.times))
+        found: Floats = LIGHTER * thrusters.minimum_bit[own.which]
+        return found
+
+    def below_bit(self, found: Spent) -> Any:
+        """Return which impulses (N, J) are below the minimum bit of their thruster."""
+        least = np.zeros(found.impulses.shape[:2])
+        for i, own in enumerate(found.moments):
+            least[i, : len(own.times)] = self.bits(i, own)
+        sizes = sizes_of(found.impulses)
+        return (sizes > 0.0) & (sizes < least)
+
+    def settled(self, best: Spent) -> Contacts:
+        """Return the contacts with the multipliers for firing at any time, not only at the chosen moments."""
+        contacts, planes = best.contacts, self.planes(best.contacts)
+        moments = list(map(Moments.joined, self.grid, best.peaks, best.fired(IDLE)))
+        for _ in range(PRICINGS):
+            found = self.dual(self.fleet(moments), planes, PRICED, inf)
+            if found is None:
+                break
+            contacts = contacts._replace(multipliers=found.multipliers[: contacts.number])
+            if found.longest <= 1.0 + PRICED:
+                break
+            moments = list(map(Moments.joined, moments, found.peaks))
+        return contacts
+
+    def priced(
+        self, moments: list[Moments], contacts: Contacts, tolerance: float, bar: float
+    ) -> Spent | None:
+        """Return the minimum delta-v that satisfies the contacts' planes at moments; None above `bar`.
+
+        Once paths are nearly clear, planes are moved out from round to round by the shortfall.
+        """
+        moments = self.allowed(moments)
+        aim, fleet, planes = self.aim, self.fleet(moments), self.planes(contacts)
+        found = self.dual(fleet, planes, tolerance, bar)
+        if found is None:
+            return None
+        impulses, number = found.impulses, contacts.number
+        contacts = contacts._replace(multipliers=found.multipliers[:number])
+        felt = np.ones(number, dtype=bool) if self.failures is None else pushing(contacts)
+        active = found.multipliers[number:] > ACTIVE * found.multipliers[number:].max(initial=0.0)
+        keep_fewest(fleet, planes.some(np.append(felt, active)), impulses)
+        inward = self.inward * float(found.multipliers[number:] @ self.reserves)
+        self.cuts, self.reserves = self.cuts.some(active), self.reserves[active]
+        flown = self.flown(fleet, impulses)
+        if self.pushes.fixed.any() and not arrive(self.problem, flown, self.finals):
+            return None
+        checked = self.checked(flown, contacts)
+        if checked.kept:
+            self.inward = max(1.0, 0.5 * self.inward)
+        elif self.outside < SHORT:  # a small step inward replaces many more planes
+            self.inward += self.outside
+        self.closest.note(checked.worst, flown)
+        if checked.worst > NEARLY and tolerance == LAST:
+            self.aim = 0.5 * (aim + self.least) if checked.clear else aim + 1.0 - checked.worst
+        spent = float(sizes_of(impulses).sum())
+        least = (1.0 - ROUNDING) * found.cost / max(found.longest, 1.0)
+        if not number:
+            self.bound = max(self.bound, (1.0 - ROUNDING) * (found.cost - inward) / max(found.longest, 1.0))
+        return Spent(flown, spent, least, checked, contacts, aim, moments, impulses, found.peaks)
+
+    def checked(self, flown: Flown, contacts: Contacts) -> Checked:
+        """Return conflicts of paths, with thrust and after its loss, and whether requirements are kept.
+
+        Where they are not, planes are added for the next round.
+        """
+        if self.failures is None:
+            found = Checked(self.problem.conflicts(flown), Contacts.none(), 1.0)
+        else:
+            found = self.failures.checked(flown, contacts.some(pushing(contacts) & drifting(contacts)))
+        return found._replace(kept=self.keeps_requirements(flown)) if self.problem.requirements else found
+
+    def keeps_requirements(self, flown: Flown) -> bool:
+        """Return whether paths keep all requirements, by proof; add planes where they do not."""
+        paths, kept, short = self.problem.path(flown), True, 0.0
+        for i, own in enumerate(self.problem.requirements):
+            path = paths[i]
+            for one in own:
+                if isinstance(one, NoThrust):
+                    kept = kept and one.holds(path)
+                    continue
+                worst, times, states = one.worst(path)
+                fresh = self.supporting(i, one, times, states)
+                self.cuts = self.cuts.joined(fresh)
+                self.reserves = np.append(self.reserves, np.full(len(fresh.times), one.reserve))
+                if not (worst >= 0.0 and one.holds(path)):
+                    kept, short = False, max(short, -worst / one.reserve)
+        self.outside = short
+        return kept
+
+    def supporting(self, i: int, one: Requirement, times: Floats, states: Floats) -> Planes:
+        """Return the supporting planes of a craft's requirement at states (K, 6) outside of it."""
+        start, end = self.problem.base[i, [START, END]]
+        inside = (times > start) & (times < end)
+        times, states = times[inside], states[inside]
+        planes = Planes.room(len(times))
+        planes.times[:], planes.first[:], planes.second[:] = times, i, -1
+        planes.cuts[:] = times[:, None]
+        coasts = self.problem.orbit.transition(times - start) @ self.problem.base[i, STATE : STATE + 6]
+        margins = one.margin(states)
+        for k, state in enumerate(states):
+            slope = one.slope(state)
+            planes.rows[k] = slope
+            planes.misses[k] = slope @ (state - coasts[k]) - margins[k]
+        return planes
+
+    def requirement_bound(self, best: Spent) -> float:
+        """Return a lower bound on the delta-v [m/s] of all paths that keep the requirements, from one."""
+        least, known = self.bound, (best.peaks, best.fired(IDLE), self.at_cuts())
+        moments = self.allowed(list(map(Moments.joined, self.grid, *known)))
+        for _ in range(BOUNDING):
+            found = self.dual(self.fleet(moments), self.cuts, LAST, inf)
+            if found is None:
+                break
+            least = max(least, (1.0 - ROUNDING) * found.cost / max(found.longest, 1.0))
+            moments = list(map(Moments.joined, moments, found.peaks))
+        return least
+
+    def at_cuts(self) -> list[Moments]:
+        """Return the moments just before the planes of requirements, where primers may have a kink or a jump."""
+        found = []
+        for i, count in enumerate(self.pushes.counts):
+            start, end = self.problem.base[i, [START, END]]
+            times = self.cuts.times[self.cuts.first == i] - AFTER * (end - start)
+            found.append(Moments.every(np.unique(times[times > start]), count))
+        return found
+
+    def allowed(self, moments: list[Moments]) -> list[Moments]:
+        """Return the moments of each craft outside the times in which it may not fire."""
+        if not self.problem.requirements:
+            return moments
+        found = []
+        for own, requirements in zip(moments, self.problem.requirements, strict=True):
+            free = np.ones(len(own.times), dtype=bool)
+            for one in requirements:
+                if isinstance(one, NoThrust):
+                    free &= ~one.forbids(own.times, own.times + own.widths)
+            found.append(own.some(free))
+        return found
+
+    def dual(self, fleet: Fleet, planes: Planes, tolerance: float, bar: float) -> Priced | None:
+        """Return the minimum cost of satisfying the planes at the fleet's moments; None above `bar`."""
+        count = self.problem.count
+        dual = Dual(np.zeros((count, 6)), np.zeros(len(planes.times)))
+        impulses = np.zeros((*fleet.times.shape, 3))
+        cost, needed = price(fleet, planes, tolerance, bar, dual, impulses)
+        if cost == inf:
+            self.needed = min(self.needed, needed) if needed > 1.0 else self.needed
+            return None
+        room = ROOM
+        instants, which = np.empty((count, room)), np.empty((count, room), dtype=np.int64)
+        counts = np.zeros(count, dtype=np.int64)
+        longest = find_peaks(fleet, planes, dual, LEVEL, instants, which, counts)
+        found = zip(instants, which, counts, strict=True)
+        peaks = [Moments.instants(times[:number], own[:number]) for times, own, number in found]
+        peaks = self.allowed(peaks)
+        return Priced(cost, dual.multipliers, impulses, longest, peaks)
+
+    def fleet(self, moments: list[Moments]) -> Fleet:
+        """Return all craft with the moments at which they may fire."""
+        (times, which, widths), counts = table_of(moments)
+        most = np.full(times.shape, inf)
+        if self.limits.any():
+            most = np.where(widths > 0.0, INSIDE * self.limits[:, None] * widths, inf)
+        along = self.pushes.along(which, times)
+        given = self.problem.bare.base, self.finals, times, along, widths, most, counts, self.span
+        return Fleet(*given, *self.pushes)
+
+    def planes(self, contacts: Contacts) -> Planes:
+        """Return the planes of contacts, with the shortfalls of coasting craft, and those of requirements."""
+        planes = Planes.room(contacts.number)
+        fill_planes(self.problem.bare, *self.drift, contacts, self.free, self.aim, planes)
+        if not len(self.reserves):
+            return planes
+        cuts = self.cuts._replace(misses=self.cuts.misses + self.inward * self.reserves)
+        return planes.joined(cuts)
+
+    def turned(self, found: Spent, nearer: float = NEAR) -> Contacts:
+        """Return active and near contacts, turned to their pairs' positions, and those of conflicts."""
+        problem, contacts, kept = self.problem, found.contacts, found.pushing
+        if self.failures is not None:
+            undrifting = ~drifting(contacts)
+            contacts, kept = contacts.some(undrifting), kept[undrifting]
+        contacts = contacts._replace(normals=problem.normals(found.flown, contacts, TURNED))
+        if not kept.all():
+            kept |= (contacts.normals * problem.motions(found.flown, contacts)[:, 0]).sum(axis=1) < nearer
+            contacts = contacts.some(kept)
+        for pair, row in found.checked.missed:
+            one = problem.at(pair, row[2])
+            start, end = problem.windows[0][one.which[0]]
+            when = np.abs(contacts.times - row[2])
+            same = (when <= ALIKE * (end - start)) & (contacts.which == one.which[0])
+            if same.any():
+                contacts = contacts._replace(times=np.where(same, row[2], contacts.times))
+            else:
+                near = np.flatnonzero(contacts.which == one.which[0])
+                if len(near):  # start from the pair's other plane
+                    one.normals[0] = contacts.normals[near[np.argmin(when[near])]]
+                contacts = contacts.joined(beside(problem, found.flown, one))
+        return contacts.joined(found.checked.lost)
+
+    def flown(self, fleet: Fleet, impulses: Floats) -> Flown:
+        """Return the paths of all bodies under impulses."""
+        count = self.problem.count
+        arcs = np.empty((count * (2 * fleet.times.shape[1] + 2), WIDTH))
+        offsets = np.empty(count + 1, dtype=np.int64)
+        number = fly_impulses(fleet, impulses, arcs, offsets)
+        return self.problem.with_obstacles(arcs[:number], offsets)
+
+
+def beside(problem: Problem, flown: Flown, contacts: Contacts) -> Contacts:
+    """Return contacts with normals on the sides on which paths pass; ahead where two craft meet."""
+    normals = problem.normals(flown, contacts, -inf)
+    return contacts._replace(normals=np.where(normals.any(axis=1, keepdims=True), normals, AHEAD))

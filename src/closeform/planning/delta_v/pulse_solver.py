@@ -1,0 +1,161 @@
+"""Pulses of on-off thrusters near safe impulses, with durations that give their delta-v.
+
+A round solves the planes for pulses with the durations of the round before.  Then each pulse gets the
+duration of its own delta-v, and thrust is lost amid it.  The paths are therefore those of the executed
+pulses, and the zones need no extra margin.  Pulses below the minimum impulse bit of their thruster are
+omitted, the smallest first, and the others compensate.                               # theory (38), (74)
+"""
+
+from math import inf
+from typing import Any, Self
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.fuel.pulses import extended
+from closeform.fuel.pulses import flown as flown_by_pulses
+from closeform.fuel.thrusters import Thrusters
+from closeform.motion.arc import END, START, STATE
+from closeform.motion.path import Path
+from closeform.planning.delta_v.burn_solver import apart
+from closeform.planning.delta_v.checks import Spent
+from closeform.planning.delta_v.dual.fleet import Fleet
+from closeform.planning.delta_v.firing_times import Moments, pushes_table, sizes_of, some_of_each
+from closeform.planning.delta_v.impulse_descent import at_rest, cleared
+from closeform.planning.delta_v.impulse_solver import ImpulseSolver
+from closeform.planning.problem.problem import Flown
+from closeform.planning.problem.scene import Contacts
+
+REPAIRS, MET = 8, 1e-13  # corrections of the ends, and the accepted error, of delta-v
+WITHIN = 1e-9  # of a craft's time: distance of pulses from its ends, for rounding
+DEPENDENT = 1e-9  # of the largest singular value: below it pulses have no effect
+ROOM = 1e-3  # of a zone: reserve of planes for pulses that change with the craft's mass
+LEFT_OUT = 40  # maximum rounds that omit pulses below a bit
+PART = 3  # fraction 1 / PART of those below a bit that is omitted at a time
+
+
+class PulseSolver(ImpulseSolver):
+    """Solver of another solver's problem near its impulses, by pulses of on-off thrusters.
+
+    Moments are the centres of the pulses.
+    """
+
+    fired_by: list[Thrusters]  # of each craft
+    now: list[Moments]  # of the current pulses
+    lasting: list[tuple[Moments, Floats]]  # durations of the previous round's pulses [s]
+
+    @classmethod
+    def of(cls, impulses: ImpulseSolver) -> Self:
+        """Return the pulse solver for a solver whose craft all have thrusters with an acceleration."""
+        solver = cls(impulses.problem, impulses.thrusters, impulses.names, impulses.failures)
+        solver.least += ROOM
+        solver.fired_by = [own for own in impulses.thrusters if own is not None]
+        return solver
+
+    def nearby(self, safe: Spent) -> Spent | None:
+        """Return clear pulses near safe impulses, none below its minimum bit; None without any."""
+        self.last_as(safe)
+        found = self.cleared(safe, sizes_of(safe.impulses) > 0.0)
+        found = None if found is None else at_rest(self, found, lambda one: one.moments)
+        for _ in range(LEFT_OUT):
+            if found is None or not (small := self.below_bit(found)).any():
+                return found
+            found = self.without(found, small)
+        return None
+
+    def cleared(self, found: Spent, left: Any) -> Spent | None:
+        """Return clear pulses reached by steps from those in a mask (N, J), at their moments or at more."""
+        some = self.some(found, left)
+        few = cleared(self, some)
+        return few if few is not None else cleared(self, some, self.following)
+
+    def without(self, found: Spent, small: Any) -> Spent | None:
+        """Return clear pulses without some of the small ones, or without one of them; None without any."""
+        sizes = sizes_of(found.impulses)
+        order = np.argsort(np.where(small, sizes, inf), axis=None)[: np.count_nonzero(small)]
+        for those in (order[: -(-len(order) // PART)], *order[:, None]):
+            left = sizes > 0.0
+            left.flat[those] = False
+            if (clear := self.cleared(found, left)) is not None:
+                return clear
+        return None
+
+    def some(self, found: Spent, left: Any) -> Spent:
+        """Return the result of the pulses in a mask (N, J)."""
+        pushes = [given[row] for given, row in zip(found.impulses, left, strict=True)]
+        return self.fired_at(some_of_each(found.moments, left), pushes_table(pushes), found)
+
+    def settled(self, best: Spent) -> Contacts:
+        """Return the contacts with the multipliers of the last round."""
+        return best.contacts
+
+    def turned(self, found: Spent, *nearer: float) -> Contacts:
+        """Return the turned contacts, and set the durations of the next round's pulses."""
+        self.last_as(found)
+        return super().turned(found, *nearer)
+
+    def last_as(self, found: Spent) -> None:
+        """Set the durations of pulses to those of a result."""
+        self.lasting = [
+            (own, self.lengths(i, own.which, row[: len(own.times)]))
+            for i, (own, row) in enumerate(zip(found.moments, sizes_of(found.impulses), strict=True))
+        ]
+
+    def fleet(self, moments: list[Moments]) -> Fleet:
+        """Return all craft with pulses about their moments."""
+        self.now, fleet = moments, super().fleet(moments)
+        for i, (own, (before, lengths)) in enumerate(zip(moments, self.lasting, strict=True)):
+            same = (own.times[:, None] == before.times) & (own.which[:, None] == before.which)
+            widths = same @ lengths
+            fleet.widths[i, : len(widths)] = widths
+            fleet.times[i, : len(widths)] = self.begins(i, own, widths)
+        return fleet
+
+    def lengths(self, i: int, which: Any, sizes: Floats) -> Floats:
+        """Return the durations of thrusters (J,) of a craft for their delta-v (J,) [m/s]."""
+        found: Floats = sizes / self.fired_by[i].acceleration[which]
+        return found
+
+    def begins(self, i: int, own: Moments, lengths: Floats) -> Floats:
+        """Return start times of pulses of durations (J,) [s], nearest to their moments, without overlap."""
+        first, last = self.problem.base[i, [START, END]]
+        inside = WITHIN * (last - first)
+        first, last = first + inside, last - inside
+        begins: Floats = np.clip(own.times - 0.5 * lengths, first, last - lengths)
+        for one in np.unique(own.which):
+            mine = np.flatnonzero(own.which == one)
+            if (begins[mine][1:] < (begins + lengths)[mine][:-1]).any():
+                begins[mine] = apart(begins[mine], lengths[mine], lengths[mine] + inside, first, last)
+        return begins
+
+    def flown(self, fleet: Fleet, impulses: Floats) -> Flown:
+        """Return the paths of all bodies under pulses with the sizes of impulses, with corrected ends."""
+        return self.problem.with_path(*(self.pulsed(i, own) for i, own in enumerate(impulses)))
+
+    def pulsed(self, i: int, impulses: Floats) -> Path:
+        """Return one craft's path by pulses with the sizes of `impulses` (J, 3)."""
+        problem, every, thrusters = self.problem, self.now[i], self.fired_by[i]
+        orbit, (start, end) = problem.orbit, problem.base[i, [START, END]]
+        initial, final = problem.base[i, STATE : STATE + 6], self.finals[i]
+        sizes = np.linalg.norm(impulses[: len(every.times)], axis=1)
+        fired = np.flatnonzero(sizes)
+        own, sizes = every.some(fired), sizes[fired]
+        units = np.array([orbit.mean_motion or 1.0 / (end - start)] * 3 + [1.0] * 3)
+        for _ in range(REPAIRS):
+            lengths = self.lengths(i, own.which, sizes)
+            begins = self.begins(i, own, lengths)
+            middle, strength = begins + 0.5 * lengths, thrusters.acceleration[own.which]
+            times = np.stack([begins, begins + lengths])
+            path = flown_by_pulses(orbit, thrusters, own.which, times, strength, initial, (start, end))
+            along = thrusters.directions_at(orbit, middle)[np.arange(len(own.times)), own.which]
+            off = units * (final - path.state(end))
+            if np.abs(off).max() <= MET * sizes.sum():
+                break
+            effects = (
+                units[:, None] * (orbit.transition(end - middle)[:, :, 3:] @ along[:, :, None])[..., 0].T
+            )
+            change = np.linalg.pinv(effects * sizes, rcond=DEPENDENT) @ off
+            sizes = np.maximum(sizes * (1.0 + change), 0.0)
+        impulses[:] = 0.0
+        impulses[fired] = sizes[:, None] * along
+        return extended(path, problem.first, problem.arrival)

@@ -1,0 +1,1 @@
+"""Minimum energy around zones: passing sides, contacts, and the local solver."""

@@ -1,0 +1,194 @@
+"""Paths of minimum energy: choice of the search by requirement, and its outcome as contacts in metres."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from math import nan
+from typing import Any
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.fuel.pulses import extended
+from closeform.motion.path import Path
+from closeform.planning.energy.local_solver import LocalSolver, nearer
+from closeform.planning.energy.side_search import MARGINS, Found, Search
+from closeform.planning.infeasible_ends import unseparated
+from closeform.planning.plan import Contact
+from closeform.planning.problem.problem import Closest, Flown, Problem, deepest
+from closeform.planning.problem.scene import Contacts
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """Outcome of a search: clear paths with their contacts, or None with the pair in the deepest conflict.
+
+    `extra` is the energy beyond the unconstrained optima, and `margin` the factor by which the zones were
+    enlarged.  `order` is the planning order of sequential planning, if it differs from the requested one.
+    `delta_v` [m/s] is set where it was minimised, summed over thrusters.  `enough` (N,) [m/s^2] is the thrust
+    of clear paths where none was found within limits; `limited` is True if clear paths exist without limits.
+    `priced` is True if the multipliers are slopes of the minimised cost.  `closest` are the
+    paths nearest to being clear where none is; `unfired` is True if impulses are clear but pulses are not.
+    """
+
+    flown: Flown | None
+    contacts: tuple[Contact, ...]
+    extra: float
+    margin: float
+    proven: bool
+    tried: int
+    blocked: tuple[int, int] | None = None
+    order: tuple[int, ...] = ()
+    delta_v: float = nan
+    priced: bool = True
+    enough: Floats | None = None
+    limited: bool = False
+    closest: Closest = field(default_factory=Closest)
+    unfired: bool = False
+    below_bit: int = 0  # impulses that thrusters cannot give, where no clear plan without any was found
+    reason: str = ""  # of a method that gives its own
+
+    @property
+    def unfireable(self) -> str:
+        """Return as text how many impulses are below the minimum bit, empty without any."""
+        count = self.below_bit
+        return f"; no plan found without the {count} impulses below minimum_bit" if count else ""
+
+    def near_miss(self, problem: Problem, names: Sequence[str]) -> str:
+        """Return the clearance of the closest paths of a search without safe paths, and suggestions."""
+        from closeform.planning.passive.passive_search import (
+            failures_with_norms,  # only plans with a drift need it
+        )
+
+        effort, said = problem.effort, ""
+        if self.closest.flown is not None:
+            planned = problem.path(self.closest.flown)
+            each = (planned[k] for k in range(problem.count))
+            whole = problem.with_path(*(extended(own, problem.first, problem.last) for own in each))
+            met = problem.conflicts(whole)
+            failed, norms = failures_with_norms(problem, planned, problem.bodies(whole))
+            every = problem.met(met).joined(failed)
+            if every.number:
+                ratios = np.append([row[3] for _, row in met], norms)
+                k = int(np.argmin(ratios))
+                (one, other), drifts, time = problem.pairs[every.which[k]], every.drifts[k], every.times[k]
+                one, other = (other, one) if drifts[1] > 0.0 else (one, other)
+                lost = f" after a loss of thrust at {time - drifts.max():.6g} s" if drifts.any() else ""
+                said = (
+                    f"; the nearest miss: {names[one]} reaches {ratios[k]:.4f} x zone from "
+                    f"{names[other]} at {time:.6g} s{lost}"
+                )
+        if self.unfired:
+            said = (
+                f"; impulses are safe, but no safe pulses above the thrusters' minimum_bit were found{said}"
+            )
+        if effort.ended:
+            said += f"; the search has used its effort; a budget above {effort.usual} raises it in proportion"
+        return said + unseparated(problem, names)
+
+
+def solve(problem: Problem, budget: int | None = None, more: bool = False, waiting: bool = True) -> Outcome:
+    """Return the best of at most `budget` candidates; the default budget depends on the pairs in contact.
+
+    Zones are enlarged only by what rounding requires, and by more only if no clear path is found.  With
+    `waiting`, passively safe paths are otherwise blended from a two-impulse plan with waits.
+    """
+    if problem.drift is not None:
+        from closeform.planning.passive.passive_search import PassiveSearch
+
+        search = PassiveSearch(problem, MARGINS[0], budget, more)
+        passive = replace(outcome(search.run()), closest=search.rounds.closest)
+        if passive.flown is not None or not waiting:
+            return passive
+        from closeform.planning.passive.two_impulse_blend import blended_plan
+
+        flown = blended_plan(problem, MARGINS[1])
+        if flown is None:
+            return passive
+        extra = max(problem.energy(flown) - problem.energy(problem.direct), 0.0)
+        return Outcome(flown, (), extra, MARGINS[1], False, passive.tried + 1, priced=False)
+    if problem.sigmas:
+        from closeform.planning.sigmas.sigma_problem import SigmaProblem
+        from closeform.planning.sigmas.sigma_search import SigmaSearch
+
+        assert isinstance(problem, SigmaProblem)
+        return outcome(SigmaSearch(problem, MARGINS[0], budget, more).run())
+    searches = []
+    for margin in MARGINS if problem.count == 1 else MARGINS[:1]:
+        searches.append(Search(problem, margin, budget, more).run())
+        if searches[-1].best.clear:
+            break
+    found = searches[-1] if searches[-1].best.clear else searches[0]
+    return replace(outcome(found), tried=sum(search.tried for search in searches))
+
+
+def is_passive(problem: Problem, own: Path, flown: Flown) -> bool:
+    """Return whether paths (N,) are passively safe among all bodies; True for a problem without `drift`."""
+    if problem.drift is None:
+        return True
+    from closeform.planning.passive.passive_search import failures
+
+    return not failures(problem, own, problem.bodies(flown)).number
+
+
+def outcome(found: Found) -> Outcome:
+    """Return the outcome of a search."""
+    best = found.best
+    if not best.clear:
+        conflicts = best.problem.conflicts(best.flown)
+        blocked = deepest(conflicts)[0] if conflicts else None
+        return Outcome(None, (), nan, found.margin, False, found.tried, blocked)
+    touched = contacts_of(best.problem, best.contacts, best.flown)
+    return Outcome(best.planned, touched, best.energy, found.margin, found.proven, found.tried)
+
+
+def joined(problem: Problem, alone: Outcome, before: Outcome) -> Outcome:
+    """Return sequentially planned paths re-optimised jointly on the same sides, or the outcome `before`."""
+    tried = before.tried + alone.tried
+    if alone.flown is None:
+        return replace(before, tried=tried)
+    solver = LocalSolver(problem, MARGINS[0])
+    start = solver.nearest(alone.flown, problem.touched(alone.contacts))
+    together = solver.solve(start, nearer(problem))
+    if not together.clear or problem.energy(together.flown) > problem.energy(alone.flown):
+        return replace(alone, tried=tried)
+    return outcome(Found(together, MARGINS[0], False, tried + 1))
+
+
+def contacts_of(problem: Problem, contacts: Contacts, flown: Flown) -> tuple[Contact, ...]:
+    """Return the contacts in metres, in order of time."""
+    if not contacts.number:
+        return ()
+    contacts = contacts.some(np.argsort(contacts.times, kind="stable"))
+    pairs, kinds = problem.pairs[contacts.which], problem.kinds[contacts.which]
+    pushes = (contacts.normals[:, None] @ problem.bare.matrices[kinds])[:, 0]
+    sizes = np.sqrt((pushes * pushes).sum(axis=1))
+    second = contacts.drifts[:, 1] > 0.0  # the craft without thrust is listed first
+    pairs = np.where(second[:, None], pairs[:, ::-1], pairs)
+    pushes[second] *= -1.0
+    drifts = contacts.drifts.max(axis=1)
+    failed, lost = drifts > 0.0, contacts.times - drifts
+    ways = pushes / sizes[:, None]
+    spread = problem.deviations(flown, contacts, ways)
+    reaches = 1.0 / sizes - problem.sigmas * spread
+    places = problem.path(flown)._at(pairs[:, 0], lost)
+    if failed.any():
+        places[failed] = (problem.orbit.transition(drifts[failed]) @ places[failed, :, None])[..., 0]
+    # normals are means of gradients of the norm; along each gradient a zone's extent is 1
+    forces = contacts.multipliers * sizes
+    columns = contacts.times, *pairs.T, forces, reaches, np.where(failed, lost, nan), spread
+    rows = zip(*(column.tolist() for column in columns), places[:, :3], ways, strict=True)
+    return tuple(
+        Contact(time, first, second, place, normal, multiplier, reach, failed_at, sigma)
+        for time, first, second, multiplier, reach, failed_at, sigma, place, normal in rows
+    )
+
+
+def once(contacts: tuple[Contact, ...]) -> tuple[Contact, ...]:
+    """Return the contacts without duplicates, whose multipliers are added."""
+    found: dict[Any, Contact] = {}
+    for one in contacts:
+        failed = None if one.failed_at != one.failed_at else round(one.failed_at, 6)
+        key = one.first, one.second, round(one.time, 6), failed, *one.normal.round(6).tolist()
+        held = found.get(key)
+        found[key] = one if held is None else replace(held, multiplier=held.multiplier + one.multiplier)
+    return tuple(found.values())

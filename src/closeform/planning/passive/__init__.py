@@ -1,0 +1,1 @@
+"""Minimum energy with passive safety: clear of zones after any loss of thrust."""

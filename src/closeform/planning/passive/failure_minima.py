@@ -1,0 +1,275 @@
+"""Close approaches of craft after a loss of thrust: for every instant of failure, the free drift after it.
+
+    r(t; s) = E Phi(t - s) x(s) - r_other(t),    t >= s                                       # theory (44)
+
+Instants s of failure and times t are sampled; each local minimum over t is refined.  A minimum that is
+missed costs a round of planning, not safety: the certified search has the last word.
+"""
+
+import numpy as np
+from numba import float64, int64, void
+
+from closeform._jit import kernel
+from closeform.kernel_loans import borrowed, stack_matrix, stack_vector
+from closeform.motion.arc import END, MEAN_MOTION, START, primer_at, state_at
+from closeform.motion.certified_march import locate
+from closeform.motion.hill import coast, oscillation
+from closeform.planning.problem.approaches import sample_body, slide, spread
+from closeform.planning.problem.contacts import turn_normal
+from closeform.planning.problem.relative_motion import add_body, add_coasting, in_zone, motion_after
+from closeform.planning.problem.rounded_norm import norm_rate, rounded_norm
+from closeform.planning.problem.scene import CONTACTS, INDICES, NUMBERS, ROWS, SCENE
+from closeform.zones.shapes import BALL, norm
+
+STEPS = 4  # maximum steps of Newton's method to a minimum
+LOWER = 0.3  # of the fall to a sample from its neighbours: possible further fall to the minimum
+FINE = 1e-9  # of all time: accuracy of a minimum
+BEYOND = 1e100  # squared norm above which a body is absent
+SETTLED = 1e-7  # of all time: accuracy of an instant of failure
+STRIDE, DAMPED = 0.01, 1e-3  # maximum step, of all time; damping of a step
+
+
+@kernel()
+def fill_clock(n, start, times, clock):
+    """Fill `clock` (4, T): the time since the start, and P_0, P_1, P_2 of it."""
+    for k in range(len(times)):
+        p0, p1, p2 = oscillation(n, times[k] - start)
+        clock[0, k], clock[1, k], clock[2, k], clock[3, k] = times[k] - start, p0, p1, p2
+
+
+@kernel()
+def lost_state(scene, arcs, offsets, craft, s, out):
+    """Fill `out` (6,) with the state at the first time of the free drift after a loss of thrust at s."""
+    arc = arcs[locate(arcs, offsets[craft], offsets[craft + 1], s)]
+    n, x = arc[MEAN_MOTION], state_at(arc, s)
+    back = coast(n, scene.span[0] - s, x[0], x[1], x[2], x[3], x[4], x[5])
+    for i in range(6):
+        out[i] = back[i]
+
+
+@kernel()
+def fill_gaps(n, lost, clock, matrix, other, first, gaps):
+    """Fill `gaps` (3, T) with the relative positions of a natural motion to another body, from `first` on.
+
+    They are in zone coordinates.
+    """
+    x, y, z, vx, vy, vz = lost[0], lost[1], lost[2], lost[3], lost[4], lost[5]
+    ax = n * (3.0 * n * x + 2.0 * vy)
+    for k in range(first, clock.shape[1]):
+        t, p0, p1, p2 = clock[0, k], clock[1, k], clock[2, k], clock[3, k]
+        gx = x + vx * p0 + ax * p1 - other[0, k]
+        gy = y + vy * t - 2.0 * n * (vx * p1 + ax * p2) - other[1, k]
+        gz = z - n * n * z * p1 + vz * p0 - other[2, k]
+        for i in range(3):
+            gaps[i, k] = matrix[i, 0] * gx + matrix[i, 1] * gy + matrix[i, 2] * gz
+
+
+@kernel()
+def fill_squares(scene, kind, sign, gaps, first, squares):
+    """Fill the squares of a zone's norm at all samples, with a sign; beyond any for absent bodies."""
+    shape = scene.shapes[kind]
+    if shape == BALL:
+        for k in range(first, len(squares)):
+            squares[k] = gaps[0, k] * gaps[0, k] + gaps[1, k] * gaps[1, k] + gaps[2, k] * gaps[2, k]
+        return
+    faces = scene.faces[scene.face_offsets[kind] : scene.face_offsets[kind + 1]]
+    for k in range(first, len(squares)):
+        size = norm(shape, faces, sign * gaps[0, k], sign * gaps[1, k], sign * gaps[2, k])
+        squares[k] = size * abs(size)
+
+
+@kernel()
+def drifting_motion(scene, arcs, offsets, which, side, lost, t, out):
+    """Fill the relative motion of a pair with one body on a natural motion, in zone coordinates."""
+    sign = 1.0 if side == 0 else -1.0
+    out[:] = 0.0
+    add_coasting(scene.base[0, MEAN_MOTION], t - scene.span[0], lost, out, sign)
+    add_body(scene, arcs, offsets, scene.pairs[which, 1 - side], t, 3, out, -sign)
+    in_zone(scene, which, out)
+
+
+@kernel()
+def lowest(scene, arcs, offsets, which, side, lost, t, low, high, motion):
+    """Return the time of the minimum norm near t, within [low, high]; fill the relative motion there."""
+    kind, work = scene.kinds[which], stack_vector(3)
+    faces = scene.faces[scene.face_offsets[kind] : scene.face_offsets[kind + 1]]
+    fine = FINE * (scene.span[1] - scene.span[0])
+    while scene.shapes[kind] != BALL and high - low > fine:
+        t = 0.5 * (low + high)
+        drifting_motion(scene, arcs, offsets, which, side, lost, t, motion)
+        if norm_rate(scene.shapes[kind], faces, scene.powers[kind], motion, work) < 0.0:
+            low = t
+        else:
+            high = t
+    for _ in range(STEPS):
+        drifting_motion(scene, arcs, offsets, which, side, lost, t, motion)
+        slope, bend = 0.0, 0.0
+        for i in range(3):
+            slope += motion[0, i] * motion[1, i]
+            bend += motion[1, i] * motion[1, i] + motion[0, i] * motion[2, i]
+        if not bend > 0.0 or abs(slope) <= fine * bend:
+            break
+        t = min(max(t - slope / bend, low), high)
+    drifting_motion(scene, arcs, offsets, which, side, lost, t, motion)
+    return t
+
+
+@kernel()
+def pair_norm(scene, which, motion):
+    """Return a pair's norm with rounded edges, as a share of the aim."""
+    kind = scene.kinds[which]
+    faces = scene.faces[scene.face_offsets[kind] : scene.face_offsets[kind + 1]]
+    x, y, z = motion[0, 0], motion[0, 1], motion[0, 2]
+    return rounded_norm(scene.shapes[kind], faces, scene.powers[kind], x, y, z) / scene.aims[kind]
+
+
+@kernel()
+def add_minima(scene, arcs, offsets, which, side, s, lost, squares, first, reach, contacts, norms, count):
+    """Add the local minima over t of one failure within reach; return the number of contacts."""
+    motion, last = stack_matrix(3, 3), len(squares) - 1
+    times = scene.times
+    for k in range(first, last + 1):
+        here = squares[k]
+        before = squares[k - 1] if k > first else BEYOND
+        after = squares[k + 1] if k < last else BEYOND
+        if here >= BEYOND or here > before or here > after:
+            continue
+        fall = max(before if before < BEYOND else here, after if after < BEYOND else here) - here
+        if here - LOWER * fall > reach * reach:
+            continue
+        low = max(times[k - 1] if k > first else s, scene.presence[which, 0])
+        high = min(times[min(k + 1, last)], scene.presence[which, 1])
+        t = lowest(scene, arcs, offsets, which, side, lost, times[k], low, high, motion)
+        size = pair_norm(scene, which, motion)
+        if not size < reach or count == len(norms):
+            continue
+        contacts.which[count], contacts.times[count], norms[count] = which, t, size
+        contacts.drifts[count, side], contacts.drifts[count, 1 - side] = t - s, 0.0
+        turn_normal(scene, which, motion, contacts.normals[count])
+        count += 1
+    return count
+
+
+@kernel(int64(SCENE, ROWS, INDICES, ROWS, ROWS, float64, CONTACTS, NUMBERS))
+def find_failures(scene, arcs, offsets, moments, shifts, reach, contacts, norms):
+    """Fill `contacts` with local minima over time after failures at `moments` (N, S); return their number.
+
+    Minima are those within `reach` aims; `norms` receives their norms.  `shifts` (N + M, 6) are added to the
+    bodies as natural motions, given as states at the first time.
+    """
+    arcs, offsets = borrowed(arcs), borrowed(offsets)
+    craft, count, times = len(scene.base), 0, scene.times
+    n = scene.base[0, MEAN_MOTION]
+    places = np.empty((len(scene.states), 3, len(times)))
+    states, clock = np.empty((len(times), 6)), np.empty((4, len(times)))
+    gaps, squares = np.empty((3, len(times))), np.empty(len(times))
+    fill_clock(n, scene.span[0], times, clock)
+    for body in range(len(scene.states)):
+        if body < craft:
+            sample_body(arcs, offsets[body], offsets[body + 1], times, states)
+            spread(states, places[body])
+        else:
+            spread(scene.states[body], places[body])
+    lost = np.empty(6)
+    for which in range(len(scene.pairs)):
+        matrix = scene.matrices[scene.kinds[which]]
+        for side in range(2):
+            body, other = scene.pairs[which, side], scene.pairs[which, 1 - side]
+            if body >= craft:
+                continue
+            for k in range(moments.shape[1]):
+                s = moments[body, k]
+                lost_state(scene, arcs, offsets, body, s, lost)
+                for i in range(6):
+                    lost[i] += shifts[body, i] - shifts[other, i]
+                first = np.searchsorted(times, s)
+                fill_gaps(n, lost, clock, matrix, places[other], first, gaps)
+                fill_squares(scene, scene.kinds[which], 1.0 - 2.0 * side, gaps, first, squares)
+                count = add_minima(
+                    *(scene, arcs, offsets, which, side, s, lost, squares, first, reach),
+                    *(contacts, norms, count),
+                )
+    return count
+
+
+@kernel()
+def fill_turns(scene, arcs, offsets, which, side, t, drift, out):
+    """Fill derivatives of a pair's position after a failure at s: rows d/ds, d2/dsdt, d2/ds2.
+
+    In zone coordinates.                                                                 # theory (44)
+    """
+    craft = scene.pairs[which, side]
+    arc = arcs[locate(arcs, offsets[craft], offsets[craft + 1], t - drift)]
+    n = arc[MEAN_MOTION]
+    ux, uy, uz, wx, wy, wz = primer_at(arc, t - drift)
+    sign = 1.0 if side == 0 else -1.0
+    first = coast(n, drift, 0.0, 0.0, 0.0, ux, uy, uz)
+    second = coast(n, drift, -ux, -uy, -uz, wx - 2.0 * n * uy, wy + 2.0 * n * ux, wz)
+    for i in range(3):
+        out[0, i], out[1, i], out[2, i] = sign * first[i], sign * first[3 + i], sign * second[i]
+    in_zone(scene, which, out)
+
+
+@kernel()
+def slide_failure(scene, arcs, offsets, contacts, k, side, motion, turns):
+    """Move contact k to its pair's closest approach over failure instant and time, by Newton's method."""
+    which, span = contacts.which[k], scene.span[1] - scene.span[0]
+    craft = scene.base[scene.pairs[which, side]]
+    margin = 1e-7 * (craft[END] - craft[START])
+    for _ in range(2 * STEPS):
+        t, drift = contacts.times[k], contacts.drifts[k, side]
+        motion_after(scene, arcs, offsets, which, t, contacts.drifts[k], motion)
+        fill_turns(scene, arcs, offsets, which, side, t, drift, turns)
+        gs = gt = ss = st = tt = 0.0
+        for i in range(3):
+            q, moving = motion[0, i], motion[1, i]
+            gs, gt = gs + q * turns[0, i], gt + q * moving
+            ss += turns[0, i] * turns[0, i] + q * turns[2, i]
+            st += turns[0, i] * moving + q * turns[1, i]
+            tt += moving * moving + q * motion[2, i]
+        if t >= scene.span[1] and gt < 0.0:  # at the last time: a step in s alone
+            gt, st, tt = 0.0, 0.0, 1.0
+        if not (tt > 0.0 and ss * tt > st * st):  # not convex: treat both motions as straight
+            ss, st, tt = 0.0, 0.0, 0.0
+            for i in range(3):
+                ss, tt = ss + turns[0, i] * turns[0, i], tt + motion[1, i] * motion[1, i]
+                st += turns[0, i] * motion[1, i]
+            ss, tt = (1.0 + DAMPED) * ss, (1.0 + DAMPED) * tt
+        size = ss * tt - st * st
+        if not size > 0.0:
+            return
+        ds, dt = (st * gt - tt * gs) / size, (st * gs - ss * gt) / size
+        shorter = min(1.0, STRIDE * span / max(abs(ds), abs(dt), 1e-300))
+        ds, dt = shorter * ds, shorter * dt
+        s = min(max(t - drift + ds, craft[START] + margin), craft[END] - margin)
+        contacts.times[k] = min(max(t + dt, s), scene.span[1])
+        contacts.drifts[k, side] = contacts.times[k] - s
+        if max(abs(ds), abs(dt)) <= SETTLED * span:
+            return
+
+
+@kernel(void(SCENE, ROWS, INDICES, CONTACTS, ROWS, NUMBERS))
+def slide_failures(scene, arcs, offsets, contacts, turned, norms):
+    """Move contacts to their pairs' current closest approaches, with the normals there.
+
+    Contacts with edged zones keep their failure instants.  Fills the normals `turned` (K, 3) at the previous
+    times, and the norms (K,) as a share of the aim.
+    """
+    motion, turns, work, before = stack_matrix(3, 3), stack_matrix(3, 3), stack_vector(3), stack_vector(3)
+    for k in range(len(contacts.times)):
+        which = contacts.which[k]
+        before[0], before[1], before[2] = contacts.times[k], contacts.drifts[k, 0], contacts.drifts[k, 1]
+        motion_after(scene, arcs, offsets, which, contacts.times[k], contacts.drifts[k], motion)
+        size = pair_norm(scene, which, motion)
+        turn_normal(scene, which, motion, turned[k])
+        side = 0 if contacts.drifts[k, 0] > 0.0 else 1
+        if contacts.drifts[k, side] == 0.0:
+            contacts.times[k] = slide(scene, arcs, offsets, which, before[0], FINE, motion, work)
+        elif scene.shapes[scene.kinds[which]] == BALL:
+            slide_failure(scene, arcs, offsets, contacts, k, side, motion, turns)
+        motion_after(scene, arcs, offsets, which, contacts.times[k], contacts.drifts[k], motion)
+        if pair_norm(scene, which, motion) > size:
+            contacts.times[k], contacts.drifts[k, 0], contacts.drifts[k, 1] = before[0], before[1], before[2]
+            motion_after(scene, arcs, offsets, which, contacts.times[k], contacts.drifts[k], motion)
+        norms[k] = pair_norm(scene, which, motion)
+        turn_normal(scene, which, motion, contacts.normals[k])

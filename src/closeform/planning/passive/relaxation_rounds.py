@@ -1,0 +1,233 @@
+"""Rounds of a passively safe plan: planes are satisfied and turned until no failed craft enters a zone.
+
+A round solves the program of the known planes (the zones' supporting planes at close approaches of failed
+craft), deflects all paths, and samples all failures of the new paths.  Their minima over time become planes,
+and so do the closest approaches over failure instant and time near active planes.  At first the planes are
+soft, while their normals turn.  All planes are those of the current paths, so that safe paths stay safe and
+become cheaper.                                                                                # theory 4
+"""
+
+from math import inf
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.motion.arc import END, START
+from closeform.planning.energy.plane_program import TOGETHER, press_in
+from closeform.planning.passive.failure_minima import find_failures, slide_failures
+from closeform.planning.problem.deflection import fly, room_for
+from closeform.planning.problem.problem import MARGIN, Closest, Flown, Problem
+from closeform.planning.problem.scene import Contacts, Scene
+from closeform.zones.shapes import BALL
+
+ROUNDS, BLIND, HOPELESS = 40, 12, 6  # maximum rounds, in total, to a first plan, and without improvement
+SOFT, FADE, HARD = 0.1, 0.5, 1e-9  # softness of planes: initial, decay per round, and final
+# Zones, within which a sampled minimum becomes a plane, and is refined to the nearest minimum.
+REACH, NEAR = 1.8, 1.4
+MOMENTS = 48  # sampled instants of failure of each craft, or of each orbit where that is more
+EARLY = 1e-4, 1e-3, 4e-3  # of a craft's time: additional instants near its ends
+SAME = 0.25  # of the time between them: closer contacts are merged
+NEARLY = 1e-2  # shortfall in zones up to which planes are raised
+DEAR = 10.0  # penalty of a plan, as a share of its energy, for each zone of shortfall
+STEADY = 1e-3  # relative change of energy at which rounds end
+RAISES, BEYOND = 4, 1e-9  # maximum raises, and their excess over the shortfall
+ROOM = 400  # capacity for minima, for each pair
+POWER = 32.0  # of the norms whose balls enclose zones with edges
+GIVEN_UP = 2.0  # times the energy to beat
+CHEAP = 0.2  # of the unconstrained energy: bar below which the rounds are fewer
+STEPS, STRIDE = 60, 0.3  # maximum short steps of a formation, and their length in zones
+HELD, FORGOTTEN = (
+    0.95,
+    1e-3,
+)  # share of the multipliers kept in the next step, and below which they are dropped
+OUTWARD = 1.002  # zones: target of steps from nearly safe paths
+LOOSE, LOOSER = 3.0, 0.7  # softness of planes in the first step, and its decay
+SETTLING = 1e-2  # softness in the first round after the steps
+
+
+class Relaxed(NamedTuple):
+    """Result of rounds: active contacts, and their energy; inf where craft are not safe."""
+
+    contacts: Contacts
+    energy: float
+
+
+class Rounds:
+    """Rounds of one problem, with zones enlarged by the factor `margin`."""
+
+    def __init__(self, problem: Problem, margin: float) -> None:
+        self.problem, scene = problem, problem.seen
+        edged = scene.shapes != BALL
+        self.scene = scene._replace(
+            powers=np.where(edged, POWER, inf),
+            aims=np.where(edged, margin * 3.0 ** (1.0 / POWER), margin),
+        )
+        start, end = problem.base[:, START], problem.base[:, END]
+        longest = float((end - start).max())
+        count = int(MOMENTS * max(1.0, longest * problem.orbit.mean_motion / (2.0 * np.pi)))
+        shares = np.concatenate([EARLY, (np.arange(count) + 0.5) / count, 1.0 - np.array(EARLY)])
+        shares = MARGIN + (1.0 - 2.0 * MARGIN) * np.sort(shares)
+        self.moments = start[:, None] + (end - start)[:, None] * shares
+        self.same = SAME * longest / count
+        self.direct_energy = problem.energy(problem.direct)
+        self.unshifted = np.zeros((len(scene.states), 6))
+        self.room = Contacts.none(ROOM * (1 + len(scene.pairs)))
+        self.norms = np.empty(self.room.number)
+        self.closest = Closest()
+
+    def shifted(self, shifts: Floats) -> Contacts:
+        """Return initial planes: those of the unconstrained paths, shifted by natural motions."""
+        direct = self.scene.direct, self.scene.direct_offsets
+        return self.sampled(*direct, shifts)[0]
+
+    def relaxed(self, planes: Contacts, bar: float = inf, soft: float = SOFT) -> Relaxed:
+        """Return the result of rounds from planes with initial softness `soft`; stop well above `bar`."""
+        best, before, least, latest = None, inf, inf, 0
+        for turn in range(ROUNDS):
+            energy, arcs, offsets = self.pressed(planes, 1.0, max(soft * FADE**turn, HARD))
+            if energy == inf:
+                break
+            found, short = self.failures(arcs, offsets, pressing(planes))
+            cost = energy * (1.0 + DEAR * short)
+            if short < NEARLY and cost < least:
+                best, least, latest = (planes, short), cost, turn
+            steady = turn - latest > HOPELESS or abs(energy - before) <= STEADY * energy
+            if best is None and turn == BLIND and bar < CHEAP * self.direct_energy:
+                break
+            if best is not None and (steady or least > GIVEN_UP * bar):
+                break
+            before, planes = energy, found
+        return self.raised(*best) if best is not None else Relaxed(pressing(planes), inf)
+
+    def raised(self, planes: Contacts, short: float) -> Relaxed:
+        """Return the result with planes raised by the remaining shortfall."""
+        lift = 1.0
+        for _ in range(RAISES):
+            lift += 1.5 * short + BEYOND
+            energy, arcs, offsets = self.pressed(planes, lift, HARD)
+            if energy == inf:
+                break
+            short = self.failures(arcs, offsets, pressing(planes))[1]
+            if short == 0.0:
+                return Relaxed(pressing(planes), energy)
+            if short > NEARLY:
+                break
+        return Relaxed(pressing(planes), inf)
+
+    def walked(self, planes: Contacts, bar: float = inf) -> Relaxed:
+        """Return the result of rounds from paths made safe by short steps, or these paths if cheaper."""
+        safe, planes = self.stepped(Contacts.none(), planes, LOOSE)
+        if not safe.energy < inf:
+            return safe
+        best = self.relaxed(planes, bar, soft=SETTLING)
+        return best if best.energy < safe.energy else safe
+
+    def stepped(self, held: Contacts, planes: Contacts, loose: float = HARD) -> tuple[Relaxed, Contacts]:
+        """Return safe paths reached by short steps from those of the `held` contacts, and their planes.
+
+        Each step starts with most of the previous multipliers, for nearly safe paths with a growing share,
+        and moves these slightly out of the zones.  Planes have initial softness `loose`.
+        """
+        keep, short = HELD, inf
+        for turn in range(STEPS):
+            held = held._replace(multipliers=keep * held.multipliers)
+            if short >= NEARLY:
+                held = held.some(held.multipliers > FORGOTTEN * held.multipliers.max(initial=0.0))
+            direct, direct_offsets = self.flown(held)
+            there = self.scene._replace(direct=direct, direct_offsets=direct_offsets)
+            lift = 1.0 if short >= NEARLY else OUTWARD
+            give = max(loose * LOOSER**turn, HARD)
+            if self.pressed(planes, lift, give, scene=there, stride=STRIDE)[0] == inf:
+                break
+            pressed = pressing(planes)
+            held = held.joined(pressed)
+            arcs, offsets = self.flown(held)
+            planes, short = self.failures(arcs, offsets, pressed)
+            if short == 0.0:
+                energy = self.problem.energy((arcs, offsets)) - self.direct_energy
+                return Relaxed(held, energy), planes
+            keep = 0.5 * (1.0 + keep) if short < NEARLY else HELD
+        return Relaxed(held, inf), planes
+
+    def flown(self, contacts: Contacts) -> tuple[Floats, Any]:
+        """Return the craft's arcs under the contacts' multipliers."""
+        arcs, offsets = room_for(self.scene, contacts)
+        return arcs[: fly(self.scene, contacts, arcs, offsets)], offsets
+
+    def pressed(
+        self,
+        planes: Contacts,
+        lift: float,
+        give: float,
+        most: float = TOGETHER,
+        *,
+        scene: Scene | None = None,
+        stride: float = inf,
+    ) -> tuple[float, Floats, Any]:
+        """Fill the planes' multipliers; return their energy and the craft's arcs."""
+        self.problem.effort.used += planes.number**2  # a pair of planes costs as much as a sample
+        return press_in(scene or self.scene, planes, lift, give, stride, most)
+
+    def failures(self, arcs: Floats, offsets: Any, known: Contacts) -> tuple[Contacts, float]:
+        """Return planes at close approaches of failed craft of the given paths, and the largest shortfall.
+
+        They are sampled failures, closest approaches near these and the `known` contacts, and the previous
+        places of the known contacts.
+        """
+        fresh, norms = self.sampled(arcs, offsets, self.unshifted)
+        slid, stayed, ratios = self.slid(arcs, offsets, known.joined(fresh.some(norms < NEAR)))
+        order = np.argsort(ratios, kind="stable")
+        both = slid.some(order).joined(stayed.first(known.number))
+        nearest = float(min(norms.min(initial=inf), ratios.min(initial=inf)))
+        self.closest.note(nearest, arrived(self.problem, arcs, offsets))
+        return both.some(self.once(both)).joined(fresh), max(1.0 - nearest, 0.0)
+
+    def inside(self, arcs: Floats, offsets: Any, known: Contacts) -> tuple[Contacts, float]:
+        """Return the failures of the given paths inside zones, without duplicates, and the largest shortfall.
+
+        They are the closest approaches near sampled failures and the `known` contacts.
+        """
+        fresh, norms = self.sampled(arcs, offsets, self.unshifted)
+        slid, _, ratios = self.slid(arcs, offsets, known.joined(fresh.some(norms < NEAR)))
+        found = slid.some(np.argsort(ratios, kind="stable")[: np.count_nonzero(ratios < 1.0)])
+        return found.some(self.once(found)), max(1.0 - float(ratios.min(initial=inf)), 0.0)
+
+    def turned(self, arcs: Floats, offsets: Any, contacts: Contacts) -> Contacts:
+        """Return contacts with the normals of the given paths, and without force."""
+        _, turned, _ = self.slid(arcs, offsets, contacts)
+        return turned._replace(multipliers=np.zeros(turned.number))
+
+    def slid(self, arcs: Floats, offsets: Any, contacts: Contacts) -> tuple[Contacts, Contacts, Floats]:
+        """Return contacts at their closest approaches, at their old times, and norms (K,) of the first."""
+        slid, stayed = contacts.some(np.arange(contacts.number)), contacts.first(contacts.number)
+        ratios = np.empty(contacts.number)
+        slide_failures(self.scene, arcs, offsets, slid, stayed.normals, ratios)
+        return slid, stayed, ratios
+
+    def once(self, contacts: Contacts) -> Any:
+        """Return the indices of distinct contacts, the first of each."""
+        cells = np.rint(np.column_stack([contacts.times, contacts.drifts]) / self.same)
+        order = np.lexsort((*cells.T[::-1], contacts.which))
+        rows = np.column_stack([contacts.which, cells])[order]
+        return order[np.append(True, (rows[1:] != rows[:-1]).any(axis=1))[: len(order)]]
+
+    def sampled(self, arcs: Floats, offsets: Any, shifts: Floats) -> tuple[Contacts, Floats]:
+        """Return the minima within REACH after sampled failures of shifted bodies, and their norms."""
+        given = self.scene, arcs, offsets, self.moments, shifts, REACH, self.room, self.norms
+        self.problem.effort.used += self.moments.shape[1] * len(self.scene.times) * len(self.scene.pairs)
+        count = find_failures(*given)
+        return self.room.first(count), self.norms[:count].copy()
+
+
+def arrived(problem: Problem, arcs: Floats, offsets: Any) -> Flown:
+    """Return the craft's arcs up to the last arrival."""
+    early = arcs[:, START] < problem.arrival
+    left = arcs[early]
+    left[:, END] = np.minimum(left[:, END], problem.arrival)
+    return left, np.concatenate([[0], np.cumsum(early)])[offsets]
+
+
+def pressing(planes: Contacts) -> Contacts:
+    """Return the planes with positive multipliers."""
+    return planes.some(planes.multipliers > 0.0)

@@ -1,0 +1,294 @@
+"""Deflection of paths with fixed ends by forces at contacts: the reproducing kernel of a formation.
+
+Paths of a craft between fixed end states form a Hilbert space with the energy as its norm.  A force f at
+time s, a jump f of the thrust rate, deflects the minimum-energy path by K(t, s) f, where
+
+    K(t, s) = A(t) B(s)  for t <= s,   K(t, s) = K(s, t)^T                        # theory (12)
+
+with A(t) the position's response to the initial thrust and thrust rate, and B(s) = -F(T)^-1 F_w(T - s) the
+change of these by the force; F(T) is the response of the whole state at the end, F_w its columns of the
+thrust rate.  No Gramian is inverted in Palmer's coordinates, so there is no cancellation as n T -> 0.
+
+A contact of craft i and j pushes both with one force, opposite in sign.  The response of one contact to
+another is therefore a signed sum over the craft that they share.  Each contact stores A, A', B^T and B'^T
+in its zone's coordinates for either craft: `factors` (2, 4, 3, 6).
+
+A craft whose thrust was lost at s responds at t through its state at s, followed by free drift:
+
+    A = E Phi(t - s) F(s),    B = -F(T)^-1 F(T - s) J,    J = Phi(s - t) [0 I]^T              # theory (71)
+
+J is the force's jump of thrust rate, propagated back to s by natural motion like any primer; at s the
+thrust itself jumps as well.  A' is then the rate in t alone, and B' has no meaning.
+"""
+
+from typing import Any
+
+import numpy as np
+from numba import int64, void
+
+from closeform._jit import kernel
+from closeform.arrays import Floats
+from closeform.kernel_loans import stack_matrix, stack_vector
+from closeform.motion.arc import END, MEAN_MOTION, START, STATE, THRUST, WIDTH, primer_at, state_at
+from closeform.motion.hill import coast, response
+from closeform.motion.linear import copy, solve
+from closeform.planning.problem.relative_motion import motion_after
+from closeform.planning.problem.scene import BLOCKS, CONTACTS, INDICES, ROWS, SCENE, Contacts, Scene
+
+PLACE, SPEED, BACK = 0, 1, 2  # of the factors: A, A', and (+ BACK) B^T, B'^T
+
+
+@kernel(void(ROWS, BLOCKS))
+def invert_responses(base, inverses):
+    """Fill `inverses` (N, 6, 6) with each craft's F(T)^-1."""
+    matrix, rhs = stack_matrix(6, 6), stack_vector(6)
+    for c in range(len(base)):
+        for k in range(6):
+            response(base[c, MEAN_MOTION], base[c, END] - base[c, START], matrix)
+            rhs[:] = 0.0
+            rhs[k] = 1.0
+            solve(matrix, rhs, 6)
+            for i in range(6):
+                inverses[c, i, k] = rhs[i]
+
+
+@kernel()
+def is_controllable(scene, body, t):
+    """Return whether a force at time t deflects a body; obstacles and coasting craft are not deflected."""
+    return body < len(scene.base) and scene.base[body, START] < t < scene.base[body, END]
+
+
+@kernel()
+def carry(n, drift, ahead, left):
+    """Transform the responses for a contact that occurs a `drift` after the loss of thrust.
+
+    `ahead`: F(s) to Phi(drift) F(s); `left`: the last columns of F(T - s) to F(T - s) J.    # theory (71)
+    """
+    jumps = stack_matrix(3, 6)
+    for i in range(3):
+        jump = coast(
+            n, -drift, 0.0, 0.0, 0.0, 1.0 if i == 0 else 0.0, 1.0 if i == 1 else 0.0, 1.0 if i == 2 else 0.0
+        )
+        for j in range(6):
+            jumps[i, j] = jump[j]
+    for k in range(6):
+        reached = coast(
+            n, drift, ahead[0, k], ahead[1, k], ahead[2, k], ahead[3, k], ahead[4, k], ahead[5, k]
+        )
+        x, y, z = 0.0, 0.0, 0.0
+        for j in range(6):
+            ahead[j, k] = reached[j]
+            x, y, z = x + left[k, j] * jumps[0, j], y + left[k, j] * jumps[1, j], z + left[k, j] * jumps[2, j]
+        left[k, 3], left[k, 4], left[k, 5] = x, y, z
+
+
+@kernel()
+def felt_at(scene, contacts, k, craft):
+    """Return the time when a contact's force acts on a craft: the contact, or the loss of thrust."""
+    side = 0 if scene.pairs[contacts.which[k], 0] == craft else 1
+    return contacts.times[k] - contacts.drifts[k, side]
+
+
+@kernel()
+def fill_factors(scene, contacts, count, factors):
+    """Fill the factors (count, 2, 4, 3, 6) of contacts; zero for bodies that are not controllable."""
+    ahead, left = stack_matrix(6, 6), stack_matrix(6, 6)
+    both = np.empty((4, 3, 6))
+    for k in range(count):
+        which = contacts.which[k]
+        matrix = scene.matrices[scene.kinds[which]]
+        for side in range(2):
+            body, drift = scene.pairs[which, side], contacts.drifts[k, side]
+            t = contacts.times[k] - drift
+            if not is_controllable(scene, body, t):
+                factors[k, side] = 0.0
+                continue
+            n = scene.base[body, MEAN_MOTION]
+            response(n, t - scene.base[body, START], ahead)
+            response(n, scene.base[body, END] - t, left)
+            if drift > 0.0:
+                carry(n, drift, ahead, left)
+            inverse = scene.inverses[body]
+            for j in range(6):
+                for i in range(3):
+                    both[PLACE, i, j] = ahead[i, j]
+                    both[SPEED, i, j] = ahead[3 + i, j]
+                    total, slope = 0.0, 0.0
+                    for h in range(6):  # F_w, and its rate in the time that is left
+                        rate = left[h, i]
+                        if i == 0:
+                            rate -= 2.0 * n * left[h, 4]
+                        elif i == 1:
+                            rate += 2.0 * n * left[h, 3]
+                        total -= inverse[j, h] * left[h, 3 + i]
+                        slope += inverse[j, h] * rate
+                    both[BACK, i, j] = total
+                    both[BACK + 1, i, j] = slope
+            for part in range(4):
+                for i in range(3):
+                    for j in range(6):
+                        total = 0.0
+                        for h in range(3):
+                            total += matrix[i, h] * both[part, h, j]
+                        factors[k, side, part, i, j] = total
+
+
+@kernel()
+def fill_gram(scene, contacts, count, factors, gram):
+    """Fill `gram` (count, count): displacement of contacts along their normals by unit forces at others."""
+    ahead, back = np.zeros((count, 2, 6)), np.zeros((count, 2, 6))
+    for k in range(count):
+        for side in range(2):
+            for j in range(6):
+                for i in range(3):
+                    ahead[k, side, j] += contacts.normals[k, i] * factors[k, side, PLACE, i, j]
+                    back[k, side, j] += contacts.normals[k, i] * factors[k, side, BACK, i, j]
+    for k in range(count):
+        for m in range(k + 1):
+            total = 0.0
+            for a in range(2):
+                for b in range(2):
+                    if scene.pairs[contacts.which[k], a] == scene.pairs[contacts.which[m], b]:
+                        part = 0.0
+                        mine = contacts.times[k] - contacts.drifts[k, a]
+                        if mine <= contacts.times[m] - contacts.drifts[m, b]:
+                            for j in range(6):
+                                part += ahead[k, a, j] * back[m, b, j]
+                        else:
+                            for j in range(6):
+                                part += ahead[m, b, j] * back[k, a, j]
+                        total += part if a == b else -part
+            gram[k, m] = gram[m, k] = total
+
+
+@kernel()
+def add_block(scene, contacts, factors, k, m, of, by, out):
+    """Fill `out` (3, 3): response of the position (`of` 0) or velocity (1) at k to a force at contact m.
+
+    With `by` 1 it is the derivative of the response with respect to the time of m.
+    """
+    out[:] = 0.0
+    for a in range(2):
+        for b in range(2):
+            if scene.pairs[contacts.which[k], a] != scene.pairs[contacts.which[m], b]:
+                continue
+            sign = 1.0 if a == b else -1.0
+            ahead = contacts.times[k] - contacts.drifts[k, a] <= contacts.times[m] - contacts.drifts[m, b]
+            mine, other = (of, BACK + by) if ahead else (BACK + of, by)
+            for i in range(3):
+                for j in range(3):
+                    total = 0.0
+                    for h in range(6):
+                        total += factors[k, a, mine, i, h] * factors[m, b, other, j, h]
+                    out[i, j] += sign * total
+
+
+@kernel()
+def coast_arc(n, start, end, state, row):
+    """Fill a row with an arc of natural motion."""
+    row[:] = 0.0
+    row[START], row[END], row[MEAN_MOTION] = start, end, n
+    for i in range(6):
+        row[STATE + i] = state[i]
+
+
+@kernel()
+def deflect(scene, contacts, count, factors, arcs, offsets):
+    """Fill `arcs` and `offsets` (N + 1,) with all craft's paths under the contacts' multipliers.
+
+    A craft has one arc more than contacts that act on it, and the coasts before and after its own time.
+    """
+    row = 0
+    own, push = np.empty(count, dtype=np.int64), stack_vector(3)
+    for c in range(len(scene.base)):
+        offsets[c] = row
+        n, start, end = scene.base[c, MEAN_MOTION], scene.base[c, START], scene.base[c, END]
+        if scene.span[0] < start:
+            b = scene.base[c]
+            back = coast(n, scene.span[0] - start, b[6], b[7], b[8], b[9], b[10], b[11])
+            coast_arc(n, scene.span[0], start, back, arcs[row])
+            row += 1
+        copy(scene.base[c], arcs[row])
+        pushed = 0
+        for k in range(count):
+            which = contacts.which[k]
+            for side in range(2):
+                if (
+                    scene.pairs[which, side] == c
+                    and contacts.multipliers[k] != 0.0
+                    and is_controllable(scene, c, felt_at(scene, contacts, k, c))
+                ):
+                    force = contacts.multipliers[k] if side == 0 else -contacts.multipliers[k]
+                    for i in range(3):
+                        for j in range(6):
+                            arcs[row, THRUST + j] += (
+                                force * contacts.normals[k, i] * factors[k, side, BACK, i, j]
+                            )
+                    place = pushed  # in order of time
+                    felt = felt_at(scene, contacts, k, c)
+                    while place > 0 and felt_at(scene, contacts, own[place - 1], c) > felt:
+                        own[place] = own[place - 1]
+                        place -= 1
+                    own[place] = k
+                    pushed += 1
+        for place in range(pushed):
+            k = own[place]
+            t, which = felt_at(scene, contacts, k, c), contacts.which[k]
+            if t > arcs[row, START]:  # contacts at one instant share an arc
+                arcs[row, END] = t
+                copy(scene.base[c], arcs[row + 1])
+                arcs[row + 1, START] = t
+                state, primer = state_at(arcs[row], t), primer_at(arcs[row], t)
+                for i in range(6):
+                    arcs[row + 1, STATE + i], arcs[row + 1, THRUST + i] = state[i], primer[i]
+                row += 1
+            force = contacts.multipliers[k] if scene.pairs[which, 0] == c else -contacts.multipliers[k]
+            matrix, normal = scene.matrices[scene.kinds[which]], contacts.normals[k]
+            for j in range(3):
+                push[j] = force * (
+                    normal[0] * matrix[0, j] + normal[1] * matrix[1, j] + normal[2] * matrix[2, j]
+                )
+            jump = coast(n, t - contacts.times[k], 0.0, 0.0, 0.0, push[0], push[1], push[2])
+            for j in range(6):
+                arcs[row, THRUST + j] += jump[j]
+        row += 1
+        if end < scene.span[1]:
+            coast_arc(n, end, scene.span[1], state_at(arcs[row - 1], end), arcs[row])
+            row += 1
+    offsets[len(scene.base)] = row
+
+
+def room_for(scene: Scene, contacts: Contacts) -> tuple[Floats, Any]:
+    """Return empty arrays for the craft's arcs under contacts."""
+    craft = len(scene.base)
+    return np.zeros((3 * craft + 2 * contacts.number, WIDTH)), np.zeros(craft + 1, dtype=np.int64)
+
+
+@kernel(int64(SCENE, CONTACTS, ROWS, INDICES))
+def fly(scene, contacts, arcs, offsets):
+    """Fill the paths of `deflect` for Python; return the number of arcs."""
+    factors = np.empty((len(contacts.times), 2, 4, 3, 6))
+    fill_factors(scene, contacts, len(contacts.times), factors)
+    deflect(scene, contacts, len(contacts.times), factors, arcs, offsets)
+    return offsets[len(scene.base)]
+
+
+@kernel(void(SCENE, ROWS, INDICES, CONTACTS, BLOCKS, ROWS))
+def look_at(scene, arcs, offsets, contacts, motions, gram):
+    """Fill the relative motions (K, 3, 3) of pairs at contacts, and their kernel (3K, 3K) there.
+
+    An empty `gram` is not filled.
+    """
+    count = len(contacts.times)
+    factors, block = np.empty((count, 2, 4, 3, 6)), stack_matrix(3, 3)
+    fill_factors(scene, contacts, count, factors)
+    for k in range(count):
+        which, t = contacts.which[k], contacts.times[k]
+        motion_after(scene, arcs, offsets, which, t, contacts.drifts[k], motions[k])
+        if len(gram) == 0:
+            continue
+        for m in range(count):
+            add_block(scene, contacts, factors, k, m, 0, 0, block)
+            for i in range(3):
+                for j in range(3):
+                    gram[3 * k + i, 3 * m + j] = block[i, j]

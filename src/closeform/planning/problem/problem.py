@@ -1,0 +1,395 @@
+"""Planning problem: unconstrained optima of the craft, obstacles, zones of all pairs, and times."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from math import pi, sqrt
+from typing import Any
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.conflicts.all_pairs import search_pairs
+from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, PUSH, START, WIDTH
+from closeform.motion.effort import ENERGY, totals
+from closeform.motion.joining import stack
+from closeform.motion.orbit import Orbit
+from closeform.motion.path import Path, ends_of, path_of
+from closeform.planning.plan import Contact
+from closeform.planning.problem.approaches import sample_bodies
+from closeform.planning.problem.contacts import turn_normals
+from closeform.planning.problem.deflection import fly, invert_responses, look_at, room_for
+from closeform.planning.problem.scene import Contacts, Scene
+from closeform.zones.shapes import BALL
+from closeform.zones.zone import Zone, scaled_norm
+
+MARGIN = 1e-7  # of a craft's duration: contacts keep this far from its ends
+SAMPLES = 64  # of a craft's time; a minimum that they miss is found by the certified march
+A_TURN, A_DRIFT = 16, 32  # samples per revolution, where that is more; second: with `drift`
+EFFORT = 90e6  # sampled positions of failed craft in a search: 5 to 10 s for each planned craft
+
+Flown = tuple[Floats, Any]  # arcs of all bodies, and the offset of each body's first arc
+PairRow = tuple[tuple[int, int], Floats]  # a pair, and its conflict: start, end, time, ratio
+
+
+@dataclass(eq=False)
+class Effort:
+    """Counted work of the search for a passively safe plan, in sampled positions of failed craft.
+
+    The count does not depend on the machine, unlike a time limit, so that neither do plans.
+    """
+
+    limit: float = 0.0
+    usual: int = 1  # budget, in starts, that does not raise the limit
+    used: float = 0.0
+    ended: bool = False  # whether any part of the search ended for lack of effort
+
+    def allow(self, craft: int, budget: int | None, usual: int) -> None:
+        """Set the limit for a number of craft; a budget above the usual one raises it in proportion."""
+        limit = EFFORT * craft * max(1.0, (budget or 0) / usual)
+        if limit > self.limit:
+            self.limit, self.usual = limit, usual
+
+    def beyond(self, share: float = 1.0) -> bool:
+        """Return whether more than a share of the limit is used, at which a part of the search ends."""
+        self.ended |= self.used > share * self.limit
+        return self.used > share * self.limit
+
+
+@dataclass(eq=False)
+class Closest:
+    """Paths with the largest minimum `norm` of all that a search has checked."""
+
+    norm: float = 0.0
+    flown: Flown | None = None
+
+    def note(self, norm: float, flown: Flown) -> None:
+        """Record paths if none before has as large a minimum norm."""
+        if self.norm < norm:
+            self.norm, self.flown = norm, flown
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """N base arcs (the unconstrained optima), M obstacles after them, and the zone of every pair.
+
+    The bodies are numbered from the first craft to the last obstacle.  `pairs` (P, 2), i < j, contain at
+    least one craft each, and `kinds` (P,) are the indices of their zones in `zones`.  Paths extend from
+    `first` to `last`, with coasts before and after each craft's own arcs.  With a `drift` [s], paths must
+    be passively safe for that long after the last arrival; `last` is the end of this horizon.  With
+    `requirements`, each craft's path must keep its own.
+    """
+
+    orbit: Orbit
+    base: Floats  # (N, 30)
+    others: Floats
+    other_offsets: Any  # (M + 1,)
+    pairs: Any
+    kinds: Any
+    zones: tuple[Zone, ...]
+    first: float
+    last: float
+    drift: float | None = None
+    requirements: tuple[tuple[Any, ...], ...] = ()  # of each craft, beyond zones
+    effort: Effort = field(default_factory=Effort)
+
+    @classmethod
+    def of(
+        cls,
+        direct: Path,
+        obstacles: Path | None,
+        groups: Iterable[tuple[Zone, Any]],
+        drift: float | None = None,
+    ) -> "Problem":
+        """Return the problem of N unconstrained optima and a batch of obstacles.
+
+        `groups` holds each zone with its pairs (M, 2).
+        """
+        base = direct.arcs
+        arcs, offsets = np.empty((0, WIDTH)), np.zeros(1, dtype=np.int64)
+        if obstacles is not None:
+            arcs, offsets = obstacles.arcs, obstacles.offsets
+        held = [(zone, pairs[pairs[:, 0] < len(base)]) for zone, pairs in groups]
+        none = np.empty((0, 2), dtype=np.int64)
+        return cls(
+            direct.orbit,
+            base,
+            arcs,
+            offsets,
+            np.ascontiguousarray(np.concatenate([none, *(pairs for _, pairs in held)])),
+            np.repeat(np.arange(len(held)), [len(pairs) for _, pairs in held]),
+            tuple(zone for zone, _ in held),
+            float(base[:, START].min()),
+            float(base[:, END].max()) + (drift or 0.0),
+            drift,
+        )
+
+    @property
+    def arrival(self) -> float:
+        """Time of the last arrival, which is the end of the plan."""
+        return float(self.base[:, END].max())
+
+    @property
+    def without_drift(self) -> "Problem":
+        """The problem without loss of thrust, up to the last arrival."""
+        return self if self.drift is None else replace(self, last=self.arrival, drift=None)
+
+    @property
+    def count(self) -> int:
+        """Number of planned craft."""
+        return len(self.base)
+
+    @cached_property
+    def round(self) -> bool:
+        """True if no zone has edges."""
+        return all(zone.shape == BALL for zone in self.zones)
+
+    @cached_property
+    def windows(self) -> tuple[Floats, Floats]:
+        """Times (P, 2) when a contact can act on each pair, and times when both bodies are present."""
+        times = np.empty((self.count + len(self.other_offsets) - 1, 4))  # (start, -end): present, controlled
+        own, others = times[: self.count], times[self.count :]
+        own[:, 0], own[:, 1] = self.first, -self.last
+        own[:, 2:] = self.base[:, [START, END]] * (1.0, -1.0)
+        own[:, 2:] += MARGIN * (self.base[:, END] - self.base[:, START])[:, None]
+        others[:, 0] = self.others[self.other_offsets[:-1], START]
+        others[:, 1] = -self.others[self.other_offsets[1:] - 1, END]
+        others[:, 2:] = np.inf
+        one, other = times[self.pairs[:, 0]], times[self.pairs[:, 1]]
+        present = np.maximum(one[:, :2], other[:, :2])
+        inner = np.maximum(np.minimum(one[:, 2:], other[:, 2:]), present)
+        return inner * (1.0, -1.0), present * (1.0, -1.0)
+
+    @cached_property
+    def direct(self) -> Flown:
+        """The unconstrained optima, with the coasts before and after them, and the obstacles."""
+        return self.fly(self.bare, Contacts.none())
+
+    @property
+    def obstacles(self) -> Path:
+        """The obstacles' paths, of shape (M,)."""
+        return self.bodies((self.others, self.other_offsets))
+
+    def bodies(self, flown: Flown) -> Path:
+        """Return the paths of all bodies, of shape (N + M,)."""
+        return path_of(self.orbit, *flown, (len(flown[1]) - 1,))
+
+    def with_obstacles(self, arcs: Floats, offsets: Any) -> Flown:
+        """Return the craft's arcs followed by the obstacles'."""
+        return np.concatenate([arcs, self.others]), np.concatenate(
+            [offsets, offsets[-1] + self.other_offsets[1:]]
+        )
+
+    @cached_property
+    def bare(self) -> Scene:
+        """Kernel arguments of this problem, without the unconstrained paths."""
+        inverses = np.empty((self.count, 6, 6))
+        invert_responses(self.base, inverses)
+        faces = [zone.faces for zone in self.zones]
+        windows, presence = self.windows
+        return Scene(
+            np.ascontiguousarray(self.base),
+            inverses,
+            np.empty((0, WIDTH)),
+            np.zeros(1, dtype=np.int64),
+            np.ascontiguousarray(self.others),
+            self.other_offsets,
+            self.pairs,
+            self.kinds,
+            windows,
+            presence,
+            np.array([zone.shape for zone in self.zones], dtype=np.int64),
+            np.array([zone.matrix for zone in self.zones]).reshape(-1, 3, 3),
+            np.concatenate([np.empty((0, 3)), *faces]),
+            np.cumsum([0, *map(len, faces)]),
+            np.array([zone.radius for zone in self.zones]),
+            np.full(len(self.zones), np.inf),
+            np.ones(len(self.zones)),
+            np.empty(0),
+            np.empty((0, 0, 6)),
+            np.array([self.first, self.last]),
+        )
+
+    @cached_property
+    def seen(self) -> Scene:
+        """Kernel arguments of this problem with the zones at their own size."""
+        arcs, offsets = self.direct
+        own = np.ascontiguousarray(offsets[: self.count + 1])
+        direct = np.ascontiguousarray(arcs[: own[-1]])
+        return self.sampled(self.bare._replace(direct=direct, direct_offsets=own), self.samples())
+
+    def sampled(self, scene: Scene, times: Floats) -> Scene:
+        """Return a scene with the states of all bodies at `times`."""
+        arcs, offsets = self.direct
+        states = np.empty((len(offsets) - 1, len(times), 6))
+        sample_bodies(arcs, offsets, times, states)
+        return scene._replace(times=times, states=states)
+
+    def samples(self) -> Floats:
+        """Return sample times that cover every craft's own time and every revolution of the orbit."""
+        spans = sorted({*map(tuple, self.base[:, [START, END]].tolist()), (self.first, self.last)})
+        a_turn = (A_TURN if self.drift is None else A_DRIFT) * self.orbit.mean_motion / (2.0 * pi)
+        grids = [
+            np.linspace(start, end, int(max(SAMPLES / sqrt(len(spans)), a_turn * (end - start))) + 1)
+            for start, end in spans
+        ]
+        return np.unique(np.concatenate(grids)) if len(grids) > 1 else grids[0]
+
+    def flown(self, contacts: Contacts) -> Flown:
+        """Return the paths of all bodies under the contacts' multipliers."""
+        return self.fly(self.bare, contacts) if contacts.number else self.direct
+
+    def fly(self, scene: Scene, contacts: Contacts) -> Flown:
+        """Return the paths of all bodies in a scene."""
+        arcs, offsets = room_for(scene, contacts)
+        number = fly(scene, contacts, arcs, offsets)
+        return self.with_obstacles(arcs[:number], offsets)
+
+    def planned(self, contacts: Contacts) -> Flown:
+        """Return the paths under the contacts' multipliers, only up to the last arrival."""
+        return self.fly(self.bare._replace(span=np.array([self.first, self.arrival])), contacts)
+
+    def motions(self, flown: Flown, contacts: Contacts) -> Floats:
+        """Return relative position, velocity and acceleration (K, 3, 3) at contacts, in zone coordinates."""
+        return self._look(flown, contacts, np.empty((0, 0)))
+
+    def kernel(self, contacts: Contacts) -> Floats:
+        """Return the response (3K, 3K) of positions to unit forces at contacts, in zone coordinates.
+
+        Theory (12).
+        """
+        return self.unconstrained(contacts)[1]
+
+    def unconstrained(self, contacts: Contacts) -> tuple[Floats, Floats]:
+        """Return `motions` of the unconstrained optima at contacts, and the `kernel` there."""
+        gram = np.empty((3 * contacts.number, 3 * contacts.number))
+        return self._look(self.direct, contacts, gram), gram
+
+    def _look(self, flown: Flown, contacts: Contacts, gram: Floats) -> Floats:
+        arcs, offsets = flown
+        motions = np.zeros((contacts.number, 3, 3))
+        look_at(self.bare, arcs, offsets[: self.count + 1], contacts, motions, gram)
+        return motions
+
+    def normals(self, flown: Flown, contacts: Contacts, least: float) -> Floats:
+        """Return the normals (K, 3) at the pairs' positions; unchanged where the norm is at most `least`."""
+        arcs, offsets = flown
+        normals = contacts.normals.copy()
+        turn_normals(self.bare, arcs, offsets[: self.count + 1], contacts, least, normals)
+        return normals
+
+    @property
+    def sigmas(self) -> float:
+        """Number of standard deviations kept clear: 0, because all states are known exactly."""
+        return 0.0
+
+    def depth(self, ratio: float) -> str:
+        """Return a description of the clearance ratio at an end."""
+        return f"{ratio:.2f} x zone"
+
+    def deviations(self, flown: Flown, contacts: Contacts, directions: Floats) -> Floats:
+        """Return standard deviations (K,) [m] of pairs at contacts, along unit directions (K, 3)."""
+        return np.zeros(len(directions))
+
+    def insides(self, contacts: Contacts, directions: Floats) -> Floats | None:
+        """Return ellipsoids (K, 3, 3) inside the keep-out regions at contacts; None where zones are used."""
+        return None
+
+    def with_path(self, *paths: Path) -> Flown:
+        """Return other paths of the craft, one for each, followed by the obstacles."""
+        both = stack(paths)
+        return self.with_obstacles(both.arcs, both.offsets)
+
+    def energy(self, flown: Flown) -> float:
+        """Return the control energy [m^2/s^3] of all craft together."""
+        arcs, offsets = flown
+        own = offsets[: self.count + 1]
+        each = np.empty(self.count)
+        totals(np.ascontiguousarray(arcs[: own[-1]]), own, self.orbit.mean_motion, ENERGY, each)
+        return float(each.sum())
+
+    def path(self, flown: Flown) -> Path:
+        """Return the craft's paths, of shape (N,)."""
+        arcs, offsets = flown
+        own = offsets[: self.count + 1]
+        return path_of(self.orbit, np.ascontiguousarray(arcs[: own[-1]]), own, (self.count,))
+
+    @cached_property
+    def index(self) -> dict[tuple[int, int], int]:
+        """Index of each pair in `pairs`."""
+        return {(i, j): k for k, (i, j) in enumerate(self.pairs.tolist())}
+
+    def at(self, pair: tuple[int, int], time: float) -> Contacts:
+        """Return one contact of a pair, without normal and multiplier."""
+        return Contacts.at(np.array([self.index[pair]]), np.array([time]))
+
+    def met(self, conflicts: Sequence[PairRow]) -> Contacts:
+        """Return the closest approaches of conflicts as contacts, without normals and multipliers."""
+        which = np.array([self.index[pair] for pair, _ in conflicts], dtype=np.int64)
+        return Contacts.at(which, np.array([row[2] for _, row in conflicts], dtype=float))
+
+    def touched(self, contacts: Sequence[Contact]) -> Contacts:
+        """Return the contacts of a plan in the planner's form, without normals and multipliers."""
+        pairs = [(min(one.first, one.second), max(one.first, one.second)) for one in contacts]
+        which = np.array([self.index[pair] for pair in pairs], dtype=np.int64)
+        drifts = np.zeros((len(contacts), 2))
+        for k, one in enumerate(contacts):
+            if one.failed_at == one.failed_at:
+                drifts[k, int(one.first > one.second)] = one.time - one.failed_at
+        return Contacts.at(which, np.array([one.time for one in contacts], dtype=float), drifts)
+
+    def ratios(self, flown: Flown, which: Any, times: Floats) -> Floats:
+        """Return the clearance ratios (K,) of pairs, each at one time."""
+        places = self.motions(flown, Contacts.at(which, times))[:, 0]
+        each = [scaled_norm(self.zones[kind], q) for kind, q in zip(self.kinds[which], places, strict=True)]
+        return np.array(each)
+
+    def ratio(self, flown: Flown, pair: tuple[int, int], time: float) -> float:
+        """Return the clearance ratio of a pair at one time."""
+        return float(self.ratios(flown, np.array([self.index[pair]]), np.array([time]))[0])
+
+    @cached_property
+    def pairs_by_kind(self) -> list[Any]:
+        """The pairs (2, P) of each zone."""
+        return [np.ascontiguousarray(self.pairs[self.kinds == kind].T) for kind in range(len(self.zones))]
+
+    def direct_conflicts(self, factor: float) -> list[PairRow]:
+        """Return the conflicts of the unconstrained optima with zones `factor` times as large (cached)."""
+        if factor not in self._of_direct:
+            self._of_direct[factor] = self.conflicts(self.direct, factor)
+        return self._of_direct[factor]
+
+    @cached_property
+    def _of_direct(self) -> dict[float, list[PairRow]]:
+        return {}
+
+    def conflicts(self, flown: Flown, factor: float = 1.0) -> list[PairRow]:
+        """Return every conflict with zones enlarged by `factor`: pair and (start, end, time, ratio).
+
+        The result is certified, see `find_conflicts`.
+        """
+        found = []
+        for zone, pairs in zip(self.zones, self.pairs_by_kind, strict=True):
+            one = zone if factor == 1.0 else Zone(zone.shape, zone.matrix / factor, zone.faces)
+            table = search_pairs(*flown, *flown, one, *pairs)
+            found += [((int(i), int(j)), row) for (i, j), row in zip(*table, strict=True)]
+        return found
+
+
+def deepest(conflicts: Iterable[PairRow]) -> PairRow:
+    """Return the conflict with the smallest clearance ratio."""
+    return min(conflicts, key=lambda one: one[1][3])
+
+
+def is_optimum(path: Path) -> bool:
+    """Return whether one craft's path is the unconstrained optimum: one arc of natural motion and thrust."""
+    arc = path.arcs[0]
+    other = arc[IMPULSE : IMPULSE + 3].any() or arc[PUSH:].any()
+    return len(path.arcs) == 1 and arc[MEAN_MOTION] == path.orbit.mean_motion and not other
+
+
+def transfer_of(path: Path, factor: float = 1.0) -> Path:
+    """Return the unconstrained optimum between the end states of a path, over `factor` times its duration."""
+    if factor == 1.0 and is_optimum(path):
+        return path
+    return path.orbit.transfer(*ends_of(path), factor * (path.end - path.start), path.start)

@@ -1,0 +1,9 @@
+"""Requirements on a plan beyond keep-out zones, for minimum delta-v; each kind has a file of its own."""
+
+from closeform.planning.requirements.approach_cone import ApproachCone
+from closeform.planning.requirements.keep_in import KeepIn
+from closeform.planning.requirements.no_thrust import NoThrust
+from closeform.planning.requirements.requirement import Requirement
+from closeform.planning.requirements.speed_limit import SpeedLimit
+
+__all__ = ["ApproachCone", "KeepIn", "NoThrust", "Requirement", "SpeedLimit"]

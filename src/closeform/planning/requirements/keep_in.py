@@ -1,0 +1,60 @@
+"""Keep-in zone: a convex region that a spacecraft must not leave, or a waypoint with a tolerance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import isfinite
+from typing import Any
+
+import numpy as np
+
+from closeform.arrays import Floats, finite, instance, numbers
+from closeform.planning.requirements.requirement import Requirement
+from closeform.zones.zone import Zone, gradient
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class KeepIn(Requirement):
+    """Keep-in zone; with `start` equal to `end` it is a waypoint, and the zone its tolerance.
+
+    Parameters
+    ----------
+    zone : Zone
+        Region that contains the spacecraft.
+    centre : array_like of shape (3,) [m], default the origin
+        Position of the zone in the rotating frame.
+    start, end : float [s], default always
+        Times between which the spacecraft must be inside.
+
+    Raises
+    ------
+    ValueError
+        If `zone` is not a zone, or the centre has another shape.
+
+    Examples
+    --------
+    >>> waypoint = cf.requirements.KeepIn(zone=cf.Sphere(5.0), centre=[0, -500, 0], start=900, end=900)
+    >>> float(waypoint.margin(np.array([0.0, -498.0, 0, 0, 0, 0])))
+    3.0
+    """
+
+    zone: Zone
+    centre: Any = (0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        instance("zone", self.zone, Zone)
+        centre = finite("centre", numbers("centre", self.centre))
+        if centre.shape != (3,):
+            raise ValueError(f"centre: expected a position of shape (3,), got {centre.tolist()}")
+        if not isfinite(self.zone.inner_radius):
+            raise ValueError("zone: must hold a largest ball; give a sphere, ellipsoid, box or cylinder")
+        object.__setattr__(self, "centre", centre)
+
+    def margin(self, states: Floats) -> Floats:
+        """Return a lower bound (...) [m] on the distance of states (..., 6) from the surface."""
+        found: Floats = self.zone.inner_radius * (1.0 - self.zone.norm(states[..., :3] - self.centre))
+        return found
+
+    def slope(self, state: Floats) -> Floats:
+        """Return the slope (6,) of the margin at a state (6,)."""
+        return np.append(-self.zone.inner_radius * gradient(self.zone, state[:3] - self.centre), np.zeros(3))

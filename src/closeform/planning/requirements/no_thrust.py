@@ -1,0 +1,45 @@
+"""Times without thrust, such as eclipses or ground contacts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.motion.arc import END, IMPULSE, PUSH, START
+from closeform.motion.path import Path
+
+
+@dataclass(frozen=True, kw_only=True)
+class NoThrust:
+    """Time between `start` and `end` [s] in which a spacecraft does not fire.
+
+    Raises
+    ------
+    ValueError
+        If the end is not after the start.
+
+    Examples
+    --------
+    >>> eclipse = cf.requirements.NoThrust(start=600.0, end=2700.0)
+    """
+
+    start: float
+    end: float
+
+    def __post_init__(self) -> None:
+        if not self.start < self.end:
+            raise ValueError(f"end: must be after start, got {self.start} to {self.end} s")
+
+    def holds(self, path: Path) -> bool:
+        """Return whether a path does not fire in this time."""
+        arcs = path.arcs
+        impulses, burns = arcs[:, IMPULSE : IMPULSE + 3].any(axis=1), arcs[:, PUSH : PUSH + 3].any(axis=1)
+        ends = np.where(burns, arcs[:, END], arcs[:, START])
+        return not (self.forbids(arcs[:, START], ends) & (impulses | burns)).any()
+
+    def forbids(self, begins: Floats, ends: Floats) -> Any:
+        """Return whether firings (...) overlap this time, from `begins` to `ends` [s]."""
+        return (begins < self.end) & (ends > self.start)

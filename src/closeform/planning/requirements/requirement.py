@@ -1,0 +1,146 @@
+"""Requirements on the states of one spacecraft: convex sets that its path must not leave.
+
+A requirement has a margin m(x), a concave function of the state x that is negative outside of its set.  So
+the plane of its slope at any state holds in the whole set:
+
+    m(x) <= m(x_0) + s(x_0) . (x - x_0)        hence s(x_0) . x >= s(x_0) . x_0 - m(x_0) is required
+
+Planes of states outside the set are added to the program of least delta-v until its paths leave the set no
+more.  They cut off no path that keeps the requirement, so the program's cost is a lower bound.
+
+A path is certified between states h apart.  It differs from their chord by at most h^2/8 of its largest
+acceleration, and its velocity by h^2/8 of its largest jerk.  On the chord the margin is at least the smaller
+one of the two ends.
+
+To add a requirement, derive a class with `margin` and `slope` in a file of its own.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from math import inf
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.motion.arc import END, PUSH, START, STATE
+from closeform.motion.path import Path, path_of
+
+SAMPLES = 16  # intervals of an arc, and of an interval that is refined
+FINER = 3  # refinements of a minimum
+AFTER = 1e-6  # of a path's time: planes follow an impulse by this much, so that it counts
+SMALLEST = 1e-10  # of a path's time: intervals are not cut further
+
+
+@dataclass(frozen=True, kw_only=True)
+class Requirement(ABC):
+    """Condition on the state of one spacecraft, from a `start` to an `end` [s], by default always.
+
+    `reserve` [m or m/s] is the margin that is planned, so that rounding does not leave the set.
+    """
+
+    start: float = -inf
+    end: float = inf
+
+    reserve = 1e-4
+    per_metre, per_speed = 1.0, 0.0  # bounds on the slopes of the margin, in position and in velocity
+
+    @abstractmethod
+    def margin(self, states: Floats) -> Floats:
+        """Return margins (...) of states (..., 6) [m, m/s]: a concave function, negative outside the set."""
+
+    @abstractmethod
+    def slope(self, state: Floats) -> Floats:
+        """Return the slope (6,) of the margin at a state (6,)."""
+
+    def worst(self, path: Path) -> tuple[float, Floats, Floats]:
+        """Return the least margin of a path between samples, and times (K,), states (K, 6) of shortfalls.
+
+        These are the local minima of the margin below the reserve.
+        """
+        arcs, spans = self.spans(path)
+        if not len(arcs):
+            return inf, np.empty(0), np.empty((0, 6))
+        spans[:, 0] += np.minimum(AFTER * float(path.end - path.start), 0.1 * (spans[:, 1] - spans[:, 0]))
+        shares = np.linspace(0.0, 1.0, SAMPLES + 1)
+        times = spans[:, :1] + (spans[:, 1:] - spans[:, :1]) * shares
+        margins = self.margin(on_arcs(path, arcs, times))
+        around = np.pad(margins, ((0, 0), (1, 1)), constant_values=inf)
+        lowest_near = margins - self.off_chord(path, arcs, spans)[:, None]
+        low = (lowest_near < self.reserve) & (margins <= around[:, :-2]) & (margins <= around[:, 2:])
+        row, column = np.nonzero(low)
+        if not len(row):
+            return float(margins.min()), np.empty(0), np.empty((0, 6))
+        width = (spans[row, 1] - spans[row, 0]) / SAMPLES
+        lowest = times[row, column]
+        for _ in range(FINER):
+            near = np.clip(
+                lowest[:, None] + (2.0 * shares - 1.0) * width[:, None], spans[row, :1], spans[row, 1:]
+            )
+            there = on_arcs(path, arcs[row], near)
+            each = self.margin(there)
+            best = each.argmin(axis=1)[:, None]
+            lowest = np.take_along_axis(near, best, 1)[:, 0]
+            width = 2.0 * width / SAMPLES
+        found = np.take_along_axis(there, best[:, :, None], 1)[:, 0]
+        least = np.take_along_axis(each, best, 1)[:, 0]
+        short = least < self.reserve
+        return min(float(margins.min()), float(least.min())), lowest[short], found[short]
+
+    def holds(self, path: Path) -> bool:
+        """Return whether a path keeps the requirement at all times, by proof."""
+        arcs, spans = self.spans(path)
+        if not len(arcs):
+            return True
+        which = np.arange(len(arcs))
+        smallest = SMALLEST * float(path.end - path.start)
+        while len(which):
+            shares = np.linspace(0.0, 1.0, SAMPLES + 1)
+            times = spans[:, :1] + (spans[:, 1:] - spans[:, :1]) * shares
+            margins = self.margin(on_arcs(path, arcs[which], times))
+            if (margins < 0.0).any():
+                return False
+            off = self.off_chord(path, arcs[which], spans)
+            row, column = np.nonzero(np.minimum(margins[:, 1:], margins[:, :-1]) < off[:, None])
+            if len(row) and (spans[row, 1] - spans[row, 0]).min() < smallest:
+                return False
+            which, spans = which[row], np.stack([times[row, column], times[row, column + 1]], axis=1)
+        return True
+
+    def off_chord(self, path: Path, arcs: Floats, spans: Floats) -> Floats:
+        """Return bounds (A,) by which the margin falls below that of chords between samples of arcs."""
+        h = (spans[:, 1] - spans[:, 0]) / SAMPLES
+        bend, jerk = bounds(path, arcs)
+        return (self.per_metre * bend + self.per_speed * jerk) * h * h / 8.0
+
+    def spans(self, path: Path) -> tuple[Floats, Floats]:
+        """Return the arcs (A, 30) of a path during the requirement, and their times (A, 2) in it."""
+        times = np.clip(path.arcs[:, [START, END]], self.start, self.end)
+        during = (path.arcs[:, END] >= self.start) & (path.arcs[:, START] <= self.end)
+        return path.arcs[during], times[during]
+
+
+def on_arcs(path: Path, arcs: Floats, times: Floats) -> Floats:
+    """Return states (A, T, 6) on each of A arcs at its own times (A, T)."""
+    rows = path_of(path.orbit, np.ascontiguousarray(arcs), np.arange(len(arcs) + 1), (len(arcs),))
+    return rows._evaluate_rows(times)
+
+
+def bounds(path: Path, arcs: Floats) -> tuple[Floats, Floats]:
+    """Return bounds (A,) on the acceleration [m/s^2] and the jerk [m/s^3] of coasts and burns.
+
+    Velocity and acceleration of an arc with constant push are themselves a natural motion.
+    """
+    n = path.orbit.mean_motion
+    x, z = arcs[:, STATE], arcs[:, STATE + 2]
+    v, push = arcs[:, STATE + 3 : STATE + 6], arcs[:, PUSH : PUSH + 3]
+    hill = np.stack([3.0 * n * n * x + 2.0 * n * v[:, 1], -2.0 * n * v[:, 0], -n * n * z], axis=1)
+    a = hill + push
+    if n == 0.0:
+        return np.linalg.norm(a, axis=1), np.zeros(len(arcs))
+    radial = np.hypot(3.0 * v[:, 0] + 2.0 * a[:, 1] / n, a[:, 0] / n)
+    across = np.hypot(v[:, 2], a[:, 2] / n)
+    swing = np.sqrt(4.0 * radial**2 + across**2)
+    drift = np.abs(6.0 * n * v[:, 0] + 3.0 * a[:, 1])
+    return drift + n * swing, n * n * swing

@@ -1,0 +1,1 @@
+"""Minimum energy with k standard deviations of all errors kept clear."""

@@ -1,0 +1,230 @@
+"""Planning problem with errors: k sigmas of each pair are to stay out of its zone.
+
+The keep-out region is the sum of the zone and the ellipsoid of k sigmas, which moves and grows.  Its norm
+is a gauge with gradient a / (1 + k |l_a|).  These gradients are the normals of contacts, whose planes are
+
+    a . (q + dr) >= 1 + k |l_a(t)|                                                   # theory (56)
+
+and every method for planes a . q >= 1 applies.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from functools import cached_property
+from math import inf
+from typing import Any
+
+import numpy as np
+
+from closeform.arrays import Floats, size
+from closeform.motion.arc import END, START
+from closeform.motion.path import Path
+from closeform.planning.bounds.zone_pieces import inner_curvature
+from closeform.planning.problem.problem import Flown, PairRow, Problem
+from closeform.planning.problem.scene import Contacts
+from closeform.uncertainty.errors import Uncertainty
+from closeform.uncertainty.gauge_functions import gauges
+from closeform.uncertainty.planes import faced
+from closeform.uncertainty.search import given_errors, one_for_each, search_of
+from closeform.uncertainty.spread import Spread, covariances, spread_of
+from closeform.zones.solids import Ellipsoid
+from closeform.zones.sums import outer_sum
+from closeform.zones.zone import Zone
+
+ROUNDING = 1e-16  # of a covariance: regularises zero uncertainty, where the planes are not unique
+
+
+@dataclass(frozen=True, eq=False)
+class Margin:
+    """Number of sigmas of the errors of craft and, after them, obstacles (None: known exactly)."""
+
+    errors: tuple[Uncertainty | None, ...]
+    sigmas: float
+
+    @classmethod
+    def around(cls, path: Path, errors: Any, obstacles: Path, others: Any, sigmas: Any) -> Margin | None:
+        """Return the margin of one craft and obstacles from the arguments of `avoid`; None without errors.
+
+        Raises ValueError for errors of another type or number, or sigmas that are not a finite number.
+        """
+        own = one_for_each("errors", errors, path, Uncertainty)
+        return cls._of(own + one_for_each("other_errors", others, obstacles, Uncertainty), sigmas)
+
+    @classmethod
+    def among(cls, count: int, obstacles: int, errors: Any, sigmas: Any) -> Margin | None:
+        """Return the margin of many craft and obstacles from `reconfigure`'s arguments; raise as `around`."""
+        bodies = count + obstacles
+        craft_only = isinstance(errors, list | tuple) and len(errors) != bodies
+        given = given_errors("errors", errors, count if craft_only else bodies, Uncertainty)
+        return cls._of(given + [None] * (bodies - len(given)), sigmas)
+
+    @classmethod
+    def _of(cls, errors: list[Uncertainty | None], sigmas: Any) -> Margin | None:
+        many = size("sigmas", sigmas)
+        return cls(tuple(errors), many) if many and any(errors) else None
+
+    def fixed(self, count: int) -> tuple[Uncertainty | None, ...]:
+        """Return the errors that no plan of the first `count` bodies changes: states and process noise."""
+        own = [one and Uncertainty(noise=one.noise)._with_root(one._root) for one in self.errors[:count]]
+        return (*own, *self.errors[count:])
+
+    def problem(self, plain: Problem) -> Problem:
+        """Return the problem of the same craft with this margin."""
+        return SigmaProblem(**fields_of(plain), kept=self)
+
+
+def fields_of(problem: Problem) -> dict[str, Any]:
+    """Return the fields of an ordinary problem."""
+    return {one.name: getattr(problem, one.name) for one in fields(Problem)}
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SigmaProblem(Problem):
+    """Planning problem with a margin of sigmas."""
+
+    kept: Margin
+
+    @property
+    def sigmas(self) -> float:
+        """Number of sigmas kept clear."""
+        return self.kept.sigmas
+
+    def depth(self, ratio: float) -> str:
+        """Return a description of the clearance ratio at an end, and of the sigmas that all ends allow."""
+        times = np.full((self.count + len(self.other_offsets) - 1, 2), -inf)
+        times[: self.count] = self.base[:, [START, END]] * (-1.0, 1.0)
+        pairs, present = self.pairs, self.windows[1]
+        ends = np.maximum(times[pairs[:, 0]], times[pairs[:, 1]]) * (-1.0, 1.0)
+        which, side = np.nonzero((present[:, :1] <= ends) & (ends <= present[:, 1:]))
+        found = self.gauges(self.direct, Contacts.at(which, ends[which, side]), -1.0)[0]
+        least = float(found.min())
+        return f"{ratio:.2f} x zone and {self.sigmas:g} sigmas (ends allow {least:.3g})"
+
+    def conflicts(self, flown: Flown, factor: float = 1.0) -> list[PairRow]:
+        """Return conflicts with zones and sigmas enlarged by `factor`; the ratio is the gauge."""
+        zones = [Zone(zone.shape, zone.matrix / factor, zone.faces) for zone in self.zones]
+        search = search_of(self.spread(flown), zones, self.orbit.mean_motion, factor * self.sigmas)
+        found = []
+        for zone, pairs in zip(zones, self.pairs_by_kind, strict=True):
+            for (i, j), row in zip(*search(zone, *pairs), strict=True):
+                found.append(((int(i), int(j)), row))
+        return found
+
+    def spread(self, flown: Flown) -> Spread:
+        """Return the errors of all bodies along their paths."""
+        return spread_of(self.bodies(flown), self.kept.errors)
+
+    def covariances(self, flown: Flown, contacts: Contacts) -> Floats:
+        """Return relative covariances (K, 3, 3) [m^2] of positions at contacts."""
+        return self.relative(self.spread(flown) if self.moves else self.fixed, contacts)
+
+    def relative(self, spread: Spread, contacts: Contacts) -> Floats:
+        """Return relative covariances (K, 3, 3) [m^2] at contacts for the given errors."""
+        arcs, offsets, rows, execution = spread
+        total = np.zeros((contacts.number, 3, 3))
+        pairs = self.pairs[contacts.which]
+        for body in np.unique(pairs):
+            if self.kept.errors[body] is None:
+                continue
+            those = np.flatnonzero((pairs == body).any(axis=1))
+            own = slice(offsets[body], offsets[body + 1])
+            out = np.empty((len(those), 6, 6))
+            given = arcs[own], self.orbit.mean_motion, rows[own], execution[body : body + 1]
+            covariances(*given, np.ascontiguousarray(contacts.times[those]), out)
+            total[those] += out[:, :3, :3]
+        return total
+
+    @cached_property
+    def moves(self) -> bool:
+        """True if errors depend on the plan."""
+        own = self.kept.errors[: self.count]
+        return any(one is not None and (one.magnitude or one.pointing or any(one.impulse)) for one in own)
+
+    @cached_property
+    def fixed(self) -> Spread:
+        """The part of the errors that is the same for all plans."""
+        return spread_of(self.bodies(self.direct), self.kept.fixed(self.count))
+
+    def gauges(self, flown: Flown, contacts: Contacts, sigmas: float) -> tuple[Floats, Floats]:
+        """Return the gauges (K,) of pairs at contacts, and gradients; negative `sigmas`: the clear sigmas."""
+        places = self.motions(flown, contacts)[:, 0]
+        spread = self.covariances(flown, contacts)
+        sizes, planes = np.empty(contacts.number), np.empty((contacts.number, 4))
+        kinds = self.kinds[contacts.which]
+        for kind in np.unique(kinds):
+            shape, matrix, faces = faced(self.zones[kind])
+            those = np.flatnonzero(kinds == kind)
+            squares = matrix @ spread[those] @ matrix.T
+            squares += ROUNDING * np.trace(squares, axis1=1, axis2=2)[:, None, None] * np.eye(3)
+            size, plane = np.empty(len(those)), np.empty((len(those), 4))
+            gauges(shape, faces, places[those], np.ascontiguousarray(squares), sigmas, size, plane)
+            sizes[those], planes[those] = size, plane
+        return sizes, planes[:, :3]
+
+    def ratios(self, flown: Flown, which: Any, times: Floats) -> Floats:
+        """Return the gauges (K,) of pairs, each at one time."""
+        return self.gauges(flown, Contacts.at(which, times), self.sigmas)[0]
+
+    def normals(self, flown: Flown, contacts: Contacts, least: float) -> Floats:
+        """Return the normals of contacts at their pairs, divided by the extents of zone and sigmas."""
+        sizes, planes = self.gauges(flown, contacts, self.sigmas)
+        keep = (sizes <= least) | ~planes.any(axis=1)
+        return np.where(keep[:, None], contacts.normals, planes)
+
+    def sides(self, flown: Flown, contacts: Contacts, directions: Floats) -> Contacts:
+        """Return contacts with planes perpendicular to directions (K, 3) in the rotating frame."""
+        reach = self.deviations(flown, contacts, directions) * self.sigmas
+        normals = np.empty((contacts.number, 3))
+        for k, (kind, way) in enumerate(zip(self.kinds[contacts.which], directions, strict=True)):
+            zone = self.zones[kind]
+            normals[k] = np.linalg.solve(zone.matrix.T, way) / (zone.support(way) + reach[k])
+        return contacts._replace(normals=normals)
+
+    def deviations(self, flown: Flown, contacts: Contacts, directions: Floats) -> Floats:
+        """Return standard deviations (K,) [m] of pairs along unit directions (K, 3)."""
+        spread = self.covariances(flown, contacts)
+        return np.asarray(np.sqrt(np.einsum("ki,kij,kj->k", directions, spread, directions)))
+
+    def insides(self, contacts: Contacts, directions: Floats) -> Floats:
+        """Return ellipsoids |W q| <= 1 in sums of zone and sigmas with the same extents: (K, 3, 3).
+
+        They include only errors common to all plans, because another plan may have smaller other errors.
+        """
+        spread, out = self.relative(self.fixed, contacts), np.empty((contacts.number, 3, 3))
+        for k, (kind, way) in enumerate(zip(self.kinds[contacts.which], directions, strict=True)):
+            zone = self.zones[kind]
+            values, vectors = np.linalg.eigh(zone.matrix @ spread[k] @ zone.matrix.T)
+            axes = self.sigmas * vectors * np.sqrt(np.maximum(values, 0.0)) @ vectors.T
+            normal = np.linalg.solve(zone.matrix.T, way)
+            turn = rotation_between(axes.T @ normal, normal)
+            out[k] = np.linalg.inv(np.eye(3) / inner_curvature(zone) + axes @ turn)
+        return out
+
+    def enlarged(self, contacts: Contacts) -> Problem:
+        """Return an ordinary problem whose zones include the sigmas of each pair at its contact's time."""
+        spread, zones = self.covariances(self.direct, contacts), []
+        for k, kind in enumerate(self.kinds[contacts.which]):
+            zone, size = self.zones[kind], np.trace(spread[k])
+            if size > 0.0:
+                ellipsoid = Ellipsoid.from_covariance(spread[k] + 1e-9 * size * np.eye(3), self.sigmas)
+                zone = outer_sum(zone, ellipsoid)
+            zones.append(zone)
+        pairs = np.ascontiguousarray(self.pairs[contacts.which])
+        other = {"pairs": pairs, "kinds": np.arange(len(zones)), "zones": tuple(zones)}
+        return Problem(**{**fields_of(self), **other})
+
+
+def rotation_between(one: Floats, other: Floats) -> Floats:
+    """Return the rotation U (3, 3) with U' one parallel to `other`."""
+    sizes = np.linalg.norm(one), np.linalg.norm(other)
+    if not min(sizes) > 0.0:
+        return np.eye(3)
+    u, v = one / sizes[0], other / sizes[1]
+    # the product of two reflections, u to v
+    across = u + v
+    if not across @ across > 1e-12:
+        return np.eye(3)
+    first = np.eye(3) - 2.0 * np.outer(u, u)
+    second = np.eye(3) - 2.0 * np.outer(across, across) / (across @ across)
+    return np.asarray((second @ first).T)
