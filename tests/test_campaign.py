@@ -31,15 +31,15 @@ from closeform.mission.mission import fly
 from closeform.report.any_study import report_of
 from closeform.report.run import RunReport
 from closeform.scenario import Scenario, ScenarioError, load, parse
-from closeform.search.gather import gather
-from closeform.search.gather_result import Gathering
-from closeform.search.locks import lock_times
-from closeform.search.sampled import sampled_times
+from closeform.search.gathering.gather import gather
+from closeform.search.gathering.result import Gathering
+from closeform.search.lock_times import lock_times
+from closeform.search.sampled_detection import sampled_times
 from closeform.search.schedule import Search
 from closeform.search.sensor import Sensor
 from pages import assert_linked
 from test_cli import numbers
-from test_imperfect_gathering import LOST
+from test_gathering_burn_errors import LOST
 
 pytestmark = pytest.mark.usefixtures("unpainted")
 

@@ -11,7 +11,7 @@ from numpy.linalg import norm
 
 import closeform as cf
 from bodies import Body
-from closeform.search.knowledge_sets import case_number
+from closeform.search.gathering.join_rule import case_number
 from lost import BASIC, MODIFIED, Sky, depth, gathered
 from turns import turns
 
@@ -291,19 +291,21 @@ def test_two_imperfect_spacecraft_gather_at_their_lock_time():
 
 
 @pytest.mark.parametrize("speed", [None, 0.2])
-def test_zero_errors_change_nothing(speed):
+def test_negligible_errors_change_nothing(speed):
+    """The march through both slew profiles agrees with the one of craft that face each other."""
     rng = np.random.default_rng(13)
     r, v = rng.uniform(-250.0, 250.0, (100, 5, 3)), rng.uniform(-0.05, 0.05, (100, 5, 3))
     r[:50] *= [0.05, 0.05, 1.0]
     search, options = basic(70.0, 7.5, 250.0), {"max_speed": speed, "keep_out": cf.Sphere(20.0)}
     perfect = cf.gather_cases(search, r, v, **options)
-    same = cf.gather_cases(search, r, v, **options, errors=cf.SearchErrors())
-    np.testing.assert_array_equal(same.leg, perfect.leg)
-    np.testing.assert_array_equal(same.met_unknown, perfect.met_unknown)
-    np.testing.assert_array_equal(same.met_known, perfect.met_known)
-    np.testing.assert_allclose(same.duration, perfect.duration, rtol=0.0, atol=1e-6)
-    np.testing.assert_allclose(same.each_delta_v, perfect.each_delta_v, rtol=0.0, atol=1e-9)
     assert 0 < (perfect.left > 0).sum() < 100
+    for errors in (cf.SearchErrors(), cf.SearchErrors(start=1e-10), cf.SearchErrors(slew_acceleration=1e9)):
+        same = cf.gather_cases(search, r, v, **options, errors=errors)
+        np.testing.assert_array_equal(same.leg, perfect.leg)
+        np.testing.assert_array_equal(same.met_unknown, perfect.met_unknown)
+        np.testing.assert_array_equal(same.met_known, perfect.met_known)
+        np.testing.assert_allclose(same.duration, perfect.duration, rtol=0.0, atol=1e-6)
+        np.testing.assert_allclose(same.each_delta_v, perfect.each_delta_v, rtol=0.0, atol=1e-9)
 
 
 def test_errors_of_wrong_shape_are_refused():

@@ -5,8 +5,8 @@ from math import degrees, inf, isnan, radians
 import numpy as np
 import pytest
 
-from closeform.search.locks import lock_times
-from closeform.search.margins import lock_margins
+from closeform.search.lock_times import lock_times
+from closeform.search.proofs.lock_margins import lock_margins
 from closeform.search.schedule import Search
 from closeform.search.sensor import Sensor
 from turns import Turning, turns

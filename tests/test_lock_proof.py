@@ -8,8 +8,7 @@ import pytest
 
 import closeform as cf
 from bodies import Body, first_lock
-from closeform.search.error_bounds import ErrorBounds
-from closeform.search.lock_proof import looks_of
+from closeform.search.proofs.error_bounds import ErrorBounds, instants_of
 from turns import Turning, turns
 
 RATE, LIMIT = radians(0.25), radians(25)
@@ -59,7 +58,7 @@ def test_proven_states_lock_with_any_errors():
     states = states[is_decided(proof, onto_faces(states))]
     assert len(states) > 130
     sides = [Turning(turns("modified", radians(70)), RATE, group) for group in "AB"]
-    times = looks_of(S04, S04.duration, ErrorBounds())[:, 0]
+    times = instants_of(S04, S04.duration, ErrorBounds())[:, 0]
     seen = np.zeros((len(states), len(times)), dtype=bool)
     draw = generator(2)
     for some in np.array_split(np.arange(len(states)), 20):
@@ -254,7 +253,7 @@ def exact_turn(axis, angle, vector):
 def test_bounds_agree_with_interval_arithmetic():
     """Interval arithmetic confirms the largest provable box, and that no larger one is."""
     mpmath.mp.dps = 50
-    table = looks_of(S04, S04.duration, ErrorBounds())
+    table = instants_of(S04, S04.duration, ErrorBounds())
     draw = generator(6)
     for state in inside(-DRAWN, DRAWN, 1, 5):
         line = state[:3] + table[:, :1] * state[3:]

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from closeform.search.locks import lock_times
+from closeform.search.lock_times import lock_times
 from closeform.search.schedule import Search
 from closeform.search.sensor import Sensor
 from turns import Turning, first_lock, margin, turns

@@ -63,14 +63,20 @@ def test_locks_with_errors_against_sampled_bodies(kind, half_angle, offset, long
 
 @pytest.mark.parametrize("half_angle", [30.0, 70.0, 110.0])
 @pytest.mark.parametrize(("offset", "longest"), [(0.0, inf), (7.5, 300.0)])
-def test_zero_errors_give_the_perfect_search(half_angle, offset, longest):
+def test_negligible_errors_give_the_perfect_search(half_angle, offset, longest):
+    """The march through both slew profiles agrees with the one of craft that face each other."""
     sensor = cf.Sensor(radians(half_angle), offset, longest)
     search = cf.Search.basic(sensor, RATE, LIMIT)
     r, v = drawn(4_000, 7)
     perfect = cf.lock_times(search, r, v)
-    same = cf.lock_times(search, r, v, cf.SearchErrors())
-    np.testing.assert_array_equal(same.leg, perfect.leg)
-    np.testing.assert_allclose(same.time, perfect.time, rtol=0.0, atol=1e-6)
+    for errors in (
+        cf.SearchErrors(),
+        cf.SearchErrors(start=[0.0, 1e-10]),
+        cf.SearchErrors(slew_acceleration=1e9),
+    ):
+        same = cf.lock_times(search, r, v, errors)
+        np.testing.assert_array_equal(same.leg, perfect.leg)
+        np.testing.assert_allclose(same.time, perfect.time, rtol=0.0, atol=1e-6)
 
 
 def test_common_start_offset_shifts_the_search():

@@ -15,12 +15,12 @@ from closeform import plots
 from closeform.plots.gatherings import SUN_VIEW, Knots, Moment, ThreeViews, schedule
 from closeform.plots.searches import CAMERA, Meeting, half_rim
 from closeform.plots.space import GROUP_COLOURS, OBLIQUE, Camera, hull, ring
-from closeform.search.gather import gather
-from closeform.search.locks import lock_times
+from closeform.search.gathering.gather import gather
+from closeform.search.lock_times import lock_times
+from closeform.search.proofs.theorem import cone_regions
 from closeform.search.schedule import Search
 from closeform.search.search_errors import SearchErrors
 from closeform.search.sensor import Sensor
-from closeform.search.theorem import cone_regions
 from turns import turns
 
 RATE, HALF = radians(0.25), radians(70.0)

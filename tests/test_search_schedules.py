@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
-from closeform.search.coverage import greatest
-from closeform.search.locks import lock_times
+from closeform.search.leg import greatest
+from closeform.search.lock_times import lock_times
 from closeform.search.schedule import Search
 from closeform.search.sensor import Sensor
 from turns import START, Turning, first_lock, turns
@@ -335,9 +335,9 @@ GOOD = {"slew_rate": RATE, "sun_limit": LIMIT}
     [
         ({"slew_rate": 0.0}, "slew_rate: must be positive and finite, got 0"),
         ({"slew_rate": -1.0}, "slew_rate: must be positive"),
-        ({"slew_rate": np.nan}, "slew_rate: must be one number"),
+        ({"slew_rate": np.nan}, "slew_rate: must be positive and finite, got nan"),
         ({"slew_rate": inf}, "slew_rate: must be positive and finite"),
-        ({"slew_rate": [1.0, 2.0]}, "slew_rate: must be one number"),
+        ({"slew_rate": [1.0, 2.0]}, "slew_rate: expected one number"),
         ({"slew_rate": "fast"}, "slew_rate: expected numbers"),
         ({"sun_limit": 0.0}, "sun_limit: must be positive"),
         ({"sun_limit": pi / 2}, r"sun_limit: must be below pi/2 \(90 deg\)"),
@@ -354,11 +354,11 @@ def test_invalid_numbers(kind, change, message):
     [
         ((0.0,), "half_angle: must be above 0 and below pi"),
         ((pi,), r"half_angle: must be above 0 and below pi \(180 deg\)"),
-        ((np.nan,), "half_angle: must be one number"),
+        ((np.nan,), "half_angle: must be above 0 and below pi"),
         ((1.0, -1.0), "offset: must be finite and at least 0 m"),
         ((1.0, inf), "offset: must be finite"),
         ((1.0, 0.0, 0.0), "range: must be positive"),
-        ((1.0, 0.0, np.nan), "range: must be one number"),
+        ((1.0, 0.0, np.nan), "range: must be positive, got nan"),
     ],
 )
 def test_invalid_sensors(arguments, message):

@@ -18,7 +18,7 @@ from closeform.campaign.cluster import Task, evaluate
 from closeform.campaign.spread import Spread, order_statistics
 from closeform.cli.app import main
 from closeform.scenario import ScenarioError, load, parse
-from closeform.search.histogram import Binned
+from closeform.search.lock_statistics import TimeHistogram
 from test_campaign import EXAMPLES, GATHERING, NARROW, S04
 
 pytestmark = pytest.mark.usefixtures("unpainted")
@@ -269,7 +269,7 @@ def test_quantiles_have_the_confidence_that_they_say() -> None:
 def test_a_histogram_of_chunks_is_that_of_all_times() -> None:
     campaign = evaluated(load(S04), 20_000)
     times, search = campaign.time, campaign.search
-    parts = Binned.of(np.array_split(times, 7), search.duration, search)
+    parts = TimeHistogram.of(np.array_split(times, 7), search.duration, search)
     later = times[times > 0.0]
     edges = 60.0 * np.arange(len(parts.counts) + 1)
     np.testing.assert_array_equal(parts.counts, np.histogram(later, edges)[0])

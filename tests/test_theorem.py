@@ -8,15 +8,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from closeform.search.locks import lock_times
-from closeform.search.schedule import Search
-from closeform.search.sensor import Sensor
-from closeform.search.theorem import (
+from closeform.search.lock_times import lock_times
+from closeform.search.proofs.theorem import (
     cone_crossings,
     cone_regions,
     regions_searched,
     theorem_case,
 )
+from closeform.search.schedule import Search
+from closeform.search.sensor import Sensor
 from turns import Turning, turns
 
 RATE, LIMIT = radians(0.25), radians(25)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1] / "src" / "closeform"
 
-for folder in [ROOT, *sorted(path.parent for path in ROOT.glob("*/__init__.py"))]:
+for folder in sorted(path.parent for path in ROOT.rglob("__init__.py")):
     print(f"\n{folder.relative_to(ROOT.parent)}/")
     for file in sorted(folder.glob("*.py")):
         docstring = ast.get_docstring(ast.parse(file.read_text(encoding="utf-8"))) or ""

@@ -15,8 +15,8 @@ import numpy as np
 from closeform.campaign.draws import drawn
 from closeform.campaign.search_cases import shares
 from closeform.scenario import load
-from closeform.search.locks import lock_times
-from closeform.search.phases import labels, tally
+from closeform.search.lock_statistics import count_by_phase, phase_labels
+from closeform.search.lock_times import lock_times
 
 FILE = Path(__file__).parents[1] / "examples" / "s04.toml"
 AT_ONCE = 131_072
@@ -29,13 +29,13 @@ def main() -> None:
     scenario, begun = load(FILE), time.perf_counter()
     search = scenario.plan
     last = max(k for k, leg in enumerate(search.legs) if leg.round == 2 and leg.phase == "IPS")
-    counts = np.zeros(len(labels(search)), dtype=int)
+    counts = np.zeros(len(phase_labels(search)), dtype=int)
     for first in range(0, cases, AT_ONCE):
         until = min(first + AT_ONCE, cases)
         craft = drawn(scenario, scenario.study.seed, first, until)
         states = craft[:, 1] - craft[:, 0]
         found = lock_times(search, states[:, :3], states[:, 3:])
-        counts += tally(search, found.time, found.leg)
+        counts += count_by_phase(search, found.time, found.leg)
         for late in np.flatnonzero((found.leg < 0) | (found.leg > last)):
             print(f"case {first + late}: {found.time[late]:.2f} s, {states[late].tolist()}", flush=True)
     for share in shares(search, counts.tolist()):

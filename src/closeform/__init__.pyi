@@ -97,21 +97,21 @@ from closeform.conflicts.all_pairs import (
     Screening as Screening,
     screen as screen,
 )
-from closeform.search.gather import gather as gather, gather_cases as gather_cases
+from closeform.search.gathering.gather import gather as gather, gather_cases as gather_cases
 from closeform.results.export import export as export
 from closeform.exchange.formats.states_csv import read_csv as read_csv
 from closeform.results.load import (
     load as load,
 )
-from closeform.search.gather_result import (
+from closeform.search.gathering.result import (
     GatherStatus as GatherStatus,
     Gathering as Gathering,
+    Gatherings as Gatherings,
 )
-from closeform.search.gatherings import Gatherings as Gatherings
-from closeform.search.locks import Locks as Locks, lock_times as lock_times
-from closeform.search.lock_proof import LockProof as LockProof, prove_locks as prove_locks
-from closeform.search.longest_lock import LongestLock as LongestLock, longest_lock as longest_lock
-from closeform.search.margins import lock_margins as lock_margins
+from closeform.search.lock_times import Locks as Locks, lock_times as lock_times
+from closeform.search.proofs.lock_proof import LockProof as LockProof, prove_locks as prove_locks
+from closeform.search.proofs.longest_lock import LongestLock as LongestLock, longest_lock as longest_lock
+from closeform.search.proofs.lock_margins import lock_margins as lock_margins
 from closeform.search.schedule import Search as Search
 from closeform.search.search_errors import SearchErrors as SearchErrors
 from closeform.search.sensor import Sensor as Sensor

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from closeform.campaign.draws import drawn, failing, flight_seed, searching, values, varied
 from closeform.scenario import Craft, Scenario, ScenarioError
 from closeform.scenario.study import FAILS, STATES, UNPLANNED
-from closeform.search.search_errors import first_of
+from closeform.search.search_errors import errors_of_first_case
 
 if TYPE_CHECKING:
     from closeform.mission.executed_mission import History
@@ -52,7 +52,7 @@ def one_case(scenario: Scenario, seed: int, case: int) -> Scenario:
         title=title,
         craft=drawn_craft(scenario.craft, columns, replanned),
         case=case,
-        astray=None if errors is None else first_of(errors),
+        astray=None if errors is None else errors_of_first_case(errors),
         history=history,
     )
     if scenario.flights is None:

@@ -21,16 +21,15 @@ from closeform.mission.verdict import ROUNDING
 from closeform.planning.limits import FULL, propellant
 from closeform.scenario import Gather, Scenario, ScenarioError
 from closeform.scenario.study import FAILS
-from closeform.search.burn_errors import gather_failing
-from closeform.search.gather import gather_cases
-from closeform.search.gatherings import Gatherings
-from closeform.search.imperfect_attitude import OwnTurns
-from closeform.search.locks import lock_times
-from closeform.search.phases import NEVER, ended_in, labels, tally
-from closeform.search.rounds import all_rounds
-from closeform.search.sampled import sampled_times
+from closeform.search.gathering.gather import gather_cases, gather_cases_with_losses
+from closeform.search.gathering.result import Gatherings
+from closeform.search.lock_statistics import NEVER, count_by_phase, phase_index, phase_labels
+from closeform.search.lock_times import lock_times
+from closeform.search.repeated_search import repeated_search
+from closeform.search.sampled_detection import sampled_times
 from closeform.search.schedule import Search
-from closeform.search.search_errors import SearchErrors, between, of_each
+from closeform.search.search_errors import SearchErrors, errors_of_each, errors_of_pairs
+from closeform.search.slew_profile import ExecutedTurns
 from closeform.zones.pair_zones import portions
 
 PAIRS_AT_ONCE = 100_000  # number of pairs in a chunk of locks; some megabytes
@@ -120,8 +119,8 @@ class SearchCases(Cases):
         key = "craft.pointing_error"
         if errors is None or not (key in varied(self.scenario) or np.any(self.scenario.given(key))):
             return {}
-        each = of_each(errors, (cases, len(self.scenario.craft)))
-        angles = OwnTurns(self.search, self.scenario.groups, each).sun_angles
+        each = errors_of_each(errors, (cases, len(self.scenario.craft)))
+        angles = ExecutedTurns(self.search, self.scenario.groups, each).sun_angles
         kept = (angles <= self.search.sun_limit + ROUNDING).all(axis=-1)
         return {KEPT["sun"]: np.repeat(kept, self.rows)}
 
@@ -164,7 +163,7 @@ class LockCases(SearchCases):
         states, moves = self.states(first, last, self.pairs)
         moves = moves.reshape(-1, 6)
         craft = searching(self.scenario, self.seed, first, last)
-        errors = None if craft is None else between(craft, self.pairs)
+        errors = None if craft is None else errors_of_pairs(craft, self.pairs)
         found = lock_times(self.search, moves[:, :3], moves[:, 3:], errors)
         columns = dict(zip(STATE, moves.T, strict=True)) | {"time_s": found.time, "leg": found.leg}
         for step in self.steps:
@@ -217,7 +216,7 @@ class GatherCases(SearchCases):
         (stage,) = scenario.stages
         assert isinstance(stage, Gather)
         arguments = scenario.gathering(stage)
-        search, _ = all_rounds(scenario.plan, arguments["rounds"], arguments["max_speed"])
+        search, _ = repeated_search(scenario.plan, arguments["rounds"], arguments["max_speed"])
         return cls(scenario, seed, search, stage)
 
     def chunk_size(self, count: int) -> int:
@@ -238,7 +237,9 @@ class GatherCases(SearchCases):
         arguments = scenario.gathering(self.stage) | {"errors": searching(scenario, self.seed, first, last)}
         begun, lost = (scenario.plan, states[..., :3], states[..., 3:]), {}
         if FAILS in varied(scenario):
-            found, fails = gather_failing(*begun, failures(scenario, self.seed, first, last), **arguments)
+            found, fails = gather_cases_with_losses(
+                *begun, failures(scenario, self.seed, first, last), **arguments
+            )
             lost = {lost_by(name): fails[:, k] for k, name in enumerate(scenario.names)}
             lost |= {"adrift": found.adrift}
         else:
@@ -281,7 +282,7 @@ class GatherCases(SearchCases):
 
         def until(number: int) -> Quantity:
             return lambda columns: np.where(
-                ended_in(self.search, *self.ended(columns)) == number, self.spent(columns), np.nan
+                phase_index(self.search, *self.ended(columns)) == number, self.spent(columns), np.nan
             )
 
         return {
@@ -355,7 +356,7 @@ class Share:
 def shares(search: Search, counts: Sequence[int]) -> tuple[Share, ...]:
     """Return the shares of cases by phase from their numbers; the last one counts cases never done."""
     every, ended, found = sum(counts), 0, []
-    for label, count in zip(labels(search), counts, strict=True):
+    for label, count in zip(phase_labels(search), counts, strict=True):
         ended += count
         by_end = None if label == NEVER else estimate(ended, every)
         found.append(Share(label, count, estimate(count, every), by_end))
@@ -425,7 +426,7 @@ class Campaign(Statistics):
     @cached_property
     def shares(self) -> tuple[Share, ...]:
         """Shares of cases done at once, in each phase, and never, with confidence intervals."""
-        counts = self.total(lambda part: np.array(tally(self.search, *self.kind.ended(part))))
+        counts = self.total(lambda part: np.array(count_by_phase(self.search, *self.kind.ended(part))))
         return shares(self.search, counts.tolist())
 
 
@@ -480,7 +481,7 @@ class LockCampaign(Campaign):
             time, leg = self.kind.ended(part)
             later, late = self.kind.ended(part, step)
             over = (late < 0) & (leg >= 0) | (later - time > step)
-            return np.array([*tally(self.search, later, late), over.sum()])
+            return np.array([*count_by_phase(self.search, later, late), over.sum()])
 
         *phases, over = self.total(counts).tolist()
         return phases, over

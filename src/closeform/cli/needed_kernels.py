@@ -37,14 +37,18 @@ def modules_for(scenario: "Scenario") -> list[str]:
 def _needs(scenario: "Scenario") -> Iterator[str]:
     """Yield the modules that each feature of a scenario needs, as text with spaces between the names."""
     if all(stage.searches for stage in scenario.stages):
-        yield "search.lock_march" if isinstance(scenario.stages[0], Lock) else "search.gather_events"
+        yield (
+            "search.lock_march"
+            if isinstance(scenario.stages[0], Lock)
+            else "search.gathering.event_simulation"
+        )
         return
     yield MOTION
     for stage in scenario.stages:
         plans = isinstance(stage, Avoid | Joint)
         cost = stage.cost if isinstance(stage, Thrusting) else None
         if isinstance(stage, Gather):
-            yield "search.gather_events"
+            yield "search.gathering.event_simulation"
         if plans:
             yield PLANNING
         if plans and cost == "energy":

@@ -18,13 +18,13 @@ from scipy.special import ndtri
 from closeform.arrays import Floats
 from closeform.conflicts.flight import watch
 from closeform.conflicts.two_paths import closest_approach
-from closeform.mission.search_stage import gather_flawed
+from closeform.mission.search_stage import gather_with_burn_errors
 from closeform.mission.verdict import LostThrust
 from closeform.motion.joining import drift, drifting, join, stack
 from closeform.motion.path import Path
 from closeform.scenario import Craft, Gather, Scenario, ScenarioError
-from closeform.search.burn_flaws import BurnFlaws
-from closeform.search.gather_result import Gathering
+from closeform.search.gathering.burn_errors import BurnErrors
+from closeform.search.gathering.result import Gathering
 from closeform.uncertainty.columns import added, columns_of
 from closeform.uncertainty.covariance import root_of
 from closeform.uncertainty.random_streams import WORDS, uniform
@@ -109,8 +109,8 @@ class History:
         """Return a stage from `states` (N, 6) as executed, with burn errors and without lost thrust."""
         if not result.flown or not (self.replanned or self.instants):
             return result
-        if isinstance(result.stage, Gather) and (flaws := self.flaws(scenario, result)).any:
-            return gather_flawed(scenario, result, states, flaws)
+        if isinstance(result.stage, Gather) and (errors := self.burn_errors(scenario, result)).any:
+            return gather_with_burn_errors(scenario, result, states, errors)
         paths, disturbed = list[Path](), self.disturbed(scenario)
         for k, craft in enumerate(scenario.craft):
             path = result.after.path(craft.name)
@@ -130,8 +130,8 @@ class History:
         noise = ProcessNoise(self.seed, scenario.orbit.build().mean_motion, USUAL)
         return lambda path, k, since: noise.moved(path, scenario.craft[k], self.case, since)
 
-    def flaws(self, scenario: Scenario, result: StageResult[Any, Any]) -> BurnFlaws:
-        """Return the flaws of a gathering's burns; each burn of a craft takes four random numbers."""
+    def burn_errors(self, scenario: Scenario, result: StageResult[Any, Any]) -> BurnErrors:
+        """Return the errors of a gathering's burns; each burn of a craft takes four random numbers."""
         craft = scenario.craft
         times = [(self.instants or {}).get(k, inf) - result.start for k in range(len(craft))]
         gates = np.array([(0.0,) * 4 if one.execution is None else one.execution.gates for one in craft])
@@ -142,7 +142,7 @@ class History:
             return np.array(drawn)[None, :, :, :3]
 
         off = self.replanned and gates.any()
-        return BurnFlaws(np.array([times]), gates, normals if off else None)
+        return BurnErrors(np.array([times]), gates, normals if off else None)
 
     def whole(self, mission: Mission) -> Mission:
         """Return a mission with the events that no plan takes into account."""

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from closeform.mission.thruster_firing import Pulsed
     from closeform.mission.uncertainty import UncertainStage
     from closeform.planning.plan import Plan
-    from closeform.search.locks import Locks
+    from closeform.search.lock_times import Locks
 
 AnyStage = TypeVar("AnyStage", bound=StageTable)
 AnyResult = TypeVar("AnyResult")

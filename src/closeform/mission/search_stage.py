@@ -14,25 +14,25 @@ from closeform.mission.stage_start import StageStart
 from closeform.mission.verdict import SunAngle
 from closeform.motion.arc import END, START
 from closeform.scenario import Gather, Lock, Scenario
-from closeform.search.gather_result import Gathering, GatherStatus, reason_incomplete
-from closeform.search.imperfect_attitude import OwnTurns
+from closeform.search.gathering.result import Gathering, GatherStatus, reason_incomplete
 from closeform.search.schedule import Search
-from closeform.search.search_errors import between, of_each
+from closeform.search.search_errors import errors_of_each, errors_of_pairs
+from closeform.search.slew_profile import ExecutedTurns
 
 if TYPE_CHECKING:
-    from closeform.search.burn_flaws import BurnFlaws
+    from closeform.search.gathering.burn_errors import BurnErrors
 
 NAMED = 10  # maximum number of listed pairs that never lock
 
 
 def lock(start: StageStart, stage: Lock) -> StageResult[Lock, FirstLocks]:
     """Evaluate the first lock of each pair while all spacecraft coast, and return the result of the stage."""
-    from closeform.search.locks import lock_times
+    from closeform.search.lock_times import lock_times
 
     search, pairs, names = start.scenario.plan, start.scenario.opposite, start.scenario.names
     relative = start.states[pairs[:, 1]] - start.states[pairs[:, 0]]
     craft = start.scenario.search_errors
-    errors = None if craft is None else between(craft, pairs)
+    errors = None if craft is None else errors_of_pairs(craft, pairs)
     found = FirstLocks(search, pairs, lock_times(search, relative[:, :3], relative[:, 3:], errors))
     failure = None
     if never := [f"{names[i]} - {names[j]}" for i, j in found.missing]:
@@ -48,7 +48,7 @@ def gather(start: StageStart, stage: Gather) -> StageResult[Gather, Gathering]:
 
     The gathering ends when one formation set contains all spacecraft, or after the last round.
     """
-    from closeform.search.gather import gather
+    from closeform.search.gathering.gather import gather
 
     scenario, states = start.scenario, start.states
     found = gather(scenario.plan, states[:, :3], states[:, 3:], **scenario.gathering(stage))
@@ -57,14 +57,15 @@ def gather(start: StageStart, stage: Gather) -> StageResult[Gather, Gathering]:
     return StageResult(start.number, stage, start.time, flight, flight, found, failure, sun=sun)
 
 
-def gather_flawed(
-    scenario: Scenario, planned: StageResult[Gather, Gathering], states: Floats, flaws: BurnFlaws
+def gather_with_burn_errors(
+    scenario: Scenario, planned: StageResult[Gather, Gathering], states: Floats, burn_errors: BurnErrors
 ) -> StageResult[Gather, Gathering]:
-    """Return the gathering from the same states (N, 6), with the burn errors `flaws`."""
-    from closeform.search.burn_errors import gather_flawed
+    """Return the gathering from the same states (N, 6), with `burn_errors`."""
+    from closeform.search.gathering import gather
 
     arguments = scenario.gathering(planned.stage)
-    found = gather_flawed(planned.result, scenario.plan, states[:, :3], states[:, 3:], flaws, **arguments)
+    begun = scenario.plan, states[:, :3], states[:, 3:]
+    found = gather.gather_with_burn_errors(planned.result, *begun, burn_errors, **arguments)
     flight, failure = gathered_flight(scenario, found, planned.start), incomplete(scenario, found)
     return replace(
         planned, before=flight, after=flight, result=found, failure=failure, commanded=planned.after
@@ -75,7 +76,7 @@ def sun_angle(scenario: Scenario, search: Search) -> SunAngle | None:
     """Return the maximum sun angle of spacecraft that search with errors; None if none has an error."""
     if (errors := scenario.search_errors) is None:
         return None
-    turns = OwnTurns(search, scenario.groups, of_each(errors, (len(scenario.craft),)))
+    turns = ExecutedTurns(search, scenario.groups, errors_of_each(errors, (len(scenario.craft),)))
     k = int(np.argmax(turns.sun_angles))
     return SunAngle(scenario.names[k], float(turns.sun_angles[k]), search.sun_limit)
 

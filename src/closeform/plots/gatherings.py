@@ -37,11 +37,11 @@ from closeform.plots.space import (
 )
 from closeform.plots.style import DASHED, headline, legend, sheet, wrapped
 from closeform.plots.text import SMALL, follow, plain, short_names, word
-from closeform.search.gather_result import Event, EventKind, Gathering
-from closeform.search.imperfect_attitude import OwnTurns
-from closeform.search.knowledge_sets import FORMATION, LOST
+from closeform.search.gathering.join_rule import FORMATION, LOST
+from closeform.search.gathering.result import Event, EventKind, Gathering
 from closeform.search.leg import SPELLED, SUN, Leg
-from closeform.search.search_errors import SearchErrors, of_each
+from closeform.search.search_errors import SearchErrors, errors_of_each
+from closeform.search.slew_profile import ExecutedTurns
 
 NORTH, EAST = np.array([0.0, -1.0, 0.0]), np.array([1.0, 0.0, 0.0])  # up and right, as seen from the Sun
 SUN_VIEW = Camera(np.array([EAST, NORTH, SUN]))
@@ -98,12 +98,12 @@ class Moment:
     def attitudes(self) -> Floats:
         """Actual attitudes (N, 3, 3); columns are the body axes."""
         gathering = self.gathering
-        return OwnTurns(gathering.search, gathering.groups, self.errors).attitudes(self.time)
+        return ExecutedTurns(gathering.search, gathering.groups, self.errors).attitudes(self.time)
 
     @cached_property
     def errors(self) -> SearchErrors:
         """Errors of each spacecraft (N,) relative to the search."""
-        return of_each(self.gathering.errors or SearchErrors(), (len(self.gathering.groups),))
+        return errors_of_each(self.gathering.errors or SearchErrors(), (len(self.gathering.groups),))
 
     @cached_property
     def half_angles(self) -> Floats:

@@ -31,9 +31,9 @@ from closeform.plots.space import (
 from closeform.plots.style import DASHED, DOTTED, headline, length_unit, sheet
 from closeform.plots.text import SMALL, TEXT, word
 from closeform.search.leg import SUN, Leg, rotation
-from closeform.search.locks import lock_times
+from closeform.search.lock_times import lock_times
+from closeform.search.proofs.theorem import regions_searched
 from closeform.search.schedule import Search
-from closeform.search.theorem import regions_searched
 from closeform.zones.outlines import CIRCLE
 
 ABOVE = Camera.around(-1.15, 0.38, -SUN, np.array([1.0, 0.0, 0.0]))  # n_z up, n_x to the right

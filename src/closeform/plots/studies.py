@@ -30,7 +30,7 @@ from closeform.plots.style import (
     time_axes,
 )
 from closeform.plots.text import NEAR, fonts, label
-from closeform.search.histogram import FINER, Binned
+from closeform.search.lock_statistics import FINER, TimeHistogram
 from closeform.search.schedule import Search
 from closeform.uncertainty.probability import Probability
 
@@ -153,10 +153,10 @@ def histogram(
     longest = search.duration if search is not None else max(bin, float(found.max(initial=0.0)))
     if found.size and not (found.min() >= 0.0 and found.max() <= longest < np.inf):
         raise ValueError(f"times: must lie in the search, from 0 to {longest:g} s")
-    return binned(Binned.of([given], longest, search, bin), search, what)
+    return binned(TimeHistogram.of([given], longest, search, bin), search, what)
 
 
-def binned(times: Binned, search: Search | None = None, what: str = "pairs lock") -> Figure:
+def binned(times: TimeHistogram, search: Search | None = None, what: str = "pairs lock") -> Figure:
     """Plot the histogram of times that are already counted."""
     edges = times.bin * np.arange(len(times.counts) + 1)
     figure, (axes,) = chart(5.8)

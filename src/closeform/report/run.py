@@ -48,7 +48,7 @@ from closeform.scenario import (
     Transfer,
 )
 from closeform.scenario.load import toml
-from closeform.search.gather_result import EventKind, Gathering
+from closeform.search.gathering.result import EventKind, Gathering
 from closeform.storage import arc_tables
 from closeform.storage.result_folder import Folder
 

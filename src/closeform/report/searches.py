@@ -25,9 +25,9 @@ from closeform.report.section import (
     minutes,
 )
 from closeform.scenario import Gather, Lock
-from closeform.search.gather_result import Event, EventKind, Gathering, GatherStatus, listed
+from closeform.search.gathering.result import Event, EventKind, Gathering, GatherStatus, listed
 from closeform.search.leg import SPELLED
-from closeform.search.phases import labels, tally
+from closeform.search.lock_statistics import count_by_phase, phase_labels
 from closeform.search.schedule import Search
 
 ROUNDING = 1e-9  # rad
@@ -174,7 +174,9 @@ def lock(mission: Mission, result: StageResult[Lock, FirstLocks]) -> Section:
     tables = [shown]
     if shown.folded:
         counts = zip(
-            labels(found.search), tally(found.search, found.locks.time, found.locks.leg), strict=True
+            phase_labels(found.search),
+            count_by_phase(found.search, found.locks.time, found.locks.leg),
+            strict=True,
         )
         columns = Column("phase", words=True), Column("pairs")
         tables.insert(0, Table("First locks by phase", columns, list(counts)))

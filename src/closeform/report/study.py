@@ -20,9 +20,8 @@ from closeform.report import model, page, run, searches
 from closeform.report.page import Head, Repeat, quoted
 from closeform.report.picture import Picture, Progress
 from closeform.report.section import Column, Section, Table
-from closeform.search.gather_result import listed
-from closeform.search.histogram import Binned
-from closeform.search.phases import labels
+from closeform.search.gathering.result import listed
+from closeform.search.lock_statistics import TimeHistogram, phase_labels
 from closeform.search.schedule import Search
 from closeform.storage.result_folder import Folder
 
@@ -367,7 +366,7 @@ class StudyReport(CasesReport):
         campaign = self.campaign
         if not isinstance(campaign, LockCampaign) or not campaign.kind.steps:
             return {}
-        names, over = labels(campaign.search), "stepped over"
+        names, over = phase_labels(campaign.search), "stepped over"
         found = {"exact": {share.label: share.cases for share in campaign.shares} | {over: 0}}
         for step in campaign.kind.steps:
             phases, skipped = campaign.detected(step)
@@ -417,10 +416,10 @@ class StudyReport(CasesReport):
         return (model.LOCKS,)
 
     @property
-    def times(self) -> Binned:
+    def times(self) -> TimeHistogram:
         """The histogram of the times at which cases were done."""
         campaign = self.campaign
-        return Binned.of(campaign.times, campaign.search.duration, campaign.search)
+        return TimeHistogram.of(campaign.times, campaign.search.duration, campaign.search)
 
     @property
     def requested(self) -> tuple[Table, ...]:

@@ -21,10 +21,10 @@ from closeform.mission.mission_result import Mission
 from closeform.motion.path import Path
 from closeform.results.load import LoadedRun
 from closeform.scenario import Craft, Scenario
-from closeform.search.imperfect_attitude import OwnTurns
 from closeform.search.leg import Group
 from closeform.search.schedule import Search
-from closeform.search.search_errors import of_each
+from closeform.search.search_errors import errors_of_each
+from closeform.search.slew_profile import ExecutedTurns
 
 if TYPE_CHECKING:
     from closeform.uncertainty.errors import Uncertainty
@@ -67,8 +67,8 @@ class Source:
                 continue
             search, last = result.result.search, result.end - result.start
             if (errors := self.scenario.search_errors) is not None:
-                craft = of_each(errors, (len(self.scenario.names),))
-                own = OwnTurns(search, self.scenario.groups, craft)
+                craft = errors_of_each(errors, (len(self.scenario.names),))
+                own = ExecutedTurns(search, self.scenario.groups, craft)
                 for k, name in enumerate(self.scenario.names):
                     parts = flown_turns(own, k, last)
                     found.setdefault(name, []).extend((times + result.start, rows) for times, rows in parts)
@@ -97,7 +97,7 @@ def turns(search: Search, group: Group, last: float) -> list[tuple[Floats, Float
     return found
 
 
-def flown_turns(own: OwnTurns, k: int, last: float) -> list[tuple[Floats, Floats]]:
+def flown_turns(own: ExecutedTurns, k: int, last: float) -> list[tuple[Floats, Floats]]:
     """Return the turns of craft k by its own clock up to the time `last` [s], including its waits."""
     found = []
     for start, end in pairwise(np.clip([0.0, *own.begins[k], last], 0.0, last).tolist()):

@@ -21,7 +21,7 @@ from closeform.motion.arc import END, START
 from closeform.motion.orbit import Orbit
 from closeform.result import Result
 from closeform.scenario import Scenario, ScenarioError, StageTable, parse
-from closeform.search.gather_result import Event, EventKind, Gathering, GatherStatus, reason_incomplete
+from closeform.search.gathering.result import Event, EventKind, Gathering, GatherStatus, reason_incomplete
 from closeform.search.schedule import Search
 from closeform.storage import arc_tables
 from closeform.storage.publishing import settle
@@ -304,7 +304,7 @@ class RunTables:
 
     def first_locks(self, figures: Mapping[str, Any]) -> FirstLocks:
         """Return the first locks of all pairs."""
-        from closeform.search.locks import Locks
+        from closeform.search.lock_times import Locks
 
         search, rows = self.search(figures["number"]), self.rows("locks", stage=figures["number"])
         legs = np.full(len(rows["first"]), -1)

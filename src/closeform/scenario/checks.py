@@ -32,7 +32,7 @@ from closeform.scenario.stages import (
 )
 from closeform.scenario.study import FAILS, NORMAL_REACH, SEARCHED, TABLED, Draw, draw_error, readers
 from closeform.scenario.table import alike, did_you_mean, dotted, key_of, meant_by
-from closeform.search.rounds import MOST_ROUNDS, all_rounds
+from closeform.search.repeated_search import MOST_ROUNDS, repeated_search
 
 MOST_SAMPLES = 1e7
 ORBIT = r"orbit(\.(?!field).*)?"  # keys that define the orbit; the field does not
@@ -307,7 +307,7 @@ def search(scenario: Scenario, sensor: SensorTable, table: SearchTable) -> Itera
     for number, stage in enumerate(scenario.stages, 1):
         if isinstance(stage, Gather):
             try:
-                all_rounds(plan, 1, table.max_speed)
+                repeated_search(plan, 1, table.max_speed)
             except ValueError as error:
                 yield f"search.{error}"
             if stage.rounds > MOST_ROUNDS:

@@ -1,19 +1,20 @@
-"""Leg of a search: one turn of all craft.
+"""Leg of a search: one turn of all craft, and the attitude during it.
 
-The columns of an attitude are the body axes x, y, z; z is the boresight.
+The columns of an attitude are the body axes x, y, z; z is the boresight. During a turn by the angle a the
+attitude is steady + cosine cos(a) + sine sin(a), with constant matrices.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from math import cos, pi, sin
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, numbers
 from closeform.result import Result
-from closeform.search.coverage import greatest
 
 Group = Literal["A", "B"]
 
@@ -28,6 +29,8 @@ START_ATTITUDE = {  # columns: body x at the sun, body y, boresight
     "A": np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]),
     "B": np.array([[0.0, 0.0, -1.0], [0.0, -1.0, 0.0], [-1.0, 0.0, 0.0]]),
 }
+# signs of the body axes relative to those of group A
+AXES_OF_GROUP = {"A": np.array([1.0, 1.0, 1.0]), "B": np.array([1.0, -1.0, -1.0])}
 
 
 def rotation(axis: Floats, angle: ArrayLike) -> Floats:
@@ -71,16 +74,11 @@ class Leg(Result):
     attitude: Floats
 
     @property
-    def row(self) -> Floats:
-        """Boresight of A as steady + cosine cos(rate t) + sine sin(rate t), t from the start.
-
-        A row (12,): start and end [s], rate [rad/s], and the three vectors.
-        """
-        boresight = self.attitude[:, 2]
-        steady = self.axis * (self.axis @ boresight)
-        rate = self.angle / (self.end - self.start)
-        sine = np.cross(self.axis, boresight)
-        return np.concatenate([[self.start, self.end, rate], steady, boresight - steady, sine])
+    def attitude_parts(self) -> Floats:
+        """Steady, cosine and sine matrices (3, 3, 3) of the attitude of A [no unit]."""
+        steady = np.outer(self.axis, self.axis @ self.attitude)
+        sine = np.cross(self.axis, self.attitude, axisb=0, axisc=0)
+        return np.stack([steady, self.attitude - steady, sine])
 
     def attitude_at(self, time: ArrayLike) -> Floats:
         """Return the attitude of group A during the leg.
@@ -110,8 +108,17 @@ class Leg(Result):
 
     def _sun_angle_of(self, body: Floats) -> Floats:
         """Return the largest angles (...) [rad] of unit vectors (..., 3) in axes of A from the sun line."""
-        shade = body @ self.attitude.T
-        steady = np.multiply.outer(shade @ self.axis, self.axis)
-        parts = np.array([steady, shade - steady, np.cross(self.axis, shade)]) @ -SUN
-        found: Floats = np.arccos(np.clip(-greatest(parts[0], parts[1], parts[2], self.angle), -1.0, 1.0))
-        return found
+        steady, cosine, sine = np.moveaxis(body @ (-SUN @ self.attitude_parts).T, -1, 0)
+        return np.asarray(np.arccos(np.clip(-greatest(steady, cosine, sine, self.angle), -1.0, 1.0)))
+
+
+def greatest(steady: Any, cosine: Any, sine: Any, angle: float) -> Any:
+    """Return the largest value of steady + cosine cos(a) + sine sin(a) for a from 0 to `angle`."""
+    turn = abs(angle)
+    sine = sine if angle >= 0.0 else -sine
+    if turn >= 2.0 * pi:
+        return steady + np.hypot(cosine, sine)
+    ends = np.maximum(cosine, cosine * cos(turn) + sine * sin(turn))
+    rises, falls = sine >= 0.0, sine * cos(turn) <= cosine * sin(turn)  # at the start, at the end
+    inside = rises & falls if turn <= pi else rises | falls  # the crest, at the angle of (cosine, sine)
+    return steady + np.where(inside, np.hypot(cosine, sine), ends)

@@ -1,13 +1,13 @@
 """Certified march to the first lock of two craft, in closed form.
 
-For i in A and j in B, with q the vector from i's sensor to j's, both see each other when
+In a segment of a turn a boresight is steady + cosine cos(a) + sine sin(a), with an angle a that is quadratic
+in time. So the gaps of `field_of_view` have bounded curvature: that of b.(r + v t) is at most w^2 times its
+rotating part plus 2 w times that of the velocity, and |q| is convex except for the turning offsets. The march
+steps as far as one gap certainly stays positive: it never steps over a lock, however short.
 
-    g(t) = |q| cos(half-angle) - b.(r + v t) + 2 offset <= 0                    # theory (13)
-
-and, with a range, |q| <= range.  Along a leg b = steady + cosine cos(a) + sine sin(a), so that
-all dot products are linear in time. |q| cos(half-angle) is convex except for the turning offset. The
-curvature of b.(r + v t) is at most w^2 times its rotating part plus 2 w times that of the velocity. The
-march steps as far as g certainly stays positive: it never steps over a lock, however short.
+Pairs without search errors are facing: one gap decides, and the legs of the search are the segments. All
+other pairs march through the segments of both slew profiles. `first_locks` advances many facing pairs through
+the first leg in parallel, with vector instructions, which is ten times as fast as one after another.
 """
 
 from __future__ import annotations
@@ -15,31 +15,50 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from math import inf, nan, sqrt
-from typing import Any, NamedTuple
+from math import factorial, floor, inf, nan, pi, sqrt
+from typing import Any
 
 import numpy as np
 from numba import float64, int64, void
 
 from closeform._jit import kernel
 from closeform.arrays import LARGEST, Floats
-from closeform.search.sine_cosine import sine_cosine
+from closeform.kernel_loans import stack_matrix
+from closeform.search.field_of_view import Sensors, outage, view
+from closeform.search.schedule import END, START
+from closeform.search.search_errors import COSINE, EXACT, RANGE
+from closeform.search.slew_profile import FINISH, LEG, first_segment, next_segment, nominal_segment
 
-START, END, RATE, STEADY, COSINE, SINE = 0, 1, 2, 3, 6, 9  # columns of a table of legs
-SEEN = 1e-12  # of the distance: a smaller positive g counts as a lock
 CLOSE = 1e-8  # s, accuracy of a lock time found by Newton's method
 TINY = 1e-300  # prevents 0 / 0
-NOT_FINITE, COINCIDENT, NEVER = -3, -2, -1
+NOT_FINITE, COINCIDENT, NEVER = -3, -2, -1  # instead of the leg of a lock
 CHUNK = 65_536
 BLOCK, SWEEPS = 128, 8  # pairs that step in parallel, and the number of steps
 
+# coefficients of the series of sine and cosine
+S1, S2, S3, S4, S5, S6, S7 = ((-1) ** k / factorial(2 * k + 1) for k in range(1, 8))
+C1, C2, C3, C4, C5, C6, C7, C8 = ((-1) ** k / factorial(2 * k) for k in range(1, 9))
+QUARTER = 1.57079632673412561417  # pi / 2 to 33 bits, and its remainder
+REST = 6.07710050650619224932e-11
 
-class LockSensor(NamedTuple):
-    """Sensor data for locks: both offsets together [m], cosine of the half-angle, range [m]."""
 
-    baseline: float
-    cosine: float
-    longest: float
+@kernel(inline=True)
+def sine_cosine(angle):
+    """Return sine and cosine to 2e-16 of an angle up to a few turns, from series about a quarter turn.
+
+    Without branches, as `march_block` requires for many pairs in parallel.
+    """
+    turns = floor(angle * (2.0 / pi) + 0.5)
+    x = (angle - turns * QUARTER) - turns * REST
+    z = x * x
+    zz = z * z
+    s = ((1.0 + S1 * z) + (S2 + S3 * z) * zz) + ((S4 + S5 * z) + (S6 + S7 * z) * zz) * (zz * zz)
+    c = ((C4 + C5 * z) + (C6 + C7 * z) * zz + C8 * (zz * zz)) * (zz * zz)
+    c += (1.0 + C1 * z) + (C2 + C3 * z) * zz
+    s *= x
+    half = floor(turns * 0.5)
+    odd, sign = turns - 2.0 * half, 1.0 - 2.0 * (half - 2.0 * floor(half * 0.5))
+    return sign * (s * (1.0 - odd) + c * odd), sign * (c * (1.0 - odd) - s * odd)
 
 
 @kernel(inline=True)
@@ -52,94 +71,132 @@ def before(gap, slope, bend):
 
 
 @kernel(inline=True)
-def limits(turn, position, velocity, sensor):
-    """Return bounds on g'' during a leg: its rotating part at the end, that of the velocity, and |q'|."""
-    x, y, z = position
-    vx, vy, vz = velocity
-    start, end, w, fx, fy, fz, cx, cy, cz, sx, sy, sz = turn
-    ex, ey, ez = x + vx * end, y + vy * end, z + vz * end
-    last = (cx * ex + cy * ey + cz * ez) ** 2 + (sx * ex + sy * ey + sz * ez) ** 2
-    sideways = sqrt((cx * vx + cy * vy + cz * vz) ** 2 + (sx * vx + sy * vy + sz * vz) ** 2)
-    fast = sqrt(vx * vx + vy * vy + vz * vz) + sensor.baseline * abs(w)
-    return last, 2.0 * abs(w) * sideways, fast
+def rotated(segment, steady, t, place):
+    """Return the boresight at time t, its rate, and the squared part of b.place that rotates with it.
 
-
-@kernel(inline=True)
-def sight(boresight, place, sensor):
-    """Return the vector between two sensors, its length, g, the excess over the range, and a tolerance.
-
-    `boresight` is that of A, `place` the position of B relative to A.  # theory (13)
-
-    The length is computed from components, so that passes within a micrometre keep their digits.
+    `steady`: whether the segment has a constant rate and begins at the angle 0.
     """
-    bx, by, bz = boresight
     px, py, pz = place
-    baseline, c, longest = sensor
-    qx, qy, qz = px - baseline * bx, py - baseline * by, pz - baseline * bz
-    q = sqrt(qx * qx + qy * qy + qz * qz)
-    gap, beyond = c * q - (bx * qx + by * qy + bz * qz), q - longest
-    return (qx, qy, qz), q, gap, beyond, SEEN * (q + 2.0 * baseline)
+    begin, _, phase, rate, bend, fx, fy, fz, cx, cy, cz, sx, sy, sz = segment
+    s = t - begin
+    angle, w = (rate * s, rate) if steady else (phase + (rate + 0.5 * bend * s) * s, rate + bend * s)
+    sa, ca = sine_cosine(angle)
+    boresight = fx + cx * ca + sx * sa, fy + cy * ca + sy * sa, fz + cz * ca + sz * sa
+    speed = w * (sx * ca - cx * sa), w * (sy * ca - cy * sa), w * (sz * ca - cz * sa)
+    part = (cx * px + cy * py + cz * pz) ** 2 + (sx * px + sy * py + sz * pz) ** 2
+    return boresight, speed, part
 
 
 @kernel(inline=True)
-def step(turn, t, position, velocity, bounds, sensor):
-    """Return a duration without a lock from t on, whether both see each other at t, and if a lock is near.
+def bounds_of(segment, t, end, position, velocity):
+    """Return bounds on the motion of a boresight b from t to `end`.
 
-    `turn` is the leg's row, `position` that at time 0, `bounds` the leg's `limits`. If a lock is near, it
-    follows at the end of the step.
+    The curvature of the rotating part of b.(r + v t), the square of that part at `end`, the other curvature
+    of b.(r + v t), and the largest |b'| and |b''|.
     """
     x, y, z = position
     vx, vy, vz = velocity
-    last, sideways, fast = bounds
-    baseline, c = sensor.baseline, sensor.cosine
-    start, end, w, fx, fy, fz, cx, cy, cz, sx, sy, sz = turn
-    sa, ca = sine_cosine(w * (t - start))
-    bx, by, bz = fx + cx * ca + sx * sa, fy + cy * ca + sy * sa, fz + cz * ca + sz * sa
-    dx, dy, dz = w * (sx * ca - cx * sa), w * (sy * ca - cy * sa), w * (sz * ca - cz * sa)
-    px, py, pz = x + vx * t, y + vy * t, z + vz * t
-    (qx, qy, qz), q, gap, beyond, scale = sight((bx, by, bz), (px, py, pz), sensor)
-    ux, uy, uz = vx - baseline * dx, vy - baseline * dy, vz - baseline * dz
+    begin, _, _, rate, bend, _, _, _, cx, cy, cz, sx, sy, sz = segment
+    fastest = max(abs(rate + bend * (t - begin)), abs(rate + bend * (end - begin)))
+    curl = sqrt(fastest * fastest * fastest * fastest + bend * bend)
+    px, py, pz = x + vx * end, y + vy * end, z + vz * end
+    last = (cx * px + cy * py + cz * pz) ** 2 + (sx * px + sy * py + sz * pz) ** 2
+    sideways = sqrt((cx * vx + cy * vy + cz * vz) ** 2 + (sx * vx + sy * vy + sz * vz) ** 2)
+    radius = sqrt(cx * cx + cy * cy + cz * cz)
+    return curl, last, 2.0 * fastest * sideways, radius * fastest, radius * curl
+
+
+@kernel(inline=True)
+def bounds_of_pair(a, b, facing, t, end, position, velocity, offset):
+    """Return bounds on the motion of both boresights from t to `end`.
+
+    The largest |q'| and acceleration of q, the curvature of offset b.d, and the first three bounds of each.
+    """
+    vx, vy, vz = velocity
+    curl, last, sideways, fastest, turning = bounds_of(a, t, end, position, velocity)
+    if facing:  # b.d is constant
+        other_curl, other_last, other_sideways, between = curl, last, sideways, 0.0
+        fastest, turning = 2.0 * fastest, 2.0 * turning
+    else:
+        other_curl, other_last, other_sideways, fast, turn = bounds_of(b, t, end, position, velocity)
+        between = 2.0 * offset * fastest * fast
+        fastest, turning = fastest + fast, turning + turn
+    speed = sqrt(vx * vx + vy * vy + vz * vz) + offset * fastest
+    ours, others = (curl, last, sideways), (other_curl, other_last, other_sideways)
+    return speed, offset * turning, between, ours, others
+
+
+@kernel(inline=True)
+def unseen(gap, slope, bend, tolerance, longer):
+    """Return a time for which a gap certainly stays positive."""
+    return min(before(max(gap, 0.0), slope, bend), longer) if gap > tolerance else 0.0
+
+
+@kernel(inline=True)
+def bend_of(bounds, rotating, cosine, turning, curved):
+    """Return a bound on the curvature of a gap, from the square of the rotating part of b.(r + v t) now.
+
+    c |q| is convex except for the turning; if c < 0 it is concave.
+    """
+    curl, last, sideways = bounds
+    bend = curl * sqrt(max(rotating, last)) + sideways + max(cosine, 0.0) * turning
+    return bend + (-cosine * curved if cosine < 0.0 else 0.0)
+
+
+@kernel(inline=True)
+def step(a, b, facing, t, position, velocity, bounds, sensors):
+    """Return a time without a lock from t on, whether they see each other at t, and if a lock is near.
+
+    `a` and `b` are the segments of both boresights, `position` is that at time 0. Of a `facing` pair `b` is
+    ignored. If a lock is near, it follows at the end of the step.
+    """
+    x, y, z = position
+    vx, vy, vz = velocity
+    fast, turning, between, ours, others = bounds
+    offset, c, e, _ = sensors
+    place = x + vx * t, y + vy * t, z + vz * t
+    boresight, turn, rotating = rotated(a, facing, t, place)
+    bx, by, bz = boresight
+    fx, fy, fz = turn
+    if facing:
+        other, other_turn, other_rotating = (-bx, -by, -bz), (-fx, -fy, -fz), rotating
+    else:
+        other, other_turn, other_rotating = rotated(b, False, t, place)
+    gx, gy, gz = other_turn
+    (qx, qy, qz), q, gap, other_gap, beyond, tolerance = view(boresight, other, place, sensors)
+    ux, uy, uz = vx + offset * (gx - fx), vy + offset * (gy - fy), vz + offset * (gz - fz)
     growth = (qx * ux + qy * uy + qz * uz) / (q + TINY)
-    slope = c * growth - (bx * vx + by * vy + bz * vz + dx * px + dy * py + dz * pz)
-    # curvature of b.(r + v t): the rotating part, largest at one end of the leg, and the velocity's
-    now = (cx * px + cy * py + cz * pz) ** 2 + (sx * px + sy * py + sz * pz) ** 2
-    turning = baseline * w * w  # acceleration of the sensors' offset, at most
-    # c |q| is convex except for that; if c < 0 it is concave, and the curvature of |q| is
-    # (its speed)^2 / |q|, at most twice that before |q| is halved
+    slope = c * growth - (bx * ux + by * uy + bz * uz + fx * qx + fy * qy + fz * qz)
+    # the curvature of |q| is (its speed)^2 / |q|, at most twice that before |q| is halved
     curved = 2.0 * fast * fast / (q + TINY) + turning
-    concave = max(0.0, -c)
-    bend = w * w * sqrt(max(now, last)) + sideways + max(c, 0.0) * turning
-    bend += concave * curved if concave > 0.0 else 0.0
-    longer = q / (2.0 * fast + TINY) if concave > 0.0 else inf
-    unseen = min(before(max(gap, 0.0), slope, bend), longer) if gap > scale else 0.0
-    unreached = before(max(beyond, 0.0), growth, turning) if beyond > scale else 0.0
-    h = max(unseen, unreached)
+    longer = q / (2.0 * fast + TINY) if min(c, e) < 0.0 else inf
+    bend = bend_of(ours, rotating, c, turning, curved) + between
+    h = unseen(gap, slope, bend, tolerance, longer)
+    if not facing:
+        dx, dy, dz = other
+        other_slope = e * growth + (dx * ux + dy * uy + dz * uz + gx * qx + gy * qy + gz * qz)
+        other_bend = bend_of(others, other_rotating, e, turning, curved) + between
+        h = max(h, unseen(other_gap, other_slope, other_bend, tolerance, longer))
+        gap = max(gap, other_gap)
+    h = max(h, unseen(beyond, growth, turning, tolerance, inf))
     # Newton's method is so near that the remainder d = 3 most h^2 / -slope is below CLOSE. A crossing
     # is certain: g(h + d) <= 1.5 most h^2 + most d^2 + slope d < 0 for d <= 1.2 h, if the bounds
     # hold until 2.2 h
     most, move = bend + abs(c) * curved, 2.2 * fast * h
-    near = (most * h < -0.4 * slope) & (3.0 * most * h * h < -CLOSE * slope)
+    near = facing & (most * h < -0.4 * slope) & (3.0 * most * h * h < -CLOSE * slope)
     near = near & (q > 2.0 * move) & (beyond + move <= 0.0)
-    return h, (gap <= scale) & (beyond <= scale), near
-
-
-@kernel(inline=True)
-def as_turn(leg):
-    """Return the row of a leg as a tuple."""
-    return leg[0], leg[1], leg[2], leg[3], leg[4], leg[5], leg[6], leg[7], leg[8], leg[9], leg[10], leg[11]
+    return h, (gap <= tolerance) & (beyond <= tolerance), near
 
 
 @kernel()
-def lock_in_leg(leg, t, position, velocity, sensor):
-    """Return the first lock within a leg from time t on: (time, found).
+def lock_within(a, b, facing, t, end, position, velocity, sensors):
+    """Return the first lock from t to `end`, while both boresights keep their segments: (time, found).
 
-    `position` is that at time 0.
+    `position` is that at time 0. Of a `facing` pair `b` is ignored.
     """
-    turn = as_turn(leg)
-    end = leg[END]
-    bounds = limits(turn, position, velocity, sensor)
+    bounds = bounds_of_pair(a, b, facing, t, end, position, velocity, sensors.offset)
     while True:
-        h, locked, near = step(turn, t, position, velocity, bounds, sensor)
+        h, locked, near = step(a, b, facing, t, position, velocity, bounds, sensors)
         if locked:
             return t, True
         if t >= end:
@@ -150,71 +207,118 @@ def lock_in_leg(leg, t, position, velocity, sensor):
 
 
 @kernel()
-def first_lock(legs, t, position, velocity, sensor):
-    """Return the first lock from time t on: (time, leg), or (inf, NEVER)."""
+def lock_in_leg(leg, t, end, position, velocity, sensors):
+    """Return the first lock of a facing pair from t to `end` within a leg: (time, found)."""
+    a = nominal_segment(leg)
+    return lock_within(a, a, True, t, end, position, velocity, sensors)
+
+
+@kernel()
+def nominal_lock(legs, t, position, velocity, sensors):
+    """Return the first lock of a facing pair from time t on: (time, leg), or (inf, NEVER)."""
     for k in range(len(legs)):
         if t <= legs[k, END]:
-            when, locked = lock_in_leg(legs[k], max(t, legs[k, START]), position, velocity, sensor)
+            begin = max(t, legs[k, START])
+            when, locked = lock_in_leg(legs[k], begin, legs[k, END], position, velocity, sensors)
             if locked:
                 return when, k
     return inf, NEVER
 
 
+@kernel(inline=True)
+def as_segment(row):
+    """Return the row of a segment as a tuple."""
+    return (
+        *(row[0], row[1], row[2], row[3], row[4], row[5], row[6]),
+        *(row[7], row[8], row[9], row[10], row[11], row[12], row[13]),
+    )
+
+
+@kernel()
+def first_lock(legs, t, position, velocity, offset, one, other, segments):
+    """Return the first lock of two craft from time t on: (time, leg of the first), or (inf, NEVER).
+
+    `one` and `other` are the rows of their search errors; `segments` (2, SEGMENT) is scratch memory.
+    """
+    sensors = Sensors(offset, one[COSINE], other[COSINE], min(one[RANGE], other[RANGE]))
+    if sensors.range < 0.0:
+        return inf, NEVER
+    if one[EXACT] * other[EXACT] > 0.0:
+        return nominal_lock(legs, t, position, velocity, sensors)
+    a, b = segments[0], segments[1]
+    first_segment(legs, one, a)
+    first_segment(legs, other, b)
+    while True:
+        while a[FINISH] <= t:
+            next_segment(legs, one, a)
+        while b[FINISH] <= t:
+            next_segment(legs, other, b)
+        end = min(a[FINISH], b[FINISH])
+        if end == inf:
+            return inf, NEVER
+        out_a, change_a = outage(one, t)
+        out_b, change_b = outage(other, t)
+        end = min(end, change_a, change_b)
+        if not (out_a or out_b):
+            one_segment, other_segment = as_segment(a), as_segment(b)
+            when, locked = lock_within(one_segment, other_segment, False, t, end, position, velocity, sensors)
+            if locked:
+                return when, min(int(a[LEG]), len(legs) - 1)
+        t = end
+
+
 # inlined where the arrays are allocated, so that the compiler knows that they do not overlap
 @kernel(inline=True)
-def ahead(leg, positions, velocities, begin, count, sensor, parts, reached, sure):
-    """Advance a block of pairs through a leg in parallel: times reached, and if a lock is certain there."""
-    x, y, z, vx, vy, vz, last, sideways, fast = parts
-    turn = as_turn(leg)
-    end = leg[END]
+def march_block(leg, positions, velocities, begin, count, sensors, parts, reached, sure):
+    """Advance a block of facing pairs through a leg in parallel: times reached, and if a lock is certain."""
+    x, y, z, vx, vy, vz, speed, last, sideways = parts
+    a, start, end = nominal_segment(leg), leg[START], leg[END]
+    still = 0.0, 0.0, 0.0
+    _, turning, between, (curl, _, _), _ = bounds_of_pair(
+        a, a, True, start, end, still, still, sensors.offset
+    )
     for k in range(count):
         m = begin + k
         x[k], y[k], z[k] = positions[m, 0], positions[m, 1], positions[m, 2]
         vx[k], vy[k], vz[k] = velocities[m, 0], velocities[m, 1], velocities[m, 2]
-        reached[k] = leg[START]
+        reached[k] = start
     for k in range(count):
-        position = x[k], y[k], z[k]
-        velocity = vx[k], vy[k], vz[k]
-        last[k], sideways[k], fast[k] = limits(turn, position, velocity, sensor)
+        position, velocity = (x[k], y[k], z[k]), (vx[k], vy[k], vz[k])
+        bounds = bounds_of_pair(a, a, True, start, end, position, velocity, sensors.offset)
+        speed[k], (_, last[k], sideways[k]) = bounds[0], bounds[3]
     for _ in range(SWEEPS):
         for k in range(count):
             t = reached[k]
-            position = x[k], y[k], z[k]
-            velocity = vx[k], vy[k], vz[k]
-            bounds = last[k], sideways[k], fast[k]
-            h, locked, near = step(turn, t, position, velocity, bounds, sensor)
+            position, velocity = (x[k], y[k], z[k]), (vx[k], vy[k], vz[k])
+            ours = curl, last[k], sideways[k]
+            bounds = speed[k], turning, between, ours, ours
+            h, locked, near = step(a, a, True, t, position, velocity, bounds, sensors)
             reached[k] = min(end, t + h)
             sure[k] = 1.0 if (locked | near) & (t + h < end) else 0.0
 
 
-@kernel(
-    void(
-        float64[:, ::1],
-        float64[:, ::1],
-        float64[:, ::1],
-        float64,
-        float64,
-        float64,
-        float64[::1],
-        int64[::1],
-    )
-)
+@kernel(void(*(float64[:, ::1],) * 3, float64[:, :, ::1], float64, float64[::1], int64[::1]))
 def first_locks(
     legs: Floats,
     positions: Floats,
     velocities: Floats,
-    baseline: float,
-    cosine: float,
-    longest: float,
+    craft: Floats,
+    offset: float,
     times: Floats,
     found: Any,
 ) -> None:
-    """Write the first lock of each pair to `times` and `found`; `found` holds a code for an invalid pair."""
-    sensor = LockSensor(baseline, cosine, longest)
-    reached, sure, parts = np.empty(BLOCK), np.empty(BLOCK), np.empty((9, BLOCK))
+    """Write the first lock of each pair to `times` and `found`; `found` holds a code for an invalid pair.
+
+    `craft` (M, 2, 9 + 2 K) has the search errors of each pair, or (1, 2, 9 + 2 K) those of all.
+    """
+    alike, exact = len(craft) == 1, craft[0, 0, EXACT] * craft[0, 1, EXACT] > 0.0
+    sensors = Sensors(offset, craft[0, 0, COSINE], craft[0, 1, COSINE], craft[0, 0, RANGE])
+    segments = stack_matrix(2, 16)
+    reached, sure, parts = np.zeros(BLOCK), np.zeros(BLOCK), np.empty((9, BLOCK))
     for begin in range(0, len(positions), BLOCK):
         count = min(BLOCK, len(positions) - begin)
-        ahead(legs[0], positions, velocities, begin, count, sensor, parts, reached, sure)
+        if alike and exact:
+            march_block(legs[0], positions, velocities, begin, count, sensors, parts, reached, sure)
         for k in range(count):
             m = begin + k
             x, y, z = positions[m, 0], positions[m, 1], positions[m, 2]
@@ -228,7 +332,9 @@ def first_locks(
             elif sure[k] > 0.0:
                 times[m], found[m] = reached[k], 0
             else:
-                when, leg = first_lock(legs, reached[k], (x, y, z), (vx, vy, vz), sensor)
+                one, other = craft[0 if alike else m, 0], craft[0 if alike else m, 1]
+                position, velocity = (x, y, z), (vx, vy, vz)
+                when, leg = first_lock(legs, reached[k], position, velocity, offset, one, other, segments)
                 found[m] = leg
                 if leg >= 0:
                     times[m] = when

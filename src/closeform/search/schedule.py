@@ -9,21 +9,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from math import ceil, degrees, pi
+from math import acos, atan2, ceil, cos, degrees, inf, pi, sin, sqrt, tan
 from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats, instance, numbers, shown
+from closeform.arrays import Floats, instance, numbers, positive, shown
 from closeform.result import Result
-from closeform.search.coverage import covered
-from closeform.search.leg import START_ATTITUDE, SUN, Group, Leg, rotation
-from closeform.search.out_of_plane_tips import full_tip, least_half_angle, near_field
-from closeform.search.sensor import Sensor, one_positive
+from closeform.search.leg import AXES_OF_GROUP, START_ATTITUDE, SUN, Group, Leg, rotation
+from closeform.search.sensor import Sensor
+from closeform.search.sky_coverage import covered_share
 
+START, END, ANGLE, MATRICES = range(4)  # columns of `Search.table`
 YEAR = 365.25636 * 86400.0  # s, sidereal: period of the sun's direction at 1 AU
-COLUMNS = 12  # of a row of a table of legs: START, END, RATE, STEADY (3), COSINE (3), SINE (3)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -133,9 +132,9 @@ class Search(Result):
         H03 (Hadaegh, Scharf and Ploen 2003); docs/lost_craft.md.
         """
         rate, limit = _limits(slew_rate, sun_limit)
-        turn = one_positive("in_plane_turn", in_plane_turn)
+        turn = positive("in_plane_turn", in_plane_turn)
         instance("sensor", sensor, Sensor)
-        tip = limit if tip_angle is None else one_positive("tip_angle", tip_angle)
+        tip = limit if tip_angle is None else positive("tip_angle", tip_angle)
         if tip > limit:
             raise ValueError(
                 f"tip_angle: {degrees(tip):g} deg is above the sun limit of {degrees(limit):g} deg; "
@@ -150,8 +149,8 @@ class Search(Result):
 
     @cached_property
     def table(self) -> Floats:
-        """Legs as rows (L, 12) for the march: see `Leg.row` for their [s], [rad/s] and vectors."""
-        return np.array([leg.row for leg in self.legs])
+        """Legs as rows (L, 30) for kernels: start and end [s], angle [rad], and `Leg.attitude_parts`."""
+        return np.array([[leg.start, leg.end, leg.angle, *leg.attitude_parts.ravel()] for leg in self.legs])
 
     @property
     def phases(self) -> tuple[tuple[str, int, float, float], ...]:
@@ -195,7 +194,7 @@ class Search(Result):
         out = np.empty((*times.shape, 3, 3))
         for k, leg in enumerate(self.legs):
             out[leg_of == k] = leg.attitude_at(times[leg_of == k])
-        return out if group == "A" else out * [1.0, -1.0, -1.0]
+        return np.asarray(out * AXES_OF_GROUP[group])
 
     def boresight(self, t: ArrayLike, group: Group = "A") -> Floats:
         """Return the boresight of the craft of one group.
@@ -313,8 +312,46 @@ class Search(Result):
         if phase is not None and first is None:
             names = ", ".join(dict.fromkeys(leg.phase for leg in self.legs))
             raise ValueError(f"phase: the phases of this search are {names}, got {phase!r}")
-        table = self.table[[phase is None or (leg.phase, leg.round) == (phase, first) for leg in self.legs]]
-        return covered(table, self.sensor.cosine)
+        legs = [leg for leg in self.legs if phase is None or (leg.phase, leg.round) == (phase, first)]
+        return covered_share(legs, self.sensor.cosine)
+
+
+def full_tip(half_angle: float) -> float:
+    """Return the tip [rad] that covers a complementary cone, for a half-angle of at least 45 deg.
+
+    S04 eq. 1. Raises ValueError for a smaller half-angle.
+    """
+    c = cos(half_angle)
+    if half_angle >= pi / 2.0:
+        return 0.0  # no complementary cone
+    if 1.0 - 2.0 * c * c < 0.0 and half_angle < pi / 4.0:
+        raise ValueError(
+            f"half_angle: {degrees(half_angle):g} deg is below 45 deg; no tip covers the complementary "
+            "cones; use a wider sensor, or the basic search"
+        )
+    return atan2(c, sqrt(max(0.0, 1.0 - 2.0 * c * c)))
+
+
+def least_half_angle(tip: float) -> float:
+    """Return the half-angle [rad] for which a tip covers a complementary cone: S04 eq. 1 inverted."""
+    return acos(tan(tip) / sqrt(1.0 + 2.0 * tan(tip) ** 2))
+
+
+def near_field(sensor: Sensor, tip: float) -> float:
+    """Return the length [m] along the sun line of the region that the own cone never covers.
+
+    `tip`: the tip angle [rad].
+    """
+    if sensor.offset == 0.0:
+        return 0.0
+    # a point h up the sun line, seen from the sensor at its highest tip, lies on the cone:
+    # h sin(tip) - rho = c sqrt(rho^2 + h^2 - 2 rho h sin(tip))                     # theory (16)
+    reach, c = sin(tip), sensor.cosine
+    if reach <= c:
+        return inf
+    a, b, ss = reach * reach - c * c, reach * (1.0 - c * c), 1.0 - c * c
+    root = sqrt(max(0.0, b * b - a * ss))
+    return sensor.offset * ((b + root) / a if c > 0.0 else ss / (b + root))
 
 
 def _known(group: Any) -> None:
@@ -325,7 +362,7 @@ def _known(group: Any) -> None:
 
 def _limits(slew_rate: float, sun_limit: float) -> tuple[float, float]:
     """Return the slew rate and the sun limit after a check."""
-    rate, limit = one_positive("slew_rate", slew_rate), one_positive("sun_limit", sun_limit)
+    rate, limit = positive("slew_rate", slew_rate), positive("sun_limit", sun_limit)
     if limit >= pi / 2.0:
         raise ValueError(f"sun_limit: must be below pi/2 (90 deg), got {limit:g} rad")
     return rate, limit

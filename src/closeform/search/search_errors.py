@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import inf, pi
 from typing import Any
@@ -16,7 +17,7 @@ MOST_TURN = pi / 2.0  # rad, bound on a pointing error
 FIELDS = ("pointing", "slew_rate", "start", "half_angle", "range", "slew_acceleration", "silent", "outages")
 AXES = {"pointing": 1, "outages": 2}  # array axes that a field has for one craft; other fields are numbers
 # columns of a craft's row in kernels; from the last one on the begin and end [s] of each outage
-BODY, PACE, LATE, COSINE, LONGEST, ACCELERATION, OUTAGES = 0, 3, 4, 5, 6, 7, 8
+BODY, PACE, START_DELAY, COSINE, RANGE, ACCELERATION, EXACT, OUTAGES = 0, 3, 4, 5, 6, 7, 8, 9
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -105,7 +106,7 @@ class SearchErrors:
         """Shape to which all fields broadcast."""
         return np.broadcast_shapes(*self._shapes.values())
 
-    def _of_each(self, name: str, shape: tuple[int, ...]) -> Any:
+    def _each(self, name: str, shape: tuple[int, ...]) -> Any:
         """Return a field for each craft of a shape; None if it is not given."""
         values = getattr(self, name)
         own = () if values is None else values.shape[values.ndim - AXES.get(name, 0) :]
@@ -113,16 +114,27 @@ class SearchErrors:
 
 
 def craft_rows(
-    errors: SearchErrors, sensor: Sensor, shape: tuple[int, ...], second: Any, asked: str, some: Any = ...
+    errors: SearchErrors | None,
+    sensor: Sensor,
+    shape: tuple[int, ...],
+    second: Any,
+    asked: str,
+    some: Any = ...,
 ) -> Floats:
-    """Return the kernels' rows (..., 8 + 2 K) of `some` craft of a shape, those of B (`second`) in axes of A.
+    """Return the kernels' rows (..., 9 + 2 K) of `some` craft of a shape, those of B (`second`) in axes of A.
 
-    Raises ValueError for errors of another shape, which `asked` describes, or that leave no cone.
+    `EXACT` is 1 for a craft without errors. Raises ValueError for errors of another shape, which `asked`
+    describes, or that leave no cone.
     """
+    if errors is None:
+        perfect = [0.0, 0.0, 1.0, 1.0, 0.0, sensor.cosine, sensor.range, inf, 1.0]
+        out = np.tile(perfect, (*shape, 1))
+        out[..., 2] = np.where(second, -1.0, 1.0)
+        return out
 
     def of_craft(name: str) -> Any:
         try:
-            return errors._of_each(name, shape)[some]
+            return errors._each(name, shape)[some]
         except ValueError:
             own = {"pointing": ", 3", "outages": ", K, 2"}
             fits = asked.replace("{}", own.get(name, ""))
@@ -136,46 +148,55 @@ def craft_rows(
     out[..., BODY : BODY + 3] = body
     out[..., BODY + 1 : BODY + 3] *= np.where(second, -1.0, 1.0)[..., None]  # B's axes y and z are opposite
     out[..., PACE] = 1.0 + of_craft("slew_rate")
-    out[..., LATE] = of_craft("start")
+    out[..., START_DELAY] = of_craft("start")
     half_angle = sensor.half_angle + of_craft("half_angle")
     if not ((half_angle > 0.0) & (half_angle < pi)).all():
         wrong = half_angle[(half_angle <= 0.0) | (half_angle >= pi)][0]
         raise ValueError(f"errors: half_angle leaves {wrong:g} rad; it must stay between 0 and pi")
     cosine = np.cos(half_angle)
     out[..., COSINE] = np.where(abs(cosine) > 1e-15, cosine, 0.0)
-    out[..., LONGEST] = sensor.range if errors.range is None else of_craft("range")
-    out[..., LONGEST][of_craft("silent")] = -inf
+    out[..., RANGE] = sensor.range if errors.range is None else of_craft("range")
+    out[..., RANGE][of_craft("silent")] = -inf
     out[..., ACCELERATION] = of_craft("slew_acceleration")
+    exact = ~errors.pointing.any(axis=-1) & (errors.slew_rate == 0.0) & (errors.start == 0.0)
+    exact = exact & (errors.half_angle == 0.0) & (errors.slew_acceleration == inf) & ~errors.silent
+    if errors.range is not None:
+        exact = exact & (errors.range == sensor.range)
+    if errors.outages is not None:
+        exact = exact & (errors.outages[..., 0] == inf).all(axis=-1)
+    out[..., EXACT] = np.broadcast_to(exact, shape)[some]
     return out
 
 
-def between(errors: SearchErrors, pairs: Any) -> SearchErrors:
-    """Return the errors (M, 2) of pairs (P, 2) by index, from those of all craft (N,) or of cases (C, N)."""
-    shape = errors.shape
-
-    def of_pairs(name: str) -> Any:
-        values, own = getattr(errors, name), AXES.get(name, 0)
-        if values is None or np.ndim(values) == own:
-            return values  # common to all
-        craft = errors._of_each(name, shape)
-        return np.take(craft, pairs, axis=len(shape) - 1).reshape(-1, 2, *craft.shape[craft.ndim - own :])
-
-    return SearchErrors(**{name: of_pairs(name) for name in FIELDS})
-
-
-def of_each(errors: SearchErrors, shape: tuple[int, ...]) -> SearchErrors:
+def errors_of_each(errors: SearchErrors, shape: tuple[int, ...]) -> SearchErrors:
     """Return the errors broadcast to all craft of a shape."""
-    return SearchErrors(**{name: errors._of_each(name, shape) for name in FIELDS})
+    return _changed(errors, shape, lambda values: values)
 
 
-def first_of(errors: SearchErrors) -> SearchErrors:
+def errors_of_first_case(errors: SearchErrors) -> SearchErrors:
     """Return the errors of the craft (N,) in the first of the given cases (C, N)."""
+    return _changed(errors, errors.shape, lambda values: values[0])
 
-    def of_first(name: str) -> Any:
-        every = errors._of_each(name, errors.shape)
-        return None if every is None else every[0]
 
-    return SearchErrors(**{name: of_first(name) for name in FIELDS})
+def errors_of_pairs(errors: SearchErrors, pairs: Any) -> SearchErrors:
+    """Return the errors (M, 2) of pairs (P, 2) by index, from those of all craft (N,) or of cases (C, N)."""
+    if not (shape := errors.shape):
+        return errors  # common to all
+    axis = len(shape) - 1
+
+    def of_pairs(values: Floats) -> Floats:
+        return np.asarray(np.take(values, pairs, axis=axis).reshape(-1, 2, *values.shape[axis + 1 :]))
+
+    return _changed(errors, shape, of_pairs)
+
+
+def _changed(errors: SearchErrors, shape: tuple[int, ...], change: Callable[[Any], Any]) -> SearchErrors:
+    """Return the errors with each given field, broadcast to all craft of a shape, replaced by a function."""
+    fields = {name: errors._each(name, shape) for name in FIELDS}
+    changed: dict[str, Any] = {
+        name: None if values is None else change(values) for name, values in fields.items()
+    }
+    return SearchErrors(**changed)
 
 
 def body_axis(turn: Floats, axis: int) -> Floats:

@@ -5,23 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import cos, inf, pi
 
-from closeform.arrays import numbers, positive, shown, size
-
-
-def one_number(name: str, value: float) -> float:
-    """Return an argument as one float.
-
-    Raises ValueError, with its name, for any other value and for nan.
-    """
-    number = numbers(name, value)
-    if number.shape or number != number:
-        raise ValueError(f"{name}: must be one number, got {shown(value)}")
-    return float(number)
-
-
-def one_positive(name: str, value: float) -> float:
-    """Return an argument as one positive finite float."""
-    return positive(name, one_number(name, value))
+from closeform.arrays import number, size
 
 
 @dataclass(frozen=True)
@@ -53,7 +37,7 @@ class Sensor:
 
     def __post_init__(self) -> None:
         for name in ("half_angle", "offset", "range"):
-            object.__setattr__(self, name, one_number(name, getattr(self, name)))
+            object.__setattr__(self, name, number(name, getattr(self, name)))
         if not 0.0 < self.half_angle < pi:
             raise ValueError(
                 f"half_angle: must be above 0 and below pi (180 deg), got {self.half_angle:g} rad"

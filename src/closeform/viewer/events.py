@@ -11,7 +11,7 @@ from closeform.report.conflicts import event as failure
 from closeform.report.conflicts import near as clearance
 from closeform.report.searches import BURNS, met, replayed
 from closeform.report.section import fate
-from closeform.search.gather_result import EventKind, Gathering
+from closeform.search.gathering.result import EventKind, Gathering
 from closeform.viewer.meetings import closest, flights, places_of
 from closeform.viewer.searches import seen
 from closeform.viewer.shown import Shown

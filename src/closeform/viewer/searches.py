@@ -7,7 +7,7 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.mission.mission_result import FirstLocks, StageResult
-from closeform.search.gather_result import EventKind, Gathering
+from closeform.search.gathering.result import EventKind, Gathering
 from closeform.search.leg import Leg
 from closeform.search.schedule import Search
 from closeform.viewer.numbers import Numbers

@@ -20,10 +20,11 @@ from numpy.typing import ArrayLike
 from closeform._jit import kernel
 from closeform.arrays import Floats, instance
 from closeform.result import Result
-from closeform.search.lock_march import END, SEEN, START, LockSensor, lock_in_leg
-from closeform.search.locks import lock_times
-from closeform.search.schedule import Search
-from closeform.search.theorem import one_pair
+from closeform.search.field_of_view import TOLERANCE, Sensors
+from closeform.search.lock_march import lock_in_leg
+from closeform.search.lock_times import lock_times
+from closeform.search.proofs.theorem import one_pair
+from closeform.search.schedule import END, START, Search
 
 PIECES = 32  # pieces of a leg, each with its own margin and length
 HALVINGS = 45
@@ -59,18 +60,10 @@ class LockMargins(Result):
         return -float(self.margins[-1]) if self.leg >= 0 else nan
 
 
-@kernel()
-def locks(row, start, end, state, sensor):
-    """Return the first lock of a leg between two times: (time, found)."""
-    row[END] = end
-    position, velocity = (state[0], state[1], state[2]), (state[3], state[4], state[5])
-    return lock_in_leg(row, start, position, velocity, sensor)
-
-
 @kernel(void(float64[::1], float64[::1], float64, float64, float64[:, ::1]))
 def misses(leg: Floats, state: Floats, baseline: float, half_angle: float, pieces: Floats) -> None:
     """Write the end, minimum margin and sensor distance of each piece of a leg that misses."""
-    row = leg.copy()
+    position, velocity = (state[0], state[1], state[2]), (state[3], state[4], state[5])
     step = (leg[END] - leg[START]) / len(pieces)
     for k in range(len(pieces)):
         start = leg[START] + k * step
@@ -80,7 +73,8 @@ def misses(leg: Floats, state: Floats, baseline: float, half_angle: float, piece
         near, far = 0.0, size
         for _ in range(HALVINGS):
             middle = 0.5 * (near + far)
-            _, found = locks(row, start, end, state, LockSensor(baseline, ANYWHERE, middle))
+            near_by = Sensors(0.5 * baseline, ANYWHERE, ANYWHERE, middle)
+            _, found = lock_in_leg(leg, start, end, position, velocity, near_by)
             near, far = (near, middle) if found else (middle, far)
         noise = ROUNDING * size
         pieces[k] = (end, 0.0, 0.0)
@@ -89,11 +83,12 @@ def misses(leg: Floats, state: Floats, baseline: float, half_angle: float, piece
         low, high = 0.0, pi - half_angle
         for _ in range(HALVINGS):
             middle = 0.5 * (low + high)
-            wider = LockSensor(baseline, cos(half_angle + middle), inf)
-            _, found = locks(row, start, end, state, wider)
+            cosine = cos(half_angle + middle)
+            wider = Sensors(0.5 * baseline, cosine, cosine, inf)
+            _, found = lock_in_leg(leg, start, end, position, velocity, wider)
             low, high = (low, middle) if found else (middle, high)
         # the tolerance of the march, and the rotation of q by rounding
-        counted = 4.0 * SEEN * (1.0 + 2.0 * baseline / near)
+        counted = 4.0 * TOLERANCE * (1.0 + 2.0 * baseline / near)
         certain = acos(min(1.0, cos(half_angle + low) + counted)) - half_angle - 2.0 * noise / near
         pieces[k] = (end, max(0.0, certain), near - noise)
 
@@ -101,13 +96,13 @@ def misses(leg: Floats, state: Floats, baseline: float, half_angle: float, piece
 @kernel(float64(float64[::1], float64[::1], float64, float64))
 def deepest(leg: Floats, state: Floats, baseline: float, half_angle: float) -> Any:
     """Return the time, in a leg that locks, at which the other's sensor is deepest inside the cone."""
-    row = leg.copy()
-    time, _ = locks(row, leg[START], leg[END], state, LockSensor(baseline, cos(half_angle), inf))
-    low, high = 0.0, half_angle
-    for _ in range(HALVINGS):
-        middle = 0.5 * (low + high)
-        narrower = LockSensor(baseline, cos(half_angle - middle), inf)
-        when, found = locks(row, leg[START], leg[END], state, narrower)
+    position, velocity = (state[0], state[1], state[2]), (state[3], state[4], state[5])
+    time, low, high = leg[START], 0.0, half_angle
+    for halving in range(HALVINGS + 1):
+        middle = 0.5 * (low + high) if halving else 0.0  # first the lock itself
+        cosine = cos(half_angle - middle)
+        narrower = Sensors(0.5 * baseline, cosine, cosine, inf)
+        when, found = lock_in_leg(leg, leg[START], leg[END], position, velocity, narrower)
         if found:
             time, low = when, middle
         else:

@@ -1,4 +1,4 @@
-"""Result of a gathering: the events, sets and paths of lost craft that searched, locked and joined."""
+"""Results of gatherings: the events, sets and paths of lost craft that searched, locked and joined."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cached_property
 from math import inf
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -15,8 +15,8 @@ from closeform.arrays import Floats, instance, number
 from closeform.conflicts.all_pairs import screen
 from closeform.conflicts.two_paths import PairConflict
 from closeform.motion.path import Path
-from closeform.result import Result
-from closeform.search.knowledge_sets import LOST
+from closeform.result import Result, Rows
+from closeform.search.gathering.join_rule import LOST
 from closeform.search.leg import Group
 from closeform.search.schedule import Search
 from closeform.search.search_errors import SearchErrors
@@ -265,6 +265,66 @@ class Gathering(Result):
         H03 (Hadaegh, Scharf and Ploen 2003) section IV.
         """
         return self.acquainted(first, second) < number("time", time)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Gatherings(Rows):
+    """Results of C gatherings of N craft.
+
+    Attributes
+    ----------
+    search : Search
+        The search over all rounds, with the near-field search.
+    duration : array of shape (C,) [s]
+        Time until gathered, or of all rounds.
+    leg : array of int of shape (C,)
+        Leg of `search` in which they ended; -1 if incomplete.
+    rounds : array of int of shape (C,)
+        Number of searches begun.
+    left : array of int of shape (C,)
+        Number of craft not in the formation set.
+    delta_v : array of shape (C,) [m/s]
+        Delta-v of all craft together.
+    corrections, near_field : array of shape (C,) [m/s]
+        Its parts for corrections against collisions and in the near-field search; the rest joins craft.
+    each_delta_v : array of shape (C, N) [m/s]
+        Delta-v of each craft.
+    met_unknown : array of int of shape (C,)
+        Number of pairs that entered their keep-out zone before they knew each other.
+    met_known : array of int of shape (C,)
+        Number of pairs that did so only after.
+    adrift : array of int of shape (C,)
+        Number of craft of the formation set without the thrust to match its velocity, in a study.
+    """
+
+    _columns: ClassVar = {
+        "duration": "duration_s",
+        "leg": "leg",
+        "rounds": "rounds",
+        "left": "left",
+        "delta_v": "delta_v_m_s",
+        "corrections": "corrections_m_s",
+        "near_field": "near_field_m_s",
+        "met_unknown": "met_unknown",
+        "met_known": "met_known",
+        "adrift": "adrift",
+    }
+
+    search: Search
+    duration: Floats
+    leg: Any
+    rounds: Any
+    left: Any
+    delta_v: Floats
+    corrections: Floats
+    near_field: Floats
+    each_delta_v: Floats
+    met_unknown: Any
+    met_known: Any
+    adrift: Any
+
+    def __len__(self) -> int:
+        return len(self.duration)
 
 
 def reason_incomplete(

@@ -14,9 +14,9 @@ from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, instance, whole
 from closeform.result import Result
-from closeform.search.adversary import Adversary
-from closeform.search.lock_proof import LockProof, ends_of_box, prove_locks, scales
-from closeform.search.locks import lock_times
+from closeform.search.lock_times import lock_times
+from closeform.search.proofs.adversary import Adversary
+from closeform.search.proofs.lock_proof import LockProof, ends_of_box, prove_locks, scales
 from closeform.search.schedule import Search
 
 CLIMBS = 6  # maximum number of climbs, each from the counterexamples of the previous proof

@@ -12,11 +12,10 @@ from closeform.campaign.search_cases import GatherCampaign
 from closeform.mission.mission import fly
 from closeform.report import searches
 from closeform.scenario import parse
-from closeform.search.burn_errors import gather_flawed
-from closeform.search.burn_flaws import BurnFlaws
-from closeform.search.gather import gather
-from closeform.search.gather_result import EventKind, GatherStatus
-from closeform.search.spacecraft_set import lost_fleet
+from closeform.search.gathering.burn_errors import BurnErrors
+from closeform.search.gathering.gather import gather, gather_with_burn_errors
+from closeform.search.gathering.problem import gathering_problem
+from closeform.search.gathering.result import EventKind, GatherStatus
 from lost import BASIC, Sky, gathered
 from philox import block
 from test_knowledge_set_corrections import with_kernel
@@ -312,7 +311,7 @@ def test_number_of_random_numbers_does_not_matter():
     scenario = parse(LOST)
     case = case_of(scenario, 1)
     states = case.states(case.orbit.build())
-    fleet = lost_fleet(case.plan, shape=(1, 6), **case.gathering(case.stages[0]))
+    problem = gathering_problem(case.plan, shape=(1, 6), **case.gathering(case.stages[0]))
     normals = np.random.default_rng(1).normal(size=(1, 6, 64, 3))
     asked = []
 
@@ -320,21 +319,24 @@ def test_number_of_random_numbers_does_not_matter():
         asked.append(burns)
         return normals[:, :, :burns]
 
-    flaws = BurnFlaws(np.full((1, 6), np.inf), np.tile([0.0, 0.05, 0.0, 0.05], (6, 1)), numbers)
+    errors = BurnErrors(np.full((1, 6), np.inf), np.tile([0.0, 0.05, 0.0, 0.05], (6, 1)), numbers)
     where, speeds = states[None, :, :3].copy(), states[None, :, 3:].copy()
-    few, many = (fleet.fly(where, speeds, [0], 48, flaws=flaws, drawn=drawn) for drawn in (1, 64))
+    few, many = (
+        problem.simulate(where, speeds, ["first"], burn_errors=errors, room=48, sampled=count)
+        for count in (1, 64)
+    )
     for one, other in zip(few, many, strict=True):
         np.testing.assert_array_equal(one, other)
     assert asked[0] == 1 < asked[1] < 64 == asked[-1]
 
 
-def corrected_pair(flaws):
+def corrected_pair(errors):
     """Return a gathering in which two of a set, 60 m apart, approach a sphere of 30 m."""
     search = cf.Search.basic(cf.Sensor(np.radians(70.0), 0.0, 1e4), RATE, TIP)
     states = with_kernel([[0, 0, 0], [60.0, 0, 0]], [[0, 0, 0], [-0.1, 0, 0]])
     model = {"groups": ("A", "B", "A", "B"), "keep_out": cf.Sphere(30.0), "rounds": 1, "max_speed": None}
     model |= {"burns": "second", "errors": None}
-    return gather_flawed(gather(search, *states, **model), search, *states, flaws, **model)
+    return gather_with_burn_errors(gather(search, *states, **model), search, *states, errors, **model)
 
 
 def test_another_spacecraft_corrects_after_a_failure():
@@ -342,7 +344,7 @@ def test_another_spacecraft_corrects_after_a_failure():
     for failing, corrects in (((), (3,)), ((3,), (2,)), ((2,), (3,)), ((2, 3), ())):
         fails = np.full((1, 4), np.inf)
         fails[0, failing] = 0.0
-        found = corrected_pair(BurnFlaws.of_thrust(fails))
+        found = corrected_pair(BurnErrors.of_losses(fails))
         burns = [event for event in found.events if event.kind is EventKind.CORRECTION]
         assert tuple(event.first for event in burns) == corrects
         assert [np.linalg.norm(event.delta_v) for event in burns] == pytest.approx(
@@ -357,8 +359,8 @@ def test_corrections_have_burn_errors():
         normals = np.zeros((1, 4, 64, 3))
         normals[..., 0] = size
         gates, never = np.tile([0.0, 0.02, 0.0, 0.0], (4, 1)), np.full((1, 4), np.inf)
-        flaws = BurnFlaws(never, gates, lambda burns, normals=normals: normals[:, :, :burns])
-        found = corrected_pair(flaws)
+        errors = BurnErrors(never, gates, lambda burns, normals=normals: normals[:, :, :burns])
+        found = corrected_pair(errors)
         (burn,) = [event for event in found.events if event.kind is EventKind.CORRECTION]
         assert np.linalg.norm(burn.delta_v) == pytest.approx(0.05 * (1.0 + 0.02 * size), rel=1e-8)
         assert len(found.conflicts) == (size < 0.0)

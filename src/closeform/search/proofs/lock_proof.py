@@ -9,7 +9,7 @@ one dimension less.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import ceil, inf, pi
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -17,16 +17,14 @@ from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, finite, instance, number, size, whole
 from closeform.result import Result
-from closeform.search.adversary import DRAWN, ROUNDS, Adversary
-from closeform.search.error_bounds import ErrorBounds, errors_numbered
-from closeform.search.lock_boxes import PROVEN, UNSEEN, judge
 from closeform.search.lock_march import in_parts
-from closeform.search.locks import lock_times
+from closeform.search.lock_times import lock_times
+from closeform.search.proofs.adversary import DRAWN, ROUNDS, Adversary
+from closeform.search.proofs.error_bounds import ErrorBounds, errors_numbered, instants_of
+from closeform.search.proofs.state_boxes import PROVEN, UNSEEN, StateBoxes, joined, judge
 from closeform.search.schedule import Search
 from closeform.search.search_errors import SearchErrors
-from closeform.search.state_boxes import StateBoxes, joined
 
-STEP = pi / 90.0  # rad, turn of the boresight between two looks
 EACH_ROUND = 5000  # number of boxes that take as long as a round of an adversary's climb
 CHUNK = 4096  # number of boxes that one core judges in a row
 
@@ -147,13 +145,13 @@ def prove_locks(
         raise ValueError(f"slew_acceleration: must be positive, got {bounds.acceleration:g}")
     until = search.duration if latest is None else min(size("latest", latest), search.duration)
     most = whole("nodes", nodes, 1)
-    looks, worst = looks_of(search, until, bounds), bounds.worst(sensor)
+    instants, worst = instants_of(search, until, bounds), bounds.worst(sensor)
     boxes = roots(search, least, greatest)
     judged, left, found = 0, [boxes[:0]], [refuted(search, boxes.centres[:0], until, worst)]
     while len(boxes) and judged < most:
         left.append(boxes[most - judged :])
         boxes = boxes[: most - judged]
-        axes, verdicts = verdicts_of(search, looks, until, boxes)
+        axes, verdicts = verdicts_of(search, instants, until, boxes)
         judged += len(boxes)
         found.append(refuted(search, boxes.centres[verdicts == UNSEEN], until, worst))
         open_ones = verdicts != PROVEN
@@ -167,23 +165,16 @@ def prove_locks(
     return LockProof(float(rest.shares.sum()), rest.edges, failing, errors_numbered(worst, which), judged)
 
 
-def verdicts_of(search: Search, looks: Floats, until: float, boxes: StateBoxes) -> tuple[Any, Any]:
-    """Return the axis along which to halve each box, and its verdict (M,); update the looks of the boxes."""
-    axes, verdicts = np.zeros((2, len(boxes)), dtype=np.int64)
-    sensor = search.sensor
+def verdicts_of(search: Search, instants: Floats, until: float, boxes: StateBoxes) -> tuple[Any, Any]:
+    """Return the axis along which to halve each box, and its verdict (M,); update `nearest` of the boxes."""
+    sensor, verdicts = search.sensor, np.zeros(len(boxes), dtype=np.int64)
+    # an unseen box is halved along its longest side; velocities count for half the duration
+    axes = np.argmax(boxes.halves * np.repeat([1.0, 0.5 * until], 3), axis=1)
 
     def part(some: slice) -> None:
-        judge(
-            looks,
-            boxes.centres[some],
-            boxes.halves[some],
-            sensor.baseline,
-            sensor.range,
-            until,
-            boxes.looks[some],
-            axes[some],
-            verdicts[some],
-        )
+        rows = boxes.centres[some], boxes.halves[some]
+        found = boxes.nearest[some], axes[some], verdicts[some]
+        judge(instants, *rows, sensor.baseline, sensor.range, *found)
 
     in_parts(part, len(boxes), CHUNK)
     return axes, verdicts
@@ -228,27 +219,6 @@ def scales(search: Search, low: Floats, high: Floats) -> bool:
     """Return True if the problem is scale-invariant, and the faces of the box represent all its states."""
     of_all_sizes = search.sensor.offset == 0.0 and search.sensor.range == inf
     return of_all_sizes and bool((low <= 0.0).all() and (high >= 0.0).all())
-
-
-def looks_of(search: Search, until: float, bounds: ErrorBounds) -> Floats:
-    """Return the instants of a dense test of boxes, with the cone in which both certainly see each other.
-
-    Rows (N, 6): time [s], boresight of A midway between the slowest and the fastest craft, cosine of the
-    narrowed cone, and the displacement [m] of the two sensors by errors.  # theory (57)
-    """
-    times = [0.0]
-    for leg in search.legs:
-        count = ceil(abs(leg.angle) / STEP)
-        times += [leg.start + (leg.end - leg.start) * k / count for k in range(1, count)] + [leg.end]
-    when = np.array([t for t in times if t < until] + [until])
-    behind, ahead = bounds.searched(search, when)
-    error = bounds.pointing + search.slew_rate * 0.5 * (ahead - behind)
-    half_angle = search.sensor.half_angle - error
-    # the cone is convex up to half of the sky; a wider one is replaced by that half
-    cosines = np.where(half_angle < pi / 2.0, np.cos(half_angle), 0.0)
-    shift = 2.0 * search.sensor.baseline * np.sin(np.minimum(error, pi) / 2.0)
-    rows = np.column_stack([when, search.boresight(0.5 * (behind + ahead)), cosines, shift])
-    return np.ascontiguousarray(rows[half_angle > 0.0])
 
 
 def ends_of_box(low: ArrayLike, high: ArrayLike) -> tuple[Floats, Floats]:

@@ -12,7 +12,7 @@ from closeform.arrays import LARGEST, Floats, instance, numbers
 from closeform.result import Rows
 from closeform.search.lock_march import CHUNK, COINCIDENT, NOT_FINITE, first_locks, in_parts
 from closeform.search.schedule import Search
-from closeform.search.search_errors import SearchErrors
+from closeform.search.search_errors import SearchErrors, craft_rows
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -86,15 +86,18 @@ def lock_times(
     [0.0]
     """
     positions, velocities = _vectors(relative_position=relative_position, relative_velocity=relative_velocity)
-    instance("search", search, Search)
-    times, legs = np.empty(len(positions)), np.empty(len(positions), dtype=np.int64)
-    if errors is None:
-        fill_perfect(search, positions, velocities, times, legs)
-    else:
-        from closeform.search.imperfect import fill_imperfect  # imported late: compiles a kernel
+    sensor, count = instance("search", search, Search).sensor, len(positions)
+    alike = errors is None or len(instance("errors", errors, SearchErrors).shape) < 2
+    times, legs = np.empty(count), np.empty(count, dtype=np.int64)
+    asked = f"{count} pairs is (M, 2{{}}), or common to all pairs"
 
-        instance("errors", errors, SearchErrors)
-        fill_imperfect(search, positions, velocities, errors, times, legs)
+    def part(some: slice) -> None:
+        shape, which = ((1, 2), slice(None)) if alike else ((count, 2), some)
+        craft = craft_rows(errors, sensor, shape, [False, True], asked, which)
+        where, speeds = positions[some], velocities[some]
+        first_locks(search.table, where, speeds, craft, sensor.offset, times[some], legs[some])
+
+    in_parts(part, count, CHUNK)
     if (legs == NOT_FINITE).any():
         which = int(np.argmax(legs == NOT_FINITE))
         sound = np.abs(positions[which]).sum() < 0.5 * LARGEST  # otherwise the velocity is at fault
@@ -104,25 +107,6 @@ def lock_times(
         which = int(np.argmax(legs == COINCIDENT))
         raise ValueError(f"relative_position: the two craft of pair {which} are at the same position")
     return Locks(times, legs)
-
-
-def fill_perfect(search: Search, positions: Floats, velocities: Floats, times: Floats, legs: Any) -> None:
-    """Write the first locks of M pairs without search errors to `times` and `legs` (M,)."""
-    sensor = search.sensor
-
-    def part(some: slice) -> None:
-        first_locks(
-            search.table,
-            positions[some],
-            velocities[some],
-            sensor.baseline,
-            sensor.cosine,
-            sensor.range,
-            times[some],
-            legs[some],
-        )
-
-    in_parts(part, len(positions), CHUNK)
 
 
 def _vectors(**given: ArrayLike) -> tuple[Floats, ...]:

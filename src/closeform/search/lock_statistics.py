@@ -1,4 +1,4 @@
-"""Histogram of the lock times of a search, counted part after part."""
+"""Statistics of a search: outcomes counted by phase, and the histogram of lock times."""
 
 from __future__ import annotations
 
@@ -11,11 +11,31 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.search.schedule import Search
 
+AT_ONCE, NEVER = "at once", "never"
 FINER = 12  # fine bins in a bin
 
 
+def phase_labels(search: Search) -> tuple[str, ...]:
+    """Return the labels that `count_by_phase` counts, in order."""
+    return (AT_ONCE, *(f"{phase} {number}" for phase, number, *_ in search.phases), NEVER)
+
+
+def count_by_phase(search: Search, time: Any, leg: Any) -> tuple[int, ...]:
+    """Return the number of cases done at once, in each phase and never, from times (C,) [s] and legs (C,)."""
+    index = phase_index(search, time, leg)
+    return tuple(np.bincount(index, minlength=len(phase_labels(search))).tolist())
+
+
+def phase_index(search: Search, time: Any, leg: Any) -> Any:
+    """Return the index of the label (C,) under which each case ended."""
+    phases = {f"{phase} {number}": k for k, (phase, number, *_) in enumerate(search.phases, 1)}
+    never = len(phases) + 1
+    row = np.array([phases[f"{one.phase} {one.round}"] for one in search.legs] + [never])[leg]
+    return np.where(time == 0.0, 0, row)
+
+
 @dataclass(eq=False)
-class Binned:
+class TimeHistogram:
     """Counts of `every` times: those equal to 0, and those in bins of length `bin` [s] and in finer ones.
 
     `inside`: the counts in each phase of a search; `last`: the largest time [s].

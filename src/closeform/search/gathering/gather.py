@@ -1,9 +1,8 @@
-"""Gathering of lost craft: they search, lock and join until one formation set holds them all (H03)."""
+"""Functions that gather lost craft: one gathering or many, also with burn errors and losses of thrust."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from math import inf
 from typing import Any
 
@@ -14,35 +13,45 @@ from closeform.arrays import Floats
 from closeform.motion.arc import END, IMPULSE, START, STATE, WIDTH
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
-from closeform.search.gather_burns import LOCK
-from closeform.search.gather_events import (
+from closeform.search.gathering.burn_errors import BurnErrors
+from closeform.search.gathering.craft_state import LOCK
+from closeform.search.gathering.event_simulation import (
     CORRECTIONS,
     END_LEG,
     END_TIME,
-    FIRST,
-    HALF,
     KNOWN,
     LEFT,
-    PUSHES,
+    NEAR_FIELD,
     RESULT,
-    SECOND,
     TOTAL,
     UNKNOWN,
 )
-from closeform.search.gather_result import Event, EventKind, Gathering, GatherStatus, reason_incomplete
-from closeform.search.gatherings import Gatherings
-from closeform.search.knowledge_sets import LOST
+from closeform.search.gathering.join_rule import LOST
+from closeform.search.gathering.problem import (
+    CHOICES,
+    Burns,
+    GatheringProblem,
+    Groups,
+    gathering_problem,
+    initial_states,
+)
+from closeform.search.gathering.result import (
+    Event,
+    EventKind,
+    Gathering,
+    Gatherings,
+    GatherStatus,
+    reason_incomplete,
+)
 from closeform.search.lock_march import in_parts
-from closeform.search.request import Burns, Groups, states
 from closeform.search.schedule import Search
-from closeform.search.search_errors import SearchErrors, first_of
-from closeform.search.spacecraft_set import LostFleet, lost_fleet
+from closeform.search.search_errors import SearchErrors, errors_of_first_case
 from closeform.zones.combined_zones import OwnZone
 from closeform.zones.pair_zones import PairZones
 
 KINDS = tuple(EventKind)  # in the order of the kernel's codes
-WAYS = {"second": SECOND, "first": FIRST, "half": HALF}  # of equal costs the first is chosen
 EACH_CALL = 1024  # gatherings in one call of the kernel
+ROOM = 8  # events of each craft for which memory is reserved at first
 
 
 def gather(
@@ -109,15 +118,13 @@ def gather(
     ----------
     H03 (Hadaegh, Scharf and Ploen 2003) section IV, the near-field search section III.C; docs/lost_craft.md.
     """
-    where, speeds = states(positions, velocities, 2)
-    fleet = lost_fleet(search, groups, where.shape[:2], keep_out, rounds, burns, max_speed, errors)
-    with ThreadPoolExecutor(len(WAYS)) as pool:
-        flown = pool.map(lambda code: fleet.fly(where, speeds, [code], 8 * where.shape[1]), WAYS.values())
-    flights = dict(zip(WAYS, flown, strict=True))
-    results = np.concatenate([flight[2] for flight in flights.values()], axis=1)
-    best = list(WAYS)[least(results)[0]] if burns == "least" else burns
-    totals = {way: float(flight[2][0, 0, TOTAL]) for way, flight in flights.items()}
-    return gathering(fleet, where[0], speeds[0], best, totals, *flights[best])
+    where, speeds = initial_states(positions, velocities, 2)
+    problem = gathering_problem(search, groups, where.shape[:2], keep_out, rounds, burns, max_speed, errors)
+    results = problem.simulate(where, speeds, list(CHOICES))[2]
+    totals = dict(zip(CHOICES, results[0, :, TOTAL].tolist(), strict=True))
+    best = [*CHOICES][best_choice(results)[0]] if burns == "least" else burns
+    simulated = problem.simulate(where, speeds, [best], room=ROOM * where.shape[1])
+    return gathering(problem, where[0], speeds[0], best, totals, *simulated)
 
 
 def gather_cases(
@@ -169,37 +176,83 @@ def gather_cases(
     ----------
     H03 (Hadaegh, Scharf and Ploen 2003) section IV; docs/lost_craft.md.
     """
-    where, speeds = states(positions, velocities, 3)
-    fleet = lost_fleet(search, groups, where.shape[:2], keep_out, rounds, burns, max_speed, errors)
-    return gatherings(fleet, flown_least(fleet, where, speeds, burns)[0])
+    where, speeds = initial_states(positions, velocities, 3)
+    problem = gathering_problem(search, groups, where.shape[:2], keep_out, rounds, burns, max_speed, errors)
+    return gatherings(problem, simulate_best(problem, where, speeds, burns)[0])
 
 
-def flown_least(fleet: LostFleet, positions: Floats, velocities: Floats, burns: Burns) -> tuple[Floats, Any]:
-    """Return the results (C, ...) of gatherings with their choice of burns, and its index (C,) in WAYS."""
-    places = range(len(WAYS)) if burns == "least" else [[*WAYS].index(burns)]
-    ways = [[*WAYS.values()][place] for place in places]
+def gather_with_burn_errors(
+    planned: Gathering,
+    search: Search,
+    positions: ArrayLike,
+    velocities: ArrayLike,
+    burn_errors: BurnErrors,
+    **arguments: Any,
+) -> Gathering:
+    """Return the outcome of a gathering as `planned`, with the errors (1, N) of its burns.
+
+    `arguments`: the remaining arguments of the plan. The first pair burns as planned, and `totals` are those
+    of the plan, because the errors are not known in advance.
+    """
+    where, speeds = initial_states(positions, velocities, 2)
+    problem, best = gathering_problem(search, shape=where.shape[:2], **arguments), planned.burns
+    room = ROOM * where.shape[1]
+    simulated = problem.simulate(where, speeds, [best], burn_errors=burn_errors, room=room)
+    return gathering(problem, where[0], speeds[0], best, planned.totals, *simulated)
+
+
+def gather_cases_with_losses(
+    search: Search, positions: ArrayLike, velocities: ArrayLike, shares: Floats, **arguments: Any
+) -> tuple[Gatherings, Floats]:
+    """Return gatherings as `gather_cases` does, with losses of thrust, and the times of these (C, N) [s].
+
+    `shares` (C, N): fractions of the duration without failures, nan for a craft that does not fail. Times are
+    nan for such craft and after the end of the case.
+    """
+    where, speeds = initial_states(positions, velocities, 3)
+    problem = gathering_problem(search, shape=where.shape[:2], **arguments)
+    results, choices = simulate_best(problem, where, speeds, arguments["burns"])
+    losses = shares * results[:, END_TIME, None]
+    (failing,) = np.nonzero(~np.isnan(losses).all(axis=1))
+
+    def part(some: slice) -> None:
+        which = failing[some]
+        errors = BurnErrors.of_losses(np.nan_to_num(losses[which], nan=inf))
+        each = problem.simulate(where[which], speeds[which], list(CHOICES), which, errors)[2]
+        results[which] = each[np.arange(len(which)), choices[which]]
+
+    in_parts(part, len(failing), EACH_CALL)
+    return gatherings(problem, results), np.where(losses <= results[:, END_TIME, None], losses, np.nan)
+
+
+def simulate_best(
+    problem: GatheringProblem, positions: Floats, velocities: Floats, burns: Burns
+) -> tuple[Floats, Any]:
+    """Return the results (C, ...) of gatherings with their choice of burns, and its index (C,) in CHOICES."""
+    choices = list(CHOICES) if burns == "least" else [burns]
+    places = [[*CHOICES].index(choice) for choice in choices]
 
     def part(some: slice) -> tuple[Floats, Any]:
-        each = fleet.fly(positions[some], velocities[some], ways, some=some)[2]
-        which = least(each)
+        each = problem.simulate(positions[some], velocities[some], choices, some)[2]
+        which = best_choice(each)
         return each[np.arange(len(each)), which], np.take(places, which)
 
     results, which = zip(*in_parts(part, len(positions), EACH_CALL), strict=True)
     return np.concatenate(results), np.concatenate(which)
 
 
-def gatherings(fleet: LostFleet, results: Floats) -> Gatherings:
+def gatherings(problem: GatheringProblem, results: Floats) -> Gatherings:
     """Return the kernel's results of gatherings (C,) as an object."""
-    duration, count = results[:, END_TIME], len(fleet.groups)
+    duration, count = results[:, END_TIME], len(problem.groups)
     return Gatherings(
-        fleet.search,
+        problem.search,
         duration,
         results[:, END_LEG].astype(np.int64),
-        fleet.begun(duration),
+        problem.rounds_begun(duration),
         results[:, LEFT].astype(np.int64),
         results[:, TOTAL],
         results[:, CORRECTIONS],
-        results[:, PUSHES],
+        results[:, NEAR_FIELD],
         results[:, RESULT : RESULT + count],
         results[:, UNKNOWN].astype(np.int64),
         results[:, KNOWN].astype(np.int64),
@@ -207,8 +260,8 @@ def gatherings(fleet: LostFleet, results: Floats) -> Gatherings:
     )
 
 
-def least(results: Floats) -> Any:
-    """Return the choice of burns (C,) from results (C, ways, ...): fewest craft left, then minimum delta-v.
+def best_choice(results: Floats) -> Any:
+    """Return the best of the choices (C,) in results (C, choices, ...): fewest craft left, minimum delta-v.
 
     Of equal choices, the first.
     """
@@ -219,10 +272,10 @@ def least(results: Floats) -> Any:
 
 
 def gathering(
-    fleet: LostFleet,
+    problem: GatheringProblem,
     positions: Floats,
     velocities: Floats,
-    way: str,
+    choice: str,
     totals: dict[str, float],
     events: Floats,
     labels: Any,
@@ -239,23 +292,23 @@ def gathering(
     burned = events[events[:, 1] != LOCK]
     delta_v = np.zeros(len(positions))
     np.add.at(delta_v, burned[:, 2].astype(int), np.linalg.norm(burned[:, 7:], axis=1))
-    begun = int(fleet.begun(duration))
+    begun = int(problem.rounds_begun(duration))
     return Gathering(
-        fleet.search,
-        fleet.groups,
+        problem.search,
+        problem.groups,
         _paths(positions, velocities, burned, duration),
-        tuple(_event(fleet.search, row) for row in events),
+        tuple(_event(problem.search, row) for row in events),
         delta_v,
         totals,
-        way,
+        choice,
         members,
         lost,
         duration,
         begun,
         ended if done else GatherStatus.INCOMPLETE,
         reason_incomplete(members, lost, begun, adrift=adrift) or None,
-        fleet.keep_out,
-        None if fleet.errors is None else first_of(fleet.errors),
+        problem.keep_out,
+        None if problem.errors is None else errors_of_first_case(problem.errors),
         adrift,
     )
 

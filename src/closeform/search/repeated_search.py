@@ -15,7 +15,7 @@ SHORTEST = 1e-9  # of the search: a shorter wait is lost in rounding
 ALIGNED = 1e-9  # rad: a boresight back at its start up to rounding
 
 
-def all_rounds(search: Search, rounds: int, max_speed: float | None) -> tuple[Search, Any]:
+def repeated_search(search: Search, rounds: int, max_speed: float | None) -> tuple[Search, Any]:
     """Return the search repeated `rounds` times, and the indices of the legs with a near-field burn.
 
     Each round ends with a turn back to the start attitude, if needed. With a `max_speed` [m/s] and a near
@@ -44,8 +44,8 @@ def all_rounds(search: Search, rounds: int, max_speed: float | None) -> tuple[Se
         for k in range(rounds)
         for leg in legs
     )
-    drifts = np.arange(1, rounds + 1) * len(legs) - 1 if near_field else np.empty(0)
-    return replace(search, legs=every), drifts.astype(np.int64)
+    burn_legs = np.arange(1, rounds + 1) * len(legs) - 1 if near_field else np.empty(0)
+    return replace(search, legs=every), burn_legs.astype(np.int64)
 
 
 def _back(search: Search, near_field: bool) -> list[Leg]:

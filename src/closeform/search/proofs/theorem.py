@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from closeform.arrays import Floats, instance, numbers, whole
 from closeform.result import Result
 from closeform.search.leg import Group
-from closeform.search.locks import lock_times
+from closeform.search.lock_times import lock_times
 from closeform.search.schedule import Search
 
 Volume = Literal["in-plane", "complementary cone"]

@@ -1,106 +1,21 @@
-"""Keep-out clearance of coasting craft: which pairs would enter a zone, and the smallest burn to avoid it.
+"""Collision avoidance in a gathering: the smallest burn that keeps a craft clear of all others of its set.
 
-Relative motion is a straight line. In zone coordinates (R = M r) the velocities that lead into a ball lie
-within a cone about -R of half-angle asin(1 / |R|). The smallest burn that leaves this cone is found along its
-generators.
+In zone coordinates (R = M r) the velocities that lead into a ball lie within a cone about -R of half-angle
+asin(1 / |R|). The smallest burn that leaves this cone is found along its generators. A box is passed at one
+of its edges.
 """
 
 from math import asin, cos, inf, pi, sin, sqrt
-from typing import Any, NamedTuple
 
 from closeform._jit import kernel
-from closeform.arrays import Floats
+from closeform.search.gathering.craft_state import VELOCITY
+from closeform.search.gathering.keep_out_monitor import index_of_zone, times, within, zone_at
 
-VELOCITY, SINCE, SPENT, CORRECTED, PUSHED, CRAFT = 3, 6, 7, 8, 9, 10  # columns of a row, after its position
 SPOKES = 48  # generators of the cone tried before the best is refined
 REFINED = 40  # halvings of the angle between generators
 ENLARGED = 1.0 + 1e-9  # factor on an avoided zone, so that rounding keeps the path clear of the zone itself
 # kinds of burn relative to another craft; for a box, three axes from AROUND on, its edges from EDGES on
 STOP, NOT_NEARER, AROUND, EDGES, WAYS = 0, 1, 2, 5, 17
-
-
-class GatheringCraft(NamedTuple):
-    """State of the craft of a gathering, for kernels.
-
-    `rows` (N, 10): position, velocity, time of both, and the delta-v spent so far in total, on corrections
-    and in the near-field search; `labels` (N,): the set of each; `moved` (N,): whether it has burned since
-    locks were last predicted; `fresh` (N,): whether it is new to the set of the last lock; `shared` (3,): the
-    velocity of the formation set. `flaws` of the burns in the `case` (1,); `off` (N, 3): the burn errors of
-    this instant; `burnt` (N,): the number of burns; `adrift` (N,): whether it had no thrust to join the
-    formation set.
-    """
-
-    rows: Floats
-    labels: Any
-    moved: Any
-    fresh: Any
-    shared: Floats
-    flaws: Any
-    case: Any
-    off: Floats
-    burnt: Any
-    adrift: Any
-
-
-class KeptZone(NamedTuple):
-    """Zone for kernels: whether it is a box, its matrix, and its enlarged half-axes as columns."""
-
-    box: bool
-    matrix: Floats
-    half_axes: Floats
-
-
-class KeptZones(NamedTuple):
-    """Zones of all pairs for kernels: `kinds` (N,) and `table` are those of `PairZones`.
-
-    `boxes` (K,): whether each zone is a box; `matrices` (K, 2, 3, 3): matrix and half-axes of each.
-    """
-
-    kinds: Any
-    table: Any
-    boxes: Any
-    matrices: Floats
-
-
-@kernel()
-def between(zones, i, j):
-    """Return the index of the zone that a pair keeps; -1 for none."""
-    return zones.table[zones.kinds[min(i, j)], zones.kinds[max(i, j)]]
-
-
-@kernel()
-def chosen(zones, k):
-    """Return the zone of index k."""
-    return KeptZone(zones.boxes[k], zones.matrices[k, 0], zones.matrices[k, 1])
-
-
-@kernel()
-def times(matrix, x, y, z):
-    """Return the product of a matrix and a vector."""
-    return (
-        matrix[0, 0] * x + matrix[0, 1] * y + matrix[0, 2] * z,
-        matrix[1, 0] * x + matrix[1, 1] * y + matrix[1, 2] * z,
-        matrix[2, 0] * x + matrix[2, 1] * y + matrix[2, 2] * z,
-    )
-
-
-@kernel()
-def within(zone, r, v, duration):
-    """Return True if r + v t has a norm of at most 1 at some time in [0, duration]; r, v (3,)."""
-    x, y, z = times(zone.matrix, r[0], r[1], r[2])
-    ux, uy, uz = times(zone.matrix, v[0], v[1], v[2])
-    if not zone.box:
-        rv, vv = x * ux + y * uy + z * uz, ux * ux + uy * uy + uz * uz
-        t = min(duration, -rv / vv) if rv < 0.0 else 0.0
-        return (x + ux * t) ** 2 + (y + uy * t) ** 2 + (z + uz * t) ** 2 <= 1.0
-    begin, end = 0.0, duration
-    for s, u in ((x, ux), (y, uy), (z, uz)):
-        if u != 0.0:
-            one, other = (1.0 - s) / u, (-1.0 - s) / u
-            begin, end = max(begin, min(one, other)), min(end, max(one, other))
-        elif abs(s) > 1.0:
-            return False
-    return begin <= end
 
 
 @kernel()
@@ -117,16 +32,27 @@ def enters(zone, r, v, duration):
 
 
 @kernel()
+def zone_of_set(zones, craft, i, m):
+    """Return the index of the zone that craft i keeps to craft m of its set; -1 for none."""
+    return index_of_zone(zones, i, m) if m != i and craft.labels[m] == craft.labels[i] else -1
+
+
+@kernel()
+def relative_state(craft, i, m, velocity, r, v):
+    """Write position and velocity of craft i relative to craft m, if i had the given velocity."""
+    for k in range(3):
+        r[k] = craft.rows[i, k] - craft.rows[m, k]
+        v[k] = velocity[k] - craft.rows[m, VELOCITY + k]
+
+
+@kernel()
 def clear_of_all(zones, craft, i, velocity, duration, r, v):
     """Return True if craft i, with this velocity, keeps clear of all craft of its set."""
-    rows, labels = craft.rows, craft.labels
-    for m in range(len(labels)):
-        which = between(zones, i, m) if m != i and labels[m] == labels[i] else -1
+    for m in range(len(craft.labels)):
+        which = zone_of_set(zones, craft, i, m)
         if which >= 0:
-            for k in range(3):
-                r[k] = rows[i, k] - rows[m, k]
-                v[k] = velocity[k] - rows[m, 3 + k]
-            if enters(chosen(zones, which), r, v, duration):
+            relative_state(craft, i, m, velocity, r, v)
+            if enters(zone_at(zones, which), r, v, duration):
                 return False
     return True
 
@@ -245,32 +171,30 @@ def candidate(zone, way, r, v, out, scratch):
 
 
 @kernel()
-def correction(zones, craft, i, duration, best, scratch):
+def smallest_correction(zones, craft, i, duration, best, scratch):
     """Return the size of the smallest burn that keeps craft i clear of its set for `duration`.
 
     The velocity goes to `best`. The result is 0 if no burn is needed, and inf if none was found among those
     that pass one of the others tangentially, do not approach it, or stop relative to it.
     """
-    rows, labels = craft.rows, craft.labels
     r, v, out, tried = scratch[0], scratch[1], scratch[2], scratch[4]
-    if clear_of_all(zones, craft, i, rows[i, 3:6], duration, r, v):
+    velocity = craft.rows[i, VELOCITY : VELOCITY + 3]
+    if clear_of_all(zones, craft, i, velocity, duration, r, v):
         return 0.0
     least = inf
-    for m in range(len(labels)):
-        which = between(zones, i, m) if m != i and labels[m] == labels[i] else -1
+    for m in range(len(craft.labels)):
+        which = zone_of_set(zones, craft, i, m)
         if which < 0:
             continue
-        zone = chosen(zones, which)
+        zone = zone_at(zones, which)
         for way in range(WAYS):
-            for k in range(3):
-                r[k] = rows[i, k] - rows[m, k]
-                v[k] = rows[i, 3 + k] - rows[m, 3 + k]
+            relative_state(craft, i, m, velocity, r, v)
             if not candidate(zone, way, r, v, out, scratch):
                 continue
             size = 0.0
             for k in range(3):
                 size += (out[k] - v[k]) ** 2
-                tried[k] = out[k] + rows[m, 3 + k]
+                tried[k] = out[k] + craft.rows[m, VELOCITY + k]
             size = sqrt(size)
             if size < least and clear_of_all(zones, craft, i, tried, duration, r, v):
                 least = size

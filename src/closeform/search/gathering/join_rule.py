@@ -1,4 +1,4 @@
-"""Sets of craft that know each other, and the effect of a lock on them (H03 section IV).
+"""Join rule: the set of each craft, and the effect of a lock on the sets (H03 section IV).
 
 The label of a craft is its set: LOST for none, FORMATION for the formation set, whose craft move with one
 velocity, and k >= 1 for knowledge set k, whose craft know each other's motion and coast. The first pair to
@@ -22,7 +22,13 @@ def case_number(one, other):
 
 
 @kernel()
-def joined(one, other, formed, unused):
+def know_each_other(labels, i, j):
+    """Return True if two craft are in the same set."""
+    return labels[i] == labels[j] and labels[i] != LOST
+
+
+@kernel()
+def joint_label(one, other, formed, unused):
     """Return the label of the set that results from a lock between craft of these labels.
 
     `formed`: whether there is a formation set yet; `unused`: the label of the next knowledge set.
@@ -35,8 +41,18 @@ def joined(one, other, formed, unused):
 
 
 @kernel()
-def relabel(labels, old, new):
-    """Replace a label."""
-    for k in range(len(labels)):
-        if labels[k] == old:
-            labels[k] = new
+def join(labels, fresh, low, high, label):
+    """Give both craft and their sets this label, and mark the craft that are new to the set of that label.
+
+    New are the craft whose label changes. Of two lost craft it is the higher index; the lower keeps its
+    velocity.
+    """
+    one, other = labels[low], labels[high]
+    for m in range(len(labels)):
+        joins = labels[m] != LOST and (labels[m] == one or labels[m] == other)
+        fresh[m] = joins and labels[m] != label
+        if joins:
+            labels[m] = label
+    fresh[low] = fresh[low] or (one == LOST and other != LOST)
+    fresh[high] = fresh[high] or other == LOST
+    labels[low] = labels[high] = label

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.search.locks import lock_times
+from closeform.search.lock_times import lock_times
 from closeform.search.schedule import Search
 from closeform.search.search_errors import SearchErrors
 

@@ -12,40 +12,27 @@ from numba import float64, int64, void
 
 from closeform._jit import kernel
 from closeform.arrays import Floats
-from closeform.search.lock_march import LockSensor, in_parts, sight
+from closeform.search.field_of_view import Sensors, view
+from closeform.search.lock_march import in_parts
 from closeform.search.schedule import Search
 
 CHUNK = 16_384
+ROWS = float64[:, ::1]
 
 
-@kernel(
-    void(
-        float64[::1],
-        float64[:, ::1],
-        int64[::1],
-        float64[:, ::1],
-        float64[:, ::1],
-        float64,
-        float64,
-        float64,
-        float64[::1],
-        int64[::1],
-    )
-)
+@kernel(void(float64[::1], ROWS, int64[::1], ROWS, ROWS, float64[::1], float64[::1], int64[::1]))
 def scan(
     samples: Floats,
     boresights: Floats,
     legs: Any,
     positions: Floats,
     velocities: Floats,
-    baseline: float,
-    cosine: float,
-    longest: float,
+    sensor: Floats,
     times: Floats,
     found: Any,
 ) -> None:
-    """Write the first sample at which each pair locks, by theory (13) with the tolerance of the march."""
-    sensor = LockSensor(baseline, cosine, longest)
+    """Write the first sample at which each pair locks. `sensor` (3,): offset, cosine, range."""
+    sensors = Sensors(sensor[0], sensor[1], sensor[1], sensor[2])
     for m in range(len(positions)):
         times[m], found[m] = nan, -1
         for k in range(len(samples)):
@@ -53,9 +40,9 @@ def scan(
             x = positions[m, 0] + velocities[m, 0] * t
             y = positions[m, 1] + velocities[m, 1] * t
             z = positions[m, 2] + velocities[m, 2] * t
-            boresight = boresights[k, 0], boresights[k, 1], boresights[k, 2]
-            _, _, gap, beyond, scale = sight(boresight, (x, y, z), sensor)
-            if gap <= scale and beyond <= scale:
+            bx, by, bz = boresights[k, 0], boresights[k, 1], boresights[k, 2]
+            _, _, gap, _, beyond, tolerance = view((bx, by, bz), (-bx, -by, -bz), (x, y, z), sensors)
+            if gap <= tolerance and beyond <= tolerance:
                 times[m], found[m] = t, legs[k]
                 break
 
@@ -73,21 +60,10 @@ def sampled_times(
     positions = np.ascontiguousarray(relative_position, dtype=float)
     velocities = np.ascontiguousarray(relative_velocity, dtype=float)
     times, found = np.empty(len(positions)), np.empty(len(positions), dtype=np.int64)
-    sensor = search.sensor
+    sensor = np.array([search.sensor.offset, search.sensor.cosine, search.sensor.range])
 
     def part(some: slice) -> None:
-        scan(
-            samples,
-            boresights,
-            legs,
-            positions[some],
-            velocities[some],
-            sensor.baseline,
-            sensor.cosine,
-            sensor.range,
-            times[some],
-            found[some],
-        )
+        scan(samples, boresights, legs, positions[some], velocities[some], sensor, times[some], found[some])
 
     in_parts(part, len(positions), CHUNK)
     return times, found

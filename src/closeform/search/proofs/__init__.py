@@ -1,0 +1,1 @@
+"""Proofs for searches: S04's theorem, branch and bound over initial states, margins of a lock."""
