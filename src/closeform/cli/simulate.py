@@ -10,7 +10,7 @@ from closeform.cli.inputs import UsageError, quantity
 from closeform.cli.screen import left
 
 if TYPE_CHECKING:
-    from closeform.dynamics.feedback import Feedback
+    from closeform.dynamics.control.feedback import Feedback
     from closeform.report.simulation import SimulationReport
     from closeform.scenario.quantity import Parts
 

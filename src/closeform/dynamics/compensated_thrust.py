@@ -10,12 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, number
-from closeform.dynamics.chief_frame import ChiefFrame
-from closeform.dynamics.engines import running_engines
-from closeform.dynamics.field import Field, described
-from closeform.dynamics.flown_plan import paths_to_fly, spanning
-from closeform.dynamics.residual import residuals
-from closeform.dynamics.retargeted import Retargeted, changed_impulses
+from closeform.dynamics.force_model.field import Field, described
+from closeform.dynamics.force_model.hill_frame import ChiefFrame, residuals
+from closeform.dynamics.planned_paths import paths_to_fly, running_engines
+from closeform.dynamics.simulation.guidance import Guidance
+from closeform.dynamics.simulation.impulse_retargeting import Retargeted
 from closeform.fuel.thrusters import Thrusters, each_set
 from closeform.motion.joining import stack
 from closeform.motion.mean_motion import checked
@@ -171,13 +170,16 @@ def compensated_thrust(
     start, end = float(paths.start[0]), float(paths.end[0])
     times = np.linspace(start, end, int(np.ceil((end - start) / step)) + 1)
     planned = paths.thrust(times)
-    frame = ChiefFrame.of(field, times)
-    left_out = residuals(field, frame, paths.state(times), paths.orbit.mean_motion)
-    impulses, path, deviation = changed_impulses(paths, field)
-    fires = np.isin(np.arange(len(paths)), impulses.craft)
+    left_out = residuals(field, ChiefFrame.of(field, times), paths.state(times), paths.orbit.mean_motion)
     own = () if thrusters is None else each_set(thrusters, len(paths), Thrusters)
     running = running_engines(engine, paths, field, own)
+    if thrusters is None and (mass is not None or specific_impulse is not None):
+        raise ValueError("mass: requires thrusters; give them, or omit mass")
+    guidance = Guidance.of(paths, field, None, own, mass=mass, specific_impulse=specific_impulse)
+    impulses, before = guidance.impulses, np.array(paths.delta_v)
+    fires = np.isin(np.arange(len(paths)), impulses.craft)
     commanded = planned - left_out * (running & ~fires)[:, None, None]
+    path, deviation = guidance.reference, guidance.deviation
     if len(adrift := np.flatnonzero(~running)):
         drift = field._of(adrift)._drift(paths[adrift])
         off = drift.position(times) - paths[adrift].position(times)
@@ -185,20 +187,11 @@ def compensated_thrust(
         each = dict(zip(adrift.tolist(), (drift[j] for j in range(len(adrift))), strict=True))
         path = stack([each.get(k, path[k]) for k in range(len(paths))])
     size = np.linalg.norm(commanded, axis=2)
-    more = np.trapezoid(size - np.linalg.norm(planned, axis=2), times, axis=1)  # errors cancel
-    kicks = np.linalg.norm(impulses.impulse, axis=1) - np.linalg.norm(impulses.planned, axis=1)
-    before = np.array(paths.delta_v)
-    spent = before + more + np.bincount(impulses.craft, kicks, len(paths))
+    if guidance.firing is not None:
+        spent = np.asarray(guidance.firing.delta_v)
+    else:
+        more = np.trapezoid(size - np.linalg.norm(planned, axis=2), times, axis=1)  # errors cancel
+        kicks = np.linalg.norm(impulses.impulse, axis=1) - np.linalg.norm(impulses.planned, axis=1)
+        spent = before + more + np.bincount(impulses.craft, kicks, len(paths))
     table = described(field), times, commanded, planned, left_out, spent, before, size.max(axis=1) > limit
-    if thrusters is None:
-        if mass is not None or specific_impulse is not None:
-            raise ValueError("mass: requires thrusters; give them, or omit mass")
-        return CompensatedThrust(*table, impulses, path, deviation, None)
-    from closeform.dynamics.pulsed_flight import fired_in, flown_exactly  # imported late: compiles kernels
-
-    firing = fired_in(paths, impulses, field, own, mass, specific_impulse)
-    when, states = flown_exactly(paths, firing, own, field)
-    path = paths.orbit._through(when, states)
-    off = states[..., :3] - spanning(paths, when).position(when)
-    table = *table[:-3], np.asarray(firing.delta_v), *table[-2:]
-    return CompensatedThrust(*table, impulses, path, np.linalg.norm(off, axis=2).max(axis=1), firing)
+    return CompensatedThrust(*table, impulses, path, deviation, guidance.firing)

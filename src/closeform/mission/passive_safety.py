@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from closeform.conflicts.flight import WatchedFlight
-from closeform.dynamics.field import described
-from closeform.dynamics.least_ratios import least_of_pairs
-from closeform.dynamics.lost_thrust import Loss, sampled_losses
+from closeform.dynamics.clearance import least_of_pairs
+from closeform.dynamics.force_model.field import described
+from closeform.dynamics.simulation.loss_of_thrust import Loss, sampled_losses
 from closeform.mission.mission_result import AvoidResult, ReconfigureResult, StageResult
 from closeform.mission.simulation_verdict import Neglected
 from closeform.mission.verdict import Asked, metres

@@ -13,16 +13,18 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.conflicts.flight import ALL_PAIRS, WatchedFlight, watch
+from closeform.dynamics.clearance import least_ratios
 from closeform.dynamics.compensated_thrust import CompensatedThrust, compensated_thrust
-from closeform.dynamics.drawn import seeds_of, uncertain
-from closeform.dynamics.feedback import Feedback, usual_feedback
-from closeform.dynamics.field import Field
-from closeform.dynamics.flown_plan import spanning
+from closeform.dynamics.control.feedback import Feedback, default_feedback
+from closeform.dynamics.control.tracking_tube import Tube, tube
+from closeform.dynamics.force_model.field import Field
 from closeform.dynamics.infeasible import Grounded
-from closeform.dynamics.least_ratios import least_ratios
-from closeform.dynamics.simulate import simulate
-from closeform.dynamics.simulation_result import Simulation
-from closeform.dynamics.tube import Tube, tube
+from closeform.dynamics.planned_paths import spanning
+from closeform.dynamics.simulation.random_errors import has_random_errors, seeds_of
+from closeform.dynamics.simulation.simulate import simulate
+from closeform.dynamics.simulation.simulation_result import Simulation
+from closeform.dynamics.simulation.thruster_model import controllable_axes, lacks_axis
+from closeform.dynamics.simulation.thruster_pulses import pulse_feedback
 from closeform.mission.mission_result import Stages
 from closeform.mission.simulation_verdict import Entered
 from closeform.mission.stage_start import followed
@@ -104,11 +106,9 @@ class FlownRun:
         if pulsed or fires_impulses(plan):
             told["max_acceleration"] = None
         if pulsed:
-            from closeform.dynamics.pulsed_flight import led_by_pulses  # kernels that only thrusters need
-
             told["thrusters"] = own
             if control != "replan":  # replanning chooses its own feedback for pulses
-                told["feedback"] = led_by_pulses(told["feedback"], own)
+                told["feedback"] = pulse_feedback(told["feedback"], own)
         some = seeds if differs(control, told) else seeds_of(seeds)[:1]
         flight = simulate(plan, field, control, zones=zones, known=known, seeds=some, **told)
         if pulsed:  # deviations are relative to the certified paths, which are pulsed as well
@@ -174,13 +174,11 @@ class FlownRun:
     @cached_property
     def unled(self) -> dict[str, float]:
         """Maximum uncontrolled deviation [m] of each spacecraft with a direction that has no thruster."""
-        from closeform.dynamics.reachable import lacks, reachable
-
         flight, found = self.flight, dict[str, float]()
         off = flight.states[..., :3] - flight.planned.position(flight.times)
         for k, own in enumerate(self.told.get("thrusters", ())):
-            if own is not None and lacks(own):
-                led = reachable(own, flight.orbit.mean_motion * flight.times)
+            if own is not None and lacks_axis(own):
+                led = controllable_axes(own, flight.orbit.mean_motion * flight.times)
                 aside = off[:, k] - np.einsum("tij,stj->sti", led, off[:, k])
                 found[self.names[k]] = float(np.linalg.norm(aside, axis=-1).max())
         return found
@@ -303,7 +301,7 @@ class FlownRun:
 
 def differs(control: Control, told: dict[str, Any]) -> bool:
     """Return True if flights with this control mode and these arguments of `simulate` differ."""
-    return uncertain(control != "open", told["navigation"], told["thrust_error"], told["errors"])
+    return has_random_errors(control != "open", told["navigation"], told["thrust_error"], told["errors"])
 
 
 def fires_pulses(run: Stages) -> bool:
@@ -313,7 +311,7 @@ def fires_pulses(run: Stages) -> bool:
 
 def usually_led(run: Stages, control: Control) -> Feedback:
     """Return the default feedback of a run without a specified one."""
-    return usual_feedback(control, fires_pulses(run) or fires_impulses(planned(run)))
+    return default_feedback(control, fires_pulses(run) or fires_impulses(planned(run)))
 
 
 def planned(run: Stages) -> Path:

@@ -31,8 +31,8 @@ def with_margin(
     """
     if stage.margin != "auto":
         return make(stage.margin or 0.0)
-    from closeform.dynamics.feedback import usual_feedback
-    from closeform.dynamics.fitted import fit_margin
+    from closeform.dynamics.control.feedback import default_feedback
+    from closeform.dynamics.margins.fit_margin import fit_margin
 
     told, known = start.scenario.flight, start.scenario.field
     assert known is not None
@@ -40,7 +40,7 @@ def with_margin(
         make,
         known._of(who),
         PairZones.of([start.keep_out[k] for k in who]),
-        told["feedback"] or usual_feedback("track", led_by_impulses(start.scenario)),
+        told["feedback"] or default_feedback("track", led_by_impulses(start.scenario)),
         told["navigation"],
         obstacles=others,
         held=True,

@@ -9,9 +9,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from closeform.arrays import Floats, instance
-from closeform.dynamics.least_ratios import nearest_pair, nearest_pairs
-from closeform.dynamics.simulation_result import Simulation
-from closeform.dynamics.tube import Tube
+from closeform.dynamics.clearance import nearest_pair, nearest_pairs
+from closeform.dynamics.control.tracking_tube import Tube
+from closeform.dynamics.simulation.simulation_result import Simulation
 from closeform.plots.charts import PALE, Curve, Panel, draw, name_rows, series
 from closeform.plots.palette import AFTER, ALTERNATIVE, BEFORE, CONFLICT, INK, ZONE
 from closeform.plots.style import (

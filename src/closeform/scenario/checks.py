@@ -519,8 +519,8 @@ def too_blind(scenario: Scenario, orbit: Orbit) -> Iterator[str]:
     """Yield an error line if the tracking error of a pair exceeds the smallest keep-out zone."""
     if scenario.field is None or scenario.navigation is None:
         return
-    from closeform.dynamics.feedback import Feedback
-    from closeform.dynamics.tube import tube
+    from closeform.dynamics.control.feedback import Feedback
+    from closeform.dynamics.control.tracking_tube import tube
 
     told = scenario.flight
     room = tube(orbit, told["feedback"] or Feedback(), told["navigation"])

@@ -40,7 +40,7 @@ from closeform.scenario.table import (
 )
 
 if TYPE_CHECKING:
-    from closeform.dynamics.feedback import Feedback, Navigation
+    from closeform.dynamics.control.feedback import Feedback, Navigation
     from closeform.exchange.chief import Chief
 
 DEGREES = (0, 2, 3, 4, 5, 6)
@@ -119,7 +119,7 @@ class FeedbackTable(Table):
 
     def build(self) -> "Feedback":
         """Return the feedback that the table describes."""
-        from closeform.dynamics.feedback import Feedback
+        from closeform.dynamics.control.feedback import Feedback
 
         return Feedback(self.every, self.horizon, self.impulses, self.delay)
 
@@ -135,7 +135,7 @@ class NavigationTable(Table):
 
     def build(self) -> "Navigation":
         """Return the navigation that the table describes."""
-        from closeform.dynamics.feedback import Navigation
+        from closeform.dynamics.control.feedback import Navigation
 
         biases = self.position_bias, self.velocity_bias
         return Navigation(self.position, self.velocity, *biases, self.correlation)

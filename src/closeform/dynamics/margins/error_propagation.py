@@ -1,0 +1,219 @@
+"""Propagation of errors along a plan under feedback: deviations of each cause, and the responses to them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import islice, product
+from typing import Self
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.dynamics.control.closed_loop import KINDS, ClosedLoop
+from closeform.dynamics.control.feedback import Feedback, Navigation
+from closeform.dynamics.force_model.field import Field
+from closeform.dynamics.force_model.hill_frame import ChiefFrame, residuals
+from closeform.dynamics.model_error import deviations_of
+from closeform.dynamics.simulation.guidance import Guidance
+from closeform.dynamics.simulation.impulse_retargeting import Retargeted
+from closeform.dynamics.simulation.random_errors import burn_edges
+from closeform.dynamics.simulation.station_keeping import Holding
+from closeform.dynamics.simulation.time_grid import SAME, intervals_in
+from closeform.fuel.allocation import Allocation
+from closeform.fuel.thrusters import Thrusters
+from closeform.motion.arc import START
+from closeform.motion.path import Path
+from closeform.uncertainty.columns import burning, columns_of, gates_of
+from closeform.uncertainty.errors import Uncertainty
+
+STEPS, MOST = 6, 60  # steps between measurements: even, and a delay is a whole number
+OFTEN = 15.0  # s, step, unless there are more than the maximum number
+NEAR = 0.02  # of a step, tolerance on the delay
+FINER = 6  # instants of a step at which the ripple of pulses is sampled
+UNIT = Uncertainty(magnitude=1.0, pointing=1.0)  # four columns for each burn
+
+
+@dataclass(frozen=True, eq=False)
+class TrackedPlan:
+    """Paths (N,) at T `times`, under feedback by a `loop`.
+
+    `jumps` are the impulses as fired, which lead `aside` of the plan (N, T, 3) [m], to the reference of the
+    feedback. So do the pulses of `thrusters`, on paths that are `pulsed`, with a `ripple` (N,) [m] between
+    times. Impulses `missed` some ends, given as craft, time and state error, and the following motion starts
+    from there. Continuous thrust is that of the plan plus compensation `against` (N, T, 3) [m/s^2] of the
+    model error; the part `felt` (N, T, 3) is not compensated.
+    """
+
+    paths: Path
+    loop: ClosedLoop
+    times: Floats
+    jumps: Retargeted
+    aside: Floats
+    missed: tuple[tuple[int, float, Floats], ...]
+    against: Floats
+    felt: Floats
+    pulsed: Path | None
+    ripple: Floats
+    thrusters: Sequence[Thrusters] | None
+
+    @classmethod
+    def of(
+        cls,
+        paths: Path,
+        field: Field,
+        law: Feedback,
+        cancel: bool,
+        thrusters: Sequence[Thrusters] | None = None,
+    ) -> Self:
+        """Return the paths as `simulate` tracks them in a known field.
+
+        `cancel`: compensate the model error.
+        """
+        times, every, steps = instants(paths, law)
+        loop = ClosedLoop.of(paths.orbit, law, every, steps, thrusters is not None)
+        left_out = residuals(field, ChiefFrame.of(field, times), paths.state(times), paths.orbit.mean_motion)
+        guidance = Guidance.of(paths, field, law, thrusters or (), cancel)
+        holding, aside, ripple = Holding.of(paths, law), np.zeros(left_out.shape), np.zeros(len(paths))
+        moved, opposed = holding.moved(times), cancel & holding.opposed(times)
+        if guidance.firing is not None:
+            who = np.unique(guidance.firing.pulses.craft)
+            fine = np.linspace(times[0], times[-1], FINER * (len(times) - 1) + 1)
+            off = (guidance.reference.position(fine) - paths.position(fine))[who]
+            aside[who] = off[:, ::FINER]
+            straight = np.linspace(off[:, :-1:FINER], off[:, FINER::FINER], FINER, endpoint=False, axis=2)
+            more = off[:, :-1] - straight.reshape(off[:, :-1].shape)
+            ripple[who] = np.linalg.norm(more, axis=-1).max(axis=1)
+        elif cancel:
+            aside[moved] = (guidance.reference.position(times) - paths.position(times))[moved]
+        felt = left_out * ~(opposed | moved & cancel)[..., None]
+        against, missed = -left_out * opposed[..., None], tuple(guidance.missed)
+        pulsed = None if guidance.firing is None else guidance.firing.path
+        reference = guidance.impulses, aside, missed, against, felt, pulsed, ripple
+        return cls(paths, loop, times, *reference, thrusters)
+
+    @property
+    def bits(self) -> Floats:
+        """Largest impulse (N,) [m/s] that thrusters do not fire: one bit of each of three."""
+        return np.array([_least_push(one) for one in self.thrusters or ()] or np.zeros(len(self.paths)))
+
+    @cached_property
+    def flown(self) -> Floats:
+        """Continuous thrust (N, T, 3) [m/s^2], as commanded without errors."""
+        return np.asarray(self.paths.thrust(self.times) + self.against)
+
+    @cached_property
+    def caused(self) -> tuple[Floats, Floats]:
+        """True deviations (5, N, T, 3) [m] and believed ones (5, N, I, 6) for each of five causes.
+
+        The uncompensated acceleration, thrust larger by 100 %, and thrust rotated by 1 rad about each axis.
+        """
+        orbit, times, flown = self.paths.orbit, self.times, self.flown
+        pushes = [self.felt, *np.einsum("kij,ntj->knti", KINDS, flown)]
+        pushed = deviations_of(orbit, times, np.concatenate(pushes)).reshape(5, *flown.shape[:2], 6)
+        kicked = np.einsum("kij,mj->mki", KINDS, self.jumps.impulse)
+        for k, when, sizes in zip(self.jumps.craft, self.jumps.time, kicked, strict=True):
+            after = times > when + SAME  # a measurement at that instant precedes the impulse
+            moved = orbit.transition(times[after] - when)[:, :, 3:]
+            pushed[1:, k, after] += np.einsum("tij,rj->rti", moved, sizes)
+        for k, when, state in self.missed:
+            after = times > when + SAME
+            pushed[0, k, after] += orbit.transition(times[after] - when) @ state
+        off, believed = self.loop.follow(pushed.reshape(-1, len(times), 6))
+        return off.reshape(5, *flown.shape), believed.reshape(5, len(flown), *believed.shape[1:])
+
+    @cached_property
+    def brought(self) -> Floats:
+        """Feedback thrust (5, N, T, 3) [m/s^2], or impulses (5, N, Q, 3) [m/s], for each cause."""
+        believed = self.caused[1]
+        found = self.loop.answers(np.concatenate(believed), len(self.times))
+        return found.reshape(*believed.shape[:2], -1, 3)
+
+    def scattered(
+        self, craft: int, sight: Navigation, size: Floats, errors: Uncertainty
+    ) -> tuple[Floats, Floats]:
+        """Return the covariances (T, 3, 3) [m^2] due to a craft's `errors`, and those of its responses.
+
+        The latter are (T, 3, 3) [m^2/s^4], or for impulses (Q, 3, 3) [m^2/s^2]. `size` (2,) bounds the
+        constant thrust errors.
+        """
+        own, path, against = self.jumps.craft == craft, self.paths[craft], self.against[craft]
+        if self.pulsed is not None:  # pulses are the only burns
+            own, path, against = np.zeros_like(own), self.pulsed[craft], np.zeros_like(against)
+        jumps = self.jumps.time[own], self.jumps.impulse[own]
+        motions = open_loop_errors(path, errors, self.times, jumps, against)
+        off, believed = self.loop.follow(motions)
+        answers = self.loop.answers(believed, len(self.times))
+        share, angle = size
+        known, led = self.caused[1][:, craft], islice(self.loop.misled(), believed.shape[1])
+        seen = np.reshape([state + self.loop.late for state in led], (-1, 6, 6)).transpose(2, 0, 1)
+        causes = [known[:1], share * known[1:2], (1.0 + share) * angle * known[2:]]
+        causes += [sight.position_bias * seen[:3], sight.velocity_bias * seen[3:]]
+        causes = [one for one in causes if one.any()]  # correlated causes: bound on the square of their sum
+        moments = _squares(believed) + len(causes) * sum(map(_squares, causes), np.zeros((6, 6)))
+        errors = errors if self.pulsed is None else errors._of_orders
+        shaken = self.loop.shaken(sight, errors, moments, len(self.times))
+        return _squares(off) + shaken, _squares(answers)
+
+
+def instants(paths: Path, law: Feedback) -> tuple[Floats, float, int]:
+    """Return times (T,) along paths (N,), the time between measurements [s], and the steps in it."""
+    start, end = float(paths.start[0]), float(paths.end[0])
+    intervals = intervals_in(end - start, law.every)
+    every = (end - start) / intervals
+    steps = _steps(min(law.delay / every, 1.0), every)
+    return np.linspace(start, end, steps * intervals + 1), every, steps
+
+
+def open_loop_errors(
+    path: Path, errors: Uncertainty, times: Floats, jumps: tuple[Floats, Floats], against: Floats
+) -> Floats:
+    """Return the deviations (R, T, 6) [m, m/s] of one spacecraft, for one standard deviation of each error.
+
+    The errors are those of its initial state, its impulses and its burns.
+
+    `jumps` are the times (Q,) and sizes (Q, 3) of its impulses; `against` (T, 3) is compensation thrust,
+    which the plan does not contain.  # theory (50)
+    """
+    orbit, found = path.orbit, [np.empty((0, len(times), 6))]
+    if errors.state.any():
+        found.append(np.moveaxis(orbit.transition(times - times[0]) @ errors._root, -1, 0))
+    for when, size in zip(*jumps, strict=True) if any(errors.impulse) else ():
+        moved = orbit.transition(np.maximum(times - when, 0.0))[..., 3:] @ gates_of(size, errors).T
+        found.append(np.moveaxis(moved * (times > when + SAME)[:, None, None], -1, 0))
+    if errors.magnitude or errors.pointing:
+        sizes = np.array([errors.magnitude, *[errors.pointing] * 3])[:, None, None]
+        found += [sizes * own for own in _burns(path, times, against)]
+    return np.concatenate(found)
+
+
+def _burns(path: Path, times: Floats, against: Floats) -> Iterator[Floats]:
+    """Yield deviations (4, T, 6) due to each burn larger by 100 %, and rotated by 1 rad about each axis."""
+    edges = burn_edges(path)
+    columns = columns_of(path, UNIT).state(times).reshape(-1, len(KINDS), len(times), 6)
+    own = np.searchsorted(edges, [path.arcs[first, START] for first, _ in burning(path)], side="right")
+    which = np.searchsorted(edges, times, side="right")
+    for k in range(len(edges) + 1) if against.any() else own:
+        done = np.einsum("kij,tj->kti", KINDS, against * (which == k)[:, None])
+        yield deviations_of(path.orbit, times, done) + columns[own == k].sum(axis=0)
+
+
+def _least_push(thrusters: Thrusters) -> float:
+    """Return the largest sum [m/s] of partial bits of the thrusters of any facet."""
+    allocation = Allocation.of(thrusters.directions)
+    bits = np.vstack([thrusters.directions * np.reshape(thrusters.minimum_bit, (-1, 1)), np.zeros((6, 3))])
+    some = np.array(list(product((0.0, 1.0), repeat=3)))
+    return float(np.linalg.norm(some @ bits[allocation.corners], axis=-1).max())
+
+
+def _squares(rows: Floats) -> Floats:
+    """Return second moments (K, D, D) of independent rows (R, K, D)."""
+    return np.asarray(np.einsum("rki,rkj->kij", rows, rows))
+
+
+def _steps(delay: float, every: float) -> int:
+    """Return the number of steps in an interval [s] for which a relative `delay` is a whole number."""
+    least = min(max(STEPS, 2 * intervals_in(0.5 * every, OFTEN)), MOST)
+    some = range(least, MOST, 2)
+    return next((n for n in some if abs(n * delay - round(n * delay)) < NEAR), MOST)

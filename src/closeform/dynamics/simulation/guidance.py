@@ -1,0 +1,206 @@
+"""Guidance: what spacecraft are commanded for a plan, in the force model that guidance knows.
+
+Spacecraft with thrusters fire pulses, impulses are changed for the force model, and continuous thrust
+compensates the model error. The same guidance is simulated, bounded by tracking margins, and exported as
+compensated thrust.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, reduce
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from closeform.arrays import Floats
+from closeform.dynamics.control.feedback import Feedback
+from closeform.dynamics.force_model.drag import ballistics_of
+from closeform.dynamics.force_model.field import Field
+from closeform.dynamics.planned_paths import impulses_of, spanning
+from closeform.dynamics.simulation.commands import Commands, Engines
+from closeform.dynamics.simulation.impulse_retargeting import Retargeted, retargeted
+from closeform.dynamics.simulation.propagate import Trajectories, propagate
+from closeform.dynamics.simulation.random_errors import ErrorSampler, SampledErrors
+from closeform.dynamics.simulation.station_keeping import Holding
+from closeform.dynamics.simulation.thruster_model import ThrusterModel
+from closeform.dynamics.simulation.thruster_pulses import PulsedReference, fire_plan, shooters
+from closeform.dynamics.simulation.time_grid import SAME, thrust_bends
+from closeform.fuel.firing import ThrusterFiring
+from closeform.fuel.thrusters import Thrusters
+from closeform.motion.arc import END, START
+from closeform.motion.joining import stack
+from closeform.motion.path import Path
+
+Span = tuple[float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Guidance:
+    """Commands for planned `paths` (N,) in the `believed` field, with or without a feedback `law`.
+
+    `impulses` are those of the plan, changed for the field; `jumped` are the paths by them. `firing` holds
+    the pulses of the spacecraft that have `thrusters`, which the plan's `paths` then cover. `cancel` tells
+    whether the model error is compensated.
+    """
+
+    paths: Path
+    believed: Field
+    law: Feedback | None
+    cancel: bool
+    thrusters: Sequence[Thrusters | None]
+    impulses: Retargeted
+    jumped: Path
+    firing: ThrusterFiring | None
+
+    @classmethod
+    def of(
+        cls,
+        paths: Path,
+        believed: Field,
+        law: Feedback | None,
+        thrusters: Sequence[Thrusters | None] = (),
+        cancel: bool = True,
+        mass: ArrayLike | None = None,
+        specific_impulse: ArrayLike | None = None,
+    ) -> Guidance:
+        """Return the guidance of a plan. Raises Grounded if it is not feasible in the field."""
+        impulses, jumped = retargeted(paths, believed if cancel else None, law)
+        if not shooters(thrusters):
+            return cls(paths, believed, law, cancel, thrusters, impulses, jumped, None)
+        firing = fire_plan(paths, impulses, believed, thrusters, mass, specific_impulse, law)
+        span = np.array([firing.path.start.min(), firing.path.end.max()])
+        paths, jumped = spanning(paths, span), spanning(jumped, span)
+        return cls(paths, believed, law, cancel, thrusters, impulses, jumped, firing)
+
+    @property
+    def span(self) -> Span:
+        """Start and end time [s]."""
+        return float(self.paths.start[0]), float(self.paths.end[0])
+
+    @cached_property
+    def _models(self) -> dict[int, tuple[Path, ThrusterModel]]:
+        """Path (1,) by the pulses in Hill's equations, and thrusters, of each spacecraft that has some."""
+        if self.firing is None:
+            return {}
+        firing, found = self.firing, {}
+        for j, k in enumerate(shooters(self.thrusters)):
+            model = ThrusterModel.of(firing.thrusters[j], firing.pulses[firing.pulses.craft == j])
+            found[k] = firing.path[j : j + 1], model
+        return found
+
+    @cached_property
+    def _pulsed(self) -> dict[int, PulsedReference]:
+        """Reference of each spacecraft that fires pulses."""
+        return {
+            k: PulsedReference.of(self.paths[k : k + 1], path, model, self.believed._of([k]), self.law)
+            for k, (path, model) in self._models.items()
+            if len(model.pulses)
+        }
+
+    @cached_property
+    def reference(self) -> Path:
+        """Paths (N,) to which feedback returns: those by the commands without errors in the believed field.
+
+        On held coasts they are the planned paths.
+        """
+        if not self._pulsed:
+            return self.jumped
+        pulsed = {k: one.path[0] for k, one in self._pulsed.items()}
+        return stack([pulsed.get(k, self.jumped[k]) for k in range(len(self.paths))])
+
+    @property
+    def missed(self) -> Iterator[tuple[int, float, Floats]]:
+        """Spacecraft, time and state error (6,) at the end of each span of impulses or pulses."""
+        for k, moves in enumerate(Holding.of(self.paths, self.law).moves):
+            if k in self._pulsed:
+                yield from ((k, *one) for one in self._pulsed[k].missed)
+            elif self.cancel:
+                for end in moves[moves[:, 1] < self.paths.end[k] - SAME, 1]:
+                    yield k, float(end), self.jumped[k].state(end) - self.paths[k].state(end)
+
+    @property
+    def deviation(self) -> Floats:
+        """Largest distance of the reference from the plan (N,) [m], at the nodes of the reference."""
+        times = np.union1d(self.reference.arcs[:, START], self.reference.arcs[:, END])
+        off = self.reference.position(times) - self.paths.position(times)
+        return np.asarray(np.linalg.norm(off, axis=2).max(axis=1))
+
+    def commands(
+        self, law: Feedback | None, field: Field, engines: Engines, span: Span | None = None
+    ) -> Iterator[tuple[list[int], Commands]]:
+        """Yield the spacecraft that share a time grid, by index, and their commands in a field.
+
+        Each spacecraft with thrusters has a grid of its own. All grids have the same output times.
+        """
+        ballistics, pulsed = ballistics_of(field.drag, len(self.paths)), self.firing is not None
+        rest, outputs = [k for k in range(len(self.paths)) if k not in self._models], np.zeros(0)
+        if span is None:
+            own = self.paths[rest] if rest else None
+            times = [engines.lost[np.isfinite(engines.lost)]]
+            if own is not None:
+                times += [Holding.of(own, law).bounds, impulses_of(own)[1] if pulsed else thrust_bends(own)]
+            outputs = reduce(np.union1d, times)
+        for k, (path, model) in self._models.items():
+            yield (
+                [k],
+                Commands.of(
+                    *(path, law, None, ballistics[[k]], engines.among([k])),
+                    reference=self.reference[[k]] if law is not None else None,
+                    thrusters=model,
+                    pulsed=True,
+                    span=span,
+                    outputs=outputs,
+                ),
+            )
+        if rest:
+            known = self.believed._of(rest) if self.cancel else None
+            yield (
+                rest,
+                Commands.of(
+                    *(self.paths[rest], law, known, ballistics[rest], engines.among(rest)),
+                    impulses=self.impulses.impulse[np.isin(self.impulses.craft, rest)],
+                    reference=self.jumped[rest],
+                    pulsed=pulsed,
+                    span=span,
+                    outputs=outputs,
+                ),
+            )
+
+    def simulate(
+        self,
+        law: Feedback | None,
+        field: Field,
+        engines: Engines,
+        sampler: ErrorSampler | None = None,
+        measured: tuple[Floats, Floats] | None = None,
+        span: Span | None = None,
+        begin: Floats | None = None,
+        leg: int = 0,
+    ) -> Trajectories:
+        """Simulate the commands in a field, with errors of a sampler of which some are `measured`.
+
+        A leg covers a `span`, from states `begin` (N, 6), or from the start of the plan.
+        """
+        parts, craft = list[Trajectories](), list[int]()
+        for which, commands in self.commands(law, field, engines, span):
+            errors = SampledErrors.none(len(which), commands.grid.measurement_count)
+            if sampler is not None and measured is not None:
+                errors = sampler.sample(which, measured, commands, leg)
+            own = None if begin is None else begin[which] + errors.start * (leg == 0)
+            frame = commands.frame if field is self.believed else None
+            done = propagate(commands, field, errors, own, frame)
+            if commands.thrusters is None and parts:  # only the orders of thrusters are kept
+                shape = *done.fired.shape[:2], *parts[0].fired.shape[2:]
+                done = replace(done, fired=np.zeros(shape))
+            parts.append(done)
+            craft += which
+        return parts[0] if len(parts) == 1 else _in_order(parts, craft)
+
+
+def _in_order(parts: Sequence[Trajectories], craft: Sequence[int]) -> Trajectories:
+    """Return the trajectories of all spacecraft, from parts whose spacecraft have the index `craft` (N,)."""
+    back, names = np.argsort(craft), ("states", "arrivals", "fired", "spent", "limited")
+    joined = {name: np.concatenate([getattr(one, name) for one in parts], 1)[:, back] for name in names}
+    return replace(parts[0], asked=np.concatenate([one.asked for one in parts])[back], **joined)
