@@ -452,9 +452,6 @@ def in_air(scenario: Scenario) -> Iterator[str]:
 def in_flight(scenario: Scenario) -> Iterator[str]:
     """Yield an error line for each setting that a simulation, or a margin for one, does not support."""
     autos = any(getattr(stage, "margin", None) == "auto" for stage in scenario.stages)
-    if scenario.noisy and autos:
-        remedy = "remove noise, or give margins in metres"
-        yield f'craft.execution: margin = "auto" counts no white noise; {remedy}'
     if autos or scenario.flights is not None:
         try:
             flown_thrusters(scenario)

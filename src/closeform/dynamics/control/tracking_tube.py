@@ -222,12 +222,13 @@ def tube(
     k = float(nonnegative("sigmas", number("sigmas", sigmas)))
     unknown, off = nonnegative("residual", residual), nonnegative("thrust_error", thrust_error)
     loop = ClosedLoop.of(orbit, feedback, feedback.every, BETWEEN)
-    gain, missed = loop.gains[0], float(nonnegative("minimum_bit", number("minimum_bit", minimum_bit)))
+    gain = loop.acceleration_gains[0]
+    missed = float(nonnegative("minimum_bit", number("minimum_bit", minimum_bit)))
     if missed > 0.0:
         if not feedback.impulses:
             raise ValueError("minimum_bit: requires feedback by impulses; give such a Feedback, or remove it")
-        missed *= loop.missed
-    random, bias = loop.covariances(navigation)[0], loop.biased(navigation)[0]
+        missed *= loop.missed_gain
+    random, bias = loop.steady_covariances(navigation)[0], loop.bias(navigation)[0]
     return Tube(gain * unknown[()], gain * off[()] + missed, bias, random, k)
 
 

@@ -37,23 +37,23 @@ UNIT = Uncertainty(magnitude=1.0, pointing=1.0)  # four columns for each burn
 
 @dataclass(frozen=True, eq=False)
 class TrackedPlan:
-    """Paths (N,) at T `times`, under feedback by a `loop`.
+    """Planned paths (N,) at T `times`, under feedback by a `loop`.
 
-    `jumps` are the impulses as fired, which lead `aside` of the plan (N, T, 3) [m], to the reference of the
-    feedback. So do the pulses of `thrusters`, on paths that are `pulsed`, with a `ripple` (N,) [m] between
-    times. Impulses `missed` some ends, given as craft, time and state error, and the following motion starts
-    from there. Continuous thrust is that of the plan plus compensation `against` (N, T, 3) [m/s^2] of the
-    model error; the part `felt` (N, T, 3) is not compensated.
+    The impulses as fired, or the pulses of `thrusters` along `pulsed` paths, cause a known `offset` (N, T, 3)
+    [m] from the plan, and a `ripple` (N,) [m] between times. They miss the planned states at the ends of some
+    spans: `missed` are spacecraft, times and state errors, from which the following motion starts. Continuous
+    thrust is that of the plan plus the `compensation` (N, T, 3) [m/s^2] of the model error, of which the
+    `uncompensated` part (N, T, 3) remains.
     """
 
     paths: Path
     loop: ClosedLoop
     times: Floats
-    jumps: Retargeted
-    aside: Floats
+    impulses: Retargeted
+    offset: Floats
     missed: tuple[tuple[int, float, Floats], ...]
-    against: Floats
-    felt: Floats
+    compensation: Floats
+    uncompensated: Floats
     pulsed: Path | None
     ripple: Floats
     thrusters: Sequence[Thrusters] | None
@@ -75,23 +75,23 @@ class TrackedPlan:
         loop = ClosedLoop.of(paths.orbit, law, every, steps, thrusters is not None)
         left_out = residuals(field, ChiefFrame.of(field, times), paths.state(times), paths.orbit.mean_motion)
         guidance = Guidance.of(paths, field, law, thrusters or (), cancel)
-        holding, aside, ripple = Holding.of(paths, law), np.zeros(left_out.shape), np.zeros(len(paths))
+        holding, offset, ripple = Holding.of(paths, law), np.zeros(left_out.shape), np.zeros(len(paths))
         moved, opposed = holding.moved(times), cancel & holding.opposed(times)
         if guidance.firing is not None:
             who = np.unique(guidance.firing.pulses.craft)
             fine = np.linspace(times[0], times[-1], FINER * (len(times) - 1) + 1)
             off = (guidance.reference.position(fine) - paths.position(fine))[who]
-            aside[who] = off[:, ::FINER]
+            offset[who] = off[:, ::FINER]
             straight = np.linspace(off[:, :-1:FINER], off[:, FINER::FINER], FINER, endpoint=False, axis=2)
             more = off[:, :-1] - straight.reshape(off[:, :-1].shape)
             ripple[who] = np.linalg.norm(more, axis=-1).max(axis=1)
         elif cancel:
-            aside[moved] = (guidance.reference.position(times) - paths.position(times))[moved]
-        felt = left_out * ~(opposed | moved & cancel)[..., None]
-        against, missed = -left_out * opposed[..., None], tuple(guidance.missed)
-        pulsed = None if guidance.firing is None else guidance.firing.path
-        reference = guidance.impulses, aside, missed, against, felt, pulsed, ripple
-        return cls(paths, loop, times, *reference, thrusters)
+            offset[moved] = (guidance.reference.position(times) - paths.position(times))[moved]
+        compensation = -left_out * opposed[..., None]
+        uncompensated = left_out * ~(opposed | moved & cancel)[..., None]
+        missed, pulsed = tuple(guidance.missed), guidance.firing and guidance.firing.path
+        known = guidance.impulses, offset, missed, compensation, uncompensated
+        return cls(paths, loop, times, *known, pulsed, ripple, thrusters)
 
     @property
     def bits(self) -> Floats:
@@ -99,62 +99,67 @@ class TrackedPlan:
         return np.array([_least_push(one) for one in self.thrusters or ()] or np.zeros(len(self.paths)))
 
     @cached_property
-    def flown(self) -> Floats:
+    def thrust(self) -> Floats:
         """Continuous thrust (N, T, 3) [m/s^2], as commanded without errors."""
-        return np.asarray(self.paths.thrust(self.times) + self.against)
+        return np.asarray(self.paths.thrust(self.times) + self.compensation)
 
     @cached_property
-    def caused(self) -> tuple[Floats, Floats]:
+    def deviations(self) -> tuple[Floats, Floats]:
         """True deviations (5, N, T, 3) [m] and believed ones (5, N, I, 6) for each of five causes.
 
         The uncompensated acceleration, thrust larger by 100 %, and thrust rotated by 1 rad about each axis.
         """
-        orbit, times, flown = self.paths.orbit, self.times, self.flown
-        pushes = [self.felt, *np.einsum("kij,ntj->knti", KINDS, flown)]
-        pushed = deviations_of(orbit, times, np.concatenate(pushes)).reshape(5, *flown.shape[:2], 6)
-        kicked = np.einsum("kij,mj->mki", KINDS, self.jumps.impulse)
-        for k, when, sizes in zip(self.jumps.craft, self.jumps.time, kicked, strict=True):
+        orbit, times, thrust = self.paths.orbit, self.times, self.thrust
+        pushes = [self.uncompensated, *np.einsum("kij,ntj->knti", KINDS, thrust)]
+        coasting = deviations_of(orbit, times, np.concatenate(pushes)).reshape(5, *thrust.shape[:2], 6)
+        jumps = np.einsum("kij,mj->mki", KINDS, self.impulses.impulse)
+        for k, when, sizes in zip(self.impulses.craft, self.impulses.time, jumps, strict=True):
             after = times > when + SAME  # a measurement at that instant precedes the impulse
             moved = orbit.transition(times[after] - when)[:, :, 3:]
-            pushed[1:, k, after] += np.einsum("tij,rj->rti", moved, sizes)
+            coasting[1:, k, after] += np.einsum("tij,rj->rti", moved, sizes)
         for k, when, state in self.missed:
             after = times > when + SAME
-            pushed[0, k, after] += orbit.transition(times[after] - when) @ state
-        off, believed = self.loop.follow(pushed.reshape(-1, len(times), 6))
-        return off.reshape(5, *flown.shape), believed.reshape(5, len(flown), *believed.shape[1:])
+            coasting[0, k, after] += orbit.transition(times[after] - when) @ state
+        off, believed = self.loop.propagate(coasting.reshape(-1, len(times), 6))
+        return off.reshape(5, *thrust.shape), believed.reshape(5, len(thrust), *believed.shape[1:])
 
     @cached_property
-    def brought(self) -> Floats:
+    def feedback(self) -> Floats:
         """Feedback thrust (5, N, T, 3) [m/s^2], or impulses (5, N, Q, 3) [m/s], for each cause."""
-        believed = self.caused[1]
-        found = self.loop.answers(np.concatenate(believed), len(self.times))
+        believed = self.deviations[1]
+        found = self.loop.commands(np.concatenate(believed), len(self.times))
         return found.reshape(*believed.shape[:2], -1, 3)
 
-    def scattered(
+    def covariances(
         self, craft: int, sight: Navigation, size: Floats, errors: Uncertainty
-    ) -> tuple[Floats, Floats]:
-        """Return the covariances (T, 3, 3) [m^2] due to a craft's `errors`, and those of its responses.
+    ) -> tuple[Floats, float]:
+        """Return the covariances (T, 3, 3) [m^2] due to the `errors` of a spacecraft.
 
-        The latter are (T, 3, 3) [m^2/s^4], or for impulses (Q, 3, 3) [m^2/s^2]. `size` (2,) bounds the
-        constant thrust errors.
+        Also return a bound on the variance of the feedback in any direction, in m^2/s^4, or in m^2/s^2 for
+        impulses. `size` (2,) bounds the constant thrust errors.
         """
-        own, path, against = self.jumps.craft == craft, self.paths[craft], self.against[craft]
+        loop, count, own = self.loop, len(self.times), self.impulses.craft == craft
+        path, compensation = self.paths[craft], self.compensation[craft]
         if self.pulsed is not None:  # pulses are the only burns
-            own, path, against = np.zeros_like(own), self.pulsed[craft], np.zeros_like(against)
-        jumps = self.jumps.time[own], self.jumps.impulse[own]
-        motions = open_loop_errors(path, errors, self.times, jumps, against)
-        off, believed = self.loop.follow(motions)
-        answers = self.loop.answers(believed, len(self.times))
+            own, path, compensation = np.zeros_like(own), self.pulsed[craft], np.zeros_like(compensation)
+        jumps = self.impulses.time[own], self.impulses.impulse[own]
+        off, believed = loop.propagate(open_loop_errors(path, errors, self.times, jumps, compensation))
+        feedback = [_squares(loop.commands(believed, count))]
         share, angle = size
-        known, led = self.caused[1][:, craft], islice(self.loop.misled(), believed.shape[1])
-        seen = np.reshape([state + self.loop.late for state in led], (-1, 6, 6)).transpose(2, 0, 1)
+        known, biased = self.deviations[1][:, craft], islice(loop.biased_states(), believed.shape[1])
+        seen = np.reshape([state + loop.prediction for state in biased], (-1, 6, 6)).transpose(2, 0, 1)
         causes = [known[:1], share * known[1:2], (1.0 + share) * angle * known[2:]]
         causes += [sight.position_bias * seen[:3], sight.velocity_bias * seen[3:]]
         causes = [one for one in causes if one.any()]  # correlated causes: bound on the square of their sum
         moments = _squares(believed) + len(causes) * sum(map(_squares, causes), np.zeros((6, 6)))
-        errors = errors if self.pulsed is None else errors._of_orders
-        shaken = self.loop.shaken(sight, errors, moments, len(self.times))
-        return _squares(off) + shaken, _squares(answers)
+        found = _squares(off)
+        if errors.noise:
+            shaken, known_noise = loop.noise_covariances(errors.noise, count)
+            found, moments = found + shaken, moments + known_noise
+            feedback.append(loop.law @ known_noise[:, None] @ loop.law.swapaxes(-1, -2))
+        executed = errors if self.pulsed is None else errors._of_orders
+        found += loop.execution_covariances(sight, executed, moments, count)
+        return found, sum(float(np.linalg.eigvalsh(one)[..., -1].max(initial=0.0)) for one in feedback)
 
 
 def instants(paths: Path, law: Feedback) -> tuple[Floats, float, int]:
@@ -167,14 +172,14 @@ def instants(paths: Path, law: Feedback) -> tuple[Floats, float, int]:
 
 
 def open_loop_errors(
-    path: Path, errors: Uncertainty, times: Floats, jumps: tuple[Floats, Floats], against: Floats
+    path: Path, errors: Uncertainty, times: Floats, jumps: tuple[Floats, Floats], compensation: Floats
 ) -> Floats:
     """Return the deviations (R, T, 6) [m, m/s] of one spacecraft, for one standard deviation of each error.
 
     The errors are those of its initial state, its impulses and its burns.
 
-    `jumps` are the times (Q,) and sizes (Q, 3) of its impulses; `against` (T, 3) is compensation thrust,
-    which the plan does not contain.  # theory (50)
+    `jumps` are the times (Q,) and sizes (Q, 3) of its impulses; `compensation` (T, 3) is thrust that the plan
+    does not contain.  # theory (50)
     """
     orbit, found = path.orbit, [np.empty((0, len(times), 6))]
     if errors.state.any():
@@ -184,18 +189,18 @@ def open_loop_errors(
         found.append(np.moveaxis(moved * (times > when + SAME)[:, None, None], -1, 0))
     if errors.magnitude or errors.pointing:
         sizes = np.array([errors.magnitude, *[errors.pointing] * 3])[:, None, None]
-        found += [sizes * own for own in _burns(path, times, against)]
+        found += [sizes * own for own in _burns(path, times, compensation)]
     return np.concatenate(found)
 
 
-def _burns(path: Path, times: Floats, against: Floats) -> Iterator[Floats]:
+def _burns(path: Path, times: Floats, compensation: Floats) -> Iterator[Floats]:
     """Yield deviations (4, T, 6) due to each burn larger by 100 %, and rotated by 1 rad about each axis."""
     edges = burn_edges(path)
     columns = columns_of(path, UNIT).state(times).reshape(-1, len(KINDS), len(times), 6)
     own = np.searchsorted(edges, [path.arcs[first, START] for first, _ in burning(path)], side="right")
     which = np.searchsorted(edges, times, side="right")
-    for k in range(len(edges) + 1) if against.any() else own:
-        done = np.einsum("kij,tj->kti", KINDS, against * (which == k)[:, None])
+    for k in range(len(edges) + 1) if compensation.any() else own:
+        done = np.einsum("kij,tj->kti", KINDS, compensation * (which == k)[:, None])
         yield deviations_of(path.orbit, times, done) + columns[own == k].sum(axis=0)
 
 

@@ -1,4 +1,4 @@
-"""Tracking-error tube of craft under feedback along one plan, and the margins that pairs require."""
+"""Tracking errors of spacecraft under feedback along a plan, and the margins that pairs require."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, instance, number, of_each
+from closeform.dynamics.control.closed_loop import process_noise_covariances
 from closeform.dynamics.control.feedback import (
     Feedback,
     Navigation,
@@ -138,7 +139,7 @@ def tracking_margins(
         Bounds on each craft's relative thrust error and on its direction error, constant through a
         simulation.
     errors : Uncertainty or sequence of Uncertainty or None, optional
-        Uncertainty of each craft, as in `simulate`, without process noise.
+        Uncertainty of each craft, as in `simulate`.
     minimum_bit : float [m/s], default 0
         Minimum impulse bit of feedback.
     thrusters : Thrusters or sequence of Thrusters or None, optional
@@ -205,66 +206,60 @@ def tracking_margins(
     elif least > 0.0 and not law.impulses:
         raise ValueError("minimum_bit: requires feedback by impulses; give such a Feedback, or remove it")
     own_errors = errors_of_each(errors, count)
-    if any(one.noise for one in own_errors or ()):
-        raise ValueError("errors: tracking margins do not cover process noise; remove `noise`")
-    of_craft: Any = sizes, unknown, own_errors
     groups = [np.flatnonzero(who) for who in (running & ~shooters, shooters, ~running) if who.any()]
     found = []
     for some in groups:
-        own_told = [None if one is None else [one[k] for k in some] for one in of_craft]
+        of_group = sizes[some], unknown[some], own_errors and [own_errors[k] for k in some]
         if not running[some[0]]:
             times = instants(paths, law)[0]
-            found.append(_of_drifting(paths[some], field._of(some), times, own_told, many))
+            found.append(_of_drifting(paths[some], field._of(some), times, of_group, many))
             continue
         sets = [own[k] for k in some] if shooters[some[0]] else None
-        flight = TrackedPlan.of(paths[some], field._of(some), law, cancel, sets)
-        found.append(_of_alike(flight, sight, own_told, least, many))
+        tracked = TrackedPlan.of(paths[some], field._of(some), law, cancel, sets)
+        found.append(_of_tracked(tracked, sight, of_group, least, many))
     return found[0] if len(found) == 1 else _together(found, np.argsort(np.concatenate(groups)))
 
 
-def _of_alike(
-    flight: TrackedPlan, sight: Navigation, of_craft: Sequence[Any], bit: Any, many: float
+def _of_tracked(
+    tracked: TrackedPlan, sight: Navigation, of_craft: Sequence[Any], bit: Any, many: float
 ) -> TrackingMargins:
-    """Return the margins of craft that all have thrusters, or all have none.
+    """Return the margins of spacecraft that all have thrusters, or all have none.
 
-    `of_craft`: bounds on thrust errors, unknown accelerations, and uncertainties of the craft.
+    `of_craft`: bounds on thrust errors, unknown accelerations, and uncertainties of the spacecraft.
     """
-    sizes, unknown, errors = np.array(of_craft[0]), np.array(of_craft[1]), of_craft[2]
-    loop, (shift, stretch, *turned) = flight.loop, flight.caused[0]
-    steady, more, *turning = flight.brought
-    rest, answer = loop.beyond(sizes, unknown, sight, (more, np.stack(turning, axis=-1)))
-    if len(loop.fired):
-        rest = rest + loop.missed * np.maximum(flight.bits, bit) + flight.ripple
-    noise, shaking = loop.spread(sight, sizes)
+    sizes, unknown, errors = of_craft
+    loop, (shift, stretch, *turned) = tracked.loop, tracked.deviations[0]
+    steady, more, *turning = tracked.feedback
+    rest, answer = loop.remainder(sizes, unknown, sight, (more, np.stack(turning, axis=-1)))
+    if len(loop.impulse_times):
+        rest = rest + loop.missed_gain * np.maximum(tracked.bits, bit) + tracked.ripple
+    noise, shaking = loop.noise(sight, sizes)
     spread, random = np.zeros((*shift.shape, 3)), np.full(len(sizes), shaking**2)
     for k, own in enumerate(errors or ()):
-        spread[k], answers = flight.scattered(k, sight, sizes[k], own)
-        random[k] += np.linalg.eigvalsh(answers)[..., -1].max(initial=0.0)
-    asked = np.linalg.norm(flight.flown, axis=-1).max(axis=1)
-    if not len(loop.fired):
+        spread[k], variance = tracked.covariances(k, sight, sizes[k], own)
+        random[k] += variance
+    asked = np.linalg.norm(tracked.thrust, axis=-1).max(axis=1)
+    if not len(loop.impulse_times):
         asked = asked + np.linalg.norm(steady, axis=-1).max(axis=1) + answer + many * np.sqrt(random)
-    off = shift + flight.aside, stretch, np.stack(turned, axis=-1)
-    return TrackingMargins(flight.times, *off, sizes, rest, spread, np.full(len(sizes), noise), many, asked)
+    off = shift + tracked.offset, stretch, np.stack(turned, axis=-1)
+    each = sizes, rest, spread, np.full(len(sizes), noise)
+    return TrackingMargins(tracked.times, *off, *each, many, asked)
 
 
 def _of_drifting(
     paths: Path, field: Field, times: Floats, of_craft: Sequence[Any], many: float
 ) -> TrackingMargins:
-    """Return the margins of craft without engines, about their drift.
-
-    `of_craft`: bounds on thrust errors, unknown accelerations, and uncertainties of the craft.
-    """
-    sizes, unknown, errors = np.array(of_craft[0]), np.array(of_craft[1]), of_craft[2]
+    """Return the margins of spacecraft without engines, about their drift; see `_of_tracked`."""
+    sizes, unknown, errors = of_craft
     moved = paths.orbit.transition(times - times[0])
-    pushed = np.linalg.norm(moved[:, :3, 3:], 2, axis=(1, 2))
-    rest = unknown * float(np.trapezoid(pushed, times))
-    spread = np.zeros((len(paths), len(times), 3, 3))
+    rest = unknown * float(np.trapezoid(np.linalg.norm(moved[:, :3, 3:], 2, axis=(1, 2)), times))
+    spread, none = np.zeros((len(paths), len(times), 3, 3)), np.zeros(len(paths))
     for k, own in enumerate(errors or ()):
         spread[k] = moved[:, :3] @ own.state @ moved[:, :3].swapaxes(1, 2)
+        spread[k] += own.noise * process_noise_covariances(paths.orbit, times)[:, :3, :3]
     shift = field._drift(paths).position(times) - paths.position(times)
-    none = np.zeros(len(paths))
-    turn = np.zeros_like(spread)
-    return TrackingMargins(times, shift, np.zeros_like(shift), turn, sizes, rest, spread, none, many, none)
+    off = shift, np.zeros_like(shift), np.zeros_like(spread)
+    return TrackingMargins(times, *off, sizes, rest, spread, none, many, none)
 
 
 def _together(parts: Sequence[TrackingMargins], order: Any) -> TrackingMargins:
