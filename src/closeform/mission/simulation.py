@@ -190,9 +190,9 @@ class FlownRun:
 
     @cached_property
     def pulses(self) -> dict[str, Any]:
-        """Planned thruster pulses in columns, with the propellant of each for the decreasing mass."""
+        """Planned thruster pulses of the worst flight in columns, with propellant for the falling mass."""
         assert self.flight.firing is not None
-        fired = self.flight.firing.pulses
+        fired = self.flight.pulses[self.flight.worst]
         who = np.array([self.names.index(name) for name in self.thrusters])[fired.craft]
         so_far = np.cumsum(
             np.where(who[:, None] == np.arange(len(self.names)), fired.impulse[:, None], 0.0), 0
@@ -200,7 +200,7 @@ class FlownRun:
         spent = so_far[np.arange(len(who)), who]
         burnt = self.burnt(who, spent) - self.burnt(who, spent - fired.impulse)
         named = {"craft": np.array(self.names)[who], "thruster": fired.thruster + 1, "propellant_kg": burnt}
-        return self.flight.firing.burns | named
+        return replace(self.flight.firing, pulses=fired).burns | named
 
     def burnt(self, which: Any, delta_v: Floats) -> Floats:
         """Return the propellant [kg] of spacecraft, by index, for a delta-v [m/s].

@@ -89,7 +89,8 @@ class TrackedPlan:
             offset[moved] = (guidance.reference.position(times) - paths.position(times))[moved]
         compensation = -left_out * opposed[..., None]
         uncompensated = left_out * ~(opposed | moved & cancel)[..., None]
-        missed, pulsed = tuple(guidance.missed), guidance.firing and guidance.firing.path
+        missed, firing = tuple(guidance.missed), guidance.firing
+        pulsed = None if firing is None else firing.path
         known = guidance.impulses, offset, missed, compensation, uncompensated
         return cls(paths, loop, times, *known, pulsed, ripple, thrusters)
 

@@ -209,7 +209,7 @@ def tracking_margins(
     groups = [np.flatnonzero(who) for who in (running & ~shooters, shooters, ~running) if who.any()]
     found = []
     for some in groups:
-        of_group = sizes[some], unknown[some], own_errors and [own_errors[k] for k in some]
+        of_group = sizes[some], unknown[some], own_errors and [own_errors[k] for k in some.tolist()]
         if not running[some[0]]:
             times = instants(paths, law)[0]
             found.append(_of_drifting(paths[some], field._of(some), times, of_group, many))

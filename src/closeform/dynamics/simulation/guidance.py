@@ -28,6 +28,7 @@ from closeform.dynamics.simulation.thruster_model import ThrusterModel
 from closeform.dynamics.simulation.thruster_pulses import PulsedReference, fire_plan, shooters
 from closeform.dynamics.simulation.time_grid import SAME, thrust_bends
 from closeform.fuel.firing import ThrusterFiring
+from closeform.fuel.pulses import Pulses
 from closeform.fuel.thrusters import Thrusters
 from closeform.motion.arc import END, START
 from closeform.motion.joining import stack
@@ -109,6 +110,13 @@ class Guidance:
             return self.jumped
         pulsed = {k: one.path[0] for k, one in self._pulsed.items()}
         return stack([pulsed.get(k, self.jumped[k]) for k in range(len(self.paths))])
+
+    def pulses(self, span: Span) -> list[Pulses]:
+        """Return the planned pulses that begin in a span, in a list; none without thrusters."""
+        if self.firing is None:
+            return []
+        fired = self.firing.pulses
+        return [fired[(fired.start >= span[0]) & (fired.start < span[1])]]
 
     @property
     def missed(self) -> Iterator[tuple[int, float, Floats]]:

@@ -33,6 +33,7 @@ from closeform.dynamics.simulation.replanning import Replanner
 from closeform.dynamics.simulation.simulation_result import Simulation
 from closeform.dynamics.simulation.thruster_pulses import planned_delta_v, pulse_feedback
 from closeform.dynamics.simulation.time_grid import intervals_in
+from closeform.fuel.pulses import Pulses, one_table
 from closeform.fuel.thrusters import Thrusters, each_set
 from closeform.motion.path import fires_impulses
 from closeform.zones.pair_zones import PairZones
@@ -171,21 +172,20 @@ def simulate(
         raise ValueError(
             "thrusters: cannot be combined with max_acceleration, minimum_bit or cancel=False; remove these"
         )
-    law = None if control == "open" else asked_law
+    law, planner = None if control == "open" else asked_law, None
     if pulsed and law is not None:
         law = pulse_feedback(law, own_sets)
-    planner = None
     if control == "replan" and zones is not None and law is not None:
         planner = Replanner.of(paths, believed, own_sets, zones, law, engines, sampler)
-        guidance, law = planner.first, planner.law
+        law, first = planner.law, planner.first
     else:
-        guidance = Guidance.of(paths, believed, law, own_sets, cancel)
-    runs = _runs(guidance, planner, law, field, engines, sampler)
-    done = runs[0].done if planner is None else _of_all_seeds(runs)
-    asked = done.asked if planner is None else guidance.simulate(None, field, engines).asked
+        first = Guidance.of(paths, believed, law, own_sets, cancel)
+    runs = _Simulator(law, field, engines, planner).runs(first, sampler)
+    done = _joined([run.done for run in runs])
+    asked = done.asked if planner is None else first.simulate(None, field, engines).asked
     planned = planned_delta_v(paths, own_sets, lost_at)
     ratios = [least_ratios(*one, done.times, zones) for one in zip(done.states, done.arrivals, strict=True)]
-    flights, orders = len(done.states), guidance.firing is not None
+    flights, orders = len(done.states), first.firing is not None
     return Simulation(
         done.times,
         done.states,
@@ -196,70 +196,72 @@ def simulate(
         done.limited / (done.times[-1] - done.times[0]),
         ratios[0][0],
         np.array([ratio for _, ratio in ratios]),
-        paths if planner is not None else until_lost(guidance.paths, lost_at),
+        paths if planner is not None else until_lost(first.paths, lost_at),
         np.array([run.replans for run in runs] if planner is not None else [0] * flights),
         tuple((seed, *one) for seed, run in zip(sampler.seeds, runs, strict=False) for one in run.refused),
-        guidance.firing,
+        first.firing,
+        tuple(run.pulses for run in runs if run.pulses is not None) * (flights // len(runs)),
         done.fired_times if orders else np.zeros(0),
         done.fired if orders else np.zeros((flights, count, 0, 3)),
     )
 
 
 class _Run(NamedTuple):
-    """Simulations, the number of new plans in them, and the times and reasons of refused plans."""
+    """Simulations, their planned pulses, the number of new plans, and times and reasons of refused plans."""
 
     done: Trajectories
+    pulses: Pulses | None
     replans: int
     refused: list[tuple[float, str]]
 
 
-def _runs(
-    guidance: Guidance,
-    planner: Replanner | None,
-    law: Feedback | None,
-    field: Field,
-    engines: Engines,
-    sampler: ErrorSampler,
-) -> list[_Run]:
-    """Return the simulations of all seeds in one run, or with a planner in a run of each seed."""
-    start, end = guidance.span if planner is None else (planner.instants[0], planner.instants[-1])
-    looks = 0 if law is None else intervals_in(end - start, law.every)
-    seen, thrust = sampler.measured(looks + 1, (end - start) / max(looks, 1))
-    if planner is None:
-        return [_run(guidance, None, law, field, engines, sampler, (seen, thrust))]
-    return [
-        _run(guidance, planner, law, field, engines, replace(sampler, seeds=[seed]), (one[None], off[None]))
-        for seed, one, off in zip(sampler.seeds, seen, thrust, strict=True)
-    ]
+class _Simulator(NamedTuple):
+    """Simulator in a field with a feedback `law`, or None for open-loop control, and a planner, if any."""
 
+    law: Feedback | None
+    field: Field
+    engines: Engines
+    planner: Replanner | None
 
-def _run(
-    guidance: Guidance,
-    planner: Replanner | None,
-    law: Feedback | None,
-    field: Field,
-    engines: Engines,
-    sampler: ErrorSampler,
-    measured: tuple[Floats, Floats],
-) -> _Run:
-    """Return simulations leg by leg, with errors of measurements (S, N, M, 6) and of thrust (S, N, 4).
+    def runs(self, first: Guidance, sampler: ErrorSampler) -> list[_Run]:
+        """Return the simulations of all seeds in one run, or with a planner in a run of each seed."""
+        start, end = first.span if self.planner is None else self.planner.instants[[0, -1]]
+        looks = 0 if self.law is None else intervals_in(end - start, self.law.every)
+        seen, thrust = sampler.measured(looks + 1, (end - start) / max(looks, 1))
+        if self.planner is None:
+            return [self.run(first, sampler, seen, thrust)]
+        return [
+            self.run(first, replace(sampler, seeds=[seed]), one[None], off[None])
+            for seed, one, off in zip(sampler.seeds, seen, thrust, strict=True)
+        ]
 
-    Without a planner there is one leg. Each leg has its own burns.
-    """
-    if planner is None or law is None:
-        return _Run(guidance.simulate(law, field, engines, sampler, measured), 0, [])
-    (wrong, thrust), instants = measured, planner.instants
-    now, parts, replans, refused = guidance.paths.state(instants[0]), [], 0, list[tuple[float, str]]()
-    for leg, span in enumerate(pairwise(instants.tolist())):
-        if leg > 0 and instants[-1] - span[0] >= law.horizon:
-            anew, why = planner.replan(now + wrong[0, :, leg], span[0])
-            refused += [(span[0], one) for one in why]
-            if anew is not None:
-                guidance, replans = anew, replans + 1
-        seen = wrong[:, :, leg : leg + 1], thrust
-        parts.append(guidance.simulate(law, field, engines, sampler, seen, span, now, leg))
-        now = parts[-1].states[0, :, -1].copy()
-    return _Run(_of_all_legs(parts), replans, refused)
+    def run(self, guidance: Guidance, sampler: ErrorSampler, seen: Floats, thrust: Floats) -> _Run:
+        """Return simulations leg by leg, with errors of measurements (S, N, M, 6) and of thrust (S, N, 4).
+
+        Without a planner there is one leg. Each leg has its own burns.
+        """
+        planner = self.planner
+        if planner is None:
+            firing = guidance.firing
+            done = guidance.simulate(self.law, self.field, self.engines, sampler, (seen, thrust))
+            return _Run(done, None if firing is None else firing.pulses, 0, [])
+        instants, refused = planner.instants, list[tuple[float, str]]()
+        now, parts, pulses, replans = guidance.paths.state(instants[0]), [], list[Pulses](), 0
+        for leg, span in enumerate(pairwise(instants.tolist())):
+            if leg > 0 and instants[-1] - span[0] >= planner.law.horizon:
+                anew, why = planner.replan(now + seen[0, :, leg], span[0])
+                refused += [(span[0], one) for one in why]
+                if anew is not None:
+                    guidance, replans = anew, replans + 1
+            measured = seen[:, :, leg : leg + 1], thrust
+            errors = sampler, measured, span, now, leg
+            parts.append(guidance.simulate(self.law, self.field, self.engines, *errors))
+            pulses += guidance.pulses(span)
+            now = parts[-1].states[0, :, -1].copy()
+        fired = one_table(pulses) if pulses else None
+        if fired is not None:
+            fired = fired[np.lexsort((fired.start, fired.craft))]
+        return _Run(_of_all_legs(parts), fired, replans, refused)
 
 
 def _of_all_legs(parts: Sequence[Trajectories]) -> Trajectories:
@@ -279,11 +281,11 @@ def _of_all_legs(parts: Sequence[Trajectories]) -> Trajectories:
     )
 
 
-def _of_all_seeds(runs: Sequence[_Run]) -> Trajectories:
+def _joined(runs: Sequence[Trajectories]) -> Trajectories:
     """Return the trajectories of runs of different seeds as one."""
     names = "states", "arrivals", "fired", "spent", "limited"
-    joined = {name: np.concatenate([getattr(run.done, name) for run in runs]) for name in names}
-    return replace(runs[0].done, **joined)
+    joined = {name: np.concatenate([getattr(run, name) for run in runs]) for name in names}
+    return runs[0] if len(runs) == 1 else replace(runs[0], **joined)
 
 
 def _loss_times(lost: ArrayLike | None, count: int) -> Floats:

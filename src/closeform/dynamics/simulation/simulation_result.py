@@ -4,17 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
 from closeform.arrays import Floats, whole
+from closeform.fuel.firing import ThrusterFiring
+from closeform.fuel.pulses import Pulses
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
 from closeform.result import Rows
-
-if TYPE_CHECKING:
-    from closeform.fuel.firing import ThrusterFiring
 
 DAY = 86400.0  # s
 ROUNDING = 1e-12  # relative rounding error of the delta-v
@@ -53,6 +52,8 @@ class Simulation(Rows):
         Failed replans: seed, time, and reason with the share of the margin.
     firing : ThrusterFiring or None
         Planned firing of craft with thrusters; None without.
+    pulses : tuple of Pulses
+        Planned pulses in each simulation, those of new plans included; empty without thrusters.
     ordered : array of shape (Q,) [s]
         Times of feedback orders to thrusters; empty without thrusters.
     orders : array of shape (S, N, Q, 3) [m/s]
@@ -82,6 +83,7 @@ class Simulation(Rows):
     replans: Any
     refused: tuple[tuple[int, float, str], ...]
     firing: ThrusterFiring | None
+    pulses: tuple[Pulses, ...]
     ordered: Floats
     orders: Floats
 
