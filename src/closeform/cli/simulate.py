@@ -80,7 +80,7 @@ def simulate(
         )
     for why, without in not_anew(run.scenario) if control == "replan" else ():
         raise UsageError(f"--control: {why} in {directory}; simulate it by track, or a run with {without}")
-    from closeform.dynamics.infeasible import Grounded
+    from closeform.dynamics.infeasible import Infeasible
     from closeform.mission.simulation import FlownRun, usually_led
     from closeform.report.page import Command
 
@@ -93,7 +93,7 @@ def simulate(
 
         try:
             return SimulationReport(FlownRun.of(run, control, told, seeds), command)
-        except Grounded as error:
+        except Infeasible as error:
             raise UsageError(f"{directory}: cannot be flown: {error}") from None
         except ValueError as error:
             raise UsageError(f"{directory}: {error}") from None

@@ -141,21 +141,9 @@ def _least(
     states, jumps = paths.state(nodes), np.zeros((len(paths), len(nodes), 6))
     craft, fired, sizes = impulses_of(paths)
     np.add.at(jumps[..., 3:], (craft, np.searchsorted(nodes, fired)), sizes)  # some at one instant
-    off = states + _carried(times, deviations, nodes)
+    off = states + paths.orbit._through(times, deviations).state(nodes)
     pairs, planned = least_ratios(states, states - jumps, nodes, zones)
     return pairs, planned, least_ratios(off, off - jumps, nodes, zones)[1]
-
-
-def _carried(times: Floats, deviations: Floats, nodes: Floats) -> Floats:
-    """Return deviations (N, K, 6) at nodes (K,), on the cubics through those (N, T, 6) at equal steps."""
-    h = times[1] - times[0]
-    k = np.clip(np.searchsorted(times, nodes, "right") - 1, 0, len(times) - 2)
-    s = ((nodes - times[k]) / h)[:, None]
-    one, two = deviations[:, k], deviations[:, k + 1]
-    r, v, w = two[..., :3] - one[..., :3], one[..., 3:], two[..., 3:]
-    place = one[..., :3] + s * s * (3.0 - 2.0 * s) * r + h * s * (1.0 - s) * ((1.0 - s) * v - s * w)
-    speed = 6.0 / h * s * (1.0 - s) * r + (1.0 - s) * (1.0 - 3.0 * s) * v + s * (3.0 * s - 2.0) * w
-    return np.concatenate([place, speed], axis=2)
 
 
 def in_words(found: Validity, names: Sequence[str] | None = None) -> tuple[str, ...]:

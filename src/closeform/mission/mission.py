@@ -111,7 +111,7 @@ def as_happened(
         mission = history.whole(mission)
     if scenario.flights is None or not mission.flown:
         return mission
-    from closeform.dynamics.infeasible import Grounded
+    from closeform.dynamics.infeasible import Infeasible
     from closeform.mission.simulation import FlownRun
 
     progress("flying in the field")
@@ -119,7 +119,7 @@ def as_happened(
         flights = FlownRun.asked(mission)
         lost = tuple(flights.drifted(one) for one in mission.lost)
         return replace(mission, flights=flights, lost=lost)
-    except Grounded as error:
+    except Infeasible as error:
         return replace(mission, grounded=str(error))
     except ValueError as error:
         raise ScenarioError(scenario.file, [f"flight: {error}"]) from error

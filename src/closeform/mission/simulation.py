@@ -18,7 +18,7 @@ from closeform.dynamics.compensated_thrust import CompensatedThrust, compensated
 from closeform.dynamics.control.feedback import Feedback, default_feedback
 from closeform.dynamics.control.tracking_tube import Tube, tube
 from closeform.dynamics.force_model.field import Field
-from closeform.dynamics.infeasible import Grounded
+from closeform.dynamics.infeasible import Infeasible
 from closeform.dynamics.planned_paths import spanning
 from closeform.dynamics.simulation.random_errors import has_random_errors, seeds_of
 from closeform.dynamics.simulation.simulate import simulate
@@ -83,16 +83,16 @@ class FlownRun:
     def of(cls, run: Stages, control: Control, told: dict[str, Any], seeds: int | Sequence[int]) -> Self:
         """Simulate a run, once if nothing is uncertain.
 
-        Raises Grounded, with the names of the spacecraft, if the run cannot be simulated.
+        Raises Infeasible, with the names of the spacecraft, if the run cannot be simulated.
         """
         try:
             return cls.flying(run, control, told, seeds)
-        except Grounded as error:
-            raise Grounded(as_listed(str(error), run.scenario.names)) from None
+        except Infeasible as error:
+            raise Infeasible(as_listed(str(error), run.scenario.names)) from None
 
     @classmethod
     def flying(cls, run: Stages, control: Control, told: dict[str, Any], seeds: int | Sequence[int]) -> Self:
-        """Simulate a run; the message of Grounded refers to spacecraft by index."""
+        """Simulate a run; the message of Infeasible refers to spacecraft by index."""
         known, field = run.scenario.field, run.scenario.truth.field
         assert known is not None
         assert field is not None
@@ -117,7 +117,7 @@ class FlownRun:
 
     @classmethod
     def asked(cls, run: Stages) -> Self:
-        """Simulate a run by the [simulation] table of its scenario; raise Grounded if that is impossible."""
+        """Simulate a run by the [simulation] table of its scenario; raise Infeasible if that is impossible."""
         scenario = run.scenario
         assert scenario.flights is not None
         return cls.of(run, scenario.flights.control, scenario.truth.flight, scenario.flight_seeds)

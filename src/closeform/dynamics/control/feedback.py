@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, number, shown, whole
-from closeform.dynamics.infeasible import Grounded
+from closeform.dynamics.infeasible import Infeasible
 from closeform.motion.arc import THRUST
 from closeform.motion.mean_motion import checked
 from closeform.motion.orbit import Orbit
@@ -173,7 +173,7 @@ def impulse_gains(orbit: Orbit, law: Feedback, lasting: bool = False) -> tuple[F
     pushed = orbit.transition(law.horizon - times)[:, :, 3:] * scale[:, None]
     gramian = np.einsum("jik,jlk->il", pushed, pushed)
     if np.linalg.cond(gramian) > BLIND:
-        raise Grounded(
+        raise Infeasible(
             f"feedback: {law.impulses} impulses, {law.horizon / law.impulses:g} s apart, do not control "
             "all axes; give more impulses, or another horizon"
         )

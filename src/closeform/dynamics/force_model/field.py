@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from closeform.arrays import Floats, broadcast, instance, number, shown
 from closeform.dynamics.force_model.drag import WIDTH, Drag, air_of, ballistics_of
 from closeform.dynamics.force_model.gravity import DEGREES
-from closeform.dynamics.force_model.propagation import TABLEAU, accelerate, propagate_state
+from closeform.dynamics.force_model.propagation import TABLEAU, accelerate, propagate_states
 from closeform.exchange.chief import Chief
 from closeform.motion.following import followed
 from closeform.motion.frames import inertial_from_relative, relative_from_inertial
@@ -209,7 +209,7 @@ class Field:
         given = np.ravel(checked("times", times))
         if self.chief.ephemeris is not None:
             return self.chief.states(given)
-        return self._craft_states(self.chief.state, self._chief_ballistic, 0.0, given)
+        return np.asarray(self._propagate(self.chief.state[None], self._chief_ballistic, 0.0, given)[0])
 
     def coast(
         self,
@@ -274,13 +274,8 @@ class Field:
 
         def states_at(times: Floats) -> Floats:
             chief, felt = self._chief_at(times)
-            flown = [
-                self._craft_states(one, ballistic, begin, times)
-                for one, ballistic in zip(craft, ballistics, strict=True)
-            ]
-            relative = relative_from_inertial(
-                chief, np.reshape(flown, (-1, len(times), 6)), acceleration=felt
-            )
+            states = self._propagate(craft, ballistics, begin, times)
+            relative = relative_from_inertial(chief, states, acceleration=felt)
             return relative.reshape((*given.shape[:-1], len(times), 6))
 
         return followed(orbit or self.chief.orbit, states_at, duration, begin, within)
@@ -322,8 +317,8 @@ class Field:
         beside = np.concatenate([np.diag(BESIDE), -np.diag(BESIDE)])
         craft = inertial_from_relative(chief, beside, acceleration=felt)
         chiefs, felt = self._chief_at(times)
-        flown = np.stack([self._craft_states(one, self._chief_ballistic, begin, times) for one in craft])
-        ahead, behind = relative_from_inertial(chiefs, flown, acceleration=felt).reshape(2, 6, -1, 6)
+        states = self._propagate(craft, self._chief_ballistic, begin, times)
+        ahead, behind = relative_from_inertial(chiefs, states, acceleration=felt).reshape(2, 6, -1, 6)
         columns = (ahead - behind) / (2.0 * BESIDE[:, None, None])
         return np.ascontiguousarray(np.moveaxis(columns, 0, -1)).reshape((*lengths.shape, 6, 6))
 
@@ -337,44 +332,41 @@ class Field:
 
         `chief` (T, 6) and `felt` (T, 3): inertial states and accelerations of the chief.
         """
-        (ballistic,) = ballistics_of(self.drag, 1)
         craft = inertial_from_relative(chief[0], state, acceleration=felt[0])
-        flown = self._craft_states(craft, ballistic, float(times[0]), times)
-        return np.asarray(relative_from_inertial(chief, flown, acceleration=felt))
+        states = self._propagate(craft[None], ballistics_of(self.drag, 1), float(times[0]), times)[0]
+        return np.asarray(relative_from_inertial(chief, states, acceleration=felt))
 
     def _chief_at(self, times: Floats) -> tuple[Floats, Floats]:
         """Return the chief's inertial states (T, 6) at times, and its acceleration (T, 3) [m/s^2]."""
         states = self.chief_states(times)
         return states, self.accelerations(times, states, self._chief_ballistic)
 
-    def _craft_states(self, start: Floats, ballistic: float, begin: float, times: Floats) -> Floats:
-        """Return inertial states (T, 6) at times (T,) [s] of a craft with state `start` (6,) at `begin`."""
-        since = times - begin
-        out = np.empty((len(times), 6))
-        for some in (np.flatnonzero(since >= 0.0), np.flatnonzero(since < 0.0)):
-            some = some[np.argsort(np.abs(since[some]), kind="stable")]
-            out[some] = self._flown(start, ballistic, begin, since[some])
-        return out
-
-    def _flown(self, start: Floats, ballistic: float, begin: float, since: Floats) -> Floats:
-        """Return states at intervals `since` (T,) [s] after `begin`, sorted by distance from it."""
-        out = np.empty((len(since), 6))
-        if not len(since):
-            return out
+    def _propagate(self, starts: Floats, ballistics: ArrayLike, begin: float, times: Floats) -> Floats:
+        """Return inertial states (M, T, 6) at times (T,) [s] of spacecraft in states (M, 6) at `begin`."""
+        order = np.argsort(times, kind="stable")
+        since, out = times[order] - begin, np.empty((len(starts), len(times), 6))
+        own = np.broadcast_to(np.asarray(ballistics, dtype=float), len(starts)).copy()
         if self.acceleration is None:
-            propagate_state(self._constants, ballistic, start, since, LONGEST, TABLEAU, out)
-            return out
+            propagate_states(self._constants, own, np.ascontiguousarray(starts), since, LONGEST, TABLEAU, out)
+        else:
+            for row, start in zip(out, starts, strict=True):
+                row[since >= 0.0] = self._solve(start, begin, since[since >= 0.0])
+                row[since < 0.0] = self._solve(start, begin, since[since < 0.0][::-1])[::-1]
+        states = np.empty_like(out)
+        states[:, order] = out
+        return states
 
+    def _solve(self, start: Floats, begin: float, since: Floats) -> Floats:
+        """Return states (T, 6) in the user's field at intervals `since` (T,) [s], sorted by size."""
+        if not since.any():
+            return np.tile(start, (len(since), 1))
         from scipy.integrate import solve_ivp  # imported late: slow to import
 
         def rates(t: float, s: Floats) -> Floats:
             return np.concatenate([s[3:], self.accelerations(np.array(begin + t), s)])
 
-        span = (0.0, float(since[-1]))
-        if span[1] == 0.0:
-            return np.tile(start, (len(since), 1))
-        done = solve_ivp(rates, span, start, "DOP853", since, rtol=TIGHT, atol=TIGHT * np.abs(start).max())
-        return np.asarray(done.y.T)
+        span, size = (0.0, float(since[-1])), np.abs(start).max()
+        return np.asarray(solve_ivp(rates, span, start, "DOP853", since, rtol=TIGHT, atol=TIGHT * size).y.T)
 
 
 def described(field: Field) -> str:

@@ -27,10 +27,10 @@ class ChiefFrame(NamedTuple):
 
     times: Floats  # (T,) [s]
     states: Floats  # (T, 6) [m, m/s]
-    felt: Floats  # (T, 3) [m/s^2], inertial
+    acceleration: Floats  # (T, 3) [m/s^2], inertial
     axes: Floats  # (T, 3, 3)
-    turn: Floats  # (T, 3) [rad/s], in these axes
-    turn_rate: Floats  # (T, 3) [rad/s^2]
+    rotation: Floats  # (T, 3) [rad/s], in these axes
+    rotation_rate: Floats  # (T, 3) [rad/s^2]
 
     @classmethod
     def of(cls, field: Field, times: Floats) -> ChiefFrame:
@@ -65,11 +65,11 @@ def residuals(field: Field, frame: ChiefFrame, states: Floats, n: float) -> Floa
     ballistic coefficients.  # theory (82)
     """
     place, speed = states[..., :3], states[..., 3:]
-    turn, swing = frame.turn, np.cross(frame.turn, place)
+    turn, swing = frame.rotation, np.cross(frame.rotation, place)
     own = ballistics_of(field.drag, len(states))[:, None]
-    felt = field.accelerations(frame.times, inertial(frame, states), own) - frame.felt
+    felt = field.accelerations(frame.times, inertial(frame, states), own) - frame.acceleration
     d = applied(frame.axes, felt)
-    d -= 2.0 * np.cross(turn, speed) + np.cross(frame.turn_rate, place) + np.cross(turn, swing)
+    d -= 2.0 * np.cross(turn, speed) + np.cross(frame.rotation_rate, place) + np.cross(turn, swing)
     x, z, vx, vy = place[..., 0], place[..., 2], speed[..., 0], speed[..., 1]
     d[..., 0] -= 3.0 * n * n * x + 2.0 * n * vy  # theory (1)
     d[..., 1] += 2.0 * n * vx
@@ -84,7 +84,7 @@ def applied(matrices: Floats, vectors: Floats) -> Floats:
 
 def inertial(frame: ChiefFrame, states: Floats) -> Floats:
     """Return inertial states (N, T, 6) from relative ones."""
-    place, speed = states[..., :3], states[..., 3:] + np.cross(frame.turn, states[..., :3])
+    place, speed = states[..., :3], states[..., 3:] + np.cross(frame.rotation, states[..., :3])
     there = np.empty_like(states)
     outward = frame.axes.transpose(0, 2, 1)
     there[..., :3] = frame.states[:, :3] + applied(outward, place)

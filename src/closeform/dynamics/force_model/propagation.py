@@ -12,6 +12,7 @@ from closeform.dynamics.force_model.drag import DENSITY, drag_acceleration
 from closeform.dynamics.force_model.gravity import gravity_acceleration
 from closeform.kernel_loans import borrowed, stack_vector
 
+ROWS = float64[:, ::1]
 STAGES = 12
 # weights of earlier stages in each stage, and of all stages in the step
 WEIGHTS: tuple[dict[int, float], ...] = (
@@ -113,7 +114,7 @@ def accelerate_one(constants, ballistic, s, out):
         out[0], out[1], out[2] = out[0] + x, out[1] + y, out[2] + z
 
 
-@kernel(void(float64[::1], float64[::1], float64[:, ::1], float64[:, ::1]))
+@kernel(void(float64[::1], float64[::1], ROWS, ROWS))
 def accelerate(constants, ballistics, states, out):
     """Fill `out` (M, 3) with accelerations, for ballistic coefficients (M,) and states (M, 6)."""
     states, out = borrowed(states), borrowed(out)
@@ -121,34 +122,46 @@ def accelerate(constants, ballistics, states, out):
         accelerate_one(constants, ballistics[m], states[m], out[m])
 
 
-@kernel(void(float64[::1], float64, float64[::1], float64[::1], float64, float64[:, ::1], float64[:, ::1]))
-def propagate_state(constants, ballistic, start, times, longest, tableau, out):
-    """Fill `out` (T, 6) with the states of a spacecraft that is at `start` at time 0.
+@kernel(void(float64[::1], float64[::1], ROWS, float64[::1], float64, ROWS, float64[:, :, ::1]))
+def propagate_states(constants, ballistics, starts, times, longest, tableau, out):
+    """Fill `out` (M, T, 6) with the states of spacecraft that are at `starts` (M, 6) at time 0.
 
-    `times` (T,) are sorted by distance from 0. An explicit Runge-Kutta method with `tableau` (S + 1, S) takes
-    steps of at most `longest` [s].
+    `times` (T,) are sorted. An explicit Runge-Kutta method with `tableau` (S + 1, S) takes steps of at most
+    `longest` [s], forward and backward from time 0.
     """
-    out, tableau = borrowed(out), borrowed(tableau)
-    stages = tableau.shape[1]
+    starts, out, tableau = borrowed(starts), borrowed(out), borrowed(tableau)
+    stages, count = tableau.shape[1], len(times)
     state, middle, rates, force = stack_vector(6), stack_vector(6), np.empty((stages, 6)), stack_vector(3)
-    for k in range(6):
-        state[k] = start[k]
-    now = 0.0
-    for row in range(len(times)):
-        steps = int(abs(times[row] - now) / longest) + 1
-        h = (times[row] - now) / steps
-        for _ in range(steps if h != 0.0 else 0):
-            for stage in range(stages):
-                for k in range(6):
-                    middle[k] = state[k]
-                    for before in range(stage):
-                        middle[k] += h * tableau[stage, before] * rates[before, k]
-                accelerate_one(constants, ballistic, middle, force)
-                for k in range(3):
-                    rates[stage, k], rates[stage, 3 + k] = middle[3 + k], force[k]
+    for m in range(len(starts)):
+        for direction in range(2):
+            now = 0.0
             for k in range(6):
-                for stage in range(stages):
-                    state[k] += h * tableau[stages, stage] * rates[stage, k]
-        now = times[row]
+                state[k] = starts[m, k]
+            for place in range(count):
+                row = count - 1 - place if direction else place
+                if (times[row] < 0.0) != (direction == 1):
+                    continue
+                steps = int(abs(times[row] - now) / longest) + 1
+                h = (times[row] - now) / steps
+                for _ in range(steps if h != 0.0 else 0):
+                    runge_kutta_step(constants, ballistics[m], tableau, h, state, middle, rates, force)
+                now = times[row]
+                for k in range(6):
+                    out[m, row, k] = state[k]
+
+
+@kernel()
+def runge_kutta_step(constants, ballistic, tableau, h, state, middle, rates, force):
+    """Advance a state (6,) by a step `h` [s]; overwrite the working arrays after it."""
+    stages = tableau.shape[1]
+    for stage in range(stages):
         for k in range(6):
-            out[row, k] = state[k]
+            middle[k] = state[k]
+            for before in range(stage):
+                middle[k] += h * tableau[stage, before] * rates[before, k]
+        accelerate_one(constants, ballistic, middle, force)
+        for k in range(3):
+            rates[stage, k], rates[stage, 3 + k] = middle[3 + k], force[k]
+    for k in range(6):
+        for stage in range(stages):
+            state[k] += h * tableau[stages, stage] * rates[stage, k]

@@ -19,7 +19,7 @@ from closeform.dynamics.model_error import deviations_of
 from closeform.dynamics.simulation.guidance import Guidance
 from closeform.dynamics.simulation.impulse_retargeting import Retargeted
 from closeform.dynamics.simulation.random_errors import burn_edges
-from closeform.dynamics.simulation.station_keeping import Holding
+from closeform.dynamics.simulation.station_keeping import ThrustSpans
 from closeform.dynamics.simulation.time_grid import SAME, intervals_in
 from closeform.fuel.allocation import Allocation
 from closeform.fuel.thrusters import Thrusters
@@ -75,8 +75,8 @@ class TrackedPlan:
         loop = ClosedLoop.of(paths.orbit, law, every, steps, thrusters is not None)
         left_out = residuals(field, ChiefFrame.of(field, times), paths.state(times), paths.orbit.mean_motion)
         guidance = Guidance.of(paths, field, law, thrusters or (), cancel)
-        holding, offset, ripple = Holding.of(paths, law), np.zeros(left_out.shape), np.zeros(len(paths))
-        moved, opposed = holding.moved(times), cancel & holding.opposed(times)
+        spans, offset, ripple = ThrustSpans.of(paths, law), np.zeros(left_out.shape), np.zeros(len(paths))
+        moved, opposed = spans.impulsive_at(times), cancel & spans.compensated(times)
         if guidance.firing is not None:
             who = np.unique(guidance.firing.pulses.craft)
             fine = np.linspace(times[0], times[-1], FINER * (len(times) - 1) + 1)

@@ -13,7 +13,7 @@ from closeform.arrays import Floats, instance, of_each, shown
 from closeform.dynamics.control.feedback import Feedback, Navigation, nonnegative
 from closeform.dynamics.control.tracking_tube import tube
 from closeform.dynamics.force_model.field import Field
-from closeform.dynamics.infeasible import Grounded
+from closeform.dynamics.infeasible import Infeasible
 from closeform.dynamics.margins.tracking_margins import TrackingMargins, required_margins, tracking_margins
 from closeform.dynamics.planned_paths import following, paths_to_fly, spanning
 from closeform.dynamics.simulation.time_grid import SAME
@@ -207,7 +207,7 @@ def fit_margin(
                 sigmas=sigmas,
                 engine=engine,
             )
-        except Grounded as error:
+        except Infeasible as error:
             return FittedMargin(plan, None, margin, False, made, f"the plan is not feasible: {error}")
         if before is not None:
             found = found._since(float(paths.start[0]))

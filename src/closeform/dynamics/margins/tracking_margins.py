@@ -20,7 +20,7 @@ from closeform.dynamics.control.feedback import (
     thrust_errors,
 )
 from closeform.dynamics.force_model.field import Field
-from closeform.dynamics.infeasible import Grounded
+from closeform.dynamics.infeasible import Infeasible
 from closeform.dynamics.margins.error_propagation import TrackedPlan, instants
 from closeform.dynamics.planned_paths import paths_to_fly, running_engines
 from closeform.dynamics.simulation.random_errors import errors_of_each
@@ -196,7 +196,7 @@ def tracking_margins(
     if shooters.any():
         for k in np.flatnonzero(shooters).tolist():
             if lacks_axis(own[k]):
-                raise Grounded(
+                raise Infeasible(
                     f"thrusters: craft {k}: an axis without a thruster is not controlled, so that its drift "
                     "is not bounded; add a thruster, or give a margin in metres"
                 )

@@ -14,7 +14,7 @@ from closeform.dynamics.force_model.field import Field
 from closeform.dynamics.force_model.hill_frame import ChiefFrame
 from closeform.dynamics.planned_paths import impulses_of
 from closeform.dynamics.simulation.random_errors import ErrorEvents
-from closeform.dynamics.simulation.station_keeping import Holding
+from closeform.dynamics.simulation.station_keeping import ThrustSpans
 from closeform.dynamics.simulation.thruster_model import ThrusterModel
 from closeform.dynamics.simulation.time_grid import TimeGrid, thrust_bends, thrust_discontinuities
 from closeform.motion.path import Path
@@ -54,8 +54,8 @@ class Engines(NamedTuple):
 class Commands:
     """Commands of spacecraft along `path` (N,) on a time grid.
 
-    `known` is the force model whose model error is compensated, or None; `holding` tells when, and `frame` is
-    its chief's frame at half steps. `jumps` (N, Q, 3) are planned impulses, one for each of the grid's.
+    `known` is the force model whose model error is compensated, or None; `spans` determine when, and `frame`
+    is its chief's frame at half steps. `jumps` (N, Q, 3) are planned impulses, one for each of the grid's.
     Feedback by a `law` returns to the `reference` (N,). `thrusters` fire the feedback of one spacecraft.
     """
 
@@ -63,7 +63,7 @@ class Commands:
     grid: TimeGrid
     known: Field | None
     frame: ChiefFrame | None
-    holding: Holding
+    spans: ThrustSpans
     jumps: Floats
     reference: Path
     law: Feedback | None
@@ -90,15 +90,15 @@ class Commands:
         """Return the commands of planned paths (N,), with the planned `impulses` (M, 3) or others.
 
         They cover the whole path, or a `span` without impulses. `pulsed`: some spacecraft have thrusters.
-        Steps end at the times of `outputs`; by default where thrust bends, and where holding begins or ends.
+        Steps end at the times of `outputs`; by default where thrust bends, and where spans begin or end.
         """
         craft, when, planned = impulses_of(path)
         longest = PULSED if pulsed else CONTINUOUS
         if not pulsed and not path.peak_thrust.any() and (law is None or law.impulses):
             longest = IMPULSIVE
-        holding = Holding.of(path, law)
+        spans = ThrustSpans.of(path, law)
         if outputs is None:
-            outputs = np.union1d(thrust_bends(path), holding.bounds)
+            outputs = np.union1d(thrust_bends(path), spans.bounds)
         whole = float(path.start[0]), float(path.end[0])
         grid = TimeGrid.of(span or whole, law, when, thrust_discontinuities(path), outputs, longest)
         jumps = np.zeros((len(path), int(grid.impulses.max()) + 1, 3))
@@ -107,14 +107,14 @@ class Commands:
         frame = None if known is None else ChiefFrame.of(known, grid.times)
         engines = engines or Engines.of(np.ones(len(path), dtype=bool))
         led = path if reference is None else reference
-        return cls(path, grid, known, frame, holding, jumps, led, law, engines, ballistics, thrusters)
+        return cls(path, grid, known, frame, spans, jumps, led, law, engines, ballistics, thrusters)
 
     def among(self, which: Any) -> Commands:
         """Return the commands of the selected spacecraft (M,)."""
         each = {name: getattr(self, name)[which] for name in ("path", "jumps", "reference", "ballistics")}
         known = self.known and self.known._of(which)
-        holding, engines = self.holding.among(which), self.engines.among(which)
-        return replace(self, known=known, holding=holding, engines=engines, **each)
+        spans, engines = self.spans.among(which), self.engines.among(which)
+        return replace(self, known=known, spans=spans, engines=engines, **each)
 
     def alone(self, first: int, last: int) -> tuple[Commands, Any, Any]:
         """Return the plan alone between two nodes, without feedback and compensation.

@@ -23,7 +23,7 @@ from closeform.dynamics.simulation.commands import Commands, Engines
 from closeform.dynamics.simulation.impulse_retargeting import Retargeted, retargeted
 from closeform.dynamics.simulation.propagate import Trajectories, propagate
 from closeform.dynamics.simulation.random_errors import ErrorSampler, SampledErrors
-from closeform.dynamics.simulation.station_keeping import Holding
+from closeform.dynamics.simulation.station_keeping import ThrustSpans
 from closeform.dynamics.simulation.thruster_model import ThrusterModel
 from closeform.dynamics.simulation.thruster_pulses import PulsedReference, fire_plan, shooters
 from closeform.dynamics.simulation.time_grid import SAME, thrust_bends
@@ -66,7 +66,7 @@ class Guidance:
         mass: ArrayLike | None = None,
         specific_impulse: ArrayLike | None = None,
     ) -> Guidance:
-        """Return the guidance of a plan. Raises Grounded if it is not feasible in the field."""
+        """Return the guidance of a plan. Raises Infeasible if it is not feasible in the field."""
         impulses, jumped = retargeted(paths, believed if cancel else None, law)
         if not shooters(thrusters):
             return cls(paths, believed, law, cancel, thrusters, impulses, jumped, None)
@@ -121,7 +121,7 @@ class Guidance:
     @property
     def missed(self) -> Iterator[tuple[int, float, Floats]]:
         """Spacecraft, time and state error (6,) at the end of each span of impulses or pulses."""
-        for k, moves in enumerate(Holding.of(self.paths, self.law).moves):
+        for k, moves in enumerate(ThrustSpans.of(self.paths, self.law).impulsive):
             if k in self._pulsed:
                 yield from ((k, *one) for one in self._pulsed[k].missed)
             elif self.cancel:
@@ -148,7 +148,10 @@ class Guidance:
             own = self.paths[rest] if rest else None
             times = [engines.lost[np.isfinite(engines.lost)]]
             if own is not None:
-                times += [Holding.of(own, law).bounds, impulses_of(own)[1] if pulsed else thrust_bends(own)]
+                times += [
+                    ThrustSpans.of(own, law).bounds,
+                    impulses_of(own)[1] if pulsed else thrust_bends(own),
+                ]
             outputs = reduce(np.union1d, times)
         for k, (path, model) in self._models.items():
             yield (

@@ -12,7 +12,7 @@ from closeform.dynamics.control.feedback import Feedback
 from closeform.dynamics.force_model.drag import ballistics_of
 from closeform.dynamics.force_model.field import Field
 from closeform.dynamics.force_model.hill_frame import ChiefFrame
-from closeform.dynamics.infeasible import Grounded
+from closeform.dynamics.infeasible import Infeasible
 from closeform.dynamics.planned_paths import impulses_of
 from closeform.dynamics.simulation.commands import Commands
 from closeform.dynamics.simulation.propagate import propagate
@@ -92,7 +92,7 @@ def retargeted(paths: Path, field: Field | None, law: Feedback | None = None) ->
 def _spans(commands: Commands) -> dict[tuple[int, int], list[int]]:
     """Return the first and the last node of each impulsive span, and its spacecraft."""
     nodes, found = commands.grid.nodes, dict[tuple[int, int], list[int]]()
-    for k, moves in enumerate(commands.holding.moves):
+    for k, moves in enumerate(commands.spans.impulsive):
         for begin, end in moves:
             first = int(np.searchsorted(nodes, begin - SAME))
             last = int(np.searchsorted(nodes, end + SAME, side="right")) - 1
@@ -140,7 +140,7 @@ def _solve(commands: Commands, field: Field, frame: ChiefFrame) -> tuple[Floats,
         states = led(replace(commands, jumps=jumps), begin)
         if moved < MET:
             return jumps, states
-    raise Grounded(
+    raise Infeasible(
         f"plan: changes of its impulses for this field do not converge in {ROUNDS} rounds; plan shorter "
         "stages, or continuous thrust (cost 'energy')"
     )

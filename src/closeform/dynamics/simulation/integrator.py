@@ -28,24 +28,26 @@ CORNER, INVERSE, FACET = 0, 3, 12  # of a facet: its thrusters, and the inverse 
 class Stretch(NamedTuple):
     """K steps of all simulations of N spacecraft: the motion of the chief, and the commands."""
 
-    steps: Floats  # (K,) [s]
-    places: Floats  # (2 K + 1, 3) [m] of the chief at half steps, inertial
-    speeds: Floats  # (2 K + 1, 3) [m/s]
-    felt: Floats  # (2 K + 1, 3) [m/s^2], acceleration of the chief
+    lengths: Floats  # (K,) [s]
+    positions: Floats  # (2 K + 1, 3) [m] of the chief at half steps, inertial
+    velocities: Floats  # (2 K + 1, 3) [m/s]
+    accelerations: Floats  # (2 K + 1, 3) [m/s^2], acceleration of the chief
     axes: Floats  # (2 K + 1, 3, 3)
-    turn: Floats  # (2 K + 1, 3) [rad/s]
-    commanded: Floats  # (N, K, 3, 3) [m/s^2] at start, middle and end of each step, in the chief's axes
+    rotation: Floats  # (2 K + 1, 3) [rad/s]
+    thrust: Floats  # (N, K, 3, 3) [m/s^2] at start, middle and end of each step, in the chief's axes
     # (N, K or 0, 3, 3) [m/s^2] at the same times, inertial: forces that kernels cannot compute
-    beyond: Floats
-    jumps: Floats  # (N, K + 1, 3) [m/s], in the chief's axes
-    planned: Floats  # (N, K + 1, 6) [m, m/s], after jumps
+    extra: Floats
+    planned_impulses: Floats  # (N, K + 1, 3) [m/s], in the chief's axes
+    reference: Floats  # (N, K + 1, 6) [m, m/s], after jumps
     measurements: Any  # (K + 1,) index of the measurement made, or -1
     updates: Any  # (K + 1,) index of the measurement that takes effect, or -1
-    late: Floats  # (2, 6, 6): transitions then of the measured deviation and of the one in effect before
-    rows: Any  # (K,) row of the law at the start of each step
+    prediction: (
+        Floats  # (2, 6, 6): transitions then of the measured deviation and of the one in effect before
+    )
+    law_rows: Any  # (K,) row of the law at the start of each step
     law: Floats  # (L, 3, 6): gains at start, middle and end of a step, from deviation to thrust
-    corrections: Any  # (K + 1,) index of the gain of an impulse, or -1
-    gains: Floats  # (G, 3, 6): gains from deviation to impulse
+    feedback_impulses: Any  # (K + 1,) index of the gain of an impulse, or -1
+    impulse_gains: Floats  # (G, 3, 6): gains from deviation to impulse
     outputs: Any  # (K + 1,) row of the states that is filled, or -1
     impulses: Any  # (K + 1,) row of the impulses that is filled, or -1
     ballistics: Floats  # (N,) [m^2/kg]
@@ -55,10 +57,10 @@ class Stretch(NamedTuple):
     facets: Floats  # (N, F, 12), see CORNER and INVERSE
     angles: Floats  # (N, K + 2) [rad] from the frame of the thrusters to the chief's axes
     free: Floats  # (N, J, K + 2) [s], accumulated time without planned firing
-    slots: Any  # (K + 1,) node at which a thruster order ends; K + 1 for the last one
-    burns: Any  # (N, K) error event of the planned thrust in each step
-    led: Any  # (K,) error event of the feedback thrust in each step, or -1
-    struck: Any  # (K + 1,) error event of an impulse, or -1
+    order_ends: Any  # (K + 1,) node at which a thruster order ends; K + 1 for the last one
+    planned_burns: Any  # (N, K) error event of the planned thrust in each step
+    feedback_burns: Any  # (K,) error event of the feedback thrust in each step, or -1
+    impulse_events: Any  # (K + 1,) error event of an impulse, or -1
     gates: Floats  # (N, 4) Gates parameters of its error: theory (50)
 
 
@@ -89,9 +91,11 @@ def feedback_impulse(stretch, lanes, m, node, out):
     """Fill `out` (3,) with the feedback impulse for the deviation in effect."""
     for axis in range(3):
         out[axis] = 0.0
-        if stretch.corrections[node] >= 0:
+        if stretch.feedback_impulses[node] >= 0:
             for k in range(6):
-                out[axis] += stretch.gains[stretch.corrections[node], axis, k] * lanes[BELIEVED + k, m]
+                out[axis] += (
+                    stretch.impulse_gains[stretch.feedback_impulses[node], axis, k] * lanes[BELIEVED + k, m]
+                )
 
 
 @kernel()
@@ -121,7 +125,7 @@ def inertial(axes, turn, r, out):
 def load_errors(stretch, lanes, step, events):
     """Load the errors of the planned thrust and of the feedback thrust in a step."""
     for m in range(len(events)):
-        own, back = stretch.burns[int(lanes[CRAFT, m]), step], stretch.led[step]
+        own, back = stretch.planned_burns[int(lanes[CRAFT, m]), step], stretch.feedback_burns[step]
         for k in range(4):
             lanes[OWN + k, m] = events[m, own, k]
             lanes[BACK + k, m] = events[m, back, k] if back >= 0 else 0.0
@@ -130,7 +134,7 @@ def load_errors(stretch, lanes, step, events):
 @kernel()
 def add_noise(stretch, lanes, step, pushes):
     """Add the process noise of a step, given as state increments in the chief's axes."""
-    axes, turn, added = stretch.axes[2 * step + 2], stretch.turn[2 * step + 2], stack_vector(6)
+    axes, turn, added = stretch.axes[2 * step + 2], stretch.rotation[2 * step + 2], stack_vector(6)
     for m in range(len(pushes)):
         inertial(axes, turn, pushes[m, step], added)
         for k in range(6):
@@ -140,10 +144,10 @@ def add_noise(stretch, lanes, step, pushes):
 @kernel(inline=True)
 def thrust_of_step(stretch, lanes, step, half, weight, u, back, out):
     """Fill `out` (3, LANES) with the inertial thrust in a step; add its weighted size to the delta-v."""
-    law, axes = stretch.law[stretch.rows[step] + half], stretch.axes[2 * step + half]
+    law, axes = stretch.law[stretch.law_rows[step] + half], stretch.axes[2 * step + half]
     for m in range(LANES):
         for axis in range(3):
-            u[axis, m] = stretch.commanded[int(lanes[CRAFT, m]), step, half, axis]
+            u[axis, m] = stretch.thrust[int(lanes[CRAFT, m]), step, half, axis]
             back[axis, m] = 0.0
             for k in range(6):
                 back[axis, m] += law[axis, k] * lanes[BELIEVED + k, m]
@@ -194,21 +198,21 @@ def fire_impulses(stretch, lanes, node, events, impulses, here):
     for m in range(len(impulses)):
         i = int(lanes[CRAFT, m])
         if stretch.thrusters.shape[1] > 0:
-            if stretch.corrections[node] >= 0 and lanes[LIMIT, m] > 0.0:
+            if stretch.feedback_impulses[node] >= 0 and lanes[LIMIT, m] > 0.0:
                 order_thrusters(stretch, lanes, m, node, fired)
                 for k in range(3):
                     impulses[m, stretch.impulses[node], k] = fired[k]
             continue
         feedback_impulse(stretch, lanes, m, node, fired)
         for k in range(3):
-            fired[k] += stretch.jumps[i, node, k]
+            fired[k] += stretch.planned_impulses[i, node, k]
         size = sqrt(fired[0] * fired[0] + fired[1] * fired[1] + fired[2] * fired[2])
         if size < stretch.bits[i]:
             continue
         lanes[SPENT, m] += size
         fired[0], fired[1], fired[2] = with_errors(lanes, m, NONE, fired[0], fired[1], fired[2])
         if events.shape[1] > 0:
-            add_gates_error(stretch.gates[i], events[m, stretch.struck[node]], fired)
+            add_gates_error(stretch.gates[i], events[m, stretch.impulse_events[node]], fired)
         for k in range(3):
             impulses[m, stretch.impulses[node], k] = fired[k]
             here[3 + k, m] += fired[k]
@@ -229,7 +233,7 @@ def order_thrusters(stretch, lanes, m, node, given):
     and centred in the slot. `given` (3,) is the delta-v in the chief's axes, which is added to the spent one.
     A slot counts as limited if the thrusters cannot give the whole feedback.
     """
-    i, until, v = int(lanes[CRAFT, m]), stretch.slots[node], stack_vector(3)
+    i, until, v = int(lanes[CRAFT, m]), stretch.order_ends[node], stack_vector(3)
     feedback_impulse(stretch, lanes, m, node, v)
     angle = 0.5 * (stretch.angles[i, node] + stretch.angles[i, until])
     c, s = cos(angle), sin(angle)
@@ -279,7 +283,7 @@ def burn_thrusters(stretch, lanes, step):
             lasts = min(lanes[ORDER + 3 * k + 2, m], free[step + 1])
             lasts -= max(lanes[ORDER + 3 * k + 1, m], free[step])
             if lasts > 0.0:
-                size = own[STRENGTH] * lasts / stretch.steps[step]
+                size = own[STRENGTH] * lasts / stretch.lengths[step]
                 fx, fy, fz = fx + size * own[SIDE], fy + size * own[SIDE + 1], fz + size * own[SIDE + 2]
         angle = 0.5 * (stretch.angles[i, step] + stretch.angles[i, step + 1])
         c, s = cos(angle), sin(angle)
@@ -294,8 +298,8 @@ def measure(stretch, lanes, node, wrong, here):
     for m in range(len(wrong)):
         i = int(lanes[CRAFT, m])
         for k in range(6):
-            jump = stretch.jumps[i, node, k - 3] if k > 2 else 0.0
-            off = here[k, m] - stretch.planned[i, node, k]
+            jump = stretch.planned_impulses[i, node, k - 3] if k > 2 else 0.0
+            off = here[k, m] - stretch.reference[i, node, k]
             lanes[SEEN + k, m] = off + wrong[m, stretch.measurements[node], k] + jump
 
 
@@ -323,24 +327,24 @@ def integrate_step(constants, stretch, step, lanes):
     for m in range(LANES):
         for k in range(6):
             rate[k, m], after[k, m] = 0.0, lanes[Y + k, m]
-    h = stretch.steps[step]
+    h = stretch.lengths[step]
     for stage in range(4):
         half = (stage + 1) // 2
         share, weight = 0.5 * h * half, h / 6.0 if stage in (0, 3) else h / 3.0
         if stage != 2:  # both middle stages have the same thrust
             thrust_of_step(stretch, lanes, step, half, h / 6.0 if stage != 1 else h / 1.5, u, back, thrust)
         node = 2 * step + half
-        place, speed, felt = stretch.places[node], stretch.speeds[node], stretch.felt[node]
+        place, speed, felt = stretch.positions[node], stretch.velocities[node], stretch.accelerations[node]
         for m in range(LANES):
             for k in range(3):
                 middle[k, m] = place[k] + (lanes[Y + k, m] + share * rate[k, m])
                 rate[k, m] = lanes[Y + 3 + k, m] + share * rate[3 + k, m]
                 middle[3 + k, m] = speed[k] + rate[k, m]
         accelerate_lanes(constants, lanes[BALLISTIC], middle, force)
-        if stretch.beyond.shape[1] > 0:
+        if stretch.extra.shape[1] > 0:
             for m in range(LANES):
                 for k in range(3):
-                    force[k, m] += stretch.beyond[int(lanes[CRAFT, m]), step, half, k]
+                    force[k, m] += stretch.extra[int(lanes[CRAFT, m]), step, half, k]
         for m in range(LANES):
             for k in range(3):
                 rate[3 + k, m] = force[k, m] - felt[k] + thrust[k, m]
@@ -358,7 +362,7 @@ def load_lanes(stretch, first, errors, now, spent, lanes):
     for m in range(LANES):
         row = min(first + m, len(now) - 1)
         i = row % len(stretch.ballistics)
-        inertial(stretch.axes[0], stretch.turn[0], now[row], there)
+        inertial(stretch.axes[0], stretch.rotation[0], now[row], there)
         lanes[CRAFT, m], lanes[LIMIT, m], lanes[BALLISTIC, m] = i, stretch.limits[i], stretch.ballistics[i]
         for k in range(6):
             lanes[Y + k, m], lanes[BELIEVED + k, m], lanes[SEEN + k, m] = (
@@ -389,19 +393,19 @@ def integrate(constants, stretch, wrong, errors, events, pushes, now, states, im
     wrong, errors, events, now = borrowed(wrong), borrowed(errors), borrowed(events), borrowed(now)
     pushes = borrowed(pushes)
     states, impulses, spent = borrowed(states), borrowed(impulses), borrowed(spent)
-    steps, lanes, here = len(stretch.steps), stack_matrix(LANE, LANES), stack_matrix(6, LANES)
+    steps, lanes, here = len(stretch.lengths), stack_matrix(LANE, LANES), stack_matrix(6, LANES)
     for first in range(0, len(now), LANES):
         some = slice(first, first + LANES)
         load_lanes(stretch, first, errors, now, spent, lanes)
         for node in range(steps + 1):
             measured, updated = stretch.measurements[node], stretch.updates[node]
-            relative(stretch.axes[2 * node], stretch.turn[2 * node], lanes, here)
+            relative(stretch.axes[2 * node], stretch.rotation[2 * node], lanes, here)
             if updated >= 0 and updated != measured:
-                update_feedback(stretch.late, lanes)
+                update_feedback(stretch.prediction, lanes)
             if measured >= 0:
                 measure(stretch, lanes, node, wrong[some], here)
                 if updated == measured:
-                    update_feedback(stretch.late, lanes)
+                    update_feedback(stretch.prediction, lanes)
             if stretch.impulses[node] >= 0:
                 fire_impulses(stretch, lanes, node, events[some], impulses[some], here)
             if stretch.outputs[node] >= 0:

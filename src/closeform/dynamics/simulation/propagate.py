@@ -78,13 +78,13 @@ def propagate(
     fired = np.zeros((flights, count, int(grid.impulses.max()) + 1, 3))
     spent, asked, step = np.zeros((flights, count, 2)), np.zeros(count), 0
     for stretch in stretches(commands, field, frame, around, errors):
-        noise = np.ascontiguousarray(errors.noise[:, :, step : step + len(stretch.steps)])
+        noise = np.ascontiguousarray(errors.noise[:, :, step : step + len(stretch.lengths)])
         rows = errors.measured, errors.thrust, errors.events, noise, now, states, fired, spent
         _in_threads(field, stretch, rows)
-        step += len(stretch.steps)
-        size = np.minimum(np.linalg.norm(stretch.commanded, axis=3), stretch.limits[:, None, None])
-        asked += size @ [1.0, 4.0, 1.0] @ stretch.steps / 6.0  # the quadrature of the kernel
-        asked += np.linalg.norm(stretch.jumps, axis=2).sum(axis=1) * (stretch.limits > 0.0)
+        step += len(stretch.lengths)
+        size = np.minimum(np.linalg.norm(stretch.thrust, axis=3), stretch.limits[:, None, None])
+        asked += size @ [1.0, 4.0, 1.0] @ stretch.lengths / 6.0  # the quadrature of the kernel
+        asked += np.linalg.norm(stretch.planned_impulses, axis=2).sum(axis=1) * (stretch.limits > 0.0)
     arrivals = states
     if commands.thrusters is not None:  # the integrator counts simultaneous pulses as their sum
         over = min(float(grid.nodes[-1]), float(commands.engines.lost[0]))
@@ -165,7 +165,7 @@ def _stretch(
     lengths = np.diff(begins)
     within = begins[:-1, None] + lengths[:, None] * np.array([BESIDE, 0.5, 1.0 - BESIDE])
     commanded = path.thrust(within.ravel()).reshape(count, -1, 3, 3)
-    opposed = commands.holding.opposed(times[1::2])
+    opposed = commands.spans.compensated(times[1::2])
     if commands.known is not None and commands.frame is not None and opposed.any():
         there, n = commands.frame.during(halves), path.orbit.mean_motion
         left_out = residuals(commands.known, there, path.state(times), n)
@@ -173,7 +173,7 @@ def _stretch(
     here, unknown = frame.during(halves), np.zeros((count, 0, 3, 3))
     if around is not None:
         unknown = _stepwise(beyond_zonals(field, here, around.state(times)))
-    each = grid.measurements, grid.updates, grid.corrections, grid.impulses, grid.outputs
+    each = grid.measurements, grid.updates, grid.feedback_impulses, grid.impulses, grid.outputs
     which = [part[nodes].copy() for part in each]
     if steps.stop < len(grid.rows):  # what happens at the last node belongs to the next stretch
         for part in which:
@@ -181,12 +181,12 @@ def _stretch(
     if commands.law is None:
         for part in which[:3]:
             part[:] = -1
-    measured, updates, corrections, impulses, outputs = which
+    measured, updates, feedback_impulses, impulses, outputs = which
     jumps, planned = np.zeros((count, len(begins), 3)), np.zeros((count, len(begins), 6))
     jumps[:, impulses >= 0] = commands.jumps[:, impulses[impulses >= 0]]
     if (seen := measured >= 0).any():
         planned[:, seen] = commands.reference.state(begins[seen])
-    chief = here.states[:, :3], here.states[:, 3:], here.felt, here.axes, here.turn
+    chief = here.states[:, :3], here.states[:, 3:], here.acceleration, here.axes, here.rotation
     floats = [
         np.ascontiguousarray(part, dtype=float)
         for part in (lengths, *chief, commanded, unknown, jumps, planned)
@@ -195,15 +195,20 @@ def _stretch(
     limits = np.where(running, commands.engines.limits, 0.0)
     bits = np.where(running, commands.engines.bits, np.inf)
     rules, gains, late = feedback
-    laws = measured, updates, late, grid.rows[steps], rules, corrections, gains, outputs, impulses
-    orders = _thruster_rows(commands, steps, begins, corrections)
+    laws = measured, updates, late, grid.rows[steps], rules, feedback_impulses, gains, outputs, impulses
+    orders = _thruster_rows(commands, steps, begins, feedback_impulses)
     return Stretch._make([*floats, *laws, commands.ballistics, limits, bits, *orders, *errors])
 
 
-def _thruster_rows(commands: Commands, steps: slice, begins: Floats, corrections: Any) -> tuple[Any, ...]:
+def _thruster_rows(
+    commands: Commands, steps: slice, begins: Floats, feedback_impulses: Any
+) -> tuple[Any, ...]:
     """Return thrusters, facets, angles, free times and ends of orders of a stretch."""
     grid, count, model = commands.grid, len(commands.path), commands.thrusters
-    begun, coming = np.flatnonzero(corrections >= 0), np.flatnonzero(grid.corrections[steps.stop :] >= 0)
+    begun, coming = (
+        np.flatnonzero(feedback_impulses >= 0),
+        np.flatnonzero(grid.feedback_impulses[steps.stop :] >= 0),
+    )
     over = steps.stop + coming[0] if len(coming) else len(grid.nodes) - 1
     now = np.append(begins, grid.nodes[over])  # also the end of the last order
     rows = np.zeros((0, THRUSTER)), np.zeros((0, FACET)), np.zeros(len(now)), np.zeros((0, len(now)))

@@ -51,7 +51,7 @@ class ErrorEvents(NamedTuple):
         edges = [burn_edges(paths[k]) for k in range(len(paths))]
         burns = np.array([np.searchsorted(own, middle) for own in edges])
         planned = max(map(len, edges)) + 1
-        begins = grid.updates >= 0 if continuous else (grid.corrections >= 0) & thrusters
+        begins = grid.updates >= 0 if continuous else (grid.feedback_impulses >= 0) & thrusters
         led = np.cumsum(begins)[:-1] - 1
         feedback = int(begins.sum())
         struck = np.where(grid.impulses >= 0, planned + feedback + grid.impulses, -1)

@@ -12,7 +12,7 @@ from closeform.arrays import Floats
 from closeform.dynamics.control.feedback import Feedback, Navigation
 from closeform.dynamics.force_model.field import Field
 from closeform.dynamics.force_model.hill_frame import ChiefFrame, residuals
-from closeform.dynamics.infeasible import Grounded
+from closeform.dynamics.infeasible import Infeasible
 from closeform.dynamics.simulation.commands import Engines
 from closeform.dynamics.simulation.guidance import Guidance
 from closeform.dynamics.simulation.random_errors import ErrorSampler
@@ -103,7 +103,7 @@ class Replanner:
                     paths = stack([each[k] for k in np.argsort(order)])
                     return Guidance.of(paths, first.believed, None, first.thrusters), why
                 why.append(f"{share:g} of the margin: {plan.reason}")
-            except Grounded as error:
+            except Infeasible as error:
                 why.append(f"{share:g} of the margin: {error}")
         return None, why
 

@@ -1,4 +1,4 @@
-"""Station keeping along coasts, and the spans in which impulses or thrust move the spacecraft."""
+"""Spans in which impulses or continuous thrust move spacecraft, and station keeping on the coasts between."""
 
 from __future__ import annotations
 
@@ -13,54 +13,53 @@ from closeform.motion.arc import END, IMPULSE, START, THRUST
 from closeform.motion.path import Path, runs_of
 
 
-class Holding(NamedTuple):
-    """Spans (M, 2) [s] of each craft (N) in which impulses move it, and (D, 2) of continuous thrust.
+class ThrustSpans(NamedTuple):
+    """Spans (M, 2) [s] of each spacecraft (N) that are `impulsive`, and those of `continuous` thrust.
 
-    In the remaining time it coasts and is held on its path. With `lasting` (continuous) feedback, the hold
-    compensates the model error.
+    In the remaining time it coasts and is held on its path. If feedback is `by_thrust`, the hold compensates
+    the model error.
     """
 
-    moves: tuple[Floats, ...]
-    burns: tuple[Floats, ...]
-    lasting: bool
+    impulsive: tuple[Floats, ...]
+    continuous: tuple[Floats, ...]
+    by_thrust: bool
 
     @classmethod
     def of(cls, paths: Path, law: Feedback | None) -> Self:
-        """Return the spans of paths (N,) under feedback; without it impulses move a craft throughout.
+        """Return the spans of paths (N,) under feedback; without it impulses move a spacecraft throughout.
 
         A coast is held if it begins without an impulse and is as long as the horizon or an orbit. A coast
         after an impulse belongs to the transfer.
         """
         each = [paths.arcs[a:b] for a, b in zip(paths.offsets, paths.offsets[1:], strict=False)]
         if law is None:
-            moves = tuple(_times(arcs, [(0, len(arcs))] if fires(arcs).any() else []) for arcs in each)
-            return cls(moves, (np.zeros((0, 2)),) * len(each), True)
+            whole = tuple(_times(arcs, [(0, len(arcs))] if fires(arcs).any() else []) for arcs in each)
+            return cls(whole, (np.zeros((0, 2)),) * len(each), True)
         long = min(law.horizon, 2.0 * np.pi / paths.orbit.mean_motion)
-        found = [_spans(arcs, long) for arcs in each]
-        return cls(tuple(moves for moves, _ in found), tuple(burns for _, burns in found), not law.impulses)
+        impulsive, continuous = zip(*(_spans(arcs, long) for arcs in each), strict=True)
+        return cls(impulsive, continuous, not law.impulses)
 
     def among(self, which: Any) -> Self:
-        """Return the spans of the selected craft."""
-        some = np.arange(len(self.moves))[which]
+        """Return the spans of the selected spacecraft."""
+        some = np.arange(len(self.impulsive))[which]
         return self._replace(
-            moves=tuple(self.moves[k] for k in some), burns=tuple(self.burns[k] for k in some)
+            impulsive=tuple(self.impulsive[k] for k in some),
+            continuous=tuple(self.continuous[k] for k in some),
         )
 
     @property
     def bounds(self) -> Floats:
-        """Start and end times of the spans of all craft [s]."""
-        return np.unique(
-            np.concatenate([np.zeros(0), *map(np.ravel, self.moves), *map(np.ravel, self.burns)])
-        )
+        """Start and end times of the spans of all spacecraft [s]."""
+        return np.unique(np.concatenate([np.zeros(0), *map(np.ravel, self.impulsive + self.continuous)]))
 
-    def moved(self, times: Floats) -> Any:
-        """Return which craft are moved by impulses (N, T) at given times."""
-        return np.array([_inside(spans, times) for spans in self.moves])
+    def impulsive_at(self, times: Floats) -> Any:
+        """Return which spacecraft are moved by impulses (N, T) at given times."""
+        return np.array([_inside(spans, times) for spans in self.impulsive])
 
-    def opposed(self, times: Floats) -> Any:
-        """Return which craft compensate the model error (N, T) at given times."""
-        burning = self.lasting | np.array([_inside(spans, times) for spans in self.burns])
-        return np.asarray(burning & ~self.moved(times))
+    def compensated(self, times: Floats) -> Any:
+        """Return which spacecraft compensate the model error (N, T) at given times."""
+        thrusting = self.by_thrust | np.array([_inside(spans, times) for spans in self.continuous])
+        return np.asarray(thrusting & ~self.impulsive_at(times))
 
 
 def fires(arcs: Floats) -> Any:
@@ -69,20 +68,20 @@ def fires(arcs: Floats) -> Any:
 
 
 def _spans(arcs: Floats, long: float) -> tuple[Floats, Floats]:
-    """Return the impulsive and the thrust spans of one craft; coasts of `long` [s] or more are neither."""
+    """Return the impulsive and the continuous spans of one spacecraft; coasts of `long` [s] are neither."""
     fired, thrusts = fires(arcs), np.asarray(arcs[:, THRUST:].any(axis=1))
     held = ~fired & ~thrusts & (arcs[:, END] - arcs[:, START] >= long)
-    burns = []
+    continuous = []
     for a, b in runs_of(~fired & ~held):
         burning = np.flatnonzero(thrusts[a:b])
         if not len(burning):
             continue
         if b < len(arcs) and fired[b]:  # the wait before the impulse belongs to its span
             b = a + int(burning[-1]) + 1
-        burns.append((a, b))
+        continuous.append((a, b))
         held[a:b] = True
-    moves = [(a, b) for a, b in runs_of(~held) if fired[a:b].any()]
-    return _times(arcs, moves), _times(arcs, burns)
+    impulsive = [(a, b) for a, b in runs_of(~held) if fired[a:b].any()]
+    return _times(arcs, impulsive), _times(arcs, continuous)
 
 
 def _times(arcs: Floats, runs: list[tuple[int, int]]) -> Floats:

@@ -14,13 +14,13 @@ from closeform.dynamics.control.feedback import BY_IMPULSES, REPLACED, Feedback
 from closeform.dynamics.force_model.drag import ballistics_of
 from closeform.dynamics.force_model.field import Field
 from closeform.dynamics.force_model.hill_frame import ChiefFrame, residuals
-from closeform.dynamics.infeasible import Grounded
+from closeform.dynamics.infeasible import Infeasible
 from closeform.dynamics.planned_paths import until_lost
 from closeform.dynamics.simulation.commands import Commands
 from closeform.dynamics.simulation.impulse_retargeting import Retargeted
 from closeform.dynamics.simulation.propagate import propagate
 from closeform.dynamics.simulation.random_errors import SampledErrors
-from closeform.dynamics.simulation.station_keeping import Holding, fires
+from closeform.dynamics.simulation.station_keeping import ThrustSpans, fires
 from closeform.dynamics.simulation.thruster_model import ThrusterModel, controllable_axes, impulse_until
 from closeform.dynamics.simulation.time_grid import BESIDE, SAME, TimeGrid, joined, thrust_discontinuities
 from closeform.fuel.chunks import PUSHES
@@ -56,10 +56,10 @@ def fire_plan(
     The impulses are changed for the field. Spacecraft that coast, or are held on coasts under feedback by a
     `law`, fire nothing. Along axes without a thruster the model error is not compensated.
     """
-    holding, asked, n = Holding.of(paths, law), [], paths.orbit.mean_motion
-    steady, firing = _compensated(paths, field, holding.bounds, thrusters), shooters(thrusters)
+    spans, asked, n = ThrustSpans.of(paths, law), [], paths.orbit.mean_motion
+    steady, firing = _compensated(paths, field, spans.bounds, thrusters), shooters(thrusters)
     for k in firing:
-        one, own, arcs = paths[k], holding.among([k]), paths[k].arcs.copy()
+        one, own, arcs = paths[k], spans.among([k]), paths[k].arcs.copy()
         fitted = thrusters[k]
         assert fitted is not None
         mine, planned = impulses.craft == k, impulses.planned[impulses.craft == k]
@@ -67,24 +67,26 @@ def fire_plan(
         changed = np.einsum("tij,tj->ti", axes, impulses.impulse[mine] - planned)
         arcs[fires(arcs), IMPULSE : IMPULSE + 3] = planned + changed
         if one.delta_v:
-            lasting, opposed = (own.opposed(some[:, [START, END]].mean(1))[0] for some in (arcs, steady[k]))
+            lasting, opposed = (
+                own.compensated(some[:, [START, END]].mean(1))[0] for some in (arcs, steady[k])
+            )
             arcs = np.concatenate([arcs[~lasting], steady[k][opposed]])
             arcs = arcs[np.lexsort((arcs[:, END], arcs[:, START]))]
         asked.append(linked(one.orbit, arcs, ends_of(one)[0]))
     try:
         return _fire(stack(asked), thrusters, mass, specific_impulse)
-    except Grounded as error:
+    except Infeasible as error:
         if PUSHES not in str(error) or not _can_fire(paths, thrusters):
             raise
         reason = str(error).replace(PUSHES, "the correction of the plan for this field pushes")
-        raise Grounded(f"{reason.partition(';')[0]}; add one there, or omit thrusters") from None
+        raise Infeasible(f"{reason.partition(';')[0]}; add one there, or omit thrusters") from None
 
 
 def _can_fire(paths: Path, thrusters: Sequence[Thrusters | None]) -> bool:
     """Return True if the thrusters can fire the planned paths in Hill's equations."""
     try:
         _fire(paths[shooters(thrusters)], thrusters)
-    except Grounded:
+    except Infeasible:
         return False
     return True
 
@@ -95,11 +97,11 @@ def _fire(
     mass: ArrayLike | None = None,
     specific_impulse: ArrayLike | None = None,
 ) -> ThrusterFiring:
-    """Return the firing of the spacecraft that have thrusters. Raises Grounded with the index among all."""
+    """Return the firing of the spacecraft that have thrusters. Raises Infeasible with the index among all."""
     try:
         return fire_thrusters(paths, [one for one in thrusters if one is not None], mass, specific_impulse)
     except ValueError as error:
-        raise Grounded(named(str(error), [f"craft {k}" for k in shooters(thrusters)])) from None
+        raise Infeasible(named(str(error), [f"craft {k}" for k in shooters(thrusters)])) from None
 
 
 def _compensated(paths: Path, field: Field, bounds: Floats, thrusters: Sequence[Thrusters | None]) -> Floats:
@@ -130,15 +132,15 @@ def _compensated(paths: Path, field: Field, bounds: Floats, thrusters: Sequence[
 def pulse_feedback(law: Feedback, thrusters: Sequence[Thrusters | None]) -> Feedback:
     """Return the feedback law for pulses: one pulse in each period of the spacecraft with the longest one.
 
-    Raises Grounded if thrusters would have to fire more often.
+    Raises Infeasible if thrusters would have to fire more often.
     """
     longest = max((one.period or 0.0 for one in thrusters if one is not None), default=0.0)
     if law.delay:
-        raise Grounded("delay: requires continuous thrust, but thrusters fire pulses; remove it")
+        raise Infeasible("delay: requires continuous thrust, but thrusters fire pulses; remove it")
     if not law.impulses:
         return replace(law, impulses=max(int(law.horizon / longest), 2) if longest else BY_IMPULSES.impulses)
     if law.horizon / law.impulses < longest * (1.0 - REPLACED):
-        raise Grounded(
+        raise Infeasible(
             f"feedback: pulses {law.horizon / law.impulses:g} s apart, but thrusters fire once in "
             f"{longest:g} s; give fewer impulses, or a longer horizon"
         )
@@ -148,7 +150,7 @@ def pulse_feedback(law: Feedback, thrusters: Sequence[Thrusters | None]) -> Feed
 def divide_interval(thrusters: Sequence[Thrusters | None], every: float) -> list[Thrusters | None]:
     """Return thrusters with periods, no shorter, of which a whole number fits between two plans [s].
 
-    The pulses up to a new plan then equal the thrust of the old one. Raises Grounded if no period fits.
+    The pulses up to a new plan then equal the thrust of the old one. Raises Infeasible if no period fits.
     """
     found: list[Thrusters | None] = []
     for own in thrusters:
@@ -156,7 +158,7 @@ def divide_interval(thrusters: Sequence[Thrusters | None], every: float) -> list
             found.append(own)
             continue
         if own.period > every * (1.0 + ROUNDING):
-            raise Grounded(
+            raise Infeasible(
                 f"feedback: new plans {every:g} s apart, but thrusters fire once in {own.period:g} s; "
                 "increase `every`"
             )
@@ -199,8 +201,8 @@ class PulsedReference(NamedTuple):
         grid, frame, missed = commands.grid, commands.frame_in(field), []
         states = plan.state(grid.output_times)
         whole = np.array([[grid.nodes[0], grid.nodes[-1]]])
-        held = Holding.of(plan, law)
-        spans = whole if law is None else np.concatenate([held.moves[0], held.burns[0]])
+        held = ThrustSpans.of(plan, law)
+        spans = whole if law is None else np.concatenate([held.impulsive[0], held.continuous[0]])
         for first, last in _spans(grid, spans, model.pulses):
             part, _, shown = commands.alone(first, last)
             # a span that begins with an impulse starts before it

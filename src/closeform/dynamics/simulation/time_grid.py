@@ -24,7 +24,7 @@ class TimeGrid(NamedTuple):
     times: Floats  # (2 K + 1,) [s], half steps
     measurements: Any  # (K + 1,) index of a measurement
     updates: Any  # (K + 1,) index of a measurement that takes effect
-    corrections: Any  # (K + 1,) index of a feedback impulse after a measurement
+    feedback_impulses: Any  # (K + 1,) index of a feedback impulse after a measurement
     impulses: Any  # (K + 1,) row of impulses
     outputs: Any  # (K + 1,) row of output states
     rows: Any  # (K,) row of `since` at the start of each step
@@ -58,7 +58,7 @@ class TimeGrid(NamedTuple):
     def during(self, first: int, last: int) -> TimeGrid:
         """Return the grid between two nodes, both included."""
         nodes, steps = slice(first, last + 1), slice(first, last)
-        each = ("measurements", "updates", "corrections", "impulses", "outputs")
+        each = ("measurements", "updates", "feedback_impulses", "impulses", "outputs")
         numbers = {name: _from_first(getattr(self, name)[nodes]) for name in each}
         return self._replace(times=self.times[2 * first : 2 * last + 1], rows=self.rows[steps], **numbers)
 
