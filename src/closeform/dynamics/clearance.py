@@ -21,7 +21,7 @@ FINER = 8  # samples of each cubic between two states
 BODIES = float64[:, :, ::1]
 
 
-def least_ratios(
+def clearance_ratios(
     states: Floats, arrivals: Floats, times: Floats, zones: Zone | PairZones | None
 ) -> tuple[Any, Floats]:
     """Return pairs i < j (P, 2) with a zone, and their minimum clearance ratios (P,).
@@ -33,17 +33,17 @@ def least_ratios(
         return np.empty((0, 2), dtype=np.int64), np.empty(0)
     first, second = np.triu_indices(len(states), 1)
     pairs = np.stack([first, second], axis=1)
-    which, shapes = zones_of(first, second, len(states), zones)
+    which, shapes = _zones_of(first, second, len(states), zones)
     least = np.full(len(pairs), inf)
     known = [np.ascontiguousarray(one) for one in (states, arrivals, times)]
     for k, some in by_zone(which):
         found = np.empty(len(some))
-        least_of_pairs(*known, first[some], second[some], shapes[k].form, found)
+        minimum_ratios(*known, first[some], second[some], shapes[k].form, found)
         least[some] = found
     return pairs[which != NONE], least[which != NONE]
 
 
-def zones_of(first: Any, second: Any, count: int, zones: Zone | PairZones) -> tuple[Any, Sequence[Zone]]:
+def _zones_of(first: Any, second: Any, count: int, zones: Zone | PairZones) -> tuple[Any, Sequence[Zone]]:
     """Return the zone index of each pair (P,), and the zones."""
     if isinstance(zones, Zone):
         return np.zeros(len(first), dtype=np.int64), (zones,)
@@ -52,7 +52,7 @@ def zones_of(first: Any, second: Any, count: int, zones: Zone | PairZones) -> tu
 
 
 @kernel(void(BODIES, BODIES, float64[::1], int64[::1], int64[::1], FORM, float64[::1]))
-def least_of_pairs(
+def minimum_ratios(
     states: Floats, arrivals: Floats, times: Floats, first: Any, second: Any, form: Any, out: Floats
 ) -> None:
     """Write the minimum norm of every pair, on the cubics from each state to the next arrival."""
@@ -63,20 +63,20 @@ def least_of_pairs(
         i, j = first[pair], second[pair]
         best = inf
         for k in range(len(times)):
-            between(states[i, k], states[j, k], matrix, q)
+            relative_state(states[i, k], states[j, k], matrix, q)
             best = min(best, norm(shape, faces, q[0, 0], q[0, 1], q[0, 2]))
         for k in range(len(times) - 1):
             h = times[k + 1] - times[k]
-            between(states[i, k], states[j, k], matrix, q)
-            between(arrivals[i, k + 1], arrivals[j, k + 1], matrix, end)
-            if least_possible(shape, faces, q, end, h) < best:
-                bend(q, end, h)
-                best = least_of_cubic(shape, faces, q, h, best)
+            relative_state(states[i, k], states[j, k], matrix, q)
+            relative_state(arrivals[i, k + 1], arrivals[j, k + 1], matrix, end)
+            if lower_bound(shape, faces, q, end, h) < best:
+                fit_cubic(q, end, h)
+                best = minimum_on_cubic(shape, faces, q, h, best)
         out[pair] = best
 
 
 @kernel()
-def between(one: Floats, two: Floats, matrix: Floats, q: Floats) -> None:
+def relative_state(one: Floats, two: Floats, matrix: Floats, q: Floats) -> None:
     """Fill two rows of `q` with the relative position and velocity of two craft, in zone coordinates."""
     for row in range(2):
         k = 3 * row
@@ -84,7 +84,7 @@ def between(one: Floats, two: Floats, matrix: Floats, q: Floats) -> None:
 
 
 @kernel()
-def least_possible(shape: int, faces: Floats, q: Floats, end: Floats, h: float) -> float:
+def lower_bound(shape: int, faces: Floats, q: Floats, end: Floats, h: float) -> float:
     """Return a lower bound on the norm on a cubic: at its start, minus the distance of control points."""
     far = 0.0
     for a, b, c in ((h / 3.0, 0.0, 0.0), (0.0, 1.0, -h / 3.0), (0.0, 1.0, 0.0)):
@@ -99,7 +99,7 @@ def least_possible(shape: int, faces: Floats, q: Floats, end: Floats, h: float) 
 
 
 @kernel()
-def bend(q: Floats, end: Floats, h: float) -> None:
+def fit_cubic(q: Floats, end: Floats, h: float) -> None:
     """Fill the second and third derivative of the cubic that reaches `end` after h."""
     for axis in range(3):
         way, v, w = end[0, axis] - q[0, axis], q[1, axis], end[1, axis]
@@ -108,7 +108,7 @@ def bend(q: Floats, end: Floats, h: float) -> None:
 
 
 @kernel()
-def least_of_cubic(shape: int, faces: Floats, q: Floats, stop: float, best: float) -> float:
+def minimum_on_cubic(shape: int, faces: Floats, q: Floats, stop: float, best: float) -> float:
     """Return the minimum norm of a cubic until `stop`, if below `best`; overwrites `q`."""
     patience = PATIENCE
     while True:
@@ -119,7 +119,7 @@ def least_of_cubic(shape: int, faces: Floats, q: Floats, stop: float, best: floa
         stop, patience = stop - reached, LESS_PATIENCE
 
 
-def cubic(one: Floats, two: Floats, step: Floats) -> Floats:
+def hermite_positions(one: Floats, two: Floats, step: Floats) -> Floats:
     """Return positions (P, M + 1, 3) on the cubics between states (P, 6) that are `step` apart."""
     s = np.linspace(0.0, 1.0, FINER + 1)[:, None]
     a, b, va, vb = one[:, None, :3], two[:, None, :3], step * one[:, None, 3:], step * two[:, None, 3:]
@@ -127,13 +127,13 @@ def cubic(one: Floats, two: Floats, step: Floats) -> Floats:
     return np.asarray(ends + s * (1.0 - s) ** 2 * va - s * s * (1.0 - s) * vb)
 
 
-def nearest_pairs(states: Floats, zones: Zone | PairZones) -> Floats:
+def ratios_at_times(states: Floats, zones: Zone | PairZones) -> Floats:
     """Return the minimum clearance ratio of all pairs of `states` (N, T, 6) at each time (T,).
 
     inf without zones.
     """
     first, second = np.triu_indices(len(states), 1)
-    which, shapes = zones_of(first, second, len(states), zones)
+    which, shapes = _zones_of(first, second, len(states), zones)
     least = np.full(states.shape[1], np.inf)
     for k, some in by_zone(which):
         apart = states[first[some], :, :3] - states[second[some], :, :3]
@@ -141,10 +141,10 @@ def nearest_pairs(states: Floats, zones: Zone | PairZones) -> Floats:
     return least
 
 
-def nearest_pair(states: Floats, zones: Zone | PairZones) -> tuple[int, int]:
+def closest_pair(states: Floats, zones: Zone | PairZones) -> tuple[int, int]:
     """Return the two craft with the minimum clearance ratio, from `states` (N, 6) at an instant."""
     first, second = np.triu_indices(len(states), 1)
-    which, shapes = zones_of(first, second, len(states), zones)
+    which, shapes = _zones_of(first, second, len(states), zones)
     norms = np.full(len(first), np.inf)
     for k, some in by_zone(which):
         norms[some] = shapes[k]._norm(states[first[some], :3] - states[second[some], :3])

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from closeform.arrays import Floats, number
 from closeform.dynamics.force_model.field import Field, described
 from closeform.dynamics.force_model.hill_frame import ChiefFrame, residuals
-from closeform.dynamics.planned_paths import paths_to_fly, running_engines
+from closeform.dynamics.planned_paths import checked_paths, running_engines
 from closeform.dynamics.simulation.guidance import Guidance
 from closeform.dynamics.simulation.impulse_retargeting import Retargeted
 from closeform.fuel.thrusters import Thrusters, each_set
@@ -162,7 +162,7 @@ def compensated_thrust(
     >>> bool(table.delta_v[0] < 1.1 * table.planned_delta_v[0])
     True
     """
-    paths = paths_to_fly(plan, field)
+    paths = checked_paths(plan, field)
     step = checked("every", number("every", every), positive=True)
     limit = np.inf
     if max_acceleration is not None:

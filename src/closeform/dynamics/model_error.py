@@ -9,10 +9,10 @@ from typing import Any, ClassVar
 import numpy as np
 
 from closeform.arrays import Floats, instance
-from closeform.dynamics.clearance import least_ratios
+from closeform.dynamics.clearance import clearance_ratios
 from closeform.dynamics.force_model.field import Field, described
 from closeform.dynamics.force_model.hill_frame import ChiefFrame, applied, residuals
-from closeform.dynamics.planned_paths import impulses_of, paths_to_fly
+from closeform.dynamics.planned_paths import checked_paths, impulses_of
 from closeform.dynamics.simulation.time_grid import snapped
 from closeform.motion.arc import START
 from closeform.motion.orbit import Orbit
@@ -109,7 +109,7 @@ def validity(plan: Any, field: Field, zones: Zone | PairZones | None = None) -> 
     >>> bool(0.1 < cf.validity(path, cf.Field(chief)).ends[0] < 10.0)
     True
     """
-    paths = paths_to_fly(plan, field)
+    paths = checked_paths(plan, field)
     instance("zones", zones, Zone, PairZones, type(None))
     start, end = float(paths.start[0]), float(paths.end[0])
     orbit = paths.orbit
@@ -142,8 +142,8 @@ def _least(
     craft, fired, sizes = impulses_of(paths)
     np.add.at(jumps[..., 3:], (craft, np.searchsorted(nodes, fired)), sizes)  # some at one instant
     off = states + paths.orbit._through(times, deviations).state(nodes)
-    pairs, planned = least_ratios(states, states - jumps, nodes, zones)
-    return pairs, planned, least_ratios(off, off - jumps, nodes, zones)[1]
+    pairs, planned = clearance_ratios(states, states - jumps, nodes, zones)
+    return pairs, planned, clearance_ratios(off, off - jumps, nodes, zones)[1]
 
 
 def in_words(found: Validity, names: Sequence[str] | None = None) -> tuple[str, ...]:

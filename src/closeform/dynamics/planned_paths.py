@@ -23,7 +23,7 @@ def paths_of(plan: Any) -> Path | None:
     return plan.path if isinstance(plan, Avoidance) else plan
 
 
-def paths_to_fly(plan: Any, field: Field) -> Path:
+def checked_paths(plan: Any, field: Field) -> Path:
     """Return the paths (N,) of a plan, an avoidance or themselves, after a check against the field.
 
     Raises ValueError for paths in deep space, in another orbit, or with different time spans.
@@ -51,16 +51,16 @@ def paths_to_fly(plan: Any, field: Field) -> Path:
     return path_of(path.orbit, path.arcs, path.offsets, (len(starts),))
 
 
-def following(before: Path, paths: Path) -> Path:
+def appended_paths(before: Path, paths: Path) -> Path:
     """Return paths (N,) that apply the thrust of `paths` after that of `before`, with a coast between."""
     from closeform.fuel.pulses import linked  # imported late: compiles kernels
 
-    waits = spanning(before, np.array([np.min(before.start), np.min(paths.start)]))
+    waits = extended_paths(before, np.array([np.min(before.start), np.min(paths.start)]))
     each = [np.concatenate([waits[k].arcs, paths[k].arcs]) for k in range(len(paths))]
     return stack([linked(paths.orbit, arcs, ends_of(waits[k])[0]) for k, arcs in enumerate(each)])
 
 
-def spanning(paths: Path, times: Floats) -> Path:
+def extended_paths(paths: Path, times: Floats) -> Path:
     """Return paths (N,), extended by coasts to cover the times (T,)."""
     from closeform.fuel.pulses import extended  # imported late: compiles kernels
 

@@ -13,13 +13,13 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.conflicts.flight import ALL_PAIRS, WatchedFlight, watch
-from closeform.dynamics.clearance import least_ratios
+from closeform.dynamics.clearance import clearance_ratios
 from closeform.dynamics.compensated_thrust import CompensatedThrust, compensated_thrust
 from closeform.dynamics.control.feedback import Feedback, default_feedback
 from closeform.dynamics.control.tracking_tube import Tube, tube
 from closeform.dynamics.force_model.field import Field
 from closeform.dynamics.infeasible import Infeasible
-from closeform.dynamics.planned_paths import spanning
+from closeform.dynamics.planned_paths import extended_paths
 from closeform.dynamics.simulation.random_errors import has_random_errors, seeds_of
 from closeform.dynamics.simulation.simulate import simulate
 from closeform.dynamics.simulation.simulation_result import Simulation
@@ -112,12 +112,12 @@ class FlownRun:
         some = seeds if differs(control, told) else seeds_of(seeds)[:1]
         flight = simulate(plan, field, control, zones=zones, known=known, seeds=some, **told)
         if pulsed:  # deviations are relative to the certified paths, which are pulsed as well
-            flight = replace(flight, planned=spanning(run.paths, flight.times))
+            flight = replace(flight, planned=extended_paths(run.paths, flight.times))
         return cls(run, field, known, control, told, flight)
 
     @classmethod
     def asked(cls, run: Stages) -> Self:
-        """Simulate a run by the [simulation] table of its scenario; raise Infeasible if that is impossible."""
+        """Simulate a run by the [simulation] table of its scenario, or raise Infeasible."""
         scenario = run.scenario
         assert scenario.flights is not None
         return cls.of(run, scenario.flights.control, scenario.truth.flight, scenario.flight_seeds)
@@ -153,7 +153,7 @@ class FlownRun:
         some = slice(max(int(np.searchsorted(flight.times, lost.time)), 0), None)
         near = lost
         for states, arrivals in zip(flight.states, flight.arrivals, strict=True):
-            found = least_ratios(states[:, some], arrivals[:, some], flight.times[some], self.zones)
+            found = clearance_ratios(states[:, some], arrivals[:, some], flight.times[some], self.zones)
             for pair, ratio in zip(*(one.tolist() for one in found), strict=True):
                 if k in pair and ratio < near.ratio:
                     other = self.names[pair[0] if pair[1] == k else pair[1]]
@@ -242,7 +242,7 @@ class FlownRun:
         if len(self.run.flown) > 1 and ratios.size:
             ratios = np.array(
                 [
-                    least_ratios(one[:, some], before[:, some], flight.times[some], self.zones)[1]
+                    clearance_ratios(one[:, some], before[:, some], flight.times[some], self.zones)[1]
                     for one, before in zip(flight.states, flight.arrivals, strict=True)
                 ]
             )

@@ -15,7 +15,7 @@ from closeform.dynamics.control.tracking_tube import tube
 from closeform.dynamics.force_model.field import Field
 from closeform.dynamics.infeasible import Infeasible
 from closeform.dynamics.margins.tracking_margins import TrackingMargins, required_margins, tracking_margins
-from closeform.dynamics.planned_paths import following, paths_to_fly, spanning
+from closeform.dynamics.planned_paths import appended_paths, checked_paths, extended_paths
 from closeform.dynamics.simulation.time_grid import SAME
 from closeform.fuel.thrusters import Thrusters
 from closeform.motion.arc import END, START
@@ -191,7 +191,7 @@ def fit_margin(
         if not plan.ok:
             why = f"no plan with a margin of {margin.max():.3g} m: {plan.reason}"
             return FittedMargin(plan, None, margin, False, made, why)
-        paths = paths_to_fly(plan, field)
+        paths = checked_paths(plan, field)
         craft = len(paths)
         if held and others is not None:
             paths = stack([paths[k] for k in range(craft)] + [during(others[k], paths) for k in range(fixed)])
@@ -239,7 +239,7 @@ def _after(before: Path | None, paths: Path) -> Path:
         raise ValueError(f"before: {len(before)} paths for {len(paths)} craft; give one for each")
     if over > begin + SAME:
         raise ValueError(f"before: ends at {over:.6g} s, but the plan begins at {begin:.6g} s; cut it there")
-    return following(before, paths)
+    return appended_paths(before, paths)
 
 
 def during(path: Path, planned: Path) -> Path:
@@ -247,7 +247,9 @@ def during(path: Path, planned: Path) -> Path:
     start, end = float(planned.start.min()), float(planned.end.max())
     arcs = path.arcs[path.arcs[:, START] < end].copy()
     arcs[-1, END] = min(arcs[-1, END], end)
-    return spanning(path_of(path.orbit, arcs, np.array([0, len(arcs)]), (1,)), np.array([start, end]))[0]
+    return extended_paths(path_of(path.orbit, arcs, np.array([0, len(arcs)]), (1,)), np.array([start, end]))[
+        0
+    ]
 
 
 def _least_radius(zones: OwnZone | PairZones) -> float:

@@ -22,7 +22,7 @@ from closeform.dynamics.control.feedback import (
 from closeform.dynamics.force_model.field import Field
 from closeform.dynamics.infeasible import Infeasible
 from closeform.dynamics.margins.error_propagation import TrackedPlan, instants
-from closeform.dynamics.planned_paths import paths_to_fly, running_engines
+from closeform.dynamics.planned_paths import checked_paths, running_engines
 from closeform.dynamics.simulation.random_errors import errors_of_each
 from closeform.dynamics.simulation.thruster_model import lacks_axis
 from closeform.dynamics.simulation.thruster_pulses import pulse_feedback
@@ -181,7 +181,7 @@ def tracking_margins(
     >>> bool(0.2 < found.greatest[0] < 0.4)
     True
     """
-    paths = paths_to_fly(plan, field)
+    paths = checked_paths(plan, field)
     own, count = each_set(thrusters, len(paths)), len(paths)
     running = running_engines(engine, paths, field, own)
     shooters = np.array([one is not None for one in own])

@@ -18,7 +18,7 @@ from closeform.arrays import Floats
 from closeform.dynamics.control.feedback import Feedback
 from closeform.dynamics.force_model.drag import ballistics_of
 from closeform.dynamics.force_model.field import Field
-from closeform.dynamics.planned_paths import impulses_of, spanning
+from closeform.dynamics.planned_paths import extended_paths, impulses_of
 from closeform.dynamics.simulation.commands import Commands, Engines
 from closeform.dynamics.simulation.impulse_retargeting import Retargeted, retargeted
 from closeform.dynamics.simulation.propagate import Trajectories, propagate
@@ -72,7 +72,7 @@ class Guidance:
             return cls(paths, believed, law, cancel, thrusters, impulses, jumped, None)
         firing = fire_plan(paths, impulses, believed, thrusters, mass, specific_impulse, law)
         span = np.array([firing.path.start.min(), firing.path.end.max()])
-        paths, jumped = spanning(paths, span), spanning(jumped, span)
+        paths, jumped = extended_paths(paths, span), extended_paths(jumped, span)
         return cls(paths, believed, law, cancel, thrusters, impulses, jumped, firing)
 
     @property

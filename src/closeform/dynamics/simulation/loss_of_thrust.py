@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.dynamics.clearance import cubic
+from closeform.dynamics.clearance import hermite_positions
 from closeform.dynamics.force_model.field import Field
 from closeform.dynamics.planned_paths import impulses_of
 from closeform.motion.joining import drift
@@ -43,7 +43,7 @@ class Loss:
         k = int(np.argmin(zone.norm(apart[:, :3])))
         some = slice(max(k - 1, 0), k + 2)
         steps = np.diff(self.times[some])
-        places = cubic(apart[some][:-1], apart[some][1:], steps[:, None, None])
+        places = hermite_positions(apart[some][:-1], apart[some][1:], steps[:, None, None])
         i, j = np.unravel_index(int(np.argmin(zone.norm(places))), places.shape[:2])
         time = self.times[some][i] + steps[i] * j / (places.shape[1] - 1)
         return float(time), float(np.linalg.norm(places[i, j]))

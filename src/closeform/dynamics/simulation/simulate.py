@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, instance, number, of_each, shown
-from closeform.dynamics.clearance import least_ratios
+from closeform.dynamics.clearance import clearance_ratios
 from closeform.dynamics.control.feedback import (
     Feedback,
     Navigation,
@@ -24,7 +24,7 @@ from closeform.dynamics.control.feedback import (
     thrust_errors,
 )
 from closeform.dynamics.force_model.field import Field
-from closeform.dynamics.planned_paths import paths_to_fly, running_engines, until_lost
+from closeform.dynamics.planned_paths import checked_paths, running_engines, until_lost
 from closeform.dynamics.simulation.commands import Engines
 from closeform.dynamics.simulation.guidance import Guidance
 from closeform.dynamics.simulation.propagate import Trajectories
@@ -139,7 +139,7 @@ def simulate(
     >>> flown.greatest_end < 0.4
     True
     """
-    paths = paths_to_fly(plan, field)
+    paths = checked_paths(plan, field)
     if not isinstance(control, str) or control not in ("track", "replan", "open"):
         raise ValueError(f'control: must be "track", "replan" or "open", got {shown(control)}')
     instance("cancel", cancel, bool)
@@ -184,7 +184,9 @@ def simulate(
     done = _joined([run.done for run in runs])
     asked = done.asked if planner is None else first.simulate(None, field, engines).asked
     planned = planned_delta_v(paths, own_sets, lost_at)
-    ratios = [least_ratios(*one, done.times, zones) for one in zip(done.states, done.arrivals, strict=True)]
+    ratios = [
+        clearance_ratios(*one, done.times, zones) for one in zip(done.states, done.arrivals, strict=True)
+    ]
     flights, orders = len(done.states), first.firing is not None
     return Simulation(
         done.times,
