@@ -1,15 +1,9 @@
-"""Simulation of a plan in the high-fidelity model, with navigation and execution errors.
-
-Open-loop, tracking and replanning control are one loop over legs. A plan is followed open loop or tracked in
-one leg, and replanning has a leg from each measurement to the next.
-"""
+"""Simulation of a plan in the high-fidelity model, with navigation and execution errors."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
-from itertools import pairwise
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,14 +20,12 @@ from closeform.dynamics.control.feedback import (
 from closeform.dynamics.force_model.field import Field
 from closeform.dynamics.planned_paths import checked_paths, running_engines, until_lost
 from closeform.dynamics.simulation.commands import Engines
+from closeform.dynamics.simulation.control_loop import ControlLoop, joined
 from closeform.dynamics.simulation.guidance import Guidance
-from closeform.dynamics.simulation.propagate import Trajectories
 from closeform.dynamics.simulation.random_errors import ErrorSampler, errors_of_each, seeds_of
 from closeform.dynamics.simulation.replanning import Replanner
 from closeform.dynamics.simulation.simulation_result import Simulation
 from closeform.dynamics.simulation.thruster_pulses import planned_delta_v, pulse_feedback
-from closeform.dynamics.simulation.time_grid import intervals_in
-from closeform.fuel.pulses import Pulses, one_table
 from closeform.fuel.thrusters import Thrusters, each_set
 from closeform.motion.path import fires_impulses
 from closeform.zones.pair_zones import PairZones
@@ -158,17 +150,12 @@ def simulate(
     )
     believed = known or field
     engines = Engines.of(running_engines(engine, paths, believed, own_sets), limit, least, lost_at)
+    thrusters_alone = cancel and limit.min() == np.inf and least == 0.0
     if control == "replan":
-        if np.isfinite(lost_at).any():
-            raise ValueError('lost: cannot be combined with replanning; give control="track"')
-        if zones is None or not cancel or asked_law.impulses or asked_law.delay or fires:
-            raise ValueError(
-                'control: "replan" requires zones, and continuous thrust with cancel and without delay; '
-                "give zones, and remove impulses, cancel=False and delay"
-            )
+        _check_replanning(zones, asked_law, fires, cancel, lost_at)
         if pulsed and limit.min() < np.inf:
             raise ValueError("thrusters: cannot be combined with max_acceleration; remove it")
-    elif pulsed and (not cancel or limit.min() < np.inf or least > 0.0):
+    elif pulsed and not thrusters_alone:
         raise ValueError(
             "thrusters: cannot be combined with max_acceleration, minimum_bit or cancel=False; remove these"
         )
@@ -180,114 +167,48 @@ def simulate(
         law, first = planner.law, planner.first
     else:
         first = Guidance.of(paths, believed, law, own_sets, cancel)
-    runs = _Simulator(law, field, engines, planner).runs(first, sampler)
-    done = _joined([run.done for run in runs])
+    runs = ControlLoop(law, field, engines, planner).runs(first, sampler)
+    done = joined([run.done for run in runs])
     asked = done.asked if planner is None else first.simulate(None, field, engines).asked
     planned = planned_delta_v(paths, own_sets, lost_at)
-    ratios = [
-        clearance_ratios(*one, done.times, zones) for one in zip(done.states, done.arrivals, strict=True)
-    ]
+    each = zip(done.states, done.arrivals, strict=True)
+    ratios = [clearance_ratios(*one, done.times, zones) for one in each]
     flights, orders = len(done.states), first.firing is not None
+    seeded = zip(sampler.seeds, runs, strict=False)
+    refused = tuple((seed, *why) for seed, run in seeded for why in run.refused)
     return Simulation(
-        done.times,
-        done.states,
-        done.arrivals,
-        done.spent if cancel else done.spent - asked + planned,
-        planned,
-        (asked - planned) * cancel,
-        done.limited / (done.times[-1] - done.times[0]),
-        ratios[0][0],
-        np.array([ratio for _, ratio in ratios]),
-        paths if planner is not None else until_lost(first.paths, lost_at),
-        np.array([run.replans for run in runs] if planner is not None else [0] * flights),
-        tuple((seed, *one) for seed, run in zip(sampler.seeds, runs, strict=False) for one in run.refused),
-        first.firing,
-        tuple(run.pulses for run in runs if run.pulses is not None) * (flights // len(runs)),
-        done.fired_times if orders else np.zeros(0),
-        done.fired if orders else np.zeros((flights, count, 0, 3)),
+        times=done.times,
+        states=done.states,
+        arrivals=done.arrivals,
+        delta_v=done.spent if cancel else done.spent - asked + planned,
+        planned_delta_v=planned,
+        field_delta_v=(asked - planned) * cancel,
+        limited=done.limited / (done.times[-1] - done.times[0]),
+        pairs=ratios[0][0],
+        ratios=np.array([ratio for _, ratio in ratios]),
+        planned=paths if planner is not None else until_lost(first.paths, lost_at),
+        replans=np.array([run.replans for run in runs] if planner is not None else [0] * flights),
+        refused=tuple(
+            (seed, *why) for seed, run in zip(sampler.seeds, runs, strict=False) for why in run.refused
+        ),
+        firing=first.firing,
+        pulses=tuple(run.pulses for run in runs if run.pulses is not None) * (flights // len(runs)),
+        ordered=done.fired_times if orders else np.zeros(0),
+        orders=done.fired if orders else np.zeros((flights, count, 0, 3)),
     )
 
 
-class _Run(NamedTuple):
-    """Simulations, their planned pulses, the number of new plans, and times and reasons of refused plans."""
-
-    done: Trajectories
-    pulses: Pulses | None
-    replans: int
-    refused: list[tuple[float, str]]
-
-
-class _Simulator(NamedTuple):
-    """Simulator in a field with a feedback `law`, or None for open-loop control, and a planner, if any."""
-
-    law: Feedback | None
-    field: Field
-    engines: Engines
-    planner: Replanner | None
-
-    def runs(self, first: Guidance, sampler: ErrorSampler) -> list[_Run]:
-        """Return the simulations of all seeds in one run, or with a planner in a run of each seed."""
-        start, end = first.span if self.planner is None else self.planner.instants[[0, -1]]
-        looks = 0 if self.law is None else intervals_in(end - start, self.law.every)
-        seen, thrust = sampler.measured(looks + 1, (end - start) / max(looks, 1))
-        if self.planner is None:
-            return [self.run(first, sampler, seen, thrust)]
-        return [
-            self.run(first, replace(sampler, seeds=[seed]), one[None], off[None])
-            for seed, one, off in zip(sampler.seeds, seen, thrust, strict=True)
-        ]
-
-    def run(self, guidance: Guidance, sampler: ErrorSampler, seen: Floats, thrust: Floats) -> _Run:
-        """Return simulations leg by leg, with errors of measurements (S, N, M, 6) and of thrust (S, N, 4).
-
-        Without a planner there is one leg. Each leg has its own burns.
-        """
-        planner = self.planner
-        if planner is None:
-            firing = guidance.firing
-            done = guidance.simulate(self.law, self.field, self.engines, sampler, (seen, thrust))
-            return _Run(done, None if firing is None else firing.pulses, 0, [])
-        instants, refused = planner.instants, list[tuple[float, str]]()
-        now, parts, pulses, replans = guidance.paths.state(instants[0]), [], list[Pulses](), 0
-        for leg, span in enumerate(pairwise(instants.tolist())):
-            if leg > 0 and instants[-1] - span[0] >= planner.law.horizon:
-                anew, why = planner.replan(now + seen[0, :, leg], span[0])
-                refused += [(span[0], one) for one in why]
-                if anew is not None:
-                    guidance, replans = anew, replans + 1
-            measured = seen[:, :, leg : leg + 1], thrust
-            errors = sampler, measured, span, now, leg
-            parts.append(guidance.simulate(self.law, self.field, self.engines, *errors))
-            pulses += guidance.pulses(span)
-            now = parts[-1].states[0, :, -1].copy()
-        fired = one_table(pulses) if pulses else None
-        if fired is not None:
-            fired = fired[np.lexsort((fired.start, fired.craft))]
-        return _Run(_of_all_legs(parts), fired, replans, refused)
-
-
-def _of_all_legs(parts: Sequence[Trajectories]) -> Trajectories:
-    """Return the trajectories of successive legs as one; each leg begins where the previous one ends."""
-    kept = [slice(-1)] * (len(parts) - 1) + [slice(None)]
-    times = np.concatenate([one.times[some] for one, some in zip(parts, kept, strict=True)])
-    states = np.concatenate([one.states[:, :, some] for one, some in zip(parts, kept, strict=True)], axis=2)
-    return replace(
-        parts[0],
-        times=times,
-        states=states,
-        arrivals=states,
-        fired_times=np.concatenate([one.fired_times for one in parts]),
-        fired=np.concatenate([one.fired for one in parts], axis=2),
-        spent=np.sum([one.spent for one in parts], axis=0),
-        limited=np.sum([one.limited for one in parts], axis=0),
-    )
-
-
-def _joined(runs: Sequence[Trajectories]) -> Trajectories:
-    """Return the trajectories of runs of different seeds as one."""
-    names = "states", "arrivals", "fired", "spent", "limited"
-    joined = {name: np.concatenate([getattr(run, name) for run in runs]) for name in names}
-    return runs[0] if len(runs) == 1 else replace(runs[0], **joined)
+def _check_replanning(
+    zones: Zone | PairZones | None, law: Feedback, fires: bool, cancel: bool, lost: Floats
+) -> None:
+    """Raise ValueError for arguments with which replanning cannot be combined."""
+    if np.isfinite(lost).any():
+        raise ValueError('lost: cannot be combined with replanning; give control="track"')
+    if zones is None or not cancel or law.impulses or law.delay or fires:
+        raise ValueError(
+            'control: "replan" requires zones, and continuous thrust with cancel and without delay; '
+            "give zones, and remove impulses, cancel=False and delay"
+        )
 
 
 def _loss_times(lost: ArrayLike | None, count: int) -> Floats:
