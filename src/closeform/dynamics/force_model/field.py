@@ -167,22 +167,22 @@ class Field:
         shape = broadcast(times=when.shape, states=given.shape[:-1], ballistics=own.shape)
         rows = np.ascontiguousarray(np.broadcast_to(given, (*shape, 6)).reshape(-1, 6))
         if self.acceleration is None:
-            felt = np.empty((len(rows), 3))
-            accelerate(self._constants, np.broadcast_to(own, shape).ravel(), rows, felt)
-            return felt.reshape((*shape, 3))
+            acceleration = np.empty((len(rows), 3))
+            accelerate(self._constants, np.broadcast_to(own, shape).ravel(), rows, acceleration)
+            return acceleration.reshape((*shape, 3))
         when = np.broadcast_to(when, shape).ravel()
         try:
-            felt = np.asarray(self.acceleration(when, rows), dtype=float)
+            acceleration = np.asarray(self.acceleration(when, rows), dtype=float)
         except Exception as error:  # any error of the user's function
             raise ValueError(
                 f"acceleration: the function raises {type(error).__name__}: {error}; it receives times (M,) "
                 "and states (M, 6)"
             ) from error
-        if felt.shape != (len(rows), 3) or not np.isfinite(felt).all():
+        if acceleration.shape != (len(rows), 3) or not np.isfinite(acceleration).all():
             raise ValueError(
-                f"acceleration: expected finite numbers of shape ({len(rows)}, 3), got {shown(felt)}"
+                f"acceleration: expected finite numbers of shape ({len(rows)}, 3), got {shown(acceleration)}"
             )
-        return felt.reshape((*shape, 3))
+        return acceleration.reshape((*shape, 3))
 
     def chief_states(self, times: ArrayLike) -> Floats:
         """Return the chief's inertial states in this field, or from its ephemeris.
@@ -269,13 +269,13 @@ class Field:
         given, begin = checked("states", states, last=6), float(checked("start", number("start", start)))
         rows = np.ascontiguousarray(given.reshape(-1, 6))
         ballistics = ballistics_of(self.drag, len(rows))
-        chief, felt = self._chief_at(np.array([begin]))
-        craft = inertial_from_relative(chief, rows, acceleration=felt)
+        chief, acceleration = self._chief_at(np.array([begin]))
+        craft = inertial_from_relative(chief, rows, acceleration=acceleration)
 
         def states_at(times: Floats) -> Floats:
-            chief, felt = self._chief_at(times)
+            chief, acceleration = self._chief_at(times)
             states = self._propagate(craft, ballistics, begin, times)
-            relative = relative_from_inertial(chief, states, acceleration=felt)
+            relative = relative_from_inertial(chief, states, acceleration=acceleration)
             return relative.reshape((*given.shape[:-1], len(times), 6))
 
         return followed(orbit or self.chief.orbit, states_at, duration, begin, within)
@@ -313,12 +313,12 @@ class Field:
         lengths = np.asarray(checked("duration", duration))
         begin = float(checked("start", number("start", start)))
         times = begin + lengths.ravel()
-        chief, felt = self._chief_at(np.array([begin]))
+        chief, acceleration = self._chief_at(np.array([begin]))
         beside = np.concatenate([np.diag(BESIDE), -np.diag(BESIDE)])
-        craft = inertial_from_relative(chief, beside, acceleration=felt)
-        chiefs, felt = self._chief_at(times)
+        craft = inertial_from_relative(chief, beside, acceleration=acceleration)
+        chiefs, acceleration = self._chief_at(times)
         states = self._propagate(craft, self._chief_ballistic, begin, times)
-        ahead, behind = relative_from_inertial(chiefs, states, acceleration=felt).reshape(2, 6, -1, 6)
+        ahead, behind = relative_from_inertial(chiefs, states, acceleration=acceleration).reshape(2, 6, -1, 6)
         columns = (ahead - behind) / (2.0 * BESIDE[:, None, None])
         return np.ascontiguousarray(np.moveaxis(columns, 0, -1)).reshape((*lengths.shape, 6, 6))
 
@@ -327,14 +327,14 @@ class Field:
         begin, over = float(paths.start[0]), float(paths.end[0])
         return self.coast(paths.state(begin), over - begin, begin, orbit=paths.orbit)
 
-    def _drift_from(self, state: Floats, times: Floats, chief: Floats, felt: Floats) -> Floats:
+    def _drift_from(self, state: Floats, times: Floats, chief: Floats, acceleration: Floats) -> Floats:
         """Return the states (T, 6) of one craft from a state (6,) on.
 
-        `chief` (T, 6) and `felt` (T, 3): inertial states and accelerations of the chief.
+        `chief` (T, 6) and `acceleration` (T, 3): inertial states and accelerations of the chief.
         """
-        craft = inertial_from_relative(chief[0], state, acceleration=felt[0])
+        craft = inertial_from_relative(chief[0], state, acceleration=acceleration[0])
         states = self._propagate(craft[None], ballistics_of(self.drag, 1), float(times[0]), times)[0]
-        return np.asarray(relative_from_inertial(chief, states, acceleration=felt))
+        return np.asarray(relative_from_inertial(chief, states, acceleration=acceleration))
 
     def _chief_at(self, times: Floats) -> tuple[Floats, Floats]:
         """Return the chief's inertial states (T, 6) at times, and its acceleration (T, 3) [m/s^2]."""

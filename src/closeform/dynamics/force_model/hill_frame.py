@@ -37,21 +37,21 @@ class ChiefFrame(NamedTuple):
         """Return the frame of the chief in a field at given times (T,) [s]."""
         ballistic, states = field._chief_ballistic, field.chief_states(times)
         place, speed = states[:, :3], states[:, 3:]
-        felt = field.accelerations(times, states, ballistic)
+        acceleration = field.accelerations(times, states, ballistic)
         axes, r, climb, spin = turning_axes(states)
         h = spin * r**2
-        push = np.einsum("tij,tj->ti", axes, felt)
+        push = np.einsum("tij,tj->ti", axes, acceleration)
         turn, rate = np.zeros((2, len(times), 3))
         turn[:, 2], turn[:, 0] = spin, r * push[:, 2] / h
         rate[:, 2] = push[:, 1] / r - 2.0 * spin * climb / r  # h' = r f_y
         across = []
         for dt in (-BESIDE, BESIDE):
-            there = np.hstack([place + dt * speed + 0.5 * dt * dt * felt, speed + dt * felt])
+            there = np.hstack([place + dt * speed + 0.5 * dt * dt * acceleration, speed + dt * acceleration])
             normal = turning_axes(there)[0][:, 2]
             across.append((normal * field.accelerations(times + dt, there, ballistic)).sum(axis=1))
         push_rate = (across[1] - across[0]) / (2.0 * BESIDE)
         rate[:, 0] = (climb * push[:, 2] + r * push_rate) / h - turn[:, 0] * r * push[:, 1] / h
-        return cls(times, states, felt, axes, turn, rate)
+        return cls(times, states, acceleration, axes, turn, rate)
 
     def during(self, some: slice) -> ChiefFrame:
         """Return the frame at the given instants."""
@@ -67,8 +67,8 @@ def residuals(field: Field, frame: ChiefFrame, states: Floats, n: float) -> Floa
     place, speed = states[..., :3], states[..., 3:]
     turn, swing = frame.rotation, np.cross(frame.rotation, place)
     own = ballistics_of(field.drag, len(states))[:, None]
-    felt = field.accelerations(frame.times, inertial(frame, states), own) - frame.acceleration
-    d = applied(frame.axes, felt)
+    acceleration = field.accelerations(frame.times, inertial(frame, states), own) - frame.acceleration
+    d = applied(frame.axes, acceleration)
     d -= 2.0 * np.cross(turn, speed) + np.cross(frame.rotation_rate, place) + np.cross(turn, swing)
     x, z, vx, vy = place[..., 0], place[..., 2], speed[..., 0], speed[..., 1]
     d[..., 0] -= 3.0 * n * n * x + 2.0 * n * vy  # theory (1)

@@ -76,19 +76,19 @@ class TrackedPlan:
         left_out = residuals(field, ChiefFrame.of(field, times), paths.state(times), paths.orbit.mean_motion)
         guidance = Guidance.of(paths, field, law, thrusters or (), cancel)
         spans, offset, ripple = ThrustSpans.of(paths, law), np.zeros(left_out.shape), np.zeros(len(paths))
-        moved, opposed = spans.impulsive_at(times), cancel & spans.compensated(times)
+        moved, compensated = spans.impulsive_at(times), cancel & spans.compensated(times)
         if guidance.firing is not None:
-            who = np.unique(guidance.firing.pulses.craft)
+            pulsing = np.unique(guidance.firing.pulses.craft)
             fine = np.linspace(times[0], times[-1], FINER * (len(times) - 1) + 1)
-            off = (guidance.reference.position(fine) - paths.position(fine))[who]
-            offset[who] = off[:, ::FINER]
+            off = (guidance.reference.position(fine) - paths.position(fine))[pulsing]
+            offset[pulsing] = off[:, ::FINER]
             straight = np.linspace(off[:, :-1:FINER], off[:, FINER::FINER], FINER, endpoint=False, axis=2)
             more = off[:, :-1] - straight.reshape(off[:, :-1].shape)
-            ripple[who] = np.linalg.norm(more, axis=-1).max(axis=1)
+            ripple[pulsing] = np.linalg.norm(more, axis=-1).max(axis=1)
         elif cancel:
             offset[moved] = (guidance.reference.position(times) - paths.position(times))[moved]
-        compensation = -left_out * opposed[..., None]
-        uncompensated = left_out * ~(opposed | moved & cancel)[..., None]
+        compensation = -left_out * compensated[..., None]
+        uncompensated = left_out * ~(compensated | moved & cancel)[..., None]
         missed, firing = tuple(guidance.missed), guidance.firing
         pulsed = None if firing is None else firing.path
         known = guidance.impulses, offset, missed, compensation, uncompensated
@@ -155,8 +155,8 @@ class TrackedPlan:
         moments = _squares(believed) + len(causes) * sum(map(_squares, causes), np.zeros((6, 6)))
         found = _squares(off)
         if errors.noise:
-            shaken, known_noise = loop.noise_covariances(errors.noise, count)
-            found, moments = found + shaken, moments + known_noise
+            noise, known_noise = loop.noise_covariances(errors.noise, count)
+            found, moments = found + noise, moments + known_noise
             feedback.append(loop.law @ known_noise[:, None] @ loop.law.swapaxes(-1, -2))
         executed = errors if self.pulsed is None else errors._of_orders
         found += loop.execution_covariances(sight, executed, moments, count)

@@ -260,10 +260,12 @@ def _least_radius(zones: OwnZone | PairZones) -> float:
 
 def _shortfall_message(found: TrackingMargins, peaks: Floats, craft: int, limits: Floats) -> str:
     """Return a message on the craft whose thrust limit is exceeded, with a limit for planning."""
-    has, asked = float(limits[craft]), float(found.thrust[craft])
-    within = has - asked + float(peaks[craft])
+    limit, required = float(limits[craft]), float(found.thrust[craft])
+    within = limit - required + float(peaks[craft])
     remedy = f"plan with at most {within:.3g} m/s²" if within > 0.0 else "feedback alone requires more"
-    return f"craft {craft} requires {asked:.3g} m/s² with feedback, its limit is {has:.3g} m/s²; {remedy}"
+    return (
+        f"craft {craft} requires {required:.3g} m/s² with feedback, its limit is {limit:.3g} m/s²; {remedy}"
+    )
 
 
 def _fit_message(margin: Floats, made: int) -> str:

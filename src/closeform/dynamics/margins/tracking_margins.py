@@ -206,7 +206,7 @@ def tracking_margins(
     elif least > 0.0 and not law.impulses:
         raise ValueError("minimum_bit: requires feedback by impulses; give such a Feedback, or remove it")
     own_errors = errors_of_each(errors, count)
-    groups = [np.flatnonzero(who) for who in (running & ~shooters, shooters, ~running) if who.any()]
+    groups = [np.flatnonzero(which) for which in (running & ~shooters, shooters, ~running) if which.any()]
     found = []
     for some in groups:
         of_group = sizes[some], unknown[some], own_errors and [own_errors[k] for k in some.tolist()]
@@ -233,17 +233,17 @@ def _of_tracked(
     rest, answer = loop.remainder(sizes, unknown, sight, (more, np.stack(turning, axis=-1)))
     if len(loop.impulse_times):
         rest = rest + loop.missed_gain * np.maximum(tracked.bits, bit) + tracked.ripple
-    noise, shaking = loop.noise(sight, sizes)
-    spread, random = np.zeros((*shift.shape, 3)), np.full(len(sizes), shaking**2)
+    noise, feedback_noise = loop.noise(sight, sizes)
+    spread, random = np.zeros((*shift.shape, 3)), np.full(len(sizes), feedback_noise**2)
     for k, own in enumerate(errors or ()):
         spread[k], variance = tracked.covariances(k, sight, sizes[k], own)
         random[k] += variance
-    asked = np.linalg.norm(tracked.thrust, axis=-1).max(axis=1)
+    thrust = np.linalg.norm(tracked.thrust, axis=-1).max(axis=1)
     if not len(loop.impulse_times):
-        asked = asked + np.linalg.norm(steady, axis=-1).max(axis=1) + answer + many * np.sqrt(random)
+        thrust = thrust + np.linalg.norm(steady, axis=-1).max(axis=1) + answer + many * np.sqrt(random)
     off = shift + tracked.offset, stretch, np.stack(turned, axis=-1)
     each = sizes, rest, spread, np.full(len(sizes), noise)
-    return TrackingMargins(tracked.times, *off, *each, many, asked)
+    return TrackingMargins(tracked.times, *off, *each, many, thrust)
 
 
 def _of_drifting(

@@ -106,8 +106,8 @@ class Commands:
         np.add.at(jumps, (craft, slots), planned if impulses is None else impulses)  # several at one instant
         frame = None if known is None else ChiefFrame.of(known, grid.times)
         engines = engines or Engines.of(np.ones(len(path), dtype=bool))
-        led = path if reference is None else reference
-        return cls(path, grid, known, frame, spans, jumps, led, law, engines, ballistics, thrusters)
+        target = path if reference is None else reference
+        return cls(path, grid, known, frame, spans, jumps, target, law, engines, ballistics, thrusters)
 
     def among(self, which: Any) -> Commands:
         """Return the commands of the selected spacecraft (M,)."""

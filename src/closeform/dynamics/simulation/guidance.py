@@ -214,4 +214,4 @@ def _in_order(parts: Sequence[Trajectories], craft: Sequence[int]) -> Trajectori
     """Return the trajectories of all spacecraft, from parts whose spacecraft have the index `craft` (N,)."""
     back, names = np.argsort(craft), ("states", "arrivals", "fired", "spent", "limited")
     joined = {name: np.concatenate([getattr(one, name) for one in parts], 1)[:, back] for name in names}
-    return replace(parts[0], asked=np.concatenate([one.asked for one in parts])[back], **joined)
+    return replace(parts[0], nominal=np.concatenate([one.nominal for one in parts])[back], **joined)

@@ -75,10 +75,10 @@ def retargeted(paths: Path, field: Field | None, law: Feedback | None = None) ->
     commands = Commands.of(paths, law, field, ballistics_of(field.drag, len(paths)))
     grid, frame = commands.grid, commands.frame_in(field)
     jumps, states = commands.jumps.copy(), paths.state(grid.output_times)
-    for (first, last), who in _spans(commands).items():
-        part, fired, shown = commands.among(who).alone(first, last)
+    for (first, last), which in _spans(commands).items():
+        part, fired, shown = commands.among(which).alone(first, last)
         found = _solve(part, field, frame.during(slice(2 * first, 2 * last + 1)))
-        jumps[np.ix_(who, fired)], states[np.ix_(who, shown)] = found
+        jumps[np.ix_(which, fired)], states[np.ix_(which, shown)] = found
     before = states.copy()
     before[:, grid.outputs[grid.impulses >= 0], 3:] -= jumps
     slots = np.searchsorted(grid.impulse_times, times)
@@ -119,16 +119,16 @@ def _solve(commands: Commands, field: Field, frame: ChiefFrame) -> tuple[Floats,
         end = states[..., -1, :] / np.repeat([1.0, n], 3)
         return np.concatenate([end, states[..., along, :3].reshape(*states.shape[:-2], -1)], axis=-1)
 
-    def led(some: Commands, begin: Floats) -> Floats:
+    def simulated(some: Commands, begin: Floats) -> Floats:
         """Return the states (N, T, 6) that result from the impulses."""
         return np.asarray(propagate(some, field, SampledErrors.none(len(begin)), begin, frame).states[0])
 
-    states, effects = led(commands, begin), []
+    states, effects = simulated(commands, begin), []
     for k, own in enumerate(crafts):
-        which = np.full(3 * len(own), k)
-        nudged = commands.among(which)  # once for each impulse and axis
-        nudged.jumps[np.arange(len(which)), np.repeat(own, 3), np.tile(np.arange(3), len(own))] += NUDGE
-        effects.append(n * off(led(nudged, begin[which]) - states[k]).T / NUDGE)
+        copies = np.full(3 * len(own), k)
+        nudged = commands.among(copies)  # once for each impulse and axis
+        nudged.jumps[np.arange(len(copies)), np.repeat(own, 3), np.tile(np.arange(3), len(own))] += NUDGE
+        effects.append(n * off(simulated(nudged, begin[copies]) - states[k]).T / NUDGE)
     jumps = commands.jumps.copy()
     for _ in range(ROUNDS):
         moved = 0.0
@@ -137,7 +137,7 @@ def _solve(commands: Commands, field: Field, frame: ChiefFrame) -> tuple[Floats,
             step = _step(effect, off(states[k] - wanted[k]), changed)
             jumps[k, own] += n * step.reshape(-1, 3)
             moved = max(moved, float(np.abs(step).max()))
-        states = led(replace(commands, jumps=jumps), begin)
+        states = simulated(replace(commands, jumps=jumps), begin)
         if moved < MET:
             return jumps, states
     raise Infeasible(

@@ -172,7 +172,7 @@ def thrust_of_step(stretch, lanes, step, half, weight, u, back, out):
 
 
 @kernel()
-def add_gates_error(gates, drawn, fired):
+def add_gates_error(gates, normal, fired):
     """Add the execution error to an impulse, from three normal numbers.
 
     theory (50)
@@ -182,9 +182,9 @@ def add_gates_error(gates, drawn, fired):
         return
     along = sqrt(gates[0] * gates[0] + gates[1] * gates[1] * square)
     across = sqrt(gates[2] * gates[2] + gates[3] * gates[3] * square)
-    ahead = (drawn[0] * fired[0] + drawn[1] * fired[1] + drawn[2] * fired[2]) * (along - across) / square
+    ahead = (normal[0] * fired[0] + normal[1] * fired[1] + normal[2] * fired[2]) * (along - across) / square
     for k in range(3):
-        fired[k] += across * drawn[k] + ahead * fired[k]
+        fired[k] += across * normal[k] + ahead * fired[k]
 
 
 @kernel()
@@ -334,7 +334,7 @@ def integrate_step(constants, stretch, step, lanes):
         if stage != 2:  # both middle stages have the same thrust
             thrust_of_step(stretch, lanes, step, half, h / 6.0 if stage != 1 else h / 1.5, u, back, thrust)
         node = 2 * step + half
-        place, speed, felt = stretch.positions[node], stretch.velocities[node], stretch.accelerations[node]
+        place, speed, chief = stretch.positions[node], stretch.velocities[node], stretch.accelerations[node]
         for m in range(LANES):
             for k in range(3):
                 middle[k, m] = place[k] + (lanes[Y + k, m] + share * rate[k, m])
@@ -347,7 +347,7 @@ def integrate_step(constants, stretch, step, lanes):
                     force[k, m] += stretch.extra[int(lanes[CRAFT, m]), step, half, k]
         for m in range(LANES):
             for k in range(3):
-                rate[3 + k, m] = force[k, m] - felt[k] + thrust[k, m]
+                rate[3 + k, m] = force[k, m] - chief[k] + thrust[k, m]
                 after[k, m] += weight * rate[k, m]
                 after[3 + k, m] += weight * rate[3 + k, m]
     for m in range(LANES):

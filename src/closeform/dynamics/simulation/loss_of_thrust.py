@@ -59,7 +59,7 @@ def sampled_losses(
     [s].
     """
     start, end = float(np.max(paths.start)), float(np.max(paths.end))
-    who, fired, sizes = impulses_of(paths)
+    craft, fired, sizes = impulses_of(paths)
     fixed = np.unique([start, end, *fired[(fired >= start) & (fired <= end)]])
     more = np.array([*np.linspace(start, end, INSTANTS), *also])
     apart = np.abs(more[:, None] - fixed).min(axis=1) > SAME
@@ -75,14 +75,14 @@ def sampled_losses(
         begin = last if held[k] else 0
         states[k, begin:] = free(k, begin, states[k, begin])
     arrivals, nodes = states.copy(), np.searchsorted(times, fired)
-    for k, node, size in zip(who, nodes, sizes, strict=True):
+    for k, node, size in zip(craft, nodes, sizes, strict=True):
         arrivals[k, node, 3:] -= size * held[k]
     yield Loss(-1, nan, times, states, arrivals)
     for k in np.flatnonzero(held).tolist():
         for i in np.searchsorted(times, instants).tolist():
-            for begun in {tuple(one[k, i].tolist()) for one in (states, arrivals)}:
+            for state in {tuple(one[k, i].tolist()) for one in (states, arrivals)}:
                 lost, before = states[:, i:].copy(), arrivals[:, i:].copy()
-                lost[k] = before[k] = free(k, i, np.array(begun))
+                lost[k] = before[k] = free(k, i, np.array(state))
                 yield Loss(k, float(times[i]), times[i:], lost, before)
 
 
@@ -96,9 +96,9 @@ def _drifts(paths: Path, field: Field | None, times: Floats) -> Callable[[int, i
 
         return coasting
     chief = field.chief_states(times)
-    felt = field.accelerations(times, chief, field._chief_ballistic)
+    acceleration = field.accelerations(times, chief, field._chief_ballistic)
 
     def drifting_in_field(k: int, i: int, state: Floats) -> Floats:
-        return field._of([k])._drift_from(state, times[i:], chief[i:], felt[i:])
+        return field._of([k])._drift_from(state, times[i:], chief[i:], acceleration[i:])
 
     return drifting_in_field

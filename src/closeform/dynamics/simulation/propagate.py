@@ -33,7 +33,7 @@ class Trajectories:
 
     `states` (S, N, T, 6) are those after impulses, and `arrivals` before. `fired` (S, N, Q, 3) [m/s] are the
     impulses, or the delta-v of thruster orders, at Q `fired_times`. `spent` (S, N) [m/s] is the delta-v,
-    `asked` (N,) that of the plan without errors, and `limited` (S, N) [s] the time at the thrust limit.
+    `nominal` (N,) that of the plan without errors, and `limited` (S, N) [s] the time at the thrust limit.
     """
 
     times: Floats
@@ -42,7 +42,7 @@ class Trajectories:
     fired_times: Floats
     fired: Floats
     spent: Floats
-    asked: Floats
+    nominal: Floats
     limited: Floats
 
 
@@ -76,28 +76,28 @@ def propagate(
     now[..., :6] = begin
     states = np.empty((flights, count, int(grid.outputs.max()) + 1, 6))
     fired = np.zeros((flights, count, int(grid.impulses.max()) + 1, 3))
-    spent, asked, step = np.zeros((flights, count, 2)), np.zeros(count), 0
+    spent, nominal, step = np.zeros((flights, count, 2)), np.zeros(count), 0
     for stretch in stretches(commands, field, frame, around, errors):
         noise = np.ascontiguousarray(errors.noise[:, :, step : step + len(stretch.lengths)])
         rows = errors.measured, errors.thrust, errors.events, noise, now, states, fired, spent
         _in_threads(field, stretch, rows)
         step += len(stretch.lengths)
         size = np.minimum(np.linalg.norm(stretch.thrust, axis=3), stretch.limits[:, None, None])
-        asked += size @ [1.0, 4.0, 1.0] @ stretch.lengths / 6.0  # the quadrature of the kernel
-        asked += np.linalg.norm(stretch.planned_impulses, axis=2).sum(axis=1) * (stretch.limits > 0.0)
+        nominal += size @ [1.0, 4.0, 1.0] @ stretch.lengths / 6.0  # the quadrature of the kernel
+        nominal += np.linalg.norm(stretch.planned_impulses, axis=2).sum(axis=1) * (stretch.limits > 0.0)
     arrivals = states
     if commands.thrusters is not None:  # the integrator counts simultaneous pulses as their sum
         over = min(float(grid.nodes[-1]), float(commands.engines.lost[0]))
         pulses = commands.thrusters.pulses
         given = impulse_until(pulses, over) - impulse_until(pulses, min(float(grid.nodes[0]), over))
-        spent[..., 0] += given - asked
-        asked = np.array([given])
+        spent[..., 0] += given - nominal
+        nominal = np.array([given])
     elif fired.size:
         arrivals = states.copy()
         arrivals[:, :, grid.outputs[grid.impulses >= 0], 3:] -= fired
     delta_v, limited = spent[..., 0], spent[..., 1]
     return Trajectories(
-        grid.output_times, states, arrivals, grid.impulse_times, fired, delta_v, asked, limited
+        grid.output_times, states, arrivals, grid.impulse_times, fired, delta_v, nominal, limited
     )
 
 
@@ -165,11 +165,11 @@ def _stretch(
     lengths = np.diff(begins)
     within = begins[:-1, None] + lengths[:, None] * np.array([BESIDE, 0.5, 1.0 - BESIDE])
     commanded = path.thrust(within.ravel()).reshape(count, -1, 3, 3)
-    opposed = commands.spans.compensated(times[1::2])
-    if commands.known is not None and commands.frame is not None and opposed.any():
+    compensated = commands.spans.compensated(times[1::2])
+    if commands.known is not None and commands.frame is not None and compensated.any():
         there, n = commands.frame.during(halves), path.orbit.mean_motion
         left_out = residuals(commands.known, there, path.state(times), n)
-        commanded -= _stepwise(left_out) * opposed[..., None, None]
+        commanded -= _stepwise(left_out) * compensated[..., None, None]
     here, unknown = frame.during(halves), np.zeros((count, 0, 3, 3))
     if around is not None:
         unknown = _stepwise(beyond_zonals(field, here, around.state(times)))
@@ -205,7 +205,7 @@ def _thruster_rows(
 ) -> tuple[Any, ...]:
     """Return thrusters, facets, angles, free times and ends of orders of a stretch."""
     grid, count, model = commands.grid, len(commands.path), commands.thrusters
-    begun, coming = (
+    ordered, coming = (
         np.flatnonzero(feedback_impulses >= 0),
         np.flatnonzero(grid.feedback_impulses[steps.stop :] >= 0),
     )
@@ -216,7 +216,7 @@ def _thruster_rows(
         angles = commands.path.orbit.mean_motion * now * model.rotates
         rows = model.thrusters, model.facets, angles, model.free(now)
     slots = np.zeros(len(begins), dtype=np.int64)
-    slots[begun] = [*begun[1:], len(begins)][: len(begun)]
+    slots[ordered] = [*ordered[1:], len(begins)][: len(ordered)]
     return *(np.broadcast_to(one, (count, *one.shape)).copy() for one in rows), slots
 
 

@@ -35,13 +35,13 @@ NOISE_STEP = BLOCK / 2.0**HALVED
 class ErrorEvents(NamedTuple):
     """Burns and impulses of N spacecraft in K steps, each with an error of its own.
 
-    `burns` (N, K) and `led` (K,) are the indices of the planned and the feedback thrust in a step, and
-    `struck` (K + 1,) those of impulses; -1 for none. `counts` are the numbers of the three kinds.
+    `planned` (N, K) and `feedback` (K,) are the indices of the planned and the feedback thrust in a step, and
+    `impulses` (K + 1,) those of impulses; -1 for none. `counts` are the numbers of the three kinds.
     """
 
-    burns: Any
-    led: Any
-    struck: Any
+    planned: Any
+    feedback: Any
+    impulses: Any
     counts: tuple[int, int, int]
 
     @classmethod
@@ -49,14 +49,13 @@ class ErrorEvents(NamedTuple):
         """Return the events of paths (N,) with `continuous` feedback, or with feedback by `thrusters`."""
         middle = grid.times[1::2]
         edges = [burn_edges(paths[k]) for k in range(len(paths))]
-        burns = np.array([np.searchsorted(own, middle) for own in edges])
-        planned = max(map(len, edges)) + 1
+        planned = np.array([np.searchsorted(own, middle) for own in edges])
         begins = grid.updates >= 0 if continuous else (grid.feedback_impulses >= 0) & thrusters
-        led = np.cumsum(begins)[:-1] - 1
-        feedback = int(begins.sum())
-        struck = np.where(grid.impulses >= 0, planned + feedback + grid.impulses, -1)
-        counts = planned, feedback, int(grid.impulses.max()) + 1
-        return cls(burns, np.where(led >= 0, planned + led, -1), struck, counts)
+        counts = max(map(len, edges)) + 1, int(begins.sum()), int(grid.impulses.max()) + 1
+        feedback = np.cumsum(begins)[:-1] - 1
+        feedback = np.where(feedback >= 0, counts[0] + feedback, -1)
+        impulses = np.where(grid.impulses >= 0, counts[0] + counts[1] + grid.impulses, -1)
+        return cls(planned, feedback, impulses, counts)
 
     @classmethod
     def none(cls, count: int, grid: TimeGrid) -> ErrorEvents:
@@ -66,8 +65,8 @@ class ErrorEvents(NamedTuple):
 
     def during(self, steps: slice) -> tuple[Any, Any, Any]:
         """Return the indices during some steps."""
-        burns = np.ascontiguousarray(self.burns[:, steps])
-        return burns, self.led[steps].copy(), self.struck[steps.start : steps.stop + 1].copy()
+        planned = np.ascontiguousarray(self.planned[:, steps])
+        return planned, self.feedback[steps].copy(), self.impulses[steps.start : steps.stop + 1].copy()
 
 
 def burn_edges(path: Path) -> Floats:
@@ -156,8 +155,8 @@ class ErrorSampler:
         executed = [self._executed(seed, k, events, leg) for seed, k in each]
         gates = np.reshape([self.errors[k].impulse for k in which], (-1, 4)).astype(float)
         begin, own = np.reshape(start, (*size, 6)), np.reshape(executed, (*size, -1, 4))
-        kicked, noise = self._noise(which, commands.grid.nodes, commands.path.orbit.mean_motion)
-        begin[..., 3:] += kicked
+        initial, noise = self._noise(which, commands.grid.nodes, commands.path.orbit.mean_motion)
+        begin[..., 3:] += initial
         return SampledErrors(seen, thrust, begin, own, gates, noise)
 
     def _noise(self, which: Sequence[int], nodes: Floats, n: float) -> tuple[Floats, Floats]:

@@ -77,18 +77,18 @@ class Replanner:
         """Return the guidance of a plan from measured states (N, 6), and why plans were refused."""
         first, why = self.first, list[str]()
         end, orbit = float(self.instants[-1]), first.paths.orbit
-        who, rest = (np.flatnonzero(some) for some in (self.engines.running, ~self.engines.running))
-        limits = self.engines.limits[who]
+        moving, rest = (np.flatnonzero(some) for some in (self.engines.running, ~self.engines.running))
+        limits = self.engines.limits[moving]
         coasting = orbit.coast(states[rest], end - begin, begin)
-        order = np.concatenate([who, rest])
+        order = np.concatenate([moving, rest])
         zones = self.zones
         if isinstance(zones, PairZones) and len(rest):
-            zones = _reordered(zones, order, len(who))
+            zones = _reordered(zones, order, len(moving))
         for share in PADDED:
             plan = reconfigure(
                 orbit,
-                states[who],
-                first.paths.state(end)[who],
+                states[moving],
+                first.paths.state(end)[moving],
                 end - begin,
                 zones,
                 start=begin,

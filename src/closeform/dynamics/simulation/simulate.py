@@ -169,7 +169,7 @@ def simulate(
         first = Guidance.of(paths, believed, law, own_sets, cancel)
     runs = ControlLoop(law, field, engines, planner).runs(first, sampler)
     done = joined([run.done for run in runs])
-    asked = done.asked if planner is None else first.simulate(None, field, engines).asked
+    nominal = done.nominal if planner is None else first.simulate(None, field, engines).nominal
     planned = planned_delta_v(paths, own_sets, lost_at)
     each = zip(done.states, done.arrivals, strict=True)
     ratios = [clearance_ratios(*one, done.times, zones) for one in each]
@@ -180,17 +180,15 @@ def simulate(
         times=done.times,
         states=done.states,
         arrivals=done.arrivals,
-        delta_v=done.spent if cancel else done.spent - asked + planned,
+        delta_v=done.spent if cancel else done.spent - nominal + planned,
         planned_delta_v=planned,
-        field_delta_v=(asked - planned) * cancel,
+        field_delta_v=(nominal - planned) * cancel,
         limited=done.limited / (done.times[-1] - done.times[0]),
         pairs=ratios[0][0],
         ratios=np.array([ratio for _, ratio in ratios]),
         planned=paths if planner is not None else until_lost(first.paths, lost_at),
         replans=np.array([run.replans for run in runs] if planner is not None else [0] * flights),
-        refused=tuple(
-            (seed, *why) for seed, run in zip(sampler.seeds, runs, strict=False) for why in run.refused
-        ),
+        refused=refused,
         firing=first.firing,
         pulses=tuple(run.pulses for run in runs if run.pulses is not None) * (flights // len(runs)),
         ordered=done.fired_times if orders else np.zeros(0),

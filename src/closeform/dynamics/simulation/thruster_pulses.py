@@ -56,7 +56,7 @@ def fire_plan(
     The impulses are changed for the field. Spacecraft that coast, or are held on coasts under feedback by a
     `law`, fire nothing. Along axes without a thruster the model error is not compensated.
     """
-    spans, asked, n = ThrustSpans.of(paths, law), [], paths.orbit.mean_motion
+    spans, commanded, n = ThrustSpans.of(paths, law), [], paths.orbit.mean_motion
     steady, firing = _compensated(paths, field, spans.bounds, thrusters), shooters(thrusters)
     for k in firing:
         one, own, arcs = paths[k], spans.among([k]), paths[k].arcs.copy()
@@ -67,14 +67,14 @@ def fire_plan(
         changed = np.einsum("tij,tj->ti", axes, impulses.impulse[mine] - planned)
         arcs[fires(arcs), IMPULSE : IMPULSE + 3] = planned + changed
         if one.delta_v:
-            lasting, opposed = (
+            by_thrust, compensated = (
                 own.compensated(some[:, [START, END]].mean(1))[0] for some in (arcs, steady[k])
             )
-            arcs = np.concatenate([arcs[~lasting], steady[k][opposed]])
+            arcs = np.concatenate([arcs[~by_thrust], steady[k][compensated]])
             arcs = arcs[np.lexsort((arcs[:, END], arcs[:, START]))]
-        asked.append(linked(one.orbit, arcs, ends_of(one)[0]))
+        commanded.append(linked(one.orbit, arcs, ends_of(one)[0]))
     try:
-        return _fire(stack(asked), thrusters, mass, specific_impulse)
+        return _fire(stack(commanded), thrusters, mass, specific_impulse)
     except Infeasible as error:
         if PUSHES not in str(error) or not _can_fire(paths, thrusters):
             raise
@@ -208,9 +208,9 @@ class PulsedReference(NamedTuple):
             # a span that begins with an impulse starts before it
             begin = plan.state(grid.nodes[first]) if first else None
             during = frame.during(slice(2 * first, 2 * last + 1))
-            led = propagate(part, field, SampledErrors.none(1), begin, during).states[0, 0]
-            missed.append((float(grid.nodes[last]), led[-1] - states[0, shown[-1]]))
-            states[0, shown] = led
+            states_of_span = propagate(part, field, SampledErrors.none(1), begin, during).states[0, 0]
+            missed.append((float(grid.nodes[last]), states_of_span[-1] - states[0, shown[-1]]))
+            states[0, shown] = states_of_span
         return cls(plan.orbit._through(grid.output_times, states), tuple(missed))
 
 
