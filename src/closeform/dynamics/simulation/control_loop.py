@@ -102,6 +102,7 @@ def _of_all_legs(parts: Sequence[Trajectories]) -> Trajectories:
 
 def joined(runs: Sequence[Trajectories]) -> Trajectories:
     """Return the trajectories of runs of different seeds as one."""
+    if len(runs) == 1:
+        return runs[0]
     names = "states", "arrivals", "fired", "spent", "limited"
-    joined = {name: np.concatenate([getattr(run, name) for run in runs]) for name in names}
-    return runs[0] if len(runs) == 1 else replace(runs[0], **joined)
+    return replace(runs[0], **{name: np.concatenate([getattr(run, name) for run in runs]) for name in names})

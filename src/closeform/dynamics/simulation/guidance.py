@@ -18,6 +18,7 @@ from closeform.arrays import Floats
 from closeform.dynamics.control.feedback import Feedback
 from closeform.dynamics.force_model.drag import ballistics_of
 from closeform.dynamics.force_model.field import Field
+from closeform.dynamics.force_model.hill_frame import ChiefFrame
 from closeform.dynamics.planned_paths import extended_paths, impulses_of
 from closeform.dynamics.simulation.commands import Commands, Engines
 from closeform.dynamics.simulation.impulse_retargeting import Retargeted, retargeted
@@ -179,6 +180,13 @@ class Guidance:
                 ),
             )
 
+    def _frame(self, first: int, commands: Commands, field: Field) -> ChiefFrame | None:
+        """Return the chief's frame in a field on the grid of commands, if it is known already."""
+        if field is not self.believed or commands.law is None or first not in self._pulsed:
+            return commands.frame if field is self.believed else None
+        known = self._pulsed[first].frame
+        return known if np.array_equal(known.times, commands.grid.times) else None
+
     def simulate(
         self,
         law: Feedback | None,
@@ -200,8 +208,7 @@ class Guidance:
             if sampler is not None and measured is not None:
                 errors = sampler.sample(which, measured, commands, leg)
             own = None if begin is None else begin[which] + errors.start * (leg == 0)
-            frame = commands.frame if field is self.believed else None
-            done = propagate(commands, field, errors, own, frame)
+            done = propagate(commands, field, errors, own, self._frame(which[0], commands, field))
             if commands.thrusters is None and parts:  # only the orders of thrusters are kept
                 shape = *done.fired.shape[:2], *parts[0].fired.shape[2:]
                 done = replace(done, fired=np.zeros(shape))

@@ -181,11 +181,13 @@ def planned_delta_v(paths: Path, thrusters: Sequence[Thrusters | None], lost: Fl
 class PulsedReference(NamedTuple):
     """Path of one spacecraft by its pulses, and by the plan on held coasts.
 
-    `missed`: the time and the state error at the start of each held coast.
+    `missed`: the time and the state error at the start of each held coast. `frame`: that of the chief at half
+    steps.
     """
 
     path: Path
     missed: tuple[tuple[float, Floats], ...]
+    frame: ChiefFrame
 
     @classmethod
     def of(
@@ -211,7 +213,7 @@ class PulsedReference(NamedTuple):
             states_of_span = propagate(part, field, SampledErrors.none(1), begin, during).states[0, 0]
             missed.append((float(grid.nodes[last]), states_of_span[-1] - states[0, shown[-1]]))
             states[0, shown] = states_of_span
-        return cls(plan.orbit._through(grid.output_times, states), tuple(missed))
+        return cls(plan.orbit._through(grid.output_times, states), tuple(missed), frame)
 
 
 def _spans(grid: TimeGrid, spans: Floats, pulses: Pulses) -> list[tuple[int, int]]:
