@@ -1,4 +1,4 @@
-"""Minimum clearance ratio of each pair of craft whose states are known at given times."""
+"""Minimum clearance ratio of each pair of spacecraft whose states are known at given times."""
 
 from collections.abc import Sequence
 from math import inf, nan
@@ -77,7 +77,7 @@ def minimum_ratios(
 
 @kernel()
 def relative_state(one: Floats, two: Floats, matrix: Floats, q: Floats) -> None:
-    """Fill two rows of `q` with the relative position and velocity of two craft, in zone coordinates."""
+    """Fill two rows of `q` with the relative position and velocity of two spacecraft, in zone coordinates."""
     for row in range(2):
         k = 3 * row
         store(q, row, matrix, one[k] - two[k], one[k + 1] - two[k + 1], one[k + 2] - two[k + 2])
@@ -142,7 +142,7 @@ def ratios_at_times(states: Floats, zones: Zone | PairZones) -> Floats:
 
 
 def closest_pair(states: Floats, zones: Zone | PairZones) -> tuple[int, int]:
-    """Return the two craft with the minimum clearance ratio, from `states` (N, 6) at an instant."""
+    """Return the two spacecraft with the minimum clearance ratio, from `states` (N, 6) at an instant."""
     first, second = np.triu_indices(len(states), 1)
     which, shapes = _zones_of(first, second, len(states), zones)
     norms = np.full(len(first), np.inf)

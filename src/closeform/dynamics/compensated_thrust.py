@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class CompensatedThrust(Rows):
-    """Thrust of N craft at T times that follows their paths in a field; returned by `compensated_thrust`.
+    """Thrust that follows the paths of N spacecraft in a field; returned by `compensated_thrust`.
 
     Attributes
     ----------
@@ -37,7 +37,7 @@ class CompensatedThrust(Rows):
         Times since the chief's epoch.
     commanded : array of shape (N, T, 3) [m/s^2]
         Radial, along-track and cross-track thrust, in the chief's axes: planned minus residual; as planned
-        for craft with impulses.
+        for spacecraft with impulses.
     planned : array of shape (N, T, 3) [m/s^2]
         The thrust of the plan, in the same axes.
     residual : array of shape (N, T, 3) [m/s^2]
@@ -47,12 +47,12 @@ class CompensatedThrust(Rows):
     planned_delta_v : array of shape (N,) [m/s]
         Delta-v of the plan.
     exceeded : array of bool of shape (N,)
-        True for craft whose command exceeds the thrust limit; False without a limit.
+        True for spacecraft whose command exceeds the thrust limit; False without a limit.
     impulses : Retargeted
-        Impulses of craft that have any, changed for the field.
+        Impulses of spacecraft that have any, changed for the field.
     path : Path
-        Followed paths (N,): the plan, and for craft with impulses or without engines the path in the field,
-        interpolated between samples; `screen` certifies it.
+        Followed paths (N,): the plan, and for spacecraft with impulses or without engines the path in the
+        field, interpolated between samples; `screen` certifies it.
     deviation : array of shape (N,) [m]
         Largest distance from the plan, at these samples.
     firing : ThrusterFiring or None
@@ -84,7 +84,7 @@ class CompensatedThrust(Rows):
 
     @property
     def craft(self) -> Any:
-        """Index of the craft of each row of `columns` (N, T), no unit."""
+        """Index of the spacecraft of each row of `columns` (N, T), no unit."""
         return np.broadcast_to(np.arange(len(self.commanded))[:, None], self.commanded.shape[:2])
 
     @property
@@ -94,7 +94,7 @@ class CompensatedThrust(Rows):
 
     @property
     def peak_thrust(self) -> Floats:
-        """Largest command of each craft (N,) at these times [m/s^2]."""
+        """Largest command of each spacecraft (N,) at these times [m/s^2]."""
         return np.asarray(np.linalg.norm(self.commanded, axis=2).max(axis=1))
 
 
@@ -116,21 +116,22 @@ def compensated_thrust(
     Parameters
     ----------
     plan : Plan, Avoidance or Path
-        Plan of one craft or of N, in the chief's Hill frame with straight axes, times since its epoch.
+        Plan of one spacecraft or of N, in the chief's Hill frame with straight axes, times since its epoch.
     field : Field
         Force model in which they move.
     every : float [s], default 10
         Largest time between rows of the table.
     max_acceleration : float [m/s^2], optional
-        Thrust limit of each craft.
+        Thrust limit of each spacecraft.
     thrusters : Thrusters or sequence of Thrusters, optional
-        Thrusters of all craft, or of each, which fire it as pulses; see `fire_thrusters`.
+        Thrusters of all spacecraft, or of each, which fire it as pulses; see `fire_thrusters`.
     mass : array_like of shape () or (N,) [kg], optional
-        Mass of the craft at the start, as for `fire_thrusters`.
+        Mass of the spacecraft at the start, as for `fire_thrusters`.
     specific_impulse : array_like of shape () or (N,) [s], optional
         Specific impulse, required with `mass`.
     engine : array_like of bool of shape (N,) or (), default True
-        Whether each craft has an engine; without it the craft drifts. Cannot be combined with thrusters.
+        Whether each spacecraft has an engine; without it the spacecraft drifts. Cannot be combined with
+        thrusters.
 
     Returns
     -------

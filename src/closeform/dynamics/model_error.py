@@ -39,7 +39,7 @@ class Validity(Result):
     times : array of shape (T,) [s]
         Times since the chief's epoch.
     deviations : array of shape (N, T, 6) [m, m/s]
-        Predicted deviation of each craft, in the chief's axes.
+        Predicted deviation of each spacecraft, in the chief's axes.
     pairs : array of int of shape (P, 2)
         Pairs i < j that have a zone.
     planned : array of shape (P,), no unit
@@ -60,7 +60,7 @@ class Validity(Result):
 
     @property
     def ends(self) -> Floats:
-        """Predicted deviation of each craft at the end (N,) [m]."""
+        """Predicted deviation of each spacecraft at the end (N,) [m]."""
         return np.asarray(np.linalg.norm(self.deviations[:, -1, :3], axis=1))
 
     @property
@@ -75,7 +75,7 @@ def validity(plan: Any, field: Field, zones: Zone | PairZones | None = None) -> 
     Parameters
     ----------
     plan : Plan, Avoidance or Path
-        Plan of one craft or of N, in the chief's Hill frame with straight axes, times since its epoch.
+        Plan of one spacecraft or of N, in the chief's Hill frame with straight axes, times since its epoch.
     field : Field
         Force model in which they move.
     zones : Zone or PairZones, optional
@@ -147,7 +147,7 @@ def _least(
 
 
 def in_words(found: Validity, names: Sequence[str] | None = None) -> tuple[str, ...]:
-    """Return the lines of a Validity, with the names of its craft, or their indices."""
+    """Return the lines of a Validity, with the names of its spacecraft, or their indices."""
     worst = int(np.argmax(found.ends))
     who = f"craft {worst}" if names is None else names[worst]
     ends = f"In {found.field}, without compensation, {who} ends {found.ends[worst]:.3g} m from the plan"

@@ -128,7 +128,7 @@ def nonnegative(name: str, value: ArrayLike) -> Floats:
 
 
 def thrust_errors(value: ArrayLike, count: int) -> Floats:
-    """Return the argument `thrust_error` of each craft (N, 2): relative size, and angle [rad]."""
+    """Return the argument `thrust_error` of each spacecraft (N, 2): relative size, and angle [rad]."""
     sizes = np.asarray(checked("thrust_error", value))
     if sizes.shape not in ((2,), (count, 2)) or not (sizes >= 0.0).all():
         raise ValueError(f"thrust_error: expected two numbers of at least 0, got {shown(value)}")

@@ -1,4 +1,4 @@
-"""Tracking-error tube: bound on the deviation of a craft under feedback from its planned path."""
+"""Tracking-error tube: bound on the deviation of a spacecraft under feedback from its planned path."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ HALVINGS = 60
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Tube(Result):
-    """Tracking-error tube of craft under feedback, by cause; returned by `tube`.
+    """Tracking-error tube of spacecraft under feedback, by cause; returned by `tube`.
 
     `radius` counts `sigmas` standard deviations along the one direction in which a zone is approached, at an
     instant; `containment` bounds the deviation in any direction over a whole flight.
@@ -61,7 +61,7 @@ class Tube(Result):
 
     @property
     def radius(self) -> Any:
-        """Deviation of a craft along any one direction (N,) or () [m]."""
+        """Deviation of a spacecraft along any one direction (N,) or () [m]."""
         return self.model + self.thrust + self.bias + self.sigmas * self.noise
 
     @property
@@ -84,7 +84,7 @@ class Tube(Result):
             Probability that all of `craft` always stay within the bound. Default: that of the tube along one
             direction (`Tube.probability`).
         craft : int, default 1
-            Number of craft.
+            Number of spacecraft.
 
         Returns
         -------
@@ -94,7 +94,8 @@ class Tube(Result):
         Raises
         ------
         ValueError
-            If the duration is not positive, the probability is not between 0 and 1, or there is no craft.
+            If the duration is not positive, the probability is not between 0 and 1, or there is no
+            spacecraft.
 
         Notes
         -----
@@ -120,7 +121,7 @@ class Tube(Result):
 
     @property
     def of_a_pair(self) -> float:
-        """Deviation of the distance of any two craft [m]: the margin to add to their zone."""
+        """Deviation of the distance of any two spacecraft [m]: the margin to add to their zone."""
         count = np.size(self.radius) if np.ndim(self.radius) else 2
         return float(self.of_pairs(count)[np.triu_indices(count, 1)].max(initial=0.0))
 
@@ -130,10 +131,10 @@ class Tube(Result):
         Parameters
         ----------
         craft : int
-            Number of craft.
+            Number of spacecraft.
         fixed : int, default 0
             Number of bodies after them, such as obstacles. A tube of one number applies to all bodies; in a
-            tube of N craft these bodies have no deviation.
+            tube of N spacecraft these bodies have no deviation.
 
         Returns
         -------
@@ -143,7 +144,7 @@ class Tube(Result):
         Raises
         ------
         ValueError
-            If the tube has another number of craft, or an argument is not a whole number.
+            If the tube has another number of spacecraft, or an argument is not a whole number.
 
         References
         ----------
@@ -168,12 +169,12 @@ def tube(
     sigmas: float = 4.0,
     minimum_bit: float = 0.0,
 ) -> Tube:
-    """Compute the tracking-error tube of craft under feedback, along any one direction.
+    """Compute the tracking-error tube of spacecraft under feedback, along any one direction.
 
     Parameters
     ----------
     orbit : Orbit
-        Orbit of the craft.
+        Orbit of the spacecraft.
     feedback : Feedback
         Feedback law.
     navigation : Navigation

@@ -36,8 +36,8 @@ class Drag:
     scale_height : float [m]
         Height over which the density falls by a factor of e.
     ballistic : array of shape (N,) [m^2/kg]
-        Drag coefficient times area over mass of each craft, in the order of the paths; one number for all.
-        Any array_like is accepted.
+        Drag coefficient times area over mass of each spacecraft, in the order of the paths; one number for
+        all. Any array_like is accepted.
     chief : float [m^2/kg]
         Coefficient of the chief; 0 for a reference orbit without drag.
     spin : float [rad/s], default that of the Earth

@@ -53,7 +53,7 @@ class Field:
     acceleration : callable, optional
         Replacement for zonals and drag: a function of times (M,) [s] since the chief's epoch and inertial
         states (M, 6) [m, m/s] that returns accelerations (M, 3) [m/s^2], the same for the chief and all
-        craft. Simulations use `zonals` as a first approximation of it.
+        spacecraft. Simulations use `zonals` as a first approximation of it.
 
     Raises
     ------
@@ -101,7 +101,7 @@ class Field:
             )
 
     def _of(self, which: Any) -> Field:
-        """Return the field with the ballistic coefficients of the selected craft."""
+        """Return the field with the ballistic coefficients of the selected spacecraft."""
         if self.drag is None or not np.ndim(self.drag.ballistic):
             return self
         return replace(self, drag=replace(self.drag, ballistic=np.asarray(self.drag.ballistic)[which]))
@@ -136,7 +136,7 @@ class Field:
         return 0.0 if self.drag is None else self.drag.chief
 
     def accelerations(self, times: ArrayLike, states: ArrayLike, ballistics: ArrayLike = 0.0) -> Floats:
-        """Return the accelerations of craft.
+        """Return the accelerations of spacecraft.
 
         Parameters
         ----------
@@ -328,7 +328,7 @@ class Field:
         return self.coast(paths.state(begin), over - begin, begin, orbit=paths.orbit)
 
     def _drift_from(self, state: Floats, times: Floats, chief: Floats, acceleration: Floats) -> Floats:
-        """Return the states (T, 6) of one craft from a state (6,) on.
+        """Return the states (T, 6) of one spacecraft from a state (6,) on.
 
         `chief` (T, 6) and `acceleration` (T, 3): inertial states and accelerations of the chief.
         """

@@ -40,7 +40,7 @@ class FittedMargin(Result):
     plan : Plan or Avoidance
         The last plan. In the high-fidelity model its pairs keep clear of their zones.
     room : TrackingMargins or None
-        Tracking margins of its craft; None if the plan has no paths, or is not feasible in the field.
+        Tracking margins of its spacecraft; None if the plan has no paths, or is not feasible in the field.
     margin : array of shape (B, B) [m]
         Keep-out margin of each pair of bodies in the plan.
     fits : bool
@@ -91,8 +91,8 @@ def fit_margin(
     Parameters
     ----------
     planned : callable
-        Function of a margin (B, B) [m] of all pairs of craft and, after them, obstacles. It returns the plan
-        that keeps the margin, as `reconfigure` and `avoid` do with `margin`.
+        Function of a margin (B, B) [m] of all pairs of spacecraft and, after them, obstacles. It returns the
+        plan that keeps the margin, as `reconfigure` and `avoid` do with `margin`.
     field : Field
         Known force model, as in `tracking_margins`.
     zones : Zone, CovarianceZone, Body or PairZones
@@ -104,10 +104,10 @@ def fit_margin(
     obstacles : Path or sequence of Path, default none
         Obstacles of the plan, which follow their paths exactly.
     held : bool, default False
-        True if they are craft under feedback like the others instead; arguments of each craft then include
-        them, after the others.
+        True if they are spacecraft under feedback like the others instead; arguments of each spacecraft then
+        include them, after the others.
     before : Path, optional
-        Preceding paths (B,) of the craft and of those that are `held`, under the same feedback. The plan
+        Preceding paths (B,) of the spacecraft and of those that are `held`, under the same feedback. The plan
         begins with the resulting deviations. Default: it begins as `simulate` does.
     cancel : bool, default True
         As in `tracking_margins`.
@@ -124,7 +124,7 @@ def fit_margin(
     sigmas : float, no unit, default 4
         As in `tracking_margins`.
     max_acceleration : array_like of shape (N,) or () [m/s^2], optional
-        Thrust limit of each craft, for plan, compensation and feedback together.
+        Thrust limit of each spacecraft, for plan, compensation and feedback together.
     engine : array_like of bool of shape (N,) or (), default True
         As in `tracking_margins`; an obstacle without one is `held`, and coasts in the field.
 
@@ -243,7 +243,7 @@ def _after(before: Path | None, paths: Path) -> Path:
 
 
 def during(path: Path, planned: Path) -> Path:
-    """Return one craft's path for the time span of planned paths (N,)."""
+    """Return one spacecraft's path for the time span of planned paths (N,)."""
     start, end = float(planned.start.min()), float(planned.end.max())
     arcs = path.arcs[path.arcs[:, START] < end].copy()
     arcs[-1, END] = min(arcs[-1, END], end)
@@ -259,7 +259,7 @@ def _least_radius(zones: OwnZone | PairZones) -> float:
 
 
 def _shortfall_message(found: TrackingMargins, peaks: Floats, craft: int, limits: Floats) -> str:
-    """Return a message on the craft whose thrust limit is exceeded, with a limit for planning."""
+    """Return a message on the spacecraft whose thrust limit is exceeded, with a limit for planning."""
     limit, required = float(limits[craft]), float(found.thrust[craft])
     within = limit - required + float(peaks[craft])
     remedy = f"plan with at most {within:.3g} m/s²" if within > 0.0 else "feedback alone requires more"

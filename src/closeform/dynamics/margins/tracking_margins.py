@@ -38,7 +38,7 @@ CLOSER, FINER = 4, 16  # refinements around a minimum, and parts in each
 
 @dataclass(frozen=True, eq=False, repr=False)
 class TrackingMargins(Result):
-    """Tracking errors of N craft at T times under feedback; returned by `tracking_margins`.
+    """Tracking errors of N spacecraft at T times under feedback; returned by `tracking_margins`.
 
     Attributes
     ----------
@@ -46,7 +46,7 @@ class TrackingMargins(Result):
         Times since the chief's epoch.
     shift : array of shape (N, T, 3) [m]
         Expected deviation, in the chief's axes: by known model errors without compensation, by impulses
-        changed for the field, or by the drift of craft without an engine.
+        changed for the field, or by the drift of spacecraft without an engine.
     stretch : array of shape (N, T, 3) [m]
         Further deviation for thrust larger by 100 %, in the chief's axes.
     turn : array of shape (N, T, 3, 3) [m/rad]
@@ -80,7 +80,7 @@ class TrackingMargins(Result):
 
     @property
     def radius(self) -> Floats:
-        """Radius of the tracking-error tube of each craft at each time (N, T) [m]."""
+        """Radius of the tracking-error tube of each spacecraft at each time (N, T) [m]."""
         share, angle = self.thrust_error.T[..., None, None]
         larger, turned = share * self.stretch, ((1.0 + share) * angle)[..., None] * self.turn
         aligned = np.linalg.norm(np.einsum("ntij,nti->ntj", turned, larger), axis=-1)
@@ -119,12 +119,12 @@ def tracking_margins(
     sigmas: float = 4.0,
     engine: ArrayLike = True,
 ) -> TrackingMargins:
-    """Compute the tracking errors of craft along a plan, under feedback with the errors of `simulate`.
+    """Compute the tracking errors of spacecraft along a plan, under feedback with the errors of `simulate`.
 
     Parameters
     ----------
     plan : Plan, Avoidance or Path
-        Plan of one craft or of N, as in `simulate`.
+        Plan of one spacecraft or of N, as in `simulate`.
     field : Field
         Known force model.
     feedback : Feedback, optional
@@ -136,24 +136,25 @@ def tracking_margins(
     residual : array_like of shape (N,) or () [m/s^2], default 0
         Bound on accelerations not in this field.
     thrust_error : array_like of shape (2,) or (N, 2), no unit and [rad], default (0, 0)
-        Bounds on each craft's relative thrust error and on its direction error, constant through a
+        Bounds on each spacecraft's relative thrust error and on its direction error, constant through a
         simulation.
     errors : Uncertainty or sequence of Uncertainty or None, optional
-        Uncertainty of each craft, as in `simulate`.
+        Uncertainty of each spacecraft, as in `simulate`.
     minimum_bit : float [m/s], default 0
         Minimum impulse bit of feedback.
     thrusters : Thrusters or sequence of Thrusters or None, optional
-        Thrusters of all craft, or of each that has some, as in `simulate`. The deviation of pulses from the
-        plan is known, and the effect of the minimum bit is bounded.
+        Thrusters of all spacecraft, or of each that has some, as in `simulate`. The deviation of pulses from
+        the plan is known, and the effect of the minimum bit is bounded.
     sigmas : float, no unit, default 4
         Number of standard deviations of noise and `errors` that count.
     engine : array_like of bool of shape (N,) or (), default True
-        Whether each craft has an engine; without it the craft drifts in the field, as in `simulate`.
+        Whether each spacecraft has an engine; without it the spacecraft drifts in the field, as in
+        `simulate`.
 
     Returns
     -------
     TrackingMargins
-        Tracking errors by cause, craft and time.
+        Tracking errors by cause, spacecraft and time.
 
     Raises
     ------
@@ -263,7 +264,7 @@ def _of_drifting(
 
 
 def _together(parts: Sequence[TrackingMargins], order: Any) -> TrackingMargins:
-    """Return the margins of all craft from those of parts, in this order."""
+    """Return the margins of all spacecraft from those of parts, in this order."""
     joined: Any = {
         name: np.concatenate([getattr(one, name) for one in parts])[order]
         for name in ("shift", "stretch", "turn", "thrust_error", "rest", "spread", "noise", "thrust")
@@ -276,9 +277,9 @@ def required_margins(
 ) -> tuple[Any, Floats]:
     """Return pairs (P, 2) with a zone, and the margin (P,) [m] that each requires where violated, or 0.
 
-    `paths` and `zones` are of the N craft and, after them, bodies with exact paths; each pair includes one of
-    the first `planned` bodies. The margin counts along the zone's normal at the pair's relative position,
-    also at minima between two times.  # theory (93)
+    `paths` and `zones` are of the N spacecraft and, after them, bodies with exact paths; each pair includes
+    one of the first `planned` bodies. The margin counts along the zone's normal at the pair's relative
+    position, also at minima between two times.  # theory (93)
     """
     places, pairs, most = paths.position(found.times), [], []
     for zone, some in zones.groups():

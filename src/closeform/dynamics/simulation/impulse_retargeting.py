@@ -37,7 +37,7 @@ class Retargeted(Rows):
     Attributes
     ----------
     craft : array of int of shape (M,)
-        Index of the craft of each.
+        Index of the spacecraft of each.
     time : array of shape (M,) [s]
         Time since the chief's epoch.
     impulse : array of shape (M, 3) [m/s]

@@ -25,10 +25,10 @@ SAME = 1e-3  # s: an instant within this of an impulse is replaced by that of th
 
 @dataclass(frozen=True, eq=False)
 class Loss:
-    """Motion of N craft after the `craft`, by its index, loses its thrust at a `time` [s].
+    """Motion of N spacecraft after the `craft`, by its index, loses its thrust at a `time` [s].
 
-    `craft` is -1, and `time` nan, where no craft has thrust.  `states` (N, T, 6) are at `times` (T,), and
-    `arrivals` the same before impulses.
+    `craft` is -1, and `time` nan, where no spacecraft has thrust.  `states` (N, T, 6) are at `times` (T,),
+    and `arrivals` the same before impulses.
     """
 
     craft: int
@@ -38,7 +38,7 @@ class Loss:
     arrivals: Floats
 
     def nearest(self, one: int, two: int, zone: Zone) -> tuple[float, float]:
-        """Return the time [s] and the distance [m] of the closest approach of two craft."""
+        """Return the time [s] and the distance [m] of the closest approach of two spacecraft."""
         apart = self.states[one] - self.states[two]
         k = int(np.argmin(zone.norm(apart[:, :3])))
         some = slice(max(k - 1, 0), k + 2)
@@ -52,7 +52,7 @@ class Loss:
 def sampled_losses(
     paths: Path, held: Any, until: float, field: Field | None, also: Sequence[float] = ()
 ) -> Iterator[Loss]:
-    """Yield the motion after losses of thrust at times along paths (N,), for one craft at a time.
+    """Yield the motion after losses of thrust at times along paths (N,), for one spacecraft at a time.
 
     Craft that are `held` (N,) follow their paths up to the end and then drift. The others drift from the
     start. The drift is propagated in the field, or with Hill's equations without one. `also`: further times
@@ -87,7 +87,7 @@ def sampled_losses(
 
 
 def _drifts(paths: Path, field: Field | None, times: Floats) -> Callable[[int, int, Floats], Floats]:
-    """Return a function for the drift (T, 6) of a craft from a state at one of the times (T,) on."""
+    """Return a function for the drift (T, 6) of a spacecraft from a state at one of the times (T,) on."""
     if field is None:
         orbit, until = paths.orbit, float(times[-1])
 

@@ -55,7 +55,7 @@ def simulate(
     Parameters
     ----------
     plan : Plan, Avoidance or Path
-        Plan of one craft or of N, in the chief's Hill frame with straight axes, times since its epoch.
+        Plan of one spacecraft or of N, in the chief's Hill frame with straight axes, times since its epoch.
     field : Field
         Force model in which they move.
     control : {"track", "replan", "open"}, default "track"
@@ -71,11 +71,11 @@ def simulate(
         Zones of all pairs, or of each; without them no clearance ratios are computed.
     cancel : bool, default True
         Compensate the model error of Hill's equations and change impulses for it, as `compensated_thrust`
-        does. Coasts on which feedback holds craft by impulses are not compensated.
+        does. Coasts on which feedback holds spacecraft by impulses are not compensated.
     known : Field, optional
         Force model used for the compensation. Default: `field`.
     thrust_error : array_like of shape (2,) or (N, 2), no unit and [rad], default (0, 0)
-        Bounds on each craft's relative thrust error and on its direction error. They are uniformly
+        Bounds on each spacecraft's relative thrust error and on its direction error. They are uniformly
         distributed and constant through a simulation.
     max_acceleration : array_like of shape (N,) or () [m/s^2], optional
         Thrust limit; `limited` reports the share of time at the limit. Cannot be combined with impulses or
@@ -83,21 +83,21 @@ def simulate(
     minimum_bit : float [m/s], default 0
         Minimum impulse bit.
     thrusters : Thrusters or sequence of Thrusters or None, optional
-        Thrusters of all craft, or of each that has some. They fire the compensated plan, and feedback burns
-        of at least one bit while they are not firing by plan.
+        Thrusters of all spacecraft, or of each that has some. They fire the compensated plan, and feedback
+        burns of at least one bit while they are not firing by plan.
     seeds : int or sequence of int, default 1
         Number of simulations, or the seed of each, which determines its errors.
     errors : Uncertainty or sequence of Uncertainty or None, optional
-        Uncertainty of each craft, in addition to `thrust_error`: errors of the initial state and of each
+        Uncertainty of each spacecraft, in addition to `thrust_error`: errors of the initial state and of each
         planned or feedback burn and impulse. Continuous feedback is one burn per measurement, and thruster
         feedback one per order. Process noise (`noise`) acts by velocity changes every 8 s; states are exact
         at these times.
     lost : array_like of shape (N,) or () [s], optional
-        Time at which each craft loses its thrust, unknown to guidance, and drifts; inf for one that does not.
-        The last feedback order of thrusters counts as spent.
+        Time at which each spacecraft loses its thrust, unknown to guidance, and drifts; inf for one that does
+        not. The last feedback order of thrusters counts as spent.
     engine : array_like of bool of shape (N,) or (), default True
-        Whether each craft has an engine. Without it a craft coasts in the field without feedback, and new
-        plans avoid its measured path.
+        Whether each spacecraft has an engine. Without it a spacecraft coasts in the field without feedback,
+        and new plans avoid its measured path.
 
     Returns
     -------
@@ -110,13 +110,11 @@ def simulate(
         If the plan has no paths, is in deep space, has another mean motion than the chief, or an argument
         has the wrong type.
 
-    Notes
-    -----
-    Steps are 10 s, 20 s for impulses alone and 5 s for pulses; a step ends at each discontinuity of thrust.
-    Feedback returns craft to the plan. For thrusters, and for impulsive spans, the reference is the motion
-    without errors in the known field. Coasts that begin without an impulse and last for a horizon or an orbit
-    are held, also in a path of several stages. A field that is a function is evaluated along a simulation
-    without errors; nearby, the gradient of its zonals is used.
+    Notes ----- Steps are 10 s, 20 s for impulses alone and 5 s for pulses; a step ends at each discontinuity
+    of thrust. Feedback returns spacecraft to the plan. For thrusters, and for impulsive spans, the reference
+    is the motion without errors in the known field. Coasts that begin without an impulse and last for a
+    horizon or an orbit are held, also in a path of several stages. A field that is a function is evaluated
+    along a simulation without errors; nearby, the gradient of its zonals is used.
 
     References
     ----------

@@ -21,7 +21,7 @@ ROUNDING = 1e-12  # relative rounding error of the delta-v
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Simulation(Rows):
-    """S simulations of N craft in a field; returned by `simulate`.
+    """S simulations of N spacecraft in a field; returned by `simulate`.
 
     Attributes
     ----------
@@ -34,12 +34,13 @@ class Simulation(Rows):
     delta_v : array of shape (S, N) [m/s]
         Delta-v spent: the sum of the next three.
     planned_delta_v : array of shape (N,) [m/s]
-        Delta-v of the plan; for craft with thrusters that of the firing in Hill's equations, per thruster.
+        Delta-v of the plan; for spacecraft with thrusters that of the firing in Hill's equations, per
+        thruster.
     field_delta_v : array of shape (N,) [m/s]
         Additional delta-v to compensate the model error; negative where it helps, 0 without `cancel`.
     limited : array of shape (S, N), no unit
-        Share of time in which the command of each craft exceeds `max_acceleration`, or its feedback exceeds
-        the capability of its thrusters.
+        Share of time in which the command of each spacecraft exceeds `max_acceleration`, or its feedback
+        exceeds the capability of its thrusters.
     pairs : array of int of shape (P, 2)
         Pairs i < j that have a zone.
     ratios : array of shape (S, P), no unit
@@ -51,7 +52,7 @@ class Simulation(Rows):
     refused : tuple of (int, float [s], str)
         Failed replans: seed, time, and reason with the share of the margin.
     firing : ThrusterFiring or None
-        Planned firing of craft with thrusters; None without.
+        Planned firing of spacecraft with thrusters; None without.
     pulses : tuple of Pulses
         Planned pulses in each simulation, those of new plans included; empty without thrusters.
     ordered : array of shape (Q,) [s]
@@ -99,12 +100,12 @@ class Simulation(Rows):
 
     @property
     def craft(self) -> Any:
-        """Index of the craft of each row of `columns` (S, N), no unit."""
+        """Index of the spacecraft of each row of `columns` (S, N), no unit."""
         return np.broadcast_to(np.arange(self.delta_v.shape[1]), self.delta_v.shape)
 
     @property
     def feedback_delta_v(self) -> Any:
-        """Delta-v of each craft for feedback (S, N) [m/s], reduced by thrust limits.
+        """Delta-v of each spacecraft for feedback (S, N) [m/s], reduced by thrust limits.
 
         Impulsive and pulsed feedback also compensates the model error on held coasts.
         """
@@ -113,33 +114,33 @@ class Simulation(Rows):
 
     @cached_property
     def deviations(self) -> Floats:
-        """Distance of each craft from the plan at the times (S, N, T) [m]."""
+        """Distance of each spacecraft from the plan at the times (S, N, T) [m]."""
         apart = self.states[..., :3] - self.planned.position(self.times)
         return np.asarray(np.linalg.norm(apart, axis=-1))
 
     @property
     def ends(self) -> Floats:
-        """Distance of each craft from the plan at the end (S, N) [m]."""
+        """Distance of each spacecraft from the plan at the end (S, N) [m]."""
         return self.deviations[..., -1]
 
     @property
     def delta_v_per_day(self) -> Floats:
-        """Delta-v of each craft per day (S, N) [m/s]."""
+        """Delta-v of each spacecraft per day (S, N) [m/s]."""
         return np.asarray(self.delta_v * (DAY / (self.times[-1] - self.times[0])))
 
     @property
     def greatest_deviation(self) -> float:
-        """Largest distance of any craft from the plan [m]."""
+        """Largest distance of any spacecraft from the plan [m]."""
         return float(self.deviations.max())
 
     @property
     def greatest_end(self) -> float:
-        """Largest distance of any craft from the plan at the end [m]."""
+        """Largest distance of any spacecraft from the plan at the end [m]."""
         return float(self.ends.max())
 
     @property
     def greatest_delta_v(self) -> float:
-        """Largest delta-v of any craft [m/s]."""
+        """Largest delta-v of any spacecraft [m/s]."""
         return float(self.delta_v.max())
 
     @property
