@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, number
 from closeform.dynamics.force_model.field import Field, described
-from closeform.dynamics.force_model.hill_frame import ChiefFrame, residuals
+from closeform.dynamics.force_model.hill_frame import ChiefFrame
+from closeform.dynamics.model_error import residuals
 from closeform.dynamics.planned_paths import checked_paths, running_engines
 from closeform.dynamics.simulation.guidance import Guidance
 from closeform.dynamics.simulation.impulse_retargeting import Retargeted

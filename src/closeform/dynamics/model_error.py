@@ -1,4 +1,8 @@
-"""Model error of a plan: predicted deviations in the high-fidelity model with the plan's thrust alone."""
+"""Model error of Hill's equations in a force model, and the deviations that it causes.
+
+The model error (residual) is the acceleration along a path that Hill's equations do not contain. `validity`
+predicts the deviations of a plan with its planned thrust alone.
+"""
 
 from __future__ import annotations
 
@@ -10,10 +14,10 @@ import numpy as np
 
 from closeform.arrays import Floats, instance
 from closeform.dynamics.clearance import clearance_ratios
+from closeform.dynamics.force_model.drag import ballistics_of
 from closeform.dynamics.force_model.field import Field, described
-from closeform.dynamics.force_model.hill_frame import ChiefFrame, applied, residuals
+from closeform.dynamics.force_model.hill_frame import ChiefFrame, applied
 from closeform.dynamics.planned_paths import checked_paths, impulses_of
-from closeform.dynamics.simulation.time_grid import snapped
 from closeform.motion.arc import START
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
@@ -23,6 +27,7 @@ from closeform.zones.zone import Zone
 
 STEPS = 300  # quadrature steps in each orbit, in pairs for Simpson's rule
 FEWEST = 60  # quadrature steps at least
+SAME = 1e-6  # s: tolerance of equal times
 PASSES, WITHIN = 8, 0.005  # passes along the deviating path, and the change [m] at which they end
 
 
@@ -137,7 +142,8 @@ def _least(
 ) -> tuple[Any, Floats, Floats]:
     """Return pairs (P, 2), their minimum clearance ratios (P,) as planned, and with deviations (N, T, 6)."""
     begins = np.unique(paths.arcs[:, START])
-    nodes = np.union1d(begins, snapped(times, begins))  # thrust and velocities jump at no other time
+    apart = np.abs(times[:, None] - begins).min(axis=1) > SAME
+    nodes = np.union1d(begins, times[apart])  # thrust and velocities jump at no other time
     states, jumps = paths.state(nodes), np.zeros((len(paths), len(nodes), 6))
     craft, fired, sizes = impulses_of(paths)
     np.add.at(jumps[..., 3:], (craft, np.searchsorted(nodes, fired)), sizes)  # some at one instant
@@ -160,6 +166,25 @@ def in_words(found: Validity, names: Sequence[str] | None = None) -> tuple[str, 
     entered = " (entered)" if found.flown[near] < 1.0 else ""
     least = f"{found.flown[near]:.4f}{entered}, {pair}; as planned {found.planned[near]:.4f}"
     return (ends, f"Minimum clearance ratio predicted: {least}. {left_out}")
+
+
+def residuals(field: Field, frame: ChiefFrame, states: Floats, n: float) -> Floats:
+    """Return the model error (N, T, 3) [m/s^2] of Hill's equations with mean motion `n`.
+
+    States (N, T, 6) [m, m/s] and result are in the chief's axes; spacecraft are in the order of the field's
+    ballistic coefficients.  # theory (82)
+    """
+    place, speed = states[..., :3], states[..., 3:]
+    turn, swing = frame.rotation, np.cross(frame.rotation, place)
+    own = ballistics_of(field.drag, len(states))[:, None]
+    acceleration = field.accelerations(frame.times, frame.inertial(states), own) - frame.acceleration
+    d = applied(frame.axes, acceleration)
+    d -= 2.0 * np.cross(turn, speed) + np.cross(frame.rotation_rate, place) + np.cross(turn, swing)
+    x, z, vx, vy = place[..., 0], place[..., 2], speed[..., 0], speed[..., 1]
+    d[..., 0] -= 3.0 * n * n * x + 2.0 * n * vy  # theory (1)
+    d[..., 1] += 2.0 * n * vx
+    d[..., 2] += n * n * z
+    return d
 
 
 def deviations_of(orbit: Orbit, times: Floats, left_out: Floats) -> Floats:

@@ -40,7 +40,8 @@ from closeform.scenario.table import (
 )
 
 if TYPE_CHECKING:
-    from closeform.dynamics.control.feedback import Feedback, Navigation
+    from closeform.dynamics.control.feedback import Feedback
+    from closeform.dynamics.control.navigation import Navigation
     from closeform.exchange.chief import Chief
 
 DEGREES = (0, 2, 3, 4, 5, 6)
@@ -135,7 +136,7 @@ class NavigationTable(Table):
 
     def build(self) -> "Navigation":
         """Return the navigation that the table describes."""
-        from closeform.dynamics.control.feedback import Navigation
+        from closeform.dynamics.control.navigation import Navigation
 
         biases = self.position_bias, self.velocity_bias
         return Navigation(self.position, self.velocity, *biases, self.correlation)

@@ -12,7 +12,8 @@ from scipy import special
 
 from closeform.arrays import Floats, instance, number, whole
 from closeform.dynamics.control.closed_loop import ClosedLoop, greatest_sigma
-from closeform.dynamics.control.feedback import Feedback, Navigation, nonnegative
+from closeform.dynamics.control.feedback import Feedback
+from closeform.dynamics.control.navigation import Navigation, nonnegative
 from closeform.motion.mean_motion import checked
 from closeform.motion.orbit import Orbit
 from closeform.result import Result

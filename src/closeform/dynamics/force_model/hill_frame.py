@@ -1,17 +1,12 @@
-"""Hill frame of a chief in a force model, and the model error of Hill's equations in it.
-
-The model error (residual) is the acceleration along a path that Hill's equations do not contain.
-"""
+"""Hill frame of a chief in a force model: its axes and their rotation."""
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.dynamics.force_model.drag import ballistics_of
 from closeform.dynamics.force_model.field import Field
 from closeform.motion.frames import turning_axes
 
@@ -57,43 +52,16 @@ class ChiefFrame(NamedTuple):
         """Return the frame at the given instants."""
         return ChiefFrame(*(part[some] for part in self))
 
-
-def residuals(field: Field, frame: ChiefFrame, states: Floats, n: float) -> Floats:
-    """Return the model error (N, T, 3) [m/s^2] of Hill's equations with mean motion `n`.
-
-    States (N, T, 6) [m, m/s] and result are in the chief's axes; spacecraft are in the order of the field's
-    ballistic coefficients.  # theory (82)
-    """
-    place, speed = states[..., :3], states[..., 3:]
-    turn, swing = frame.rotation, np.cross(frame.rotation, place)
-    own = ballistics_of(field.drag, len(states))[:, None]
-    acceleration = field.accelerations(frame.times, inertial(frame, states), own) - frame.acceleration
-    d = applied(frame.axes, acceleration)
-    d -= 2.0 * np.cross(turn, speed) + np.cross(frame.rotation_rate, place) + np.cross(turn, swing)
-    x, z, vx, vy = place[..., 0], place[..., 2], speed[..., 0], speed[..., 1]
-    d[..., 0] -= 3.0 * n * n * x + 2.0 * n * vy  # theory (1)
-    d[..., 1] += 2.0 * n * vx
-    d[..., 2] += n * n * z
-    return d
+    def inertial(self, states: Floats) -> Floats:
+        """Return inertial states (N, T, 6) from those in the frame."""
+        place, speed = states[..., :3], states[..., 3:] + np.cross(self.rotation, states[..., :3])
+        there = np.empty_like(states)
+        outward = self.axes.transpose(0, 2, 1)
+        there[..., :3] = self.states[:, :3] + applied(outward, place)
+        there[..., 3:] = self.states[:, 3:] + applied(outward, speed)
+        return there
 
 
 def applied(matrices: Floats, vectors: Floats) -> Floats:
     """Return matrices (T, I, J), one for each instant, times vectors (N, T, J): (N, T, I)."""
     return np.ascontiguousarray((matrices @ vectors.transpose(1, 2, 0)).transpose(2, 0, 1))
-
-
-def inertial(frame: ChiefFrame, states: Floats) -> Floats:
-    """Return inertial states (N, T, 6) from relative ones."""
-    place, speed = states[..., :3], states[..., 3:] + np.cross(frame.rotation, states[..., :3])
-    there = np.empty_like(states)
-    outward = frame.axes.transpose(0, 2, 1)
-    there[..., :3] = frame.states[:, :3] + applied(outward, place)
-    there[..., 3:] = frame.states[:, 3:] + applied(outward, speed)
-    return there
-
-
-def beyond_zonals(field: Field, frame: ChiefFrame, states: Floats) -> Floats:
-    """Return the acceleration of a user function minus its zonals (N, T, 3) [m/s^2], inertial."""
-    there = inertial(frame, states)
-    zonal = replace(field, acceleration=None)
-    return field.accelerations(frame.times, there) - zonal.accelerations(frame.times, there)

@@ -12,10 +12,11 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.dynamics.control.closed_loop import KINDS, ClosedLoop
-from closeform.dynamics.control.feedback import Feedback, Navigation
+from closeform.dynamics.control.feedback import Feedback
+from closeform.dynamics.control.navigation import Navigation
 from closeform.dynamics.force_model.field import Field
-from closeform.dynamics.force_model.hill_frame import ChiefFrame, residuals
-from closeform.dynamics.model_error import deviations_of
+from closeform.dynamics.force_model.hill_frame import ChiefFrame
+from closeform.dynamics.model_error import deviations_of, residuals
 from closeform.dynamics.simulation.guidance import Guidance
 from closeform.dynamics.simulation.impulse_retargeting import Retargeted
 from closeform.dynamics.simulation.random_errors import burn_edges

@@ -12,18 +12,13 @@ from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, instance, number, of_each
 from closeform.dynamics.control.closed_loop import process_noise_covariances
-from closeform.dynamics.control.feedback import (
-    Feedback,
-    Navigation,
-    default_feedback,
-    nonnegative,
-    thrust_errors,
-)
+from closeform.dynamics.control.feedback import Feedback, default_feedback
+from closeform.dynamics.control.navigation import Navigation, nonnegative
 from closeform.dynamics.force_model.field import Field
 from closeform.dynamics.infeasible import Infeasible
 from closeform.dynamics.margins.error_propagation import TrackedPlan, instants
 from closeform.dynamics.planned_paths import checked_paths, running_engines
-from closeform.dynamics.simulation.random_errors import errors_of_each
+from closeform.dynamics.simulation.random_errors import errors_of_each, thrust_errors
 from closeform.dynamics.simulation.thruster_model import lacks_axis
 from closeform.dynamics.simulation.thruster_pulses import pulse_feedback
 from closeform.fuel.thrusters import Thrusters, each_set

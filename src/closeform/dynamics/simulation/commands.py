@@ -16,11 +16,15 @@ from closeform.dynamics.planned_paths import impulses_of
 from closeform.dynamics.simulation.random_errors import ErrorEvents
 from closeform.dynamics.simulation.station_keeping import ThrustSpans
 from closeform.dynamics.simulation.thruster_model import ThrusterModel
-from closeform.dynamics.simulation.time_grid import TimeGrid, thrust_bends, thrust_discontinuities
+from closeform.dynamics.simulation.time_grid import (
+    CONTINUOUS,
+    IMPULSIVE,
+    PULSED,
+    TimeGrid,
+    thrust_bends,
+    thrust_discontinuities,
+)
 from closeform.motion.path import Path
-
-# s: maximum step for pulses, for continuous thrust, for impulses alone
-PULSED, CONTINUOUS, IMPULSIVE = 5.0, 10.0, 20.0
 
 
 class Engines(NamedTuple):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,8 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.dynamics.control.feedback import delay_transitions, impulse_gains, optimal_return
 from closeform.dynamics.force_model.field import Field
-from closeform.dynamics.force_model.hill_frame import ChiefFrame, beyond_zonals, residuals
+from closeform.dynamics.force_model.hill_frame import ChiefFrame
+from closeform.dynamics.model_error import residuals
 from closeform.dynamics.simulation.commands import Commands
 from closeform.dynamics.simulation.integrator import FACET, THRUSTER, Stretch, integrate
 from closeform.dynamics.simulation.random_errors import ErrorEvents, SampledErrors
@@ -172,7 +173,7 @@ def _stretch(
         commanded -= _stepwise(left_out) * compensated[..., None, None]
     here, unknown = frame.during(halves), np.zeros((count, 0, 3, 3))
     if around is not None:
-        unknown = _stepwise(beyond_zonals(field, here, around.state(times)))
+        unknown = _stepwise(_beyond_zonals(field, here, around.state(times)))
     each = grid.measurements, grid.updates, grid.feedback_impulses, grid.impulses, grid.outputs
     which = [part[nodes].copy() for part in each]
     if steps.stop < len(grid.rows):  # what happens at the last node belongs to the next stretch
@@ -223,3 +224,10 @@ def _thruster_rows(
 def _stepwise(values: Floats) -> Floats:
     """Return values (N, 2 K + 1, 3) at half steps as start, middle and end of each step (N, K, 3, 3)."""
     return np.stack([values[:, :-2:2], values[:, 1::2], values[:, 2::2]], axis=2)
+
+
+def _beyond_zonals(field: Field, frame: ChiefFrame, states: Floats) -> Floats:
+    """Return the acceleration of a user function minus its zonals (N, T, 3) [m/s^2], inertial."""
+    there = frame.inertial(states)
+    zonal = replace(field, acceleration=None)
+    return field.accelerations(frame.times, there) - zonal.accelerations(frame.times, there)

@@ -13,10 +13,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats, whole
-from closeform.dynamics.control.feedback import Navigation
+from closeform.arrays import Floats, shown, whole
+from closeform.dynamics.control.navigation import Navigation
 from closeform.dynamics.simulation.time_grid import TimeGrid
 from closeform.motion.arc import END, START
+from closeform.motion.mean_motion import checked
 from closeform.motion.path import Path
 from closeform.motion.steering import transition_matrices
 from closeform.uncertainty.columns import burning
@@ -231,6 +232,14 @@ def has_random_errors(
             if one is not None
         )
     )
+
+
+def thrust_errors(value: ArrayLike, count: int) -> Floats:
+    """Return the argument `thrust_error` of each spacecraft (N, 2): relative size, and angle [rad]."""
+    sizes = np.asarray(checked("thrust_error", value))
+    if sizes.shape not in ((2,), (count, 2)) or not (sizes >= 0.0).all():
+        raise ValueError(f"thrust_error: expected two numbers of at least 0, got {shown(value)}")
+    return np.broadcast_to(sizes, (count, 2))
 
 
 def seeds_of(seeds: int | Sequence[int]) -> list[int]:

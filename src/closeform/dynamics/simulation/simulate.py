@@ -10,19 +10,14 @@ from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, instance, number, of_each, shown
 from closeform.dynamics.clearance import clearance_ratios
-from closeform.dynamics.control.feedback import (
-    Feedback,
-    Navigation,
-    default_feedback,
-    nonnegative,
-    thrust_errors,
-)
+from closeform.dynamics.control.feedback import Feedback, default_feedback
+from closeform.dynamics.control.navigation import Navigation, nonnegative
 from closeform.dynamics.force_model.field import Field
 from closeform.dynamics.planned_paths import checked_paths, running_engines, until_lost
 from closeform.dynamics.simulation.commands import Engines
 from closeform.dynamics.simulation.control_loop import ControlLoop, joined
 from closeform.dynamics.simulation.guidance import Guidance
-from closeform.dynamics.simulation.random_errors import ErrorSampler, errors_of_each, seeds_of
+from closeform.dynamics.simulation.random_errors import ErrorSampler, errors_of_each, seeds_of, thrust_errors
 from closeform.dynamics.simulation.replanning import Replanner
 from closeform.dynamics.simulation.simulation_result import Simulation
 from closeform.dynamics.simulation.thruster_pulses import planned_delta_v, pulse_feedback

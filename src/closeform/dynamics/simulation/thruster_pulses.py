@@ -13,8 +13,9 @@ from closeform.arrays import Floats
 from closeform.dynamics.control.feedback import BY_IMPULSES, REPLACED, Feedback
 from closeform.dynamics.force_model.drag import ballistics_of
 from closeform.dynamics.force_model.field import Field
-from closeform.dynamics.force_model.hill_frame import ChiefFrame, residuals
+from closeform.dynamics.force_model.hill_frame import ChiefFrame
 from closeform.dynamics.infeasible import Infeasible
+from closeform.dynamics.model_error import residuals
 from closeform.dynamics.planned_paths import until_lost
 from closeform.dynamics.simulation.commands import Commands
 from closeform.dynamics.simulation.impulse_retargeting import Retargeted

@@ -11,6 +11,8 @@ from closeform.dynamics.control.feedback import Feedback, slots_before_next
 from closeform.motion.arc import END, START
 from closeform.motion.path import Path
 
+# s: maximum step for pulses, for continuous thrust, for impulses alone
+PULSED, CONTINUOUS, IMPULSIVE = 5.0, 10.0, 20.0
 OUTPUTS = 20_000  # number of instants with stored states, about
 BESIDE = 1e-6  # of a step: distance from a discontinuity of thrust
 SAME = 1e-6  # s: tolerance of equal times
