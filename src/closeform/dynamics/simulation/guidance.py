@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, reduce
+from functools import cached_property, partial, reduce
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,7 +21,7 @@ from closeform.dynamics.force_model.field import Field
 from closeform.dynamics.force_model.hill_frame import ChiefFrame
 from closeform.dynamics.planned_paths import extended_paths, impulses_of
 from closeform.dynamics.simulation.commands import Commands, Engines
-from closeform.dynamics.simulation.impulse_retargeting import Retargeted, retargeted
+from closeform.dynamics.simulation.impulse_retargeting import Retargeted, retarget
 from closeform.dynamics.simulation.propagate import Trajectories, propagate
 from closeform.dynamics.simulation.random_errors import ErrorSampler, SampledErrors
 from closeform.dynamics.simulation.station_keeping import ThrustSpans
@@ -42,9 +42,9 @@ Span = tuple[float, float]
 class Guidance:
     """Commands for planned `paths` (N,) in the `believed` field, with or without a feedback `law`.
 
-    `impulses` are those of the plan, changed for the field; `jumped` are the paths by them. `firing` holds
-    the pulses of the spacecraft that have `thrusters`, which the plan's `paths` then cover. `cancel` tells
-    whether the model error is compensated.
+    `impulses` are those of the plan, changed for the field, and `retargeted` the paths by them. `firing` has
+    the pulses of the spacecraft that have `thrusters`, whose times the `paths` then cover. With `cancel` the
+    model error is compensated.
     """
 
     paths: Path
@@ -53,7 +53,7 @@ class Guidance:
     cancel: bool
     thrusters: Sequence[Thrusters | None]
     impulses: Retargeted
-    jumped: Path
+    retargeted: Path
     firing: ThrusterFiring | None
 
     @classmethod
@@ -68,13 +68,13 @@ class Guidance:
         specific_impulse: ArrayLike | None = None,
     ) -> Guidance:
         """Return the guidance of a plan. Raises Infeasible if it is not feasible in the field."""
-        impulses, jumped = retargeted(paths, believed if cancel else None, law)
-        if not shooters(thrusters):
-            return cls(paths, believed, law, cancel, thrusters, impulses, jumped, None)
-        firing = fire_plan(paths, impulses, believed, thrusters, mass, specific_impulse, law)
-        span = np.array([firing.path.start.min(), firing.path.end.max()])
-        paths, jumped = extended_paths(paths, span), extended_paths(jumped, span)
-        return cls(paths, believed, law, cancel, thrusters, impulses, jumped, firing)
+        impulses, changed = retarget(paths, believed if cancel else None, law)
+        firing = None
+        if shooters(thrusters):
+            firing = fire_plan(paths, impulses, believed, thrusters, mass, specific_impulse, law)
+            span = np.array([firing.path.start.min(), firing.path.end.max()])
+            paths, changed = extended_paths(paths, span), extended_paths(changed, span)
+        return cls(paths, believed, law, cancel, thrusters, impulses, changed, firing)
 
     @property
     def span(self) -> Span:
@@ -108,9 +108,9 @@ class Guidance:
         On held coasts they are the planned paths.
         """
         if not self._pulsed:
-            return self.jumped
+            return self.retargeted
         pulsed = {k: one.path[0] for k, one in self._pulsed.items()}
-        return stack([pulsed.get(k, self.jumped[k]) for k in range(len(self.paths))])
+        return stack([pulsed.get(k, self.retargeted[k]) for k in range(len(self.paths))])
 
     def pulses(self, span: Span) -> list[Pulses]:
         """Return the planned pulses that begin in a span, in a list; none without thrusters."""
@@ -127,7 +127,7 @@ class Guidance:
                 yield from ((k, *one) for one in self._pulsed[k].missed)
             elif self.cancel:
                 for end in moves[moves[:, 1] < self.paths.end[k] - SAME, 1]:
-                    yield k, float(end), self.jumped[k].state(end) - self.paths[k].state(end)
+                    yield k, float(end), self.retargeted[k].state(end) - self.paths[k].state(end)
 
     @property
     def deviation(self) -> Floats:
@@ -143,42 +143,29 @@ class Guidance:
 
         Each spacecraft with thrusters has a grid of its own. All grids have the same output times.
         """
-        ballistics, pulsed = ballistics_of(field.drag, len(self.paths)), self.firing is not None
-        rest, outputs = [k for k in range(len(self.paths)) if k not in self._models], np.zeros(0)
-        if span is None:
-            own = self.paths[rest] if rest else None
-            times = [engines.lost[np.isfinite(engines.lost)]]
-            if own is not None:
-                times += [
-                    ThrustSpans.of(own, law).bounds,
-                    impulses_of(own)[1] if pulsed else thrust_bends(own),
-                ]
-            outputs = reduce(np.union1d, times)
+        ballistics = ballistics_of(field.drag, len(self.paths))
+        rest = [k for k in range(len(self.paths)) if k not in self._models]
+        outputs = np.zeros(0) if span is not None else self._output_times(rest, law, engines.lost)
+        pulsed = self.firing is not None
+        commands = partial(Commands.of, pulsed=pulsed, span=span, outputs=outputs)
         for k, (path, model) in self._models.items():
-            yield (
-                [k],
-                Commands.of(
-                    *(path, law, None, ballistics[[k]], engines.among([k])),
-                    reference=self.reference[[k]] if law is not None else None,
-                    thrusters=model,
-                    pulsed=True,
-                    span=span,
-                    outputs=outputs,
-                ),
-            )
+            target = self.reference[[k]] if law is not None else None
+            own = path, law, None, ballistics[[k]], engines.among([k])
+            yield [k], commands(*own, reference=target, thrusters=model)
         if rest:
             known = self.believed._of(rest) if self.cancel else None
-            yield (
-                rest,
-                Commands.of(
-                    *(self.paths[rest], law, known, ballistics[rest], engines.among(rest)),
-                    impulses=self.impulses.impulse[np.isin(self.impulses.craft, rest)],
-                    reference=self.jumped[rest],
-                    pulsed=pulsed,
-                    span=span,
-                    outputs=outputs,
-                ),
-            )
+            changed = self.impulses.impulse[np.isin(self.impulses.craft, rest)]
+            plan = self.paths[rest], law, known, ballistics[rest], engines.among(rest)
+            yield rest, commands(*plan, impulses=changed, reference=self.retargeted[rest])
+
+    def _output_times(self, rest: list[int], law: Feedback | None, lost: Floats) -> Floats:
+        """Return the times at which all spacecraft have outputs, and those without thrusters changes."""
+        times = [lost[np.isfinite(lost)]]
+        if rest:
+            own = self.paths[rest]
+            sharp = impulses_of(own)[1] if self.firing is not None else thrust_bends(own)
+            times += [ThrustSpans.of(own, law).bounds, sharp]
+        return reduce(np.union1d, times)
 
     def _frame(self, first: int, commands: Commands, field: Field) -> ChiefFrame | None:
         """Return the chief's frame in a field on the grid of commands, if it is known already."""

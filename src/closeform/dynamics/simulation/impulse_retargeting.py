@@ -62,7 +62,7 @@ class Retargeted(Rows):
         return len(self.time)
 
 
-def retargeted(paths: Path, field: Field | None, law: Feedback | None = None) -> tuple[Retargeted, Path]:
+def retarget(paths: Path, field: Field | None, law: Feedback | None = None) -> tuple[Retargeted, Path]:
     """Return the impulses of paths (N,) changed for a field, if any, and the resulting paths.
 
     Each span in which impulses move a spacecraft starts from the planned state; elsewhere the resulting path

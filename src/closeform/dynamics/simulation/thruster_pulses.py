@@ -198,9 +198,8 @@ class PulsedReference(NamedTuple):
 
         Each span of pulses starts from the planned state. Without feedback there is one span.
         """
-        ballistics, nothing = ballistics_of(field.drag, 1), np.zeros(0)
-        options = {"thrusters": model, "pulsed": True, "outputs": nothing}
-        commands = Commands.of(fired, law, None, ballistics, **options)  # type: ignore[arg-type]
+        own = fired, law, None, ballistics_of(field.drag, 1)
+        commands = Commands.of(*own, thrusters=model, pulsed=True, outputs=np.zeros(0))
         grid, frame, missed = commands.grid, commands.frame_in(field), []
         states = plan.state(grid.output_times)
         whole = np.array([[grid.nodes[0], grid.nodes[-1]]])
