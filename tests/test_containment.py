@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import chi
 
 import closeform as cf
-from closeform.dynamics.outcrossings import Outcrossings
+from closeform.dynamics.control.tracking_tube import Outcrossings
 
 CHIEF = cf.Chief.from_elements("2026-11-22T12:00:00", [6.878e6, 0.0, 1e-3, 0.0, np.radians(51.6), 0.3])
 FIELD, ORBIT = cf.Field(CHIEF), CHIEF.orbit

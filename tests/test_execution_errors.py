@@ -277,10 +277,32 @@ def test_margin_covers_execution_errors(cost, errors):
     assert cf.simulate(planned(0.0), FIELD, **ways).violated > 0.3
 
 
+@pytest.mark.parametrize(
+    "way",
+    [
+        {"feedback": cf.Feedback(60.0, 600.0, delay=40.0)},
+        {"feedback": cf.Feedback(300.0, 1800.0, 6)},
+        {"thrusters": cf.Thrusters.rtn(acceleration=0.02, minimum_bit=1e-6, period=60.0)},
+        {"engine": False},
+    ],
+    ids=["delay", "impulses", "thrusters", "drift"],
+)
+def test_process_noise_spreads_as_in_simulations(way):
+    """The covariance of the margins is that of simulations, within four standard errors."""
+    lasts, errors, seeds = 0.4 * ORBIT.period, cf.Uncertainty(noise=1e-8), 300
+    path = ORBIT.transfer([0, 200, 0, 0, 0, 0], [0, 50, 100, 0, 0, 0], lasts)
+    path = ORBIT.coast([0, 200, 0, 0, 0, 0], lasts) if "engine" in way else path
+    margins = cf.tracking_margins(path, FIELD, errors=errors, **way)
+    flights = cf.simulate(path, FIELD, errors=errors, seeds=seeds, **way)
+    off = flights.states[:, 0, :, :3] - flights.states[:, 0, :, :3].mean(axis=0)
+    for k in (len(flights.times) // 4, len(flights.times) - 2):
+        sampled, now = np.std(off[:, k], axis=0), flights.times[k]
+        predicted = [np.interp(now, margins.times, margins.spread[0, :, i, i]) ** 0.5 for i in range(3)]
+        assert sampled == pytest.approx(predicted, rel=4.0 / np.sqrt(2.0 * seeds) + 0.03)
+
+
 def test_invalid_errors_are_named():
     path = formation(0.1)
-    with pytest.raises(ValueError, match=r"^errors: tracking margins do not cover process noise"):
-        cf.tracking_margins(path, FIELD, errors=cf.Uncertainty(noise=1e-9))
     with pytest.raises(ValueError, match=r"^errors: 2 for 4 craft; give one, or one for each$"):
         cf.simulate(path, FIELD, errors=[None, BURNS])
     with pytest.raises(ValueError, match=r"^errors: expected Uncertainty, got 0\.1$"):

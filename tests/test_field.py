@@ -12,10 +12,10 @@ from scipy.integrate import DOP853, solve_ivp
 from scipy.interpolate import CubicHermiteSpline
 
 import closeform as cf
-from closeform.dynamics.dormand_prince import tableau
-from closeform.dynamics.field import EARTH_ZONALS, GRAVITY_RADIUS
+from closeform.dynamics.force_model.field import EARTH_ZONALS, GRAVITY_RADIUS
+from closeform.dynamics.force_model.propagation import tableau
 from closeform.dynamics.model_error_estimate import MOVES, model_error
-from closeform.dynamics.retargeted import Retargeted
+from closeform.dynamics.simulation.impulse_retargeting import Retargeted
 
 MU = cf.elements.EARTH_MU
 EPOCH = "2026-11-22T12:00:00"
@@ -834,10 +834,10 @@ def test_plan_with_a_single_measurement():
 
 def test_correcting_impulses_are_the_pseudoinverse():
     """They null any deviation with the minimum sum of squares, as the pseudoinverse does."""
-    from closeform.dynamics.feedback import kicks_back
+    from closeform.dynamics.control.feedback import impulse_gains
 
     orbit, law = chief().orbit, cf.Feedback(600.0, 4000.0, 5)
-    times, gains = kicks_back(orbit, law)
+    times, gains = impulse_gains(orbit, law)
     assert times == pytest.approx([0.0, 800.0, 1600.0, 2400.0, 3200.0])
     moved = np.hstack([orbit.transition(4000.0 - t)[:, 3:] for t in times])
     want = -np.linalg.pinv(moved) @ orbit.transition(4000.0)

@@ -15,7 +15,7 @@ from bridge import hill
 from closeform import plots
 from closeform.campaign import case_of
 from closeform.cli.app import main
-from closeform.dynamics.lost_thrust import sampled_losses
+from closeform.dynamics.simulation.loss_of_thrust import sampled_losses
 from closeform.mission.mission import fly
 from closeform.mission.passive_safety import in_field
 from closeform.report import conflicts

@@ -9,7 +9,7 @@ from scipy.stats import chi2
 import closeform as cf
 from bridge import hill
 from closeform.campaign import case_of, evaluated
-from closeform.dynamics.process_noise import STEP, shaken
+from closeform.dynamics.simulation.random_errors import NOISE_STEP, process_noise
 from closeform.mission.executed_mission import ProcessNoise
 from closeform.mission.mission import fly
 from closeform.scenario import parse
@@ -259,16 +259,16 @@ def test_all_step_lengths_give_the_same_motion():
     ends = []
     for times in (np.linspace(0.0, 900.0, 46), np.unique(np.random.default_rng(1).uniform(0.0, 900.0, 400))):
         nodes = np.unique([0.0, *times, 900.0])
-        begin, added = shaken(N, 1e-8, nodes, numbers(5))
+        begin, added = process_noise(N, 1e-8, nodes, numbers(5))
         flows = np.array([expm(hill(N) * (900.0 - t)) for t in nodes])
         ends.append(flows[0][:, 3:] @ begin + np.einsum("kij,kj->i", flows[1:], added))
     assert ends[0] == pytest.approx(ends[1], rel=1e-9)
     pushes = increments(N, 9, 113, lambda level, rows: numbers(5)(level, rows)[None])
-    kicks = 1e-4 * kicks_of(N, STEP, pushes)[0]
-    exact = sum(expm(hill(N) * (900.0 - STEP * k))[:, 3:] @ kick for k, kick in enumerate(kicks))
+    kicks = 1e-4 * kicks_of(N, NOISE_STEP, pushes)[0]
+    exact = sum(expm(hill(N) * (900.0 - NOISE_STEP * k))[:, 3:] @ kick for k, kick in enumerate(kicks))
     assert ends[0] == pytest.approx(exact, rel=1e-9)
-    late = shaken(N, 1e-8, np.array([300.0, 480.0, 900.0]), numbers(5))[1]
-    early = shaken(N, 1e-8, np.array([0.0, 120.0, 300.0]), numbers(5))
+    late = process_noise(N, 1e-8, np.array([300.0, 480.0, 900.0]), numbers(5))[1]
+    early = process_noise(N, 1e-8, np.array([0.0, 120.0, 300.0]), numbers(5))
     there = expm(hill(N) * 300.0)[:, 3:] @ early[0] + expm(hill(N) * 180.0) @ early[1][0] + early[1][1]
     again = expm(hill(N) * 600.0) @ there + expm(hill(N) * 420.0) @ late[0] + late[1]
     assert again == pytest.approx(exact, rel=1e-9)
@@ -283,7 +283,7 @@ def test_simulations_have_the_covariance_of_the_noise():
     flights = cf.simulate(path, field, "open", cancel=False, errors=errors, seeds=300)
     for place in (40, -1):
         time = flights.times[place]
-        assert time % STEP == 0.0  # where states are exact
+        assert time % NOISE_STEP == 0.0  # where states are exact
         away = (flights.states - quiet.states)[:, :, place]
         for k, one in enumerate(errors):
             expected = noise_of(one.noise, CHIEF.orbit.mean_motion, time)

@@ -183,6 +183,8 @@ def test_replanning_with_pulses_keeps_clear():
     legs = np.abs(found.orders[:, 0]).sum(axis=-1).reshape(1, 12, -1).sum(axis=-1)
     assert not legs[:, 1:9].any()  # a new plan starts at the measured states
     assert legs[:, 9:].all()
+    given = found.pulses[0].impulse.sum() + np.abs(found.orders[0, 0]).sum()
+    assert given == pytest.approx(found.delta_v[0, 0], rel=1e-9)  # pulses of new plans included
     ways = np.array(cf.compensated_thrust(plan, FIELD).commanded[0])
     sides = np.abs(ways).sum() / np.linalg.norm(ways, axis=1).sum()  # each thruster counts
     assert found.delta_v[:, 0].mean() == pytest.approx(sides * lasting.delta_v[:, 0].mean(), rel=0.25)

@@ -14,7 +14,7 @@ import closeform as cf
 from closeform.campaign import case_of, evaluated
 from closeform.campaign.mission_cases import MissionCases
 from closeform.cli.app import main
-from closeform.dynamics.drag import EARTH_SPIN
+from closeform.dynamics.force_model.drag import EARTH_SPIN
 from closeform.mission.mission import fly
 from closeform.report.mission_study import MissionStudyReport
 from closeform.scenario import parse

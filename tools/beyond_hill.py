@@ -11,7 +11,7 @@ import numpy as np
 from scipy.linalg import expm
 
 import closeform as cf
-from closeform.dynamics.field import EARTH_ZONALS, GRAVITY_RADIUS
+from closeform.dynamics.force_model.field import EARTH_ZONALS, GRAVITY_RADIUS
 
 CASES = 12  # cases per eccentricity and number of orbits
 EPOCH = "2026-11-22T12:00:00"

@@ -15,7 +15,7 @@ import numpy as np
 from simulator import Flown, World, axes_of, coefficients, fly
 
 import closeform as cf
-from closeform.dynamics.field import EARTH_ZONALS, GRAVITY_RADIUS
+from closeform.dynamics.force_model.field import EARTH_ZONALS, GRAVITY_RADIUS
 
 EPOCH = "2026-11-22T12:00:00"
 AIR = 5.2e-13, 500e3, 60e3  # kg/m^3 at m, m: about mean sun

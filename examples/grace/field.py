@@ -15,7 +15,7 @@ import erfa
 import numpy as np
 
 import closeform as cf
-from closeform.dynamics.field import GRAVITY_RADIUS
+from closeform.dynamics.force_model.field import GRAVITY_RADIUS
 
 SPIN = 7.292115e-5  # rad/s
 LEADS = 19.0 + 32.184  # s, of terrestrial time before GPS time

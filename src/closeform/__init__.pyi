@@ -29,18 +29,19 @@ from closeform.dynamics.compensated_thrust import (
     CompensatedThrust as CompensatedThrust,
     compensated_thrust as compensated_thrust,
 )
-from closeform.dynamics.drag import Drag as Drag
-from closeform.dynamics.feedback import Feedback as Feedback, Navigation as Navigation
-from closeform.dynamics.field import Field as Field
-from closeform.dynamics.simulate import simulate as simulate
-from closeform.dynamics.simulation_result import Simulation as Simulation
-from closeform.dynamics.fitted import fit_margin as fit_margin
-from closeform.dynamics.tracking_margins import (
+from closeform.dynamics.force_model.drag import Drag as Drag
+from closeform.dynamics.control.feedback import Feedback as Feedback
+from closeform.dynamics.control.navigation import Navigation as Navigation
+from closeform.dynamics.force_model.field import Field as Field
+from closeform.dynamics.simulation.simulate import simulate as simulate
+from closeform.dynamics.simulation.simulation_result import Simulation as Simulation
+from closeform.dynamics.margins.fit_margin import fit_margin as fit_margin
+from closeform.dynamics.margins.tracking_margins import (
     TrackingMargins as TrackingMargins,
     tracking_margins as tracking_margins,
 )
-from closeform.dynamics.tube import Tube as Tube, tube as tube
-from closeform.dynamics.validity import Validity as Validity, validity as validity
+from closeform.dynamics.control.tracking_tube import Tube as Tube, tube as tube
+from closeform.dynamics.model_error import Validity as Validity, validity as validity
 from closeform.exchange.common_frame import CommonFrame as CommonFrame, common_frame as common_frame
 from closeform.exchange.ccsds.conjunction import (
     Conjunction as Conjunction,

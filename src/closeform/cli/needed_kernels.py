@@ -23,7 +23,7 @@ PASSIVE_SAFETY = "safety.search"
 SAFE_PLANS = "planning.passive.failure_minima planning.energy.plane_program"
 ERRORS = "uncertainty.sigma_levels uncertainty.spread uncertainty.sigma_conflicts uncertainty.widths"
 PROBABILITY = "uncertainty.sampled_trajectories uncertainty.entry_rate"
-FIELD = "dynamics.gravity dynamics.least_ratios"
+FIELD = "dynamics.force_model.propagation dynamics.clearance"
 
 
 def modules_for(scenario: "Scenario") -> list[str]:

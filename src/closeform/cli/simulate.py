@@ -10,7 +10,7 @@ from closeform.cli.inputs import UsageError, quantity
 from closeform.cli.screen import left
 
 if TYPE_CHECKING:
-    from closeform.dynamics.feedback import Feedback
+    from closeform.dynamics.control.feedback import Feedback
     from closeform.report.simulation import SimulationReport
     from closeform.scenario.quantity import Parts
 
@@ -80,7 +80,7 @@ def simulate(
         )
     for why, without in not_anew(run.scenario) if control == "replan" else ():
         raise UsageError(f"--control: {why} in {directory}; use --control track, or a run with {without}")
-    from closeform.dynamics.infeasible import Grounded
+    from closeform.dynamics.infeasible import Infeasible
     from closeform.mission.simulation import SimulatedRun, usually_led
     from closeform.report.page import Command
 
@@ -93,7 +93,7 @@ def simulate(
 
         try:
             return SimulationReport(SimulatedRun.of(run, control, settings, seeds), command)
-        except Grounded as error:
+        except Infeasible as error:
             raise UsageError(f"{directory}: cannot be simulated: {error}") from None
         except ValueError as error:
             raise UsageError(f"{directory}: {error}") from None

@@ -1,1 +1,1 @@
-"""High-fidelity dynamics: force model, simulation under feedback, model error and tracking margins."""
+"""High-fidelity dynamics: force model, control, simulation, model error and tracking margins."""

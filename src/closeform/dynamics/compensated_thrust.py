@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, number
-from closeform.dynamics.chief_frame import ChiefFrame
-from closeform.dynamics.engines import running_engines
-from closeform.dynamics.field import Field, described
-from closeform.dynamics.flown_plan import paths_to_fly, spanning
-from closeform.dynamics.residual import residuals
-from closeform.dynamics.retargeted import Retargeted, changed_impulses
+from closeform.dynamics.force_model.field import Field, described
+from closeform.dynamics.force_model.hill_frame import ChiefFrame
+from closeform.dynamics.model_error import residuals
+from closeform.dynamics.planned_paths import checked_paths, running_engines
+from closeform.dynamics.simulation.guidance import Guidance
+from closeform.dynamics.simulation.impulse_retargeting import Retargeted
 from closeform.fuel.thrusters import Thrusters, each_set
 from closeform.motion.joining import stack
 from closeform.motion.mean_motion import checked
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class CompensatedThrust(Rows):
-    """Thrust of N craft at T times that follows their paths in a field; returned by `compensated_thrust`.
+    """Thrust that follows the paths of N spacecraft in a field; returned by `compensated_thrust`.
 
     Attributes
     ----------
@@ -38,7 +38,7 @@ class CompensatedThrust(Rows):
         Times since the chief's epoch.
     commanded : array of shape (N, T, 3) [m/s^2]
         Radial, along-track and cross-track thrust, in the chief's axes: planned minus residual; as planned
-        for craft with impulses.
+        for spacecraft with impulses.
     planned : array of shape (N, T, 3) [m/s^2]
         The thrust of the plan, in the same axes.
     residual : array of shape (N, T, 3) [m/s^2]
@@ -48,12 +48,12 @@ class CompensatedThrust(Rows):
     planned_delta_v : array of shape (N,) [m/s]
         Delta-v of the plan.
     exceeded : array of bool of shape (N,)
-        True for craft whose command exceeds the thrust limit; False without a limit.
+        True for spacecraft whose command exceeds the thrust limit; False without a limit.
     impulses : Retargeted
-        Impulses of craft that have any, changed for the field.
+        Impulses of spacecraft that have any, changed for the field.
     path : Path
-        Followed paths (N,): the plan, and for craft with impulses or without engines the path in the field,
-        interpolated between samples; `screen` certifies it.
+        Followed paths (N,): the plan, and for spacecraft with impulses or without engines the path in the
+        field, interpolated between samples; `screen` certifies it.
     deviation : array of shape (N,) [m]
         Largest distance from the plan, at these samples.
     firing : ThrusterFiring or None
@@ -85,7 +85,7 @@ class CompensatedThrust(Rows):
 
     @property
     def craft(self) -> Any:
-        """Index of the craft of each row of `columns` (N, T), no unit."""
+        """Index of the spacecraft of each row of `columns` (N, T), no unit."""
         return np.broadcast_to(np.arange(len(self.commanded))[:, None], self.commanded.shape[:2])
 
     @property
@@ -95,7 +95,7 @@ class CompensatedThrust(Rows):
 
     @property
     def peak_thrust(self) -> Floats:
-        """Largest command of each craft (N,) at these times [m/s^2]."""
+        """Largest command of each spacecraft (N,) at these times [m/s^2]."""
         return np.asarray(np.linalg.norm(self.commanded, axis=2).max(axis=1))
 
 
@@ -117,21 +117,22 @@ def compensated_thrust(
     Parameters
     ----------
     plan : Plan or Path
-        Plan of one craft or of N, in the chief's Hill frame with straight axes, times since its epoch.
+        Plan of one spacecraft or of N, in the chief's Hill frame with straight axes, times since its epoch.
     field : Field
         Force model in which they move.
     every : float [s], default 10
         Largest time between rows of the table.
     max_acceleration : float [m/s^2], optional
-        Thrust limit of each craft.
+        Thrust limit of each spacecraft.
     thrusters : Thrusters or sequence of Thrusters, optional
-        Thrusters of all craft, or of each, which fire it as pulses; see `fire_thrusters`.
+        Thrusters of all spacecraft, or of each, which fire it as pulses; see `fire_thrusters`.
     mass : array_like of shape () or (N,) [kg], optional
-        Mass of the craft at the start, as for `fire_thrusters`.
+        Mass of the spacecraft at the start, as for `fire_thrusters`.
     specific_impulse : array_like of shape () or (N,) [s], optional
         Specific impulse, required with `mass`.
     engine : array_like of bool of shape (N,) or (), default True
-        Whether each craft has an engine; without it the craft drifts. Cannot be combined with thrusters.
+        Whether each spacecraft has an engine; without it the spacecraft drifts. Cannot be combined with
+        thrusters.
 
     Returns
     -------
@@ -163,7 +164,7 @@ def compensated_thrust(
     >>> bool(table.delta_v[0] < 1.1 * table.planned_delta_v[0])
     True
     """
-    paths = paths_to_fly(plan, field)
+    paths = checked_paths(plan, field)
     step = checked("every", number("every", every), positive=True)
     limit = np.inf
     if max_acceleration is not None:
@@ -171,13 +172,16 @@ def compensated_thrust(
     start, end = float(paths.start[0]), float(paths.end[0])
     times = np.linspace(start, end, int(np.ceil((end - start) / step)) + 1)
     planned = paths.thrust(times)
-    frame = ChiefFrame.of(field, times)
-    left_out = residuals(field, frame, paths.state(times), paths.orbit.mean_motion)
-    impulses, path, deviation = changed_impulses(paths, field)
-    fires = np.isin(np.arange(len(paths)), impulses.craft)
+    left_out = residuals(field, ChiefFrame.of(field, times), paths.state(times), paths.orbit.mean_motion)
     own = () if thrusters is None else each_set(thrusters, len(paths), Thrusters)
     running = running_engines(engine, paths, field, own)
+    if thrusters is None and (mass is not None or specific_impulse is not None):
+        raise ValueError("mass: requires thrusters; give them, or omit mass")
+    guidance = Guidance.of(paths, field, None, own, mass=mass, specific_impulse=specific_impulse)
+    impulses, before = guidance.impulses, np.array(paths.delta_v)
+    fires = np.isin(np.arange(len(paths)), impulses.craft)
     commanded = planned - left_out * (running & ~fires)[:, None, None]
+    path, deviation = guidance.reference, guidance.deviation
     if len(adrift := np.flatnonzero(~running)):
         drift = field._of(adrift)._drift(paths[adrift])
         off = drift.position(times) - paths[adrift].position(times)
@@ -185,20 +189,11 @@ def compensated_thrust(
         each = dict(zip(adrift.tolist(), (drift[j] for j in range(len(adrift))), strict=True))
         path = stack([each.get(k, path[k]) for k in range(len(paths))])
     size = np.linalg.norm(commanded, axis=2)
-    more = np.trapezoid(size - np.linalg.norm(planned, axis=2), times, axis=1)  # errors cancel
-    kicks = np.linalg.norm(impulses.impulse, axis=1) - np.linalg.norm(impulses.planned, axis=1)
-    before = np.array(paths.delta_v)
-    spent = before + more + np.bincount(impulses.craft, kicks, len(paths))
+    if guidance.firing is not None:
+        spent = np.asarray(guidance.firing.delta_v)
+    else:
+        more = np.trapezoid(size - np.linalg.norm(planned, axis=2), times, axis=1)  # errors cancel
+        kicks = np.linalg.norm(impulses.impulse, axis=1) - np.linalg.norm(impulses.planned, axis=1)
+        spent = before + more + np.bincount(impulses.craft, kicks, len(paths))
     table = described(field), times, commanded, planned, left_out, spent, before, size.max(axis=1) > limit
-    if thrusters is None:
-        if mass is not None or specific_impulse is not None:
-            raise ValueError("mass: requires thrusters; give them, or omit mass")
-        return CompensatedThrust(*table, impulses, path, deviation, None)
-    from closeform.dynamics.pulsed_flight import fired_in, flown_exactly  # imported late: compiles kernels
-
-    firing = fired_in(paths, impulses, field, own, mass, specific_impulse)
-    when, states = flown_exactly(paths, firing, own, field)
-    path = paths.orbit._through(when, states)
-    off = states[..., :3] - spanning(paths, when).position(when)
-    table = *table[:-3], np.asarray(firing.delta_v), *table[-2:]
-    return CompensatedThrust(*table, impulses, path, np.linalg.norm(off, axis=2).max(axis=1), firing)
+    return CompensatedThrust(*table, impulses, path, deviation, guidance.firing)

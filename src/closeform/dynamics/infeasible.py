@@ -1,5 +1,5 @@
 """Exception for a plan that is not feasible in a force model."""
 
 
-class Grounded(ValueError):
+class Infeasible(ValueError):
     """Infeasible plan: insufficient thrust, no converged impulses, or no feedback law."""

@@ -1,8 +1,8 @@
 """Estimate of the model error of Hill's equations around the Earth, where no field is given.
 
-The error of an uncorrected mission grows with the reach of the craft and the strength of what is neglected:
-oblateness, eccentricity and curvature.  How it grows with time depends on the kind of mission.  The numbers
-are quantiles of missions that tools/rule_of_thumb.py draws.                                    # theory (84)
+The error of an uncorrected mission grows with the reach of the spacecraft and the strength of what is
+neglected: oblateness, eccentricity and curvature.  How it grows with time depends on the kind of mission.
+The numbers are quantiles of missions that tools/rule_of_thumb.py draws; see docs/theory.md (84).
 """
 
 from math import log2
@@ -44,11 +44,12 @@ UNKNOWN = (0.0017, 0.0066), (0.0015, 0.0083)
 def model_error(
     reach: Any, turns: Any, semi_major_axis: float, eccentricity: float | None, craft: int, kind: str
 ) -> tuple[Floats, Floats]:
-    """Return the largest deviation [m] of any craft that half, and 95 %, of missions do not exceed.
+    """Return the largest deviation [m] of any spacecraft that half, and 95 %, of missions do not exceed.
 
-    `reach`: the largest distance of a craft from the chief [m], after some turns of an orbit.  `kind`: MOVES
-    of a single transfer (checked for 0.1 to 8 turns), COASTS of anything else (checked for coasts of 0.1 to
-    16 turns).  Checked for 1 to 16 craft, 30 m to 2 km from the chief, 300 to 1000 km up, without drag.
+    `reach`: the largest distance of a spacecraft from the chief [m], after some turns of an orbit.  `kind`:
+    MOVES of a single transfer (checked for 0.1 to 8 turns), COASTS of anything else (checked for coasts of
+    0.1 to 16 turns).  Checked for 1 to 16 spacecraft, 30 m to 2 km from the chief, 300 to 1000 km up, without
+    drag.
     """
     many, turns = min(log2(craft) / 3.0, 1.0), np.maximum(turns, TURNS[0])
     longer = np.maximum(turns / TURNS[-1], 1.0)

@@ -111,7 +111,7 @@ def as_happened(
         mission = history.whole(mission)
     if scenario.flights is None or not mission.flown:
         return mission
-    from closeform.dynamics.infeasible import Grounded
+    from closeform.dynamics.infeasible import Infeasible
     from closeform.mission.simulation import SimulatedRun
 
     progress("simulation in the high-fidelity model")
@@ -119,7 +119,7 @@ def as_happened(
         flights = SimulatedRun.asked(mission)
         lost = tuple(flights.drifted(one) for one in mission.lost)
         return replace(mission, flights=flights, lost=lost)
-    except Grounded as error:
+    except Infeasible as error:
         return replace(mission, grounded=str(error))
     except ValueError as error:
         raise ScenarioError(scenario.file, [f"flight: {error}"]) from error
@@ -197,7 +197,7 @@ def in_field(scenario: Scenario, result: StageResult[Any, Any]) -> StageResult[A
     """Return the stage with the validity of its plan in the scenario's high-fidelity model, if any."""
     if scenario.field is None or not result.flown:
         return result
-    from closeform.dynamics.validity import validity
+    from closeform.dynamics.model_error import validity
 
     zones = scenario.zones if result.after.pairs <= ALL_PAIRS else None
     return replace(result, validity=validity(result.after.paths, scenario.field, zones))

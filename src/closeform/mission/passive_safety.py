@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from closeform.conflicts.flight import WatchedFlight
-from closeform.dynamics.field import described
-from closeform.dynamics.least_ratios import least_of_pairs
-from closeform.dynamics.lost_thrust import Loss, sampled_losses
+from closeform.dynamics.clearance import minimum_ratios
+from closeform.dynamics.force_model.field import described
+from closeform.dynamics.simulation.loss_of_thrust import Loss, sampled_losses
 from closeform.mission.mission_result import AvoidResult, ReconfigureResult, StageResult
 from closeform.mission.simulation_verdict import Neglected
 from closeform.mission.verdict import Asked, metres
@@ -196,7 +196,7 @@ def in_field(
     for loss in losses:
         for zone, first, second in meeting(loss, held, zones):
             ratios = np.empty(len(first))
-            least_of_pairs(loss.states, loss.arrivals, loss.times, first, second, zone.form, ratios)
+            minimum_ratios(loss.states, loss.arrivals, loss.times, first, second, zone.form, ratios)
             for one, two, ratio in zip(first.tolist(), second.tolist(), ratios.tolist(), strict=True):
                 key = (two, one) if two == loss.craft else (one, two)
                 if key not in found or ratio < found[key].ratio:

@@ -13,16 +13,18 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.conflicts.flight import ALL_PAIRS, WatchedFlight, watch
+from closeform.dynamics.clearance import clearance_ratios
 from closeform.dynamics.compensated_thrust import CompensatedThrust, compensated_thrust
-from closeform.dynamics.drawn import seeds_of, uncertain
-from closeform.dynamics.feedback import Feedback, usual_feedback
-from closeform.dynamics.field import Field
-from closeform.dynamics.flown_plan import spanning
-from closeform.dynamics.infeasible import Grounded
-from closeform.dynamics.least_ratios import least_ratios
-from closeform.dynamics.simulate import simulate
-from closeform.dynamics.simulation_result import Simulation
-from closeform.dynamics.tube import Tube, tube
+from closeform.dynamics.control.feedback import Feedback, default_feedback
+from closeform.dynamics.control.tracking_tube import Tube, tube
+from closeform.dynamics.force_model.field import Field
+from closeform.dynamics.infeasible import Infeasible
+from closeform.dynamics.planned_paths import extended_paths
+from closeform.dynamics.simulation.random_errors import has_random_errors, seeds_of
+from closeform.dynamics.simulation.simulate import simulate
+from closeform.dynamics.simulation.simulation_result import Simulation
+from closeform.dynamics.simulation.thruster_model import controllable_axes, lacks_axis
+from closeform.dynamics.simulation.thruster_pulses import pulse_feedback
 from closeform.mission.mission_result import Stages
 from closeform.mission.simulation_verdict import Entered
 from closeform.mission.stage_start import followed
@@ -81,18 +83,18 @@ class SimulatedRun:
     def of(cls, run: Stages, control: Control, arguments: dict[str, Any], seeds: int | Sequence[int]) -> Self:
         """Simulate a run, once if nothing is uncertain.
 
-        Raises Grounded, with the names of the spacecraft, if the run cannot be simulated.
+        Raises Infeasible, with the names of the spacecraft, if the run cannot be simulated.
         """
         try:
             return cls.flying(run, control, arguments, seeds)
-        except Grounded as error:
-            raise Grounded(as_listed(str(error), run.scenario.names)) from None
+        except Infeasible as error:
+            raise Infeasible(as_listed(str(error), run.scenario.names)) from None
 
     @classmethod
     def flying(
         cls, run: Stages, control: Control, arguments: dict[str, Any], seeds: int | Sequence[int]
     ) -> Self:
-        """Simulate a run; the message of Grounded refers to spacecraft by index."""
+        """Simulate a run; the message of Infeasible refers to spacecraft by index."""
         known, field = run.scenario.field, run.scenario.truth.field
         assert known is not None
         assert field is not None
@@ -106,20 +108,18 @@ class SimulatedRun:
         if pulsed or fires_impulses(plan):
             arguments["max_acceleration"] = None
         if pulsed:
-            from closeform.dynamics.pulsed_flight import led_by_pulses  # kernels that only thrusters need
-
             arguments["thrusters"] = own
             if control != "replan":  # replanning chooses its own feedback for pulses
-                arguments["feedback"] = led_by_pulses(arguments["feedback"], own)
+                arguments["feedback"] = pulse_feedback(arguments["feedback"], own)
         some = seeds if differs(control, arguments) else seeds_of(seeds)[:1]
         flight = simulate(plan, field, control, zones=zones, known=known, seeds=some, **arguments)
         if pulsed:  # deviations are relative to the certified paths, which are pulsed as well
-            flight = replace(flight, planned=spanning(run.paths, flight.times))
+            flight = replace(flight, planned=extended_paths(run.paths, flight.times))
         return cls(run, field, known, control, arguments, flight)
 
     @classmethod
     def asked(cls, run: Stages) -> Self:
-        """Simulate a run by the [simulation] table of its scenario; raise Grounded if that is impossible."""
+        """Simulate a run by the [simulation] table of its scenario, or raise Infeasible."""
         scenario = run.scenario
         assert scenario.flights is not None
         return cls.of(run, scenario.flights.control, scenario.truth.flight, scenario.flight_seeds)
@@ -155,7 +155,7 @@ class SimulatedRun:
         some = slice(max(int(np.searchsorted(flight.times, lost.time)), 0), None)
         near = lost
         for states, arrivals in zip(flight.states, flight.arrivals, strict=True):
-            found = least_ratios(states[:, some], arrivals[:, some], flight.times[some], self.zones)
+            found = clearance_ratios(states[:, some], arrivals[:, some], flight.times[some], self.zones)
             for pair, ratio in zip(*(one.tolist() for one in found), strict=True):
                 if k in pair and ratio < near.ratio:
                     other = self.names[pair[0] if pair[1] == k else pair[1]]
@@ -176,13 +176,11 @@ class SimulatedRun:
     @cached_property
     def unled(self) -> dict[str, float]:
         """Maximum uncontrolled deviation [m] of each spacecraft with a direction that has no thruster."""
-        from closeform.dynamics.reachable import lacks, reachable
-
         flight, found = self.flight, dict[str, float]()
         off = flight.states[..., :3] - flight.planned.position(flight.times)
         for k, own in enumerate(self.arguments.get("thrusters", ())):
-            if own is not None and lacks(own):
-                led = reachable(own, flight.orbit.mean_motion * flight.times)
+            if own is not None and lacks_axis(own):
+                led = controllable_axes(own, flight.orbit.mean_motion * flight.times)
                 aside = off[:, k] - np.einsum("tij,stj->sti", led, off[:, k])
                 found[self.names[k]] = float(np.linalg.norm(aside, axis=-1).max())
         return found
@@ -194,9 +192,9 @@ class SimulatedRun:
 
     @cached_property
     def pulses(self) -> dict[str, Any]:
-        """Planned thruster pulses in columns, with the propellant of each for the decreasing mass."""
+        """Planned thruster pulses of the worst flight in columns, with propellant for the falling mass."""
         assert self.flight.firing is not None
-        fired = self.flight.firing.pulses
+        fired = self.flight.pulses[self.flight.worst]
         firing = np.array([self.names.index(name) for name in self.thrusters])[fired.craft]
         so_far = np.cumsum(
             np.where(firing[:, None] == np.arange(len(self.names)), fired.impulse[:, None], 0.0), 0
@@ -208,7 +206,7 @@ class SimulatedRun:
             "thruster": fired.thruster + 1,
             "propellant_kg": burnt,
         }
-        return self.flight.firing.burns | named
+        return replace(self.flight.firing, pulses=fired).burns | named
 
     def burnt(self, which: Any, delta_v: Floats) -> Floats:
         """Return the propellant [kg] of spacecraft, by index, for a delta-v [m/s].
@@ -250,7 +248,7 @@ class SimulatedRun:
         if len(self.run.flown) > 1 and ratios.size:
             ratios = np.array(
                 [
-                    least_ratios(one[:, some], before[:, some], flight.times[some], self.zones)[1]
+                    clearance_ratios(one[:, some], before[:, some], flight.times[some], self.zones)[1]
                     for one, before in zip(flight.states, flight.arrivals, strict=True)
                 ]
             )
@@ -309,7 +307,7 @@ class SimulatedRun:
 
 def differs(control: Control, arguments: dict[str, Any]) -> bool:
     """Return True if flights with this control mode and these arguments of `simulate` differ."""
-    return uncertain(
+    return has_random_errors(
         control != "open", arguments["navigation"], arguments["thrust_error"], arguments["errors"]
     )
 
@@ -321,7 +319,7 @@ def fires_pulses(run: Stages) -> bool:
 
 def usually_led(run: Stages, control: Control) -> Feedback:
     """Return the default feedback of a run without a specified one."""
-    return usual_feedback(control, fires_pulses(run) or fires_impulses(planned(run)))
+    return default_feedback(control, fires_pulses(run) or fires_impulses(planned(run)))
 
 
 def planned(run: Stages) -> Path:

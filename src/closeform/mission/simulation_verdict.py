@@ -18,7 +18,7 @@ from closeform.mission.verdict import MET, NOT_MET, SAMPLED, Asked, Margin, Use,
 from closeform.motion.mean_motion import EARTH_MU, EARTH_RADIUS, semi_major_axis_from_mean_motion
 
 if TYPE_CHECKING:
-    from closeform.dynamics.validity import Validity
+    from closeform.dynamics.model_error import Validity
     from closeform.mission.mission_result import Mission, StageResult
     from closeform.mission.simulation import SimulatedRun
     from closeform.motion.orbit import Orbit

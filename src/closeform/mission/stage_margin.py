@@ -29,8 +29,8 @@ def with_margin(
     """
     if stage.margin != "auto":
         return make(stage.margin or 0.0)
-    from closeform.dynamics.feedback import usual_feedback
-    from closeform.dynamics.fitted import fit_margin
+    from closeform.dynamics.control.feedback import default_feedback
+    from closeform.dynamics.margins.fit_margin import fit_margin
 
     settings, known = start.scenario.flight, start.scenario.field
     assert known is not None
@@ -38,7 +38,7 @@ def with_margin(
         make,
         known._of(craft),
         PairZones.of([start.keep_out[k] for k in craft]),
-        settings["feedback"] or usual_feedback("track", led_by_impulses(start.scenario)),
+        settings["feedback"] or default_feedback("track", led_by_impulses(start.scenario)),
         settings["navigation"],
         obstacles=others,
         held=True,

@@ -301,10 +301,10 @@ def followed(stages: "Sequence[StageResult[Any, Any]]") -> Path:
 
     Each stage starts from the end state that the planned thrust of the previous stages causes.
     """
-    from closeform.dynamics.flown_plan import following, spanning  # which only simulations need
+    from closeform.dynamics.planned_paths import appended_paths, extended_paths  # which only simulations need
 
-    plans = (spanning(one.planned.paths, np.array([one.start, one.end])) for one in stages)
-    return reduce(following, plans)
+    plans = (extended_paths(one.planned.paths, np.array([one.start, one.end])) for one in stages)
+    return reduce(appended_paths, plans)
 
 
 def too_late(

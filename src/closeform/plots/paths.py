@@ -16,7 +16,7 @@ from matplotlib.ticker import MaxNLocator
 from closeform.arrays import Floats, instance, number, sequence
 from closeform.conflicts.flight import stays_rather
 from closeform.conflicts.two_paths import Approach, closest_approach, find_conflicts
-from closeform.dynamics.simulation_result import Simulation
+from closeform.dynamics.simulation.simulation_result import Simulation
 from closeform.motion.path import Path
 from closeform.planning.both_sides import ways_around
 from closeform.plots.clearances import Deviations, Failed

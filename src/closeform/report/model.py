@@ -204,7 +204,7 @@ def predicted(mission: Mission, result: StageResult[Any, Any]) -> tuple[str, ...
     if result.validity is None:
         unflown = mission.scenario.field is not None and not result.flown
         return ("Model error: not predicted, since these paths are not executed",) * unflown
-    from closeform.dynamics.validity import in_words  # most runs do not need these kernels
+    from closeform.dynamics.model_error import in_words  # most runs do not need these kernels
 
     return in_words(result.validity, result.after.names)
 

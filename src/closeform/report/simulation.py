@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from closeform.conflicts.flight import WatchedFlight
-from closeform.dynamics.field import described
+from closeform.dynamics.force_model.field import described
 from closeform.exchange.epochs import Epoch
 from closeform.mission.simulation import SimulatedRun, SimulatedStage
 from closeform.mission.simulation_verdict import Entered

@@ -452,9 +452,6 @@ def in_air(scenario: Scenario) -> Iterator[str]:
 def in_flight(scenario: Scenario) -> Iterator[str]:
     """Yield an error line for each setting that a simulation, or a margin for one, does not support."""
     autos = any(getattr(stage, "margin", None) == "auto" for stage in scenario.stages)
-    if scenario.noisy and autos:
-        remedy = "remove noise, or give margins in metres"
-        yield f'craft.execution: margin = "auto" does not cover white noise; {remedy}'
     if autos or scenario.flights is not None:
         try:
             simulated_thrusters(scenario)
@@ -519,8 +516,8 @@ def too_blind(scenario: Scenario, orbit: Orbit) -> Iterator[str]:
     """Yield an error line if the tracking error of a pair exceeds the smallest keep-out zone."""
     if scenario.field is None or scenario.navigation is None:
         return
-    from closeform.dynamics.feedback import Feedback
-    from closeform.dynamics.tube import tube
+    from closeform.dynamics.control.feedback import Feedback
+    from closeform.dynamics.control.tracking_tube import tube
 
     flight = scenario.flight
     room = tube(orbit, flight["feedback"] or Feedback(), flight["navigation"])

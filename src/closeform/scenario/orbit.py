@@ -40,7 +40,8 @@ from closeform.scenario.table import (
 )
 
 if TYPE_CHECKING:
-    from closeform.dynamics.feedback import Feedback, Navigation
+    from closeform.dynamics.control.feedback import Feedback
+    from closeform.dynamics.control.navigation import Navigation
     from closeform.exchange.chief import Chief
 
 DEGREES = (0, 2, 3, 4, 5, 6)
@@ -121,7 +122,7 @@ class FeedbackTable(Table):
 
     def build(self) -> "Feedback":
         """Return the feedback that the table describes."""
-        from closeform.dynamics.feedback import Feedback
+        from closeform.dynamics.control.feedback import Feedback
 
         return Feedback(self.every, self.horizon, self.impulses, self.delay)
 
@@ -145,7 +146,7 @@ class NavigationTable(Table):
 
     def build(self) -> "Navigation":
         """Return the navigation that the table describes."""
-        from closeform.dynamics.feedback import Navigation
+        from closeform.dynamics.control.navigation import Navigation
 
         biases = self.position_bias, self.velocity_bias
         return Navigation(self.position, self.velocity, *biases, self.correlation)

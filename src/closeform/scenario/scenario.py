@@ -27,7 +27,7 @@ from closeform.zones.solids import Sphere
 from closeform.zones.zone import Zone
 
 if TYPE_CHECKING:
-    from closeform.dynamics.field import Field
+    from closeform.dynamics.force_model.field import Field
     from closeform.exchange.chief import Chief
     from closeform.mission.executed_mission import History
     from closeform.search.schedule import Search
@@ -97,8 +97,8 @@ class Scenario:
         table, chief = self.orbit.field, self.chief
         if table is None or chief is None:
             return None
-        from closeform.dynamics.drag import Drag
-        from closeform.dynamics.field import Field
+        from closeform.dynamics.force_model.drag import Drag
+        from closeform.dynamics.force_model.field import Field
 
         drag = None
         if table.air is not None:

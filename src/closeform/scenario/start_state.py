@@ -20,7 +20,7 @@ from closeform.scenario.inputs import DOUBTFUL, Inputs
 from closeform.scenario.table import did_you_mean
 
 if TYPE_CHECKING:
-    from closeform.dynamics.field import Field
+    from closeform.dynamics.force_model.field import Field
     from closeform.scenario.scenario import Scenario
 
 UNKNOWN = "UNKNOWN"  # placeholder for metadata that a table of states lacks

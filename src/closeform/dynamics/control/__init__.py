@@ -1,0 +1,1 @@
+"""Control: feedback law, navigation accuracy, closed loop, and the tracking-error tube."""

@@ -1,0 +1,1 @@
+"""Tracking margins of a plan, and plans that keep them."""

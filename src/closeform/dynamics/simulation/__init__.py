@@ -1,0 +1,1 @@
+"""Simulation: commands, random errors, the integrator step, replanning, and the result."""

@@ -1,0 +1,104 @@
+"""Sampled losses of thrust: the natural motion of a formation after each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from math import ceil, nan
+from typing import Any
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.dynamics.clearance import hermite_positions
+from closeform.dynamics.force_model.field import Field
+from closeform.dynamics.planned_paths import impulses_of
+from closeform.motion.joining import drift
+from closeform.motion.path import Path
+from closeform.zones.zone import Zone
+
+INSTANTS = 25  # sampled times of a loss, evenly over a path; half as many miss minima between impulses
+STEP = 60.0  # s: cubics over such steps are within a millimetre of a drift over a kilometre
+SAME = 1e-3  # s: an instant within this of an impulse is replaced by that of the impulse
+
+
+@dataclass(frozen=True, eq=False)
+class Loss:
+    """Motion of N spacecraft after the `craft`, by its index, loses its thrust at a `time` [s].
+
+    `craft` is -1, and `time` nan, where no spacecraft has thrust.  `states` (N, T, 6) are at `times` (T,),
+    and `arrivals` the same before impulses.
+    """
+
+    craft: int
+    time: float
+    times: Floats
+    states: Floats
+    arrivals: Floats
+
+    def nearest(self, one: int, two: int, zone: Zone) -> tuple[float, float]:
+        """Return the time [s] and the distance [m] of the closest approach of two spacecraft."""
+        apart = self.states[one] - self.states[two]
+        k = int(np.argmin(zone.norm(apart[:, :3])))
+        some = slice(max(k - 1, 0), k + 2)
+        steps = np.diff(self.times[some])
+        places = hermite_positions(apart[some][:-1], apart[some][1:], steps[:, None, None])
+        i, j = np.unravel_index(int(np.argmin(zone.norm(places))), places.shape[:2])
+        time = self.times[some][i] + steps[i] * j / (places.shape[1] - 1)
+        return float(time), float(np.linalg.norm(places[i, j]))
+
+
+def sampled_losses(
+    paths: Path, held: Any, until: float, field: Field | None, also: Sequence[float] = ()
+) -> Iterator[Loss]:
+    """Yield the motion after losses of thrust at times along paths (N,), for one spacecraft at a time.
+
+    Craft that are `held` (N,) follow their paths up to the end and then drift. The others drift from the
+    start. The drift is propagated in the field, or with Hill's equations without one. `also`: further times
+    [s].
+    """
+    start, end = float(np.max(paths.start)), float(np.max(paths.end))
+    craft, fired, sizes = impulses_of(paths)
+    fixed = np.unique([start, end, *fired[(fired >= start) & (fired <= end)]])
+    more = np.array([*np.linspace(start, end, INSTANTS), *also])
+    apart = np.abs(more[:, None] - fixed).min(axis=1) > SAME
+    instants = np.unique([*fixed, *more[apart & (more > start) & (more < end)]])
+    edges = [*instants, until] if until > end else [*instants]
+    parts = [np.arange(ceil((b - a) / STEP)) * (b - a) / ceil((b - a) / STEP) + a for a, b in pairwise(edges)]
+    times = np.array([*np.concatenate(parts), edges[-1]])
+    last = int(np.searchsorted(times, end))
+    free = _drifts(paths, field, times)
+    states = np.empty((len(paths), len(times), 6))
+    states[:, : last + 1] = paths.state(times[: last + 1])
+    for k in range(len(paths)):
+        begin = last if held[k] else 0
+        states[k, begin:] = free(k, begin, states[k, begin])
+    arrivals, nodes = states.copy(), np.searchsorted(times, fired)
+    for k, node, size in zip(craft, nodes, sizes, strict=True):
+        arrivals[k, node, 3:] -= size * held[k]
+    yield Loss(-1, nan, times, states, arrivals)
+    for k in np.flatnonzero(held).tolist():
+        for i in np.searchsorted(times, instants).tolist():
+            for state in {tuple(one[k, i].tolist()) for one in (states, arrivals)}:
+                lost, before = states[:, i:].copy(), arrivals[:, i:].copy()
+                lost[k] = before[k] = free(k, i, np.array(state))
+                yield Loss(k, float(times[i]), times[i:], lost, before)
+
+
+def _drifts(paths: Path, field: Field | None, times: Floats) -> Callable[[int, int, Floats], Floats]:
+    """Return a function for the drift (T, 6) of a spacecraft from a state at one of the times (T,) on."""
+    if field is None:
+        orbit, until = paths.orbit, float(times[-1])
+
+        def coasting(k: int, i: int, state: Floats) -> Floats:
+            return drift(orbit, float(times[i]), until, state).state(times[i:])
+
+        return coasting
+    chief = field.chief_states(times)
+    acceleration = field.accelerations(times, chief, field._chief_ballistic)
+
+    def drifting_in_field(k: int, i: int, state: Floats) -> Floats:
+        return field._of([k])._drift_from(state, times[i:], chief[i:], acceleration[i:])
+
+    return drifting_in_field

@@ -1,0 +1,265 @@
+"""Random errors of simulations: navigation, execution, initial states, and process noise.
+
+Every kind of error of every spacecraft has a random stream of its own. The errors of a seed therefore depend
+neither on other spacecraft nor on the number of simulations.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from closeform.arrays import Floats, shown, whole
+from closeform.dynamics.control.navigation import Navigation
+from closeform.dynamics.simulation.time_grid import TimeGrid
+from closeform.motion.arc import END, START
+from closeform.motion.mean_motion import checked
+from closeform.motion.path import Path
+from closeform.motion.steering import transition_matrices
+from closeform.uncertainty.columns import burning
+from closeform.uncertainty.white_noise import BLOCK, by_then, increments, kicks_of
+
+if TYPE_CHECKING:
+    from closeform.dynamics.simulation.commands import Commands
+    from closeform.uncertainty.errors import Uncertainty
+
+# Random streams of a spacecraft: initial state; planned, feedback and impulsive burns; process noise.
+INITIAL, PLANNED, NOISE = 0, 1, 4
+HALVED = 9  # halvings of a block of process noise, down to velocity changes every 8 s
+NOISE_STEP = BLOCK / 2.0**HALVED
+
+
+class ErrorEvents(NamedTuple):
+    """Burns and impulses of N spacecraft in K steps, each with an error of its own.
+
+    `planned` (N, K) and `feedback` (K,) are the indices of the planned and the feedback thrust in a step, and
+    `impulses` (K + 1,) those of impulses; -1 for none. `counts` are the numbers of the three kinds.
+    """
+
+    planned: Any
+    feedback: Any
+    impulses: Any
+    counts: tuple[int, int, int]
+
+    @classmethod
+    def of(cls, paths: Path, grid: TimeGrid, continuous: bool, thrusters: bool) -> ErrorEvents:
+        """Return the events of paths (N,) with `continuous` feedback, or with feedback by `thrusters`."""
+        middle = grid.times[1::2]
+        edges = [burn_edges(paths[k]) for k in range(len(paths))]
+        planned = np.array([np.searchsorted(own, middle) for own in edges])
+        begins = grid.updates >= 0 if continuous else (grid.feedback_impulses >= 0) & thrusters
+        counts = max(map(len, edges)) + 1, int(begins.sum()), int(grid.impulses.max()) + 1
+        feedback = np.cumsum(begins)[:-1] - 1
+        feedback = np.where(feedback >= 0, counts[0] + feedback, -1)
+        impulses = np.where(grid.impulses >= 0, counts[0] + counts[1] + grid.impulses, -1)
+        return cls(planned, feedback, impulses, counts)
+
+    @classmethod
+    def none(cls, count: int, grid: TimeGrid) -> ErrorEvents:
+        """Return the events of spacecraft whose burns have no errors of their own."""
+        steps = len(grid.rows)
+        return cls(np.full((count, steps), -1), np.full(steps, -1), np.full(steps + 1, -1), (0, 0, 0))
+
+    def during(self, steps: slice) -> tuple[Any, Any, Any]:
+        """Return the indices during some steps."""
+        planned = np.ascontiguousarray(self.planned[:, steps])
+        return planned, self.feedback[steps].copy(), self.impulses[steps.start : steps.stop + 1].copy()
+
+
+def burn_edges(path: Path) -> Floats:
+    """Return the times at which burns of one spacecraft begin and end, within its path [s].
+
+    The thrust between two burns counts as one burn.
+    """
+    found = [time for a, b in burning(path) for time in (path.arcs[a, START], path.arcs[b - 1, END])]
+    edges = np.unique(np.array(found))
+    return np.asarray(edges[(edges > path.start) & (edges < path.end)])
+
+
+class SampledErrors(NamedTuple):
+    """Errors of S simulations of N spacecraft."""
+
+    measured: Floats  # (S, N, M, 6) [m, m/s] of measurements
+    thrust: Floats  # (S, N, 4) of all thrust: relative size, and a small rotation
+    start: Floats  # (S, N, 6) [m, m/s] of initial states
+    events: Floats  # (S, N, E, 4) the same of each burn, see `ErrorEvents`; normal numbers for impulses
+    gates: Floats  # (N, 4) Gates parameters of the impulses
+    noise: Floats  # (S, N, K or 0, 6) [m, m/s], increments of states by process noise in each step
+
+    @classmethod
+    def none(cls, count: int, measurements: int = 1) -> SampledErrors:
+        """Return zero errors of one simulation of N spacecraft with a number of measurements."""
+        shapes = (count, measurements, 6), (count, 4), (count, 6), (count, 0, 4), (count, 0, 6)
+        measured, thrust, start, events, noise = (np.zeros((1, *shape)) for shape in shapes)
+        return cls(measured, thrust, start, events, np.zeros((count, 4)), noise)
+
+
+@dataclass(frozen=True, eq=False)
+class ErrorSampler:
+    """Sampler of the errors of simulations with given `seeds`, of N spacecraft.
+
+    The navigation is the same for all. `sizes` (N, 2) bound the constant thrust errors. `errors` are those of
+    each spacecraft, or None. Process noise begins at the time `since` [s].
+    """
+
+    seeds: Sequence[int]
+    navigation: Navigation
+    sizes: Floats
+    errors: Sequence[Uncertainty] | None
+    since: float = 0.0
+
+    def measured(self, measurements: int, interval: float) -> tuple[Floats, Floats]:
+        """Return the errors of measurements (S, N, M, 6) and of thrust (S, N, 4) of all spacecraft."""
+        kept = self.navigation._kept(interval)
+        found = [self._measured(seed, measurements, kept) for seed in self.seeds]
+        return np.stack([one for one, _ in found]), np.stack([one for _, one in found])
+
+    def _measured(self, seed: int, measurements: int, kept: float) -> tuple[Floats, Floats]:
+        """Return the errors of measurements (N, M, 6) and of thrust (N, 4) of one simulation.
+
+        The share `kept` of each measurement error remains at the next measurement.  # theory (91)
+        """
+        sight, count = self.navigation, len(self.sizes)
+        random = np.random.Generator(np.random.Philox(key=seed))
+        ways = random.normal(size=(count, 3, 3))
+        ways /= np.linalg.norm(ways, axis=2, keepdims=True)
+        shares = random.uniform([-1.0, 0.0], 1.0, (count, 2)) * self.sizes
+        thrust = np.hstack([shares[:, :1], shares[:, 1:] * ways[:, 2]])
+        bias = ways[:, :2] * np.array([sight.position_bias, sight.velocity_bias])[:, None]
+        white = random.normal(size=(measurements, count, 6)).swapaxes(0, 1)
+        for k in range(1, measurements if kept else 0):
+            white[:, k] = kept * white[:, k - 1] + np.sqrt(1.0 - kept * kept) * white[:, k]
+        white = white * np.repeat([sight.position, sight.velocity], 3)
+        return np.ascontiguousarray(white + bias.reshape(count, 1, 6)), thrust
+
+    def sample(
+        self,
+        which: Sequence[int],
+        measured: tuple[Floats, Floats],
+        commands: Commands,
+        leg: int = 0,
+    ) -> SampledErrors:
+        """Return all errors of the spacecraft `which` with these commands, using the errors `measured`."""
+        seen, thrust = (np.ascontiguousarray(part[:, which]) for part in measured)
+        size = len(self.seeds), len(which)
+        if self.errors is None:
+            nothing = SampledErrors.none(size[1])
+            events_of_none, noise = (np.zeros((*size, 0, k)) for k in (4, 6))
+            return SampledErrors(seen, thrust, np.zeros((*size, 6)), events_of_none, nothing.gates, noise)
+        each = [(seed, k) for seed in self.seeds for k in which]
+        start = [self.errors[k]._root @ _stream(seed, k, INITIAL, leg).normal(size=6) for seed, k in each]
+        events = commands.events
+        executed = [self._executed(seed, k, events, leg) for seed, k in each]
+        gates = np.reshape([self.errors[k].impulse for k in which], (-1, 4)).astype(float)
+        begin, own = np.reshape(start, (*size, 6)), np.reshape(executed, (*size, -1, 4))
+        initial, noise = self._noise(which, commands.grid.nodes, commands.path.orbit.mean_motion)
+        begin[..., 3:] += initial
+        return SampledErrors(seen, thrust, begin, own, gates, noise)
+
+    def _noise(self, which: Sequence[int], nodes: Floats, n: float) -> tuple[Floats, Floats]:
+        """Return the noise on initial velocities (S, M, 3), and on states in each step (S, M, K, 6)."""
+        assert self.errors is not None
+        size = len(self.seeds), len(which)
+        density = np.array([self.errors[k].noise for k in which])
+        if not density.any():
+            return np.zeros((*size, 3)), np.zeros((*size, 0, 6))
+        begins, noise = np.zeros((*size, 3)), np.zeros((*size, len(nodes) - 1, 6))
+        for place in np.argwhere(np.broadcast_to(density > 0.0, size)).tolist():
+            seed, k = self.seeds[place[0]], which[place[1]]
+
+            def normal(level: int, rows: int, seed: int = seed, k: int = k) -> Floats:
+                return _stream(seed, k, NOISE, level).normal(size=(rows, 6))
+
+            own = process_noise(n, density[place[1]], nodes - self.since, normal)
+            begins[tuple(place)], noise[tuple(place)] = own
+        return begins, noise
+
+    def _executed(self, seed: int, craft: int, events: ErrorEvents, leg: int) -> Floats:
+        """Return the errors (E, 4) of each burn and impulse of one spacecraft in one simulation."""
+        assert self.errors is not None
+        one = self.errors[craft]
+        burn = np.array([one.magnitude, *[one.pointing] * 3])
+        return np.concatenate(
+            [
+                size * _stream(seed, craft, stream, leg).normal(size=(count, 4))
+                for stream, (count, size) in enumerate(
+                    zip(events.counts, (burn, burn, np.ones(4)), strict=True), PLANNED
+                )
+            ]
+        )
+
+
+def process_noise(
+    n: float, density: float, times: Floats, normal: Callable[[int, int], Floats]
+) -> tuple[Floats, Floats]:
+    """Return the noise on the initial velocity (3,), and the increments of states in steps (K, 6).
+
+    The noise of a simulation is one random motion from its start on, made of velocity changes every 8 s. It
+    does not depend on steps, legs or measurements. The `density` is in m^2/s^3, the mean motion in rad/s,
+    `times` (K + 1,) in s since the start. `normal` draws rows of six numbers for a level.
+    """
+    so_far = by_then(times, NOISE_STEP)
+    pushes = increments(n, HALVED, int(so_far[-1]), lambda level, rows: normal(level, rows)[None])
+    kicks = np.sqrt(density) * kicks_of(n, NOISE_STEP, pushes)[0]
+    which = np.arange(max(so_far[0], 0), so_far[-1])
+    steps = np.searchsorted(so_far, which, side="right") - 1
+    moved = transition_matrices(n, times[steps + 1] - NOISE_STEP * which)[:, :, 3:]
+    added = np.zeros((len(times) - 1, 6))
+    np.add.at(added, steps, np.einsum("kij,kj->ki", moved, kicks[which]))
+    return kicks[0], added
+
+
+def _stream(seed: int, craft: int, which: int, leg: int) -> np.random.Generator:
+    """Return the random generator of one spacecraft and one kind of error in a simulation."""
+    return np.random.Generator(np.random.Philox(key=seed, counter=[0, leg, which, 1 + craft]))
+
+
+def has_random_errors(
+    measured: bool, sight: Navigation, thrust_error: ArrayLike, errors: Sequence[Uncertainty | None] | None
+) -> bool:
+    """Return True if simulations have any random errors."""
+    seen = sight.position, sight.velocity, sight.position_bias, sight.velocity_bias
+    return bool(
+        (measured and any(seen))
+        or np.any(thrust_error)
+        or any(
+            one.state.any() or one.magnitude or one.pointing or any(one.impulse) or one.noise
+            for one in errors or ()
+            if one is not None
+        )
+    )
+
+
+def thrust_errors(value: ArrayLike, count: int) -> Floats:
+    """Return the argument `thrust_error` of each spacecraft (N, 2): relative size, and angle [rad]."""
+    sizes = np.asarray(checked("thrust_error", value))
+    if sizes.shape not in ((2,), (count, 2)) or not (sizes >= 0.0).all():
+        raise ValueError(f"thrust_error: expected two numbers of at least 0, got {shown(value)}")
+    return np.broadcast_to(sizes, (count, 2))
+
+
+def seeds_of(seeds: int | Sequence[int]) -> list[int]:
+    """Return the seed of each simulation."""
+    if not isinstance(seeds, list | tuple | range | np.ndarray):
+        return list(range(whole("seeds", seeds, 1)))
+    if not len(seeds):
+        raise ValueError("seeds: must not be empty")
+    return [whole("seeds", one) for one in seeds]
+
+
+def errors_of_each(
+    errors: Uncertainty | Sequence[Uncertainty | None] | None, count: int
+) -> Sequence[Uncertainty] | None:
+    """Return the argument `errors` for each spacecraft; None if none has any."""
+    if errors is None:
+        return None
+    from closeform.uncertainty.errors import Uncertainty
+    from closeform.uncertainty.search import given_errors
+
+    return [
+        Uncertainty() if one is None else one for one in given_errors("errors", errors, count, Uncertainty)
+    ]

@@ -1,0 +1,236 @@
+"""Thruster pulses for a plan in a force model, and the reference path that they cause without errors."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from closeform.arrays import Floats
+from closeform.dynamics.control.feedback import BY_IMPULSES, REPLACED, Feedback
+from closeform.dynamics.force_model.drag import ballistics_of
+from closeform.dynamics.force_model.field import Field
+from closeform.dynamics.force_model.hill_frame import ChiefFrame
+from closeform.dynamics.infeasible import Infeasible
+from closeform.dynamics.model_error import residuals
+from closeform.dynamics.planned_paths import until_lost
+from closeform.dynamics.simulation.commands import Commands
+from closeform.dynamics.simulation.impulse_retargeting import Retargeted
+from closeform.dynamics.simulation.propagate import propagate
+from closeform.dynamics.simulation.random_errors import SampledErrors
+from closeform.dynamics.simulation.station_keeping import ThrustSpans, fires
+from closeform.dynamics.simulation.thruster_model import ThrusterModel, controllable_axes, impulse_until
+from closeform.dynamics.simulation.time_grid import BESIDE, SAME, TimeGrid, joined, thrust_discontinuities
+from closeform.fuel.chunks import PUSHES
+from closeform.fuel.firing import ThrusterFiring, fire_thrusters
+from closeform.fuel.pulses import Pulses, linked
+from closeform.fuel.thrusters import Thrusters
+from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, PUSH, START, WIDTH
+from closeform.motion.joining import stack
+from closeform.motion.path import Path, ends_of
+from closeform.named_craft import named
+
+PIECE = 30.0  # s: length of an arc that interpolates the command at four instants
+INSIDE = np.array([BESIDE, 1.0 / 3.0, 2.0 / 3.0, 1.0 - BESIDE])
+ROUNDING = 1e-9  # of an interval between plans
+
+
+def shooters(thrusters: Sequence[Thrusters | None]) -> list[int]:
+    """Return the indices of the spacecraft that have thrusters."""
+    return [k for k, own in enumerate(thrusters) if own is not None]
+
+
+def fire_plan(
+    paths: Path,
+    impulses: Retargeted,
+    field: Field,
+    thrusters: Sequence[Thrusters | None],
+    mass: ArrayLike | None = None,
+    specific_impulse: ArrayLike | None = None,
+    law: Feedback | None = None,
+) -> ThrusterFiring:
+    """Return the thruster firing for planned paths (N,) in a field: plan minus model error, and `impulses`.
+
+    The impulses are changed for the field. Spacecraft that coast, or are held on coasts under feedback by a
+    `law`, fire nothing. Along axes without a thruster the model error is not compensated.
+    """
+    spans, commanded, n = ThrustSpans.of(paths, law), [], paths.orbit.mean_motion
+    steady, firing = _compensated(paths, field, spans.bounds, thrusters), shooters(thrusters)
+    for k in firing:
+        one, own, arcs = paths[k], spans.among([k]), paths[k].arcs.copy()
+        fitted = thrusters[k]
+        assert fitted is not None
+        mine, planned = impulses.craft == k, impulses.planned[impulses.craft == k]
+        axes = controllable_axes(fitted, n * impulses.time[mine])
+        changed = np.einsum("tij,tj->ti", axes, impulses.impulse[mine] - planned)
+        arcs[fires(arcs), IMPULSE : IMPULSE + 3] = planned + changed
+        if one.delta_v:
+            by_thrust, compensated = (
+                own.compensated(some[:, [START, END]].mean(1))[0] for some in (arcs, steady[k])
+            )
+            arcs = np.concatenate([arcs[~by_thrust], steady[k][compensated]])
+            arcs = arcs[np.lexsort((arcs[:, END], arcs[:, START]))]
+        commanded.append(linked(one.orbit, arcs, ends_of(one)[0]))
+    try:
+        return _fire(stack(commanded), thrusters, mass, specific_impulse)
+    except Infeasible as error:
+        if PUSHES not in str(error) or not _can_fire(paths, thrusters):
+            raise
+        reason = str(error).replace(PUSHES, "the correction of the plan for this field pushes")
+        raise Infeasible(f"{reason.partition(';')[0]}; add one there, or omit thrusters") from None
+
+
+def _can_fire(paths: Path, thrusters: Sequence[Thrusters | None]) -> bool:
+    """Return True if the thrusters can fire the planned paths in Hill's equations."""
+    try:
+        _fire(paths[shooters(thrusters)], thrusters)
+    except Infeasible:
+        return False
+    return True
+
+
+def _fire(
+    paths: Path,
+    thrusters: Sequence[Thrusters | None],
+    mass: ArrayLike | None = None,
+    specific_impulse: ArrayLike | None = None,
+) -> ThrusterFiring:
+    """Return the firing of the spacecraft that have thrusters. Raises Infeasible with the index among all."""
+    try:
+        return fire_thrusters(paths, [one for one in thrusters if one is not None], mass, specific_impulse)
+    except ValueError as error:
+        raise Infeasible(named(str(error), [f"craft {k}" for k in shooters(thrusters)])) from None
+
+
+def _compensated(paths: Path, field: Field, bounds: Floats, thrusters: Sequence[Thrusters | None]) -> Floats:
+    """Return arcs (N, M, 30) of the thrust minus the model error; some end at `bounds` (B,) [s].
+
+    The arcs have no states. The model error counts only along axes that `thrusters` control.
+    """
+    n, start, end = paths.orbit.mean_motion, float(paths.start[0]), float(paths.end[0])
+    even = np.linspace(start, end, int(np.ceil((end - start) / PIECE)) + 1)
+    edges = np.union1d(even, joined(np.concatenate([thrust_discontinuities(paths), bounds]), even))
+    lengths = np.diff(edges)
+    times = (edges[:-1, None] + lengths[:, None] * INSIDE).ravel()
+    left_out = residuals(field, ChiefFrame.of(field, times), paths.state(times), n)
+    for k, own in enumerate(thrusters):
+        if own is not None:
+            left_out[k] = np.einsum("tij,tj->ti", controllable_axes(own, n * times), left_out[k])
+    thrust = paths.thrust(times) - left_out
+    angle = n * lengths[:, None] * INSIDE
+    # of 1, t, P1, P2
+    basis = np.stack([angle**0, angle, 1.0 - np.cos(angle), angle - np.sin(angle)], axis=-1)
+    met = np.linalg.solve(basis, thrust.reshape(len(paths), -1, 4, 3)) * n ** np.arange(4.0)[:, None]
+    arcs = np.zeros((len(paths), len(lengths), WIDTH))
+    arcs[..., START], arcs[..., END], arcs[..., MEAN_MOTION] = edges[:-1], edges[1:], n
+    arcs[..., PUSH:] = met.reshape(len(paths), -1, 12)
+    return arcs
+
+
+def pulse_feedback(law: Feedback, thrusters: Sequence[Thrusters | None]) -> Feedback:
+    """Return the feedback law for pulses: one pulse in each period of the spacecraft with the longest one.
+
+    Raises Infeasible if thrusters would have to fire more often.
+    """
+    longest = max((one.period or 0.0 for one in thrusters if one is not None), default=0.0)
+    if law.delay:
+        raise Infeasible("delay: requires continuous thrust, but thrusters fire pulses; remove it")
+    if not law.impulses:
+        return replace(law, impulses=max(int(law.horizon / longest), 2) if longest else BY_IMPULSES.impulses)
+    if law.horizon / law.impulses < longest * (1.0 - REPLACED):
+        raise Infeasible(
+            f"feedback: pulses {law.horizon / law.impulses:g} s apart, but thrusters fire once in "
+            f"{longest:g} s; give fewer impulses, or a longer horizon"
+        )
+    return law
+
+
+def divide_interval(thrusters: Sequence[Thrusters | None], every: float) -> list[Thrusters | None]:
+    """Return thrusters with periods, no shorter, of which a whole number fits between two plans [s].
+
+    The pulses up to a new plan then equal the thrust of the old one. Raises Infeasible if no period fits.
+    """
+    found: list[Thrusters | None] = []
+    for own in thrusters:
+        if own is None or own.period is None:
+            found.append(own)
+            continue
+        if own.period > every * (1.0 + ROUNDING):
+            raise Infeasible(
+                f"feedback: new plans {every:g} s apart, but thrusters fire once in {own.period:g} s; "
+                "increase `every`"
+            )
+        found.append(replace(own, period=every / int(every / own.period + ROUNDING)))
+    return found
+
+
+def planned_delta_v(paths: Path, thrusters: Sequence[Thrusters | None], lost: Floats) -> Floats:
+    """Return the delta-v of planned paths (N,) in Hill's equations [m/s], until thrust is `lost` (N,) [s].
+
+    That of spacecraft with thrusters is counted per thruster.
+    """
+    planned, firing = np.array(until_lost(paths, lost).delta_v), shooters(thrusters)
+    if firing:
+        pulses = _fire(paths[firing], thrusters).pulses
+        planned[firing] = [impulse_until(pulses[pulses.craft == j], lost[k]) for j, k in enumerate(firing)]
+    return planned
+
+
+class PulsedReference(NamedTuple):
+    """Path of one spacecraft by its pulses, and by the plan on held coasts.
+
+    `missed`: the time and the state error at the start of each held coast. `frame`: that of the chief at half
+    steps.
+    """
+
+    path: Path
+    missed: tuple[tuple[float, Floats], ...]
+    frame: ChiefFrame
+
+    @classmethod
+    def of(
+        cls, plan: Path, fired: Path, model: ThrusterModel, field: Field, law: Feedback | None
+    ) -> PulsedReference:
+        """Return the reference of a plan (1,) that is `fired` (1,) in a field.
+
+        Each span of pulses starts from the planned state. Without feedback there is one span.
+        """
+        own = fired, law, None, ballistics_of(field.drag, 1)
+        commands = Commands.of(*own, thrusters=model, pulsed=True, outputs=np.zeros(0))
+        grid, frame, missed = commands.grid, commands.frame_in(field), []
+        states = plan.state(grid.output_times)
+        whole = np.array([[grid.nodes[0], grid.nodes[-1]]])
+        held = ThrustSpans.of(plan, law)
+        spans = whole if law is None else np.concatenate([held.impulsive[0], held.continuous[0]])
+        for first, last in _spans(grid, spans, model.pulses):
+            part, _, shown = commands.alone(first, last)
+            # a span that begins with an impulse starts before it
+            begin = plan.state(grid.nodes[first]) if first else None
+            during = frame.during(slice(2 * first, 2 * last + 1))
+            states_of_span = propagate(part, field, SampledErrors.none(1), begin, during).states[0, 0]
+            missed.append((float(grid.nodes[last]), states_of_span[-1] - states[0, shown[-1]]))
+            states[0, shown] = states_of_span
+        return cls(plan.orbit._through(grid.output_times, states), tuple(missed), frame)
+
+
+def _spans(grid: TimeGrid, spans: Floats, pulses: Pulses) -> list[tuple[int, int]]:
+    """Return the first and the last node of each span (M, 2) with planned thrust, up to its last pulse.
+
+    Both nodes have outputs, and the first precedes all firing; spans that touch are merged.
+    """
+    shown = np.flatnonzero(grid.outputs >= 0)
+    times, ends = grid.nodes[shown], pulses.start + pulses.duration
+    found = list[tuple[int, int]]()
+    for begin, end in spans[np.argsort(spans[:, 0])]:
+        during = (pulses.start < end) & (ends > begin)
+        begin, end = pulses.start[during].min(initial=begin), ends[during].max(initial=end)
+        first = max(int(np.searchsorted(times, begin - SAME)) - 1, 0)
+        last = min(int(np.searchsorted(times, end - SAME)), len(times) - 1)
+        if found and first <= found[-1][1]:
+            first, last = found[-1][0], max(last, found[-1][1])
+            found.pop()
+        found.append((first, last))
+    return [(int(shown[first]), int(shown[last])) for first, last in found]
