@@ -13,22 +13,23 @@ from closeform._jit import kernel
 from closeform.kernel_loans import stack_matrix, stack_vector
 from closeform.motion.arc import END, MEAN_MOTION, START, thrusts
 from closeform.motion.linear import back_substitute, factorise
-from closeform.safety.active_faces import steepest
 from closeform.safety.failure_cells import (
     HELD,
     KIND,
     LOW,
     MEASURE,
+    MISSED,
     PIECE,
     SIDE,
     STUCK,
     column_of,
     earliest,
     parameter_count,
-    single,
+    single_failure,
 )
-from closeform.safety.failure_family import open_window
-from closeform.safety.failure_motion import is_instant, note
+from closeform.safety.failure_motions import open_window
+from closeform.safety.separating_planes import steepest
+from closeform.safety.single_failures import is_instant, note
 from closeform.zones.shapes import FACES
 
 SCALE = 0.3  # first step of the unknowns: share of their range, and in n t for times
@@ -90,8 +91,8 @@ def seen_at(one, two, width, t, end, n, form, room):
 
     `room.motions[0]` receives its derivatives.
     """
-    single(one, room.point[0], SIDE, n, room.rows[0])
-    single(two, room.point[0], SIDE + width, n, room.rows[1])
+    single_failure(one, room.point[0], SIDE, n, room.rows[0])
+    single_failure(two, room.point[0], SIDE + width, n, room.rows[1])
     open_window(one, two, room.point[0], width, t, end, n, 1, t, form, room)
     q = room.motions[0]
     return q[0, 0], q[0, 1], q[0, 2]
@@ -244,13 +245,14 @@ def step_down(one, two, width, s, u, v, count, low, high, scale, metric, n, form
 
 
 @kernel()
-def descend_all(one, two, width, when, end, n, form, room, best):
+def descend(one, two, width, when, end, n, form, room, best):
     """Follow the failure `room.point[1]`, met at time `when`, downhill over all unknowns.
 
-    Returns norm and time.
-
-    `room.point[1]` receives the result if it is below `best`. Pieces of paths stay the same.
+    Returns norm and time; `room.point[1]` receives the result if it is below `best`. Pieces of paths stay the
+    same. Shares of missed burns are not changed.
     """
+    if one.now[KIND] == MISSED or two.now[KIND] == MISSED:
+        return best, when
     u, v, slope, after = stack_vector(6), stack_vector(6), stack_vector(6), stack_vector(6)
     low, high, scale, free = stack_vector(6), stack_vector(6), stack_vector(6), stack_vector(6)
     metric, tangents, found = stack_matrix(6, 6), stack_matrix(6, 3), stack_vector(2)

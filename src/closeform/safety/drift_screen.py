@@ -15,13 +15,11 @@ from closeform.motion.joining import stack
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
 from closeform.result import Rows
-from closeform.safety.drift_approach import failures_at, search_pairs
-from closeform.safety.drift_end import checked_end, soon_after
-from closeform.safety.failure_cells import Side
-from closeform.safety.failure_motion import MEETS
+from closeform.safety.drift_approach import checked_end, failures_at, search_pairs, soon_after
+from closeform.safety.failure_cells import Side, side_of
+from closeform.safety.failure_search import LOWER, RATIO, TIME
 from closeform.safety.failures import Failure, ThrustLost
-from closeform.safety.search import LOWER, RATIO, TIME
-from closeform.safety.sides import side_of
+from closeform.safety.single_failures import MEETS
 from closeform.zones.combined_zones import OwnZone
 from closeform.zones.pair_zones import PairZones, pair_zones, pairs_of, portions
 from closeform.zones.solids import Sphere
@@ -150,7 +148,7 @@ def worst_drifts(
     certain: float,
     for_ever: bool = False,
 ) -> tuple[Any, Floats]:
-    """Return the pairs that are not passively safe, and the rows of `search.worst_failures` for these.
+    """Return the pairs that are not passively safe, and the rows of `worst_failures` for these.
 
     For a drift with an end one search finds both: the minimum norm is searched if one is in the zone.
     """

@@ -3,12 +3,9 @@
 from math import ceil, inf, nan
 
 from closeform._jit import kernel
-from closeform.motion.arc import END, START
 from closeform.motion.certified_march import LESS_PATIENCE, PATIENCE
 from closeform.motion.extrema import minimum_norm, step_on
 from closeform.motion.hill import oscillation
-from closeform.safety.active_faces import EDGES, mixed_normal
-from closeform.safety.edges import make_edges, nearest, place_at, widest
 from closeform.safety.failure_cells import (
     FROM,
     HIGH,
@@ -22,15 +19,15 @@ from closeform.safety.failure_cells import (
     column_of,
     earliest,
     parameter_count,
-    single,
+    single_failure,
     span_both,
 )
-from closeform.safety.failure_family import OTHER, arc_end, arc_of, is_natural, open_window
-from closeform.zones.shapes import BALL, FACES, norm
+from closeform.safety.failure_motions import OTHER, arc_end, arc_of, is_natural, open_window
+from closeform.safety.separating_planes import make_edges, nearest_by_norm, widest
+from closeform.zones.shapes import FACES, norm
 
 MEETS = 1.0 + 1e-12  # up to here a norm is on the surface
 LEAST_SHARE = 0.2  # of a cell, minimum part on either side of a cut
-FIRST_STEP, LAST_STEP = 0.1, 1e-3  # of the descent: in n t, and relative to the first
 NEAR = 0.5  # in n t: range around the end of planes in which a motion is followed
 GLANCE, GLANCES = 0.5, 16  # in n t, and per window in deep space: spacing and number of samples
 SMALLEST = 1e-13  # of a set's edges, in zones: failures in it are equal
@@ -50,8 +47,8 @@ def target_below(best, certain):
 def propagate(one, two, cell, width, begin, end, n, form, room, best):
     """Return the minimum norm over [begin, end] at a cell's low ends, if below `best`, and its time."""
     shape, _, faces = form
-    single(one, cell, SIDE, n, room.rows[0])
-    single(two, cell, SIDE + width, n, room.rows[1])
+    single_failure(one, cell, SIDE, n, room.rows[0])
+    single_failure(two, cell, SIDE + width, n, room.rows[1])
     when, t, patience = nan, begin, PATIENCE
     while True:
         window, stop = open_window(one, two, cell, width, t, end, n, 1, t, form, room)
@@ -145,10 +142,7 @@ def glance(one, two, cell, width, end, n, form, room, best):
                 room.places[0, axis], room.places[OTHER, axis] = motions[0, 0, axis], 0.0
                 for m in range(count):
                     room.edges[m, axis] = motions[1 + m, 0, axis]
-            x, y, z = nearest(room, count)
-            if shape != BALL and 1 < count <= EDGES:
-                mixed_normal(room, count, form, x, y, z, 0.0)
-                x, y, z = place_at(room, count, -1.0)
+            x, y, z = nearest_by_norm(room, count, form)
             s = norm(shape, faces, x, y, z)
             if s < best:
                 best, when = s, min(t + k * h, stop)
@@ -179,39 +173,6 @@ def near_by(one, two, cell, width, t, near, end, n, count, room):
         return max(t, s), end
     begin, stop = around(one, two, room.point[0], width, near, end, n)
     return max(cell[FROM], s, min(t, begin) if size <= SMALLEST else begin), stop
-
-
-@kernel()
-def descend(one, two, width, when, end, n, form, room, best):
-    """Follow the worst failure found downhill, from instant to instant; return the minimum norm and its time.
-
-    The search stays in its arc, with steps that grow downhill and turn back smaller uphill.
-    """
-    cell, worst = room.point[0], room.point[1]
-    for second in range(2):
-        side, o = (two, SIDE + width) if second else (one, SIDE)
-        if not is_instant(side, worst, o):
-            continue
-        arc = side.arcs[int(worst[o + PIECE]) // 2]
-        whole = arc[END] - arc[START]
-        step = min(FIRST_STEP / n, 0.1 * whole) if n > 0.0 else 0.02 * whole
-        least_step = LAST_STEP * step
-        while abs(step) > least_step:
-            for c in range(len(cell)):
-                cell[c] = worst[c]
-            at = min(max(worst[o + LOW] + step, arc[START]), arc[END])
-            cell[o + LOW], cell[o + HIGH] = at, at
-            begin, until = around(one, two, cell, width, when, end, n)
-            least, time = best, when
-            if at != worst[o + LOW] and begin <= end:
-                least, time = propagate(one, two, cell, width, begin, until, n, form, room, best)
-            if least < best:
-                best, when = least, time
-                note(room, cell)
-                step *= 2.0
-            else:
-                step *= -0.3
-    return best, when
 
 
 @kernel()

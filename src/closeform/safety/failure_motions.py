@@ -7,17 +7,19 @@ ball.
 
 from typing import NamedTuple
 
+import numpy as np
 from numba import types
 
 from closeform._jit import kernel
 from closeform.arrays import Floats
-from closeform.motion.arc import ANGLE, END, MEAN_MOTION, START, derivatives_at, is_cubic, thrusts
+from closeform.motion.arc import ANGLE, END, MEAN_MOTION, START, WIDTH, derivatives_at, is_cubic, thrusts
 from closeform.motion.certified_march import COAST_ANGLE, locate, store
 from closeform.motion.hill import inverse_transforms, oscillation
 from closeform.safety.failure_cells import (
     BLOCKS,
     BURN,
     BURNS,
+    DEGRADED,
     FIRST,
     HIGH,
     INTACT,
@@ -30,11 +32,12 @@ from closeform.safety.failure_cells import (
     ROWS,
     SIDE,
     STUCK,
-    WEAK,
+    Side,
     vertex_count,
 )
 
 OTHER, PATH, GENERATORS = 12, 24, 25  # indices of `motions`: first motion of the second side, and so on
+CELLS = 512  # initial space for the cells of a pair; few paths have as many arcs under thrust
 
 
 class PairRoom(NamedTuple):
@@ -50,9 +53,26 @@ class PairRoom(NamedTuple):
     drifts: Floats  # (25 + G,): along the track [m/s]
     edges: Floats  # (P, 4): of the set at one time, a direction for each parameter, and its drift
     shares: Floats  # (P,): nearest point of the set in edge coordinates
+    inverse: Floats  # (P + 1, P + 1): of the basis of `separating_planes.mixed_normal`
+    mix: Floats  # (P + 1, 9): the normals in it, their shares, costs and more
 
 
-ROOM_TYPE = types.NamedTuple((ROWS, ROWS, BLOCKS, BLOCKS, ROWS, ROWS, ROWS, NUMBERS, ROWS, NUMBERS), PairRoom)
+ROOM_TYPE = types.NamedTuple(
+    (ROWS, ROWS, BLOCKS, BLOCKS, ROWS, ROWS, ROWS, NUMBERS, ROWS, NUMBERS, ROWS, ROWS), PairRoom
+)
+
+
+def room_for(one: Side, two: Side, cells: int = CELLS) -> PairRoom:
+    """Return work space for the search of one pair at a time."""
+    burns = [int(np.diff(side.burn_offsets).max(initial=0)) if len(side.burns) else 0 for side in (one, two)]
+    parameters, motions = 2 * max(2, *burns), GENERATORS + sum(burns)
+    width = 2 * (1 + parameters)
+    shapes = (
+        *((cells, 1 + width), (3, 1 + width), (2, 12, WIDTH)),
+        *((motions, 8, 3), (motions, 3), (motions, 6), (motions, 5), motions),
+        *((parameters, 4), parameters, (parameters + 1, parameters + 1), (parameters + 1, 9)),
+    )
+    return PairRoom(*map(np.zeros, shapes))
 
 
 class Window(NamedTuple):
@@ -67,7 +87,7 @@ class Window(NamedTuple):
 
 
 @kernel()
-def next_seen(window, k):
+def next_motion(window, k):
     """Return the index of the next motion of a window; `last` or more after all of them."""
     if k + 1 == window.ones:
         return OTHER
@@ -75,7 +95,7 @@ def next_seen(window, k):
 
 
 @kernel()
-def see(arc, t, order, sign, q, fresh):
+def add_motion(arc, t, order, sign, q, fresh):
     """Fill `q` (8, 3) with `sign` times the derivatives of an arc, or add them if it is not `fresh`."""
     if fresh:
         for k in range(order):
@@ -84,7 +104,7 @@ def see(arc, t, order, sign, q, fresh):
 
 
 @kernel()
-def mix(target, one, a, other, b, order):
+def combine(target, one, a, other, b, order):
     """Set the derivatives `target` to a times one motion's plus b times another's."""
     for k in range(order):
         for axis in range(3):
@@ -92,7 +112,7 @@ def mix(target, one, a, other, b, order):
 
 
 @kernel()
-def see_burns(side, cell, o, arc, t, order, sign, room, base, first):
+def fill_burns(side, cell, o, arc, t, order, sign, room, base, first):
     """Subtract the burns' loss in a cell from a motion; fill generators with their variable part."""
     motions = room.motions
     for j in range(side.now[BURN], side.now[BURNS]):
@@ -104,30 +124,30 @@ def see_burns(side, cell, o, arc, t, order, sign, room, base, first):
             for i in range(order):
                 given[i, 0] = given[i, 1] = given[i, 2] = 0.0
             continue
-        see(before, t, order, -1.0, given, True)
-        see(after if t >= after[START] else arc, t, order, 1.0, given, False)
-        mix(motions[base], motions[base], 1.0, given, low - 1.0, order)
-        mix(given, given, sign * (high - low), given, 0.0, order)
+        add_motion(before, t, order, -1.0, given, True)
+        add_motion(after if t >= after[START] else arc, t, order, 1.0, given, False)
+        combine(motions[base], motions[base], 1.0, given, low - 1.0, order)
+        combine(given, given, sign * (high - low), given, 0.0, order)
 
 
 @kernel()
-def see_side(side, cell, o, rows, count, i, t, order, sign, room, base, first):
+def fill_side(side, cell, o, rows, count, i, t, order, sign, room, base, first):
     """Fill the motions of one side at time t, in metres; `i` is the arc of its path."""
     kind, motions = side.now[KIND], room.motions
     if kind == INTACT or kind == MISSED:
-        see(side.arcs[i], t, order, 1.0, motions[base], True)
+        add_motion(side.arcs[i], t, order, 1.0, motions[base], True)
         if kind == MISSED:
-            see_burns(side, cell, o, side.arcs[i], t, order, sign, room, base, first)
+            fill_burns(side, cell, o, side.arcs[i], t, order, sign, room, base, first)
         return
     for k in range(12 if kind == STUCK and count > 1 else count):
-        see(rows[k], t, order, 1.0, motions[base + k], True)
-    if kind == WEAK:
+        add_motion(rows[k], t, order, 1.0, motions[base + k], True)
+    if kind == DEGRADED:
         low, high = cell[o + LOW + 2], cell[o + HIGH + 2]
-        see(side.arcs[i], t, order, 1.0, motions[PATH], True)
+        add_motion(side.arcs[i], t, order, 1.0, motions[PATH], True)
         for k in range(count):
             failed = motions[base + k]
-            mix(motions[base + 4 + k], failed, 1.0 - high, motions[PATH], high, order)
-            mix(failed, failed, 1.0 - low, motions[PATH], low, order)
+            combine(motions[base + 4 + k], failed, 1.0 - high, motions[PATH], high, order)
+            combine(failed, failed, 1.0 - low, motions[PATH], low, order)
 
 
 @kernel()
@@ -171,20 +191,20 @@ def open_window(one, two, cell, width, t, end, n, count, epoch, form, room):
         stop = min(stop, t + max(t - epoch, 0.25 * (end - t)))
     generators = GENERATORS + one.now[BURNS] - one.now[BURN]
     last = generators + two.now[BURNS] - two.now[BURN]
-    see_side(one, cell, SIDE, room.rows[0], count, i, t, order, 1.0, room, 0, GENERATORS)
-    see_side(two, cell, SIDE + width, room.rows[1], count, j, t, order, -1.0, room, OTHER, generators)
+    fill_side(one, cell, SIDE, room.rows[0], count, i, t, order, 1.0, room, 0, GENERATORS)
+    fill_side(two, cell, SIDE + width, room.rows[1], count, j, t, order, -1.0, room, OTHER, generators)
     ones = vertex_count(one) if count > 1 else 1
     twos = vertex_count(two) if count > 1 else 1
     if twos == 1:  # the difference is a single motion, and smaller than both
         for k in range(ones):
-            mix(motions[k], motions[k], 1.0, motions[OTHER], -1.0, order)
-        mix(motions[OTHER], motions[OTHER], 0.0, motions[OTHER], 0.0, order)
+            combine(motions[k], motions[k], 1.0, motions[OTHER], -1.0, order)
+        combine(motions[OTHER], motions[OTHER], 0.0, motions[OTHER], 0.0, order)
     window = Window(ones, twos, generators, last, order, n)
     k = 0
     while k < last:
         for m in range(order):
             store(motions[k], m, matrix, motions[k, m, 0], motions[k, m, 1], motions[k, m, 2])
-        k = next_seen(window, k)
+        k = next_motion(window, k)
     return window, stop
 
 
@@ -205,4 +225,4 @@ def place_all(room, window, t):
                 x += q[4, axis] * b4 + q[5, axis] * b5 + q[6, axis] * p[10] + q[7, axis] * p[11]
                 v += q[4, axis] * d4 + q[5, axis] * b4 + q[6, axis] * p[9] + q[7, axis] * p[10]
             place[axis], place[3 + axis] = x, v
-        k = next_seen(window, k)
+        k = next_motion(window, k)

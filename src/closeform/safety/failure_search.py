@@ -1,7 +1,9 @@
-"""Search over failures and drifts at once, by cells that are divided until each is clear or has a conflict.
+"""Search for the worst failure, by cells that are divided until each is clear or has a conflict.
 
-The span of a cell is marched (see `planes`); where that ends, the failure whose motion is nearest there is
-propagated, and the cell is cut across its longest edge.  Both parts continue from there.
+The span of a cell is marched (see `separating_planes`); where that ends, the failure whose motion is nearest
+there is propagated, and the cell is cut across its longest edge.  Both parts continue from there.  For a
+minimum norm, descents over all unknowns at once start in the cells that seem to come closest, so that cells
+are compared with it from the start.
 """
 
 from math import inf, nan, pi
@@ -12,13 +14,13 @@ from closeform._jit import kernel
 from closeform.kernel_loans import borrowed, lent
 from closeform.motion.arc import START
 from closeform.motion.extrema import NIL
-from closeform.safety.bounded_motion_limits import is_tube
-from closeform.safety.edges import widest
+from closeform.safety.descent import descend
 from closeform.safety.failure_cells import (
     FROM,
     KIND,
     LAST,
     LOST,
+    MISSED,
     SIDE,
     SIDE_TYPE,
     STUCK,
@@ -26,15 +28,16 @@ from closeform.safety.failure_cells import (
     earliest,
     first_cells,
     parameter_count,
-    single,
+    single_failure,
     span_both,
 )
-from closeform.safety.failure_family import ROOM_TYPE, is_natural, open_window
-from closeform.safety.failure_motion import (
+from closeform.safety.failure_motions import ROOM_TYPE, is_natural, open_window
+from closeform.safety.infinite_horizon import is_shadow, search_tail
+from closeform.safety.separating_planes import EITHER_WAY, march, widest
+from closeform.safety.single_failures import (
     MEETS,
     around,
     cut,
-    descend,
     glance,
     has_extent,
     near_by,
@@ -42,9 +45,7 @@ from closeform.safety.failure_motion import (
     propagate,
     target_below,
 )
-from closeform.safety.infinite_horizon import search_tail
-from closeform.safety.planes import EITHER_WAY, march
-from closeform.zones.shapes import FACES, FORM
+from closeform.zones.shapes import FORM
 
 RETRIED = 0.1  # of a set's widest edge: a cell is marched again, uncut, if the minimum falls by more
 # Cells after which a safety check is undecided, and the accuracy of a minimum norm is reduced.
@@ -78,24 +79,33 @@ def fill_cells(one, two, begin, width, n, cells):
 
 
 @kernel()
-def sample(one, two, top, width, end, n, form, room):
-    """Sample each cell, move the worst to the end, and descend from there; return minimum norm and time."""
-    about, near, worst = inf, nan, 0
+def least_downhill(one, two, top, width, end, n, form, room, best, when, most):
+    """Return the minimum norm that descents from cells reach, if below `best`, and its time.
+
+    Descents start in cells that seem to come closer than that, or than `most`; `room.point[1]` receives the
+    failure.
+    """
+    worst, kept = room.point[1], room.point[2]
+    for c in range(len(worst)):
+        kept[c] = worst[c]
     for k in range(top):
-        if room.cells[k, FROM] <= end:
-            least, time = glance(one, two, room.cells[k], width, end, n, form, room, about)
-            if least < about:
-                about, near, worst = least, time, k
-    for c in range(room.cells.shape[1]):
-        swap = room.cells[worst, c]
-        room.cells[worst, c] = room.cells[top - 1, c]
-        room.cells[top - 1, c] = swap
-        room.point[0, c] = room.point[1, c]
-    if near != near:
-        return inf, nan
-    begin, stop = around(one, two, room.point[0], width, near, end, n)
-    best, when = propagate(one, two, room.point[0], width, begin, stop, n, form, room, inf)
-    return descend(one, two, width, when, end, n, form, room, best)
+        if room.cells[k, FROM] > end:
+            continue
+        level = max(best, most)
+        least, time = glance(one, two, room.cells[k], width, end, n, form, room, level)
+        if least < level:
+            for c in range(len(worst)):
+                room.point[0, c] = worst[c]
+            begin, stop = around(one, two, room.point[0], width, time, end, n)
+            least, time = propagate(one, two, room.point[0], width, begin, stop, n, form, room, inf)
+            least, time = descend(one, two, width, time, end, n, form, room, least)
+        if least < best:
+            best, when = least, time
+            for c in range(len(worst)):
+                kept[c] = worst[c]
+    for c in range(len(worst)):
+        worst[c] = kept[c]
+    return best, when
 
 
 @kernel()
@@ -108,12 +118,12 @@ def calm_from(side, n):
 
 
 @kernel()
-def march_drift(one, two, cell, width, calm, end, n, form, tube, scale, target, best, rest, room):
-    """Do what `march` does to the end of a drift; a long drift ends after one orbit if the tube is clear.
+def march_drift(one, two, cell, width, calm, end, n, form, shadow, scale, target, best, rest, room):
+    """Do what `march` does to the end of a drift; a long drift ends after one orbit if the shadow is clear.
 
-    Both sides are without thrust from `calm` on. In the tube natural motion is periodic, theory (49).
+    Both sides are without thrust from `calm` on. In the shadow natural motion is periodic, theory (49).
     """
-    if is_tube(tube) and n * (end - max(calm, cell[FROM])) > LONG:
+    if is_shadow(shadow) and n * (end - max(calm, cell[FROM])) > LONG:
         if cell[FROM] < calm:
             t, clear, near = march(
                 one, two, cell, width, calm, n, form, scale, target, best, rest, -1, EITHER_WAY, room
@@ -122,13 +132,13 @@ def march_drift(one, two, cell, width, calm, end, n, form, tube, scale, target, 
                 return t, clear, near
             cell[FROM] = calm
         turn = cell[FROM] + 2.0 * pi / n
-        if march(one, two, cell, width, turn, n, tube, scale, target, -1.0, rest, -1, EITHER_WAY, room)[1]:
+        if march(one, two, cell, width, turn, n, shadow, scale, target, -1.0, rest, -1, EITHER_WAY, room)[1]:
             return end, True, end
     return march(one, two, cell, width, end, n, form, scale, target, best, rest, -1, EITHER_WAY, room)
 
 
 @kernel()
-def visit(one, two, cell, width, calm, end, n, form, tube, scale, target, best, count, room):
+def visit(one, two, cell, width, calm, end, n, form, shadow, scale, target, best, count, room):
     """Return True if a cell is clear, else the interval in which a failure in it was propagated instead.
 
     Also returns the minimum norm of that failure, `room.point[0]`, if below `best`, and its time.
@@ -137,7 +147,7 @@ def visit(one, two, cell, width, calm, end, n, form, tube, scale, target, best, 
     t, near = cell[FROM], inf
     if has_extent(one, cell, SIDE) or has_extent(two, cell, SIDE + width):
         t, clear, near = march_drift(
-            one, two, cell, width, calm, end, n, form, tube, scale, target, best, rest, room
+            one, two, cell, width, calm, end, n, form, shadow, scale, target, best, rest, room
         )
         if clear:
             return True, t, end, best, nan
@@ -160,14 +170,16 @@ def divide(one, two, width, top, t, stop, end, room, count):
 
 
 @kernel()
-def search(one, two, top, width, end, n, form, scale, tube, certain, most, room):
+def search(one, two, top, width, end, n, form, scale, shadow, floor, certain, most, room):
     """Return the minimum norm over all failures and drifts, its time, and its accuracy.
 
     The accuracy is reduced after MANY cells. If `most` is MEETS only norms up to that are searched, and the
     result is 1 without a time where undecided; if `certain` is 0 any of these suffices. The failure is stored
     in `room.point[1]`.
     """
-    best, when = sample(one, two, top, width, end, n, form, room) if most == inf else (most, nan)
+    best, when = most, nan
+    if most == inf:
+        best, when = least_downhill(one, two, top, width, end, n, form, room, best, when, -inf)
     count = parameter_count(one) + parameter_count(two)
     for k in range(count):
         room.shares[k] = 0.5
@@ -178,16 +190,19 @@ def search(one, two, top, width, end, n, form, scale, tube, certain, most, room)
         if spent > MANY:
             if best == MEETS:
                 return 1.0, nan, 0.0
+            if most == inf and one.now[KIND] != MISSED and two.now[KIND] != MISSED:
+                # the remaining cells may contain a smaller norm
+                best, when = least_downhill(one, two, top, width, end, n, form, room, best, when, inf)
             certain, spent = LESS * certain, 0
         target = target_below(best, certain)
-        if certain > 1.0 or (target <= NIL and form[0] != FACES):
+        if certain > 1.0 or target <= floor + NIL:
             break
         top -= 1
         cell = room.cells[top]
         if cell[FROM] > end:
             continue
         clear, t, stop, least, time = visit(
-            one, two, cell, width, calm, end, n, form, tube, scale, target, best, count, room
+            one, two, cell, width, calm, end, n, form, shadow, scale, target, best, count, room
         )
         if clear:
             continue
@@ -198,8 +213,7 @@ def search(one, two, top, width, end, n, form, scale, tube, certain, most, room)
             note(room, room.point[0])
             if certain == 0.0:
                 break
-            if much:
-                best, when = descend(one, two, width, when, end, n, form, room, best)
+            best, when = descend(one, two, width, when, end, n, form, room, best)
             if extended and much:  # it may be clear at the new target
                 cell[FROM] = t
                 top += 1
@@ -229,12 +243,12 @@ def begin_pair(one, two, first, second, end, n, room, result):
 
 
 @kernel()
-def continue_search(one, two, found, width, end, far, n, form, scale, tube, floor, certain, room):
+def continue_search(one, two, found, width, end, far, n, form, scale, shadow, floor, certain, room):
     """Return minimum norm, time and accuracy of what was `found` and of the drift from `end` to `far`."""
     ratio, when, known = found
     top = fill_cells(one, two, end, width, n, room.cells)
     ratio, later, late = search_tail(
-        one, two, top, width, far, n, form, scale, tube, floor, certain, room, ratio
+        one, two, top, width, far, n, form, scale, shadow, floor, certain, room, ratio
     )
     if later == -inf:
         return -inf, float(2 * len(room.cells)), known
@@ -251,8 +265,8 @@ def store_result(one, two, found, end, n, form, floor, room, result):
     if ratio == -inf or when != when:
         return
     worst = room.point[1]
-    single(one, worst, SIDE, n, room.rows[0])
-    single(two, worst, SIDE + width, n, room.rows[1])
+    single_failure(one, worst, SIDE, n, room.rows[0])
+    single_failure(two, worst, SIDE + width, n, room.rows[1])
     seen = when if when < inf else end
     open_window(one, two, worst, width, seen, end, n, 1, seen, form, room)
     lower = ratio - known * max(abs(ratio), 1.0)
@@ -265,44 +279,43 @@ def store_result(one, two, found, end, n, form, floor, room, result):
 
 @kernel(
     void(
-        SIDE_TYPE,
-        SIDE_TYPE,
-        int64[::1],
-        int64[::1],
+        *[SIDE_TYPE] * 2,
+        *[int64[::1]] * 2,
         float64[::1],
         float64,
         FORM,
-        float64,
-        float64,
-        float64,
-        float64,
+        *[float64] * 4,
         FORM,
+        float64,
         ROOM_TYPE,
         float64[:, ::1],
     )
 )
-def worst_failures(one, two, first, second, ends, n, form, scale, certain, most, far, tube, room, out):
+def worst_failures(
+    one, two, first, second, ends, n, form, scale, certain, most, far, shadow, floor, room, out
+):
     """Fill `out` with time and ratio of each pair's worst failure, and its columns (see `failure_cells`).
 
     The ratio is `certain` to that share of itself, or of 1, or less accurate if that takes too many cells: no
     failure leads below LOWER. If `most` is MEETS, pairs that stay out of the zone have inf, and 1 without a
     time where undecided; if `certain` is 0 the first failure that meets the zone suffices. A pair without a
     common time has nan and inf; one that needs more space has -inf, and the number of its cells as a time. If
-    `far` is above 0 the drift continues from its end to then, and norms in the `tube` have the time inf.
+    `far` is above 0 the drift continues from its end to then, and norms in the shadow `shadow` have the time
+    inf. `floor` is a lower bound on all norms.
     """
     one, two, room, out = lent(one), lent(two), lent(room), borrowed(out)
     form = form[0], borrowed(form[1]), borrowed(form[2])
-    tube = tube[0], borrowed(tube[1]), borrowed(tube[2])
-    width, floor = (room.cells.shape[1] - SIDE) // 2, -inf if form[0] == FACES else 0.0
+    shadow = shadow[0], borrowed(shadow[1]), borrowed(shadow[2])
+    width = (room.cells.shape[1] - SIDE) // 2
     for p in range(len(first)):
         end = ends[p]
         top = begin_pair(one, two, first[p], second[p], end, n, room, out[p])
         if top <= 0:
             continue
-        ratio, when, known = search(one, two, top, width, end, n, form, scale, tube, certain, most, room)
-        found = ratio, when, known
+        found = search(one, two, top, width, end, n, form, scale, shadow, floor, certain, most, room)
+        ratio, when, _ = found
         if far > 0.0 and ratio > -inf and (certain > 0.0 or when != when):
             found = continue_search(
-                one, two, found, width, end, far, n, form, scale, tube, floor, certain, room
+                one, two, found, width, end, far, n, form, scale, shadow, floor, certain, room
             )
         store_result(one, two, found, end, n, form, floor, room, out[p])
