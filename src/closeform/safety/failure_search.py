@@ -38,6 +38,7 @@ from closeform.safety.single_failures import (
     MEETS,
     around,
     cut,
+    descend_by_instants,
     glance,
     has_extent,
     near_by,
@@ -79,6 +80,19 @@ def fill_cells(one, two, begin, width, n, cells):
 
 
 @kernel()
+def descend_from(one, two, width, when, end, n, form, room, best):
+    """Follow the failure `room.point[1]`, met at `when`, downhill; return the minimum norm and its time."""
+    if parameter_count(one) + parameter_count(two) > 1:
+        return descend(one, two, width, when, end, n, form, room, best)
+    if best == inf:
+        for c in range(len(room.point[0])):
+            room.point[0, c] = room.point[1, c]
+        begin, stop = around(one, two, room.point[0], width, when, end, n)
+        best, when = propagate(one, two, room.point[0], width, begin, stop, n, form, room, inf)
+    return descend_by_instants(one, two, width, when, end, n, form, room, best)
+
+
+@kernel()
 def least_downhill(one, two, top, width, end, n, form, room, best, when, most):
     """Return the minimum norm that descents from cells reach, if below `best`, and its time.
 
@@ -94,11 +108,7 @@ def least_downhill(one, two, top, width, end, n, form, room, best, when, most):
         level = max(best, most)
         least, time = glance(one, two, room.cells[k], width, end, n, form, room, level)
         if least < level:
-            for c in range(len(worst)):
-                room.point[0, c] = worst[c]
-            begin, stop = around(one, two, room.point[0], width, time, end, n)
-            least, time = propagate(one, two, room.point[0], width, begin, stop, n, form, room, inf)
-            least, time = descend(one, two, width, time, end, n, form, room, least)
+            least, time = descend_from(one, two, width, time, end, n, form, room, inf)
         if least < best:
             best, when = least, time
             for c in range(len(worst)):
@@ -213,7 +223,8 @@ def search(one, two, top, width, end, n, form, scale, shadow, floor, certain, mo
             note(room, room.point[0])
             if certain == 0.0:
                 break
-            best, when = descend(one, two, width, when, end, n, form, room, best)
+            if count > 1 or much:
+                best, when = descend_from(one, two, width, when, end, n, form, room, best)
             if extended and much:  # it may be clear at the new target
                 cell[FROM] = t
                 top += 1

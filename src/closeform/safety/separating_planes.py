@@ -28,6 +28,8 @@ LEAN, SHARE, COST, COLUMN, TURNED, MULTIPLIER = 3, 4, 5, 6, 7, 8
 AGAINST = 1e-12  # of the drifts in a cell
 STEPS = 200  # in a window, before a cell is divided although planes still separate
 LEAST_STEP = 2.3e-16
+TOUCH = 1e-11  # of a norm: a set at the surface of the zone, which is not followed further
+FINE = 1e-10  # relative accuracy of the time at which a set is nearest
 # No direction in which planes must lead away, no required sign of drifts, and no error of these.
 EITHER_WAY = (0.0, 0.0, 0.0, 0.0, 0.0)
 
@@ -415,9 +417,8 @@ def valley(one, two, room, window, local, span, form):
             break
         low, middle, value = middle, high, there
         step *= 2.0
-    fine = 1e-9 if form[0] == BALL else 1e-13  # a smooth minimum is flat, one at an edge is not
     for _ in range(60):
-        if high - low <= fine * (span + local):
+        if high - low <= FINE * (span + local):
             break
         upper = high - middle > middle - low
         at = middle + 0.381966 * (high - middle) if upper else middle - 0.381966 * (middle - low)
@@ -473,7 +474,7 @@ def march(one, two, cell, width, end, n, form, scale, target, best, rest, most, 
                 return t + local, False, t + local
             if h == 0.0 or (steps > STEPS and widest(room, count)[1] > gap):
                 when = local
-                if deepest(one, two, room, window, local, form) < best:
+                if deepest(one, two, room, window, local, form) < best - TOUCH:
                     when = valley(one, two, room, window, local, span, form)
                 return t + local, False, t + when
             if h >= wanted:

@@ -3,6 +3,7 @@
 from math import ceil, inf, nan
 
 from closeform._jit import kernel
+from closeform.motion.arc import END, START
 from closeform.motion.certified_march import LESS_PATIENCE, PATIENCE
 from closeform.motion.extrema import minimum_norm, step_on
 from closeform.motion.hill import oscillation
@@ -28,6 +29,7 @@ from closeform.zones.shapes import FACES, norm
 
 MEETS = 1.0 + 1e-12  # up to here a norm is on the surface
 LEAST_SHARE = 0.2  # of a cell, minimum part on either side of a cut
+FIRST_STEP, LAST_STEP = 0.1, 1e-3  # of the descent: in n t, and relative to the first
 NEAR = 0.5  # in n t: range around the end of planes in which a motion is followed
 GLANCE, GLANCES = 0.5, 16  # in n t, and per window in deep space: spacing and number of samples
 SMALLEST = 1e-13  # of a set's edges, in zones: failures in it are equal
@@ -173,6 +175,39 @@ def near_by(one, two, cell, width, t, near, end, n, count, room):
         return max(t, s), end
     begin, stop = around(one, two, room.point[0], width, near, end, n)
     return max(cell[FROM], s, min(t, begin) if size <= SMALLEST else begin), stop
+
+
+@kernel()
+def descend_by_instants(one, two, width, when, end, n, form, room, best):
+    """Follow the worst failure found downhill, from instant to instant; return the minimum norm and its time.
+
+    The search stays in its arc, with steps that grow downhill and turn back smaller uphill.
+    """
+    cell, worst = room.point[0], room.point[1]
+    for second in range(2):
+        side, o = (two, SIDE + width) if second else (one, SIDE)
+        if not is_instant(side, worst, o):
+            continue
+        arc = side.arcs[int(worst[o + PIECE]) // 2]
+        whole = arc[END] - arc[START]
+        step = min(FIRST_STEP / n, 0.1 * whole) if n > 0.0 else 0.02 * whole
+        least_step = LAST_STEP * step
+        while abs(step) > least_step:
+            for c in range(len(cell)):
+                cell[c] = worst[c]
+            at = min(max(worst[o + LOW] + step, arc[START]), arc[END])
+            cell[o + LOW], cell[o + HIGH] = at, at
+            begin, until = around(one, two, cell, width, when, end, n)
+            least, time = best, when
+            if at != worst[o + LOW] and begin <= end:
+                least, time = propagate(one, two, cell, width, begin, until, n, form, room, best)
+            if least < best:
+                best, when = least, time
+                note(room, cell)
+                step *= 2.0
+            else:
+                step *= -0.3
+    return best, when
 
 
 @kernel()
