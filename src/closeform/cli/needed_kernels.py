@@ -13,10 +13,13 @@ PLANNING = "planning.approaches planning.contacts planning.deflection planning.q
 LEAST_ENERGY = "planning.contact_solver planning.dual_bound planning.side_costs"
 LEAST_DELTA_V = "motion.impulses motion.impulse_arcs motion.constant_primers"
 JOINT_DELTA_V = "planning.joint_dual planning.primer_maxima planning.impulse_flight planning.impulse_planes"
-PASSIVE_SAFETY = "safety.search"
+PASSIVE_SAFETY = "safety.failure_search"
 SAFE_PLANS = "planning.failures planning.passive_planes"
-ERRORS = "uncertainty.sigma_levels uncertainty.spread uncertainty.sigma_conflicts uncertainty.widths"
-PROBABILITY = "uncertainty.sampled_trajectories uncertainty.entry_rate"
+ERRORS = (
+    "uncertainty.sigmas.levels uncertainty.sigmas.conflicts uncertainty.sigmas.rejection "
+    "uncertainty.covariance_propagation"
+)
+PROBABILITY = "uncertainty.collision.sampled_trajectories uncertainty.collision.entry_rate"
 FIELD = "dynamics.gravity dynamics.least_ratios"
 
 

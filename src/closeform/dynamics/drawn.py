@@ -158,12 +158,9 @@ def drawable(
     """Return the argument `errors` for each craft; None if no craft has any."""
     if errors is None:
         return None
-    from closeform.uncertainty.errors import Uncertainty  # imported late: compiles kernels
-    from closeform.uncertainty.search import given_errors
+    from closeform.uncertainty.errors import Uncertainty, one_for_each  # imported late: compiles kernels
 
-    return [
-        Uncertainty() if one is None else one for one in given_errors("errors", errors, count, Uncertainty)
-    ]
+    return [Uncertainty() if one is None else one for one in one_for_each("errors", errors, count)]
 
 
 def _stream(seed: int, craft: int, which: int, leg: int) -> np.random.Generator:

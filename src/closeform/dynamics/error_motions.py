@@ -13,7 +13,7 @@ from closeform.dynamics.timetable import SAME
 from closeform.dynamics.validity import deviations_of
 from closeform.motion.arc import START
 from closeform.motion.path import Path
-from closeform.uncertainty.columns import burning, columns_of, gates_of
+from closeform.uncertainty.error_columns import burn_ranges, columns_of, impulse_errors
 from closeform.uncertainty.errors import Uncertainty
 
 EACH = Uncertainty(magnitude=1.0, pointing=1.0)  # unit errors, four columns for each burn
@@ -31,7 +31,7 @@ def error_motions(
     if errors.state.any():
         found.append(np.moveaxis(orbit.transition(times - times[0]) @ errors._root, -1, 0))
     for when, size in zip(*jumps, strict=True) if any(errors.impulse) else ():
-        moved = orbit.transition(np.maximum(times - when, 0.0))[..., 3:] @ gates_of(size, errors).T
+        moved = orbit.transition(np.maximum(times - when, 0.0))[..., 3:] @ impulse_errors(size, errors).T
         found.append(np.moveaxis(moved * (times > when + SAME)[:, None, None], -1, 0))
     if errors.magnitude or errors.pointing:
         sizes = np.array([errors.magnitude, *[errors.pointing] * 3])[:, None, None]
@@ -43,7 +43,7 @@ def _burns(path: Path, times: Floats, against: Floats) -> Iterator[Floats]:
     """Yield deviations (4, T, 6) due to each burn larger by 100 %, and rotated by 1 rad about each axis."""
     edges = burn_edges(path)
     columns = columns_of(path, EACH).state(times).reshape(-1, len(KINDS), len(times), 6)
-    own = np.searchsorted(edges, [path.arcs[first, START] for first, _ in burning(path)], side="right")
+    own = np.searchsorted(edges, [path.arcs[first, START] for first, _ in burn_ranges(path)], side="right")
     which = np.searchsorted(edges, times, side="right")
     for k in range(len(edges) + 1) if against.any() else own:
         done = np.einsum("kij,tj->kti", KINDS, against * (which == k)[:, None])

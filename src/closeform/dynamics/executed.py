@@ -10,7 +10,7 @@ from closeform.arrays import Floats
 from closeform.dynamics.timetable import Timetable
 from closeform.motion.arc import END, START
 from closeform.motion.path import Path
-from closeform.uncertainty.columns import burning
+from closeform.uncertainty.error_columns import burn_ranges
 
 
 class Events(NamedTuple):
@@ -59,6 +59,6 @@ def burn_edges(path: Path) -> Floats:
 
     Thrust between two burns counts as one burn, too.
     """
-    found = [time for a, b in burning(path) for time in (path.arcs[a, START], path.arcs[b - 1, END])]
+    found = [time for a, b in burn_ranges(path) for time in (path.arcs[a, START], path.arcs[b - 1, END])]
     edges = np.unique(np.array(found))
     return np.asarray(edges[(edges > path.start) & (edges < path.end)])

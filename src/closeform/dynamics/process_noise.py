@@ -12,7 +12,7 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.motion.steering import transition_matrices
-from closeform.uncertainty.white_noise import BLOCK, by_then, increments, kicks_of
+from closeform.uncertainty.white_noise import BLOCK, increments, instants_until, velocity_changes
 
 HALVED = 9  # halvings of a block down to steps of 8 s
 STEP = BLOCK / 2.0**HALVED
@@ -26,9 +26,9 @@ def shaken(
     In the rotating frame, for a `density` [m^2/s^3] and a mean motion [rad/s], between times (K + 1,) [s]
     since the start; `normal` draws rows of six numbers for a level.
     """
-    so_far = by_then(times, STEP)
+    so_far = instants_until(times, STEP)
     pushes = increments(n, HALVED, int(so_far[-1]), lambda level, rows: normal(level, rows)[None])
-    kicks = np.sqrt(density) * kicks_of(n, STEP, pushes)[0]
+    kicks = np.sqrt(density) * velocity_changes(n, STEP, pushes)[0]
     which = np.arange(max(so_far[0], 0), so_far[-1])
     steps = np.searchsorted(so_far, which, side="right") - 1
     moved = transition_matrices(n, times[steps + 1] - STEP * which)[:, :, 3:]

@@ -15,7 +15,7 @@ from closeform.motion.duration import MOST_ORBITS
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import FORGIVEN, Path
 from closeform.result import Rows
-from closeform.safety.failure_cells import INTACT, KIND, LOW, MISSED, PIECE, SIDE, Side, side_of
+from closeform.safety.failure_cells import INTACT, KIND, LOW, MISSED, OFFSET, PIECE, SIDE, Side, side_of
 from closeform.safety.failure_motions import room_for
 from closeform.safety.failure_search import FAILURE, LOWER, PLACE, RATIO, TIME, worst_failures
 from closeform.safety.failures import DegradedThrust, Failure, MissedBurns, StuckOnThrust, ThrustLost
@@ -295,6 +295,8 @@ def search_pairs(
 ) -> Floats:
     """Return the rows of `worst_failures` for pairs, with as much work space as they need."""
     room = room_for(one, two)
+    one, two = one._replace(now=one.now.copy()), two._replace(now=two.now.copy())  # which the search changes
+    two.now[OFFSET] = (room.cells.shape[1] + SIDE) // 2
     rows = np.zeros((len(first), FAILURE + room.cells.shape[1]))
     far = end + MOST_ORBITS * orbit.period if for_ever else 0.0
     shadow = shadow_of_faces(zone)

@@ -113,11 +113,10 @@ def drift_screen(
     for_ever, both = end == np.inf, failing == "both"
     soon = soon_after(batch, batch) if for_ever else end
     fails = side_of(batch, failure, soon, carry_on=True)
-    intact = fails if both else side_of(batch, None, soon, carry_on=True)
+    sides = fails, fails if both else side_of(batch, None, soon, carry_on=True)
 
     def search(job: tuple[Zone, Any, Any]) -> tuple[Any, ...]:
         one, first, second = job
-        sides = own(fails), own(intact)
         pair = first, second, soon, batch.orbit
         unsafe, rows = worst_drifts(sides, *pair, one, ENOUGH, for_ever)
         craft = first[unsafe], second[unsafe]
@@ -131,11 +130,6 @@ def drift_screen(
     columns = [np.concatenate(column) for column in zip(*found, strict=True)]
     order = np.lexsort(columns[0].T[::-1])
     return DriftScreening(*(column[order] for column in columns))
-
-
-def own(side: Side) -> Side:
-    """Return a copy of a side for use in one thread, as a search stores its current spacecraft in it."""
-    return side._replace(now=side.now.copy())
 
 
 def worst_drifts(

@@ -28,7 +28,7 @@ from closeform.safety.failures import DegradedThrust, Failure, MissedBurns, Stuc
 from closeform.safety.remainders import lost_remainder, stuck_remainder, thrust_derivatives
 
 INTACT, LOST, DEGRADED, STUCK, MISSED = 0, 1, 2, 3, 4
-KIND, FIRST, LAST, BURN, BURNS = 0, 1, 2, 3, 4  # indices of a side's `now`
+KIND, FIRST, LAST, BURN, BURNS, OFFSET = range(6)  # indices of a side's `now`
 MEASURE, HELD, ACCELERATION = 0, 1, 2  # indices of a side's `numbers`
 FROM, SIDE = 0, 1  # first columns of a cell
 PIECE, LOW, HIGH = 0, 1, 2  # columns of a side of a cell; the next parameter follows two columns later
@@ -45,7 +45,7 @@ class Side(NamedTuple):
     offsets: Any  # (N + 1,)
     burns: Floats  # (B, 2, 30): the natural motions before and after each burn, of MISSED alone
     burn_offsets: Any  # (N + 1,)
-    now: Any  # (5,): kind of failure; first and last arc, first and last burn of the current spacecraft
+    now: Any  # (6,): kind of failure; first and last arc and burn of the current spacecraft; column in a cell
     numbers: Floats  # (5,): minimum share or longest duration; length and components of a given acceleration
 
 
@@ -131,8 +131,9 @@ def stuck_thrust(side, piece, at, n, u):
 
 
 @kernel()
-def single_failure(side, cell, o, n, rows):
+def single_failure(side, cell, n, rows):
     """Fill the first row with the motion at the low ends of a cell's side."""
+    o = side.now[OFFSET]
     kind = side.now[KIND]
     if kind == INTACT or kind == MISSED:
         return
@@ -145,10 +146,10 @@ def single_failure(side, cell, o, n, rows):
 
 
 @kernel()
-def column_of(one, width, k):
+def column_of(one, two, k):
     """Return the column of the low end of a cell's k-th unknown."""
     mine = parameter_count(one)
-    return SIDE + LOW + 2 * k if k < mine else SIDE + width + LOW + 2 * (k - mine)
+    return one.now[OFFSET] + LOW + 2 * k if k < mine else two.now[OFFSET] + LOW + 2 * (k - mine)
 
 
 @kernel()
@@ -204,11 +205,12 @@ def span_stuck(side, piece, at, n, third, short, long, end, rows):
 
 
 @kernel()
-def span_cell(side, cell, o, n, rows):
+def span_cell(side, cell, n, rows):
     """Fill rows with the motions that span a cell's side; return bounds on the deviation of others.
 
     The four numbers are bounds in position, in velocity and constant ones, and the epoch of the cell's start.
     """
+    o = side.now[OFFSET]
     kind = side.now[KIND]
     if kind == INTACT or kind == MISSED:
         return 0.0, 0.0, 0.0, cell[FROM]
@@ -245,19 +247,20 @@ def span_cell(side, cell, o, n, rows):
 
 
 @kernel()
-def span_both(one, two, cell, width, n, rows):
+def span_both(one, two, cell, n, rows):
     """Span both sides by `span_cell`; return bounds on the deviation of the difference of two motions."""
-    place, speed, always, epoch = span_cell(one, cell, SIDE, n, rows[0])
-    other_place, other_speed, other_always, other_epoch = span_cell(two, cell, SIDE + width, n, rows[1])
+    place, speed, always, epoch = span_cell(one, cell, n, rows[0])
+    other_place, other_speed, other_always, other_epoch = span_cell(two, cell, n, rows[1])
     return place + other_place, speed + other_speed, always + other_always, min(epoch, other_epoch)
 
 
 @kernel()
-def first_cells(side, o, n, cells):
+def first_cells(side, n, cells):
     """Fill a side's columns of `cells` with the cells that contain all its failures; return their number.
 
     Cells beyond the last row are counted only.
     """
+    o = side.now[OFFSET]
     kind, count = side.now[KIND], 0
     if kind == INTACT or kind == MISSED:
         if len(cells) > 0:
@@ -294,8 +297,9 @@ def first_cells(side, o, n, cells):
 
 
 @kernel()
-def earliest(side, cell, o):
+def earliest(side, cell):
     """Return the time from which the motions of a cell's side are valid."""
+    o = side.now[OFFSET]
     kind = side.now[KIND]
     if kind == INTACT or kind == MISSED:
         return side.arcs[side.now[FIRST], START]
@@ -321,7 +325,7 @@ def side_of(path: Path, failure: Failure | None, until: float, carry_on: bool = 
     burns, burn_offsets = NO_BURNS, np.zeros_like(offsets)
     if kind == MISSED:
         burns, burn_offsets = burns_of(path)
-    now = np.array([kind, 0, 0, 0, 0], dtype=np.int64)
+    now = np.array([kind, 0, 0, 0, 0, SIDE], dtype=np.int64)
     return Side(arcs, offsets, burns, burn_offsets, now, numbers)
 
 

@@ -5,7 +5,7 @@ less that of some of the other, plus any part of some generators (burns that may
 ball.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import types
@@ -29,8 +29,8 @@ from closeform.safety.failure_cells import (
     LOW,
     MISSED,
     NUMBERS,
+    OFFSET,
     ROWS,
-    SIDE,
     STUCK,
     Side,
     vertex_count,
@@ -67,7 +67,7 @@ def room_for(one: Side, two: Side, cells: int = CELLS) -> PairRoom:
     burns = [int(np.diff(side.burn_offsets).max(initial=0)) if len(side.burns) else 0 for side in (one, two)]
     parameters, motions = 2 * max(2, *burns), GENERATORS + sum(burns)
     width = 2 * (1 + parameters)
-    shapes = (
+    shapes: tuple[Any, ...] = (
         *((cells, 1 + width), (3, 1 + width), (2, 12, WIDTH)),
         *((motions, 8, 3), (motions, 3), (motions, 6), (motions, 5), motions),
         *((parameters, 4), parameters, (parameters + 1, parameters + 1), (parameters + 1, 9)),
@@ -112,8 +112,9 @@ def combine(target, one, a, other, b, order):
 
 
 @kernel()
-def fill_burns(side, cell, o, arc, t, order, sign, room, base, first):
+def fill_burns(side, cell, arc, t, order, sign, room, base, first):
     """Subtract the burns' loss in a cell from a motion; fill generators with their variable part."""
+    o = side.now[OFFSET]
     motions = room.motions
     for j in range(side.now[BURN], side.now[BURNS]):
         k = j - side.now[BURN]
@@ -131,13 +132,14 @@ def fill_burns(side, cell, o, arc, t, order, sign, room, base, first):
 
 
 @kernel()
-def fill_side(side, cell, o, rows, count, i, t, order, sign, room, base, first):
+def fill_side(side, cell, rows, count, i, t, order, sign, room, base, first):
     """Fill the motions of one side at time t, in metres; `i` is the arc of its path."""
+    o = side.now[OFFSET]
     kind, motions = side.now[KIND], room.motions
     if kind == INTACT or kind == MISSED:
         add_motion(side.arcs[i], t, order, 1.0, motions[base], True)
         if kind == MISSED:
-            fill_burns(side, cell, o, side.arcs[i], t, order, sign, room, base, first)
+            fill_burns(side, cell, side.arcs[i], t, order, sign, room, base, first)
         return
     for k in range(12 if kind == STUCK and count > 1 else count):
         add_motion(rows[k], t, order, 1.0, motions[base + k], True)
@@ -173,7 +175,7 @@ def arc_of(side, t):
 
 
 @kernel()
-def open_window(one, two, cell, width, t, end, n, count, epoch, form, room):
+def open_window(one, two, cell, t, end, n, count, epoch, form, room):
     """Fill the motions of both sides from time t on; return the window and its end."""
     shape, matrix, faces = form
     motions = room.motions
@@ -191,8 +193,8 @@ def open_window(one, two, cell, width, t, end, n, count, epoch, form, room):
         stop = min(stop, t + max(t - epoch, 0.25 * (end - t)))
     generators = GENERATORS + one.now[BURNS] - one.now[BURN]
     last = generators + two.now[BURNS] - two.now[BURN]
-    fill_side(one, cell, SIDE, room.rows[0], count, i, t, order, 1.0, room, 0, GENERATORS)
-    fill_side(two, cell, SIDE + width, room.rows[1], count, j, t, order, -1.0, room, OTHER, generators)
+    fill_side(one, cell, room.rows[0], count, i, t, order, 1.0, room, 0, GENERATORS)
+    fill_side(two, cell, room.rows[1], count, j, t, order, -1.0, room, OTHER, generators)
     ones = vertex_count(one) if count > 1 else 1
     twos = vertex_count(two) if count > 1 else 1
     if twos == 1:  # the difference is a single motion, and smaller than both

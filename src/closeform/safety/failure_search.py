@@ -21,7 +21,7 @@ from closeform.safety.failure_cells import (
     LAST,
     LOST,
     MISSED,
-    SIDE,
+    OFFSET,
     SIDE_TYPE,
     STUCK,
     choose,
@@ -56,44 +56,44 @@ LONG = 6.0 * pi  # of a drift, in n t: the zone's shadow is checked first
 TIME, RATIO, LOWER, PLACE, FAILURE = 0, 1, 2, 3, 6
 
 
-@kernel()
-def fill_cells(one, two, begin, width, n, cells):
+@kernel(inline=True)
+def fill_cells(one, two, begin, n, cells):
     """Fill all cells of a pair, each of one side with each of the other; return their number.
 
     If there is not enough space the cells are only counted.
     """
-    ones = first_cells(one, SIDE, n, cells)
-    twos = first_cells(two, SIDE + width, n, cells[:0])
+    ones = first_cells(one, n, cells)
+    twos = first_cells(two, n, cells[:0])
     if ones * twos > len(cells):
         return ones * twos
     for k in range(ones - 1, -1, -1):
         for m in range(twos):
-            for c in range(SIDE, SIDE + width):
+            for c in range(one.now[OFFSET], two.now[OFFSET]):
                 cells[k * twos + m, c] = cells[k, c]
-    first_cells(two, SIDE + width, n, cells)
+    first_cells(two, n, cells)
     for k in range(ones * twos):
-        for c in range(SIDE + width, SIDE + 2 * width):
+        for c in range(two.now[OFFSET], cells.shape[1]):
             cells[k, c] = cells[k % twos, c]
         cell = cells[k]
-        cell[FROM] = max(begin, earliest(one, cell, SIDE), earliest(two, cell, SIDE + width))
+        cell[FROM] = max(begin, earliest(one, cell), earliest(two, cell))
     return ones * twos
 
 
-@kernel()
-def descend_from(one, two, width, when, end, n, form, room, best):
+@kernel(inline=True)
+def descend_from(one, two, when, end, n, form, room, best):
     """Follow the failure `room.point[1]`, met at `when`, downhill; return the minimum norm and its time."""
     if parameter_count(one) + parameter_count(two) > 1:
-        return descend(one, two, width, when, end, n, form, room, best)
+        return descend(one, two, when, end, n, form, room, best)
     if best == inf:
         for c in range(len(room.point[0])):
             room.point[0, c] = room.point[1, c]
-        begin, stop = around(one, two, room.point[0], width, when, end, n)
-        best, when = propagate(one, two, room.point[0], width, begin, stop, n, form, room, inf)
-    return descend_by_instants(one, two, width, when, end, n, form, room, best)
+        begin, stop = around(one, two, room.point[0], when, end, n)
+        best, when = propagate(one, two, room.point[0], begin, stop, n, form, room, inf)
+    return descend_by_instants(one, two, when, end, n, form, room, best)
 
 
 @kernel()
-def least_downhill(one, two, top, width, end, n, form, room, best, when, most):
+def least_downhill(one, two, top, end, n, form, room, best, when, most):
     """Return the minimum norm that descents from cells reach, if below `best`, and its time.
 
     Descents start in cells that seem to come closer than that, or than `most`; `room.point[1]` receives the
@@ -106,9 +106,9 @@ def least_downhill(one, two, top, width, end, n, form, room, best, when, most):
         if room.cells[k, FROM] > end:
             continue
         level = max(best, most)
-        least, time = glance(one, two, room.cells[k], width, end, n, form, room, level)
+        least, time = glance(one, two, room.cells[k], end, n, form, room, level)
         if least < level:
-            least, time = descend_from(one, two, width, time, end, n, form, room, inf)
+            least, time = descend_from(one, two, time, end, n, form, room, inf)
         if least < best:
             best, when = least, time
             for c in range(len(worst)):
@@ -127,8 +127,8 @@ def calm_from(side, n):
     return side.arcs[last, START] if is_natural(side, last, n) else inf
 
 
-@kernel()
-def march_drift(one, two, cell, width, calm, end, n, form, shadow, scale, target, best, rest, room):
+@kernel(inline=True)
+def march_drift(one, two, cell, calm, end, n, form, shadow, scale, target, best, rest, room):
     """Do what `march` does to the end of a drift; a long drift ends after one orbit if the shadow is clear.
 
     Both sides are without thrust from `calm` on. In the shadow natural motion is periodic, theory (49).
@@ -136,51 +136,38 @@ def march_drift(one, two, cell, width, calm, end, n, form, shadow, scale, target
     if is_shadow(shadow) and n * (end - max(calm, cell[FROM])) > LONG:
         if cell[FROM] < calm:
             t, clear, near = march(
-                one, two, cell, width, calm, n, form, scale, target, best, rest, -1, EITHER_WAY, room
+                one, two, cell, calm, n, form, scale, target, best, rest, -1, EITHER_WAY, room
             )
             if not clear:
                 return t, clear, near
             cell[FROM] = calm
         turn = cell[FROM] + 2.0 * pi / n
-        if march(one, two, cell, width, turn, n, shadow, scale, target, -1.0, rest, -1, EITHER_WAY, room)[1]:
+        if march(one, two, cell, turn, n, shadow, scale, target, -1.0, rest, -1, EITHER_WAY, room)[1]:
             return end, True, end
-    return march(one, two, cell, width, end, n, form, scale, target, best, rest, -1, EITHER_WAY, room)
+    return march(one, two, cell, end, n, form, scale, target, best, rest, -1, EITHER_WAY, room)
 
 
-@kernel()
-def visit(one, two, cell, width, calm, end, n, form, shadow, scale, target, best, count, room):
+@kernel(inline=True)
+def visit(one, two, cell, calm, end, n, form, shadow, scale, target, best, count, room):
     """Return True if a cell is clear, else the interval in which a failure in it was propagated instead.
 
     Also returns the minimum norm of that failure, `room.point[0]`, if below `best`, and its time.
     """
-    rest = span_both(one, two, cell, width, n, room.rows)
+    rest = span_both(one, two, cell, n, room.rows)
     t, near = cell[FROM], inf
-    if has_extent(one, cell, SIDE) or has_extent(two, cell, SIDE + width):
+    if has_extent(one, cell) or has_extent(two, cell):
         t, clear, near = march_drift(
-            one, two, cell, width, calm, end, n, form, shadow, scale, target, best, rest, room
+            one, two, cell, calm, end, n, form, shadow, scale, target, best, rest, room
         )
         if clear:
             return True, t, end, best, nan
-    begin, stop = near_by(one, two, cell, width, t, near, end, n, count, room)
-    least, time = propagate(one, two, room.point[0], width, begin, stop, n, form, room, best)
+    begin, stop = near_by(one, two, cell, t, near, end, n, count, room)
+    least, time = propagate(one, two, room.point[0], begin, stop, n, form, room, best)
     return False, t, stop, least, time
 
 
-@kernel()
-def divide(one, two, width, top, t, stop, end, room, count):
-    """Cut a cell, to continue from time t, or from the end of the propagation if it is a single failure.
-
-    Returns the new number of cells.
-    """
-    parts = cut(one, two, width, top, t, room, count)
-    if parts == top and stop < end:
-        room.cells[top, FROM] = stop
-        parts += 1
-    return parts
-
-
-@kernel()
-def search(one, two, top, width, end, n, form, scale, shadow, floor, certain, most, room):
+@kernel(inline=True)
+def search(one, two, top, end, n, form, scale, shadow, floor, certain, most, room):
     """Return the minimum norm over all failures and drifts, its time, and its accuracy.
 
     The accuracy is reduced after MANY cells. If `most` is MEETS only norms up to that are searched, and the
@@ -189,7 +176,7 @@ def search(one, two, top, width, end, n, form, scale, shadow, floor, certain, mo
     """
     best, when = most, nan
     if most == inf:
-        best, when = least_downhill(one, two, top, width, end, n, form, room, best, when, -inf)
+        best, when = least_downhill(one, two, top, end, n, form, room, best, when, -inf)
     count = parameter_count(one) + parameter_count(two)
     for k in range(count):
         room.shares[k] = 0.5
@@ -202,7 +189,7 @@ def search(one, two, top, width, end, n, form, scale, shadow, floor, certain, mo
                 return 1.0, nan, 0.0
             if most == inf and one.now[KIND] != MISSED and two.now[KIND] != MISSED:
                 # the remaining cells may contain a smaller norm
-                best, when = least_downhill(one, two, top, width, end, n, form, room, best, when, inf)
+                best, when = least_downhill(one, two, top, end, n, form, room, best, when, inf)
             certain, spent = LESS * certain, 0
         target = target_below(best, certain)
         if certain > 1.0 or target <= floor + NIL:
@@ -212,11 +199,11 @@ def search(one, two, top, width, end, n, form, scale, shadow, floor, certain, mo
         if cell[FROM] > end:
             continue
         clear, t, stop, least, time = visit(
-            one, two, cell, width, calm, end, n, form, shadow, scale, target, best, count, room
+            one, two, cell, calm, end, n, form, shadow, scale, target, best, count, room
         )
         if clear:
             continue
-        extended = has_extent(one, cell, SIDE) or has_extent(two, cell, SIDE + width)
+        extended = has_extent(one, cell) or has_extent(two, cell)
         if least < best:
             much = best - least > RETRIED * widest(room, count)[1]
             best, when = least, time
@@ -224,7 +211,7 @@ def search(one, two, top, width, end, n, form, scale, shadow, floor, certain, mo
             if certain == 0.0:
                 break
             if count > 1 or much:
-                best, when = descend_from(one, two, width, when, end, n, form, room, best)
+                best, when = descend_from(one, two, when, end, n, form, room, best)
             if extended and much:  # it may be clear at the new target
                 cell[FROM] = t
                 top += 1
@@ -232,60 +219,70 @@ def search(one, two, top, width, end, n, form, scale, shadow, floor, certain, mo
         if extended:
             if top + 2 > len(room.cells):
                 return -inf, float(top), 0.0
-            top = divide(one, two, width, top, t, stop, end, room, count)
+            parts = cut(one, two, top, t, room, count)
+            if parts == top and stop < end:  # a single failure, which is followed from there on
+                cell[FROM] = stop
+                parts += 1
+            top = parts
     return best, when, certain
 
 
-@kernel()
-def begin_pair(one, two, first, second, end, n, room, result):
-    """Choose a pair and fill its cells; return their number, 0 without a common time, -1 without space."""
-    width = (room.cells.shape[1] - SIDE) // 2
-    choose(one, first)
-    choose(two, second)
+@kernel(inline=True)
+def begin_pair(one, two, end, n, room, result):
+    """Fill the cells of a pair; return their number, 0 without a common time, -1 without space."""
     begin = max(one.arcs[one.now[1], START], two.arcs[two.now[1], START])
     result[TIME], result[RATIO], result[LOWER] = nan, inf, inf
     if begin > end:
         return 0
-    top = fill_cells(one, two, begin, width, n, room.cells)
+    top = fill_cells(one, two, begin, n, room.cells)
     if 2 * top > len(room.cells):
         result[TIME], result[RATIO] = top, -inf
         return -1
     return top
 
 
-@kernel()
-def continue_search(one, two, found, width, end, far, n, form, scale, shadow, floor, certain, room):
-    """Return minimum norm, time and accuracy of what was `found` and of the drift from `end` to `far`."""
-    ratio, when, known = found
-    top = fill_cells(one, two, end, width, n, room.cells)
-    ratio, later, late = search_tail(
-        one, two, top, width, far, n, form, scale, shadow, floor, certain, room, ratio
-    )
+@kernel(inline=True)
+def continue_search(one, two, ratio, when, known, end, far, n, form, scale, shadow, floor, certain, room):
+    """Return minimum norm, time and accuracy with those of the drift from `end` to `far`."""
+    top = fill_cells(one, two, end, n, room.cells)
+    ratio, later, late = search_tail(one, two, top, far, n, form, scale, shadow, floor, certain, room, ratio)
     if later == -inf:
         return -inf, float(2 * len(room.cells)), known
     return ratio, later if later == later else when, max(known, late)
 
 
-@kernel()
-def store_result(one, two, found, end, n, form, floor, room, result):
+@kernel(inline=True)
+def store_result(one, two, ratio, when, known, end, n, form, floor, room, result):
     """Fill the columns of a pair with its worst failure, `room.point[1]`, if there is one."""
-    ratio, when, known = found
-    width = (room.cells.shape[1] - SIDE) // 2
     if ratio == -inf or (ratio == 1.0 and when != when):  # too little space, or undecided
         result[TIME], result[RATIO] = when, ratio
     if ratio == -inf or when != when:
         return
     worst = room.point[1]
-    single_failure(one, worst, SIDE, n, room.rows[0])
-    single_failure(two, worst, SIDE + width, n, room.rows[1])
+    single_failure(one, worst, n, room.rows[0])
+    single_failure(two, worst, n, room.rows[1])
     seen = when if when < inf else end
-    open_window(one, two, worst, width, seen, end, n, 1, seen, form, room)
+    open_window(one, two, worst, seen, end, n, 1, seen, form, room)
     lower = ratio - known * max(abs(ratio), 1.0)
     result[TIME], result[RATIO], result[LOWER] = when, ratio, max(lower, floor)
     for axis in range(3):
         result[PLACE + axis] = room.motions[0, 0, axis]
     for c in range(len(worst)):
         result[FAILURE + c] = worst[c]
+
+
+@kernel()
+def worst_of_pair(one, two, end, n, form, scale, certain, most, far, shadow, floor, room, result):
+    """Fill the columns of the current pair, as `worst_failures`."""
+    top = begin_pair(one, two, end, n, room, result)
+    if top <= 0:
+        return
+    ratio, when, known = search(one, two, top, end, n, form, scale, shadow, floor, certain, most, room)
+    if far > 0.0 and ratio > -inf and (certain > 0.0 or when != when):
+        ratio, when, known = continue_search(
+            one, two, ratio, when, known, end, far, n, form, scale, shadow, floor, certain, room
+        )
+    store_result(one, two, ratio, when, known, end, n, form, floor, room, result)
 
 
 @kernel(
@@ -317,16 +314,7 @@ def worst_failures(
     one, two, room, out = lent(one), lent(two), lent(room), borrowed(out)
     form = form[0], borrowed(form[1]), borrowed(form[2])
     shadow = shadow[0], borrowed(shadow[1]), borrowed(shadow[2])
-    width = (room.cells.shape[1] - SIDE) // 2
     for p in range(len(first)):
-        end = ends[p]
-        top = begin_pair(one, two, first[p], second[p], end, n, room, out[p])
-        if top <= 0:
-            continue
-        found = search(one, two, top, width, end, n, form, scale, shadow, floor, certain, most, room)
-        ratio, when, _ = found
-        if far > 0.0 and ratio > -inf and (certain > 0.0 or when != when):
-            found = continue_search(
-                one, two, found, width, end, far, n, form, scale, shadow, floor, certain, room
-            )
-        store_result(one, two, found, end, n, form, floor, room, out[p])
+        choose(one, first[p])
+        choose(two, second[p])
+        worst_of_pair(one, two, ends[p], n, form, scale, certain, most, far, shadow, floor, room, out[p])

@@ -15,7 +15,7 @@ import numpy as np
 
 from closeform._jit import kernel
 from closeform.arrays import Floats
-from closeform.safety.failure_cells import FROM, SIDE, column_of, parameter_count, single_failure, span_both
+from closeform.safety.failure_cells import FROM, column_of, parameter_count, single_failure, span_both
 from closeform.safety.failure_motions import GENERATORS, OTHER, open_window
 from closeform.safety.separating_planes import EITHER_WAY, march
 from closeform.safety.single_failures import NEAR, aim, cut, near_by, note, propagate, target_below
@@ -106,10 +106,10 @@ def drift_of(q, n, direction, square):
 
 
 @kernel()
-def drift_range(one, two, cell, width, far, n, form, rest, room):
+def drift_range(one, two, cell, far, n, form, rest, room):
     """Return the minimum and maximum drift along the track in a cell, and the error of `drifts` [m/s]."""
     direction, square = along_track(form[1])
-    window, _ = open_window(one, two, cell, width, cell[FROM], far, n, 4, rest[3], form, room)
+    window, _ = open_window(one, two, cell, cell[FROM], far, n, 4, rest[3], form, room)
     low, high, least, most, drifts = inf, -inf, inf, -inf, room.drifts
     for k in range(window.ones):
         drifts[k] = drift_of(room.motions[k], n, direction, square)
@@ -126,62 +126,33 @@ def drift_range(one, two, cell, width, far, n, form, rest, room):
 
 
 @kernel()
-def drift_at(one, two, cell, width, far, n, form, room):
+def drift_at(one, two, cell, far, n, form, room):
     """Return the drift along the track [m/s] of the failure at `shares` of a cell, and open its window."""
-    aim(one, two, cell, width, inf, room)
+    aim(one, two, cell, inf, room)
     point = room.point[0]
-    single_failure(one, point, SIDE, n, room.rows[0])
-    single_failure(two, point, SIDE + width, n, room.rows[1])
-    open_window(one, two, point, width, cell[FROM], far, n, 1, cell[FROM], form, room)
+    single_failure(one, point, n, room.rows[0])
+    single_failure(two, point, n, room.rows[1])
+    open_window(one, two, point, cell[FROM], far, n, 1, cell[FROM], form, room)
     direction, square = along_track(form[1])
     return drift_of(room.motions[0], n, direction, square)
 
 
 @kernel()
-def remove_drift(one, two, cell, width, far, n, form, slow, count, room):
-    """Move `shares` of a cell, one after another, to a failure without drift; return True if there is one."""
-    drift = drift_at(one, two, cell, width, far, n, form, room)
-    for k in range(count):
-        if abs(drift) <= slow:
-            return True
-        here, kept, end = room.shares[k], drift, room.shares[k]
-        for side in range(2):
-            room.shares[k] = float(side)
-            there = drift_at(one, two, cell, width, far, n, form, room)
-            if abs(there) <= slow:
-                return True
-            if (there > 0.0) != (drift > 0.0):
-                low, high = here, float(side)
-                for _ in range(100):
-                    room.shares[k] = 0.5 * (low + high)
-                    middle = drift_at(one, two, cell, width, far, n, form, room)
-                    if (middle > 0.0) == (drift > 0.0):
-                        low = room.shares[k]
-                    else:
-                        high = room.shares[k]
-                return True
-            if abs(there) < abs(kept):
-                kept, end = there, float(side)
-        room.shares[k], drift = end, kept
-    return abs(drift_at(one, two, cell, width, far, n, form, room)) <= slow
-
-
-@kernel()
-def remove_drift_at(one, two, cell, width, far, n, form, slow, k, share, room):
-    """Move the other of two `shares` to a failure without drift; return True if there is one."""
-    m = 1 - k
-    room.shares[k], room.shares[m] = share, 0.0
-    low, before = 0.0, drift_at(one, two, cell, width, far, n, form, room)
+def remove_drift_by(one, two, cell, far, n, form, slow, m, room):
+    """Move the m-th of `shares` to a failure without drift, or the slowest; return True if there is one."""
+    room.shares[m] = 0.0
+    low, before = 0.0, drift_at(one, two, cell, far, n, form, room)
     room.shares[m] = 1.0
-    high, after = 1.0, drift_at(one, two, cell, width, far, n, form, room)
+    high, after = 1.0, drift_at(one, two, cell, far, n, form, room)
     if (before > 0.0) == (after > 0.0):
-        return False
+        room.shares[m] = 0.0 if abs(before) < abs(after) else 1.0
+        return min(abs(before), abs(after)) <= slow
     for turn in range(100):
         at = low + (high - low) * before / (before - after)
         if turn % 3 == 2 or not low < at < high:
             at = 0.5 * (low + high)
         room.shares[m] = at
-        drift = drift_at(one, two, cell, width, far, n, form, room)
+        drift = drift_at(one, two, cell, far, n, form, room)
         if abs(drift) <= slow or high - low < SHORTEST:
             break
         if (drift > 0.0) == (before > 0.0):
@@ -192,14 +163,25 @@ def remove_drift_at(one, two, cell, width, far, n, form, slow, k, share, room):
 
 
 @kernel()
-def limit_ahead(one, two, t, width, n, form, shadow, way, room, best):
+def remove_drift(one, two, cell, far, n, form, slow, count, room):
+    """Move `shares` of a cell, one after another, to a failure without drift; return True if there is one."""
+    if abs(drift_at(one, two, cell, far, n, form, room)) <= slow:
+        return True
+    for k in range(count):
+        if remove_drift_by(one, two, cell, far, n, form, slow, k, room):
+            return True
+    return False
+
+
+@kernel()
+def limit_ahead(one, two, t, n, form, shadow, way, room, best):
     """Return the minimum norm of the region ahead of a closed ellipse, `room.point[0]`, if below `best`.
 
     Along the track the motion is at a - size cos(n t - middle). In the half before the zone all that is ahead
     is the shadow; in the half past it only the position itself counts.
     """
     point = room.point[0]
-    open_window(one, two, point, width, t, t, n, 1, t, form, room)
+    open_window(one, two, point, t, t, n, 1, t, form, room)
     q, (direction, square) = room.motions[0], along_track(form[1])
     a, c, s = 0.0, 0.0, 0.0
     for axis in range(3):
@@ -214,13 +196,13 @@ def limit_ahead(one, two, t, width, n, form, shadow, way, room, best):
         end = begin + 2.0 * (behind if k == 0 else pi - behind) / n
         if end > begin:
             seen = shadow if (way > 0.0) == (k == 0) else form
-            best = propagate(one, two, point, width, begin, end, n, seen, room, best)[0]
+            best = propagate(one, two, point, begin, end, n, seen, room, best)[0]
         begin = end
     return best
 
 
 @kernel()
-def ways_from(one, two, cell, width, far, n, form, slow, count, room):
+def ways_from(one, two, cell, far, n, form, slow, count, room):
     """Return True for each sense of drift, forward and backward, of failures near the one at `shares`."""
     forward, backward = False, False
     for step in (BESIDE, 1.0):
@@ -228,34 +210,34 @@ def ways_from(one, two, cell, width, far, n, form, slow, count, room):
             share = room.shares[k]
             for sign in (-1.0, 1.0):
                 room.shares[k] = min(max(share + sign * step, 0.0), 1.0)
-                drift = drift_at(one, two, cell, width, far, n, form, room)
+                drift = drift_at(one, two, cell, far, n, form, room)
                 forward, backward = forward or drift > slow, backward or drift < -slow
             room.shares[k] = share
         if forward or backward:
             break
-    drift_at(one, two, cell, width, far, n, form, room)
+    drift_at(one, two, cell, far, n, form, room)
     return forward, backward
 
 
-@kernel()
-def limit_of(one, two, cell, width, slow, far, n, form, shadow, count, room, best):
+@kernel(inline=True)
+def limit_of(one, two, cell, slow, far, n, form, shadow, count, room, best):
     """Return the limit of the norms of ever slower drifts in a cell, if below `best`, at `shares` of it.
 
     Where they drift in only one sense, only the region ahead counts.
     """
-    if not remove_drift(one, two, cell, width, far, n, form, slow, count, room):
+    if not remove_drift(one, two, cell, far, n, form, slow, count, room):
         return inf
-    forward, backward = ways_from(one, two, cell, width, far, n, form, slow, count, room)
+    forward, backward = ways_from(one, two, cell, far, n, form, slow, count, room)
     t, turn = cell[FROM], cell[FROM] + 2.0 * pi / n
     if not (forward or backward):
         return inf
     if forward != backward:
-        return limit_ahead(one, two, t, width, n, form, shadow, 1.0 if forward else -1.0, room, best)
-    return propagate(one, two, room.point[0], width, t, turn, n, shadow, room, best)[0]
+        return limit_ahead(one, two, t, n, form, shadow, 1.0 if forward else -1.0, room, best)
+    return propagate(one, two, room.point[0], t, turn, n, shadow, room, best)[0]
 
 
 @kernel()
-def limit_downhill(one, two, cell, width, slow, far, n, form, shadow, room, best):
+def limit_downhill(one, two, cell, slow, far, n, form, shadow, room, best):
     """Return the minimum of the limits of slow drifts along failures without drift from `room.point[1]`.
 
     Of two unknowns one is moved, by steps that grow downhill and turn back smaller uphill, and the other
@@ -263,14 +245,16 @@ def limit_downhill(one, two, cell, width, slow, far, n, form, shadow, room, best
     """
     t, turn = cell[FROM], cell[FROM] + 2.0 * pi / n
     for k in range(2):
-        low, high = cell[column_of(one, width, k)], cell[column_of(one, width, k) + 1]
+        low, high = cell[column_of(one, two, k)], cell[column_of(one, two, k) + 1]
         if not low < high:
             continue
-        here, step = (room.point[1, column_of(one, width, k)] - low) / (high - low), 0.1
+        here, step = (room.point[1, column_of(one, two, k)] - low) / (high - low), 0.1
         while abs(step) > SHORTEST:
             share, least = min(max(here + step, 0.0), 1.0), inf
-            if share != here and remove_drift_at(one, two, cell, width, far, n, form, slow, k, share, room):
-                least = propagate(one, two, room.point[0], width, t, turn, n, shadow, room, best)[0]
+            room.shares[k] = share
+            if share != here and remove_drift_by(one, two, cell, far, n, form, slow, 1 - k, room):
+                drift_at(one, two, cell, far, n, form, room)
+                least = propagate(one, two, room.point[0], t, turn, n, shadow, room, best)[0]
             if least < best:
                 best, here = least, share
                 note(room, room.point[0])
@@ -281,7 +265,7 @@ def limit_downhill(one, two, cell, width, slow, far, n, form, shadow, room, best
 
 
 @kernel()
-def stays_behind(one, two, cell, width, n, form, scale, shadow, target, rest, away, room):
+def stays_behind(one, two, cell, n, form, scale, shadow, target, rest, away, room):
     """Return True if the region ahead of a cell's ellipses is clear for one orbit, and so for good.
 
     Where they are before the zone the region is the shadow; where they are past it, planes that lead away
@@ -290,18 +274,14 @@ def stays_behind(one, two, cell, width, n, form, scale, shadow, target, rest, aw
     start = cell[FROM]
     turn, clear, t = start + 2.0 * pi / n, False, start
     if not is_shadow(shadow):
-        return march(one, two, cell, width, turn, n, form, scale, target, -1.0, rest, -1, away, room)[1]
+        return march(one, two, cell, turn, n, form, scale, target, -1.0, rest, -1, away, room)[1]
     before = (0.0, 0.0, 0.0, away[3], away[4])
     for _ in range(TURNS):
-        t, clear, _ = march(
-            one, two, cell, width, turn, n, shadow, scale, target, -1.0, rest, -1, before, room
-        )
+        t, clear, _ = march(one, two, cell, turn, n, shadow, scale, target, -1.0, rest, -1, before, room)
         if clear:
             break
         cell[FROM] = t
-        after, clear, _ = march(
-            one, two, cell, width, turn, n, form, scale, target, -1.0, rest, -1, away, room
-        )
+        after, clear, _ = march(one, two, cell, turn, n, form, scale, target, -1.0, rest, -1, away, room)
         if clear or after <= t:
             break
         cell[FROM] = after
@@ -309,8 +289,8 @@ def stays_behind(one, two, cell, width, n, form, scale, shadow, target, rest, aw
     return clear
 
 
-@kernel()
-def is_clear(one, two, cell, width, low, high, off, slow, n, form, scale, shadow, target, rest, room):
+@kernel(inline=True)
+def is_clear(one, two, cell, low, high, off, slow, n, form, scale, shadow, target, rest, room):
     """Return True if one orbit shows that a cell is clear for good as it drifts."""
     (x, y, z), _ = along_track(form[1])
     way = 0.0
@@ -320,23 +300,21 @@ def is_clear(one, two, cell, width, low, high, off, slow, n, form, scale, shadow
         way = -1.0
     if way != 0.0:
         away = (way * x, way * y, way * z, 0.0, 0.0)
-        return stays_behind(one, two, cell, width, n, form, scale, shadow, target, rest, away, room)
+        return stays_behind(one, two, cell, n, form, scale, shadow, target, rest, away, room)
     if not is_shadow(shadow):
         return False
     if parameter_count(one) + parameter_count(two) <= 1:
         turn = cell[FROM] + 2.0 * pi / n
-        return march(one, two, cell, width, turn, n, shadow, scale, target, -1.0, rest, -1, EITHER_WAY, room)[
-            1
-        ]
+        return march(one, two, cell, turn, n, shadow, scale, target, -1.0, rest, -1, EITHER_WAY, room)[1]
     for way in (1.0, -1.0):  # those that drift forward, and those backward
         away = (way * x, way * y, way * z, way, off)
-        if not stays_behind(one, two, cell, width, n, form, scale, shadow, target, rest, away, room):
+        if not stays_behind(one, two, cell, n, form, scale, shadow, target, rest, away, room):
             return False
     return True
 
 
-@kernel()
-def search_tail(one, two, top, width, far, n, form, scale, shadow, floor, certain, room, best):
+@kernel(inline=True)
+def search_tail(one, two, top, far, n, form, scale, shadow, floor, certain, room, best):
     """Return the minimum norm after the first hundred orbits, if below `best`, its time, and its accuracy.
 
     The time is inf where ever slower drifts approach the norm as a limit, and nan where none is below. The
@@ -359,24 +337,22 @@ def search_tail(one, two, top, width, far, n, form, scale, shadow, floor, certai
             break
         top -= 1
         cell = room.cells[top]
-        rest = span_both(one, two, cell, width, n, room.rows)
+        rest = span_both(one, two, cell, n, room.rows)
         low, high, off, slow = 0.0, 0.0, 0.0, 0.0
         if square > 0.0:
-            low, high, off = drift_range(one, two, cell, width, far, n, form, rest, room)
+            low, high, off = drift_range(one, two, cell, far, n, form, rest, room)
             slow = STILL / (sqrt(square) * (far - cell[FROM]))
         if low >= -slow and high <= slow:
             continue
-        if is_clear(one, two, cell, width, low, high, off, slow, n, form, scale, shadow, target, rest, room):
+        if is_clear(one, two, cell, low, high, off, slow, n, form, scale, shadow, target, rest, room):
             continue
-        t, clear, near = march(
-            one, two, cell, width, far, n, form, scale, target, best, rest, FEW, EITHER_WAY, room
-        )
+        t, clear, near = march(one, two, cell, far, n, form, scale, target, best, rest, FEW, EITHER_WAY, room)
         if clear:
             continue
-        begin, stop = near_by(one, two, cell, width, t, near, far, n, count, room)
+        begin, stop = near_by(one, two, cell, t, near, far, n, count, room)
         if not is_shadow(shadow):  # it only decreases towards that time
             begin = max(begin, near - NEAR / n)
-        least, time = propagate(one, two, room.point[0], width, begin, stop, n, form, room, best)
+        least, time = propagate(one, two, room.point[0], begin, stop, n, form, room, best)
         if least < best:
             best, when = least, time
             note(room, room.point[0])
@@ -385,17 +361,17 @@ def search_tail(one, two, top, width, far, n, form, scale, shadow, floor, certai
             if certain == 0.0:
                 break
         if low <= slow and high >= -slow and is_shadow(shadow):
-            least = limit_of(one, two, cell, width, slow, far, n, form, shadow, count, room, best)
+            least = limit_of(one, two, cell, slow, far, n, form, shadow, count, room, best)
             if least < best:
                 best, when = least, inf
                 note(room, room.point[0])
                 if certain == 0.0:
                     break
                 if count == 2:
-                    best = limit_downhill(one, two, cell, width, slow, far, n, form, shadow, room, best)
+                    best = limit_downhill(one, two, cell, slow, far, n, form, shadow, room, best)
         if top + 2 > len(room.cells):
             return best, -inf, certain
-        parts = cut(one, two, width, top, t, room, count) if count > 0 else top
+        parts = cut(one, two, top, t, room, count) if count > 0 else top
         if parts == top:  # the cell is a single failure
             cell[FROM] = max(t, stop)
             parts += cell[FROM] < far

@@ -438,7 +438,7 @@ def valley(one, two, room, window, local, span, form):
 
 
 @kernel()
-def march(one, two, cell, width, end, n, form, scale, target, best, rest, most, away, room):
+def march(one, two, cell, end, n, form, scale, target, best, rest, most, away, room):
     """March until a cell is not provably clear of the zone enlarged by `target`.
 
     Returns time and True if clear.
@@ -453,7 +453,7 @@ def march(one, two, cell, width, end, n, form, scale, target, best, rest, most, 
     t, taken = cell[FROM], 0
     place, speed, always, epoch = rest
     while True:
-        window, stop = open_window(one, two, cell, width, t, end, n, 4, epoch, form, room)
+        window, stop = open_window(one, two, cell, t, end, n, 4, epoch, form, room)
         span = stop - t
         k = 0
         while k < window.last:

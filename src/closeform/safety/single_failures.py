@@ -14,8 +14,8 @@ from closeform.safety.failure_cells import (
     KIND,
     LOW,
     MISSED,
+    OFFSET,
     PIECE,
-    SIDE,
     STUCK,
     column_of,
     earliest,
@@ -46,14 +46,14 @@ def target_below(best, certain):
 
 
 @kernel()
-def propagate(one, two, cell, width, begin, end, n, form, room, best):
+def propagate(one, two, cell, begin, end, n, form, room, best):
     """Return the minimum norm over [begin, end] at a cell's low ends, if below `best`, and its time."""
     shape, _, faces = form
-    single_failure(one, cell, SIDE, n, room.rows[0])
-    single_failure(two, cell, SIDE + width, n, room.rows[1])
+    single_failure(one, cell, n, room.rows[0])
+    single_failure(two, cell, n, room.rows[1])
     when, t, patience = nan, begin, PATIENCE
     while True:
-        window, stop = open_window(one, two, cell, width, t, end, n, 1, t, form, room)
+        window, stop = open_window(one, two, cell, t, end, n, 1, t, form, room)
         motion = room.motions[0]
         best, local, reached = minimum_norm(
             shape, faces, motion, window.order, n, 0.0, stop - t, patience, best, nan
@@ -70,14 +70,15 @@ def propagate(one, two, cell, width, begin, end, n, form, room, best):
 
 
 @kernel()
-def is_instant(side, cell, o):
+def is_instant(side, cell):
     """Return True if a cell's first parameter is the time at which thrust fails."""
+    o = side.now[OFFSET]
     kind = side.now[KIND]
     return kind != INTACT and kind != MISSED and int(cell[o + PIECE]) % 2 == 0
 
 
 @kernel()
-def aim(one, two, cell, width, latest, room):
+def aim(one, two, cell, latest, room):
     """Fill `room.point` with the failure of a cell at `shares` of its edges; return the earliest valid time.
 
     The failure must have happened by the time `latest`; the span of the cell extends beyond that.
@@ -86,23 +87,25 @@ def aim(one, two, cell, width, latest, room):
     for c in range(len(cell)):
         point[c] = cell[c]
     for second in range(2):
-        side, o = (two, SIDE + width) if second else (one, SIDE)
+        side = two if second else one
+        o = side.now[OFFSET]
         for j in range(parameter_count(side)):
             share = room.shares[k]
             low, high = cell[o + LOW + 2 * j], cell[o + HIGH + 2 * j]
             at = min(max(low + share * (high - low), low), high)
-            if j == 0 and is_instant(side, cell, o):
+            if j == 0 and is_instant(side, cell):
                 at = max(low, min(at, latest - (cell[o + LOW + 2] if side.now[KIND] == STUCK else 0.0)))
             elif j == 1 and side.now[KIND] == STUCK:
-                at = max(low, min(at, latest - earliest(side, point, o) + point[o + LOW + 2]))
+                at = max(low, min(at, latest - earliest(side, point) + point[o + LOW + 2]))
             point[o + LOW + 2 * j], point[o + HIGH + 2 * j] = at, at
             k += 1
-    return max(earliest(one, point, SIDE), earliest(two, point, SIDE + width))
+    return max(earliest(one, point), earliest(two, point))
 
 
 @kernel()
-def has_extent(side, cell, o):
+def has_extent(side, cell):
     """Return True if a cell contains more than one failure of a side."""
+    o = side.now[OFFSET]
     for k in range(parameter_count(side)):
         if cell[o + LOW + 2 * k] < cell[o + HIGH + 2 * k]:
             return True
@@ -117,7 +120,7 @@ def note(room, cell):
 
 
 @kernel()
-def glance(one, two, cell, width, end, n, form, room, best):
+def glance(one, two, cell, end, n, form, room, best):
     """Estimate the minimum norm of the span of a cell at times GLANCE apart, if below `best`.
 
     Returns its time too.
@@ -125,10 +128,10 @@ def glance(one, two, cell, width, end, n, form, room, best):
     `room.point[1]` receives the failure.
     """
     shape, _, faces = form
-    rest = span_both(one, two, cell, width, n, room.rows)
+    rest = span_both(one, two, cell, n, room.rows)
     t, when, motions = cell[FROM], nan, room.motions
     while True:
-        window, stop = open_window(one, two, cell, width, t, end, n, 4, rest[3], form, room)
+        window, stop = open_window(one, two, cell, t, end, n, 4, rest[3], form, room)
         i, j = arc_of(one, t), arc_of(two, t)
         if is_natural(one, i, n) and is_natural(two, j, n):  # its window is short for bounds alone
             stop = min(arc_end(one, i, end), arc_end(two, j, end))
@@ -148,7 +151,7 @@ def glance(one, two, cell, width, end, n, form, room, best):
             s = norm(shape, faces, x, y, z)
             if s < best:
                 best, when = s, min(t + k * h, stop)
-                aim(one, two, cell, width, when, room)
+                aim(one, two, cell, when, room)
                 note(room, room.point[0])
             for m in range(count + 1 if k + 1 < steps else 0):
                 step_on(motions[m], n, h, transforms)
@@ -158,35 +161,36 @@ def glance(one, two, cell, width, end, n, form, room, best):
 
 
 @kernel()
-def around(one, two, cell, width, when, end, n):
+def around(one, two, cell, when, end, n):
     """Return the interval near a time in which a failure is followed."""
-    first = max(earliest(one, cell, SIDE), earliest(two, cell, SIDE + width))
+    first = max(earliest(one, cell), earliest(two, cell))
     reach = NEAR / n if n > 0.0 else 0.05 * (end - first)
     begin = max(when - reach, first)
     return begin, min(end, max(when, begin) + reach)
 
 
-@kernel()
-def near_by(one, two, cell, width, t, near, end, n, count, room):
+@kernel(inline=True)
+def near_by(one, two, cell, t, near, end, n, count, room):
     """Aim at the failure that is nearest where planes end; return the interval in which it is followed."""
     size = widest(room, count)[1] if near < inf else inf
-    s = aim(one, two, cell, width, near if size > SMALLEST else t, room)
+    s = aim(one, two, cell, near if size > SMALLEST else t, room)
     if near == inf:
         return max(t, s), end
-    begin, stop = around(one, two, room.point[0], width, near, end, n)
+    begin, stop = around(one, two, room.point[0], near, end, n)
     return max(cell[FROM], s, min(t, begin) if size <= SMALLEST else begin), stop
 
 
 @kernel()
-def descend_by_instants(one, two, width, when, end, n, form, room, best):
+def descend_by_instants(one, two, when, end, n, form, room, best):
     """Follow the worst failure found downhill, from instant to instant; return the minimum norm and its time.
 
     The search stays in its arc, with steps that grow downhill and turn back smaller uphill.
     """
     cell, worst = room.point[0], room.point[1]
     for second in range(2):
-        side, o = (two, SIDE + width) if second else (one, SIDE)
-        if not is_instant(side, worst, o):
+        side = two if second else one
+        o = side.now[OFFSET]
+        if not is_instant(side, worst):
             continue
         arc = side.arcs[int(worst[o + PIECE]) // 2]
         whole = arc[END] - arc[START]
@@ -197,10 +201,10 @@ def descend_by_instants(one, two, width, when, end, n, form, room, best):
                 cell[c] = worst[c]
             at = min(max(worst[o + LOW] + step, arc[START]), arc[END])
             cell[o + LOW], cell[o + HIGH] = at, at
-            begin, until = around(one, two, cell, width, when, end, n)
+            begin, until = around(one, two, cell, when, end, n)
             least, time = best, when
             if at != worst[o + LOW] and begin <= end:
-                least, time = propagate(one, two, cell, width, begin, until, n, form, room, best)
+                least, time = propagate(one, two, cell, begin, until, n, form, room, best)
             if least < best:
                 best, when = least, time
                 note(room, cell)
@@ -211,7 +215,7 @@ def descend_by_instants(one, two, width, when, end, n, form, room, best):
 
 
 @kernel()
-def cut(one, two, width, top, t, room, count):
+def cut(one, two, top, t, room, count):
     """Replace a cell by its two parts, to continue from time t; the part to search first is last.
 
     The cell is cut at the nearest point of the set, or near that end, so that parts farther away are clear
@@ -220,7 +224,7 @@ def cut(one, two, width, top, t, room, count):
     cells = room.cells
     which, _ = widest(room, count)
     for _ in range(count):
-        column = column_of(one, width, which)
+        column = column_of(one, two, which)
         low, high = cells[top, column], cells[top, column + 1]
         share = room.shares[which]
         if not LEAST_SHARE < share < 1.0 - LEAST_SHARE:
@@ -238,5 +242,5 @@ def cut(one, two, width, top, t, room, count):
     cells[top + 1, column], cells[top + 1, column + 1] = (middle, high) if upper else (low, middle)
     for k in range(2):
         cell = cells[top + k]
-        cell[FROM] = max(t, earliest(one, cell, SIDE), earliest(two, cell, SIDE + width))
+        cell[FROM] = max(t, earliest(one, cell), earliest(two, cell))
     return top + 2

@@ -1,28 +1,148 @@
-"""Mean rate of entries through the surface of a ball.
+"""Mean rate of entries of a random motion into a ball at one time, and sampling of entries from it.
 
-In zone coordinates along the principal axes of the position's covariance, least first, a position is q = b +
-s d, with d three independent standard normals. Given q, the velocity is normal, with mean v + G d and a
-covariance C that does not depend on q. So is the inward speed, -n . velocity, with mean mu(q) and deviation
-sigma(n). The mean rate of entries is
+In zone coordinates along the principal axes of the position's covariance, the smallest deviation first, a
+position is q = b + s d, with d three independent standard normals. Given q, the velocity is normal, with mean
+v + G d and a covariance C that does not depend on q. So is the inward speed, -n . velocity, with mean mu(q)
+and deviation sigma(n). The mean rate of entries is
 
     nu = integral over the surface of (density at q) E[(-n . velocity)+ | q]                     # theory (60)
 
 over the part within `TAIL` of the largest density: a band of tilts from the minor axis, and arcs of each
 quadrant in it. Gauss's rule is used for both, so that a thin covariance takes as many nodes as a round one.
 Both are cut where mu changes sign, which is an edge if sigma is small.
+
+`principal` fills the frame (13, 3): deviations, mean position and mean velocity, the axes (rows), the
+regression of the velocity on the position's standard normals (GAIN), and its residual covariance (SPREAD). It
+also fills rows (6, M), orthonormal: the errors that form each standard normal, and the residual errors of
+each component of the velocity.
 """
 
 from math import acos, asin, cos, erfc, exp, inf, pi, sin, sqrt
 
-from closeform._jit import kernel
-from closeform.kernel_loans import stack_vector
-from closeform.uncertainty.whitened import GAIN, MEAN, NEAREST, SIGMA, SPREAD, VELOCITY
+import numpy as np
+from numba import float64, int64, void
 
+from closeform._jit import kernel
+from closeform.kernel_loans import borrowed, stack_matrix, stack_vector
+
+SIGMA, MEAN, VELOCITY, AXES, GAIN, SPREAD = 0, 1, 2, 3, 6, 9
+NEAREST = 12  # set by `nearest_square`: the nearest point, in standard normals
+THINNEST = 1e-9  # of the zone: smallest deviation, for errors in one plane
+
+RESIDUAL = 1e-12  # relative deviation below which it is rounding
 TAIL = 40.0  # squared distance in deviations: densities down to 2e-9 of the largest
 SHARP = 4.0  # inward speed over its deviation, above which a sign change is an edge
 UNDERFLOW = 1400.0  # squared distance in deviations above which densities are below 1e-300
 PARTS = 4  # parts of an arc at whose ends signs are compared
 NODE = 4  # columns of a node: q in principal axes, and its part of the rate
+ROWS, BLOCKS = float64[:, ::1], float64[:, :, ::1]
+
+
+@kernel()
+def principal(mean, factor, matrix, frame, rows):
+    """Transform a state (6,) and a factor (6, M) of its covariance to the principal axes of its position."""
+    size = factor.shape[1]
+    for i in range(3):
+        frame[SPREAD, i], frame[SPREAD + 1, i] = 0.0, 0.0
+        for k in range(3):
+            frame[SPREAD, i] += matrix[i, k] * mean[k]
+            frame[SPREAD + 1, i] += matrix[i, k] * mean[3 + k]
+            frame[AXES + i, k] = 1.0 if i == k else 0.0
+        for j in range(size):
+            rows[i, j], rows[3 + i, j] = 0.0, 0.0
+            for k in range(3):
+                rows[i, j] += matrix[i, k] * factor[k, j]
+                rows[3 + i, j] += matrix[i, k] * factor[3 + k, j]
+    make_orthogonal(frame, rows, size)
+    for p in range(2):  # smallest deviation first
+        for r in range(p + 1, 3):
+            if frame[SIGMA, r] < frame[SIGMA, p]:
+                frame[SIGMA, p], frame[SIGMA, r] = frame[SIGMA, r], frame[SIGMA, p]
+                for k in range(3):
+                    frame[AXES + p, k], frame[AXES + r, k] = frame[AXES + r, k], frame[AXES + p, k]
+                for j in range(size):
+                    rows[p, j], rows[r, j] = rows[r, j], rows[p, j]
+    for i in range(3):
+        frame[MEAN, i], frame[VELOCITY, i] = 0.0, 0.0
+        for k in range(3):
+            frame[MEAN, i] += frame[AXES + i, k] * frame[SPREAD, k]
+            frame[VELOCITY, i] += frame[AXES + i, k] * frame[SPREAD + 1, k]
+        known = frame[SIGMA, i] > RESIDUAL * frame[SIGMA, 2]
+        for j in range(size):
+            rows[i, j] = rows[i, j] / frame[SIGMA, i] if known else 0.0
+        frame[SIGMA, i] = max(frame[SIGMA, i], THINNEST)
+    for j in range(size):
+        x, y, z = rows[3, j], rows[4, j], rows[5, j]
+        for i in range(3):
+            rows[3 + i, j] = frame[AXES + i, 0] * x + frame[AXES + i, 1] * y + frame[AXES + i, 2] * z
+    part_velocity(frame, rows, size)
+
+
+@kernel()
+def make_orthogonal(frame, rows, size):
+    """Rotate axes until the three rows of positions are orthogonal; their lengths are the deviations.
+
+    Jacobi rotations of the factor's rows: the smallest deviation keeps its digits, which it would lose in the
+    covariance.
+    """
+    for _ in range(30):
+        turned = False
+        for p in range(2):
+            for r in range(p + 1, 3):
+                a, b, g = 0.0, 0.0, 0.0
+                for j in range(size):
+                    a += rows[p, j] * rows[p, j]
+                    b += rows[r, j] * rows[r, j]
+                    g += rows[p, j] * rows[r, j]
+                if abs(g) <= 1e-15 * sqrt(a * b):
+                    continue
+                turned = True
+                zeta = (b - a) / (2.0 * g)
+                t = (1.0 if zeta >= 0.0 else -1.0) / (abs(zeta) + sqrt(1.0 + zeta * zeta))
+                c = 1.0 / sqrt(1.0 + t * t)
+                s = c * t
+                for j in range(size):
+                    x, y = rows[p, j], rows[r, j]
+                    rows[p, j], rows[r, j] = c * x - s * y, s * x + c * y
+                for k in range(3):
+                    x, y = frame[AXES + p, k], frame[AXES + r, k]
+                    frame[AXES + p, k], frame[AXES + r, k] = c * x - s * y, s * x + c * y
+        if not turned:
+            break
+    for i in range(3):
+        square = 0.0
+        for j in range(size):
+            square += rows[i, j] * rows[i, j]
+        frame[SIGMA, i] = sqrt(square)
+
+
+@kernel()
+def part_velocity(frame, rows, size):
+    """Split the velocity's rows into the regression on the position and the residual.
+
+    A residual of rounding is set to 0: with at most three errors, positions usually determine the velocity.
+    """
+    for i in range(3):
+        whole, left = 0.0, 0.0
+        for j in range(size):
+            whole += rows[3 + i, j] * rows[3 + i, j]
+        for k in range(3):
+            share = 0.0
+            for j in range(size):
+                share += rows[3 + i, j] * rows[k, j]
+            for j in range(size):
+                rows[3 + i, j] -= share * rows[k, j]
+            frame[GAIN + i, k] = share
+        for j in range(size):
+            left += rows[3 + i, j] * rows[3 + i, j]
+        if left <= RESIDUAL * RESIDUAL * whole:
+            for j in range(size):
+                rows[3 + i, j] = 0.0
+    for i in range(3):
+        for k in range(3):
+            frame[SPREAD + i, k] = 0.0
+            for j in range(size):
+                frame[SPREAD + i, k] += rows[3 + i, j] * rows[3 + k, j]
 
 
 @kernel()
@@ -115,11 +235,22 @@ def inward_on_arc(frame, tilt, e, f, angle):
 
 
 @kernel()
-def sign_change(frame, tilt, e, f, low, high, at_low, at_high):
-    """Return the angle between two at which the mean inward speed changes sign (Illinois method)."""
+def inward_on_meridian(frame, quadrant, _, __, tilt):
+    """Return the mean inward speed at a tilt, in the middle of a quadrant."""
+    e = 1.0 if quadrant % 2 == 0 else -1.0
+    f = 1.0 if quadrant < 2 else -1.0
+    return inward_on_arc(frame, tilt, e, f, 0.25 * pi)
+
+
+@kernel()
+def sign_change(speed, frame, where, e, f, low, high, at_low, at_high):
+    """Return the angle between two at which the mean inward speed changes sign (Illinois method).
+
+    `speed` is `inward_on_arc` or `inward_on_meridian`, whose arguments are `where`, e and f.
+    """
     for _ in range(14):
         angle = low + (high - low) * at_low / (at_low - at_high)
-        mu = inward_on_arc(frame, tilt, e, f, angle)
+        mu = speed(frame, where, e, f, angle)
         if mu * at_low > 0.0:
             low, at_low, at_high = angle, mu, 0.5 * at_high
         else:
@@ -143,14 +274,6 @@ def is_sharp(frame):
 
 
 @kernel()
-def inward_on_meridian(frame, quadrant, tilt):
-    """Return the mean inward speed at a tilt, in the middle of a quadrant."""
-    e = 1.0 if quadrant % 2 == 0 else -1.0
-    f = 1.0 if quadrant < 2 else -1.0
-    return inward_on_arc(frame, tilt, e, f, 0.25 * pi)
-
-
-@kernel()
 def fill_panels(frame, begin, end, sharp, panels):
     """Fill `panels` with tilts between which the rate is smooth, and return their number.
 
@@ -159,20 +282,12 @@ def fill_panels(frame, begin, end, sharp, panels):
     panels[0] = begin
     count = 1
     for quadrant in range(4 if sharp else 0):
-        low, at_low = begin, inward_on_meridian(frame, quadrant, begin)
+        low, at_low = begin, inward_on_meridian(frame, quadrant, 0.0, 0.0, begin)
         for k in range(1, PARTS + 1):
             high = begin + (end - begin) * k / PARTS
-            at_high = inward_on_meridian(frame, quadrant, high)
+            at_high = inward_on_meridian(frame, quadrant, 0.0, 0.0, high)
             if at_low * at_high < 0.0:
-                u, w, at_u, at_w = low, high, at_low, at_high
-                for _ in range(10):
-                    middle = u + (w - u) * at_u / (at_u - at_w)
-                    mu = inward_on_meridian(frame, quadrant, middle)
-                    if mu * at_u > 0.0:
-                        u, at_u, at_w = middle, mu, 0.5 * at_w
-                    else:
-                        w, at_w, at_u = middle, mu, 0.5 * at_u
-                place = 0.5 * (u + w)
+                place = sign_change(inward_on_meridian, frame, quadrant, 0.0, 0.0, low, high, at_low, at_high)
                 j = count
                 while panels[j - 1] > place:  # sort it in
                     panels[j] = panels[j - 1]
@@ -258,7 +373,7 @@ def circle_rate(frame, tilt, weight, left, sharp, rules, fineness, nodes, count)
                 after = inward_on_arc(frame, tilt, e, f, here)
                 if before * after < 0.0:
                     step = (end - begin) / PARTS
-                    last = sign_change(frame, tilt, e, f, here - step, here, before, after)
+                    last = sign_change(inward_on_arc, frame, tilt, e, f, here - step, here, before, after)
                 elif k < PARTS:
                     last = first
                 before = after
@@ -325,3 +440,103 @@ def ball_rate(frame, rules, fineness, nodes):
             )
             rate += more
     return rate, count
+
+
+@kernel(void(ROWS, BLOCKS, ROWS, BLOCKS, float64, float64, ROWS))
+def surface_integrals(means, factors, matrix, rules, fineness, farthest, out):
+    """Write the rate of entries into the unit ball, and the mean's distance, for each time (T, 2).
+
+    From states (T, 6) and factors (T, 6, M) of their covariance, in zone coordinates. The distance to the
+    ball is in standard deviations, 0 from inside; with a fineness of 0 only it is computed. The rate is 0
+    beyond `farthest`.
+    """
+    means, factors, matrix, out = borrowed(means), borrowed(factors), borrowed(matrix), borrowed(out)
+    rules = borrowed(rules)
+    frame = stack_matrix(13, 3)
+    rows = np.empty((6, factors.shape[2]))
+    nodes = np.empty((0, NODE))
+    for k in range(len(out)):
+        principal(means[k], factors[k], matrix, frame, rows)
+        b0, b1, b2 = frame[MEAN, 0], frame[MEAN, 1], frame[MEAN, 2]
+        out[k, 0], out[k, 1] = 0.0, 0.0
+        if b0 * b0 + b1 * b1 + b2 * b2 > 1.0:
+            out[k, 1] = sqrt(nearest_square(frame))
+        if fineness > 0.0 and out[k, 1] <= farthest:
+            out[k, 0], _ = ball_rate(frame, rules, fineness, nodes)
+
+
+@kernel()
+def speed_of_entry(mu, sigma, share):
+    """Return the inward speed that a share of entries exceeds: density ~ w N(w; mu, sigma), w > 0."""
+    if sigma <= 1e-12 * abs(mu):
+        return abs(mu)
+    u = mu / sigma
+    total = exp(-0.5 * u * u) / sqrt(2.0 * pi) + 0.5 * u * erfc(-u / sqrt(2.0))
+    low, high = 0.0, max(u, 0.0) + 40.0
+    w = 0.5 * (u + sqrt(u * u + 4.0))  # the mode
+    for _ in range(60):
+        y = w - u
+        density = exp(-0.5 * y * y) / sqrt(2.0 * pi)
+        excess = (density + 0.5 * u * erfc(y / sqrt(2.0))) / total - share
+        if excess > 0.0:
+            low = w
+        else:
+            high = w
+        slope = w * density / total
+        step = excess / slope if slope > 0.0 else inf
+        if abs(step) <= 1e-12 * w:
+            break
+        w = w + step if low < w + step < high else 0.5 * (low + high)
+    return sigma * w
+
+
+@kernel(void(ROWS, BLOCKS, ROWS, BLOCKS, float64, int64[::1], ROWS, ROWS))
+def fill_entry_errors(means, factors, matrix, rules, fineness, first, shares, errors):
+    """Turn standard normals (N, M) in `errors` into the errors of trajectories that enter at given times.
+
+    Those of time k are `first[k]` to `first[k + 1]`. `shares` (N, 2) give the place on the surface, rising
+    from 0 to 1 for each time, and the speed. Given position and inward speed, the rest keeps its
+    distribution: errors are moved only along the directions that determine these.  # theory (63)
+    """
+    means, factors, matrix, errors = borrowed(means), borrowed(factors), borrowed(matrix), borrowed(errors)
+    rules = borrowed(rules)
+    frame = stack_matrix(13, 3)
+    size = factors.shape[2]
+    rows = np.empty((6, size))
+    along = np.empty(size)
+    nodes = np.empty((24 * len(rules) ** 2, NODE))
+    for k in range(len(means)):
+        if first[k] == first[k + 1]:
+            continue
+        principal(means[k], factors[k], matrix, frame, rows)
+        rate, count = ball_rate(frame, rules, fineness, nodes)
+        node, reached = 0, nodes[0, 3]
+        for p in range(first[k], first[k + 1]):
+            while reached < shares[p, 0] * rate and node + 1 < count:
+                node += 1
+                reached += nodes[node, 3]
+            x, y, z = nodes[node, 0], nodes[node, 1], nodes[node, 2]
+            place_errors(frame, rows, errors[p], along, x, y, z, shares[p, 1])
+
+
+@kernel()
+def place_errors(frame, rows, xi, along, x, y, z, share):
+    """Move errors to those of a trajectory that enters at q = (x, y, z)."""
+    size = len(xi)
+    for i in range(3):
+        q = x if i == 0 else (y if i == 1 else z)
+        move = (q - frame[MEAN, i]) / frame[SIGMA, i]
+        for j in range(size):
+            move -= rows[i, j] * xi[j]
+        for j in range(size):
+            xi[j] += move * rows[i, j]
+    mu = inward(frame, x, y, z)
+    here, square = mu, 0.0
+    for j in range(size):
+        along[j] = -(x * rows[3, j] + y * rows[4, j] + z * rows[5, j])
+        here += along[j] * xi[j]
+        square += along[j] * along[j]
+    if square > 0.0:
+        lift = (speed_of_entry(mu, sqrt(square), share) - here) / square
+        for j in range(size):
+            xi[j] += lift * along[j]

@@ -1,42 +1,48 @@
-"""Conflicts of k-sigma tubes: the intervals in which k sigmas reach the zone, as rows of floats."""
+"""Conflicts of k-sigma tubes: the intervals in which k sigmas reach the zone."""
 
+from collections.abc import Sequence
 from math import inf, nan, sqrt
+from typing import Any
 
 import numpy as np
 from numba import float64, int64
 
 from closeform._jit import kernel
-from closeform.conflicts.pair_search import append
-from closeform.conflicts.quick_rejection import count_near, interval, is_clear, mark_near
+from closeform.arrays import Floats
+from closeform.conflicts.pair_search import all_rows, pair_conflicts
+from closeform.conflicts.quick_rejection import count_near, interval, mark_near
+from closeform.conflicts.tracks import NO_TRACKS, Tracks, follow
 from closeform.kernel_loans import borrowed, lent, stack_vector
-from closeform.motion.arc import END
-from closeform.motion.certified_march import LESS_PATIENCE, PATIENCE, locate, window_end
-from closeform.uncertainty.moving import (
+from closeform.motion.certified_march import LESS_PATIENCE, locate
+from closeform.uncertainty.covariance_propagation import ERRORS_TYPE, PropagatedErrors
+from closeform.uncertainty.sigmas.ellipsoid_planes import gap_of_plane
+from closeform.uncertainty.sigmas.levels import begin_pair, least_of_pair
+from closeform.uncertainty.sigmas.moving_planes import (
     HALVINGS,
     STALLED,
-    begin_count,
-    beyond_for,
-    brief,
+    count_stalls,
     errors_of_point,
     first_try,
-    stalled,
+    moving_plane_time,
+    reset_stalls,
+    short_step,
     stays_inside,
 )
-from closeform.uncertainty.planes import room
-from closeform.uncertainty.sigma_levels import begin_pair, least_of_pair
-from closeform.uncertainty.spread import SPREAD
-from closeform.uncertainty.tube import (
+from closeform.uncertainty.sigmas.rejection import widened
+from closeform.uncertainty.sigmas.tube import (
     HINT,
     STALLS,
     TUBE,
     WIDTH,
-    clear_for,
     column_bound,
-    look,
-    room_at,
-    see_tube,
+    evaluate_tube,
+    gap_at_sigmas,
+    load_tube,
+    plane_time,
+    tube_for,
 )
 from closeform.zones.shapes import inside_step
+from closeform.zones.zone import Zone
 
 # As in `conflicts.pair_search`, with the accuracy of covariances and planes.
 TOUCH = 1e-11
@@ -45,19 +51,19 @@ DEEP, SHALLOW = 0.5, 0.75  # norms of a position well inside: the target, and th
 
 
 @kernel()
-def enter(tube, t, span, k, patience):
+def march_outside(tube, t, span, k, patience):
     """March outside until k sigmas reach the zone, or may do so: (time reached, True if so)."""
     for _ in range(patience):
-        norm = look(tube, t)
-        g = room_at(tube, k, ENTRY_AIM) if norm > ENTERED else norm
+        norm = evaluate_tube(tube, t)
+        g = gap_at_sigmas(tube, k, ENTRY_AIM) if norm > ENTERED else norm
         if not g > ENTERED:
             return t, True
         if not t < span:
             return t, False
-        h = clear_for(tube, k, g - ENTRY_AIM)
+        h = plane_time(tube, k, g - ENTRY_AIM)
         if t == 0.0 and patience == LESS_PATIENCE:
-            h = max(h, beyond_for(tube, k, ENTRY_AIM, span))
-            if stalled(tube, h, span) > 0.0:
+            h = max(h, moving_plane_time(tube, k, ENTRY_AIM, span))
+            if count_stalls(tube, h, span) > 0.0:
                 return t, True
         t = min(span, max(t + h, t * (1.0 + 2.3e-16)))
     return t, False
@@ -70,7 +76,7 @@ def position_inside(tube, norm, k):
         return 0.0, norm
     used = 0.0
     while True:
-        g = room_at(tube, used, inf)
+        g = gap_at_sigmas(tube, used, inf)
         if g <= SHALLOW or used >= k:
             return used, g
         best, place = tube.best, tube.place
@@ -81,32 +87,32 @@ def position_inside(tube, norm, k):
 
 
 @kernel()
-def within_for(tube, k, longest):
+def moving_errors_time(tube, k, longest):
     """Return how long moving errors certainly keep a position inside, from the window's start."""
     xi, eta = stack_vector(14), stack_vector(14)
-    used, _ = position_inside(tube, look(tube, 0.0), k)
+    used, _ = position_inside(tube, evaluate_tube(tube, 0.0), k)
     errors_of_point(tube, used, xi)
     h = first_try(tube, longest)
     for _ in range(HALVINGS):
-        used, g = position_inside(tube, look(tube, h), k)
+        used, g = position_inside(tube, evaluate_tube(tube, h), k)
         if g < EXIT_AIM:
             errors_of_point(tube, used, eta)
             if stays_inside(tube, xi, eta, h, EXIT_AIM):
-                tube.seen[HINT] = h
+                tube.state[HINT] = h
                 return h
         h *= 0.5
     return 0.0
 
 
 @kernel()
-def inside_for(tube, used, span):
+def inside_time(tube, used, span):
     """Return how long the errors found last certainly keep a position inside."""
     place, best, at, bounds = tube.place, tube.best, tube.at, tube.bounds
     x, y, z, vx, vy, vz = place[0], place[1], place[2], place[3], place[4], place[5]
     if used > 0.0 and tube.along[0] > 0.0:
         share = used / sqrt(tube.along[0])
-        _, x, y, z = room(place, tube.square, used, best[0], best[1], best[2])
-        for j in range(0, int(tube.seen[WIDTH]), 3):
+        _, x, y, z = gap_of_plane(place, tube.square, used, best[0], best[1], best[2])
+        for j in range(0, int(tube.state[WIDTH]), 3):
             length = best[0] * at[0, j] + best[1] * at[0, j + 1] + best[2] * at[0, j + 2]
             vx -= share * length * at[1, j]
             vy -= share * length * at[1, j + 1]
@@ -122,101 +128,51 @@ def inside_for(tube, used, span):
 @kernel()
 def is_doubtful(tube, k, span):
     """Return True if k sigmas are outside but not certain to stay there for a while."""
-    return not clear_for(tube, k, room_at(tube, k, inf) - ENTRY_AIM) > brief(tube, span)
+    return not plane_time(tube, k, gap_at_sigmas(tube, k, inf) - ENTRY_AIM) > short_step(tube, span)
 
 
 @kernel()
-def leave(tube, t, span, k, patience):
+def march_inside(tube, t, span, k, patience):
     """March inside with one position that is inside at each step: (time reached, True if none is).
 
     After too many short steps, k sigmas count as inside until they are clear for longer than such a step.
     """
     for _ in range(patience):
-        used, g = position_inside(tube, look(tube, t), k)
-        doubtful = tube.seen[STALLS] >= STALLED
+        used, g = position_inside(tube, evaluate_tube(tube, t), k)
+        doubtful = tube.state[STALLS] >= STALLED
         if g > LEFT and not (doubtful and is_doubtful(tube, k, span)):
             return t, True
         if not t < span:
             return t, False
-        h = inside_for(tube, used, span - t) if not g > LEFT else 0.0
+        h = inside_time(tube, used, span - t) if not g > LEFT else 0.0
         if t == 0.0 and patience == LESS_PATIENCE:
-            h = max(h, within_for(tube, k, span))
-            stalled(tube, h, span)
+            h = max(h, moving_errors_time(tube, k, span))
+            count_stalls(tube, h, span)
         if doubtful:
-            h = max(h, brief(tube, span))
+            h = max(h, short_step(tube, span))
         t = min(span, max(t + h, t * (1.0 + 2.3e-16)))
     return t, False
 
 
 @kernel()
-def search_window(tube, one, i, first, two, j, second, t, stop, k, inside, entry, pair, rows, count):
-    """March a pair's arcs from t to `stop`; return whether inside then, since when, and the row count."""
-    patience = PATIENCE
-    while True:
-        see_tube(tube, one, i, first, two, j, second, t, stop - t)
-        local = 0.0
-        while True:
-            if inside:
-                local, crossed = leave(tube, local, stop - t, k, patience)
-            else:
-                local, crossed = enter(tube, local, stop - t, k, patience)
-            if not crossed:
-                break
-            inside = not inside
-            if inside:
-                entry = min(t + local, stop)
-            else:
-                count = append(rows, count, pair, entry, min(t + local, stop))
-        if local >= stop - t:
-            return inside, entry, count
-        t = max(t + local, t + 2.3e-16 * abs(t))
-        patience = LESS_PATIENCE
+def load_pair(scene, i, j, t, span):
+    """Load arcs i and j of a pair from time t on, for at most `span`; return the latter."""
+    tube, one, first, two, second, _ = scene
+    load_tube(tube, one, i, first, two, j, second, t, span)
+    return span
 
 
 @kernel()
-def sigma_conflicts_of_pair(tube, one, first, two, second, start, end, k, times, near, m, pair, rows, count):
-    """Append the conflicts of one pair to `rows`; return the count, above len(rows) if they do not fit.
-
-    `near` marks the intervals of `times` to be searched, from the m-th on; empty for all.
-    """
-    i_end, j_end = one.offsets[first + 1], two.offsets[second + 1]
-    i = locate(one.arcs, one.offsets[first], i_end, start)
-    j = locate(two.arcs, two.offsets[second], j_end, start)
-    inside, entry = False, start
-    begin_count(tube)
-    t = start
-    while True:
-        while i + 1 < i_end and one.arcs[i, END] <= t:
-            i += 1
-        while j + 1 < j_end and two.arcs[j, END] <= t:
-            j += 1
-        stop = window_end(one.arcs[i], two.arcs[j], t, end)
-        while m + 1 < len(near) and times[m + 1] <= t:
-            m += 1
-        if len(near) == 0 or not is_clear(times, near, m, stop):
-            inside, entry, count = search_window(
-                tube, one, i, first, two, j, second, t, stop, k, inside, entry, pair, rows, count
-            )
-        t = stop
-        if t >= end:
-            break
-    return append(rows, count, pair, entry, end) if inside else count
+def cross_sigmas(scene, _, t, span, inside, patience):
+    """March until k sigmas begin or cease to reach the zone; return the time reached and True if they do."""
+    tube, k = scene[0], scene[5]
+    return march_inside(tube, t, span, k, patience) if inside else march_outside(tube, t, span, k, patience)
 
 
 @kernel(
     int64(
-        SPREAD,
-        SPREAD,
-        int64[::1],
-        int64[::1],
-        int64,
-        TUBE,
-        float64,
-        float64[::1],
-        float64[:, :, ::1],
-        float64[:, :, ::1],
-        float64[:, ::1],
-        int64[::1],
+        *(ERRORS_TYPE, ERRORS_TYPE, int64[::1], int64[::1], int64, TUBE, float64),
+        *(float64[::1], float64[:, :, ::1], float64[:, :, ::1], float64[:, ::1], int64[::1]),
     )
 )
 def sigma_conflicts_of_pairs(one, two, first, second, pair, tube, k, times, tracks, other_tracks, rows, done):
@@ -235,8 +191,13 @@ def sigma_conflicts_of_pairs(one, two, first, second, pair, tube, k, times, trac
             if count_near(tracks, first[p], other_tracks, second[p], m, last) == 0:
                 continue
             mark_near(tracks, first[p], other_tracks, second[p], m, last, near)
-        total = sigma_conflicts_of_pair(
-            tube, one, first[p], two, second[p], start, end, k, times, near, m, p, rows, count
+        i, i_end = one.offsets[first[p]], one.offsets[first[p] + 1]
+        j, j_end = two.offsets[second[p]], two.offsets[second[p] + 1]
+        i, j = locate(one.arcs, i, i_end, start), locate(two.arcs, j, j_end, start)
+        reset_stalls(tube)
+        scene, search = (tube, one, first[p], two, second[p], k), (times, near, m, p, rows, count)
+        total = pair_conflicts(
+            load_pair, cross_sigmas, scene, one.arcs, i, i_end, two.arcs, j, j_end, start, end, *search
         )
         if total > len(rows):
             done[0], done[1] = p, total - count
@@ -248,3 +209,45 @@ def sigma_conflicts_of_pairs(one, two, first, second, pair, tube, k, times, trac
         count = total
     done[0] = len(first)
     return count
+
+
+def sigma_conflicts(
+    one: PropagatedErrors,
+    two: PropagatedErrors,
+    first: Any,
+    second: Any,
+    zone: Zone,
+    mean_motion: float,
+    sigmas: float,
+    tracks: Tracks = NO_TRACKS,
+) -> Floats:
+    """Return the conflicts of pairs `first` and `second` (P,) of two batches, as sorted rows.
+
+    Columns: pair, start, end, time of the minimum, ratio.
+    """
+    tube = tube_for(zone, mean_motion)
+    return all_rows(
+        lambda pair, rows, done: sigma_conflicts_of_pairs(
+            one, two, first, second, pair, tube, sigmas, *tracks, rows, done
+        ),
+        len(first),
+        min(4096, 16 + len(first)),
+    )
+
+
+def search_of(errors: PropagatedErrors, zones: Sequence[Zone], mean_motion: float, sigmas: float) -> Any:
+    """Return a function that finds the conflicts of the given pairs of a batch with a zone.
+
+    `zones`: the zones that most pairs have.
+    """
+    bodies = errors.arcs, errors.offsets
+    followed = follow(*bodies, *bodies, zones, (len(errors.offsets) - 1) ** 2 // 2)
+    tracks = {zone: widened(followed[zone], errors, zone, mean_motion, sigmas) for zone in zones}
+
+    def search(zone: Zone, first: Any, second: Any) -> tuple[Any, Floats]:
+        near = tracks.get(zone, NO_TRACKS)
+        rows = sigma_conflicts(errors, errors, first, second, zone, mean_motion, sigmas, near)
+        index = rows[:, 0].astype(np.int64)
+        return np.stack([first[index], second[index]], axis=1), rows[:, 1:]
+
+    return search

@@ -8,23 +8,21 @@ from closeform._jit import kernel
 from closeform.kernel_loans import lent
 from closeform.motion.arc import END, START
 from closeform.motion.certified_march import LESS_PATIENCE, PATIENCE, locate, window_end
-from closeform.uncertainty.cylinder_separation import plane
-from closeform.uncertainty.moving import begin_count, beyond_for, stalled
-from closeform.uncertainty.spread import NOISE, SPREAD
-from closeform.uncertainty.tube import (
+from closeform.uncertainty.covariance_propagation import ERRORS_TYPE, NOISE
+from closeform.uncertainty.sigmas.moving_planes import count_stalls, moving_plane_time, reset_stalls
+from closeform.uncertainty.sigmas.tube import (
     HINT,
     MEAN_RATE,
     NEVER,
     NOISY,
     TUBE,
-    clear_for,
+    evaluate_tube,
+    gap_at_sigmas,
     level,
     level_of_plane,
     level_rate,
-    look,
-    room_at,
-    see_plane,
-    see_tube,
+    load_tube,
+    plane_time,
 )
 
 PRECISION = 1e-10  # relative accuracy of the minimum level
@@ -32,7 +30,6 @@ SLACK = 1e-13  # of the zone: rounding
 LACKING = 1e-11  # difference between equivalent planes at one time
 TURN_ANGLE = 0.3  # in n t: maximum step of the search for a local minimum
 SAMPLE_ANGLE, SAMPLES = 0.5, 8  # in n t, between samples; or number of samples in a window in deep space
-SKETCHED = 0.01  # relative deficit of a sampled level
 
 
 @kernel()
@@ -49,7 +46,7 @@ def descend(tube, t, span, k, s):
     before = t
     while True:
         after = min(before + step, span)
-        found = level(tube, after, k, 0.0)  # it may be far below, for poor planes
+        found = level(tube, after, k, 0.0, NEVER, True)  # it may be far below, for poor planes
         lower = found < best
         if lower:
             best, best_time = found, after
@@ -69,7 +66,7 @@ def descend(tube, t, span, k, s):
         if min(-low, high) * width <= 1e-12 * best or width <= 1e-15 * span:
             break
         middle = before + 0.5 * width if m % 8 == 7 else before - width * left / (right - left)
-        found = level(tube, middle, k, best)
+        found = level(tube, middle, k, best, NEVER, True)
         lower = found < best
         if lower:
             best, best_time = found, middle
@@ -88,13 +85,13 @@ def descend(tube, t, span, k, s):
 def gap_at(tube, t, k, s):
     """Return the gap at time t between the zone and k sigmas, both at level s."""
     scale = 1.0 if k < 0.0 else s
-    gap = look(tube, t) - scale
+    gap = evaluate_tube(tube, t) - scale
     if gap > 0.0:
-        gap = room_at(tube, s if k < 0.0 else k * s, scale) - scale
+        gap = gap_at_sigmas(tube, s if k < 0.0 else k * s, scale) - scale
     return gap
 
 
-@kernel()
+@kernel(inline=True)
 def least_in_window(tube, span, k, best, best_time, patience):
     """Return the minimum level of the window, if below `best`, its time, and the time reached.
 
@@ -105,7 +102,7 @@ def least_in_window(tube, span, k, best, best_time, patience):
         aim = min(best * (1.0 - PRECISION), NEVER)
         gap = gap_at(tube, t, k, aim) if best < inf else 0.0
         if not gap > 0.0:
-            s = level(tube, t, k, aim if best < inf else 0.0)
+            s = level(tube, t, k, aim if best < inf else 0.0, NEVER, True)
             if s < best:
                 best, best_time = s, t
                 if s > 0.0:
@@ -120,41 +117,24 @@ def least_in_window(tube, span, k, best, best_time, patience):
         if not t < span:
             return best, best_time, span
         sigmas = aim if k < 0.0 else k * aim
-        h = clear_for(tube, sigmas, max(gap, SLACK))
+        h = plane_time(tube, sigmas, max(gap, SLACK))
         if t == 0.0 and patience == LESS_PATIENCE:
             target = (1.0 if k < 0.0 else aim) - max(SLACK - gap, 0.0)
-            h = max(h, beyond_for(tube, sigmas, target, span))
-            many = stalled(tube, h, span)
+            h = max(h, moving_plane_time(tube, sigmas, target, span))
+            many = count_stalls(tube, h, span)
             if many > 0.0:  # the planes are not accurate enough: certify a slightly lower level
                 best = aim * (1.0 - min(0.5, PRECISION * 2.0**many))
         t = min(span, max(t + h, t * (1.0 + 2.3e-16)))
     return best, best_time, t
 
 
-@kernel()
-def sketch_level(tube, t, k, enough):
-    """Return an approximate level at time t, by approximate planes; or one above `enough`."""
-    if look(tube, t) <= (1.0 if k < 0.0 else 0.0):
-        return 0.0
-    s = 0.0
-    for _ in range(8):
-        sigmas = s if k < 0.0 else s * k
-        plane(tube.shape, tube.faces, tube.place, tube.square, sigmas, False, tube.best)
-        see_plane(tube, sigmas)
-        better = level_of_plane(tube, k)
-        if better >= enough or better - s <= SKETCHED * better:
-            return better
-        s = better
-    return s
-
-
-@kernel()
+@kernel(inline=True)
 def sample_window(tube, span, k, best, best_time):
     """Return the lowest approximate level at given times of the window, if below `best`, and its time."""
-    n = max(tube.mean_motion, tube.seen[MEAN_RATE])
+    n = max(tube.mean_motion, tube.state[MEAN_RATE])
     count = int(n * span / SAMPLE_ANGLE) + 1 if n > 0.0 else SAMPLES
     for m in range(count + 1):
-        s = sketch_level(tube, span * m / count, k, best)
+        s = level(tube, span * m / count, k, 0.0, best, False)
         if s < best:
             best, best_time = s, span * m / count
     return best, best_time
@@ -170,10 +150,10 @@ def sampled_level(tube, one, first, two, second, start, end, k):
     while t < end and best > 0.0:
         i, j = advance(one.arcs, i, i_end, t), advance(two.arcs, j, j_end, t)
         stop = window_end(one.arcs[i], two.arcs[j], t, end)
-        see_tube(tube, one, i, first, two, j, second, t, stop - t)
+        load_tube(tube, one, i, first, two, j, second, t, stop - t)
         best, when = sample_window(tube, stop - t, k, best, nan)
         if when == when:
-            n = max(tube.mean_motion, tube.seen[MEAN_RATE])
+            n = max(tube.mean_motion, tube.state[MEAN_RATE])
             step = SAMPLE_ANGLE / n if n > 0.0 else (stop - t) / SAMPLES
             begin = max(start, t + when - step)
         t = stop
@@ -184,8 +164,8 @@ def sampled_level(tube, one, first, two, second, start, end, k):
         locate(two.arcs, two.offsets[second], j_end, begin),
     )
     stop = window_end(one.arcs[i], two.arcs[j], begin, end)
-    see_tube(tube, one, i, first, two, j, second, begin, stop - begin)
-    best, when = level(tube, 0.0, k, 0.0), 0.0
+    load_tube(tube, one, i, first, two, j, second, begin, stop - begin)
+    best, when = level(tube, 0.0, k, 0.0, NEVER, True), 0.0
     if 0.0 < best < inf:
         best, when = descend(tube, when, stop - begin, k, best)
     return best, min(begin + when, stop)
@@ -208,12 +188,12 @@ def least_of_pair(tube, one, first, two, second, start, end, k, best, best_time)
     i_end, j_end = one.offsets[first + 1], two.offsets[second + 1]
     i = locate(one.arcs, one.offsets[first], i_end, start)
     j = locate(two.arcs, two.offsets[second], j_end, start)
-    begin_count(tube)
+    reset_stalls(tube)
     t, patience = start, PATIENCE
     while True:
         i, j = advance(one.arcs, i, i_end, t), advance(two.arcs, j, j_end, t)
         stop = window_end(one.arcs[i], two.arcs[j], t, end)
-        see_tube(tube, one, i, first, two, j, second, t, stop - t)
+        load_tube(tube, one, i, first, two, j, second, t, stop - t)
         least, when, reached = least_in_window(tube, stop - t, k, best, nan, patience)
         if least < best:
             best, best_time = least, min(t + when, stop) if when == when else best_time
@@ -226,13 +206,13 @@ def least_of_pair(tube, one, first, two, second, start, end, k, best, best_time)
 @kernel()
 def begin_pair(tube, one, first, two, second):
     """Reset the tube for a pair and return the start and end of its common time."""
-    tube.seen[HINT] = inf
-    tube.seen[NOISY] = one.execution[first, NOISE] + two.execution[second, NOISE]
+    tube.state[HINT] = inf
+    tube.state[NOISY] = one.execution[first, NOISE] + two.execution[second, NOISE]
     start = max(one.arcs[one.offsets[first], START], two.arcs[two.offsets[second], START])
     return start, min(one.arcs[one.offsets[first + 1] - 1, END], two.arcs[two.offsets[second + 1] - 1, END])
 
 
-@kernel(void(SPREAD, SPREAD, int64[::1], int64[::1], TUBE, float64, float64[:, ::1]))
+@kernel(void(ERRORS_TYPE, ERRORS_TYPE, int64[::1], int64[::1], TUBE, float64, float64[:, ::1]))
 def least_of_pairs(one, two, first, second, tube, k, out):
     """Write time and minimum level of pairs over their common times, by sigmas (k < 0) or by scale."""
     one, two, tube = lent(one), lent(two), lent(tube)

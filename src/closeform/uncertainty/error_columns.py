@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, PUSH, START, STATE, THRUST, WIDTH
+from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, START, STATE, THRUST, WIDTH
 from closeform.motion.path import Path, of_one_craft, path_of, runs_of
+from closeform.uncertainty.covariance_propagation import BURN_ERRORS, ROW, burn_error_arc
 
 if TYPE_CHECKING:
     from closeform.uncertainty.errors import Uncertainty
@@ -31,7 +32,7 @@ def columns_of(path: Path, errors: Uncertainty) -> Path:
     return path_of(path.orbit, arcs, offsets, (len(found),))
 
 
-def added(path: Path, columns: Path, sizes: Floats) -> Path:
+def executed_path(path: Path, columns: Path, sizes: Floats) -> Path:
     """Return a craft's path plus its columns (m,) multiplied by `sizes`: the executed path.
 
     The columns may belong to a longer path that contains this one, arc by arc.
@@ -48,19 +49,19 @@ def added(path: Path, columns: Path, sizes: Floats) -> Path:
     return path_of(path.orbit, arcs, path.offsets, path.shape)
 
 
-def errs(path: Path, errors: Uncertainty) -> bool:
+def has_errors(path: Path, errors: Uncertainty) -> bool:
     """Return True if one craft's errors move it off its path; burn errors require a burn."""
     if errors.noise or errors._root.any() or (any(errors.impulse) and path.impulses):
         return True
-    return bool((errors.magnitude or errors.pointing) and len(burning(path)))
+    return bool((errors.magnitude or errors.pointing) and len(burn_ranges(path)))
 
 
-def burning(path: Path) -> Any:
+def burn_ranges(path: Path) -> Any:
     """Return the first arc and the one after the last (B, 2) of every burn: thrust without a pause."""
     return runs_of(np.abs(path.arcs[:, THRUST:]).sum(axis=1) > 0.0)
 
 
-def gates_of(jump: Floats, errors: Uncertainty) -> Floats:
+def impulse_errors(jump: Floats, errors: Uncertainty) -> Floats:
     """Return the velocity errors (3, 3) [m/s] of one impulse: along it, and two across.
 
     theory (50)
@@ -93,7 +94,7 @@ def _of_state(path: Path, errors: Uncertainty) -> Iterator[Floats]:
 def _of_impulses(path: Path, errors: Uncertainty) -> Iterator[Floats]:
     """Yield the arcs of the columns of impulse errors."""
     for time, jump in path.impulses if any(errors.impulse) else ():
-        for velocity in gates_of(jump, errors):
+        for velocity in impulse_errors(jump, errors):
             if velocity.any():
                 arcs = _coasts(path, time, np.concatenate([np.zeros(3), velocity]))
                 arcs[-1, IMPULSE : IMPULSE + 3] = velocity
@@ -102,11 +103,11 @@ def _of_impulses(path: Path, errors: Uncertainty) -> Iterator[Floats]:
 
 def _of_burns(path: Path, errors: Uncertainty) -> Iterator[Floats]:
     """Yield the arcs of the columns of burn errors: magnitude, and pointing about x, y, z."""
-    burns = burning(path) if errors.magnitude or errors.pointing else []
+    burns = burn_ranges(path) if errors.magnitude or errors.pointing else []
     for first, last in burns:
         arcs = path.arcs[first:last]
         for forced in _forced(path.orbit.mean_motion, arcs, errors):
-            _accumulate(path, forced)
+            _set_states(path, forced)
             before = _coasts(path, arcs[0, START], np.zeros(6))[:-1]
             after = _coasts(path, arcs[-1, END], _ends(path, forced[-1:])[0])[-1:]
             yield np.concatenate([before, forced, after if arcs[-1, END] < path.end else after[:0]])
@@ -114,31 +115,12 @@ def _of_burns(path: Path, errors: Uncertainty) -> Iterator[Floats]:
 
 def _forced(n: float, arcs: Floats, errors: Uncertainty) -> Iterator[Floats]:
     """Yield the thrust arcs of the columns of one burn; their states are set later."""
-    bare = arcs.copy()
-    bare[:, IMPULSE:] = 0.0
-    if errors.magnitude:
-        grown = bare.copy()
-        grown[:, THRUST:] = errors.magnitude * arcs[:, THRUST:]
-        yield grown
-    for axis in AXES if errors.pointing else ():
-        turned = bare.copy()
-        turned[:, PUSH:] = np.cross(errors.pointing * axis, _thrust_rates(n, arcs)).reshape(len(arcs), -1)
-        yield turned
-
-
-def _thrust_rates(n: float, arcs: Floats) -> Floats:
-    """Return the thrust and its first three derivatives (k, 4, 3) at the start of arcs.
-
-    They determine the whole thrust: an optimal thrust is a natural motion, so that along each axis it lies in
-    the span of PUSH.
-    """
-    rates = arcs[:, PUSH:].reshape(-1, 4, 3).copy()
-    u, w = arcs[:, THRUST : THRUST + 3], arcs[:, THRUST + 3 : PUSH]
-    for k in range(4):
-        rates[:, k] += u
-        x, z, vx, vy = u[:, 0], u[:, 2], w[:, 0], w[:, 1]
-        u, w = w, np.stack([3 * n * n * x + 2 * n * vy, -2 * n * vx, -n * n * z], axis=1)  # theory (1)
-    return rates
+    for j in range(BURN_ERRORS):
+        if errors.pointing if j > 0 else errors.magnitude:
+            forced = np.zeros_like(arcs)
+            for arc, out in zip(arcs, forced, strict=True):
+                burn_error_arc(n, arc, np.zeros(ROW), errors._execution, j, out)
+            yield forced
 
 
 def _ends(path: Path, arcs: Floats) -> Any:
@@ -152,7 +134,7 @@ def _states(path: Path, arcs: Floats, times: Floats) -> Any:
     return alone._evaluate_rows(np.ascontiguousarray(times[:, None]))[:, 0]
 
 
-def _accumulate(path: Path, arcs: Floats) -> None:
+def _set_states(path: Path, arcs: Floats) -> None:
     """Set the initial states of the arcs of a burn: from rest, each where the previous one ended."""
     pushed = _ends(path, arcs)
     carried = path.orbit.transition(arcs[:, END] - arcs[:, START])

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 import closeform as cf
-from closeform.uncertainty.columns import columns_of
+from closeform.uncertainty.error_columns import columns_of
 
 N = 1.1e-3
 ORBIT, DEEP = cf.Orbit(N), cf.Orbit(0.0)

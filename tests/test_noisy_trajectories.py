@@ -10,9 +10,9 @@ from scipy.linalg import expm
 from scipy.stats import norm
 
 import closeform as cf
-from closeform.uncertainty.columns import columns_of
-from closeform.uncertainty.noisy_trajectories import NoisyTrajectories
-from closeform.uncertainty.white_noise import OFF, kicks_of
+from closeform.uncertainty.collision.sampled_trajectories import SampledTrajectories
+from closeform.uncertainty.error_columns import columns_of
+from closeform.uncertainty.white_noise import OFF, velocity_changes
 from test_probability import AHEAD, DEEP, ORBIT, PERIOD, SLOW, ZONE, N, coasts, hill
 
 
@@ -139,7 +139,7 @@ def test_deviation_from_the_path_within_a_step(n, length):
     for _ in range(parts):
         states.append(states[-1] @ moved.T + random.standard_normal((samples, 6)) @ root.T)
     times = np.linspace(0.0, length, parts + 1)
-    kick = kicks_of(n, length, states[-1][:, None, :])[:, 0]
+    kick = velocity_changes(n, length, states[-1][:, None, :])[:, 0]
     chord = np.einsum("tij,sj->tsi", np.array([expm(hill(n) * t)[:3, 3:] for t in times]), kick)
     off = np.array(states)[..., :3] - chord
     assert np.abs(off[-1]).max() < 1e-9 * np.abs(states[-1][:, :3]).max()
@@ -156,14 +156,14 @@ def test_sampled_noise_moves_each_trajectory():
     zone, before = cf.Sphere(30.0), ORBIT.coast([0, 45, 0, 0, 0, 0], 777.0)
     path = cf.join([before, ORBIT.burn(before.state(777.0), [0, -1e-4, 0], 500.0, start=777.0)])
     other = ORBIT.coast(np.zeros(6), 1277.0)
-    seen = NoisyTrajectories.in_steps(path, other, columns_of(path, cf.Uncertainty(SLOW)), 0.0, zone, 100.0)
+    seen = SampledTrajectories.of(path, other, columns_of(path, cf.Uncertainty(SLOW)), 0.0, zone, 100.0)
     random = np.random.default_rng(2)
-    errors = random.standard_normal((50, len(seen.histories.columns)))
+    errors = random.standard_normal((50, len(seen.columns)))
     pushes = random.standard_normal((50, seen.changes, 6)) * np.repeat([1.0, 0.02], 3)
-    found = seen.counted(errors, pushes)
-    kicks, times = kicks_of(N, 100.0, pushes), np.linspace(0.0, 1277.0, 2555)
+    found = seen.count(errors, pushes)
+    kicks, times = velocity_changes(N, 100.0, pushes), np.linspace(0.0, 1277.0, 2555)
     places = (path.position(times) - other.position(times))[None] + np.einsum(
-        "nj,jti->nti", errors, seen.histories.columns.position(times)
+        "nj,jti->nti", errors, seen.columns.position(times)
     )
     for k in range(seen.changes):
         late = np.maximum(times - 100.0 * k, 0.0)

@@ -42,12 +42,12 @@ if TYPE_CHECKING:
     from closeform.uncertainty.errors import Uncertainty
 
 ACTIVE = 36  # first column of the four states of burn errors in progress, after the root (6, 6)
-UNDER_WAY = 4  # errors of a burn: magnitude, and pointing about x, y and z
-ROW = ACTIVE + 6 * UNDER_WAY
+BURN_ERRORS = 4  # errors of a burn: magnitude, and pointing about x, y and z
+ROW = ACTIVE + 6 * BURN_ERRORS
 MAGNITUDE, POINTING, GATES, NOISE = 0, 1, 2, 6  # columns of `Uncertainty.execution`
 
 
-class Spread(NamedTuple):
+class PropagatedErrors(NamedTuple):
     """Paths with their errors: `rows` (M, 60), one for each arc at its start, and `execution` (N, 7)."""
 
     arcs: Floats
@@ -56,16 +56,17 @@ class Spread(NamedTuple):
     execution: Floats
 
 
-SPREAD = types.NamedTuple((float64[:, ::1], int64[::1], float64[:, ::1], float64[:, ::1]), Spread)
+ROWS = float64[:, ::1]
+ERRORS_TYPE = types.NamedTuple((ROWS, int64[::1], ROWS, ROWS), PropagatedErrors)
 
 
-def spread_of(path: Path, errors: "Sequence[Uncertainty | None]") -> Spread:
-    """Return the spread of a batch from the uncertainty of each craft; None for an exact craft."""
-    return spread_to_ends(path, errors)[0]
+def propagate_errors(path: Path, errors: "Sequence[Uncertainty | None]") -> PropagatedErrors:
+    """Propagate the uncertainties of a batch along its paths; None for an exact craft."""
+    return propagate_to_ends(path, errors)[0]
 
 
-def spread_to_ends(path: Path, errors: "Sequence[Uncertainty | None]") -> tuple[Spread, Floats]:
-    """Return the spread, and the roots (N, 6, 6) of the covariances at the ends of all paths."""
+def propagate_to_ends(path: Path, errors: "Sequence[Uncertainty | None]") -> tuple[PropagatedErrors, Floats]:
+    """Propagate the uncertainties, also to roots (N, 6, 6) of the covariances at the ends of all paths."""
     count = len(path.offsets) - 1
     roots, execution = np.zeros((count, 6, 6)), np.zeros((count, 7))
     for each in {one for one in errors if one is not None}:
@@ -74,8 +75,8 @@ def spread_to_ends(path: Path, errors: "Sequence[Uncertainty | None]") -> tuple[
         if one is not None:
             roots[k], execution[k] = one._root, one._execution
     rows = np.zeros((len(path.arcs), ROW))
-    spread(path.arcs, path.offsets, path.orbit.mean_motion, roots, execution, rows)
-    return Spread(path.arcs, path.offsets, rows, execution), roots
+    propagate(path.arcs, path.offsets, path.orbit.mean_motion, roots, execution, rows)
+    return PropagatedErrors(path.arcs, path.offsets, rows, execution), roots
 
 
 @kernel()
@@ -104,7 +105,7 @@ def compress(a, width):
 
 
 @kernel()
-def carry(n, t, a, first, last):
+def coast_columns(n, t, a, first, last):
     """Propagate some columns of `a` by natural motion."""
     for j in range(first, last):
         moved = coast(n, t, a[0, j], a[1, j], a[2, j], a[3, j], a[4, j], a[5, j])
@@ -124,7 +125,7 @@ def add_noise(n, t, density, a, width):
     for i in range(6):
         for j in range(6):
             flow[i, j] = 1.0 if i == j else 0.0
-    carry(n, t, flow, 0, 6)
+    coast_columns(n, t, flow, 0, 6)
     for j in range(6):
         ux, uy, uz = flow[j, 3], flow[j, 4], flow[j, 5]
         wx, wy, wz = 2.0 * n * uy - flow[j, 0], -2.0 * n * ux - flow[j, 1], -flow[j, 2]
@@ -160,7 +161,7 @@ def add_gates(arc, execution, a, width):
 
 
 @kernel()
-def error_arc(n, arc, row, execution, j, out):
+def burn_error_arc(n, arc, row, execution, j, out):
     """Fill the arc of one error of a burn in progress: 0 its magnitude, 1 to 3 its pointing about x, y, z."""
     out[START], out[END], out[MEAN_MOTION] = arc[START], arc[END], n
     for k in range(3):
@@ -185,17 +186,17 @@ def error_arc(n, arc, row, execution, j, out):
 
 
 @kernel()
-def under_way(arc, execution):
+def burn_errors(arc, execution):
     """Return the number of burn errors in progress along an arc."""
-    return UNDER_WAY if (execution[MAGNITUDE] > 0.0 or execution[POINTING] > 0.0) and thrusts(arc) else 0
+    return BURN_ERRORS if (execution[MAGNITUDE] > 0.0 or execution[POINTING] > 0.0) and thrusts(arc) else 0
 
 
 @kernel()
-def add_under_way(n, arc, row, execution, t, a, width):
+def add_burn_errors(n, arc, row, execution, t, a, width):
     """Add columns for the errors of a burn in progress, with their states at time t; return the new width."""
     out = stack_vector(30)
-    for j in range(under_way(arc, execution)):
-        error_arc(n, arc, row, execution, j, out)
+    for j in range(burn_errors(arc, execution)):
+        burn_error_arc(n, arc, row, execution, j, out)
         moved = state_at(out, t)
         for i in range(6):
             a[i, width] = moved[i]
@@ -204,7 +205,7 @@ def add_under_way(n, arc, row, execution, t, a, width):
 
 
 @kernel()
-def is_known(row, execution):
+def is_exact(row, execution):
     """Return True if no completed error and no noise moves a craft by the start of an arc."""
     most = execution[NOISE]
     for i in range(36):
@@ -220,7 +221,7 @@ def add_settled(n, arc, row, execution, t, a, width):
             a[i, width + j] = row[6 * i + j]
     h = t - arc[START]
     if h > 0.0:
-        carry(n, h, a, width, width + 6)
+        coast_columns(n, h, a, width, width + 6)
     width += 6
     if h > 0.0 and execution[NOISE] > 0.0:
         add_noise(n, h, execution[NOISE], a, width)
@@ -228,8 +229,8 @@ def add_settled(n, arc, row, execution, t, a, width):
     return width
 
 
-@kernel(void(float64[:, ::1], int64[::1], float64, float64[:, :, ::1], float64[:, ::1], float64[:, ::1]))
-def spread(arcs, offsets, n, roots, execution, rows):
+@kernel(void(ROWS, int64[::1], float64, float64[:, :, ::1], ROWS, ROWS))
+def propagate(arcs, offsets, n, roots, execution, rows):
     """Fill the rows of all paths from `roots` (N, 6, 6) at their starts; replace these by the final ones."""
     arcs, rows, execution = borrowed(arcs), borrowed(rows), borrowed(execution)
     a = stack_matrix(6, 16)
@@ -247,7 +248,7 @@ def spread(arcs, offsets, n, roots, execution, rows):
                     row[6 * i + j] = a[i, j]
             width = add_settled(n, arc, row, execution[p], arc[END], a, 0)
             before = width
-            width = add_under_way(n, arc, row, execution[p], arc[END], a, width)
+            width = add_burn_errors(n, arc, row, execution[p], arc[END], a, width)
             if m + 1 < offsets[p + 1] and thrusts(arcs[m + 1]):  # the burn goes on
                 for j in range(width - before):
                     for i in range(6):
@@ -260,7 +261,7 @@ def spread(arcs, offsets, n, roots, execution, rows):
                 roots[p, i, j] = a[i, j]
 
 
-@kernel(void(float64[:, ::1], float64, float64[:, ::1], float64[:, ::1], float64[::1], float64[:, :, ::1]))
+@kernel(void(ROWS, float64, ROWS, ROWS, float64[::1], float64[:, :, ::1]))
 def covariances(arcs, n, rows, execution, times, out):
     """Write the covariances (T, 6, 6) of one craft at times on its path."""
     a = stack_matrix(6, 16)
@@ -268,9 +269,19 @@ def covariances(arcs, n, rows, execution, times, out):
         m = locate(arcs, 0, len(arcs), times[k])
         t = min(max(times[k], arcs[m, START]), arcs[m, END])
         width = add_settled(n, arcs[m], rows[m], execution[0], t, a, 0)
-        width = add_under_way(n, arcs[m], rows[m], execution[0], t, a, width)
+        width = add_burn_errors(n, arcs[m], rows[m], execution[0], t, a, width)
         for i in range(6):
             for j in range(6):
                 out[k, i, j] = 0.0
                 for c in range(width):
                     out[k, i, j] += a[i, c] * a[j, c]
+
+
+def uncertainty_at_end(errors: "Uncertainty", path: Path) -> "Uncertainty":
+    """Return the uncertainty at the end of a path, with all errors so far in the state covariance.
+
+    Burns, impulses and noise on the path have added their errors; the execution errors ahead are unchanged.
+    Roots are propagated, so that directions keep their digits.  # theory (51)
+    """
+    _, roots = propagate_to_ends(path, [errors])
+    return errors._with_root(roots[0])

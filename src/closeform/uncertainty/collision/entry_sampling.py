@@ -10,9 +10,9 @@ from scipy.special import betaincinv
 
 from closeform.arrays import Floats
 from closeform.confidence import CONFIDENCE, DEVIATIONS
-from closeform.uncertainty.entry_rate import draw_entries
-from closeform.uncertainty.mean_entries import Flux, Unresolved, pool, rules
-from closeform.uncertainty.sampled_trajectories import CORES, SampledTrajectories
+from closeform.uncertainty.collision.entry_rate import fill_entry_errors
+from closeform.uncertainty.collision.expected_entries import Flux, Unresolved, pool, rules
+from closeform.uncertainty.collision.sampled_trajectories import CORES, SampledTrajectories
 
 SEEN = 5  # trajectories with repeated entries that suffice to estimate their reduction
 FEW = 30  # number up to which the interval of Clopper and Pearson is used
@@ -25,13 +25,15 @@ SURE = 1.1  # safety factor on the number from the pilot run
 FINELY = 8  # strata across the surface, and of speeds, if there are enough trajectories
 
 
-def enough(histories: SampledTrajectories, flux: Flux, at_start: float, off: float, seed: int) -> int:
+def sufficient_samples(
+    sampled: SampledTrajectories, flux: Flux, at_start: float, off: float, seed: int
+) -> int:
     """Return the number of trajectories for a half-interval of `PRECISION` times the probability.
 
     An independent pilot run determines it, so that the interval stays valid. `off` is the quadrature error.
     """
     coarser = replace(flux, fineness=COARSER * flux.fineness)
-    lost = lost_of(histories.counted(drawn(histories, coarser, TRIED, seed, stream=1)))
+    lost = repeated_shares(sampled.count(sample_entries(sampled, coarser, TRIED, seed, stream=1)))
     mean, low, high = interval_of_mean(lost)
     half = PRECISION * (at_start + flux.value * (1.0 - mean))
     wide = 0.5 * flux.value * (high - low) / max(half - off, 0.5 * half)
@@ -48,11 +50,13 @@ def strata(samples: int) -> tuple[Any, Any]:
     return np.arange(samples) * int(np.prod(axes)) // samples, axes
 
 
-def drawn(histories: SampledTrajectories, flux: Flux, samples: int, seed: int, stream: int = 0) -> Floats:
+def sample_entries(
+    sampled: SampledTrajectories, flux: Flux, samples: int, seed: int, stream: int = 0
+) -> Floats:
     """Return errors (samples, M) of trajectories that enter, drawn from the rate in all its strata."""
     random = np.random.Generator(np.random.Philox(key=seed, counter=[0, 0, 0, stream]))
     shares = random.uniform(size=(samples, 3))
-    errors = random.standard_normal((samples, len(histories.columns)))
+    errors = random.standard_normal((samples, len(sampled.columns)))
     stratum, axes = strata(samples)
     shares = (np.stack(np.unravel_index(stratum, axes), axis=1) + shares) / axes
     parts = flux.of_time.parts
@@ -63,13 +67,13 @@ def drawn(histories: SampledTrajectories, flux: Flux, samples: int, seed: int, s
     rising = np.argsort(owner + shares[:, 1])  # in the order of nodes on the surface
     first = np.searchsorted(owner[rising], np.arange(len(parts) + 1))
     shares, errors = shares[rising, 1:], errors[rising]
-    states, matrix = histories.states(times), histories.zone.matrix
+    states, matrix = sampled.states(times), sampled.zone.matrix
 
     def some_times(some: slice) -> None:
         held = slice(first[some.start], first[min(some.stop, len(times))])
         mean, factor = (np.ascontiguousarray(one[some]) for one in states)
         from_zero = first[some.start : some.stop + 1] - first[some.start]
-        draw_entries(mean, factor, matrix, rules(), flux.fineness, from_zero, shares[held], errors[held])
+        fill_entry_errors(mean, factor, matrix, rules(), flux.fineness, from_zero, shares[held], errors[held])
 
     size = max(1, -(-len(times) // (4 * CORES)))
     list(pool().map(some_times, [slice(k, k + size) for k in range(0, len(times), size)]))
@@ -78,7 +82,7 @@ def drawn(histories: SampledTrajectories, flux: Flux, samples: int, seed: int, s
     return out
 
 
-def lost_of(counts: Any) -> Floats:
+def repeated_shares(counts: Any) -> Floats:
     """Return the reduction of each drawn entry (began inside, entries) relative to one trajectory.
 
     theory (62). Raises Unresolved if rounding loses more entries than grazes.

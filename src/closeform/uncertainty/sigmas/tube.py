@@ -23,17 +23,23 @@ from closeform.kernel_loans import stack_matrix, stack_vector
 from closeform.motion.arc import acceleration, derivatives_at
 from closeform.motion.certified_march import bound, relative_state, store, window
 from closeform.motion.hill import oscillation
-from closeform.uncertainty.cylinder_separation import plane
-from closeform.uncertainty.golden_planes import is_short, search_planes
-from closeform.uncertainty.planes import faced
-from closeform.uncertainty.spread import add_noise, add_settled, compress, error_arc, is_known, under_way
+from closeform.uncertainty.covariance_propagation import (
+    add_noise,
+    add_settled,
+    burn_error_arc,
+    burn_errors,
+    compress,
+    is_exact,
+)
+from closeform.uncertainty.sigmas.ellipsoid_planes import best_plane, faced, is_short, search_planes
 from closeform.zones.shapes import FORM, norm, time_to_level
 from closeform.zones.zone import Zone
 
 NEVER = 1e4  # number of sigmas that counts as infinite
 ALMOST = 1e-3  # of a level: planes with less margin beyond it are computed exactly
+SKETCHED = 0.01  # relative deficit of an approximate level
 COLUMNS = 20  # six settled, four of a burn in progress of either craft, six of noise
-# Entries of `seen`: order and mean motion of the mean, number of active columns, noise of both, length of
+# Entries of `state`: order and mean motion of the mean, number of active columns, noise of both, length of
 # the window, last step of a moving certificate, three times the number of columns at an instant, and the
 # number of short steps of the pair.
 ORDER, MEAN_RATE, ACTIVE, NOISY, REACH, HINT, WIDTH, STALLS = 0, 1, 2, 3, 4, 5, 6, 7
@@ -44,7 +50,7 @@ class Tube(NamedTuple):
 
     Of the zone `shape`, `matrix` and `faces`; `mean_motion` of the orbit. Of a window the derivatives of the
     mean (8, 3), of the settled columns (4, 18) and of those in progress (64, 3), `bounds` (6,) of the
-    acceleration along the axes, of the mean and of columns that are not settled, and the numbers `seen` (8,).
+    acceleration along the axes, of the mean and of columns that are not settled, and the numbers in `state`.
     At an instant `place` (6,) of the mean, `at` (2, 60) of the columns, their covariance `square` (3, 3), the
     `best` plane (4,) and the columns along it, `along` (3,): |l|^2, l . l' and |l'|^2.
     """
@@ -57,7 +63,7 @@ class Tube(NamedTuple):
     settled: Floats
     active: Floats
     bounds: Floats
-    seen: Floats
+    state: Floats
     columns: Floats
     place: Floats
     at: Floats
@@ -118,16 +124,16 @@ def settled_bound(tube, h, x, y, z):
 def column_bound(tube, x, y, z):
     """Return a bound on the acceleration of all columns along a direction, over the window."""
     others = abs(x) * tube.bounds[3] + abs(y) * tube.bounds[4] + abs(z) * tube.bounds[5]
-    return sqrt(settled_bound(tube, tube.seen[REACH], x, y, z) + others * others)
+    return sqrt(settled_bound(tube, tube.state[REACH], x, y, z) + others * others)
 
 
 @kernel()
-def see_under_way(tube, arc, row, execution, t, h):
+def load_burn_errors(tube, arc, row, execution, t, h):
     """Compute the derivatives and bounds of the errors of one craft's burn."""
     out = stack_vector(30)
-    for j in range(under_way(arc, execution)):
-        error_arc(tube.mean_motion, arc, row, execution, j, out)
-        first = 8 * int(tube.seen[ACTIVE])
+    for j in range(burn_errors(arc, execution)):
+        burn_error_arc(tube.mean_motion, arc, row, execution, j, out)
+        first = 8 * int(tube.state[ACTIVE])
         q = tube.active[first : first + 8]
         q[:] = 0.0
         derivatives_at(out, t, 8, q, 1.0)
@@ -136,43 +142,43 @@ def see_under_way(tube, arc, row, execution, t, h):
         for axis in range(3):
             a, _ = bound(q, 8, tube.mean_motion, h, axis)
             tube.bounds[3 + axis] += a * a
-        tube.seen[ACTIVE] += 1.0
+        tube.state[ACTIVE] += 1.0
 
 
 @kernel()
-def see_tube(tube, one, i, first, two, j, second, t, h):
+def load_tube(tube, one, i, first, two, j, second, t, h):
     """Load arcs i and j of a pair from time t on, for at most h: mean, columns and their bounds."""
     a, row, execution = one.arcs[i], one.rows[i], one.execution[first]
     b, other_row, other_execution = two.arcs[j], two.rows[j], two.execution[second]
     order, n = window(a, b, t, tube.matrix, tube.mean)
-    tube.seen[ORDER], tube.seen[MEAN_RATE], tube.seen[ACTIVE] = order, n, 0.0
+    tube.state[ORDER], tube.state[MEAN_RATE], tube.state[ACTIVE] = order, n, 0.0
     for axis in range(3):
         tube.bounds[axis], _ = bound(tube.mean, order, n, h, axis)
         tube.bounds[3 + axis] = 0.0
-    if tube.seen[NOISY] > 0.0:
-        add_noise(tube.mean_motion, h, tube.seen[NOISY], tube.columns, 0)
+    if tube.state[NOISY] > 0.0:
+        add_noise(tube.mean_motion, h, tube.state[NOISY], tube.columns, 0)
         settled_rows(tube, 6)
         for axis in range(3):
             x, y, z = 1.0 * (axis == 0), 1.0 * (axis == 1), 1.0 * (axis == 2)
             tube.bounds[3 + axis] += settled_bound(tube, h, x, y, z)
     width = add_settled(tube.mean_motion, a, row, execution, t, tube.columns, 0)
-    if not is_known(other_row, other_execution):
+    if not is_exact(other_row, other_execution):
         width = add_settled(tube.mean_motion, b, other_row, other_execution, t, tube.columns, width)
     if width > 6:
         compress(tube.columns, width)
     settled_rows(tube, 6)
-    see_under_way(tube, a, row, execution, t, h)
-    see_under_way(tube, b, other_row, other_execution, t, h)
+    load_burn_errors(tube, a, row, execution, t, h)
+    load_burn_errors(tube, b, other_row, other_execution, t, h)
     for axis in range(3):
         tube.bounds[3 + axis] = sqrt(tube.bounds[3 + axis])
-    tube.seen[REACH] = h
+    tube.state[REACH] = h
 
 
 @kernel()
-def look(tube, t):
+def evaluate_tube(tube, t):
     """Compute the mean, the columns and their covariance at time t of the window; return the mean's norm."""
     n, rows, at, s = tube.mean_motion, tube.settled, tube.at, tube.square
-    x, y, z, vx, vy, vz = relative_state(tube.mean, int(tube.seen[ORDER]), tube.seen[MEAN_RATE], t)
+    x, y, z, vx, vy, vz = relative_state(tube.mean, int(tube.state[ORDER]), tube.state[MEAN_RATE], t)
     place = tube.place
     place[0], place[1], place[2], place[3], place[4], place[5] = x, y, z, vx, vy, vz
     c0, c1, c2 = oscillation(n, t)
@@ -180,20 +186,20 @@ def look(tube, t):
         at[0, j] = rows[0, j] + rows[1, j] * t + rows[2, j] * c1 + rows[3, j] * c2
         at[1, j] = rows[1, j] + rows[2, j] * c0 + rows[3, j] * c1
     width = 18
-    for j in range(int(tube.seen[ACTIVE])):
+    for j in range(int(tube.state[ACTIVE])):
         moved = relative_state(tube.active[8 * j : 8 * j + 8], 8, n, t)
         for i in range(3):
             at[0, width + i], at[1, width + i] = moved[i], moved[3 + i]
         width += 3
-    if tube.seen[NOISY] > 0.0 and t > 0.0:
+    if tube.state[NOISY] > 0.0 and t > 0.0:
         a, m = tube.columns, tube.matrix
-        add_noise(n, t, tube.seen[NOISY], a, 0)
+        add_noise(n, t, tube.state[NOISY], a, 0)
         for j in range(6):
             for i in range(3):
                 at[0, width + i] = m[i, 0] * a[0, j] + m[i, 1] * a[1, j] + m[i, 2] * a[2, j]
                 at[1, width + i] = m[i, 0] * a[3, j] + m[i, 1] * a[4, j] + m[i, 2] * a[5, j]
             width += 3
-    tube.seen[WIDTH] = width
+    tube.state[WIDTH] = width
     xx = xy = xz = yy = yz = zz = 0.0
     for j in range(0, width, 3):
         px, py, pz = at[0, j], at[0, j + 1], at[0, j + 2]
@@ -207,33 +213,33 @@ def look(tube, t):
 
 
 @kernel()
-def room_at(tube, k, enough):
+def gap_at_sigmas(tube, k, enough):
     """Return g at k sigmas of the best plane, from its columns; store them in `along`.
 
     With `enough`, an approximate plane suffices if it leaves more than that; inf requires the best.
     """
     shape, faces, r, s, best = tube.shape, tube.faces, tube.place, tube.square, tube.best
     if enough < inf:
-        plane(shape, faces, r, s, k, False, best)
-        if see_plane(tube, k) > enough + ALMOST * abs(enough):
+        best_plane(shape, faces, r, s, k, False, best)
+        if evaluate_plane(tube, k) > enough + ALMOST * abs(enough):
             return best[3]
-    plane(shape, faces, r, s, k, True, best)
-    see_plane(tube, k)
+    best_plane(shape, faces, r, s, k, True, best)
+    evaluate_plane(tube, k)
     if is_short(shape, faces, r, s, k, best):
         root = stack_matrix(6, COLUMNS)
-        see_root(tube, root)
+        root_of_columns(tube, root)
         search_planes(shape, faces, r, root, k, best)
-        see_plane(tube, k)
+        evaluate_plane(tube, k)
     return best[3]
 
 
 @kernel()
-def see_plane(tube, k):
+def evaluate_plane(tube, k):
     """Return g at k sigmas of the current plane, from the columns along it, which are stored in `along`."""
     best, at, along, place = tube.best, tube.at, tube.along, tube.place
     x, y, z = best[0], best[1], best[2]
     square = turn = rate = 0.0
-    for j in range(0, int(tube.seen[WIDTH]), 3):
+    for j in range(0, int(tube.state[WIDTH]), 3):
         length = x * at[0, j] + y * at[0, j + 1] + z * at[0, j + 2]
         speed = x * at[1, j] + y * at[1, j + 1] + z * at[1, j + 2]
         square, turn, rate = square + length * length, turn + length * speed, rate + speed * speed
@@ -243,9 +249,9 @@ def see_plane(tube, k):
 
 
 @kernel()
-def see_root(tube, root):
+def root_of_columns(tube, root):
     """Fill `root` (6, 20), of which (3, 3) is non-zero, with a root of the covariance at the instant."""
-    width = int(tube.seen[WIDTH]) // 3
+    width = int(tube.state[WIDTH]) // 3
     root[:] = 0.0
     for j in range(width):
         for i in range(3):
@@ -271,7 +277,7 @@ def level_time(gap, slope, k, along, most, spread):
 
 
 @kernel()
-def clear_for(tube, k, gap):
+def plane_time(tube, k, gap):
     """Return how long the current plane certainly keeps its gap at k sigmas."""
     best, b, along, m = tube.best, tube.bounds, tube.along, tube.matrix
     x, y, z = best[0], best[1], best[2]
@@ -279,13 +285,13 @@ def clear_for(tube, k, gap):
     spread = column_bound(tube, x, y, z)
     slope = x * tube.place[3] + y * tube.place[4] + z * tube.place[5]
     h = level_time(gap, slope, k, along, most, spread)
-    if tube.seen[NOISY] > 0.0 and k > 0.0:
+    if tube.state[NOISY] > 0.0 and k > 0.0:
         square = 0.0
         for i in range(3):
             part = x * m[0, i] + y * m[1, i] + z * m[2, i]
             square += part * part
         # noise over h adds at most c h^3 to the variance of a . r: |Phi_rv(s)| <= s (1 + n s) up to n s = 1
-        cubic = 4.0 / 3.0 * tube.seen[NOISY] * square
+        cubic = 4.0 / 3.0 * tube.state[NOISY] * square
         if tube.mean_motion > 0.0:
             h = min(h, 1.0 / tube.mean_motion)
         for _ in range(200):
@@ -311,22 +317,27 @@ def level_of_plane(tube, k):
 
 
 @kernel()
-def level(tube, t, k, start):
+def level(tube, t, k, start, enough, fine):
     """Return the level of the zone, or the sigmas, at contact at time t, from a lower bound `start` or 0.
 
     k < 0: the number of sigmas that touch the zone; otherwise the scale of zone and k sigmas together, which
-    is the mean's norm in their sum. Newton's method: g is convex in either, so that it converges from below.
+    is the mean's norm in their sum. It is inf if it is at least `enough`, and approximate unless `fine`.
+    Newton's method: g is convex in either, so that it converges from below.
     """
-    inside = look(tube, t)
-    if inside <= (1.0 if k < 0.0 else 0.0):
+    if evaluate_tube(tube, t) <= (1.0 if k < 0.0 else 0.0):
         return 0.0
-    s = start
+    s, better = start, start
     for _ in range(40):
-        room_at(tube, s if k < 0.0 else s * k, inf)
+        sigmas = s if k < 0.0 else s * k
+        if fine:
+            gap_at_sigmas(tube, sigmas, inf)
+        else:
+            best_plane(tube.shape, tube.faces, tube.place, tube.square, sigmas, False, tube.best)
+            evaluate_plane(tube, sigmas)
         better = level_of_plane(tube, k)
-        if better >= NEVER:
+        if better >= enough:
             return inf
-        if not abs(better - s) > 1e-13 * better:
+        if not abs(better - s) > (1e-13 if fine else SKETCHED) * better:
             break
         s = better
     return better

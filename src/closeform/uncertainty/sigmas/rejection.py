@@ -20,15 +20,15 @@ from closeform.conflicts.tracks import Tracks
 from closeform.kernel_loans import lent, stack_matrix, stack_vector
 from closeform.motion.arc import END, START, acceleration, derivatives_at, state_at
 from closeform.motion.certified_march import bounds, store
-from closeform.uncertainty.spread import (
+from closeform.uncertainty.covariance_propagation import (
+    ERRORS_TYPE,
     NOISE,
-    SPREAD,
-    Spread,
+    PropagatedErrors,
     add_noise,
     add_settled,
-    carry,
-    error_arc,
-    under_way,
+    burn_error_arc,
+    burn_errors,
+    coast_columns,
 )
 from closeform.zones.zone import Zone, enclosing
 
@@ -50,35 +50,12 @@ def add_square(matrix, x, y, z, s):
 
 
 @kernel()
-def greatest(s):
-    """Return an upper bound, by at most 7 %, of a covariance's largest eigenvalue, by its 16th power."""
-    size = s[0, 0] + s[1, 1] + s[2, 2]
-    if not size > 0.0:
-        return 0.0
-    p, q = stack_matrix(3, 3), stack_matrix(3, 3)
+def largest_eigenvalue(s):
+    """Return an upper bound on a covariance's largest eigenvalue: its largest sum of a row's magnitudes."""
+    largest = 0.0
     for i in range(3):
-        for j in range(3):
-            p[i, j] = s[i, j] / size
-    for _ in range(3):
-        for i in range(3):
-            for j in range(3):
-                q[i, j] = p[i, 0] * p[0, j] + p[i, 1] * p[1, j] + p[i, 2] * p[2, j]
-        for i in range(3):
-            for j in range(3):
-                p[i, j] = q[i, j]
-    square = 0.0
-    for i in range(3):
-        for j in range(3):
-            square += p[i, j] * p[i, j]
-    return size * sqrt(sqrt(sqrt(sqrt(square))))
-
-
-@kernel()
-def clear_square(s):
-    """Set `s` (3, 3) to zero."""
-    for i in range(3):
-        for j in range(3):
-            s[i, j] = 0.0
+        largest = max(largest, abs(s[i, 0]) + abs(s[i, 1]) + abs(s[i, 2]))
+    return largest
 
 
 @kernel()
@@ -111,15 +88,15 @@ def width_along(n, arc, row, execution, t, h, matrix):
     """
     a, q, out = stack_matrix(6, 16), stack_matrix(8, 3), stack_vector(30)
     s, first, last = stack_matrix(3, 3), stack_matrix(3, 3), stack_matrix(3, 3)
-    clear_square(first)
-    clear_square(last)
+    first[:] = 0.0
+    last[:] = 0.0
     width = add_settled(n, arc, row, execution, t, a, 0)
     add_columns(matrix, a, width, first)
     bend = settled_bend(n, h, matrix, a, width, s)
-    carry(n, h, a, 0, width)
+    coast_columns(n, h, a, 0, width)
     add_columns(matrix, a, width, last)
-    for j in range(under_way(arc, execution)):
-        error_arc(n, arc, row, execution, j, out)
+    for j in range(burn_errors(arc, execution)):
+        burn_error_arc(n, arc, row, execution, j, out)
         x, y, z, _, _, _ = state_at(out, t + h)
         add_square(matrix, x, y, z, last)
         q[:] = 0.0
@@ -129,16 +106,16 @@ def width_along(n, arc, row, execution, t, h, matrix):
             store(q, k, matrix, q[k, 0], q[k, 1], q[k, 2])
         most = bounds(q, 8, n, h)[3]
         bend += most * most
-    wide = sqrt(max(greatest(first), greatest(last))) + 0.125 * h * h * sqrt(bend)
+    wide = sqrt(max(largest_eigenvalue(first), largest_eigenvalue(last))) + 0.125 * h * h * sqrt(bend)
     if not (execution[NOISE] > 0.0 and h > 0.0):
         return wide
     add_noise(n, h, execution[NOISE], a, 0)
-    clear_square(s)
+    s[:] = 0.0
     add_columns(matrix, a, 6, s)
-    return sqrt(wide * wide + greatest(s))
+    return sqrt(wide * wide + largest_eigenvalue(s))
 
 
-@kernel(void(SPREAD, float64, float64[:, ::1], float64[::1], float64[:, ::1]))
+@kernel(void(ERRORS_TYPE, float64, float64[:, ::1], float64[::1], float64[:, ::1]))
 def fill_widths(one, n, matrix, times, widths):
     """Fill `widths` (N, K + 1) of one sigma from each time to the next, during each craft's path."""
     one = lent(one)
@@ -152,7 +129,7 @@ def fill_widths(one, n, matrix, times, widths):
                     widths[craft, k] = max(widths[craft, k], wide)
 
 
-def widened(tracks: Tracks, one: Spread, zone: Zone, mean_motion: float, sigmas: float) -> Tracks:
+def widened(tracks: Tracks, one: PropagatedErrors, zone: Zone, mean_motion: float, sigmas: float) -> Tracks:
     """Return the tracks of a batch, with `sigmas` standard deviations added to their distance from chords."""
     if not len(tracks.times):
         return tracks

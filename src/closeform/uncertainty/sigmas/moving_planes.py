@@ -14,7 +14,17 @@ from math import inf, sqrt
 
 from closeform._jit import kernel
 from closeform.kernel_loans import stack_matrix, stack_vector
-from closeform.uncertainty.tube import ACTIVE, COLUMNS, HINT, MEAN_RATE, NOISY, ORDER, STALLS, look, room_at
+from closeform.uncertainty.sigmas.tube import (
+    ACTIVE,
+    COLUMNS,
+    HINT,
+    MEAN_RATE,
+    NOISY,
+    ORDER,
+    STALLS,
+    evaluate_tube,
+    gap_at_sigmas,
+)
 from closeform.zones.shapes import BALL, CYLINDER, FACES
 
 TERMS = 9  # number of terms of a series
@@ -119,12 +129,12 @@ def keeps_gap(tube, k, target, a, b, h):
     theory (54)
     """
     motion, along, square = stack_matrix(9, 3), stack_vector(10), stack_vector(19)
-    room, ring, rings, p = stack_vector(11), stack_vector(2), stack_vector(3), stack_vector(21)
-    series(tube.mean, 0, 0, int(tube.seen[ORDER]), tube.seen[MEAN_RATE], h, motion)
+    margin, ring, rings, p = stack_vector(11), stack_vector(2), stack_vector(3), stack_vector(21)
+    series(tube.mean, 0, 0, int(tube.state[ORDER]), tube.state[MEAN_RATE], h, motion)
     along_chord(a, b, motion, along)
-    support_along(tube.shape, a, b, target, along, ring, room)
+    support_along(tube.shape, a, b, target, along, ring, margin)
     square[:] = 0.0
-    for j in range(6 + int(tube.seen[ACTIVE])):
+    for j in range(6 + int(tube.state[ACTIVE])):
         column_series(tube, j, h, motion)
         along_chord(a, b, motion, along)
         add_product(1.0, along, TERMS + 1, along, TERMS + 1, square)
@@ -133,30 +143,30 @@ def keeps_gap(tube, k, target, a, b, h):
         one = a[0] * m[0, i] + a[1] * m[1, i] + a[2] * m[2, i]
         two = b[0] * m[0, i] + b[1] * m[1, i] + b[2] * m[2, i]
         near, far = near + one * one, far + two * two
-    square[3] += 4.0 / 3.0 * tube.seen[NOISY] * max(near, far) * h * h * h  # as in `tube.clear_for`
+    square[3] += 4.0 / 3.0 * tube.state[NOISY] * max(near, far) * h * h * h  # as in `tube.plane_time`
     rings[:] = 0.0
     p[:] = 0.0
     add_product(1.0, ring, 2, ring, 2, rings)
-    add_product(1.0, room, 11, room, 11, p)
+    add_product(1.0, margin, 11, margin, 11, p)
     add_product(-k * k, rings, 3, square, 19, p)
-    return room[0] > 0.0 and is_above(p, 21, LOST * (room[0] * room[0] + rings[0] * k * k * square[0]))
+    return margin[0] > 0.0 and is_above(p, 21, LOST * (margin[0] * margin[0] + rings[0] * k * k * square[0]))
 
 
 @kernel()
-def beyond_for(tube, k, target, longest):
+def moving_plane_time(tube, k, target, longest):
     """Return how long moving planes certainly keep k sigmas beyond `target`, from the window's start."""
     a, b = stack_vector(3), stack_vector(3)
-    look(tube, 0.0)
-    room_at(tube, k, inf)
+    evaluate_tube(tube, 0.0)
+    gap_at_sigmas(tube, k, inf)
     for i in range(3):
         a[i] = tube.best[i]
     h = first_try(tube, longest)
     for _ in range(HALVINGS):
-        if look(tube, h) > target and room_at(tube, k, inf) > target:
+        if evaluate_tube(tube, h) > target and gap_at_sigmas(tube, k, inf) > target:
             for i in range(3):
                 b[i] = tube.best[i]
             if keeps_gap(tube, k, target, a, b, h):
-                tube.seen[HINT] = h
+                tube.state[HINT] = h
                 return h
         h *= 0.5
     return 0.0
@@ -165,32 +175,32 @@ def beyond_for(tube, k, target, longest):
 @kernel()
 def first_try(tube, longest):
     """Return the first step to try: twice the last one."""
-    h = min(longest, 2.0 * tube.seen[HINT])
-    n = max(tube.mean_motion, tube.seen[MEAN_RATE])
+    h = min(longest, 2.0 * tube.state[HINT])
+    n = max(tube.mean_motion, tube.state[MEAN_RATE])
     return min(h, ANGLE / n) if n > 0.0 else h
 
 
 @kernel()
-def brief(tube, longest):
+def short_step(tube, longest):
     """Return the step below which progress stalls."""
-    n = max(tube.mean_motion, tube.seen[MEAN_RATE])
+    n = max(tube.mean_motion, tube.state[MEAN_RATE])
     return BRIEF * (min(longest, 1.0 / n) if n > 0.0 else longest)
 
 
 @kernel()
-def begin_count(tube):
+def reset_stalls(tube):
     """Reset the count of short steps."""
-    tube.seen[STALLS] = 0.0
+    tube.state[STALLS] = 0.0
 
 
 @kernel()
-def stalled(tube, h, longest):
+def count_stalls(tube, h, longest):
     """Count a step; return the number of consecutive short steps beyond the accepted number."""
-    if h < brief(tube, longest):
-        tube.seen[STALLS] += 1.0
+    if h < short_step(tube, longest):
+        tube.state[STALLS] += 1.0
     else:
-        tube.seen[STALLS] = min(tube.seen[STALLS], STALLED)
-    return tube.seen[STALLS] - STALLED
+        tube.state[STALLS] = min(tube.state[STALLS], STALLED)
+    return tube.state[STALLS] - STALLED
 
 
 @kernel()
@@ -199,7 +209,7 @@ def errors_of_point(tube, used, out):
     best, at = tube.best, tube.at
     share = used / sqrt(tube.along[0]) if tube.along[0] > 0.0 else 0.0
     out[:] = 0.0
-    for j in range(6 + int(tube.seen[ACTIVE])):
+    for j in range(6 + int(tube.state[ACTIVE])):
         length = best[0] * at[0, 3 * j] + best[1] * at[0, 3 * j + 1] + best[2] * at[0, 3 * j + 2]
         out[j] = -share * length
 
@@ -215,12 +225,12 @@ def stays_inside(tube, xi, eta, h, aim):
     size = max(size, other)
     stretch[:] = 0.0
     stretch[0] = 1.5 if size > 0.0 else 1.0
-    width = 6 + int(tube.seen[ACTIVE])
+    width = 6 + int(tube.state[ACTIVE])
     for j in range(width):  # (3 - y) / 2 <= 1 / sqrt(y), so that they are not longer than the longer end
         chord[0], chord[1] = xi[j], eta[j] - xi[j]
         if size > 0.0:
             add_product(-0.5 / size, chord, 2, chord, 2, stretch)
-    series(tube.mean, 0, 0, int(tube.seen[ORDER]), tube.seen[MEAN_RATE], h, motion)
+    series(tube.mean, 0, 0, int(tube.state[ORDER]), tube.state[MEAN_RATE], h, motion)
     place[:] = 0.0
     for i in range(3):
         for m in range(TERMS):
