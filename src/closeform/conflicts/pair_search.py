@@ -101,7 +101,7 @@ def append(rows, count, pair, start, end):
     return count + 1
 
 
-@kernel()
+@kernel(inline=True)
 def march_window(load, cross_zone, scene, i, j, t, stop, inside, entry, pair, rows, count):
     """March arcs i and j from t to `stop`; return if inside at the end, since when, and the count of rows.
 

@@ -50,7 +50,7 @@ ENTRY_AIM, ENTERED, LEFT, EXIT_AIM = 1 + 0.08 * TOUCH, 1 + 0.16 * TOUCH, 1 + 0.4
 DEEP, SHALLOW = 0.5, 0.75  # norms of a position well inside: the target, and the accepted value
 
 
-@kernel()
+@kernel(inline=True)
 def march_outside(tube, t, span, k, patience):
     """March outside until k sigmas reach the zone, or may do so: (time reached, True if so)."""
     for _ in range(patience):
@@ -86,7 +86,7 @@ def position_inside(tube, norm, k):
         used = min(k, max(more, 1.01 * used))
 
 
-@kernel()
+@kernel(inline=True)
 def moving_errors_time(tube, k, longest):
     """Return how long moving errors certainly keep a position inside, from the window's start."""
     xi, eta = stack_vector(14), stack_vector(14)
@@ -125,13 +125,13 @@ def inside_time(tube, used, span):
     return inside_step(tube.shape, tube.faces, x, y, z, vx, vy, vz, ax, ay, az, a, speed, EXIT_AIM)
 
 
-@kernel()
+@kernel(inline=True)
 def is_doubtful(tube, k, span):
     """Return True if k sigmas are outside but not certain to stay there for a while."""
     return not plane_time(tube, k, gap_at_sigmas(tube, k, inf) - ENTRY_AIM) > short_step(tube, span)
 
 
-@kernel()
+@kernel(inline=True)
 def march_inside(tube, t, span, k, patience):
     """March inside with one position that is inside at each step: (time reached, True if none is).
 

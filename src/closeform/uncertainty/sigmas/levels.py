@@ -81,7 +81,7 @@ def descend(tube, t, span, k, s):
     return best, best_time
 
 
-@kernel()
+@kernel(inline=True)
 def gap_at(tube, t, k, s):
     """Return the gap at time t between the zone and k sigmas, both at level s."""
     scale = 1.0 if k < 0.0 else s
