@@ -20,7 +20,7 @@ from closeform.mission.uncertainty import UncertainStage
 from closeform.report.run import RunReport
 from closeform.scenario import ScenarioError, load, parse
 from closeform.storage.result_folder import LOCK, PRIVATE
-from closeform.uncertainty.propagated_errors import carried
+from closeform.uncertainty.covariance_propagation import uncertainty_at_end
 
 pytestmark = pytest.mark.usefixtures("unpainted")
 
@@ -79,7 +79,7 @@ def test_covariance_is_propagated_from_stage_to_stage() -> None:
     whole = cf.join([result.after.path("F2") for result in impulses.results])
     expected = errors.covariance(whole, whole.end)
     last = impulses.results[-1]
-    found = carried(last.uncertain.errors[1], last.after.path("F2")).state
+    found = uncertainty_at_end(last.uncertain.errors[1], last.after.path("F2")).state
     sizes = np.sqrt(np.diag(expected))
     assert np.abs((found - expected) / np.outer(sizes, sizes)).max() < 1e-9
 
@@ -89,7 +89,7 @@ def test_propagation_keeps_a_tiny_standard_deviation() -> None:
     orbit = cf.Orbit.circular(550e3)
     coast = orbit.coast([0, 200, 0, 0, 0, 0], 3000.0)
     errors = cf.Uncertainty(np.diag([1e3, 1e3, 1e-7, 1.0, 1.0, 1e-10]) ** 2)
-    after = carried(errors, coast)
+    after = uncertainty_at_end(errors, coast)
     flow = orbit.transition(3000.0)
     assert after._root[2] @ after._root[2] == pytest.approx(
         (flow[2, 2] * 1e-7) ** 2 + (flow[2, 5] * 1e-10) ** 2, rel=1e-9

@@ -11,11 +11,10 @@ from scipy.optimize import brentq
 from scipy.stats import norm
 
 import closeform as cf
-from closeform.uncertainty.ball_share import inside
-from closeform.uncertainty.columns import columns_of
-from closeform.uncertainty.mean_entries import rates
-from closeform.uncertainty.relative_errors import relative_errors
-from closeform.uncertainty.sampled_trajectories import SampledTrajectories
+from closeform.uncertainty.collision.expected_entries import entry_rates
+from closeform.uncertainty.collision.sampled_trajectories import SampledTrajectories, relative_errors
+from closeform.uncertainty.collision.short_encounter import probability_inside
+from closeform.uncertainty.error_columns import columns_of
 
 ORBIT, DEEP = cf.Orbit.circular(500e3), cf.Orbit(0.0)
 N, PERIOD = ORBIT.mean_motion, ORBIT.period
@@ -103,7 +102,7 @@ def test_start_inside_with_thin_errors(thin):
 
     errors = cf.Uncertainty(np.diag([WIDTH, thin, WIDTH, 1e-2, 1e-2, 1e-2]) ** 2)
     columns, noise = relative_errors(*OFF_CENTRE, ZONE, errors, None)
-    share, _ = inside(SampledTrajectories.of(*OFF_CENTRE, columns, noise, ZONE), 0.0)
+    share, _ = probability_inside(SampledTrajectories.of(*OFF_CENTRE, columns, noise, ZONE), 0.0)
     assert share == pytest.approx(quad(slice_of, -9.0, 9.0, epsabs=1e-12)[0], rel=1e-6)
     bound = cf.collision_probability(*OFF_CENTRE, ZONE, errors, method="bound")
     assert bound.at_start == share
@@ -237,7 +236,7 @@ def test_entry_rate_is_rice_formula_in_one_dimension():
     columns, _ = relative_errors(path, other, slab(width), cf.Uncertainty(covariance), None)
     seen = SampledTrajectories.of(path, other, columns, 0.0, slab(width))
     times = np.linspace(1.0, 799.0, 9)
-    found = rates(seen, times, 4.0)[:, 0]
+    found = entry_rates(seen, times, 4.0)[:, 0]
     for time, rate in zip(times, found, strict=True):
         moved = np.array([[1.0, time], [0.0, 1.0]])
         spread = moved @ root @ root.T @ moved.T
@@ -404,7 +403,7 @@ def test_entries_of_each_trajectory(zone, n):
     states, times = middle[0] + errors @ factor[0].T, np.linspace(0.0, 2.0 * PERIOD, 2000)
     moved = np.array([expm(hill(n) * t)[:3] for t in times])
     positions = np.einsum("tij,sj->sti", moved, states)
-    counts = histories.counted(errors)
+    counts = histories.count(errors)
     began, ever, entries = zone_entries(positions, zone)
     assert 6 < ever.sum() < 294
     assert (counts[:, 0] == began).all()
@@ -425,7 +424,7 @@ def test_distant_spacecraft_have_zero_probability():
     assert len(figure.rates) == 0
 
 
-def test_entry_rates_integrate_to_mean_entries():
+def test_rates_integrate_to_mean_entries():
     path, other = coasts(AHEAD, 2 * PERIOD)
     figure = cf.collision_probability(path, other, ZONE, cf.Uncertainty(SLOW), samples=2000)
     assert (np.diff(figure.rate_times) > 0).all()

@@ -8,11 +8,15 @@ from scipy.stats import binom
 
 import closeform as cf
 from closeform.confidence import CONFIDENCE
-from closeform.uncertainty import sampled_trajectories as histories_module
-from closeform.uncertainty.drawn_entries import drawn, interval_of_mean, lost_of, strata
-from closeform.uncertainty.mean_entries import expected_entries
-from closeform.uncertainty.relative_errors import relative_errors
-from closeform.uncertainty.sampled_trajectories import SampledTrajectories
+from closeform.uncertainty.collision import sampled_trajectories as histories_module
+from closeform.uncertainty.collision.entry_sampling import (
+    interval_of_mean,
+    repeated_shares,
+    sample_entries,
+    strata,
+)
+from closeform.uncertainty.collision.expected_entries import expected_entries
+from closeform.uncertainty.collision.sampled_trajectories import SampledTrajectories, relative_errors
 
 ORBIT = cf.Orbit.circular(500e3)
 PERIOD = ORBIT.period
@@ -31,10 +35,10 @@ def test_intervals_cover_the_truth_at_the_stated_rate():
     columns, _ = relative_errors(path, other, ZONE, cf.Uncertainty(SLOW), None)
     seen = SampledTrajectories.of(path, other, columns, 0.0, ZONE)
     flux = expected_entries(seen)
-    truth, *_ = interval_of_mean(lost_of(seen.counted(drawn(seen, flux, 60_000, 99))))
+    truth, *_ = interval_of_mean(repeated_shares(seen.count(sample_entries(seen, flux, 60_000, 99))))
     held = 0
     for seed in range(40):
-        _, low, high = interval_of_mean(lost_of(seen.counted(drawn(seen, flux, 1000, seed))))
+        _, low, high = interval_of_mean(repeated_shares(seen.count(sample_entries(seen, flux, 1000, seed))))
         held += low < truth < high
     assert binom.ppf(1e-3, 40, CONFIDENCE) <= held <= binom.ppf(1 - 1e-3, 40, CONFIDENCE)
 

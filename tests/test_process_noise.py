@@ -13,10 +13,9 @@ from closeform.dynamics.simulation.random_errors import NOISE_STEP, process_nois
 from closeform.mission.executed_mission import ProcessNoise
 from closeform.mission.mission import fly
 from closeform.scenario import parse
-from closeform.uncertainty.velocity_disturbance import kicked
-from closeform.uncertainty.white_noise import BLOCK, increments, kicks_of
+from closeform.uncertainty.white_noise import BLOCK, increments, velocity_changes, with_velocity_changes
 from philox import block
-from test_probability_with_process_noise import noise_of
+from test_noisy_trajectories import noise_of
 from test_sampled_errors import NEAR
 
 ORBIT = cf.Orbit.circular(500e3)
@@ -127,7 +126,7 @@ def test_velocity_disturbances_propagate_by_natural_motion():
     path = cf.join([plan, burn, last])
     times = np.concatenate([[-300.0, 0.0], 41.0 * np.arange(1, 129), [path.end]])
     kicks = 1e-3 * np.random.default_rng(1).standard_normal((len(times), 3))
-    moved = kicked(path, times, kicks)
+    moved = with_velocity_changes(path, times, kicks)
     seen = np.random.default_rng(2).uniform(0.0, path.end, 100)
     seen = np.append(seen, path.end)
     assert moved.thrust(seen) == pytest.approx(path.thrust(seen), rel=1e-9, abs=1e-15)
@@ -264,7 +263,7 @@ def test_all_step_lengths_give_the_same_motion():
         ends.append(flows[0][:, 3:] @ begin + np.einsum("kij,kj->i", flows[1:], added))
     assert ends[0] == pytest.approx(ends[1], rel=1e-9)
     pushes = increments(N, 9, 113, lambda level, rows: numbers(5)(level, rows)[None])
-    kicks = 1e-4 * kicks_of(N, NOISE_STEP, pushes)[0]
+    kicks = 1e-4 * velocity_changes(N, NOISE_STEP, pushes)[0]
     exact = sum(expm(hill(N) * (900.0 - NOISE_STEP * k))[:, 3:] @ kick for k, kick in enumerate(kicks))
     assert ends[0] == pytest.approx(exact, rel=1e-9)
     late = process_noise(N, 1e-8, np.array([300.0, 480.0, 900.0]), numbers(5))[1]

@@ -11,7 +11,7 @@ from scipy.sparse import csc_matrix
 
 import closeform as cf
 from closeform.conflicts.two_paths import craft_of
-from closeform.uncertainty.columns import columns_of
+from closeform.uncertainty.error_columns import columns_of
 from closeform.zones.shapes import BALL
 
 ORBIT, DEEP = cf.Orbit.circular(500e3), cf.Orbit(0.0)

@@ -5,9 +5,9 @@ import pytest
 
 import closeform as cf
 from closeform.conflicts.tracks import follow
-from closeform.uncertainty.search import sigma_conflicts
-from closeform.uncertainty.spread import spread_of
-from closeform.uncertainty.widths import widened
+from closeform.uncertainty.covariance_propagation import propagate_errors
+from closeform.uncertainty.sigmas.conflicts import sigma_conflicts
+from closeform.uncertainty.sigmas.rejection import widened
 from closeform.zones.zone import enclosing
 
 ORBIT, DEEP = cf.Orbit.circular(500e3), cf.Orbit(0.0)
@@ -44,7 +44,7 @@ def test_interval_widths_bound_the_standard_deviations(orbit, noise):
     for zone in ZONES:
         bodies = paths.arcs, paths.offsets
         plain = follow(*bodies, *bodies, (zone,), 100)[zone]
-        spread = spread_of(paths, [errors] * len(paths))
+        spread = propagate_errors(paths, [errors] * len(paths))
         wide = widened(plain, spread, zone, orbit.mean_motion, 1.0)
         added = wide.own[:, 3] - plain.own[:, 3]
         tight = []
@@ -76,7 +76,7 @@ def test_excluded_pairs_have_no_conflict(zone):
     errors = [None if k == 3 else kinds[k % 3] for k in range(len(paths))]
     found = cf.screen(paths, zone, errors=errors, sigmas=3.0)
     first, second = (index.astype(np.int64) for index in np.triu_indices(len(paths), 1))
-    spread = spread_of(paths, errors)
+    spread = propagate_errors(paths, errors)
     rows = sigma_conflicts(spread, spread, first, second, zone, N, 3.0)
     index = rows[:, 0].astype(int)
     assert len(rows) > 10

@@ -14,11 +14,15 @@ from dataclasses import replace
 import numpy as np
 
 import closeform as cf
-from closeform.uncertainty.ball_share import inside
-from closeform.uncertainty.drawn_entries import drawn, enough, interval_of_mean, lost_of
-from closeform.uncertainty.mean_entries import expected_entries
-from closeform.uncertainty.relative_errors import relative_errors
-from closeform.uncertainty.sampled_trajectories import SampledTrajectories
+from closeform.uncertainty.collision.entry_sampling import (
+    interval_of_mean,
+    repeated_shares,
+    sample_entries,
+    sufficient_samples,
+)
+from closeform.uncertainty.collision.expected_entries import expected_entries
+from closeform.uncertainty.collision.sampled_trajectories import SampledTrajectories, relative_errors
+from closeform.uncertainty.collision.short_encounter import probability_inside
 
 ORBIT = cf.Orbit.circular(500e3)
 ZONE = cf.Sphere(15.0)
@@ -38,13 +42,15 @@ def main() -> int:
         seen = SampledTrajectories.of(path, other, columns, 0.0, ZONE)
         flux = expected_entries(seen)
         finer = replace(flux, fineness=2.0 * flux.fineness)
-        counts = seen.counted(drawn(seen, finer, 1_000_000, seeds))
-        truth, *_ = interval_of_mean(lost_of(counts))
-        at_start, off = inside(seen, 0.0)
+        counts = seen.count(sample_entries(seen, finer, 1_000_000, seeds))
+        truth, *_ = interval_of_mean(repeated_shares(counts))
+        at_start, off = probability_inside(seen, 0.0)
         held, drawn_each = 0, []
         for seed in range(seeds):
-            drawn_each.append(enough(seen, flux, at_start, off + flux.error, seed))
-            _, low, high = interval_of_mean(lost_of(seen.counted(drawn(seen, flux, drawn_each[-1], seed))))
+            drawn_each.append(sufficient_samples(seen, flux, at_start, off + flux.error, seed))
+            _, low, high = interval_of_mean(
+                repeated_shares(seen.count(sample_entries(seen, flux, drawn_each[-1], seed)))
+            )
             held += low < truth < high
         value = at_start + flux.value * (1.0 - truth)
         twice = 100.0 * (counts[:, 1] > 1).mean()

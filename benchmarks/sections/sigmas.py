@@ -3,8 +3,8 @@
 import numpy as np
 
 import closeform as cf
-from closeform.uncertainty.search import sigma_conflicts
-from closeform.uncertainty.spread import spread_of
+from closeform.uncertainty.covariance_propagation import propagate_errors
+from closeform.uncertainty.sigmas.conflicts import sigma_conflicts
 from peers.sigmas import drawn, on_grid
 from sections.probability import CASES, ORBIT, PERIOD, N
 from tables import Figure, Report, Table, seconds
@@ -65,7 +65,7 @@ def one_pair(name: str, zone: cf.Zone, pairs: int, repeats: int) -> tuple[float,
     path, other = ORBIT.coast([state] * pairs, duration), ORBIT.coast(np.zeros(6), duration)
     errors = cf.Uncertainty(np.diag(deviations) ** 2)
     k = float(cf.clearance_in_sigmas(path[0], other, zone, errors).sigmas)
-    one, two = spread_of(path, [errors] * pairs), spread_of(other, [None])
+    one, two = propagate_errors(path, [errors] * pairs), propagate_errors(other, [None])
     first, second = np.arange(pairs), np.zeros(pairs, dtype=np.int64)
 
     def verdict() -> None:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import compress
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -21,12 +21,9 @@ from closeform.mission.mission import fly
 from closeform.mission.mission_result import Mission
 from closeform.motion.joining import join, stack
 from closeform.motion.path import Path
-from closeform.uncertainty.columns import columns_of
-from closeform.uncertainty.sampled_trajectories import SampledTrajectories
+from closeform.uncertainty.collision.sampled_trajectories import SampledTrajectories
+from closeform.uncertainty.error_columns import columns_of
 from closeform.zones.pair_zones import portions
-
-if TYPE_CHECKING:
-    from closeform.uncertainty.noisy_trajectories import NoisyTrajectories
 
 AT_ONCE = 1 << 15  # cases in a chunk
 NUMBERS = 1 << 22  # random numbers of process noise in memory, about
@@ -40,7 +37,7 @@ class Encounter:
 
     pair: tuple[int, int]
     columns: tuple[int, ...]  # number of error columns of each
-    sampled: SampledTrajectories | NoisyTrajectories
+    sampled: SampledTrajectories
 
     @classmethod
     def of(
@@ -57,11 +54,7 @@ class Encounter:
         every = [one[c] for one in each for c in range(len(one))]
         known = stack(every) if every else each[0]
         counts = tuple(0 if one is None else len(one) for one in (columns[k] for k in pair))
-        if step is None:
-            return cls(pair, counts, SampledTrajectories.of(paths[i], paths[j], known, 0.0, zone))
-        from closeform.uncertainty.noisy_trajectories import NoisyTrajectories  # imported late: compiles
-
-        return cls(pair, counts, NoisyTrajectories.in_steps(paths[i], paths[j], known, 0.0, zone, step))
+        return cls(pair, counts, SampledTrajectories.of(paths[i], paths[j], known, 0.0, zone, step))
 
     def counted(self, names: tuple[str, ...], seed: int, first: int, last: int, noise: Floats) -> Any:
         """Return for each case (C, 2) whether the pair begins inside the zone, and its number of entries.
@@ -74,10 +67,10 @@ class Encounter:
             if count
         ]
         errors = np.ascontiguousarray(np.concatenate([np.empty((last - first, 0)), *draws], axis=1))
-        if isinstance(self.sampled, SampledTrajectories):
-            return self.sampled.counted(errors)
+        if self.sampled.step is None:
+            return self.sampled.count(errors)
         one, other = self.pair
-        return self.sampled.counted(errors, noise[one] - noise[other])
+        return self.sampled.count(errors, noise[one] - noise[other])
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,10 +19,13 @@ JOINT_DELTA_V = (
     "planning.delta_v.dual.dual_program planning.delta_v.dual.primer_maxima "
     "planning.delta_v.dual.impulse_paths planning.delta_v.dual.plane_shortfalls"
 )
-PASSIVE_SAFETY = "safety.search"
+PASSIVE_SAFETY = "safety.failure_search"
 SAFE_PLANS = "planning.passive.failure_minima planning.energy.plane_program"
-ERRORS = "uncertainty.sigma_levels uncertainty.spread uncertainty.sigma_conflicts uncertainty.widths"
-PROBABILITY = "uncertainty.sampled_trajectories uncertainty.entry_rate"
+ERRORS = (
+    "uncertainty.sigmas.levels uncertainty.sigmas.conflicts uncertainty.sigmas.rejection "
+    "uncertainty.covariance_propagation"
+)
+PROBABILITY = "uncertainty.collision.sampled_trajectories uncertainty.collision.entry_rate"
 FIELD = "dynamics.force_model.propagation dynamics.clearance"
 
 

@@ -244,8 +244,8 @@ def judged(
     """
     from closeform.report.screening import EncounterReport
     from closeform.uncertainty.clearance import clearance_in_sigmas
+    from closeform.uncertainty.collision.short_encounter import NotPassing
     from closeform.uncertainty.probability import collision_probability
-    from closeform.uncertainty.short_encounter import NotPassing
     from closeform.zones.solids import Sphere
 
     met, zone = message.encounter(half_window), Sphere(radius)

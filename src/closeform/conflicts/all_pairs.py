@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, numbers, sequence, shown, size
 from closeform.conflicts.batches import ahead, chunks, rounds, sieve_of
-from closeform.conflicts.pair_search import COLUMNS, conflicts_of_pairs
+from closeform.conflicts.pair_search import COLUMNS, all_rows, conflicts_of_pairs
 from closeform.conflicts.tracks import NO_TRACKS, Tracks, follow
 from closeform.conflicts.two_paths import PairConflict, one_of
 from closeform.motion.joining import stack
@@ -129,31 +129,12 @@ def search_pairs(
     """
     if tracks is None:
         tracks = follow(arcs, offsets, others, other_offsets, (zone,), len(first))[zone]
-    rows = np.empty((min(4096, 64 + len(first)), COLUMNS))
-    done = np.zeros(2, dtype=np.int64)
-    found = []
-    while done[0] < len(first):
-        before = done[0]
-        count = conflicts_of_pairs(
-            arcs,
-            offsets,
-            others,
-            other_offsets,
-            first,
-            second,
-            before,
-            zone.form,
-            *tracks,
-            rows,
-            done,
-        )
-        if count:
-            found.append(rows[:count].copy())
-        if done[0] == before:  # one pair has more conflicts than there are rows
-            rows = np.empty((done[1], COLUMNS))
-    if not found:
-        return np.empty((0, 2), dtype=np.int64), np.empty((0, COLUMNS - 1))
-    table = np.concatenate(found)
+    bodies = arcs, offsets, others, other_offsets, first, second
+    table = all_rows(
+        lambda pair, rows, done: conflicts_of_pairs(*bodies, pair, zone.form, *tracks, rows, done),
+        len(first),
+        min(4096, 64 + len(first)),
+    )
     index = table[:, 0].astype(np.int64)
     return np.stack([first[index], second[index]], axis=1), table[:, 1:]
 

@@ -1,11 +1,14 @@
 """Certified march over pairs of paths: their conflicts and closest approaches, as rows of floats."""
 
+from collections.abc import Callable
 from math import inf, nan
+from typing import Any
 
 import numpy as np
 from numba import float64, int64, void
 
 from closeform._jit import kernel
+from closeform.arrays import Floats
 from closeform.conflicts.quick_rejection import FEW, coasts_apart, count_near, interval, is_clear, mark_near
 from closeform.kernel_loans import borrowed, stack_matrix
 from closeform.motion.arc import END, START
@@ -98,16 +101,20 @@ def append(rows, count, pair, start, end):
     return count + 1
 
 
-@kernel()
-def search_window(a, b, t, stop, form, q, inside, entry, pair, rows, count):
-    """March two arcs from t to `stop`; return whether inside then, since when, and the count of rows."""
-    shape, matrix, faces = form
+@kernel(inline=True)
+def march_window(load, cross_zone, scene, i, j, t, stop, inside, entry, pair, rows, count):
+    """March arcs i and j from t to `stop`; return if inside at the end, since when, and the count of rows.
+
+    `load(scene, i, j, t, span)` returns a window of both arcs from t on. `cross_zone(scene, window, t, span,
+    inside, patience)` marches in it until the gap to the zone changes sign; it returns the time reached and
+    True if it did.
+    """
     patience = PATIENCE
     while True:
-        order, n = window(a, b, t, matrix, q)
+        loaded = load(scene, i, j, t, stop - t)
         local = 0.0
         while True:
-            local, crossed = cross(shape, faces, q, order, n, local, stop - t, inside, patience)
+            local, crossed = cross_zone(scene, loaded, local, stop - t, inside, patience)
             if not crossed:
                 break
             inside = not inside
@@ -117,12 +124,14 @@ def search_window(a, b, t, stop, form, q, inside, entry, pair, rows, count):
                 count = append(rows, count, pair, entry, min(t + local, stop))
         if local >= stop - t:
             return inside, entry, count
-        t += local
+        t = max(t + local, t + 2.3e-16 * abs(t))
         patience = LESS_PATIENCE
 
 
 @kernel()
-def pair_conflicts(arcs, i, i_end, others, j, j_end, start, end, form, times, near, k, q, pair, rows, count):
+def pair_conflicts(
+    load, cross_zone, scene, arcs, i, i_end, others, j, j_end, start, end, times, near, k, pair, rows, count
+):
     """Append the conflicts of one pair to `rows`; return the new count, above len(rows) if they do not fit.
 
     `near` marks the intervals of `times` to search, from index k on; it is empty for all. The windows, and so
@@ -140,13 +149,27 @@ def pair_conflicts(arcs, i, i_end, others, j, j_end, start, end, form, times, ne
         while k + 1 < len(near) and times[k + 1] <= t:
             k += 1
         if len(near) == 0 or not is_clear(times, near, k, stop):
-            inside, entry, count = search_window(
-                arcs[i], others[j], t, stop, form, q, inside, entry, pair, rows, count
+            inside, entry, count = march_window(
+                load, cross_zone, scene, i, j, t, stop, inside, entry, pair, rows, count
             )
         t = stop
         if t >= end:
             break
     return append(rows, count, pair, entry, end) if inside else count
+
+
+@kernel()
+def load_window(scene, i, j, t, _):
+    """Fill the derivatives of the relative position at t; return their order and the mean motion."""
+    arcs, others, form, q = scene
+    return window(arcs[i], others[j], t, form[1], q)
+
+
+@kernel()
+def cross_norm(scene, loaded, t, span, inside, patience):
+    """March until the norm of the relative position crosses 1."""
+    _, _, form, q = scene
+    return cross(form[0], form[2], q, loaded[0], loaded[1], t, span, inside, patience)
 
 
 @kernel(
@@ -227,8 +250,9 @@ def conflicts_of_pairs(
         if last - k > FEW and count_near(tracks, one, other_tracks, two, k, last) == 0:
             continue
         mark_near(tracks, one, other_tracks, two, k, last, near)
+        scene, search = (arcs, others, form, q), (times, near, k, p, rows, count)
         total = pair_conflicts(
-            arcs, i, i_end, others, j, j_end, start, end, form, times, near, k, q, p, rows, count
+            load_window, cross_norm, scene, arcs, i, i_end, others, j, j_end, start, end, *search
         )
         if total > len(rows):
             done[0], done[1] = p, total - count
@@ -239,3 +263,19 @@ def conflicts_of_pairs(
         count = total
     done[0] = len(first)
     return count
+
+
+def all_rows(search: Callable[[int, Floats, Any], int], pairs: int, space: int) -> Floats:
+    """Return the rows (M, 5) of all pairs by a search from a pair on, which fills as many rows as fit.
+
+    `search(pair, rows, done)` returns the number of rows and fills `done` as `conflicts_of_pairs` does.
+    `space` is the initial number of rows.
+    """
+    rows, done, found = np.empty((space, COLUMNS)), np.zeros(2, dtype=np.int64), []
+    while done[0] < pairs:
+        before = int(done[0])
+        count = search(before, rows, done)
+        found.append(rows[:count].copy())
+        if done[0] == before:  # one pair has more conflicts than there are rows
+            rows = np.empty((done[1], COLUMNS))
+    return np.concatenate([rows[:0], *found]) if len(found) != 1 else found[0]

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from closeform.arrays import Floats, broadcast, instance, shown, size
-from closeform.conflicts.pair_search import COLUMNS, approaches_of_pairs, conflicts_of_pairs
+from closeform.conflicts.pair_search import all_rows, approaches_of_pairs, conflicts_of_pairs
 from closeform.conflicts.tracks import NO_TRACKS
 from closeform.motion.arc import MEAN_MOTION, START, STATE
 from closeform.motion.path import Path
@@ -188,25 +188,11 @@ def find_conflicts(
         stays: tuple[Conflict, ...] = known._find_conflicts(path, other, zone, errors, other_errors, sigmas)
         return stays
     one = np.zeros(1, dtype=np.int64)
-    rows = np.empty((16, COLUMNS))
-    done = np.zeros(2, dtype=np.int64)
-    while True:
-        count = conflicts_of_pairs(
-            path.arcs,
-            path.offsets,
-            other.arcs,
-            other.offsets,
-            one,
-            one,
-            0,
-            zone.form,
-            *NO_TRACKS,
-            rows,
-            done,
-        )
-        if done[0]:
-            return tuple(Conflict(*map(float, row[1:])) for row in rows[:count])
-        rows = np.empty((done[1], COLUMNS))
+    bodies = path.arcs, path.offsets, other.arcs, other.offsets, one, one
+    rows = all_rows(
+        lambda pair, rows, done: conflicts_of_pairs(*bodies, pair, zone.form, *NO_TRACKS, rows, done), 1, 16
+    )
+    return tuple(Conflict(*map(float, row[1:])) for row in rows)
 
 
 def one_of(errors: Sequence[tuple[str, Any]]) -> Any:

@@ -25,21 +25,21 @@ from closeform.motion.path import Path
 from closeform.scenario import Craft, Gather, Scenario, ScenarioError
 from closeform.search.gathering.burn_errors import BurnErrors
 from closeform.search.gathering.result import Gathering
-from closeform.uncertainty.columns import added, columns_of
 from closeform.uncertainty.covariance import root_of
+from closeform.uncertainty.error_columns import columns_of, executed_path
 from closeform.uncertainty.random_streams import WORDS, uniform
-from closeform.uncertainty.velocity_disturbance import kicked
 from closeform.uncertainty.white_noise import (
     BLOCK,
     MOST_OFF,
     SAME,
     STEPS,
-    by_then,
+    deviation_in_step,
+    halvings_for,
     increments,
-    kicks_of,
-    level_of,
-    off_beside,
-    step_beside,
+    instants_until,
+    step_for_zone,
+    velocity_changes,
+    with_velocity_changes,
 )
 from closeform.zones.pair_zones import portions
 from closeform.zones.zone import Zone
@@ -117,7 +117,7 @@ class History:
             if self.replanned and craft.errors is not None:
                 columns = columns_of(path, craft.errors)
                 key = f"stage {result.number} of {craft.name}"
-                path = added(path, columns, self.normal(key, len(columns)))
+                path = executed_path(path, columns, self.normal(key, len(columns)))
             if self.instants and (time := self.instants.get(k, inf)) < result.end:
                 path = drifting(path, time, states[k] if time <= result.start else None)
             paths.append(disturbed(path, k, path.start))
@@ -168,7 +168,7 @@ class History:
 
         def off(k: int, path: Path) -> Path:
             own = errors[k]
-            path = path if own is None else added(path, *own)
+            path = path if own is None else executed_path(path, *own)
             return path if noise is None else noise.moved(path, scenario.craft[k], self.case, 0.0)
 
         def uncorrected(result: StageResult[Any, Any]) -> StageResult[Any, Any]:
@@ -295,14 +295,14 @@ class ProcessNoise:
         """
         n, steps = scenario.orbit.build().mean_motion, list[float]()
         for zone, density in noisy_zones(scenario):
-            steps.append(step_beside(n, density, zone.inner_radius, span))
-            if off_beside(density, steps[-1]) > MOST_OFF * zone.inner_radius:
+            steps.append(step_for_zone(n, density, zone.inner_radius, span))
+            if deviation_in_step(density, steps[-1]) > MOST_OFF * zone.inner_radius:
                 line = (
                     f"craft.execution: noise of {density:g} m^2/s^3 moves a pair too far for its zone in "
                     f"each of {STEPS} steps; reduce the noise, enlarge the zone, or shorten the mission"
                 )
                 raise ScenarioError(scenario.file, [line])
-        return cls(seed, n, level_of(min(steps)) if steps else USUAL)
+        return cls(seed, n, halvings_for(min(steps)) if steps else USUAL)
 
     @property
     def step(self) -> float:
@@ -332,10 +332,10 @@ class ProcessNoise:
         """Return a craft's path with the noise after a time [s]; 0 includes the noise that begins then."""
         if density_of(craft) == 0.0:
             return path
-        count = int(by_then(np.asarray(path.end), self.step))
-        kicks = kicks_of(self.mean_motion, self.step, self.pushes(craft, count, case, case + 1))[0]
-        first = int(by_then(np.asarray(since), self.step)) if since > 0.0 else 0
-        return kicked(path, self.step * np.arange(float(first), float(count)), kicks[first:])
+        count = int(instants_until(np.asarray(path.end), self.step))
+        kicks = velocity_changes(self.mean_motion, self.step, self.pushes(craft, count, case, case + 1))[0]
+        first = int(instants_until(np.asarray(since), self.step)) if since > 0.0 else 0
+        return with_velocity_changes(path, self.step * np.arange(float(first), float(count)), kicks[first:])
 
 
 def density_of(craft: Craft) -> float:

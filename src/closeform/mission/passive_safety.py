@@ -20,8 +20,8 @@ from closeform.motion.arc import IMPULSE, THRUST
 from closeform.motion.path import Path
 from closeform.safety.drift_approach import drift_approach
 from closeform.safety.drift_screen import drift_screen
+from closeform.safety.failure_cells import extended_by_coasts
 from closeform.safety.failures import Failure, ThrustLost
-from closeform.safety.sides import carried
 from closeform.scenario import Scenario
 from closeform.scenario.stages import Drifting
 from closeform.zones.pair_zones import PairZones, by_zone, portions
@@ -275,7 +275,7 @@ def nearest(
     """
     paths = flight.paths
     thrusts = np.array([does_thrust(paths[k]) for k in range(len(paths))])
-    flying = paths if until == inf else carried(paths, until)
+    flying = paths if until == inf else extended_by_coasts(paths, until)
     asked = sum(len(first) for _, first, _ in directed(zones, thrusts, MOST))
     looked = directed(zones, thrusts, CHUNK)
     if asked > MOST:

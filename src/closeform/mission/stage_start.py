@@ -85,9 +85,11 @@ class StageStart:
         """Return the uncertainty of craft k after a coast of `duration` [s]; None without any."""
         if self.errors[k] is None:
             return None
-        from closeform.uncertainty.propagated_errors import carried  # kernels that only this needs
+        from closeform.uncertainty.covariance_propagation import (
+            uncertainty_at_end,  # kernels that only this needs
+        )
 
-        return carried(self.errors[k], self.coast(k, duration))
+        return uncertainty_at_end(self.errors[k], self.coast(k, duration))
 
     def planned_errors(self, stage: Avoid | Joint, chosen: list[int]) -> list[Any] | None:
         """Return the uncertainty of the craft `chosen` for the planner; None if the stage requires no sigmas.

@@ -8,8 +8,8 @@ from typing import Self
 from closeform.conflicts.flight import WatchedFlight, watch
 from closeform.mission.verdict import Asked
 from closeform.scenario import Scenario, StageTable
+from closeform.uncertainty.covariance_propagation import uncertainty_at_end
 from closeform.uncertainty.errors import Uncertainty
-from closeform.uncertainty.propagated_errors import carried
 from closeform.uncertainty.uncertain_flight import MOST_BURNS, MOST_PROBABLE, UncertainFlight, UncertainPair
 from closeform.zones.shapes import BALL
 
@@ -55,7 +55,7 @@ class UncertainStage:
     def after(self, flight: WatchedFlight) -> tuple[Uncertainty | None, ...]:
         """Return the uncertainty (N,) of all spacecraft at the end of the stage."""
         return tuple(
-            None if one is None else carried(one, flight.path(name))
+            None if one is None else uncertainty_at_end(one, flight.path(name))
             for name, one in zip(flight.names, self.errors, strict=True)
         )
 

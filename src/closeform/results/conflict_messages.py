@@ -22,8 +22,8 @@ from closeform.exchange.epochs import Epoch
 from closeform.exchange.export_tracks.track import FileFrame
 from closeform.motion.path import Path
 from closeform.results.export_source import UNKNOWN, Source
+from closeform.uncertainty.covariance_propagation import uncertainty_at_end
 from closeform.uncertainty.errors import Uncertainty
-from closeform.uncertainty.propagated_errors import carried
 from closeform.zones.combined_zones import Body, CovarianceZone, OwnZone
 from closeform.zones.made_table import is_sphere
 from closeform.zones.solids import Sphere
@@ -208,7 +208,7 @@ def at_start(source: Source, stage: Any, name: str, errors: Uncertainty) -> Unce
     """Return the uncertainty of a craft at the start of a stage."""
     for earlier in source.results:
         if earlier.number < stage.number and earlier.flown:
-            errors = carried(errors, earlier.after.path(name))
+            errors = uncertainty_at_end(errors, earlier.after.path(name))
     return errors
 
 

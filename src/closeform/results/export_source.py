@@ -180,12 +180,14 @@ def spread(stages: Sequence[Any], craft: Craft) -> tuple[tuple[Path, Uncertainty
     errors, found = craft.errors, []
     if errors is None:
         return ()
-    from closeform.uncertainty.propagated_errors import carried  # imported late: compiles kernels
+    from closeform.uncertainty.covariance_propagation import (
+        uncertainty_at_end,  # imported late: compiles kernels
+    )
 
     for stage in stages:
         path = stage.after.path(craft.name)
         found.append((path, errors))
-        errors = carried(errors, path)
+        errors = uncertainty_at_end(errors, path)
     return tuple(found)
 
 

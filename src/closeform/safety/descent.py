@@ -13,22 +13,23 @@ from closeform._jit import kernel
 from closeform.kernel_loans import stack_matrix, stack_vector
 from closeform.motion.arc import END, MEAN_MOTION, START, thrusts
 from closeform.motion.linear import back_substitute, factorise
-from closeform.safety.active_faces import steepest
 from closeform.safety.failure_cells import (
     HELD,
     KIND,
     LOW,
     MEASURE,
+    MISSED,
+    OFFSET,
     PIECE,
-    SIDE,
     STUCK,
     column_of,
     earliest,
     parameter_count,
-    single,
+    single_failure,
 )
-from closeform.safety.failure_family import open_window
-from closeform.safety.failure_motion import is_instant, note
+from closeform.safety.failure_motions import open_window
+from closeform.safety.separating_planes import steepest
+from closeform.safety.single_failures import is_instant, note
 from closeform.zones.shapes import FACES
 
 SCALE = 0.3  # first step of the unknowns: share of their range, and in n t for times
@@ -51,8 +52,9 @@ def turned_back(x, low, high):
 
 
 @kernel()
-def range_of(side, cell, o, j, n):
+def range_of(side, cell, j, n):
     """Return the minimum and maximum of a side's j-th unknown in the piece of a cell."""
+    o = side.now[OFFSET]
     piece, kind = int(cell[o + PIECE]), side.now[KIND]
     if j == 1:
         return (0.0, side.numbers[MEASURE]) if kind == STUCK else (side.numbers[MEASURE], 1.0)
@@ -64,19 +66,19 @@ def range_of(side, cell, o, j, n):
     return cell[o + LOW], cell[o + LOW]
 
 
-@kernel()
-def ranges(one, two, cell, width, end, n, low, high, scale):
+@kernel(inline=True)
+def ranges(one, two, cell, end, n, low, high, scale):
     """Fill the limits and scales of all unknowns of a cell's pieces, the time last.
 
     Returns the number of unknowns without the time.
     """
-    count, first = 0, max(earliest(one, cell, SIDE), earliest(two, cell, SIDE + width))
+    count, first = 0, max(earliest(one, cell), earliest(two, cell))
     for second in range(2):
-        side, o = (two, SIDE + width) if second else (one, SIDE)
+        side = two if second else one
         for j in range(parameter_count(side)):
-            low[count], high[count] = range_of(side, cell, o, j, n)
+            low[count], high[count] = range_of(side, cell, j, n)
             scale[count] = SCALE * (high[count] - low[count])
-            if j == 0 and is_instant(side, cell, o) and n > 0.0:
+            if j == 0 and is_instant(side, cell) and n > 0.0:
                 scale[count] = min(scale[count], SCALE / n)
             count += 1
     low[count], high[count] = -inf, end
@@ -85,20 +87,20 @@ def ranges(one, two, cell, width, end, n, low, high, scale):
 
 
 @kernel()
-def seen_at(one, two, width, t, end, n, form, room):
+def seen_at(one, two, t, end, n, form, room):
     """Return the position of the failure `room.point[0]` at a time, in zone coordinates.
 
     `room.motions[0]` receives its derivatives.
     """
-    single(one, room.point[0], SIDE, n, room.rows[0])
-    single(two, room.point[0], SIDE + width, n, room.rows[1])
-    open_window(one, two, room.point[0], width, t, end, n, 1, t, form, room)
+    single_failure(one, room.point[0], n, room.rows[0])
+    single_failure(two, room.point[0], n, room.rows[1])
+    open_window(one, two, room.point[0], t, end, n, 1, t, form, room)
     q = room.motions[0]
     return q[0, 0], q[0, 1], q[0, 2]
 
 
 @kernel()
-def norm_and_slope(one, two, width, u, count, low, high, scale, n, form, room, tangents, slope):
+def norm_and_slope(one, two, u, count, low, high, scale, n, form, room, tangents, slope):
     """Return the norm at unknowns and the time; fill its `slope`, and `room.point[0]` with that failure.
 
     `tangents` (6, 3) receives the derivatives of the position by each unknown.
@@ -106,20 +108,20 @@ def norm_and_slope(one, two, width, u, count, low, high, scale, n, form, room, t
     point, end = room.point[0], high[count]
     for k in range(count):
         x, way = turned_back(u[k], low[k], high[k])
-        column = column_of(one, width, k)
+        column = column_of(one, two, k)
         point[column] = point[column + 1] = x
         slope[k] = way
-    first = max(earliest(one, point, SIDE), earliest(two, point, SIDE + width))
+    first = max(earliest(one, point), earliest(two, point))
     if first > end:
         return inf, end
     t, way = turned_back(u[count], first, end)
-    x, y, z = seen_at(one, two, width, t, end, n, form, room)
+    x, y, z = seen_at(one, two, t, end, n, form, room)
     s, ax, ay, az = steepest(form, x, y, z)
     v = room.motions[0, 1]
     for axis in range(3):
         tangents[count, axis] = way * v[axis]
     for k in range(count):
-        column = column_of(one, width, k)
+        column = column_of(one, two, k)
         here, by, turn = point[column], DIFFERENCE * scale[k], slope[k]
         below, above = max(here - by, low[k]), min(here + by, high[k])
         for axis in range(3):
@@ -127,11 +129,11 @@ def norm_and_slope(one, two, width, u, count, low, high, scale, n, form, room, t
         if not below < above:
             continue
         point[column] = point[column + 1] = above
-        late = max(earliest(one, point, SIDE), earliest(two, point, SIDE + width))
-        after = seen_at(one, two, width, t, end, n, form, room)
+        late = max(earliest(one, point), earliest(two, point))
+        after = seen_at(one, two, t, end, n, form, room)
         point[column] = point[column + 1] = below
-        late -= max(earliest(one, point, SIDE), earliest(two, point, SIDE + width))
-        before = seen_at(one, two, width, t, end, n, form, room)
+        late -= max(earliest(one, point), earliest(two, point))
+        before = seen_at(one, two, t, end, n, form, room)
         point[column] = point[column + 1] = here
         for axis in range(3):
             tangents[k, axis] = turn * (after[axis] - before[axis]) / (above - below)
@@ -206,8 +208,8 @@ def turn_metric(metric, step, change, size):
             metric[k, m] += share * step[k] * step[m] - (spread[k] * step[m] + step[k] * spread[m]) / along
 
 
-@kernel()
-def step_down(one, two, width, s, u, v, count, low, high, scale, metric, n, form, room, found, slope, after):
+@kernel(inline=True)
+def step_down(one, two, s, u, v, count, low, high, scale, metric, n, form, room, found, slope, after):
     """Step from unknowns `u` to `v` so that the norm s and its slope fall; return the norm there.
 
     `found`, the smallest norm and its time, and `room.point[1]` are updated.
@@ -224,9 +226,7 @@ def step_down(one, two, width, s, u, v, count, low, high, scale, metric, n, form
     for _ in range(HALVINGS if descent < 0.0 else 0):
         for k in range(count + 1):
             v[k] = u[k] + share * step[k]
-        there, time = norm_and_slope(
-            one, two, width, v, count, low, high, scale, n, form, room, tangents, after
-        )
+        there, time = norm_and_slope(one, two, v, count, low, high, scale, n, form, room, tangents, after)
         if there < found[0]:
             found[0], found[1] = there, time
             note(room, room.point[0])
@@ -244,26 +244,27 @@ def step_down(one, two, width, s, u, v, count, low, high, scale, metric, n, form
 
 
 @kernel()
-def descend_all(one, two, width, when, end, n, form, room, best):
+def descend(one, two, when, end, n, form, room, best):
     """Follow the failure `room.point[1]`, met at time `when`, downhill over all unknowns.
 
-    Returns norm and time.
-
-    `room.point[1]` receives the result if it is below `best`. Pieces of paths stay the same.
+    Returns norm and time; `room.point[1]` receives the result if it is below `best`. Pieces of paths stay the
+    same. Shares of missed burns are not changed.
     """
+    if one.now[KIND] == MISSED or two.now[KIND] == MISSED:
+        return best, when
     u, v, slope, after = stack_vector(6), stack_vector(6), stack_vector(6), stack_vector(6)
     low, high, scale, free = stack_vector(6), stack_vector(6), stack_vector(6), stack_vector(6)
     metric, tangents, found = stack_matrix(6, 6), stack_matrix(6, 3), stack_vector(2)
     worst = room.point[1]
     for c in range(len(worst)):
         room.point[0, c] = worst[c]
-    count = ranges(one, two, worst, width, end, n, low, high, scale)
+    count = ranges(one, two, worst, end, n, low, high, scale)
     for k in range(count):
-        u[k] = worst[column_of(one, width, k)]
+        u[k] = worst[column_of(one, two, k)]
     u[count], found[0], found[1] = when, best, when
     spent, reach = 0, 1.0
     while reach > SHORTEST and spent < ROUNDS:
-        s, time = norm_and_slope(one, two, width, u, count, low, high, scale, n, form, room, tangents, slope)
+        s, time = norm_and_slope(one, two, u, count, low, high, scale, n, form, room, tangents, slope)
         if s < found[0]:
             found[0], found[1] = s, time
             note(room, room.point[0])
@@ -274,7 +275,7 @@ def descend_all(one, two, width, when, end, n, form, room, best):
         while idle < IDLE and spent < ROUNDS and (s >= SETTLED or form[0] == FACES):
             spent += 1
             there = step_down(
-                one, two, width, s, u, v, count, low, high, scale, metric, n, form, room, found, slope, after
+                one, two, s, u, v, count, low, high, scale, metric, n, form, room, found, slope, after
             )
             if not there < s:
                 break

@@ -8,24 +8,24 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
-from closeform.arrays import Floats, broadcast, instance, shown
+from closeform.arrays import Floats, broadcast, instance, number, shown
 from closeform.conflicts.two_paths import check_comparable, craft_of
-from closeform.motion.arc import START
+from closeform.motion.arc import END, IMPULSE, START
 from closeform.motion.duration import MOST_ORBITS
 from closeform.motion.orbit import Orbit
-from closeform.motion.path import Path
+from closeform.motion.path import FORGIVEN, Path
 from closeform.result import Rows
-from closeform.safety.drift_end import FAILURES, checked_end, drift_end, forgiven, last_times, soon_after
-from closeform.safety.failure_cells import INTACT, KIND, LOW, MISSED, PIECE, SIDE, STUCK, WEAK, Side
-from closeform.safety.failure_motion import MEETS
-from closeform.safety.failures import Failure, ThrustLost
-from closeform.safety.many_unknowns import worst_of_many
-from closeform.safety.search import FAILURE, LOWER, PLACE, RATIO, TIME, worst_failures
-from closeform.safety.sides import room_for, side_of
-from closeform.safety.tubes import floor_of, shadow_of_faces, tube_form
+from closeform.safety.failure_cells import INTACT, KIND, LOW, MISSED, OFFSET, PIECE, SIDE, Side, side_of
+from closeform.safety.failure_motions import room_for
+from closeform.safety.failure_search import FAILURE, LOWER, PLACE, RATIO, TIME, worst_failures
+from closeform.safety.failures import DegradedThrust, Failure, MissedBurns, StuckOnThrust, ThrustLost
+from closeform.safety.infinite_horizon import floor_of, shadow_form, shadow_of_faces
+from closeform.safety.single_failures import MEETS
 from closeform.zones.shapes import FACES
 from closeform.zones.zone import Zone
 
+SOON = 100.0  # orbits of a drift without end that are searched directly
+FAILURES = (ThrustLost, MissedBurns, DegradedThrust, StuckOnThrust)
 Failing = Literal["path", "other", "either", "both"]
 SAME = 5e-10  # of a minimum ratio, or of 1: accepted uncertainty of cells
 
@@ -194,6 +194,49 @@ def drift_approach(
     return DriftApproach(*(column.reshape(shape + column.shape[1:]) for column in best))
 
 
+def drift_end(until: float, orbit: Orbit) -> float:
+    """Return the validated end of a drift in an orbit."""
+    end = number("until", until)
+    if np.isnan(end) or end == -np.inf:
+        raise ValueError(f"until: expected a time in s, or inf, got {end:g}")
+    if end == np.inf and orbit.mean_motion == 0.0:
+        raise ValueError("until: inf requires an orbit; in deep space give a time")
+    return end
+
+
+def last_times(path: Path) -> Floats:
+    """Return the end times of the spacecraft of a path (N,) [s]."""
+    found: Floats = path.arcs[path.offsets[1:] - 1, END]
+    return found
+
+
+def forgiven(path: Path) -> Any:
+    """Return the accepted rounding of the end of a drift, of the path's shape [s]."""
+    return FORGIVEN * np.asarray(path.end - path.start)
+
+
+def checked_end(name: str, path: Path, until: float, failure: Any) -> float:
+    """Return the validated end of the drift of a path that can fail and ends before it."""
+    end = drift_end(until, path.orbit)
+    if last_times(path).max(initial=-np.inf) > end and (path.end > end + forgiven(path)).any():
+        raise ValueError(
+            f"until: {end:g} s is before the end of {name}, {last_times(path).max():g} s; give that or later"
+        )
+    known = (
+        not isinstance(instance("failure", failure, *FAILURES), StuckOnThrust)
+        or failure.acceleration is not None
+    )
+    if not known and path.arcs[:, IMPULSE : IMPULSE + 3].any():
+        raise ValueError(f"failure: {name} has impulses, whose thrust is unknown; give an acceleration")
+    return end
+
+
+def soon_after(path: Path, other: Path) -> float:
+    """Return the time up to which a drift without end is searched directly."""
+    last = max(last_times(path).max(initial=0.0), np.max(other.start, initial=0.0))
+    return float(last + SOON * path.orbit.period)
+
+
 def _checked(path: Path, other: Path, zone: Zone, until: float, failure: Any, failing: Any) -> float:
     """Validate the arguments together; return the end of the drift."""
     check_comparable(path, other, zone)
@@ -223,7 +266,7 @@ def _checked(path: Path, other: Path, zone: Zone, until: float, failure: Any, fa
 def _worst(
     path: Path, other: Path, zone: Zone, until: float, failure: Any, failing: Any, certain: float
 ) -> list[tuple[str, Floats, Zone, tuple[Side, Side], Any]]:
-    """Return for each combination of failing spacecraft its name and the rows of `search.worst_failures`."""
+    """Return for each combination of failing spacecraft its name and the rows of `worst_failures`."""
     end = _checked(path, other, zone, until, failure, failing)
     soon = end if np.isfinite(end) else soon_after(path, other)
     shape = broadcast(path=path.shape, other=other.shape)
@@ -250,26 +293,25 @@ def search_pairs(
     most: float,
     for_ever: bool = False,
 ) -> Floats:
-    """Return the rows of `search.worst_failures` for pairs, with as much work space as they need."""
+    """Return the rows of `worst_failures` for pairs, with as much work space as they need."""
     room = room_for(one, two)
+    one, two = one._replace(now=one.now.copy()), two._replace(now=two.now.copy())  # which the search changes
+    two.now[OFFSET] = (room.cells.shape[1] + SIDE) // 2
     rows = np.zeros((len(first), FAILURE + room.cells.shape[1]))
-    far = end + (MOST_ORBITS * orbit.period if for_ever else 0.0)
-    tube = zone.form if zone.shape == FACES and not (for_ever and certain == 0.0) else tube_form(zone)
-    find: Any = worst_failures
-    rest: tuple[Any, ...] = (orbit.mean_motion, zone.form, zone.stretch, certain, most, far * for_ever, tube)
-    if {WEAK, STUCK} & {int(one.now[KIND]), int(two.now[KIND])}:
-        find, rest = worst_of_many, (*rest[:-1], shadow_of_faces(zone) or tube, floor_of(zone))
-    rest = *rest, room
+    far = end + MOST_ORBITS * orbit.period if for_ever else 0.0
+    shadow = shadow_of_faces(zone)
+    if shadow is None:
+        shadow = zone.form if zone.shape == FACES and not (for_ever and certain == 0.0) else shadow_form(zone)
+    task = orbit.mean_motion, zone.form, zone.stretch, certain, most, far, shadow, floor_of(zone)
     ends = np.full(len(first), end)
     left = np.arange(len(first))
     while len(left):
         some = np.zeros((len(left), rows.shape[1]))
-        find(one, two, first[left], second[left], ends[left], *rest, some)
+        worst_failures(one, two, first[left], second[left], ends[left], *task, room, some)
         rows[left] = some
         left = left[some[:, RATIO] == -np.inf]
         if len(left):
             room = room_for(one, two, 4 * int(rows[left, TIME].max()))
-            rest = *rest[:-1], room
     return rows
 
 

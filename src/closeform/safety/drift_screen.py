@@ -15,13 +15,11 @@ from closeform.motion.joining import stack
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
 from closeform.result import Rows
-from closeform.safety.drift_approach import failures_at, search_pairs
-from closeform.safety.drift_end import checked_end, soon_after
-from closeform.safety.failure_cells import Side
-from closeform.safety.failure_motion import MEETS
+from closeform.safety.drift_approach import checked_end, failures_at, search_pairs, soon_after
+from closeform.safety.failure_cells import Side, side_of
+from closeform.safety.failure_search import LOWER, RATIO, TIME
 from closeform.safety.failures import Failure, ThrustLost
-from closeform.safety.search import LOWER, RATIO, TIME
-from closeform.safety.sides import side_of
+from closeform.safety.single_failures import MEETS
 from closeform.zones.combined_zones import OwnZone
 from closeform.zones.pair_zones import PairZones, pair_zones, pairs_of, portions
 from closeform.zones.solids import Sphere
@@ -115,11 +113,10 @@ def drift_screen(
     for_ever, both = end == np.inf, failing == "both"
     soon = soon_after(batch, batch) if for_ever else end
     fails = side_of(batch, failure, soon, carry_on=True)
-    intact = fails if both else side_of(batch, None, soon, carry_on=True)
+    sides = fails, fails if both else side_of(batch, None, soon, carry_on=True)
 
     def search(job: tuple[Zone, Any, Any]) -> tuple[Any, ...]:
         one, first, second = job
-        sides = own(fails), own(intact)
         pair = first, second, soon, batch.orbit
         unsafe, rows = worst_drifts(sides, *pair, one, ENOUGH, for_ever)
         craft = first[unsafe], second[unsafe]
@@ -135,11 +132,6 @@ def drift_screen(
     return DriftScreening(*(column[order] for column in columns))
 
 
-def own(side: Side) -> Side:
-    """Return a copy of a side for use in one thread, as a search stores its current spacecraft in it."""
-    return side._replace(now=side.now.copy())
-
-
 def worst_drifts(
     sides: tuple[Side, Side],
     first: Any,
@@ -150,7 +142,7 @@ def worst_drifts(
     certain: float,
     for_ever: bool = False,
 ) -> tuple[Any, Floats]:
-    """Return the pairs that are not passively safe, and the rows of `search.worst_failures` for these.
+    """Return the pairs that are not passively safe, and the rows of `worst_failures` for these.
 
     For a drift with an end, one search finds both; the minimum norm is searched only for pairs in the zone.
     """

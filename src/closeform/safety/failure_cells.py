@@ -5,7 +5,7 @@ of `path`, then that of `other`) a piece of its path and a low and a high end of
 parameters.  A piece is an arc (2 i) or the impulse at its start (2 i + 1).  The parameters are
 
     LOST     the time of the loss of thrust [s]; for an impulse the share of it that was given
-    WEAK     the same, and the share of thrust that remains from then on
+    DEGRADED     the same, and the share of thrust that remains from then on
     STUCK    the same, and the duration for which thrust is stuck on [s]
     MISSED   the share of each burn that is given
 
@@ -15,22 +15,27 @@ Motions of the first three are natural: rows of arcs without thrust, from their 
 from math import ceil
 from typing import Any, NamedTuple
 
+import numpy as np
 from numba import float64, int64, types
 
 from closeform._jit import kernel
 from closeform.arrays import Floats
 from closeform.kernel_loans import stack_matrix, stack_vector
-from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, START, STATE, state_at, thrusts
+from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, START, STATE, THRUST, WIDTH, state_at, thrusts
 from closeform.motion.hill import coast, pushed
+from closeform.motion.path import Path, path_of
+from closeform.safety.failures import DegradedThrust, Failure, MissedBurns, StuckOnThrust, ThrustLost
 from closeform.safety.remainders import lost_remainder, stuck_remainder, thrust_derivatives
 
-INTACT, LOST, WEAK, STUCK, MISSED = 0, 1, 2, 3, 4
-KIND, FIRST, LAST, BURN, BURNS = 0, 1, 2, 3, 4  # indices of a side's `now`
+INTACT, LOST, DEGRADED, STUCK, MISSED = 0, 1, 2, 3, 4
+KIND, FIRST, LAST, BURN, BURNS, OFFSET = range(6)  # indices of a side's `now`
 MEASURE, HELD, ACCELERATION = 0, 1, 2  # indices of a side's `numbers`
 FROM, SIDE = 0, 1  # first columns of a cell
 PIECE, LOW, HIGH = 0, 1, 2  # columns of a side of a cell; the next parameter follows two columns later
 # Initial length of a cell in n t. At 0.5 safety checks take a fifth longer; at 1, those of a day a tenth.
 LONGEST = 0.7
+KINDS = {ThrustLost: LOST, MissedBurns: MISSED, DegradedThrust: DEGRADED, StuckOnThrust: STUCK}
+NO_BURNS = np.empty((0, 2, WIDTH))
 
 
 class Side(NamedTuple):
@@ -40,7 +45,7 @@ class Side(NamedTuple):
     offsets: Any  # (N + 1,)
     burns: Floats  # (B, 2, 30): the natural motions before and after each burn, of MISSED alone
     burn_offsets: Any  # (N + 1,)
-    now: Any  # (5,): kind of failure; first and last arc, first and last burn of the current spacecraft
+    now: Any  # (6,): kind of failure; first and last arc and burn of the current spacecraft; column in a cell
     numbers: Floats  # (5,): minimum share or longest duration; length and components of a given acceleration
 
 
@@ -68,7 +73,7 @@ def parameter_count(side):
 def vertex_count(side):
     """Return the number of motions that span a cell on one side."""
     kind = side.now[KIND]
-    if kind == WEAK:
+    if kind == DEGRADED:
         return 8
     if kind == STUCK:
         return 12
@@ -76,7 +81,7 @@ def vertex_count(side):
 
 
 @kernel()
-def natural(row, s, n, x, y, z, vx, vy, vz):
+def set_natural(row, s, n, x, y, z, vx, vy, vz):
     """Fill a row with the natural motion through a state at time s."""
     row[START], row[MEAN_MOTION] = s, n
     row[STATE], row[STATE + 1], row[STATE + 2] = x, y, z
@@ -109,7 +114,7 @@ def failed_row(side, piece, at, n, kick, u, stuck, row):
         x, y, z, vx, vy, vz = coast(n, stuck, x, y, z, vx, vy, vz)
         dx, dy, dz, dvx, dvy, dvz = pushed(n, stuck, push, 0)
         x, y, z, vx, vy, vz = x + dx, y + dy, z + dz, vx + dvx, vy + dvy, vz + dvz
-    natural(row, s + stuck, n, x, y, z, vx, vy, vz)
+    set_natural(row, s + stuck, n, x, y, z, vx, vy, vz)
     return s
 
 
@@ -126,8 +131,9 @@ def stuck_thrust(side, piece, at, n, u):
 
 
 @kernel()
-def single(side, cell, o, n, rows):
+def single_failure(side, cell, n, rows):
     """Fill the first row with the motion at the low ends of a cell's side."""
+    o = side.now[OFFSET]
     kind = side.now[KIND]
     if kind == INTACT or kind == MISSED:
         return
@@ -140,17 +146,17 @@ def single(side, cell, o, n, rows):
 
 
 @kernel()
-def column_of(one, width, k):
+def column_of(one, two, k):
     """Return the column of the low end of a cell's k-th unknown."""
     mine = parameter_count(one)
-    return SIDE + LOW + 2 * k if k < mine else SIDE + width + LOW + 2 * (k - mine)
+    return one.now[OFFSET] + LOW + 2 * k if k < mine else two.now[OFFSET] + LOW + 2 * (k - mine)
 
 
 @kernel()
-def moved(row, source, by, x, y, z, vx, vy, vz):
+def set_shifted(row, source, by, x, y, z, vx, vy, vz):
     """Fill a row with a natural motion plus `by` times another state at the same time."""
     a = STATE
-    natural(
+    set_natural(
         row,
         source[START],
         source[MEAN_MOTION],
@@ -187,23 +193,24 @@ def span_stuck(side, piece, at, n, third, short, long, end, rows):
         if not own:
             x, y, z, vx, vy, vz = coast(n, stuck, 0.0, 0.0, 0.0, u[0, 0] - wx, u[0, 1] - wy, u[0, 2] - wz)
         vx, vy, vz = vx + wx, vy + wy, vz + wz
-        moved(rows[4 * j + inner], row, third, x, y, z, vx, vy, vz)
+        set_shifted(rows[4 * j + inner], row, third, x, y, z, vx, vy, vz)
         if j == 0:
-            moved(rows[4 + end], row, half, 0.0, 0.0, 0.0, wx, wy, wz)
+            set_shifted(rows[4 + end], row, half, 0.0, 0.0, 0.0, wx, wy, wz)
             vx += half * (push[0] - 2.0 * n * wy)
             vy += half * (push[1] + 2.0 * n * wx)
             vz += half * push[2]
-            moved(
+            set_shifted(
                 rows[4 + inner], rows[4 + end], third, x - half * wx, y - half * wy, z - half * wz, vx, vy, vz
             )
 
 
 @kernel()
-def span_cell(side, cell, o, n, rows):
+def span_cell(side, cell, n, rows):
     """Fill rows with the motions that span a cell's side; return bounds on the deviation of others.
 
     The four numbers are bounds in position, in velocity and constant ones, and the epoch of the cell's start.
     """
+    o = side.now[OFFSET]
     kind = side.now[KIND]
     if kind == INTACT or kind == MISSED:
         return 0.0, 0.0, 0.0, cell[FROM]
@@ -235,24 +242,25 @@ def span_cell(side, cell, o, n, rows):
     if not h > 0.0:
         return 0.0, 0.0, 0.0, epoch
     place, speed = lost_remainder(n, u, h)
-    share = 1.0 - cell[o + LOW + 2] if kind == WEAK else 1.0
+    share = 1.0 - cell[o + LOW + 2] if kind == DEGRADED else 1.0
     return share * place, share * speed, 0.0, epoch
 
 
 @kernel()
-def span_both(one, two, cell, width, n, rows):
+def span_both(one, two, cell, n, rows):
     """Span both sides by `span_cell`; return bounds on the deviation of the difference of two motions."""
-    place, speed, always, epoch = span_cell(one, cell, SIDE, n, rows[0])
-    other_place, other_speed, other_always, other_epoch = span_cell(two, cell, SIDE + width, n, rows[1])
+    place, speed, always, epoch = span_cell(one, cell, n, rows[0])
+    other_place, other_speed, other_always, other_epoch = span_cell(two, cell, n, rows[1])
     return place + other_place, speed + other_speed, always + other_always, min(epoch, other_epoch)
 
 
 @kernel()
-def first_cells(side, o, n, cells):
+def first_cells(side, n, cells):
     """Fill a side's columns of `cells` with the cells that contain all its failures; return their number.
 
     Cells beyond the last row are counted only.
     """
+    o = side.now[OFFSET]
     kind, count = side.now[KIND], 0
     if kind == INTACT or kind == MISSED:
         if len(cells) > 0:
@@ -289,11 +297,98 @@ def first_cells(side, o, n, cells):
 
 
 @kernel()
-def earliest(side, cell, o):
+def earliest(side, cell):
     """Return the time from which the motions of a cell's side are valid."""
+    o = side.now[OFFSET]
     kind = side.now[KIND]
     if kind == INTACT or kind == MISSED:
         return side.arcs[side.now[FIRST], START]
     piece = int(cell[o + PIECE])
     s = side.arcs[piece // 2, START] if piece % 2 == 1 else cell[o + LOW]
     return s + cell[o + LOW + 2] if kind == STUCK else s
+
+
+def side_of(path: Path, failure: Failure | None, until: float, carry_on: bool = False) -> Side:
+    """Return a path that fails, or continues if `failure` is None, as a side of the search."""
+    kind = INTACT if failure is None else KINDS[type(failure)]
+    numbers = np.array([0.0, -1.0, 0.0, 0.0, 0.0])
+    if isinstance(failure, MissedBurns | DegradedThrust):
+        numbers[MEASURE] = failure.least
+    if isinstance(failure, StuckOnThrust):
+        numbers[MEASURE] = failure.longest
+        if failure.acceleration is not None:
+            numbers[HELD] = np.linalg.norm(failure.acceleration)
+            numbers[ACCELERATION:] = failure.acceleration
+    arcs, offsets = path.arcs, path.offsets
+    if kind in (DEGRADED, MISSED) or (kind == INTACT and carry_on):
+        arcs, offsets = arcs_with_coasts(path, until)
+    burns, burn_offsets = NO_BURNS, np.zeros_like(offsets)
+    if kind == MISSED:
+        burns, burn_offsets = burns_of(path)
+    now = np.array([kind, 0, 0, 0, 0, SIDE], dtype=np.int64)
+    return Side(arcs, offsets, burns, burn_offsets, now, numbers)
+
+
+def arcs_with_coasts(path: Path, until: float) -> tuple[Floats, Any]:
+    """Return arcs and offsets of paths extended by coasts after their ends."""
+    last = path.offsets[1:] - 1
+    ends = path.arcs[last, END]
+    coasts = np.zeros((len(last), WIDTH))
+    coasts[:, START], coasts[:, END] = ends, np.maximum(ends, until)
+    coasts[:, MEAN_MOTION] = path.orbit.mean_motion
+    coasts[:, STATE : STATE + 6] = end_states(path)
+    arcs = np.insert(path.arcs, path.offsets[1:], coasts, axis=0)
+    return arcs, path.offsets + np.arange(len(path.offsets))
+
+
+def extended_by_coasts(paths: Path, until: float) -> Path:
+    """Return paths extended by coasts after their ends."""
+    arcs, offsets = arcs_with_coasts(paths, until)
+    return path_of(paths.orbit, np.ascontiguousarray(arcs), offsets, paths.shape)
+
+
+def burns_of(path: Path) -> tuple[Floats, Any]:
+    """Return natural motions before and after each burn (B, 2, 30), and the first index of each spacecraft.
+
+    A burn is an impulse, or consecutive arcs with thrust; an impulse between these is a separate burn.
+    """
+    n = path.orbit.mean_motion
+    arcs = path.arcs
+    thrusts: Any = arcs[:, THRUST:].any(axis=1) | (arcs[:, MEAN_MOTION] != n)
+    jumps: Any = arcs[:, IMPULSE : IMPULSE + 3].any(axis=1)
+    rows, counts = [], []
+    for first, last, ended in zip(path.offsets[:-1], path.offsets[1:], end_states(path), strict=True):
+        found: list[tuple[float, Floats, float, Floats]] = []
+        for i in range(first, last):
+            start, end = arcs[i, START], arcs[i, END]
+            after = arcs[i, STATE : STATE + 6]
+            if jumps[i]:
+                found.append((start, _state_before(arcs[i]), start, after))
+            if thrusts[i]:
+                if i > first and thrusts[i - 1] and not jumps[i]:
+                    start, after, *_ = found.pop()
+                found.append((start, after, end, _state_before(arcs[i + 1]) if i + 1 < last else ended))
+        counts.append(len(found))
+        rows += [_coasts(n, *one) for one in found]
+    burns = np.array(rows).reshape(-1, 2, WIDTH)
+    return burns, np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+
+
+def end_states(path: Path) -> Floats:
+    """Return the states (N, 6) of all spacecraft at their ends."""
+    return path._evaluate_rows(path.arcs[path.offsets[1:] - 1, END][:, None])[:, 0]
+
+
+def _state_before(arc: Floats) -> Floats:
+    """Return the state at the start of an arc, before the impulse there."""
+    state: Floats = arc[STATE : STATE + 6].copy()
+    state[3:] -= arc[IMPULSE : IMPULSE + 3]
+    return state
+
+
+def _coasts(n: float, start: float, before: Floats, end: float, after: Floats) -> Floats:
+    rows = np.zeros((2, WIDTH))
+    rows[:, MEAN_MOTION] = n
+    rows[:, START] = start, end
+    rows[:, STATE : STATE + 6] = before, after
+    return rows

@@ -12,11 +12,10 @@ from closeform.arrays import broadcast
 from closeform.conflicts.two_paths import check_comparable, closest_approach, craft_of
 from closeform.motion.path import Path
 from closeform.result import Rows
-from closeform.uncertainty.errors import Uncertainty
-from closeform.uncertainty.search import one_for_each
-from closeform.uncertainty.sigma_levels import least_of_pairs
-from closeform.uncertainty.spread import spread_of
-from closeform.uncertainty.tube import tube_for
+from closeform.uncertainty.covariance_propagation import propagate_errors
+from closeform.uncertainty.errors import Uncertainty, one_for_each
+from closeform.uncertainty.sigmas.levels import least_of_pairs
+from closeform.uncertainty.sigmas.tube import tube_for
 from closeform.zones.zone import Zone
 
 
@@ -93,8 +92,8 @@ def clearance_in_sigmas(
     """
     check_comparable(path, other, zone)
     shape = broadcast(path=path.shape, other=other.shape)
-    one = spread_of(path, one_for_each("errors", errors, path, Uncertainty))
-    two = spread_of(other, one_for_each("other_errors", other_errors, other, Uncertainty))
+    one = propagate_errors(path, one_for_each("errors", errors, len(path.offsets) - 1))
+    two = propagate_errors(other, one_for_each("other_errors", other_errors, len(other.offsets) - 1))
     first, second = craft_of(path, shape), craft_of(other, shape)
     mean = closest_approach(path, other, zone)
     time, sigmas = np.array(mean.time).reshape(-1), np.zeros(len(first))

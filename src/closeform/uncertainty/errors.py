@@ -11,12 +11,12 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats, finite, number, numbers, size
+from closeform.arrays import Floats, finite, number, numbers, shown, size
 from closeform.conflicts.two_paths import Conflict
 from closeform.motion.path import Path, of_one_craft
 from closeform.uncertainty.covariance import axes_of, into_frame, root_of
-from closeform.uncertainty.search import one_for_each, search_of, sigma_conflicts_of_two
-from closeform.uncertainty.spread import covariances, spread_of
+from closeform.uncertainty.covariance_propagation import covariances, propagate_errors
+from closeform.uncertainty.sigmas.conflicts import search_of, sigma_conflicts
 from closeform.zones.zone import Zone
 
 # sigma_v / (n sigma_r), for a warning of mixed units. It is usually about one, near a hundred for poor
@@ -224,10 +224,10 @@ class Uncertainty:
         """
         times = numbers("time", time)
         of_one_craft(path).state(times)  # raises an error for invalid times
-        spread = spread_of(path, [self])
+        propagated = propagate_errors(path, [self])
         out = np.empty((times.size, 6, 6))
         flat = np.ascontiguousarray(times.reshape(-1))
-        covariances(path.arcs, path.orbit.mean_motion, spread.rows, spread.execution, flat, out)
+        covariances(path.arcs, path.orbit.mean_motion, propagated.rows, propagated.execution, flat, out)
         return out.reshape(*times.shape, 6, 6)
 
     @staticmethod
@@ -235,17 +235,16 @@ class Uncertainty:
         path: Path, other: Path, zone: Zone, errors: Any, other_errors: Any, sigmas: Any
     ) -> tuple[Conflict, ...]:
         """Return the conflicts of two craft with errors, for `find_conflicts`."""
-        one = spread_of(path, [errors])
-        found = sigma_conflicts_of_two(
-            one, spread_of(other, [other_errors]), zone, path.orbit.mean_motion, sigmas
-        )
+        one, two = propagate_errors(path, [errors]), propagate_errors(other, [other_errors])
+        first = np.zeros(1, dtype=np.int64)
+        found = sigma_conflicts(one, two, first, first, zone, path.orbit.mean_motion, size("sigmas", sigmas))
         return tuple(Conflict(*map(float, row[1:])) for row in found)
 
     @staticmethod
     def _search_of(paths: Path, errors: Any, zones: Sequence[Zone], sigmas: Any) -> Any:
         """Return the search of pairs with errors, for `screen`."""
-        spread = spread_of(paths, one_for_each("errors", errors, paths, Uncertainty))
-        return search_of(spread, zones, paths.orbit.mean_motion, size("sigmas", sigmas))
+        propagated = propagate_errors(paths, one_for_each("errors", errors, len(paths.offsets) - 1))
+        return search_of(propagated, zones, paths.orbit.mean_motion, size("sigmas", sigmas))
 
     @property
     def _of_burns(self) -> Self:
@@ -307,3 +306,14 @@ def one_state(name: str, value: ArrayLike) -> Floats:
     if state.shape != (6,):
         raise ValueError(f"{name}: expected one state of shape (6,), got {state.shape}")
     return state
+
+
+def one_for_each(name: str, errors: Any, count: int) -> list[Uncertainty | None]:
+    """Return the uncertainties of `count` craft, given one for all or one for each; None if exact."""
+    given = list(errors) if isinstance(errors, list | tuple) else [errors] * count
+    for one in given:
+        if not (one is None or isinstance(one, Uncertainty)):
+            raise ValueError(f"{name}: expected Uncertainty, got {shown(one)}")
+    if len(given) != count:
+        raise ValueError(f"{name}: {len(given)} for {count} craft; give one, or one for each")
+    return given

@@ -10,20 +10,27 @@ import numpy as np
 from closeform.arrays import Floats, shown, whole
 from closeform.motion.path import Path
 from closeform.result import Result, Rows
-from closeform.uncertainty.ball_share import inside
-from closeform.uncertainty.drawn_entries import clopper_pearson, drawn, enough, interval_of_mean, lost_of
+from closeform.uncertainty.collision.entry_sampling import (
+    clopper_pearson,
+    interval_of_mean,
+    repeated_shares,
+    sample_entries,
+    sufficient_samples,
+)
+from closeform.uncertainty.collision.expected_entries import Flux, Unresolved, expected_entries
+from closeform.uncertainty.collision.low_rank import LowRankProbability, low_rank_directions
+from closeform.uncertainty.collision.sampled_trajectories import (
+    SampledTrajectories,
+    noise_step,
+    relative_errors,
+)
+from closeform.uncertainty.collision.short_encounter import passes_through, probability_inside
 from closeform.uncertainty.errors import Uncertainty
-from closeform.uncertainty.few_errors import FewErrors, few_ways
-from closeform.uncertainty.mean_entries import Flux, Unresolved, expected_entries
-from closeform.uncertainty.noisy_trajectories import NoisyTrajectories
-from closeform.uncertainty.relative_errors import relative_errors
-from closeform.uncertainty.sampled_trajectories import SampledTrajectories
-from closeform.uncertainty.short_encounter import passes_through
 from closeform.zones.shapes import BALL
 from closeform.zones.zone import Zone
 
 LEAST = 100  # samples
-HISTORIES = 40_000  # default number of Monte Carlo samples
+SAMPLES = 40_000  # default number of Monte Carlo samples
 PASSAGES = 8  # closest passages at which a bound evaluates the probability to be inside
 UNRESOLVED = 0.05  # largest relative quadrature error of a probability
 Method = Literal["entries", "bound", "monte-carlo", "short-encounter"]
@@ -162,50 +169,48 @@ def collision_probability(
             'errors: "entries" cannot be combined with process noise; use method="monte-carlo" or "bound"'
         )
     if method == "monte-carlo":
-        kind = NoisyTrajectories if noise else SampledTrajectories
-        random = kind.of(path, other, columns, noise, zone)
-        return _monte_carlo(random, HISTORIES if samples is None else samples, seed)
-    histories = SampledTrajectories.of(path, other, columns, noise, zone)
+        step = noise_step(path, other, noise, zone)
+        random = SampledTrajectories.of(path, other, columns, noise, zone, step)
+        return _monte_carlo(random, SAMPLES if samples is None else samples, seed)
+    sampled = SampledTrajectories.of(path, other, columns, noise, zone)
     if zone.shape != BALL:
         raise ValueError(f'zone: "{method}" requires a sphere or an ellipsoid; use method="monte-carlo"')
     if method == "short-encounter":
-        value, off = passes_through(histories)
+        value, off = passes_through(sampled)
         nan = float("nan")
         return Probability(value, value - off, value + off, nan, value, nan, NONE, NONE, method, 0)
-    return _by_entries(histories, method, samples, seed)
+    return _by_entries(sampled, method, samples, seed)
 
 
-def _by_entries(
-    histories: SampledTrajectories, method: Method, samples: int | None, seed: int
-) -> Probability:
+def _by_entries(sampled: SampledTrajectories, method: Method, samples: int | None, seed: int) -> Probability:
     """Return the probability from the mean rate of entries: a bound, or sampled entries.
 
     For one or two errors it is exact.
     """
-    if not histories.noise and (ways := few_ways(histories)) is not None:
-        found, nan = FewErrors.of(histories, ways), float("nan")
+    if not sampled.noise and (ways := low_rank_directions(sampled)) is not None:
+        found, nan = LowRankProbability.of(sampled, ways), float("nan")
         ever, entries = found.ever, found.entries
         low, high = ever * (1.0 - found.off), min(ever * (1.0 + found.off), 1.0)
         return Probability(ever, low, high, found.at_start, entries, nan, NONE, NONE, method, 0)
-    flux = expected_entries(histories)
-    start = float(histories.edges[0])
-    at_start, off = inside(histories, start)
+    flux = expected_entries(sampled)
+    start = float(sampled.edges[0])
+    at_start, off = probability_inside(sampled, start)
     off += flux.error
     known = at_start, flux.value
     if not off <= UNRESOLVED * (at_start + flux.value):  # also if it is nan
         raise Unresolved
     if method == "bound":
         times = flux.nearest[:PASSAGES].tolist()
-        low = max(at_start, *(inside(histories, time)[0] for time in times))
+        low = max(at_start, *(probability_inside(sampled, time)[0] for time in times))
         high = at_start + flux.value
         nan = float("nan")
         return _with_quadrature_error(high, low, high, off, known, nan, flux, method, 0)
     if flux.value == 0.0:
         return _with_quadrature_error(at_start, at_start, at_start, off, known, 0.0, flux, method, 0)
     if samples is None:
-        samples = enough(histories, flux, at_start, off, seed)
-    counts = histories.counted(drawn(histories, flux, samples, seed))
-    lost = lost_of(counts)
+        samples = sufficient_samples(sampled, flux, at_start, off, seed)
+    counts = sampled.count(sample_entries(sampled, flux, samples, seed))
+    lost = repeated_shares(counts)
     mean, low, high = interval_of_mean(lost)
     value = at_start + flux.value * (1.0 - mean)
     return _with_quadrature_error(
@@ -247,9 +252,9 @@ def _with_quadrature_error(
     )
 
 
-def _monte_carlo(histories: SampledTrajectories | NoisyTrajectories, samples: int, seed: int) -> Probability:
+def _monte_carlo(sampled: SampledTrajectories, samples: int, seed: int) -> Probability:
     """Return the probability as the share of samples that are ever inside."""
-    began, met, entries, again, least, most = histories.drawn(samples, seed)
+    began, met, entries, again, least, most = sampled.sample(samples, seed)
     low, high = clopper_pearson(least, samples)[0], clopper_pearson(most, samples)[1]
     return Probability(
         met / samples,

@@ -10,16 +10,16 @@ from scipy.special import gammaincc
 
 from closeform.conflicts.flight import PairApproach, WatchedFlight
 from closeform.uncertainty.clearance import clearance_in_sigmas
-from closeform.uncertainty.columns import burning, errs
+from closeform.uncertainty.collision.expected_entries import Unresolved
+from closeform.uncertainty.error_columns import burn_ranges, has_errors
 from closeform.uncertainty.errors import Uncertainty
-from closeform.uncertainty.mean_entries import Unresolved
 from closeform.uncertainty.probability import Probability, collision_probability
 from closeform.zones.shapes import BALL
 from closeform.zones.zone import Zone
 
 MOST_PROBABLE = 10  # pairs with the fewest sigmas whose probability is computed
 MOST_BURNS = 60  # maximum number of burns of two craft for sampling; each has up to four errors
-HISTORIES = 200_000  # samples if the surface of a zone is not resolved
+SAMPLES = 200_000  # samples if the surface of a zone is not resolved
 
 NONE = np.empty(0)
 # of pairs without any possible conflict
@@ -71,14 +71,14 @@ class UncertainFlight:
         """
         known = {name: one or Uncertainty() for name, one in zip(flight.names, errors, strict=True)}
         exact = tuple(name for name, one in zip(flight.names, errors, strict=True) if one is None)
-        off = {name for name, one in known.items() if errs(flight.path(name), one)}
+        off = {name for name, one in known.items() if has_errors(flight.path(name), one)}
         pairs = [near for near in flight.approaches if near.first in off or near.second in off]
         found = sorted(_clearances(flight, pairs, known), key=lambda one: one[:2])
         rows, total = [], 0.0
         for place, (clear, time, near) in enumerate(found):
-            probability, most = None, at_most(flight, near, known, clear)
-            looked = place < probable or limit < inf
-            if looked and near.zone.shape == BALL and few_burns(flight, near, known):
+            probability, most = None, probability_bound(flight, near, known, clear)
+            chosen = place < probable or limit < inf
+            if chosen and near.zone.shape == BALL and can_be_sampled(flight, near, known):
                 sure = place >= probable and most <= limit
                 probability = None if sure else NEVER if most == 0.0 else probability_of(flight, near, known)
             rows.append(UncertainPair(near.first, near.second, clear, time, near.zone, probability))
@@ -91,18 +91,20 @@ class UncertainFlight:
         return tuple(pair for pair in self.pairs if pair.sigmas < self.sigmas)
 
 
-def few_burns(flight: WatchedFlight, near: PairApproach, known: Mapping[str, Uncertainty]) -> bool:
+def can_be_sampled(flight: WatchedFlight, near: PairApproach, known: Mapping[str, Uncertainty]) -> bool:
     """Return True if two craft have few enough burns and impulses with errors for sampling."""
-    return sum(fired(flight, near, known)) <= MOST_BURNS
+    return sum(burn_counts(flight, near, known)) <= MOST_BURNS
 
 
-def fired(flight: WatchedFlight, near: PairApproach, known: Mapping[str, Uncertainty]) -> tuple[int, int]:
+def burn_counts(
+    flight: WatchedFlight, near: PairApproach, known: Mapping[str, Uncertainty]
+) -> tuple[int, int]:
     """Return the numbers of burns and impulses with errors of two craft."""
     burns = impulses = 0
     for name in (near.first, near.second):
         path, errors = flight.path(name), known[name]
         if errors.magnitude or errors.pointing or any(errors.impulse):
-            burns, impulses = burns + len(burning(path)), impulses + len(path.impulses)
+            burns, impulses = burns + len(burn_ranges(path)), impulses + len(path.impulses)
     return burns, impulses
 
 
@@ -117,16 +119,16 @@ def probability_of(
     try:
         return collision_probability(*asked)
     except Unresolved:
-        return collision_probability(*asked, method="monte-carlo", samples=HISTORIES)
+        return collision_probability(*asked, method="monte-carlo", samples=SAMPLES)
 
 
-def at_most(
+def probability_bound(
     flight: WatchedFlight, near: PairApproach, known: Mapping[str, Uncertainty], sigmas: float
 ) -> float:
     """Return an upper bound on the probability of a conflict from the sigma clearance."""
     if known[near.first].noise or known[near.second].noise:
         return 1.0
-    burns, impulses = fired(flight, near, known)
+    burns, impulses = burn_counts(flight, near, known)
     size = 6 + 4 * burns + 3 * impulses  # errors of the relative state, of burns and of impulses
     return float(gammaincc(0.5 * size, 0.5 * sigmas**2))
 

@@ -22,7 +22,7 @@ from closeform.dynamics.control.feedback import (
 )
 from closeform.dynamics.control.navigation import Navigation
 from closeform.motion.orbit import Orbit
-from closeform.uncertainty.white_noise import growth
+from closeform.uncertainty.white_noise import step_noise
 
 if TYPE_CHECKING:
     from closeform.uncertainty.errors import Uncertainty
@@ -330,7 +330,7 @@ class ClosedLoop:
 
 def process_noise_covariances(orbit: Orbit, times: Floats) -> Floats:
     """Return the covariances (T, 6, 6) due to noise of density 1 m^2/s^3, for equal steps from the first."""
-    flow, root = growth(orbit.mean_motion, float(times[1] - times[0]))
+    flow, root = step_noise(orbit.mean_motion, float(times[1] - times[0]))
     found = [np.zeros((6, 6))]
     for _ in times[1:]:
         found.append(flow @ found[-1] @ flow.T + root @ root.T)

@@ -26,7 +26,7 @@ from closeform.fuel.allocation import Allocation
 from closeform.fuel.thrusters import Thrusters
 from closeform.motion.arc import START
 from closeform.motion.path import Path
-from closeform.uncertainty.columns import burning, columns_of, gates_of
+from closeform.uncertainty.error_columns import burn_ranges, columns_of, impulse_errors
 from closeform.uncertainty.errors import Uncertainty
 
 STEPS, MOST = 6, 60  # steps between measurements: even, and a delay is a whole number
@@ -187,7 +187,7 @@ def open_loop_errors(
     if errors.state.any():
         found.append(np.moveaxis(orbit.transition(times - times[0]) @ errors._root, -1, 0))
     for when, size in zip(*jumps, strict=True) if any(errors.impulse) else ():
-        moved = orbit.transition(np.maximum(times - when, 0.0))[..., 3:] @ gates_of(size, errors).T
+        moved = orbit.transition(np.maximum(times - when, 0.0))[..., 3:] @ impulse_errors(size, errors).T
         found.append(np.moveaxis(moved * (times > when + SAME)[:, None, None], -1, 0))
     if errors.magnitude or errors.pointing:
         sizes = np.array([errors.magnitude, *[errors.pointing] * 3])[:, None, None]
@@ -199,7 +199,7 @@ def _burns(path: Path, times: Floats, compensation: Floats) -> Iterator[Floats]:
     """Yield deviations (4, T, 6) due to each burn larger by 100 %, and rotated by 1 rad about each axis."""
     edges = burn_edges(path)
     columns = columns_of(path, UNIT).state(times).reshape(-1, len(KINDS), len(times), 6)
-    own = np.searchsorted(edges, [path.arcs[first, START] for first, _ in burning(path)], side="right")
+    own = np.searchsorted(edges, [path.arcs[first, START] for first, _ in burn_ranges(path)], side="right")
     which = np.searchsorted(edges, times, side="right")
     for k in range(len(edges) + 1) if compensation.any() else own:
         done = np.einsum("kij,tj->kti", KINDS, compensation * (which == k)[:, None])

@@ -20,8 +20,8 @@ from closeform.motion.arc import END, START
 from closeform.motion.mean_motion import checked
 from closeform.motion.path import Path
 from closeform.motion.steering import transition_matrices
-from closeform.uncertainty.columns import burning
-from closeform.uncertainty.white_noise import BLOCK, by_then, increments, kicks_of
+from closeform.uncertainty.error_columns import burn_ranges
+from closeform.uncertainty.white_noise import BLOCK, increments, instants_until, velocity_changes
 
 if TYPE_CHECKING:
     from closeform.dynamics.simulation.commands import Commands
@@ -75,7 +75,7 @@ def burn_edges(path: Path) -> Floats:
 
     The thrust between two burns counts as one burn.
     """
-    found = [time for a, b in burning(path) for time in (path.arcs[a, START], path.arcs[b - 1, END])]
+    found = [time for a, b in burn_ranges(path) for time in (path.arcs[a, START], path.arcs[b - 1, END])]
     edges = np.unique(np.array(found))
     return np.asarray(edges[(edges > path.start) & (edges < path.end)])
 
@@ -202,9 +202,9 @@ def process_noise(
     does not depend on steps, legs or measurements. The `density` is in m^2/s^3, the mean motion in rad/s,
     `times` (K + 1,) in s since the start. `normal` draws rows of six numbers for a level.
     """
-    so_far = by_then(times, NOISE_STEP)
+    so_far = instants_until(times, NOISE_STEP)
     pushes = increments(n, HALVED, int(so_far[-1]), lambda level, rows: normal(level, rows)[None])
-    kicks = np.sqrt(density) * kicks_of(n, NOISE_STEP, pushes)[0]
+    kicks = np.sqrt(density) * velocity_changes(n, NOISE_STEP, pushes)[0]
     which = np.arange(max(so_far[0], 0), so_far[-1])
     steps = np.searchsorted(so_far, which, side="right") - 1
     moved = transition_matrices(n, times[steps + 1] - NOISE_STEP * which)[:, :, 3:]
@@ -257,9 +257,6 @@ def errors_of_each(
     """Return the argument `errors` for each spacecraft; None if none has any."""
     if errors is None:
         return None
-    from closeform.uncertainty.errors import Uncertainty
-    from closeform.uncertainty.search import given_errors
+    from closeform.uncertainty.errors import Uncertainty, one_for_each
 
-    return [
-        Uncertainty() if one is None else one for one in given_errors("errors", errors, count, Uncertainty)
-    ]
+    return [Uncertainty() if one is None else one for one in one_for_each("errors", errors, count)]

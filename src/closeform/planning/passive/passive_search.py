@@ -16,9 +16,9 @@ from closeform.planning.problem.problem import Problem
 from closeform.planning.problem.scene import Contacts
 from closeform.safety.drift_approach import SAME, failures_at
 from closeform.safety.drift_screen import worst_drifts
+from closeform.safety.failure_cells import side_of
+from closeform.safety.failure_search import RATIO, TIME
 from closeform.safety.failures import ThrustLost
-from closeform.safety.search import RATIO, TIME
-from closeform.safety.sides import side_of
 
 STARTS = 24  # examined at most
 PATIENCE = 8  # starts without a better plan that end the search

@@ -23,11 +23,10 @@ from closeform.motion.path import Path
 from closeform.planning.bounds.zone_pieces import inner_curvature
 from closeform.planning.problem.problem import Flown, PairRow, Problem
 from closeform.planning.problem.scene import Contacts
-from closeform.uncertainty.errors import Uncertainty
-from closeform.uncertainty.gauge_functions import gauges
-from closeform.uncertainty.planes import faced
-from closeform.uncertainty.search import given_errors, one_for_each, search_of
-from closeform.uncertainty.spread import Spread, covariances, spread_of
+from closeform.uncertainty.covariance_propagation import PropagatedErrors, covariances, propagate_errors
+from closeform.uncertainty.errors import Uncertainty, one_for_each
+from closeform.uncertainty.sigmas.conflicts import search_of
+from closeform.uncertainty.sigmas.ellipsoid_planes import faced, gauges
 from closeform.zones.solids import Ellipsoid
 from closeform.zones.sums import outer_sum
 from closeform.zones.zone import Zone
@@ -48,15 +47,15 @@ class Margin:
 
         Raises ValueError for errors of another type or number, or sigmas that are not a finite number.
         """
-        own = one_for_each("errors", errors, path, Uncertainty)
-        return cls._of(own + one_for_each("other_errors", others, obstacles, Uncertainty), sigmas)
+        own = one_for_each("errors", errors, len(path.offsets) - 1)
+        return cls._of(own + one_for_each("other_errors", others, len(obstacles.offsets) - 1), sigmas)
 
     @classmethod
     def among(cls, count: int, obstacles: int, errors: Any, sigmas: Any) -> Margin | None:
         """Return the margin of many craft and obstacles from `reconfigure`'s arguments; raise as `around`."""
         bodies = count + obstacles
         craft_only = isinstance(errors, list | tuple) and len(errors) != bodies
-        given = given_errors("errors", errors, count if craft_only else bodies, Uncertainty)
+        given = one_for_each("errors", errors, count if craft_only else bodies)
         return cls._of(given + [None] * (bodies - len(given)), sigmas)
 
     @classmethod
@@ -111,15 +110,15 @@ class SigmaProblem(Problem):
                 found.append(((int(i), int(j)), row))
         return found
 
-    def spread(self, flown: Flown) -> Spread:
+    def spread(self, flown: Flown) -> PropagatedErrors:
         """Return the errors of all bodies along their paths."""
-        return spread_of(self.bodies(flown), self.kept.errors)
+        return propagate_errors(self.bodies(flown), self.kept.errors)
 
     def covariances(self, flown: Flown, contacts: Contacts) -> Floats:
         """Return relative covariances (K, 3, 3) [m^2] of positions at contacts."""
         return self.relative(self.spread(flown) if self.moves else self.fixed, contacts)
 
-    def relative(self, spread: Spread, contacts: Contacts) -> Floats:
+    def relative(self, spread: PropagatedErrors, contacts: Contacts) -> Floats:
         """Return relative covariances (K, 3, 3) [m^2] at contacts for the given errors."""
         arcs, offsets, rows, execution = spread
         total = np.zeros((contacts.number, 3, 3))
@@ -142,9 +141,9 @@ class SigmaProblem(Problem):
         return any(one is not None and (one.magnitude or one.pointing or any(one.impulse)) for one in own)
 
     @cached_property
-    def fixed(self) -> Spread:
+    def fixed(self) -> PropagatedErrors:
         """The part of the errors that is the same for all plans."""
-        return spread_of(self.bodies(self.direct), self.kept.fixed(self.count))
+        return propagate_errors(self.bodies(self.direct), self.kept.fixed(self.count))
 
     def gauges(self, flown: Flown, contacts: Contacts, sigmas: float) -> tuple[Floats, Floats]:
         """Return the gauges (K,) of pairs at contacts, and gradients; negative `sigmas`: the clear sigmas."""

@@ -1,0 +1,1 @@
+"""Probability of collision: rate of entries, sampled trajectories and short encounters."""

@@ -1,0 +1,1 @@
+"""Clearance of k-sigma ellipsoids from zones, certified between any two instants."""
