@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from closeform.motion.chief_orbit import ChiefOrbit
 from closeform.motion.path import Path
 from closeform.zones.pair_zones import PairZones, pairs_of
 from closeform.zones.zone import Zone
@@ -27,7 +28,7 @@ KEPT = 1 << 23  # number of pairs left by a sieve from which they are searched b
 
 def sieve_of(paths: Path, zones: Zone | PairZones) -> Sieve | None:
     """Return the sieve of many spacecraft, or None if it does not pay."""
-    if len(paths) < MANY:
+    if len(paths) < MANY or isinstance(paths.orbit, ChiefOrbit):
         return None
     from closeform.conflicts.sieve import Sieve  # imported here: few users need its kernel
 

@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats, finite, shown
-from closeform.motion.arc import PUSH, WIDTH
+from closeform.arrays import Floats, finite, instance, number, shown
+from closeform.motion.arc import END, MEAN_MOTION, PUSH, START, WIDTH
+from closeform.motion.chief.ellipse import ellipse_of
+from closeform.motion.chief.kepler import KeplerChief
+from closeform.motion.chief_orbit import ChiefOrbit
 from closeform.motion.circular import CircularOrbit
+from closeform.motion.effort import totals
 from closeform.motion.ends import arcs_between, arcs_from
 from closeform.motion.lambert import drifts
-from closeform.motion.path import Path, path_of
+from closeform.motion.mean_motion import EARTH_MU, EARTH_RADIUS
+from closeform.motion.path import Path, evaluate, path_of
 from closeform.motion.sampling import arcs_through, fired_at_ends
 from closeform.motion.steering import fix_inertially, steer
 from closeform.motion.within_limit import limited
@@ -50,6 +55,61 @@ class Orbit(CircularOrbit):
     >>> round(orbit.period, 1)
     5677.0
     """
+
+    @staticmethod
+    def eccentric(
+        eccentricity: float,
+        semi_major_axis: float | None = None,
+        perigee_altitude: float | None = None,
+        true_anomaly: float = 0.0,
+        mu: float = EARTH_MU,
+        radius: float = EARTH_RADIUS,
+    ) -> ChiefOrbit:
+        """Return the orbit of a chief on an ellipse about a point mass.
+
+        Parameters
+        ----------
+        eccentricity : float, no unit
+            At least 0 and at most 0.9.
+        semi_major_axis : float [m], optional
+            Semi-major axis of the ellipse; give this or `perigee_altitude`.
+        perigee_altitude : float [m], optional
+            Altitude of perigee above the body's surface.
+        true_anomaly : float [rad], default 0
+            The chief's true anomaly at time 0.
+        mu : float [m^3/s^2], default that of the Earth
+            Gravitational parameter of the body.
+        radius : float [m], default the Earth's equatorial
+            Radius of the body.
+
+        Returns
+        -------
+        ChiefOrbit
+            Orbit with the methods of `Orbit`, to first order in the distance from the chief.  Times are
+            absolute: time 0 is that of `true_anomaly`, and `start` matters.
+
+        Raises
+        ------
+        ValueError
+            If the eccentricity is out of its range, perigee is below the surface, not exactly one of
+            `semi_major_axis` and `perigee_altitude` is given, or a number is not finite.
+
+        References
+        ----------
+        Yamanaka and Ankersen, Journal of Guidance, Control, and Dynamics 25(1), 60-66, 2002; docs/theory.md
+        (90).
+
+        Examples
+        --------
+        >>> orbit = cf.Orbit.eccentric(0.3, perigee_altitude=500e3)
+        >>> path = orbit.two_impulse([0, -400, 0, 0, 0, 0], [0, -100, 0, 0, 0, 0], 3000.0, start=600.0)
+        >>> chief = orbit.coast(np.zeros(6), 3000.0, start=600.0)
+        >>> bool(cf.closest_approach(path, chief, cf.Sphere(90.0)).ratio > 1.0)
+        True
+        """
+        size_and_shape = ellipse_of(eccentricity, semi_major_axis, perigee_altitude, mu, radius)
+        anomaly = float(finite("true_anomaly", number("true_anomaly", true_anomaly)))
+        return ChiefOrbit(KeplerChief.at(*size_and_shape, anomaly, mu))
 
     def coast(self, state: ArrayLike, duration: ArrayLike, start: ArrayLike = 0.0) -> Path:
         """Return natural motion from a state.
@@ -346,6 +406,36 @@ class Orbit(CircularOrbit):
             return path
         return fired_at_ends(path, (np.asarray(states) - arrivals)[..., [0, -1], 3:])
 
+    @property
+    def _column(self) -> float:
+        """Value of the column MEAN_MOTION of arcs in this orbit."""
+        return self.mean_motion
+
+    def _interpolates(self, arcs: Floats) -> Any:
+        """Return True for arcs (M, 30) that are cubics through samples."""
+        return arcs[:, MEAN_MOTION] != self.mean_motion
+
+    def _fill_states(self, path: Path, times: Floats, out: Floats) -> None:
+        """Fill `out` with states of a path, or with thrusts if it has three columns."""
+        evaluate(path.arcs, path.offsets, self.mean_motion, times, out)
+
+    def _totals(self, path: Path, what: int) -> Floats:
+        """Return a quantity of `effort.totals` for each spacecraft of a path."""
+        out = np.empty(len(path.offsets) - 1)
+        totals(path.arcs, path.offsets, self.mean_motion, what, out)
+        return out
+
+    def _flow(self, arcs: Floats) -> Floats:
+        """Return the transition matrices (M, 6, 6) over arcs (M, 30)."""
+        return self.transition(arcs[:, END] - arcs[:, START])
+
     def _path(self, arcs: Any) -> Path:
         rows = np.ascontiguousarray(arcs).reshape(-1, WIDTH)
         return path_of(self, rows, np.arange(len(rows) + 1), arcs.shape[:-1])
+
+
+def circular_orbit(name: str, orbit: Any) -> Orbit:
+    """Return an argument that is an orbit of Hill's equations; raise ValueError otherwise."""
+    if isinstance(orbit, ChiefOrbit):
+        orbit._refuse(f"a function with the argument `{name}`")
+    return cast(Orbit, instance(name, orbit, Orbit))

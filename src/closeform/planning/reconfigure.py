@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from closeform.arrays import instance, sequence, size
 from closeform.fuel.thrusters import Thrusters
-from closeform.motion.orbit import Orbit
+from closeform.motion.orbit import Orbit, circular_orbit
 from closeform.motion.path import Path
 from closeform.motion.within_limit import TooLittleThrust
 from closeform.planning.fallbacks import FALLBACKS, Attempt, Fallback, tried_openly, within_limits
@@ -166,7 +166,7 @@ def reconfigure(
     check_cost(cost, thrusters, prove=prove > 0.0, method=method != "joint")
     drift = check_drift(drift, prove, method, "joint")
     request = Request.of(
-        instance("orbit", orbit, Orbit),
+        circular_orbit("orbit", orbit),
         initial,
         final,
         duration,
