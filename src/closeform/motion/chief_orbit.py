@@ -13,6 +13,7 @@ from closeform.motion import effort
 from closeform.motion.arc import END, MEAN_MOTION, PUSH, START, STATE, THRUST, WIDTH
 from closeform.motion.chief import segments as kernels
 from closeform.motion.chief.kepler import KeplerChief
+from closeform.motion.chief.numerical import GivenChief, OblateChief
 from closeform.motion.chief.table import COLUMNS, COSTATE
 from closeform.motion.chief.table import PUSH as PUSHED
 from closeform.motion.ends import arcs_between, arcs_from
@@ -31,10 +32,10 @@ SUPPORTED = (
 class ChiefOrbit:
     """A reference orbit that is not circular, in whose turning frame spacecraft move.
 
-    `Orbit.eccentric` makes it.  The motion is of first order in the distance from the chief, as in Hill's
-    equations; the frame turns with the chief, x radial outward, z along its orbit's normal, y completing.
-    The equations change along the orbit, so times are absolute: time 0 is that of the chief's elements, and
-    `start` matters.
+    `Orbit.eccentric`, `Orbit.perturbed` and `Orbit.from_transition` make it.  The motion is of first order in
+    the distance from the chief, as in Hill's equations; the frame turns with the chief, x radial outward, z
+    along its orbit's normal, y completing.  The equations change along the orbit, so times are absolute: time
+    0 is that of the chief's elements, and `start` matters.
 
     Attributes
     ----------
@@ -42,7 +43,7 @@ class ChiefOrbit:
         Motion of the chief, with the table of its transition matrix.
     """
 
-    chief: KeplerChief
+    chief: KeplerChief | OblateChief | GivenChief
 
     def __repr__(self) -> str:
         return f"<ChiefOrbit: {self.chief}>"

@@ -20,7 +20,7 @@ analytic in the Bernstein ellipse of a window, and there at most M, is off by at
 
 and |J| <= (1 - e^2)^(-3/2) max|D| |s - s_k|, as dt/ds = D.  Put into the terms, with absolute coefficients,
 these are a bound M in closed form: nothing is sampled.  The least bound over several rho_b is taken.  `table`
-uses it for interpolants of degree 39, of which the remainder is far below rounding.
+uses it for interpolants of degree 29, of which the remainder is far below rounding.
 """
 
 from dataclasses import dataclass
@@ -151,6 +151,15 @@ def _tails(e: float, joints: Floats) -> Floats:
     share = np.where(valid, 4.0 * ELLIPSES**-CHECKS / (ELLIPSES - 1.0), np.inf)
     # twice, as the integrals are those of an interpolant as well
     return np.asarray((2.0 * bounds * share[..., None]).min(axis=1))
+
+
+def joints_of(e: float, count: int, first: float, last: float) -> Floats:
+    """Return joints from one angle to another, so many to a revolution."""
+    turn = _joints(e, count)[:-1]
+    turns = np.arange(np.floor(first / (2.0 * np.pi)), np.floor(last / (2.0 * np.pi)) + 1.0)
+    joints = (2.0 * np.pi * turns[:, None] + turn).ravel()
+    inside = joints[(joints > first + 1e-6) & (joints < last - 1e-6)]
+    return np.concatenate([[first], inside, [last]])
 
 
 def _joints(e: float, count: int) -> Floats:

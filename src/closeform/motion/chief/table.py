@@ -32,9 +32,9 @@ from closeform.motion.chief.bernstein import (
 
 STATE, COSTATE, PUSH, COLUMNS = 0, 6, 12, 15  # first columns, and their number
 # Degree of the interpolants through which errors are bounded (see `build`), and of the quadrature of R and G.
-# With 29 the proof needs smaller windows than the polynomials; with 49 tables take a third longer to make.
-CHECKS = 39
-LEBESGUE = 3.4  # bound of the Lebesgue constant of that many Chebyshev nodes: 2/pi log(40) + 1
+# With 19 the proof needs more windows than the polynomials; with 39 tables take half as long again to make.
+CHECKS = 29
+LEBESGUE = 3.2  # bound of the Lebesgue constant of that many Chebyshev nodes: 2/pi log(30) + 1
 EPSILON = 2.0**-53
 # Roundings in an entry: six products and sums of two matrices, an inverse, and the Chebyshev coefficients.
 ROUNDINGS = 40.0
@@ -96,9 +96,9 @@ def build(clock: Floats, joints: Floats, turn: float, flow: Flow, tails: Floats)
     `flow(u)` returns Phi from the beginning of each window to its points u (Q,) as (K, Q, 6, 6), and a bound
     (K, 6, 6) of the magnitudes of which these are sums, for their rounding.
 
-    **Errors.**  The error of a polynomial of degree 11 is known at 40 Chebyshev nodes, up to rounding.
+    **Errors.**  The error of a polynomial of degree 11 is known at 30 Chebyshev nodes, up to rounding.
     Between them it is at most Lebesgue's constant times the largest of these, plus what an interpolant of
-    degree 39 leaves out; `tails` (K, 15) are proven bounds of that remainder.
+    degree 29 leaves out; `tails` (K, 15) are proven bounds of that remainder.
     """
     low, high = nodes(DEGREE), nodes(CHECKS)
     points = np.concatenate([low, [1.0], high])
