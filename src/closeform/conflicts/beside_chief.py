@@ -26,7 +26,8 @@ from numba import float64, int64, void
 
 from closeform._jit import kernel
 from closeform.conflicts.quick_rejection import OFF_CHORD, count_near
-from closeform.motion.chief.bernstein import SQUARE, TERMS, changes, cut, value_at
+from closeform.kernel_loans import borrowed, stack_matrix, stack_vector
+from closeform.motion.chief.bernstein import PRODUCT, SQUARE, TERMS, changes, cut, value_at
 from closeform.motion.chief.clock import time_at
 from closeform.motion.chief.segments import (
     BEGIN,
@@ -50,9 +51,10 @@ LEVEL = 1e-13  # within it a squared norm is on the surface: the rounding of pos
 NARROWEST = 1e-13  # of a window: shorter pieces are instants
 MOST_CUTS = 300  # of one part in one window; random pairs need at most twenty
 DEPTH = 60  # of pieces in work
+DEEP = 3 * DEPTH  # rows of their coordinates
 SAME = 1e-12  # [rad]: conflicts that follow each other so soon are one
 LEAST = 1e-10  # relative accuracy of a minimum norm
-PIECES = 6  # of a window, for chords: with half as many twice the pairs are searched
+PER_TURN = 48  # chords of a revolution: with half as many twice the pairs are searched
 
 
 @kernel()
@@ -64,6 +66,15 @@ def subtract(a, b, z):
         if z[j] != 0.0 and j >= count:
             count = COLUMNS
     return count
+
+
+@kernel()
+def columns_in(row):
+    """Return the number of columns of a segment that are not all zero."""
+    for j in range(COSTATE, COLUMNS):
+        if row[COLUMN + j] != 0.0:
+            return COLUMNS
+    return COSTATE
 
 
 @kernel()
@@ -157,11 +168,11 @@ def level_of(shape, faces, part, c, off, f):
 @kernel()
 def flat_square(c, f):
     """Fill `f` (SQUARE,) with the coefficients of c_0^2 + c_1^2."""
-    kept = np.zeros((3, TERMS))
-    for axis in range(2):
-        for b in range(TERMS):
-            kept[axis, b] = c[axis, b]
-    squared(kept, f)
+    for j in range(SQUARE):
+        f[j] = 0.0
+    for i in range(TERMS):
+        for j in range(TERMS):
+            f[i + j] += PRODUCT[i, j] * (c[0, i] * c[0, j] + c[1, i] * c[1, j])
 
 
 @kernel()
@@ -284,7 +295,7 @@ def mark_changes(shape, faces, part, c, off, stack, ends, number, places, outs):
 
 
 @kernel()
-def excluded(shape, faces, c, off):
+def excluded(shape, faces, c, off, f):
     """Return True if a plane keeps the whole polynomial out of the zone: hulls only."""
     if shape == BALL:
         x, y, z = c[0, 0], c[1, 0], c[2, 0]
@@ -302,7 +313,6 @@ def excluded(shape, faces, c, off):
         if shape == CYLINDER and part == 0:
             continue
         least = inf
-        f = np.empty(TERMS)
         level_of(shape, faces, part, c, off, f)
         for b in range(TERMS):
             least = min(least, f[b])
@@ -405,7 +415,7 @@ def pair_conflicts(
                 clear = True
             else:
                 meet(table, errors, segs[i], others[j], matrix, z, p, c, off, low, high)
-                clear = excluded(shape, faces, c, off)
+                clear = excluded(shape, faces, c, off, stack[0])
             if clear:
                 if inside:
                     count = append(rows, count, first, pair, entry, low)
@@ -494,7 +504,7 @@ def rising_at(f, count):
 def minimum(shape, faces, c, pieces, ends, f, best, at):
     """Return the minimum norm over [0, 1] and its place, if it is below `best`; `best` and `at` otherwise.
 
-    `pieces` (DEPTH, 3, TERMS) begins with the polynomial.
+    `pieces` (3 DEPTH, TERMS) begins with the polynomial.
     """
     for u in (0.0, 1.0):
         value = norm_at(shape, faces, c, u)
@@ -502,11 +512,11 @@ def minimum(shape, faces, c, pieces, ends, f, best, at):
             best, at = value, u
     for axis in range(3):
         for b in range(TERMS):
-            pieces[0, axis, b] = c[axis, b]
+            pieces[axis, b] = c[axis, b]
     top, begin, cuts = 0, 0.0, 0
     ends[0] = 1.0
     while top >= 0:
-        piece, end = pieces[top], ends[top]
+        piece, end = pieces[3 * top : 3 * top + 3], ends[top]
         bound = lower_bound(shape, faces, piece, f)
         if bound >= best - LEAST * abs(best) or end - begin <= NARROWEST or top + 1 == DEPTH:
             begin = end
@@ -526,7 +536,7 @@ def minimum(shape, faces, c, pieces, ends, f, best, at):
                 top -= 1
                 continue
         for axis in range(3):
-            cut(piece[axis], TERMS, 0.5, pieces[top + 1, axis])
+            cut(piece[axis], TERMS, 0.5, pieces[3 * top + 3 + axis])
         ends[top + 1] = 0.5 * (begin + end)
         value = norm(shape, faces, piece[0, 0], piece[1, 0], piece[2, 0])
         if value < best:
@@ -542,14 +552,14 @@ def minimum(shape, faces, c, pieces, ends, f, best, at):
 def closest(table, errors, segs, i, i_end, others, j, j_end, form, since, until, work, pieces):
     """Return the minimum norm of a pair over angles [since, until], and its angle."""
     shape, matrix, faces = form
-    z, p, c, off, stack, ends, places, outs = work
+    z, p, c, off, f, ends = work
     best, at = inf, nan
     while i < i_end and j < j_end:
         low = max(segs[i, FIRST], others[j, FIRST], since)
         high = min(segs[i, LAST], others[j, LAST], until)
         if low < high or (low == high and since == until and at != at):
             meet(table, errors, segs[i], others[j], matrix, z, p, c, off, low, high)
-            least, u = minimum(shape, faces, c, pieces, ends, stack[0], best, nan)
+            least, u = minimum(shape, faces, c, pieces, ends, f, best, nan)
             if least < best:
                 best, at = least, low + u * (high - low)
         if low > until:
@@ -558,22 +568,6 @@ def closest(table, errors, segs, i, i_end, others, j, j_end, form, since, until,
         i += 1 if a_last <= b_last else 0
         j += 1 if b_last <= a_last else 0
     return best, at
-
-
-@kernel()
-def work_space(faces):
-    """Return the arrays that a search works in."""
-    room = 2 * SQUARE + 2 * TERMS * (6 + len(faces))
-    return (
-        np.empty(COLUMNS),
-        np.empty((3, TERMS)),
-        np.empty((3, TERMS)),
-        np.empty(3),
-        np.empty((DEPTH, SQUARE)),
-        np.empty(DEPTH),
-        np.empty(room),
-        np.empty(room, dtype=np.int64),
-    )
 
 
 @kernel()
@@ -645,9 +639,27 @@ def conflicts_of_pairs(
     Returns the number of rows; `done` receives the next pair, and how many rows that pair needs if they do
     not fit.
     """
-    work, pieces = work_space(form[2]), np.empty((DEPTH, 3, TERMS))
+    clock, joints, turn, rows_of, steps = table
+    table = borrowed(clock), borrowed(joints), turn, borrowed(rows_of), borrowed(steps)
+    errors, segs, others, rows = borrowed(errors), borrowed(segs), borrowed(others), borrowed(rows)
+    tracks, other_tracks, angles = borrowed(tracks), borrowed(other_tracks), borrowed(angles)
+    form = form[0], borrowed(form[1]), borrowed(form[2])
+    room = 2 * SQUARE + 2 * TERMS * (6 + len(form[2]))
+    places, outs = np.empty(room), np.empty(room, dtype=np.int64)
+    work = (
+        stack_vector(COLUMNS),
+        stack_matrix(3, TERMS),
+        stack_matrix(3, TERMS),
+        stack_vector(3),
+        stack_matrix(DEPTH, SQUARE),
+        stack_vector(DEPTH),
+        borrowed(places),
+        borrowed(outs),
+    )
+    least_work = work[0], work[1], work[2], work[3], stack_vector(SQUARE), stack_vector(DEPTH)
+    pieces = stack_matrix(DEEP, TERMS)
     near = np.empty(max(0, len(angles) - 1), dtype=np.bool_)
-    clock, count = table[0], 0
+    count = 0
     for m in range(pair, len(first)):
         one, two = first[m], second[m]
         i, i_end, j, j_end = firsts[one], firsts[one + 1], other_firsts[two], other_firsts[two + 1]
@@ -676,7 +688,19 @@ def conflicts_of_pairs(
         for r in range(count, total):
             i, j = reaches(segs, i, i_end, rows[r, 1]), reaches(others, j, j_end, rows[r, 1])
             least, at = closest(
-                table, errors, segs, i, i_end, others, j, j_end, form, rows[r, 1], rows[r, 2], work, pieces
+                table,
+                errors,
+                segs,
+                i,
+                i_end,
+                others,
+                j,
+                j_end,
+                form,
+                rows[r, 1],
+                rows[r, 2],
+                least_work,
+                pieces,
             )
             rows[r, 4] = least
             rows[r, 3] = instant(clock, at, since, until, start, end)
@@ -703,7 +727,12 @@ def conflicts_of_pairs(
 )
 def approaches_of_pairs(table, errors, segs, firsts, others, other_firsts, first, second, form, out):
     """Fill `out` (P, 2) with the time and the minimum norm of every pair over its common time."""
-    work, pieces = work_space(form[2]), np.empty((DEPTH, 3, TERMS))
+    clock, joints, turn, rows_of, steps = table
+    table = borrowed(clock), borrowed(joints), turn, borrowed(rows_of), borrowed(steps)
+    errors, segs, others = borrowed(errors), borrowed(segs), borrowed(others)
+    form = form[0], borrowed(form[1]), borrowed(form[2])
+    z, p, c, off = stack_vector(COLUMNS), stack_matrix(3, TERMS), stack_matrix(3, TERMS), stack_vector(3)
+    work, pieces = (z, p, c, off, stack_vector(SQUARE), stack_vector(DEPTH)), stack_matrix(DEEP, TERMS)
     for m in range(len(first)):
         i, i_end = firsts[first[m]], firsts[first[m] + 1]
         j, j_end = other_firsts[second[m]], other_firsts[second[m] + 1]
@@ -719,69 +748,89 @@ def approaches_of_pairs(table, errors, segs, firsts, others, other_firsts, first
             out[m, 0], out[m, 1] = instant(table[0], at, since, until, start, end), least
 
 
+@kernel()
+def many_off(joints, rows, errors, segs, q, last, low, high, matrix, chord, p, c, left):
+    """Return the largest distance from their chord of all segments from q on that begin before `high`.
+
+    The chord's end, which is that of the last of them, is filled in.
+    """
+    end, most, off = q + 1, 0.0, np.empty(3)
+    while end < last and segs[end, FIRST] < high - ON_JOINT:
+        end += 1
+    for m in range(end - 1, q - 1, -1):
+        row = segs[m]
+        window = int(row[WINDOW])
+        polynomial(rows, window, row[COLUMN:], COLUMNS, matrix, p, c)
+        slack(errors, window, row[COLUMN:], COLUMNS, matrix, c, off)
+        first, final = share(joints, window, row[ORIGIN], low), share(joints, window, row[ORIGIN], high)
+        keep(c, first, final, left)
+        for axis in range(3 if m == end - 1 else 0):
+            chord[axis, 1] = c[axis, TERMS - 1]
+        for b in range(TERMS):
+            part = b / (TERMS - 1.0)
+            square = 0.0
+            for axis in range(3):
+                square += (c[axis, b] - (1.0 - part) * chord[axis, 0] - part * chord[axis, 1]) ** 2
+            most = max(most, sqrt(square) + off[0] + off[1] + off[2])
+    return most
+
+
 @kernel(
     void(
-        TABLE, float64[:, ::1], float64[:, ::1], int64[::1], float64[:, ::1], float64[::1], float64[:, :, ::1]
+        TABLE,
+        float64[:, ::1],
+        float64[:, :, :, ::1],
+        float64[:, ::1],
+        int64[::1],
+        float64[:, ::1],
+        float64[::1],
+        float64[:, :, ::1],
     )
 )
-def fill_tracks(table, errors, segs, firsts, matrix, angles, tracks):
+def fill_tracks(table, errors, apart, segs, firsts, matrix, angles, tracks):
     """Fill the tracks (N, 4, K + 1) of all spacecraft at `angles`; entries outside of a path stay unchanged.
 
     A track has the position at each angle in coordinates of a ball, and the largest deviation from the
-    chord to the next one: the hull of the polynomial less its chord.
+    chord to the next one: the hull of the polynomial less its chord.  `apart` has the
+    rows of that difference for equal pieces of each window (see `Table.apart`).
     """
-    joints, rows = table[1], table[3]
-    p, c, left, off = np.empty((3, TERMS)), np.empty((3, TERMS)), np.empty(TERMS), np.empty(3)
+    joints, rows, errors, apart = borrowed(table[1]), borrowed(table[3]), borrowed(errors), borrowed(apart)
+    segs, matrix, angles, tracks = borrowed(segs), borrowed(matrix), borrowed(angles), borrowed(tracks)
+    p, c, off, chord, left = (
+        stack_matrix(3, TERMS),
+        stack_matrix(3, TERMS),
+        stack_vector(3),
+        stack_matrix(3, 2),
+        stack_vector(TERMS),
+    )
+    pieces = len(apart) // (len(joints) - 1)
     for craft in range(len(firsts) - 1):
-        track, q = tracks[craft], firsts[craft]
+        track, q, last = tracks[craft], firsts[craft], firsts[craft + 1]
+        count, known, before = 0, -1, -1
         for k in range(len(angles) - 1):
             low, high = angles[k], angles[k + 1]
-            while q + 1 < firsts[craft + 1] and segs[q, LAST] <= low + ON_JOINT:
+            while q + 1 < last and segs[q, LAST] <= low + ON_JOINT:
                 q += 1
-            if segs[q, FIRST] >= high or segs[firsts[craft + 1] - 1, LAST] < low:
+            if segs[q, FIRST] >= high or segs[last - 1, LAST] < low:
                 continue
-            r, begun = q, False
-            while r < firsts[craft + 1] and (r == q or segs[r, FIRST] < high - ON_JOINT):
-                row = segs[r]
-                window = int(row[WINDOW])
-                count = COSTATE
-                for j in range(COSTATE, COLUMNS):
-                    if row[COLUMN + j] != 0.0:
-                        count = COLUMNS
+            row = segs[q]
+            window = int(row[WINDOW])
+            if known != q:
+                count, known = columns_in(row), q
                 polynomial(rows, window, row[COLUMN:], count, matrix, p, c)
                 slack(errors, window, row[COLUMN:], count, matrix, c, off)
-                keep(
-                    c, share(joints, window, row[ORIGIN], low), share(joints, window, row[ORIGIN], high), left
-                )
-                if not begun:
-                    if k > 0:  # a jump of position that `join` accepts
-                        for axis in range(3):
-                            track[OFF_CHORD, k - 1] += abs(track[axis, k] - c[axis, 0])
-                    for axis in range(3):
-                        track[axis, k] = c[axis, 0]
-                for axis in range(3):
-                    track[axis, k + 1] = c[axis, TERMS - 1]
-                begun = True
-                r += 1
+            piece = window * pieces + int(pieces * share(joints, window, row[ORIGIN], 0.5 * (low + high)))
+            polynomial(apart, min(piece, len(apart) - 1), row[COLUMN:], count, matrix, p, c)
             most = 0.0
-            for m in range(q, r):  # all arcs of the piece, off the chord between its ends
-                row = segs[m]
-                window = int(row[WINDOW])
-                if m > q or r > q + 1:
-                    count = COLUMNS
-                    polynomial(rows, window, row[COLUMN:], count, matrix, p, c)
-                    slack(errors, window, row[COLUMN:], count, matrix, c, off)
-                    keep(
-                        c,
-                        share(joints, window, row[ORIGIN], low),
-                        share(joints, window, row[ORIGIN], high),
-                        left,
-                    )
-                for b in range(TERMS):
-                    part = b / (TERMS - 1.0)
-                    square = 0.0
-                    for axis in range(3):
-                        chord = (1.0 - part) * track[axis, k] + part * track[axis, k + 1]
-                        square += (c[axis, b] - chord) ** 2
-                    most = max(most, sqrt(square) + off[0] + off[1] + off[2])
-            track[OFF_CHORD, k] = most
+            for b in range(1, TERMS - 1):
+                most = max(most, c[0, b] * c[0, b] + c[1, b] * c[1, b] + c[2, b] * c[2, b])
+            reach = sqrt(most) + off[0] + off[1] + off[2]
+            for axis in range(3):
+                chord[axis, 0], chord[axis, 1] = c[axis, 0], c[axis, TERMS - 1]
+            if q + 1 < last and segs[q + 1, FIRST] < high - ON_JOINT:
+                reach = many_off(joints, rows, errors, segs, q, last, low, high, matrix, chord, p, c, left)
+            for axis in range(3):
+                if before == k:  # a jump of position that `join` accepts
+                    track[OFF_CHORD, k - 1] += abs(track[axis, k] - chord[axis, 0])
+                track[axis, k], track[axis, k + 1] = chord[axis, 0], chord[axis, 1]
+            track[OFF_CHORD, k], before = reach, k + 1

@@ -79,12 +79,16 @@ def tracks_of_all(paths: Path, zones: Sequence[Zone], pairs: int) -> dict[Zone, 
     if not 0 < PAYS * len(paths) * len(zones) <= pairs:
         return dict.fromkeys(zones, NO_TRACKS)
     table = paths.orbit.chief.table
-    angles = table.angles(segments[:, FIRST].min(), segments[:, LAST].max(), beside_chief.PIECES)
+    windows = (len(table.joints) - 1) * 2.0 * np.pi / (table.joints[-1] - table.joints[0])
+    pieces = max(2, round(beside_chief.PER_TURN / windows))
+    angles = table.angles(segments[:, FIRST].min(), segments[:, LAST].max(), pieces)
     if not 4 * len(paths) * len(zones) * len(angles) <= LARGEST:
         return dict.fromkeys(zones, NO_TRACKS)
     tracks = {}
     for zone in zones:
         own = np.zeros((len(paths), 4, len(angles)))
-        beside_chief.fill_tracks(table.form, table.errors, segments, firsts, enclosing(zone), angles, own)
+        beside_chief.fill_tracks(
+            table.form, table.errors, table.apart(pieces), segments, firsts, enclosing(zone), angles, own
+        )
         tracks[zone] = Tracks(angles, own, own)
     return tracks

@@ -26,6 +26,7 @@ DEGREE = 11
 TERMS = DEGREE + 1
 SQUARE = 2 * DEGREE + 1  # coefficients of a square
 CHOOSE = np.array([float(comb(DEGREE, i)) for i in range(TERMS)])
+BINOMIAL = np.array([[float(comb(n, i)) for i in range(SQUARE)] for n in range(SQUARE)])
 # Coefficient i + j of a product of two polynomials of the degree has the share PRODUCT[i, j] of f_i g_j.
 PRODUCT = np.array(
     [
@@ -96,6 +97,25 @@ def basis_at(u: Floats) -> Floats:
     return np.asarray(CHOOSE * u[..., None] ** i * (1.0 - u[..., None]) ** (DEGREE - i))
 
 
+@cache
+def pieces_of(count: int) -> Floats:
+    """Return the matrices (count, TERMS, TERMS) of `piece_of` for equal pieces of [0, 1]."""
+    return np.array([piece_of(k / count, (k + 1) / count) for k in range(count)])
+
+
+def piece_of(low: float, high: float) -> Floats:
+    """Return the matrix (TERMS, TERMS) from coefficients on [0, 1] to those on [low, high]."""
+    out = np.empty((TERMS, TERMS))
+    for column, unit in zip(out.T, np.eye(TERMS), strict=True):
+        for j in range(TERMS):  # the blossom at j times `high` and the rest times `low`
+            f = unit.copy()
+            for k in range(DEGREE):
+                u = high if k < j else low
+                f = (1.0 - u) * f[:-1] + u * f[1:]
+            column[j] = f[0]
+    return out
+
+
 @kernel()
 def weights(u, out):
     """Fill `out` (TERMS,) with B_i(u)."""
@@ -138,14 +158,13 @@ def value_at(f, count, u):
     """Return f(u) and f'(u), by de Casteljau's sums in Horner's form."""
     v = 1.0 - u
     last = count - 1
-    choose, power = 1.0, 1.0
+    power = 1.0
     total = f[0]
     slope = f[1] - f[0] if last > 0 else 0.0
     for i in range(1, count):
         # the sum of degree i of the leading terms: multiply by v, and add the next
-        choose = choose * (last - i + 1) / i
         power *= u
-        total = total * v + choose * power * f[i]
+        total = total * v + BINOMIAL[last, i] * power * f[i]
         if i < last:
-            slope = slope * v + choose * (last - i) / last * power * (f[i + 1] - f[i])
+            slope = slope * v + BINOMIAL[last - 1, i] * power * (f[i + 1] - f[i])
     return total, last * slope

@@ -28,6 +28,7 @@ from closeform.motion.chief.bernstein import (
     chebyshev_of,
     integral_to,
     nodes,
+    pieces_of,
 )
 
 STATE, COSTATE, PUSH, COLUMNS = 0, 6, 12, 15  # first columns, and their number
@@ -73,6 +74,17 @@ class Table(NamedTuple):
         """Arguments of kernels."""
         return self.clock, self.joints, self.turn, self.rows, self.steps
 
+    def apart(self, pieces: int) -> Floats:
+        """Return the rows (K pieces, 15, 3, 12) of positions less their chords in equal pieces of windows.
+
+        The first and the last coefficient, of which nothing is left, are those of the positions themselves.
+        """
+        parts = pieces_of(pieces).copy()
+        ends = np.linspace(0.0, 1.0, TERMS)[:, None]
+        parts[:, 1:-1] -= ((1.0 - ends) * parts[:, :1] + ends * parts[:, -1:])[:, 1:-1]
+        out = self.rows[:, None, :, :3] @ parts.swapaxes(1, 2)[None, :, None]
+        return np.ascontiguousarray(out.reshape(-1, COLUMNS, 3, TERMS))
+
     def angles(self, first: float, last: float, pieces: int) -> Floats:
         """Return the angles that cut all windows from one angle to another into equal pieces."""
         joints = self.joints
@@ -83,11 +95,11 @@ class Table(NamedTuple):
             joints = np.append(
                 (self.turn * turns[:, None] + joints[:-1]).ravel(), self.turn * (turns[-1] + 1.0) + joints[0]
             )
-        begin = max(int(np.searchsorted(joints, first, side="right")) - 1, 0)
-        end = min(int(np.searchsorted(joints, last, side="left")), len(joints) - 1)
-        joints = joints[begin : max(end, begin + 1) + 1]
         shares = np.arange(pieces) / pieces
-        return np.append((joints[:-1, None] + np.diff(joints)[:, None] * shares).ravel(), joints[-1])
+        angles = np.append((joints[:-1, None] + np.diff(joints)[:, None] * shares).ravel(), joints[-1])
+        begin = max(int(np.searchsorted(angles, first, side="right")) - 1, 0)
+        end = min(int(np.searchsorted(angles, last, side="left")), len(angles) - 1)
+        return np.asarray(angles[begin : max(end, begin + 1) + 1])
 
 
 def build(clock: Floats, joints: Floats, turn: float, flow: Flow, tails: Floats) -> Table:
