@@ -10,12 +10,15 @@ from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, broadcast, finite, shown
 from closeform.motion import effort
-from closeform.motion.arc import END, MEAN_MOTION, PUSH, START, STATE, THRUST, WIDTH
+from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, PUSH, START, STATE, THRUST, WIDTH
 from closeform.motion.chief import segments as kernels
+from closeform.motion.chief.bernstein import TERMS
+from closeform.motion.chief.impulses import COUNT, FIRST, LOWER, UPPER, primer_rows, solve
 from closeform.motion.chief.kepler import KeplerChief
 from closeform.motion.chief.numerical import GivenChief, OblateChief
 from closeform.motion.chief.table import COLUMNS, COSTATE
 from closeform.motion.chief.table import PUSH as PUSHED
+from closeform.motion.duration import MOST_TURNS
 from closeform.motion.ends import arcs_between, arcs_from
 from closeform.motion.lambert import drifts
 from closeform.motion.path import FORGIVEN, Path, path_of
@@ -23,9 +26,11 @@ from closeform.motion.path import FORGIVEN, Path, path_of
 if TYPE_CHECKING:
     from closeform.fuel.thrusters import Thrusters
 
-SUPPORTED = (
-    "coast, transition, transfer, two_impulse, burn, sampled, find_conflicts, closest_approach and screen"
-)
+SUPPORTED = "transfer, impulsive, find_conflicts and screen, which hold about any chief"
+
+
+PROVEN = 1e-6  # relative gap between the cost of impulses and its lower bound
+UNMOVED = 1e-14  # of the states: a smaller change is rounding, and takes no impulse
 
 
 @dataclass(frozen=True, repr=False)
@@ -237,26 +242,103 @@ class ChiefOrbit:
         start: ArrayLike = 0.0,
         thrusters: Thrusters | None = None,
     ) -> Path:
-        """Raise ValueError: impulses of minimum delta-v hold for circular orbits only.
+        """Return the minimum-delta-v impulses between two states in a given time: at most six.
 
         Parameters
         ----------
-        initial, final : array_like of shape (..., 6) [m, m/s]
-            States before and after the impulses, in the chief's frame.
-        duration, start : array_like of shape (...) [s]
-            As for `two_impulse`.
-        thrusters : Thrusters, optional
-            As for `Orbit.impulsive`.
+        initial : array_like of shape (..., 6) [m, m/s]
+            Before the first impulse, in the chief's frame.
+        final : array_like of shape (..., 6) [m, m/s]
+            After the last one, in the chief's frame.
+        duration : array_like of shape (...) [s]
+            Above 0, at most 100 revolutions.
+        start : array_like of shape (...) [s], default 0
+            Departure time, from that of the chief's elements; all arguments broadcast.
+        thrusters : None
+            Fixed thrusters hold for circular orbits only.
+
+        Returns
+        -------
+        Path
+            Path of the broadcast shape; `impulses` lists times and velocity changes of one spacecraft.
 
         Raises
         ------
         ValueError
-            Always.
+            If thrusters are given; if no plan is proven to be within a relative 1e-6 of the minimum; if a
+            duration is not positive or too long, a time is outside of the span of the chief, shapes do not
+            fit, or a number is not finite.
+
+        References
+        ----------
+        Lawden's primer, by its dual in six unknowns: docs/theory.md (29).
+
+        Examples
+        --------
+        >>> orbit = cf.Orbit.eccentric(0.3, perigee_altitude=500e3)
+        >>> given = [0, -200, 0, 0, 0, 0], np.zeros(6), orbit.period
+        >>> bool(orbit.impulsive(*given).delta_v < orbit.two_impulse(*given[:2], 0.9 * orbit.period).delta_v)
+        True
         """
-        raise ValueError(
-            f"orbit: impulses of minimum delta-v hold for a circular orbit only, not for an {self.chief}; "
-            "use two_impulse, or transfer, whose delta_v is an upper bound"
-        )
+        if thrusters is not None:
+            raise ValueError(
+                f"thrusters: hold for circular orbits only, not for an {self.chief}; leave them out"
+            )
+        arcs, finals = arcs_between(self._rate, initial, final, duration, start)
+        rows = self._arcs(arcs).reshape(-1, WIDTH)
+        lengths = rows[:, END] - rows[:, START]
+        if len(rows) and lengths.max() > MOST_TURNS * self.period:
+            raise ValueError(
+                f"duration: the minimum delta-v is computed over at most {MOST_TURNS:g} revolutions, got "
+                f"{lengths.max() / self.period:g}; coast for the rest"
+            )
+        plans = [self._fired(row, end, self._least(row, end)) for row, end in zip(rows, finals, strict=True)]
+        offsets = np.concatenate([[0], np.cumsum([len(plan) for plan in plans])]).astype(np.int64)
+        return path_of(self, np.concatenate([np.empty((0, WIDTH)), *plans]), offsets, arcs.shape[:-1])
+
+    def _least(self, arc: Floats, final: Floats) -> Floats:
+        """Return the impulses (K, 4) [s, m/s] of minimum delta-v from an arc's state to a final one."""
+        table, rate = self.chief.table, self._rate
+        unit = np.array([1.0] * 3 + [rate] * 3)
+        segments, _ = self._segments(arc[None], np.array([0, 1]))
+        rows, whole = np.empty((len(segments), 3, 6, TERMS)), np.empty((6, 6))
+        primer_rows(table.form, segments, rows, whole)
+        begin = segments[0, kernels.COLUMN : kernels.COLUMN + 6]
+        change = np.linalg.solve(whole, final / unit - whole @ begin)
+        sizes = np.abs(whole) @ np.abs(begin) + np.abs(final / unit)
+        if np.abs(whole @ change).max() <= UNMOVED * sizes.max():
+            return np.empty((0, 4))
+        skew = table.skew(int(segments[0, kernels.WINDOW]))
+        answer = solve(rows, np.concatenate([change[3:] + skew @ change[:3], -change[:3]]))
+        if not answer[UPPER] - answer[LOWER] <= PROVEN * answer[UPPER]:
+            raise ValueError(
+                f"duration: no plan of impulses about an {self.chief} is proven to be within {PROVEN:g} "
+                f"of the minimum, {rate * answer[LOWER]:.6g} m/s; change the duration, or use two_impulse"
+            )
+        found = answer[FIRST:].reshape(-1, 5)[: int(answer[COUNT])]
+        windows = segments[found[:, 0].astype(int)]
+        first, last = windows[:, kernels.FIRST], windows[:, kernels.LAST]
+        angles = first + found[:, 1] * (last - first)
+        times = (angles - table.clock[1] * np.sin(angles) - table.clock[2]) / rate
+        times = np.clip(times, arc[START], arc[END])
+        times[angles <= segments[0, kernels.FIRST] + kernels.ON_JOINT] = arc[START]
+        times[angles >= segments[-1, kernels.LAST] - kernels.ON_JOINT] = arc[END]
+        return np.column_stack([times, rate * found[:, 2:]])
+
+    def _fired(self, arc: Floats, final: Floats, impulses: Floats) -> Floats:
+        """Return the coasts (M, 30) between impulses (K, 4) from an arc's state to a final one."""
+        out, row = [], arc.copy()
+        for time, *push in impulses:
+            if time > row[START]:
+                out.append(row.copy())
+                out[-1][END] = time
+                row[STATE : STATE + 6] = self._arrived(out[-1][None])[0]
+                row[START], row[IMPULSE : IMPULSE + 3] = time, 0.0
+            row[IMPULSE : IMPULSE + 3] += push
+            row[STATE + 3 : STATE + 6] += push
+        if row[START] == row[END]:
+            row[STATE : STATE + 6] = final
+        return np.array([*out, row])
 
     def burn(
         self,

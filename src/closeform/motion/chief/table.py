@@ -74,6 +74,17 @@ class Table(NamedTuple):
         """Arguments of kernels."""
         return self.clock, self.joints, self.turn, self.rows, self.steps
 
+    def skew(self, k: int) -> Floats:
+        """Return W (3, 3) where window k begins, of the form r . v' - r' . v + r . W r' of two motions.
+
+        That form is constant in time.  W is twice the cross product with the frame's rate; the symplectic
+        inverse of the step gives it.
+        """
+        flow = self.steps[k, :6, :6]
+        back = np.linalg.inv(flow)[:, 3:]
+        found = (flow[:3, :3].T - back[3:]) @ np.linalg.inv(back[:3])
+        return np.asarray(0.5 * (found - found.T))
+
     def apart(self, pieces: int) -> Floats:
         """Return the rows (K pieces, 15, 3, 12) of positions less their chords in equal pieces of windows.
 
