@@ -309,6 +309,7 @@ class ChiefOrbit:
         if np.abs(whole @ change).max() <= UNMOVED * sizes.max():
             return np.empty((0, 4))
         skew = table.skew(int(segments[0, kernels.WINDOW]))
+        # theory (99)
         answer = solve(rows, np.concatenate([change[3:] + skew @ change[:3], -change[:3]]))
         if not answer[UPPER] - answer[LOWER] <= PROVEN * answer[UPPER]:
             raise ValueError(

@@ -12,7 +12,7 @@ with the true anomaly nu.  In the eccentric anomaly s, with D = 1 - e cos s,
 so a motion is analytic in s wherever D is not 0.  A Chebyshev interpolant of degree m of a function that is
 analytic in the Bernstein ellipse of a window, and there at most M, is off by at most
 
-    4 M rho_b^-m / (rho_b - 1)            rho_b the sum of the half-axes, the window being [-1, 1]
+    4 M rho_b^-m / (rho_b - 1)    # theory (98), rho_b the sum of the half-axes, the window being [-1, 1]
 
 (Trefethen 2013, theorem 8.2).  In that ellipse |Im s| <= b, so with x = Re s
 

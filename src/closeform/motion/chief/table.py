@@ -3,7 +3,7 @@
 In a window that begins at the angle s_k (see `clock`), with u from 0 to 1,
 
     (r, v)(u) = sum_i B_i(u) (C_i x_k + R_i c_k + G_i a)
-    C = Phi(t, t_k),  R = integral of Phi(t, t') B E Phi(t', t_k) dt',  G = integral of Phi(t, t') B dt'
+    C = Phi(t, t_k),  R = integral of Phi(t, t') B E Phi(t', t_k) dt',  G = integral of Phi(t, t') B dt'                # theory (97)
 
 for the state x_k and the costate c_k = (p, p') at its beginning, and a constant push a in the turning frame.
 E takes the position of a state, B makes an acceleration a change of state.  The thrust of least energy is
