@@ -29,7 +29,7 @@ CONTENTS = {
     "index": "start tour guide gallery reference background",
     "guide": (
         "choose lost_craft robustness conflicts avoidance formation targets fuel passive_safety uncertainty "
-        "ephemerides export epochs field evidence campaigns motion elements python "
+        "ephemerides export epochs field evidence campaigns models motion elements python "
         "notebooks/find notebooks/collide notebooks/move pictures viewer"
     ),
     "reference": "scenario scenario_keys command-line api messages glossary",

@@ -68,6 +68,28 @@ CALLS = {
     "Orbit.circular": inputs(altitude=5e5, mu=4e14, radius=6.4e6),
     "Orbit.from_semi_major_axis": inputs(semi_major_axis=7e6, mu=4e14),
     "Orbit.from_period": inputs(period=5700.0),
+    "Orbit.eccentric": inputs(
+        eccentricity=0.2, semi_major_axis=8e6, true_anomaly=0.4, mu=4e14, radius=6.3e6
+    ),
+    "Orbit.perturbed": inputs(
+        eccentricity=0.01,
+        inclination=1.1,
+        semi_major_axis=8e6,
+        argument_of_perigee=0.2,
+        true_anomaly=0.4,
+        span=900.0,
+        j2=1e-3,
+        mu=4e14,
+        radius=6.3e6,
+    ),
+    "Orbit.perturbed, perigee": inputs(eccentricity=0.01, inclination=1.1, perigee_altitude=5e5, span=900.0),
+    "Orbit.from_transition": inputs(
+        transition=lambda start, times: ORBIT.transition(times - start),
+        period=5700.0,
+        span=np.array([0.0, 900.0]),
+        error=1e-12,
+    ),
+    "Orbit.eccentric, perigee": inputs(eccentricity=0.2, perigee_altitude=5e5),
     "Orbit.transition": inputs(self=ORBIT, duration=np.array([[1.0, 2.0]])),
     "Orbit.coast": inputs(self=ORBIT, state=START, duration=TIMES, start=TIMES),
     "Orbit.transfer": inputs(

@@ -14,9 +14,10 @@ from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, numbers, sequence, shown, size
 from closeform.conflicts.batches import ahead, chunks, rounds, sieve_of
-from closeform.conflicts.pair_search import COLUMNS, all_rows, conflicts_of_pairs
+from closeform.conflicts.pair_rows import collected, conflicts_of, tracks_of_all
+from closeform.conflicts.pair_search import COLUMNS, conflicts_of_pairs
 from closeform.conflicts.tracks import NO_TRACKS, Tracks, follow
-from closeform.conflicts.two_paths import PairConflict, one_of
+from closeform.conflicts.two_paths import PairConflict, one_of, require_hill
 from closeform.motion.joining import stack
 from closeform.motion.path import Path
 from closeform.result import Rows
@@ -129,14 +130,14 @@ def search_pairs(
     """
     if tracks is None:
         tracks = follow(arcs, offsets, others, other_offsets, (zone,), len(first))[zone]
-    bodies = arcs, offsets, others, other_offsets, first, second
-    table = all_rows(
-        lambda pair, rows, done: conflicts_of_pairs(*bodies, pair, zone.form, *tracks, rows, done),
-        len(first),
-        min(4096, 64 + len(first)),
+    bodies = arcs, offsets, others, other_offsets
+    return collected(
+        lambda pair, rows, done: conflicts_of_pairs(
+            *bodies, first, second, pair, zone.form, *tracks, rows, done
+        ),
+        first,
+        second,
     )
-    index = table[:, 0].astype(np.int64)
-    return np.stack([first[index], second[index]], axis=1), table[:, 1:]
 
 
 def screen(
@@ -209,6 +210,8 @@ def screen(
     sigmas = size("sigmas", sigmas)
     held = zone if isinstance(zone, Zone) else pair_zones("zone", zone, len(batch))
     known = _known(held, errors)
+    if known is not None:
+        require_hill(batch, "errors")
     sieve = sieve_of(batch, held) if known is None else None
     zones = _zones(held)
     search = _search(batch, zones, known, errors, sigmas, sieve is None)
@@ -270,8 +273,7 @@ def _search(paths: Path, zones: tuple[Zone, ...], known: Any, errors: Any, sigma
     """Return the function that finds the rows of pairs, given a zone and both indices."""
     if known is not None:
         return known._search_of(paths, errors, zones, sigmas)
-    bodies = paths.arcs, paths.offsets
-    tracks = follow(*bodies, *bodies, zones, len(paths) ** 2 // 2 if every else 0)
-    return lambda one, first, second: search_pairs(
-        *bodies, *bodies, one, first, second, tracks.get(one, NO_TRACKS)
+    tracks = tracks_of_all(paths, zones, len(paths) ** 2 // 2 if every else 0)
+    return lambda one, first, second: conflicts_of(
+        paths, paths, one, first, second, tracks.get(one, NO_TRACKS)
     )

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from closeform.motion.chief_orbit import ChiefOrbit
 from closeform.motion.path import Path
 from closeform.zones.pair_zones import PairZones, pairs_of
 from closeform.zones.zone import Zone
@@ -26,8 +27,8 @@ KEPT = 1 << 23  # number of pairs left by a sieve from which they are searched b
 
 
 def sieve_of(paths: Path, zones: Zone | PairZones) -> Sieve | None:
-    """Return the sieve of many spacecraft, or None if it saves no time."""
-    if len(paths) < MANY:
+    """Return the sieve of many spacecraft, or None if it does not pay."""
+    if len(paths) < MANY or isinstance(paths.orbit, ChiefOrbit):
         return None
     from closeform.conflicts.sieve import Sieve  # imported here: few users need its kernel
 

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from closeform.arrays import Floats, broadcast, instance, shown, size
-from closeform.conflicts.pair_search import all_rows, approaches_of_pairs, conflicts_of_pairs
-from closeform.conflicts.tracks import NO_TRACKS
+from closeform.conflicts.pair_rows import approaches_of, conflicts_of
 from closeform.motion.arc import MEAN_MOTION, START, STATE
+from closeform.motion.chief_orbit import ChiefOrbit
 from closeform.motion.path import Path
 from closeform.result import Result, Rows
 from closeform.zones.combined_zones import Body, CovarianceZone
@@ -104,11 +104,8 @@ def check_comparable(path: Path, other: Path, zone: Zone) -> None:
             "zone: expected that of the pair; from own zones use PairZones.of([one, other]).between(0, 1)"
         )
     instance("zone", zone, Zone)
-    if path.orbit.mean_motion != other.orbit.mean_motion:
-        raise ValueError(
-            f"other: must be in the orbit of path, mean motion {path.orbit.mean_motion:g} rad/s, "
-            f"got {other.orbit.mean_motion:g}"
-        )
+    if path.orbit != other.orbit:
+        raise ValueError(f"other: must be in the orbit of path, {path.orbit}, got {other.orbit}")
 
 
 def find_conflicts(
@@ -185,14 +182,21 @@ def find_conflicts(
         )
     sigmas = size("sigmas", sigmas)
     if known := one_of([("errors", errors), ("other_errors", other_errors)]):
+        require_hill(path, "errors")
         stays: tuple[Conflict, ...] = known._find_conflicts(path, other, zone, errors, other_errors, sigmas)
         return stays
     one = np.zeros(1, dtype=np.int64)
-    bodies = path.arcs, path.offsets, other.arcs, other.offsets, one, one
-    rows = all_rows(
-        lambda pair, rows, done: conflicts_of_pairs(*bodies, pair, zone.form, *NO_TRACKS, rows, done), 1, 16
-    )
-    return tuple(Conflict(*map(float, row[1:])) for row in rows)
+    _, rows = conflicts_of(path, other, zone, one, one)
+    return tuple(Conflict(*map(float, row)) for row in rows)
+
+
+def require_hill(path: Path, feature: str) -> None:
+    """Raise ValueError if the orbit is not circular: `feature` holds for Hill's equations only."""
+    if isinstance(path.orbit, ChiefOrbit):
+        raise ValueError(
+            f"{feature}: supported about a circular orbit only, not about an {path.orbit.chief}; leave it "
+            "out, and enlarge the zone instead"
+        )
 
 
 def one_of(errors: Sequence[tuple[str, Any]]) -> Any:
@@ -244,8 +248,7 @@ def closest_approach(path: Path, other: Path, zone: Zone) -> Approach:
     shape = broadcast(path=path.shape, other=other.shape)
     first = craft_of(path, shape)
     second = craft_of(other, shape)
-    out = np.empty((len(first), 2))
-    approaches_of_pairs(path.arcs, path.offsets, other.arcs, other.offsets, first, second, zone.form, out)
+    out = approaches_of(path, other, zone, first, second)
     time, ratio = out[:, 0].reshape(shape), out[:, 1].reshape(shape)
     distance = np.full(len(first), inf)
     met = np.isfinite(out[:, 0])

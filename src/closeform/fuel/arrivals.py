@@ -8,9 +8,9 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats, finite, instance
+from closeform.arrays import Floats, finite
 from closeform.fuel.bound import delta_v_bound, least_delta_v
-from closeform.motion.orbit import Orbit
+from closeform.motion.orbit import Orbit, circular_orbit
 from closeform.result import Rows
 
 
@@ -89,7 +89,7 @@ def transfer_cost_table(
     ----------
     docs/theory.md (27, 28).
     """
-    motion, begin = instance("orbit", orbit, Orbit), finite("initial", initial, 6)
+    motion, begin = circular_orbit("orbit", orbit), finite("initial", initial, 6)
     places, times = finite("slots", slots, 6), finite("duration", duration)
     if places.ndim != 2 or not len(places):
         raise ValueError(f"slots: expected shape (S, 6) for one slot at least, got {places.shape}")

@@ -8,12 +8,12 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats, instance
+from closeform.arrays import Floats
 from closeform.motion.arc import END, WIDTH
 from closeform.motion.constant_primers import constant_bounds
 from closeform.motion.ends import arcs_between
 from closeform.motion.impulses import answers
-from closeform.motion.orbit import Orbit
+from closeform.motion.orbit import Orbit, circular_orbit
 from closeform.motion.path import Path, path_of
 from closeform.motion.reduced import LOWER, PRIMER, UNIQUE, UPPER
 from closeform.motion.saturated import BOUND, PROOF, WORST
@@ -117,7 +117,7 @@ def least_delta_v(
     """
     if max_acceleration is not None:
         return _within(orbit, initial, final, duration, max_acceleration)
-    arcs, finals = arcs_between(instance("orbit", orbit, Orbit).mean_motion, initial, final, duration, 0.0)
+    arcs, finals = arcs_between(circular_orbit("orbit", orbit).mean_motion, initial, final, duration, 0.0)
     shape, rows = arcs.shape[:-1], arcs.reshape(-1, WIDTH)
     found = answers(orbit.mean_motion, rows, finals)
     lower, upper = found[:, LOWER], found[:, UPPER]
@@ -131,7 +131,7 @@ def _within(
     orbit: Orbit, initial: ArrayLike, final: ArrayLike, duration: ArrayLike, max_acceleration: ArrayLike
 ) -> Bound:
     """Return the minimum delta-v within a limit; it is unique if thrust is at the limit or zero."""
-    n = instance("orbit", orbit, Orbit).mean_motion
+    n = circular_orbit("orbit", orbit).mean_motion
     arcs, finals = arcs_between(n, initial, final, duration, 0.0)
     steer(n, arcs.reshape(-1, WIDTH), finals)
     ends = finals.reshape(*arcs.shape[:-1], 6)
@@ -183,7 +183,7 @@ def delta_v_bound(orbit: Orbit, initial: ArrayLike, final: ArrayLike, duration: 
     ----------
     Primers of constant length: docs/theory.md (28).
     """
-    arcs, finals = arcs_between(instance("orbit", orbit, Orbit).mean_motion, initial, final, duration, 0.0)
+    arcs, finals = arcs_between(circular_orbit("orbit", orbit).mean_motion, initial, final, duration, 0.0)
     shape, rows = arcs.shape[:-1], arcs.reshape(-1, WIDTH)
     out: Floats = np.empty(len(rows))
     constant_bounds(orbit.mean_motion, rows, finals, out)

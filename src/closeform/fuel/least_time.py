@@ -18,7 +18,7 @@ from numba import float64, void
 from numpy.typing import ArrayLike
 
 from closeform._jit import kernel
-from closeform.arrays import Floats, broadcast, instance, numbers, shown
+from closeform.arrays import Floats, broadcast, numbers, shown
 from closeform.fuel.shortest import REACH, shortest_transfer, surely_too_short
 from closeform.kernel_loans import stack_matrix, stack_vector
 from closeform.motion.arc import END, MEAN_MOTION, START, STATE, WIDTH, acceleration
@@ -28,7 +28,7 @@ from closeform.motion.duration import SHORTEST
 from closeform.motion.hill import coast, costate
 from closeform.motion.linear import dot
 from closeform.motion.mean_motion import checked
-from closeform.motion.orbit import Orbit
+from closeform.motion.orbit import Orbit, circular_orbit
 from closeform.motion.path import Path, path_of
 from closeform.motion.saturated import worth
 
@@ -171,7 +171,7 @@ def least_time(
         raise ValueError(f'profile: expected "least time" or "energy", got {shown(profile)}')
     if profile == "energy":
         return shortest_transfer(orbit, initial, final, max_acceleration, start)
-    instance("orbit", orbit, Orbit).transfer(initial, final, 1.0, start)  # raises for invalid arguments
+    circular_orbit("orbit", orbit).transfer(initial, final, 1.0, start)  # raises for invalid arguments
     limits = np.asarray(checked("max_acceleration", max_acceleration, positive=True))
     given = numbers("initial", initial), numbers("final", final), numbers("start", start)
     shape = broadcast(

@@ -8,10 +8,10 @@ from math import inf, isfinite, nan, sqrt
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats, broadcast, instance, numbers
+from closeform.arrays import Floats, broadcast, numbers
 from closeform.motion.duration import SHORTEST
 from closeform.motion.mean_motion import checked
-from closeform.motion.orbit import Orbit
+from closeform.motion.orbit import Orbit, circular_orbit
 from closeform.motion.path import Path
 
 REACH = 10.0  # orbits: longer transfers are not searched
@@ -71,7 +71,7 @@ def shortest_transfer(
     Palmer, J. Guidance, Control, and Dynamics 30(5), 1542-1546, 2007, asks which states a limited thrust
     can reach; docs/theory.md section 2.
     """
-    instance("orbit", orbit, Orbit).transfer(initial, final, 1.0, start)  # raises for invalid arguments
+    circular_orbit("orbit", orbit).transfer(initial, final, 1.0, start)  # raises for invalid arguments
     begins, ends = numbers("initial", initial), numbers("final", final)
     limits = np.asarray(checked("max_acceleration", max_acceleration, positive=True))
     shape = broadcast(initial=begins.shape[:-1], final=ends.shape[:-1], max_acceleration=limits.shape)

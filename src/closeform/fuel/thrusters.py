@@ -9,9 +9,9 @@ from typing import Any, Literal, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats, instance, of_each, positive, sequence, shown
+from closeform.arrays import Floats, of_each, positive, sequence, shown
 from closeform.motion.mean_motion import checked
-from closeform.motion.orbit import Orbit
+from closeform.motion.orbit import Orbit, circular_orbit
 
 UNIT = 1e-6  # accepted deviation of a direction's length from 1: six digits may be typed
 MOST = 64  # thrusters: the facets of their hull are found among all triples
@@ -208,7 +208,7 @@ class Thrusters:
         ----------
         docs/fuel.md, thrusters.
         """
-        angles = instance("orbit", orbit, Orbit).mean_motion * np.asarray(checked("time", time))
+        angles = circular_orbit("orbit", orbit).mean_motion * np.asarray(checked("time", time))
         if self.frame == "orbit":
             return np.broadcast_to(self.directions, (*angles.shape, *self.directions.shape))
         turned: Floats = np.einsum("...ij,mj->...mi", turn(angles), self.directions)

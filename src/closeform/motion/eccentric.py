@@ -39,8 +39,8 @@ class EccentricOrbit:
 
     Notes
     -----
-    `EccentricOrbit` provides coasts and transition matrices only.  Transfers, their bounds and passive safety
-    use Hill's equations (`Orbit`); `compensated_thrust` simulates their paths relative to an eccentric chief.
+    `EccentricOrbit` provides coasts as sampled paths, for planning in the `Orbit` of its mean motion, and
+    transition matrices.  `Orbit.eccentric` makes transfers about an eccentric chief, and searches conflicts.
 
     References
     ----------

@@ -20,7 +20,7 @@ def _single(paths: Any, verb: str) -> list[Path]:
     if not chosen:
         raise ValueError(f"paths: nothing to {verb}, give at least one path")
     for path in chosen:
-        if path.orbit.mean_motion != chosen[0].orbit.mean_motion:
+        if path.orbit != chosen[0].orbit:
             raise ValueError(f"paths: all must be in one orbit to {verb} them")
     return chosen
 
@@ -135,6 +135,6 @@ def drifting(path: Path, time: float, state: Floats | None = None) -> Path:
 def drift(orbit: Orbit, start: float, end: float, state: Floats) -> Path:
     """Return natural motion from a state."""
     arc = np.zeros((1, WIDTH))
-    arc[0, [START, END, MEAN_MOTION]] = start, end, orbit.mean_motion
+    arc[0, [START, END, MEAN_MOTION]] = start, end, orbit._column
     arc[0, STATE : STATE + 6] = state
     return path_of(orbit, arc, np.array([0, 1]), ())

@@ -6,16 +6,13 @@ at 1.407, 2.445 ... orbits, where tan(n t / 2) = 3 n t / 8.  At these times some
 and the others can be reached with many velocities.
 """
 
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
 from closeform.arrays import Floats
 from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, START, STATE, WIDTH
 from closeform.motion.path import FORGIVEN, Path, path_of
-
-if TYPE_CHECKING:
-    from closeform.motion.orbit import Orbit
 
 # Fraction of duration times speed: a velocity direction that moves the end by less than this is taken as
 # free. Larger: transfers close to such a time miss their end by more than the 1e-9 that paths promise.
@@ -45,11 +42,11 @@ def start_velocities(flow: Floats, durations: Floats, initial: Floats, final: Fl
     return np.asarray(speeds)
 
 
-def drifts(orbit: "Orbit", arcs: Floats, finals: Floats) -> Path:
+def drifts(orbit: Any, arcs: Floats, finals: Floats) -> Path:
     """Return natural motion over `arcs` (..., 30) to final states (P, 6), with an impulse at either end."""
     rows = arcs.reshape(-1, WIDTH)
     begins, lengths = rows[:, STATE : STATE + 6].copy(), rows[:, END] - rows[:, START]
-    speeds = start_velocities(orbit.transition(lengths), lengths, begins, finals)
+    speeds = start_velocities(orbit._flow(rows), lengths, begins, finals)
     rows[:, STATE + 3 : STATE + 6] = speeds
     rows[:, IMPULSE : IMPULSE + 3] = speeds - begins[:, 3:]
     drift = path_of(orbit, rows, np.arange(len(rows) + 1), (len(rows),))
@@ -57,14 +54,14 @@ def drifts(orbit: "Orbit", arcs: Floats, finals: Floats) -> Path:
     _reached(orbit, arcs.shape[:-1], rows, arrived, finals)
     last = np.zeros_like(rows)
     last[:, [START, END]] = rows[:, [END]]
-    last[:, MEAN_MOTION] = orbit.mean_motion
+    last[:, MEAN_MOTION] = rows[:, MEAN_MOTION]
     last[:, STATE : STATE + 6] = finals
     last[:, IMPULSE : IMPULSE + 3] = finals[:, 3:] - arrived[:, 3:]
     both = np.stack([rows, last], axis=1).reshape(-1, WIDTH)
     return Path(orbit, both, 2 * np.arange(len(rows) + 1), arcs.shape[:-1])
 
 
-def _reached(orbit: "Orbit", shape: tuple[int, ...], rows: Floats, arrived: Floats, finals: Floats) -> None:
+def _reached(orbit: Any, shape: tuple[int, ...], rows: Floats, arrived: Floats, finals: Floats) -> None:
     """Raise ValueError if a spacecraft of a batch misses its final position."""
     if not len(rows):
         return

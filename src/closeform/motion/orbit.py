@@ -2,24 +2,34 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats, finite, shown
-from closeform.motion.arc import PUSH, WIDTH
+from closeform.arrays import Floats, finite, instance, number, positive, shown, size
+from closeform.motion.arc import END, MEAN_MOTION, PUSH, START, WIDTH
+from closeform.motion.chief.ellipse import ellipse_of
+from closeform.motion.chief.kepler import KeplerChief
+from closeform.motion.chief.numerical import GivenChief, OblateChief
+from closeform.motion.chief_orbit import ChiefOrbit
 from closeform.motion.circular import CircularOrbit
+from closeform.motion.effort import totals
+from closeform.motion.elements import inertial_from_elements
 from closeform.motion.ends import arcs_between, arcs_from
 from closeform.motion.lambert import drifts
-from closeform.motion.path import Path, path_of
+from closeform.motion.mean_motion import EARTH_J2, EARTH_MU, EARTH_RADIUS
+from closeform.motion.path import Path, evaluate, path_of
 from closeform.motion.sampling import arcs_through, fired_at_ends
 from closeform.motion.steering import fix_inertially, steer
 from closeform.motion.within_limit import limited
 
 if TYPE_CHECKING:
     from closeform.fuel.thrusters import Thrusters
+
+MOST_REVOLUTIONS = 1000.0  # of a span that is integrated: half a minute
 
 
 @dataclass(frozen=True)
@@ -50,6 +60,198 @@ class Orbit(CircularOrbit):
     >>> round(orbit.period, 1)
     5677.0
     """
+
+    @staticmethod
+    def eccentric(
+        eccentricity: float,
+        semi_major_axis: float | None = None,
+        perigee_altitude: float | None = None,
+        true_anomaly: float = 0.0,
+        mu: float = EARTH_MU,
+        radius: float = EARTH_RADIUS,
+    ) -> ChiefOrbit:
+        """Return the orbit of a chief on an ellipse about a point mass.
+
+        Parameters
+        ----------
+        eccentricity : float, no unit
+            At least 0 and at most 0.9.
+        semi_major_axis : float [m], optional
+            Semi-major axis of the ellipse; give this or `perigee_altitude`.
+        perigee_altitude : float [m], optional
+            Altitude of perigee above the body's surface.
+        true_anomaly : float [rad], default 0
+            The chief's true anomaly at time 0.
+        mu : float [m^3/s^2], default that of the Earth
+            Gravitational parameter of the body.
+        radius : float [m], default the Earth's equatorial
+            Radius of the body.
+
+        Returns
+        -------
+        ChiefOrbit
+            Orbit with the methods of `Orbit`, to first order in the distance from the chief.  Times are
+            absolute: time 0 is that of `true_anomaly`, and `start` matters.
+
+        Raises
+        ------
+        ValueError
+            If the eccentricity is out of its range, perigee is below the surface, not exactly one of
+            `semi_major_axis` and `perigee_altitude` is given, or a number is not finite.
+
+        References
+        ----------
+        Yamanaka and Ankersen, Journal of Guidance, Control, and Dynamics 25(1), 60-66, 2002; docs/theory.md
+        (90).
+
+        Examples
+        --------
+        >>> orbit = cf.Orbit.eccentric(0.3, perigee_altitude=500e3)
+        >>> path = orbit.two_impulse([0, -400, 0, 0, 0, 0], [0, -100, 0, 0, 0, 0], 3000.0, start=600.0)
+        >>> chief = orbit.coast(np.zeros(6), 3000.0, start=600.0)
+        >>> bool(cf.closest_approach(path, chief, cf.Sphere(90.0)).ratio > 1.0)
+        True
+        """
+        size_and_shape = ellipse_of(eccentricity, semi_major_axis, perigee_altitude, mu, radius)
+        anomaly = float(finite("true_anomaly", number("true_anomaly", true_anomaly)))
+        return ChiefOrbit(KeplerChief.at(*size_and_shape, anomaly, mu))
+
+    @staticmethod
+    def perturbed(
+        eccentricity: float,
+        inclination: float,
+        semi_major_axis: float | None = None,
+        perigee_altitude: float | None = None,
+        argument_of_perigee: float = 0.0,
+        true_anomaly: float = 0.0,
+        span: float = 86400.0,
+        j2: float = EARTH_J2,
+        mu: float = EARTH_MU,
+        radius: float = EARTH_RADIUS,
+    ) -> ChiefOrbit:
+        """Return the orbit of a chief about an oblate body: gravity with J2.
+
+        The elements are those of the ellipse that osculates at time 0.
+
+        Parameters
+        ----------
+        eccentricity : float, no unit
+            At least 0 and at most 0.9.
+        inclination : float [rad]
+            Inclination to the body's equator.
+        semi_major_axis : float [m], optional
+            Semi-major axis of the ellipse; give this or `perigee_altitude`.
+        perigee_altitude : float [m], optional
+            Altitude of perigee above the body's surface.
+        argument_of_perigee : float [rad], default 0
+            Angle from the ascending node to perigee; at eccentricity 0 to where anomalies begin.
+        true_anomaly : float [rad], default 0
+            The chief's true anomaly at time 0.
+        span : float [s], default one day
+            The chief is integrated from time 0 to this time, once; about 20 ms for each revolution.
+        j2 : float, no unit, default that of the Earth
+            Oblateness of the body.
+        mu : float [m^3/s^2], default that of the Earth
+            Gravitational parameter of the body.
+        radius : float [m], default the Earth's equatorial
+            Radius of the body, to which `j2` refers.
+
+        Returns
+        -------
+        ChiefOrbit
+            Orbit with the methods of `Orbit`, to first order in the distance from the chief, in the frame
+            that turns with the chief.  Times are absolute, from 0 to `span`.
+
+        Raises
+        ------
+        ValueError
+            If the eccentricity is out of its range, perigee is below the surface, not exactly one of
+            `semi_major_axis` and `perigee_altitude` is given, `span` is not positive or above 1000
+            revolutions, or a number is not finite.
+
+        References
+        ----------
+        docs/theory.md (80); docs/models.md.
+
+        Examples
+        --------
+        >>> orbit = cf.Orbit.perturbed(0.001, 1.7, perigee_altitude=500e3, span=12000.0)
+        >>> path = orbit.coast([0, -200, 0, 0, 0, 0], 12000.0)
+        >>> bool(abs(path.position(12000.0)[1] + 200.0) < 10.0)
+        True
+        """
+        a, e = ellipse_of(eccentricity, semi_major_axis, perigee_altitude, mu, radius)
+        given = (inclination, argument_of_perigee, true_anomaly, j2)
+        names = ("inclination", "argument_of_perigee", "true_anomaly", "j2")
+        tilt, perigee, anomaly, oblate = (
+            float(finite(name, number(name, value))) for name, value in zip(names, given, strict=True)
+        )
+        last = positive("span", span, " s")
+        chief = KeplerChief.at(a, e, anomaly, mu)
+        if last > MOST_REVOLUTIONS * chief.period:
+            raise ValueError(
+                f"span: must be at most {MOST_REVOLUTIONS:g} revolutions, "
+                f"{MOST_REVOLUTIONS * chief.period:.6g} s, got {last:g} s"
+            )
+        u = perigee + chief.mean_anomaly
+        elements = [a, u, e * np.cos(perigee), e * np.sin(perigee), tilt, 0.0]
+        state = tuple(inertial_from_elements(elements, mu).tolist())
+        return ChiefOrbit(OblateChief(state, float(mu), oblate, float(radius), (0.0, last), chief))
+
+    @staticmethod
+    def from_transition(
+        transition: Callable[[float, Floats], Floats], period: float, span: ArrayLike, error: float = 1e-12
+    ) -> ChiefOrbit:
+        """Return the orbit of a chief whose state transition matrix is supplied: any other gravity field.
+
+        Parameters
+        ----------
+        transition : callable
+            `transition(start, times)` with a time [s] and later times (T,) [s] returns the matrices (T, 6, 6)
+            from states `[r, v]` at `start` to those at `times`, in any frame in which both are given.
+        period : float [s]
+            Time scale of the motion, such as a revolution.
+        span : array_like of shape (2,) [s]
+            First and last time.
+        error : float, no unit, default 1e-12
+            Error of the matrices relative to their largest entry; it enters every certified decision.
+
+        Returns
+        -------
+        ChiefOrbit
+            Orbit with the methods of `Orbit`.  Times are absolute, within `span`.
+
+        Raises
+        ------
+        ValueError
+            If the matrices are not symplectic or not smooth to `error`, so that the thrust of minimum energy
+            does not follow from them; if `span` is not two times in order, or a number is out of its range.
+
+        References
+        ----------
+        docs/models.md.
+
+        Examples
+        --------
+        >>> known = cf.Orbit.circular(500e3)
+        >>> def matrices(start, times):
+        ...     return known.transition(times - start)
+        >>> orbit = cf.Orbit.from_transition(matrices, known.period, [0.0, 6000.0])
+        >>> path = orbit.transfer([0, -200, 0, 0, 0, 0], np.zeros(6), 3000.0)
+        >>> bool(np.isclose(path.energy, known.transfer([0, -200, 0, 0, 0, 0], np.zeros(6), 3000.0).energy))
+        True
+        """
+        if not callable(transition):
+            raise ValueError(f"transition: expected a function of a time and times, got {shown(transition)}")
+        times, scale = finite("span", span), positive("period", period, " s")
+        if times.shape != (2,) or not times[0] < times[1] <= times[0] + MOST_REVOLUTIONS * scale:
+            raise ValueError(
+                f"span: expected two times in s, the first before the second, at most "
+                f"{MOST_REVOLUTIONS:g} periods apart, got {shown(span)}"
+            )
+        chief = GivenChief(transition, scale, (float(times[0]), float(times[1])), size("error", error))
+        _ = chief.table  # to refuse a matrix that does not fit here, not later
+        return ChiefOrbit(chief)
 
     def coast(self, state: ArrayLike, duration: ArrayLike, start: ArrayLike = 0.0) -> Path:
         """Return natural motion from a state.
@@ -346,6 +548,36 @@ class Orbit(CircularOrbit):
             return path
         return fired_at_ends(path, (np.asarray(states) - arrivals)[..., [0, -1], 3:])
 
+    @property
+    def _column(self) -> float:
+        """Value of the column MEAN_MOTION of arcs in this orbit."""
+        return self.mean_motion
+
+    def _interpolates(self, arcs: Floats) -> Any:
+        """Return True for arcs (M, 30) that are cubics through samples."""
+        return arcs[:, MEAN_MOTION] != self.mean_motion
+
+    def _fill_states(self, path: Path, times: Floats, out: Floats) -> None:
+        """Fill `out` with states of a path, or with thrusts if it has three columns."""
+        evaluate(path.arcs, path.offsets, self.mean_motion, times, out)
+
+    def _totals(self, path: Path, what: int) -> Floats:
+        """Return a quantity of `effort.totals` for each spacecraft of a path."""
+        out = np.empty(len(path.offsets) - 1)
+        totals(path.arcs, path.offsets, self.mean_motion, what, out)
+        return out
+
+    def _flow(self, arcs: Floats) -> Floats:
+        """Return the transition matrices (M, 6, 6) over arcs (M, 30)."""
+        return self.transition(arcs[:, END] - arcs[:, START])
+
     def _path(self, arcs: Any) -> Path:
         rows = np.ascontiguousarray(arcs).reshape(-1, WIDTH)
         return path_of(self, rows, np.arange(len(rows) + 1), arcs.shape[:-1])
+
+
+def circular_orbit(name: str, orbit: Any) -> Orbit:
+    """Return an argument that is an orbit of Hill's equations; raise ValueError otherwise."""
+    if isinstance(orbit, ChiefOrbit):
+        orbit._refuse(f"a function with the argument `{name}`")
+    return cast(Orbit, instance(name, orbit, Orbit))

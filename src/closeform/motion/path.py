@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar, cast
 
 import numpy as np
 from numba import float64, int64, void
@@ -12,9 +13,9 @@ from numpy.typing import ArrayLike
 
 from closeform._jit import kernel
 from closeform.arrays import Floats, instance, numbers, shown
-from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, START, STATE, WIDTH, state_at
+from closeform.motion.arc import END, IMPULSE, START, STATE, WIDTH, state_at
 from closeform.motion.certified_march import locate
-from closeform.motion.effort import DELTA_V, ENERGY, HIDDEN, PEAK, thrust_at, totals
+from closeform.motion.effort import DELTA_V, ENERGY, HIDDEN, PEAK, thrust_at
 from closeform.result import Result
 
 if TYPE_CHECKING:
@@ -46,7 +47,8 @@ def evaluate(arcs: Floats, offsets: Any, n: float, times: Floats, out: Floats) -
 class Path(Result):
     """Motion of one spacecraft, or of a batch of spacecraft, in the rotating frame of one orbit.
 
-    Paths are made by an `Orbit`, `join` and `stack`.  Index a batch like an array to select spacecraft.
+    Paths are made by an `Orbit` of any kind, `join` and `stack`.  Index a batch like an array to select
+    spacecraft.
 
     Attributes
     ----------
@@ -72,7 +74,7 @@ class Path(Result):
     _told: ClassVar = ("shape", "start", "end", "energy", "delta_v", "peak_thrust")
 
     def __post_init__(self) -> None:
-        if not hasattr(self.orbit, "mean_motion"):
+        if not hasattr(self.orbit, "_fill_states"):
             raise ValueError(f"orbit: expected Orbit, got {shown(self.orbit)}")
         arcs, offsets = np.ascontiguousarray(numbers("arcs", self.arcs)), np.asarray(self.offsets)
         if arcs.ndim != 2 or arcs.shape[1] != WIDTH:
@@ -237,7 +239,7 @@ class Path(Result):
         The others are motion in this orbit. The share is 0 in deep space, where natural motion is
         cubic.
         """
-        cubic = self.arcs[:, MEAN_MOTION] != self.orbit.mean_motion
+        cubic = self.orbit._interpolates(self.arcs)
         return self._shaped(np.add.reduceat(cubic, self.offsets[:-1], dtype=float) / np.diff(self.offsets))
 
     @property
@@ -283,13 +285,17 @@ class Path(Result):
         rows = np.arange(offsets[-1]) + np.repeat(self.offsets[index] - offsets[:-1], counts)
         return path_of(self.orbit, self.arcs[rows], offsets, shape)
 
+    @cached_property
+    def _segments(self) -> tuple[Floats, Any]:
+        """Polynomial segments of all arcs beside a chief that is not on a circle, as `chief.segments`."""
+        found: tuple[Floats, Any] = cast(Any, self.orbit)._segments(self.arcs, self.offsets)
+        return found
+
     def _shaped(self, values: Any) -> Any:
         return values.reshape(self.shape) if self.shape else float(values[0])
 
     def _total(self, what: int) -> Floats:
-        out = np.empty(len(self.offsets) - 1)
-        totals(self.arcs, self.offsets, self.orbit.mean_motion, what, out)
-        return out
+        return self.orbit._totals(self, what)
 
     def _evaluate(self, time: ArrayLike, columns: int) -> Floats:
         times = numbers("time", time)
@@ -307,7 +313,7 @@ class Path(Result):
 
     def _evaluate_rows(self, times: Floats, columns: int = 6) -> Floats:
         out = np.empty((len(self.offsets) - 1, times.shape[1], columns))
-        evaluate(self.arcs, self.offsets, self.orbit.mean_motion, np.ascontiguousarray(times), out)
+        self.orbit._fill_states(self, np.ascontiguousarray(times), out)
         return out
 
 
@@ -335,8 +341,11 @@ def ends_of(path: Path) -> tuple[Floats, Floats]:
     return first, path.state(path.end)
 
 
-def path_of(orbit: Orbit, arcs: Floats, offsets: Any, shape: tuple[int, ...]) -> Path:
-    """Return a path of contiguous arcs and offsets (int64) without validating them."""
+def path_of(orbit: Any, arcs: Floats, offsets: Any, shape: tuple[int, ...]) -> Path:
+    """Return a path of contiguous arcs and offsets (int64) without validating them.
+
+    `orbit` is an `Orbit`, or a `ChiefOrbit`, which has the same methods.
+    """
     path = object.__new__(Path)
     path.__dict__.update(orbit=orbit, arcs=arcs, offsets=offsets, shape=shape)
     return path

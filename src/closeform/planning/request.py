@@ -26,7 +26,7 @@ from closeform.arrays import (
 from closeform.fuel.bound import least_delta_v
 from closeform.fuel.thrusters import Thrusters, each_set
 from closeform.motion.joining import stack
-from closeform.motion.orbit import Orbit
+from closeform.motion.orbit import Orbit, circular_orbit
 from closeform.motion.path import Path, ends_of
 from closeform.planning.bounds.branch_and_bound import GAP
 from closeform.planning.delta_v.unconstrained import costs_alone
@@ -132,7 +132,7 @@ class Request:
                 f"final: {len(places)} states for {count} craft; give one for each, or pass assign=True if "
                 "there are more states than craft"
             )
-        batch = obstacle_batch(instance("orbit", orbit, Orbit), obstacles)
+        batch = obstacle_batch(circular_orbit("orbit", orbit), obstacles)
         extra = 0 if batch is None else len(batch)
         called = _names(names, count, extra)
         limits = (

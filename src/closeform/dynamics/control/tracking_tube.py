@@ -15,7 +15,7 @@ from closeform.dynamics.control.closed_loop import ClosedLoop, greatest_sigma
 from closeform.dynamics.control.feedback import Feedback
 from closeform.dynamics.control.navigation import Navigation, nonnegative
 from closeform.motion.mean_motion import checked
-from closeform.motion.orbit import Orbit
+from closeform.motion.orbit import Orbit, circular_orbit
 from closeform.result import Result
 
 BETWEEN = 8  # number of instants between two measurements at which a tube is evaluated
@@ -218,7 +218,7 @@ def tube(
     >>> round(found.of_a_pair, 2)
     0.28
     """
-    instance("orbit", orbit, Orbit)
+    circular_orbit("orbit", orbit)
     instance("feedback", feedback, Feedback)
     instance("navigation", navigation, Navigation)
     k = float(nonnegative("sigmas", number("sigmas", sigmas)))

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats, instance
+from closeform.arrays import Floats
 from closeform.conflicts.two_paths import closest_approach
 from closeform.motion.mean_motion import checked
-from closeform.motion.orbit import Orbit
+from closeform.motion.orbit import Orbit, circular_orbit
 from closeform.motion.palmer import palmer_from_state, state_from_palmer
 from closeform.planning.targets.relative_orbits import orbiting, scalar
 from closeform.zones.solids import Sphere
@@ -112,7 +112,7 @@ def added_member(orbit: Orbit, states: ArrayLike) -> Floats:
     ----------
     docs/targets.md.
     """
-    instance("orbit", orbit, Orbit)
+    circular_orbit("orbit", orbit)
     members = _formation(states)
     apart = _least_distances(orbit, members, members)
     np.fill_diagonal(apart, np.inf)
@@ -287,7 +287,7 @@ def _formation(states: ArrayLike) -> Floats:
 
 
 def _coasted(orbit: Orbit, states: Floats, duration: float) -> Floats:
-    return np.asarray(states @ instance("orbit", orbit, Orbit).transition(duration).T)
+    return np.asarray(states @ circular_orbit("orbit", orbit).transition(duration).T)
 
 
 def _least_distances(orbit: Orbit, places: Floats, members: Floats) -> Floats:

@@ -14,9 +14,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats, instance, number, whole
+from closeform.arrays import Floats, number, whole
 from closeform.motion.mean_motion import checked
-from closeform.motion.orbit import Orbit
+from closeform.motion.orbit import Orbit, circular_orbit
 from closeform.motion.palmer import state_from_palmer
 
 
@@ -284,5 +284,5 @@ def scalar(name: str, value: ArrayLike, positive: bool = False) -> float:
 
 def orbiting(orbit: Orbit, name: str) -> None:
     """Raise ValueError for deep space, where the relative orbit `name` is undefined."""
-    if not instance("orbit", orbit, Orbit).mean_motion:
+    if not circular_orbit("orbit", orbit).mean_motion:
         raise ValueError(f"orbit: {name} is undefined in deep space; give a mean motion above 0")

@@ -1,0 +1,82 @@
+"""Conflicts and closest approaches of pairs as rows of floats, in any orbit."""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from closeform.arrays import Floats
+from closeform.conflicts import beside_chief, pair_search
+from closeform.conflicts.pair_search import all_rows
+from closeform.conflicts.tracks import LARGEST, NO_TRACKS, PAYS, Tracks, follow
+from closeform.motion.chief.segments import FIRST, LAST
+from closeform.motion.chief_orbit import ChiefOrbit
+from closeform.motion.path import Path
+from closeform.zones.zone import Zone, enclosing
+
+
+def conflicts_of(
+    path: Path, other: Path, zone: Zone, first: Any, second: Any, tracks: Tracks = NO_TRACKS
+) -> tuple[Any, Floats]:
+    """Return the conflicts of pairs in order: indices (M, 2) and rows (M, 4) of start, end, time, ratio.
+
+    `first` (P,) are indices of the spacecraft of `path`, `second` of those of `other`.
+    """
+    form = zone.form
+    bodies: tuple[Any, ...]
+    if isinstance(path.orbit, ChiefOrbit):
+        table = path.orbit.chief.table
+        bodies = table.form, table.errors, *path._segments, *other._segments
+        search = beside_chief.conflicts_of_pairs
+    else:
+        bodies = path.arcs, path.offsets, other.arcs, other.offsets
+        search = pair_search.conflicts_of_pairs
+    return collected(
+        lambda pair, rows, done: search(*bodies, first, second, pair, form, *tracks, rows, done),
+        first,
+        second,
+    )
+
+
+def collected(find: Callable[[int, Floats, Any], int], first: Any, second: Any) -> tuple[Any, Floats]:
+    """Return all conflicts of pairs that `find(pair, rows, done)` fills in from a pair on."""
+    table = all_rows(find, len(first), min(4096, 64 + len(first)))
+    index = table[:, 0].astype(np.int64)
+    return np.stack([first[index], second[index]], axis=1), table[:, 1:]
+
+
+def approaches_of(path: Path, other: Path, zone: Zone, first: Any, second: Any) -> Floats:
+    """Return the time and the minimum norm of each pair (P, 2); nan and inf without a common time."""
+    out = np.empty((len(first), 2))
+    bodies: tuple[Any, ...]
+    if isinstance(path.orbit, ChiefOrbit):
+        table = path.orbit.chief.table
+        bodies = table.form, table.errors, *path._segments, *other._segments
+        beside_chief.approaches_of_pairs(*bodies, first, second, zone.form, out)
+    else:
+        bodies = path.arcs, path.offsets, other.arcs, other.offsets
+        pair_search.approaches_of_pairs(*bodies, first, second, zone.form, out)
+    return out
+
+
+def tracks_of_all(paths: Path, zones: Sequence[Zone], pairs: int) -> dict[Zone, Tracks]:
+    """Return the tracks of a batch for each zone, to search a number of pairs; empty if they do not pay."""
+    if not isinstance(paths.orbit, ChiefOrbit):
+        return follow(paths.arcs, paths.offsets, paths.arcs, paths.offsets, zones, pairs)
+    segments, firsts = paths._segments
+    if not 0 < PAYS * len(paths) * len(zones) <= pairs:
+        return dict.fromkeys(zones, NO_TRACKS)
+    table = paths.orbit.chief.table
+    windows = (len(table.joints) - 1) * 2.0 * np.pi / (table.joints[-1] - table.joints[0])
+    pieces = max(2, round(beside_chief.PER_TURN / windows))
+    angles = table.angles(segments[:, FIRST].min(), segments[:, LAST].max(), pieces)
+    if not 4 * len(paths) * len(zones) * len(angles) <= LARGEST:
+        return dict.fromkeys(zones, NO_TRACKS)
+    tracks = {}
+    for zone in zones:
+        own = np.zeros((len(paths), 4, len(angles)))
+        beside_chief.fill_tracks(
+            table.form, table.errors, table.apart(pieces), segments, firsts, enclosing(zone), angles, own
+        )
+        tracks[zone] = Tracks(angles, own, own)
+    return tracks

@@ -1,0 +1,1 @@
+"""Relative motion about any chief: tables of its transition matrix, and kernels that read them."""
