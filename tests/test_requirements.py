@@ -176,3 +176,65 @@ def test_bad_requirements_are_named(call, message):
     with pytest.raises(ValueError, match=message) as caught:
         call()
     assert "\n" not in str(caught.value)
+
+
+SCENARIO = """\
+closeform = 1
+title = "Docking"
+
+[orbit]
+altitude = "500 km"
+
+[craft]
+name = ["Station", "Chaser"]
+position = ["0 0 0 m", "0 -200 0 m"]
+velocity = "0 0 0 m/s"
+keep_out = { sphere = "0.5 m" }
+
+[[stage]]
+do = "coast"
+for = "5 min"
+
+[[stage]]
+do = "avoid"
+craft = "Chaser"
+to = { position = "0 -1 0 m", velocity = "0 0 0 m/s" }
+within = "40 min"
+cost = "delta-v"
+corridor = { axis = [0, -1, 0], half_angle = "10 deg", radius = "0.5 m" }
+waypoints = [{ at = "20 min", position = "0 -80 0 m", tolerance = "20 m" }]
+no_thrust = [{ after = "10 min", until = "15 min" }]
+"""
+
+
+def run(folder, text):
+    file = folder / "docking.toml"
+    file.write_text(text)
+    return cf.run(file)
+
+
+def test_stage_keeps_its_requirements_and_judges_the_executed_path(tmp_path):
+    mission = run(tmp_path, SCENARIO)
+    stage = mission.results[1]
+    assert mission.verdict.ok
+    assert {one.kind for one in stage.asked} == {"approach corridor", "waypoint", "time without thrust"}
+    times, path = np.linspace(300.0, 2700.0, 20_001), stage.after.path("Chaser")
+    assert inside(None, path.state(times), "cone").min() >= -1e-6
+    assert np.linalg.norm(path.state(1500.0)[:3] - [0, -80, 0]) <= 20.0
+    assert not any(900.0 < time < 1200.0 for time, _ in path.impulses)
+    wide = path.orbit.impulsive(path.state(300.0), path.state(2700.0), 2400.0, 300.0)
+    assert not all(one.met for one in stage.result.kept(wide))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('cost = "delta-v"', "", 'corridor needs cost = "delta-v"'),
+        ("axis = [0, -1, 0]", "axis = [0, 0, 0]", "axis has no direction"),
+        ('"10 deg"', '"95 deg"', "half_angle must be below 90 deg"),
+        ('until = "15 min"', 'until = "5 min"', "until must be later than after"),
+    ],
+)
+def test_bad_scenario_requirements_are_named(tmp_path, old, new, message):
+    with pytest.raises(ValueError, match=message):
+        run(tmp_path, SCENARIO.replace(old, new))

@@ -45,6 +45,7 @@ EXAMPLES = {
     },
     "Minimise delta-v, use real thrusters": {
         "safety_ellipse": "primer",
+        "docking": "before-after",
         "swap_impulses": "paths",
         "cubesats": "pulses",
     },

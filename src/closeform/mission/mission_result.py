@@ -2,11 +2,11 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, partial
 from html import escape
 from importlib import import_module
-from math import expm1, nan
+from math import expm1, inf, nan
 from typing import TYPE_CHECKING, Any, Generic, TypeVar, cast
 
 import numpy as np
@@ -41,6 +41,8 @@ if TYPE_CHECKING:
     from closeform.mission.thruster_firing import Pulsed
     from closeform.mission.uncertainty import UncertainStage
     from closeform.planning.plan import Plan
+    from closeform.planning.requirements import NoThrust
+    from closeform.planning.requirements.requirement import Requirement as PathRequirement
     from closeform.search.lock_times import Locks
 
 AnyStage = TypeVar("AnyStage", bound=StageTable)
@@ -103,7 +105,9 @@ class StageResult(Result, Generic[AnyStage, AnyResult]):
         judged = self.uncertain, self.passive
         sun = () if self.sun is None else (self.sun.asked,)
         arrival = () if self.pulsed is None else (self.pulsed.arrival(self.number, cast(Any, self.stage)),)
-        return *arrival, *(one for some in judged if some is not None for one in some.asked), *sun
+        done = self.result
+        kept = done.kept(self.after.path(done.craft)) if isinstance(done, AvoidResult) else ()
+        return *arrival, *(one for some in judged if some is not None for one in some.asked), *sun, *kept
 
     @property
     def burning(self) -> Path:
@@ -139,6 +143,7 @@ class AvoidResult:
     `asked` [s] is the requested duration, which `direct` takes.  `plain` is the direct path with the duration
     of the avoidance trajectory; it differs from `direct` if the latter takes longer.  `goals` holds the
     destination, with the arrival phase, of the spacecraft and of each one that moves `meanwhile`.
+    `required` holds the requirements on the path by name.
     """
 
     craft: str
@@ -149,6 +154,18 @@ class AvoidResult:
     plan: "Plan"
     asked: float
     goals: "Mapping[str, Arrival]"
+    required: "Mapping[str, PathRequirement | NoThrust]" = field(default_factory=dict)
+
+    def kept(self, path: Path) -> "Iterator[Asked]":
+        """Yield each requirement on the path, and whether a path keeps it."""
+        from closeform.planning.requirements.requirement import Requirement
+
+        for name, one in self.required.items() if self.plan.ok else ():
+            held, text, least = one.holds(path), f"{name} of {self.craft}", inf
+            if isinstance(one, Requirement):
+                least = one.worst_margin(path)
+                text += f" (margin {least:.3g} {one.unit})"
+            yield Asked(f"{text} is kept", f"{text} is not kept", held, least, name)
 
     @property
     def names(self) -> tuple[str, ...]:

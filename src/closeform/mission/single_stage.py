@@ -18,6 +18,7 @@ from closeform.motion.joining import join
 from closeform.motion.path import Path
 from closeform.motion.within_limit import TooLittleThrust
 from closeform.scenario import Avoid, Transfer
+from closeform.scenario.path_requirements import built_all
 from closeform.zones.zone import ON, Zone
 
 
@@ -89,6 +90,8 @@ def around(start: StageStart, stage: Avoid) -> StageResult[Avoid, AvoidResult]:
     limited = craft.limited and thrusters is None
     errors = {} if known is None else {"errors": known[0], "other_errors": known[1:], "sigmas": stage.sigmas}
 
+    required = built_all(stage, start.time, start.orbit.mean_motion)
+
     def made(margin: Any) -> Plan:
         request = Request.of_path(
             direct,
@@ -106,6 +109,7 @@ def around(start: StageStart, stage: Avoid) -> StageResult[Avoid, AvoidResult]:
             margin=margin,
             prove=stage.proving.seconds,
             gap=stage.proving.gap,
+            requirements=tuple(required.values()),
             **errors,
         )
         return planned(request)
@@ -120,7 +124,7 @@ def around(start: StageStart, stage: Avoid) -> StageResult[Avoid, AvoidResult]:
     late = too_late(start, stage, after, {craft.name: punctual})
     plain = direct_path((after.end - start.time) / asked) if late is not None else direct
     asked_for = start.scenario.zones_around(craft.name)  # zones of the scenario, not enlarged for pulses
-    result = AvoidResult(stage.craft, rest, asked_for, direct, plain, plan, asked, goals)
+    result = AvoidResult(stage.craft, rest, asked_for, direct, plain, plan, asked, goals, required)
     failure = None if plan.ok else plan.reason
     return StageResult(start.number, stage, start.time, before, after, result, failure, plan.ok, late)
 

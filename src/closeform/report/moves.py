@@ -218,6 +218,8 @@ def avoidance_lines(mission: Mission, result: Avoiding) -> Iterator[str]:
         extra = f"{plan.spent - free:.6g} {UNITS[plan.cost]}"
         yield f"Extra {plan.cost} {extra} beyond the free optimum{over}"
         where = [f"{moved.others[at.second - 1]} at {at.time:.1f} s" for at in plan.contacts]
+        if moved.required:
+            yield f"Requirements on the path: {', '.join(moved.required)}"
         yield from optimality(result, plan, free, where, moved.names)
 
 

@@ -252,7 +252,7 @@ def of_stage(mission: Mission, result: StageResult[Any, Any]) -> Iterator[tuple[
             "sun": "body x within the sun limit in every turn, with attitude errors",
             "drift": f"passively safe {getattr(stage, 'lasting', '')}",
             "arrival": f"arrives within {tolerance}",
-        }[one.kind]
+        }.get(one.kind, f"keeps its {one.kind}")
         met = None if one.kind == "likelihood" else one.shown  # no limit is set
         yield f"{where}: {what}", str(one), met
 

@@ -12,7 +12,8 @@ from closeform.motion.orbit import Orbit
 from closeform.safety.failures import DegradedThrust, Failure, MissedBurns, StuckOnThrust, ThrustLost
 from closeform.scenario.craft import Engine
 from closeform.scenario.formation import Destination, Goal, Target
-from closeform.scenario.quantity import DURATION, Duration, Proving, Reader
+from closeform.scenario.path_requirements import ApproachSpeed, Corridor, Instant, QuietTime, Waypoint
+from closeform.scenario.quantity import Proving
 from closeform.scenario.table import (
     ALL,
     EACH,
@@ -169,9 +170,6 @@ ALL_FALLBACKS: tuple[Fallback, ...] = ("more sides", "longer", "stagger")
 FALLBACK_EXAMPLE = '["more sides", "longer", "stagger"]'
 
 
-Instant = Annotated[Duration, Reader(DURATION, least="zero")]
-
-
 class Burn(Table):
     """Given impulse: a velocity change of one craft, `at` a time after the start of the stage."""
 
@@ -274,6 +272,22 @@ class Avoid(Clearing):
         (),
     )
     longer: bool = setting("false", "false if the stage may not take longer than `within`", True)
+    corridor: Corridor | None = setting(
+        '{ axis = [0, -1, 0], half_angle = "10 deg", radius = "0.5 m" }', "approach corridor"
+    )
+    speed_limit: ApproachSpeed | None = setting('{ limit = "0.2 m/s" }', "maximum speed")
+    waypoints: Annotated[tuple[Waypoint, ...], Field(strict=False)] = setting(
+        '[{ at = "15 min", position = "10 -100 0 m", tolerance = "5 m" }]', "places to pass", ()
+    )
+    no_thrust: Annotated[tuple[QuietTime, ...], Field(strict=False)] = setting(
+        '[{ after = "10 min", until = "25 min" }]', "times without thrust", ()
+    )
+
+    @property
+    def path_requirements(self) -> tuple[str, ...]:
+        """Keys of the requirements on the path, beyond zones."""
+        keys = "corridor", "speed_limit", "waypoints", "no_thrust"
+        return tuple(key for key in keys if getattr(self, key))
 
     @property
     def is_exact(self) -> bool:
@@ -283,6 +297,8 @@ class Avoid(Clearing):
         yield from super().flaws()
         if self.cost == "delta-v" and self.method != "exact":
             yield f'method = "{self.method}" cannot be combined with cost = "{self.cost}"; remove one of them'
+        if self.cost != "delta-v" and self.path_requirements:
+            yield f'{self.path_requirements[0]} needs cost = "delta-v"; add it'
         names = self.moving(())
         for name in names:
             if names.count(name) > 1:

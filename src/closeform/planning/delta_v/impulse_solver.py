@@ -206,7 +206,8 @@ class ImpulseSolver:
 
     def fewest(self, best: Spent) -> Spent:
         """Return the solution with as many impulses joined or omitted as possible at hardly more cost."""
-        base, most = self.problem.base, (1.0 + FEWER) * best.delta_v
+        dearer = SAFER if self.problem.requirements else 1.0 + FEWER
+        base, most = self.problem.base, dearer * best.delta_v
         sizes = [row[row > 0.0] for row in sizes_of(best.impulses)]
         rates = np.maximum(self.problem.orbit.mean_motion, pi / (base[:, END] - base[:, START]))
         fired = best.fired(0.0)
@@ -215,7 +216,7 @@ class ImpulseSolver:
         while high - low > len(steps) // COARSE:
             left = {step.craft: step.left for step in steps[:middle]}
             moments = [left.get(i, own) for i, own in enumerate(fired)]
-            found = self.refired_at(moments, best, 1.0 + FEWER)
+            found = self.refired_at(moments, best, dearer)
             if found is None or found.delta_v > most:
                 high = middle - 1
             else:

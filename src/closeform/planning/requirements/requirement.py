@@ -45,6 +45,7 @@ class Requirement(ABC):
     start: float = -inf
     end: float = inf
 
+    unit = "m"  # of the margin
     reserve = 1e-4
     per_metre, per_speed = 1.0, 0.0  # bounds on the slopes of the margin, in position and in velocity
 
@@ -82,6 +83,30 @@ class Requirement(ABC):
         if given.shape[-1:] != (6,):
             raise ValueError(f"states: expected shape (..., 6), got {given.shape}")
         return self._margin(given)
+
+    def worst_margin(self, path: Path) -> float:
+        """Return the least margin of one spacecraft's path while the requirement holds.
+
+        Parameters
+        ----------
+        path : Path
+            Coasts, impulses and burns of constant thrust of one spacecraft.
+
+        Returns
+        -------
+        float [m, or m/s of a speed limit]
+            Least margin, found between samples as well, but not certified; inf at other times.
+
+        Raises
+        ------
+        ValueError
+            If the path is that of several spacecraft.
+
+        References
+        ----------
+        docs/avoidance.md, corridors.
+        """
+        return self._worst(of_one_craft(path))[0]
 
     def _worst(self, path: Path) -> tuple[float, Floats, Floats]:
         """Return the least margin of a path between samples, and times (K,), states (K, 6) of shortfalls.
@@ -128,19 +153,21 @@ class Requirement(ABC):
         Returns
         -------
         bool
-            False also where the path touches the surface so closely that rounding decides.
+            False also where the path touches the surface so closely that rounding decides.  Thrust that
+            varies along an arc, as of thrusters in inertial axes, is judged at samples, without a proof.
 
         Raises
         ------
         ValueError
-            If the path is that of several spacecraft, or has thrust that varies with time.
+            If the path is that of several spacecraft.
 
         References
         ----------
         docs/avoidance.md, corridors.
         """
-        if of_one_craft(path).arcs[:, THRUST : THRUST + 6].any():
-            raise ValueError("path: expected coasts, impulses and burns of constant thrust")
+        arcs = of_one_craft(path).arcs
+        if arcs[:, THRUST : THRUST + 6].any() or arcs[:, PUSH + 3 :].any():
+            return self._worst(path)[0] >= 0.0
         arcs, spans = self._spans(path)
         if not len(arcs):
             return True

@@ -41,6 +41,7 @@ class SpeedLimit(Requirement):
     0.05
     """
 
+    unit = "m/s"
     reserve = 1e-6
     limit: float
     rate: float = 0.0

@@ -1,0 +1,115 @@
+"""Tables of a stage's requirements on the path of its craft, beyond keep-out zones."""
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Annotated, Any
+
+import numpy as np
+from pydantic import Field
+
+from closeform.scenario.quantity import DURATION, Duration, Reader
+from closeform.scenario.table import (
+    AngleDeviation,
+    Length,
+    Position,
+    Seconds,
+    Span,
+    Speed,
+    Table,
+    Vector,
+    setting,
+)
+
+if TYPE_CHECKING:
+    from closeform.planning.requirements import ApproachCone, KeepIn, NoThrust, SpeedLimit
+
+Direction = Annotated[Vector, Field(strict=False)]
+Instant = Annotated[Duration, Reader(DURATION, least="zero")]
+ORIGIN = 0.0, 0.0, 0.0
+
+
+class Corridor(Table):
+    """Approach corridor at a target: a cone, or with half_angle = "0 deg" a cylinder."""
+
+    axis: Direction = setting("[0, -1, 0]", "direction from the target into the corridor", ...)
+    half_angle: AngleDeviation = setting('"10 deg"', "angle between axis and surface", ...)
+    radius: Length = setting('"0.5 m"', "radius at the target", ...)
+    target: Position = setting('"0 0 0 m"', "position of the target", ORIGIN)
+    after: Instant | None = setting('"10 min"', "time after the start of the stage from which it holds")
+
+    def flaws(self) -> Iterator[str]:
+        yield from super().flaws()
+        if not any(self.axis):
+            yield "axis has no direction; write for example [0, -1, 0]"
+        if not self.half_angle < np.pi / 2.0:
+            yield "half_angle must be below 90 deg; reduce it"
+
+    def built(self, start: float, n: float) -> "ApproachCone":
+        """Return the requirement of a stage that starts at a time [s]; orbits have the mean motion n."""
+        from closeform.planning.requirements import ApproachCone
+
+        begins = {} if self.after is None else {"start": start + self.after.on(n)}
+        return ApproachCone(
+            axis=self.axis, half_angle=self.half_angle, radius=self.radius, target=self.target, **begins
+        )
+
+
+class ApproachSpeed(Table):
+    """Limit of the speed, which rises with the distance along an approach axis."""
+
+    limit: Speed = setting('"0.05 m/s"', "maximum speed at the target", ...)
+    time_constant: Seconds | None = setting(
+        '"1000 s"', "the limit rises by the distance along `axis`, divided by this time", needs="axis"
+    )
+    axis: Direction | None = setting("[0, -1, 0]", "direction from the target", needs="time_constant")
+    target: Position = setting('"0 0 0 m"', "position of the target", ORIGIN)
+    after: Instant | None = setting('"10 min"', "time after the start of the stage from which it holds")
+
+    def built(self, start: float, n: float) -> "SpeedLimit":
+        """Return the requirement of a stage that starts at a time [s]; orbits have the mean motion n."""
+        from closeform.planning.requirements import SpeedLimit
+
+        begins = {} if self.after is None else {"start": start + self.after.on(n)}
+        rate = 0.0 if self.time_constant is None else 1.0 / self.time_constant
+        return SpeedLimit(limit=self.limit, rate=rate, axis=self.axis or ORIGIN, target=self.target, **begins)
+
+
+class Waypoint(Table):
+    """Place that the craft passes at a given time."""
+
+    at: Span = setting('"15 min"', "time after the start of the stage", ...)
+    position: Position = setting('"10 -100 0 m"', "position", ...)
+    tolerance: Length = setting('"5 m"', "maximum distance from it", ...)
+
+    def built(self, start: float, n: float) -> "KeepIn":
+        """Return the requirement of a stage that starts at a time [s]; orbits have the mean motion n."""
+        from closeform.planning.requirements import KeepIn
+        from closeform.zones.solids import Sphere
+
+        time = start + self.at.on(n)
+        return KeepIn(zone=Sphere(self.tolerance), centre=self.position, start=time, end=time)
+
+
+class QuietTime(Table):
+    """Time in which the craft does not fire, such as an eclipse."""
+
+    after: Instant = setting('"10 min"', "start of the time, after the start of the stage", ...)
+    until: Span = setting('"25 min"', "end of the time, after the start of the stage", ...)
+
+    def built(self, start: float, n: float) -> "NoThrust":
+        """Return the requirement of a stage that starts at a time [s]; orbits have the mean motion n."""
+        from closeform.planning.requirements import NoThrust
+
+        begin, end = start + self.after.on(n), start + self.until.on(n)
+        if not begin < end:
+            raise ValueError(f"no_thrust: until must be later than after, got {begin - start:g} s")
+        return NoThrust(start=begin, end=end)
+
+
+def built_all(stage: Any, start: float, n: float) -> dict[str, Any]:
+    """Return the requirements of a stage by their name in reports."""
+    single = {"approach corridor": stage.corridor, "speed limit": stage.speed_limit}
+    found = {name: one.built(start, n) for name, one in single.items() if one is not None}
+    for name, several in (("waypoint", stage.waypoints), ("time without thrust", stage.no_thrust)):
+        for k, one in enumerate(several, 1):
+            found[f"{name} {k}" if len(several) > 1 else name] = one.built(start, n)
+    return found
