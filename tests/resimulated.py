@@ -113,7 +113,9 @@ def larger(one, other):
         return one or other
     if (one.norm(DIRECTIONS) <= other.norm(DIRECTIONS) * (1 + 1e-12)).all():
         return one
-    assert (other.norm(DIRECTIONS) <= one.norm(DIRECTIONS) * (1 + 1e-12)).all(), "neither zone contains the other"
+    assert (other.norm(DIRECTIONS) <= one.norm(DIRECTIONS) * (1 + 1e-12)).all(), (
+        "neither zone contains the other"
+    )
     return other
 
 
