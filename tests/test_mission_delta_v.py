@@ -266,7 +266,7 @@ def test_infeasible_transfer_reports_a_sufficient_limit(ran):
     run = ran(alone('max_acceleration = "0.01 mm/s^2"'))
     assert run.status == 1
     needed = re.search(
-        r"a thrust of 1e-05 m/s\^2 is too low for this transfer in .*; (\S+) m/s\^2 is enough",
+        r"a thrust of 1e-05 m/s\^2 is too low to arrive in .*; (\S+) m/s\^2 is enough",
         " ".join(run.printed.split()),
     )
     assert needed is not None

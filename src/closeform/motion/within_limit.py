@@ -94,6 +94,6 @@ def refusal(arc: Floats, limit: float, facts: Floats) -> str:
             "increase it or the duration a little"
         )
     return (
-        f"a thrust of {limit:g} m/s^2 is too low for this transfer in {duration:g} s; "
+        f"a thrust of {limit:g} m/s^2 is too low to arrive in {duration:g} s; "
         f"{facts[ENOUGH] * (1.0 + CLOSE):.7g} m/s^2 is enough"
     )
