@@ -203,9 +203,12 @@ def height(shape, faces, part, c, off, u):
 
 
 @kernel()
-def root(shape, faces, part, c, off, low, high, rising):
-    """Return the only root of a part in [low, high], by Newton's method in a bracket."""
-    u = 0.5 * (low + high)
+def root(shape, faces, part, c, off, low, high, first, rising):
+    """Return the only root of a part in [low, high], by Newton's method in a bracket from `first` on.
+
+    It ends where steps no longer become shorter: there they are rounding.
+    """
+    u, last = min(max(first, low), high), 1.0
     for _ in range(60):
         value, rate = height(shape, faces, part, c, off, u)
         if (value > 0.0) == rising:
@@ -215,9 +218,10 @@ def root(shape, faces, part, c, off, low, high, rising):
         there = u - value / rate if rate != 0.0 else -1.0
         if not low < there < high:
             there = 0.5 * (low + high)
-        if abs(there - u) <= 1e-16 + 2e-16 * u:
+        step = abs(there - u)
+        if step <= 2e-16 or (step < 1e-12 and 2.0 * step >= last):
             return there
-        u = there
+        u, last = there, step
     return u
 
 
@@ -285,7 +289,8 @@ def mark_changes(shape, faces, part, c, off, stack, ends, number, places, outs):
             places[number], outs[number] = begin, 1 if left else -1
             number += 1
         if right != left and number < len(places):
-            places[number] = root(shape, faces, part, c, off, begin, end, right)
+            first = begin + (end - begin) * f[0] / (f[0] - f[count - 1])  # where the chord is zero
+            places[number] = root(shape, faces, part, c, off, begin, end, first, right)
             outs[number] = 1 if right else -1
             number += 1
         outside = right

@@ -13,6 +13,7 @@ from closeform.motion import effort
 from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, PUSH, START, STATE, THRUST, WIDTH
 from closeform.motion.chief import segments as kernels
 from closeform.motion.chief.bernstein import TERMS
+from closeform.motion.chief.clock import angles_at
 from closeform.motion.chief.impulses import COUNT, FIRST, LOWER, UPPER, primer_rows, solve
 from closeform.motion.chief.kepler import KeplerChief
 from closeform.motion.chief.numerical import GivenChief, OblateChief
@@ -26,7 +27,7 @@ from closeform.motion.path import FORGIVEN, Path, path_of
 if TYPE_CHECKING:
     from closeform.fuel.thrusters import Thrusters
 
-SUPPORTED = "transfer, impulsive, find_conflicts and screen, which hold about any chief"
+SUPPORTED = "transfer, impulsive, screen and passively_safe, which hold about any chief"
 
 
 PROVEN = 1e-6  # relative gap between the cost of impulses and its lower bound
@@ -504,6 +505,11 @@ class ChiefOrbit:
                 f"duration: {lengths.min():g} s is too short beside an {self.chief}, where rounding would "
                 f"move the end by {missed.max():.2g} m; lengthen the transfer, or use two_impulse"
             )
+
+    def _angle(self, time: float) -> float:
+        """Return the angle of the table's clock at a time [s]; raise ValueError beyond the span."""
+        self._within(time, time, *self.chief.span)
+        return float(angles_at(self.chief.table.clock, np.array([time]))[0])
 
     def _segments(self, arcs: Floats, offsets: Any) -> tuple[Floats, Any]:
         """Return the segments (S, 21) of arcs (M, 30), and the index of the first one of each path."""

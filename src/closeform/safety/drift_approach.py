@@ -7,14 +7,17 @@ from functools import lru_cache
 from typing import Any, ClassVar, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from closeform.arrays import Floats, broadcast, instance, number, shown
-from closeform.conflicts.two_paths import check_comparable, craft_of
+from closeform.conflicts.two_paths import check_comparable, craft_of, require_hill
 from closeform.motion.arc import END, IMPULSE, START
+from closeform.motion.chief_orbit import ChiefOrbit
 from closeform.motion.duration import MOST_ORBITS
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import FORGIVEN, Path
 from closeform.result import Rows
+from closeform.safety.drift_beside_chief import loss_of_thrust_is_safe
 from closeform.safety.failure_cells import INTACT, KIND, LOW, MISSED, OFFSET, PIECE, SIDE, Side, side_of
 from closeform.safety.failure_motions import room_for
 from closeform.safety.failure_search import FAILURE, LOWER, PLACE, RATIO, TIME, worst_failures
@@ -95,10 +98,10 @@ def passively_safe(
         End of the drift, in the time of the paths, not before the failing path ends. inf stands for
         a million orbits. A spacecraft that does not fail coasts once its path has ended.
     failure : ThrustLost, MissedBurns, DegradedThrust or StuckOnThrust, default ThrustLost()
-        Failure of thrust.
+        Failure of thrust; about a chief that is not on a circle only `ThrustLost`.
     failing : {"path", "other", "either", "both"}, default "path"
         Which spacecraft fails: one while the other continues as planned, either (the worse of the
-        two), or both, each at its own instant.
+        two), or both, each at its own instant.  About a chief that is not on a circle not both.
 
     Returns
     -------
@@ -111,11 +114,11 @@ def passively_safe(
     ValueError
         If a path that does not fail ends before `until`, `until` is before the end of a path that fails,
         impulses would be stuck on, the orbits differ, batch shapes do not broadcast, or an argument is
-        of another type.
+        of another type; about a chief that is not on a circle if `until` is inf.
 
     References
     ----------
-    docs/theory.md section 8; docs/passive_safety.md.
+    docs/theory.md sections 8 and 11; docs/passive_safety.md.
 
     Examples
     --------
@@ -125,9 +128,33 @@ def passively_safe(
     >>> bool(cf.passively_safe(approach, client, cf.Sphere(10.0), client.end))
     False
     """
+    if isinstance(path.orbit, ChiefOrbit):
+        return _safe_beside_chief(path, other, zone, until, failure, failing)
     ratios = [rows[:, RATIO] for _, rows, *_ in _worst(path, other, zone, until, failure, failing, 0.0)]
     shape = broadcast(path=path.shape, other=other.shape)
     safe = np.isinf(np.minimum.reduce(ratios))
+    return safe.reshape(shape) if shape else bool(safe[0])
+
+
+def _safe_beside_chief(
+    path: Path, other: Path, zone: Zone, until: float, failure: Any, failing: Any
+) -> bool | NDArray[np.bool_]:
+    """Return `passively_safe` about a chief that is not on a circle."""
+    if not isinstance(failure, ThrustLost) or failing == "both":
+        require_hill(path, "failure, failing: other failures than ThrustLost of one spacecraft")
+    if not np.isfinite(number("until", until)):
+        raise ValueError(
+            f"until: must be finite about an {path.orbit}, whose drifts have no closed form; give a time in s"
+        )
+    end = _checked(path, other, zone, until, failure, failing)
+    shape = broadcast(path=path.shape, other=other.shape)
+    safe = np.ones(len(first := craft_of(path, shape)), dtype=bool)
+    for k, (one, two) in enumerate(zip(first, craft_of(other, shape), strict=True)):
+        mine, its = path._gathered(np.array([one]), ()), other._gathered(np.array([two]), ())
+        if failing != "other":
+            safe[k] &= loss_of_thrust_is_safe(mine, its, zone, end)
+        if failing != "path":
+            safe[k] &= loss_of_thrust_is_safe(its, mine, zone, end, around=False)
     return safe.reshape(shape) if shape else bool(safe[0])
 
 

@@ -30,7 +30,7 @@ from typing import Self
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.motion.chief.table import CHECKS, Table, build
+from closeform.motion.chief.table import CHECKS, COLUMNS, Table, build
 
 # Bound of the error of a column, relative to its largest entry, that sets the number of windows.
 WANTED = 3e-12
@@ -118,8 +118,8 @@ def _form(e: float, columns: Floats, s: Floats) -> Floats:
     return product - np.swapaxes(product, 1, 2)
 
 
-def _tails(e: float, joints: Floats) -> Floats:
-    """Return proven bounds (K, 15) of what interpolants of position leave out, along each axis."""
+def _tails(e: float, joints: Floats) -> tuple[Floats, Floats]:
+    """Return proven bounds (K, 15) of what interpolants of position leave out, and (K, 9) of returns."""
     half, middle = 0.5 * np.diff(joints)[:, None], 0.5 * (joints[1:] + joints[:-1])[:, None]
     tall = half * 0.5 * (ELLIPSES - 1.0 / ELLIPSES)
     wide = half * 0.5 * (ELLIPSES + 1.0 / ELLIPSES)
@@ -150,7 +150,11 @@ def _tails(e: float, joints: Floats) -> Floats:
     bounds = np.concatenate([states, answers @ states, answers], axis=-1).max(axis=-2)  # (K, ellipses, 15)
     share = np.where(valid, 4.0 * ELLIPSES**-CHECKS / (ELLIPSES - 1.0), np.inf)
     # twice, as the integrals are those of an interpolant as well
-    return np.asarray((2.0 * bounds * share[..., None]).min(axis=1))
+    sensed = np.concatenate([states, np.broadcast_to(np.eye(3), (*states.shape[:2], 3, 3))], axis=-1)
+    back = np.abs(start)[:, None] @ mixed @ np.swapaxes(places, -1, -2) @ sensed
+    back *= (most * far)[..., None, None]
+    tails = 2.0 * share[..., None] * np.concatenate([bounds, back.max(axis=-2)], axis=-1)
+    return tails[..., :COLUMNS].min(axis=1), tails[..., COLUMNS:].min(axis=1)
 
 
 def joints_of(e: float, count: int, first: float, last: float) -> Floats:
@@ -173,14 +177,14 @@ def _joints(e: float, count: int) -> Floats:
 
 
 @cache
-def _revolution(e: float) -> tuple[Floats, float, Floats, Floats, Floats]:
-    """Return joints, turn, rows, steps and errors of the table of an eccentricity."""
+def _revolution(e: float) -> Table:
+    """Return the table of an eccentricity, for a chief of mean motion 1 that is at perigee at time 0."""
     count = FEWEST + int(26.0 * e)
     while True:
         made = _with(e, _joints(e, count))
         size = np.maximum(1.0, np.abs(made.rows[:, :, :3]).max(axis=(2, 3)))
         if (made.errors / size).max() <= WANTED or count >= MOST:
-            return made.joints, made.turn, made.rows, made.steps, made.errors
+            return made
         count += 1 + count // 16
 
 
@@ -193,7 +197,7 @@ def _with(e: float, joints: Floats) -> Table:
         fit = np.linalg.inv(_real(e, joints[:-1, None], joints[:-1]))
         return values @ fit, np.abs(values).max(axis=1) @ np.abs(fit[:, 0])
 
-    return build(np.array([1.0, e, 0.0]), joints, 2.0 * np.pi, flow, _tails(e, joints))
+    return build(np.array([1.0, e, 0.0]), joints, 2.0 * np.pi, flow, *_tails(e, joints))
 
 
 @dataclass(frozen=True)
@@ -229,6 +233,5 @@ class KeplerChief:
     @cached_property
     def table(self) -> Table:
         """Table of one revolution, which repeats."""
-        joints, turn, rows, steps, errors = _revolution(self.eccentricity)
         clock = np.array([self.mean_motion, self.eccentricity, self.mean_anomaly])
-        return Table(clock, joints, turn, rows, steps, errors)
+        return _revolution(self.eccentricity)._replace(clock=clock)

@@ -45,7 +45,8 @@ def table_with(clock: Floats, joints: Floats, inner: Floats, ends: Floats) -> Ta
     tails[:, 6:] = (
         reach * tails[:, :6].max(axis=1, keepdims=True) * np.abs(inner).max(axis=(1, 2, 3))[:, None]
     )
-    return build(clock, joints, 0.0, lambda u: (values, np.abs(values).max(axis=1)), tails)
+    back = tails[:, 6:] * np.abs(np.linalg.inv(ends)).max(axis=(1, 2))[:, None]
+    return build(clock, joints, 0.0, lambda u: (values, np.abs(values).max(axis=1)), tails, back)
 
 
 def accurate(table: Table, wanted: float) -> bool:

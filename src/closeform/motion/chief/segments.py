@@ -341,8 +341,11 @@ def squared(c, f):
     for j in range(SQUARE):
         f[j] = 0.0
     for i in range(TERMS):
-        for j in range(TERMS):
-            f[i + j] += PRODUCT[i, j] * (c[0, i] * c[0, j] + c[1, i] * c[1, j] + c[2, i] * c[2, j])
+        x, y, z = c[0, i], c[1, i], c[2, i]
+        f[2 * i] += PRODUCT[i, i] * (x * x + y * y + z * z)
+        x, y, z = 2.0 * x, 2.0 * y, 2.0 * z
+        for j in range(i + 1, TERMS):
+            f[i + j] += PRODUCT[i, j] * (x * c[0, j] + y * c[1, j] + z * c[2, j])
 
 
 # Kronrod's 15 points and weights and the 7 Gauss weights among them (QUADPACK, positive half).

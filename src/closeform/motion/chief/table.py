@@ -4,7 +4,7 @@ In a window that begins at the angle s_k (see `clock`), with u from 0 to 1,
 
     (r, v)(u) = sum_i B_i(u) (C_i x_k + R_i c_k + G_i a)
     C = Phi(t, t_k),  R = integral of Phi(t, t') B E Phi(t', t_k) dt',  G = integral of Phi(t, t') B dt'
-                                                                                             # theory (97)
+                                                                                   # theory (97)
 
 for the state x_k and the costate c_k = (p, p') at its beginning, and a constant push a in the turning frame.
 E takes the position of a state, B makes an acceleration a change of state.  The thrust of least energy is
@@ -61,6 +61,10 @@ class Table(NamedTuple):
         Matrices from columns at the beginning of a window to those at its end.
     errors : array of shape (K, 15)
         Bounds of the errors of the position of each column, along each axis.
+    returns : array of shape (K, 9, 6, 12)
+        Bernstein coefficients of the change of the window's first state to which a costate and a push amount.
+    return_errors : array of shape (K, 9)
+        Bounds of their errors.
     """
 
     clock: Floats
@@ -69,6 +73,8 @@ class Table(NamedTuple):
     rows: Floats
     steps: Floats
     errors: Floats
+    returns: Floats
+    return_errors: Floats
 
     @property
     def form(self) -> tuple[Floats, Floats, float, Floats, Floats]:
@@ -114,7 +120,9 @@ class Table(NamedTuple):
         return np.asarray(angles[begin : max(end, begin + 1) + 1])
 
 
-def build(clock: Floats, joints: Floats, turn: float, flow: Flow, tails: Floats) -> Table:
+def build(
+    clock: Floats, joints: Floats, turn: float, flow: Flow, tails: Floats, return_tails: Floats
+) -> Table:
     """Return the table of a transition matrix.
 
     `flow(u)` returns Phi from the beginning of each window to its points u (Q,) as (K, Q, 6, 6), and a bound
@@ -122,7 +130,7 @@ def build(clock: Floats, joints: Floats, turn: float, flow: Flow, tails: Floats)
 
     **Errors.**  The error of a polynomial of degree 11 is known at 30 Chebyshev nodes, up to rounding.
     Between them it is at most Lebesgue's constant times the largest of these, plus what an interpolant of
-    degree 29 leaves out; `tails` (K, 15) are proven bounds of that remainder.
+    degree 29 leaves out; `tails` (K, 15) and `return_tails` (K, 9) are bounds of that remainder.
     """
     low, high = nodes(DEGREE), nodes(CHECKS)
     points = np.concatenate([low, [1.0], high])
@@ -147,4 +155,10 @@ def build(clock: Floats, joints: Floats, turn: float, flow: Flow, tails: Floats)
     worst = np.abs(missed[:, :, :3]).max(axis=(1, 2))
     errors = LEBESGUE * worst + tails + ROUNDINGS * EPSILON * rounded
     rows = np.ascontiguousarray(coefficients.transpose(1, 3, 2, 0))
-    return Table(clock, joints, turn, rows, steps, errors)
+    fit = bernstein_of() @ chebyshev_of(DEGREE)
+    back = np.tensordot(fit, gathered[:, :TERMS], (1, 1))
+    off = np.tensordot(basis_at(high), back, (1, 0)).swapaxes(0, 1) - gathered[:, TERMS + 1 :]
+    size = np.abs(gathered).max(axis=(1, 2))
+    return_errors = LEBESGUE * np.abs(off).max(axis=(1, 2)) + return_tails + ROUNDINGS * EPSILON * size
+    returns = np.ascontiguousarray(back.transpose(1, 3, 2, 0))
+    return Table(clock, joints, turn, rows, steps, errors, returns, return_errors)
