@@ -19,6 +19,7 @@ from closeform.conflicts.two_paths import Approach, closest_approach, find_confl
 from closeform.dynamics.simulation.simulation_result import Simulation
 from closeform.motion.path import Path
 from closeform.planning.both_sides import ways_around
+from closeform.planning.requirements import ApproachCone
 from closeform.plots.clearances import Deviations, Failed
 from closeform.plots.inputs import crafts, one_craft, one_path, same
 from closeform.plots.pairs import Pairs, ratio_text
@@ -322,6 +323,7 @@ def before_after(
     obstacles: Path | Sequence[Path],
     zone: Zone,
     names: Sequence[str] | None = None,
+    corridor: ApproachCone | None = None,
 ) -> Figure:
     """Plot a path before and after avoidance, in three planes and in space: SP11 figure 3.
 
@@ -339,6 +341,8 @@ def before_after(
         Keep-out zone around each obstacle.
     names : sequence of str, optional
         Names of the obstacles.
+    corridor : ApproachCone, optional
+        Approach corridor, which is drawn by four lines on its surface.
 
     Returns
     -------
@@ -370,6 +374,9 @@ def before_after(
     for other in others:
         times = instants(*common_time(before, other), other)
         tracks.append(Track(other.position(times), OTHER, 1.1, label="obstacles"))
+    if corridor is not None:
+        for line in corridor._outline(after.position(instants(after.start, after.end, after))):
+            tracks.append(Track(line, ALTERNATIVE, 1.2, "-", "corridor", arrow=False))
     hit, closest = set[int](), list[tuple[float, int]]()
     for path, colour, dashes, role, limit in versions:
         tracks.append(track_of(path, colour, 2.2, dashes, role))

@@ -184,7 +184,8 @@ class Choices:
             yield from effort.burn_pictures(self.result)
         if not self.compared:
             return
-        if self.result.stage.cost == "delta-v" and self.result.flown:
+        required = getattr(self.result.result, "required", None)  # which the primer does not show
+        if self.result.stage.cost == "delta-v" and self.result.flown and not required:
             most = max(self.movers, key=lambda name: float(self.plan(name).delta_v))
             shows = f"{most}, which spends most" if len(self.movers) > 1 else ""
             caption = f"Primer vector of {most}: impulses are optimal where its length is one"

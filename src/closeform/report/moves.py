@@ -570,7 +570,9 @@ def avoid_pictures(mission: Mission, result: Avoiding) -> Iterator[Picture]:
     other, zone = moved.others[closest], moved.zones[closest]
     pair = path, before.path(other), zone
     by_energy = result.stage.cost == "energy"  # impulses are drawn as burns
-    shows = "before: the direct path" if around is not None and around is not path else ""
+    shows = (
+        "before: the direct path" if around is not None and not np.array_equal(around.arcs, path.arcs) else ""
+    )
     caption = f"{craft} relative to {other}, before"
     yield Picture("distances", caption, "distances", pair, {"names": (craft, other)}, shows=shows)
     if before.conflicts and by_energy:
@@ -579,12 +581,13 @@ def avoid_pictures(mission: Mission, result: Avoiding) -> Iterator[Picture]:
         )
         yield Picture("two-ways", caption, "two_ways", pair, {"name": other})
     paths, labels = [path], [craft]
-    if around is not None and around is not path:
+    if changed:
         names = [name for name, one in zip(moved.others, moved.zones, strict=True) if one is zone]
         both, options = (path, around, [before.path(name) for name in names], zone), {"names": names}
         planned = "as planned, not as executed" if result.pulsed is not None else ""
         caption = f"The path of {craft} before and after"
-        yield Picture("before-after", caption, "before_after", both, options, shows=planned)
+        corridor = {"corridor": moved.required.get("approach corridor")}
+        yield Picture("before-after", caption, "before_after", both, options | corridor, shows=planned)
         caption = f"Clearance ratio of {craft} to the zones of the others, before and after"
         yield Picture("nearness", caption, "ratios", both, options, shows=planned)
         paths, labels = [path, around], ["before", "after"]

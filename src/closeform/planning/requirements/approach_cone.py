@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import cos, pi, sin
+from math import cos, pi, sin, tan
 from typing import Any
 
 import numpy as np
@@ -58,6 +58,15 @@ class ApproachCone(Requirement):
             raise ValueError(f"radius: must be positive, got {self.radius} m")
         object.__setattr__(self, "axis", axis / np.linalg.norm(axis))
         object.__setattr__(self, "target", target)
+
+    def _outline(self, places: Floats) -> Floats:
+        """Return four lines (4, 2, 3) on the surface, as far from the target as places (K, 3) [m] are."""
+        along = float(((places - self.target) @ self.axis).max(initial=0.0))
+        across = np.linalg.svd(self.axis[None])[2][1:]
+        sides = np.concatenate([across, -across])
+        far = self.radius + along * tan(self.half_angle)
+        ends = self.target + along * self.axis + far * sides
+        return np.stack([self.target + self.radius * sides, ends], axis=1)
 
     def _margin(self, states: Floats) -> Floats:
         """Return the distances (...) [m] of states (..., 6) from the surface, negative outside."""
