@@ -570,9 +570,9 @@ def avoid_pictures(mission: Mission, result: Avoiding) -> Iterator[Picture]:
     other, zone = moved.others[closest], moved.zones[closest]
     pair = path, before.path(other), zone
     by_energy = result.stage.cost == "energy"  # impulses are drawn as burns
-    shows = (
-        "before: the direct path" if around is not None and not np.array_equal(around.arcs, path.arcs) else ""
-    )
+    if around is not None and np.array_equal(around.arcs, path.arcs):
+        around = None  # the plan keeps the direct path
+    shows = "before: the direct path" if around is not None else ""
     caption = f"{craft} relative to {other}, before"
     yield Picture("distances", caption, "distances", pair, {"names": (craft, other)}, shows=shows)
     if before.conflicts and by_energy:
@@ -581,7 +581,7 @@ def avoid_pictures(mission: Mission, result: Avoiding) -> Iterator[Picture]:
         )
         yield Picture("two-ways", caption, "two_ways", pair, {"name": other})
     paths, labels = [path], [craft]
-    if changed:
+    if around is not None:
         names = [name for name, one in zip(moved.others, moved.zones, strict=True) if one is zone]
         both, options = (path, around, [before.path(name) for name in names], zone), {"names": names}
         planned = "as planned, not as executed" if result.pulsed is not None else ""
