@@ -17,6 +17,7 @@ from closeform.scenario import parse
 from formations import Task, random_case
 from resimulated import faults
 
+LOW = cf.Orbit.circular(500e3)
 SPACE = cf.Orbit(0.0)
 TILT = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))[0]
 PRISM = np.array([[1.0, 0, 0], [-0.5, 0.8, 0], [-0.5, -0.8, 0], [0, 0, 0.7], [0, 0, -0.7]])
@@ -228,3 +229,36 @@ def test_a_stage_closes_its_gap_where_that_is_asked():
     assert close.energy <= loose.energy * (1.0 + 1e-9)
     assert loose.lower_bound <= close.lower_bound <= close.energy * (1.0 + 1e-9)
     assert close.gap <= 1e-3
+
+
+def test_proof_of_delta_v_bounds_the_best_of_many_starts():
+    """Past a sphere or a box: the bound is below the best of 200 starts, and within the gap or the time."""
+    n, closed = LOW.mean_motion, 0
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        x, y, z, vx, vz = rng.normal(size=(5, 2)) * 150.0 * np.array([[1], [1], [1], [n], [n]])
+        first, last = np.stack([x, y, z, vx, -2.0 * n * x, vz]).T
+        duration, radius = LOW.period * rng.uniform(0.3, 1.0), rng.uniform(15.0, 60.0)
+        when, path = duration * rng.uniform(0.3, 0.7), LOW.impulsive(first, last, duration)
+        near = path.state(when) + np.concatenate(
+            [0.3 * radius * rng.normal(size=3), 0.02 * rng.normal(size=3)]
+        )
+        rock = LOW.coast(LOW.transition(-when) @ near, duration)
+        zone = cf.Sphere(radius) if seed % 2 else cf.Box([radius] * 3)
+        quick = cf.avoid(path, rock, zone, cost="delta-v")
+        if not quick.ok or not quick.contacts:
+            continue
+        sure = cf.avoid(path, rock, zone, cost="delta-v", prove=3.0, gap=2e-3)
+        best = cf.avoid(path, rock, zone, cost="delta-v", budget=200)
+        assert quick.lower_bound <= sure.lower_bound <= best.delta_v * (1 + 1e-9)
+        assert sure.delta_v <= quick.delta_v
+        assert cf.find_conflicts(sure.path, rock, zone) == ()
+        closed += sure.gap <= 2e-3
+    assert closed >= 3
+
+
+def test_proof_of_delta_v_within_a_limit_is_refused():
+    path = LOW.impulsive([0, -200, 0, 0, 0, 0], [0, 200, 0, 0, 0, 0], 2000.0)
+    rock = LOW.coast(path.state(1000.0), 2000.0, -1000.0)
+    with pytest.raises(ValueError, match="prove: cannot be combined with max_acceleration"):
+        cf.avoid(path, rock, cf.Sphere(20.0), cost="delta-v", prove=1.0, max_acceleration=1e-3)

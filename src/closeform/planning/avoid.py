@@ -72,7 +72,7 @@ def avoid(
     prove : float [s], default 0
         Time limit for branch and bound over all passing sides.  It raises the lower bound until the
         optimality gap is at most `gap`, and replaces the path if it finds one of lower cost (not with
-        `max_acceleration`).
+        `max_acceleration`, with which cost "delta-v" has no proof).
     gap : float, no unit, default 0.001
         Optimality gap, as a fraction of the lower bound, at which `prove` stops.
     names : sequence of str, optional
@@ -81,7 +81,7 @@ def avoid(
         The minimised cost.  With "delta-v" the path has impulses, or burns within `max_acceleration`: few,
         except where it slides along a zone.  Impulses, burns and throttled parts of burns below 0.1 mm/s, or
         1 % of the delta-v where that is less, are dropped where the others can replace them at 0.1 % more
-        delta-v.  `budget` then counts starting points; "delta-v" cannot be combined with `prove` or
+        delta-v.  `budget` then counts starting points; "delta-v" cannot be combined with
         "sauter-palmer".
     thrusters : Thrusters, optional
         Thrusters of the craft.  They require cost "delta-v", which is then summed over the thrusters: two

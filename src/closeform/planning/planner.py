@@ -21,7 +21,7 @@ from closeform.motion.within_limit import TooLittleThrust
 from closeform.planning.bounds.branch_and_bound import closeness, is_proven
 from closeform.planning.bounds.branch_and_bound import prove as prove_bound
 from closeform.planning.delta_v.checks import Spent
-from closeform.planning.delta_v.delta_v_search import shortage, solve_impulses, unconstrained
+from closeform.planning.delta_v.delta_v_search import proven, shortage, solve_impulses, unconstrained
 from closeform.planning.energy.side_search import MARGINS, Found
 from closeform.planning.infeasible_ends import EndConflict, end_conflict, unsafe_end
 from closeform.planning.limits import FULL, longest, stretched
@@ -389,8 +389,10 @@ def keeps_limits(request: Request, paths: Path) -> bool:
 
 def bounded(request: Request, plan: Plan) -> Plan:
     """Return the plan with its proven lower bound, or a plan of lower cost found during the proof."""
-    if plan.status is not Status.AVOIDED or plan.cost == "delta-v" or request.method == "sauter-palmer":
+    if plan.status is not Status.AVOIDED or request.method == "sauter-palmer":
         return plan
+    if plan.cost == "delta-v":
+        return bounded_delta_v(request, plan) if request.proof_time and not plan.proven else plan
     problem, fixed = request.problem(), request.limits is not None
     spent = plan.extra_energy, plan.energy
     proof = prove_bound(problem, plan.contacts, *spent, request.proof_time, gap=request.gap, fixed=fixed)
@@ -400,3 +402,20 @@ def bounded(request: Request, plan: Plan) -> Plan:
     bound = min(float(plan.direct.energy.sum()) + proof.bound, plan.energy)
     reason = f"{plan.reason}, {closeness(plan.energy, bound)}"
     return replace(plan, lower_bound=bound, proven=is_proven(plan.energy, bound), reason=reason)
+
+
+def bounded_delta_v(request: Request, plan: Plan) -> Plan:
+    """Return a plan of delta-v with the bound of branch and bound, or a plan of lower cost that it found."""
+    problem = request.problem()
+    given = request.thrusters, request.names, plan.delta_v, request.proof_time, request.gap
+    bound, better = proven(problem, *given)
+    if better is not None and better.flown is not None and better.delta_v < plan.delta_v:
+        paths = problem.path(better.flown)
+        plan = replace(
+            plan, paths=paths, delta_v=better.delta_v, contacts=once(better.contacts), tried=better.tried
+        )
+        plan = replace(plan, clearance_ratio=better.margin, priced=better.priced)
+    bound = min(max(plan.lower_bound, bound), plan.delta_v)
+    number = len(plan.contacts)
+    reason = f"{number or 'no'} contact{'s' * (number != 1)}, {closeness(plan.delta_v, bound, 'delta-v')}"
+    return replace(plan, lower_bound=bound, proven=is_proven(plan.delta_v, bound), reason=reason)

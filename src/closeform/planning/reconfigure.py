@@ -88,13 +88,13 @@ def reconfigure(
     prove : float [s], default 0
         Time limit for branch and bound over all passing sides.  It raises the lower bound until the
         optimality gap is at most `gap`, and replaces the plan if it finds one of lower cost (not with
-        `max_acceleration`).
+        `max_acceleration`, with which cost "delta-v" has no proof).
     gap : float, no unit, default 0.001
         Optimality gap, as a fraction of the lower bound, at which `prove` stops.
     cost : "energy" or "delta-v", default "energy"
         The minimised cost.  With "delta-v" the spacecraft fire impulses, or burns within `max_acceleration`:
         few, except where a path slides along a zone.  `budget` then counts starting points; "delta-v" cannot
-        be combined with `prove` or "sequential".
+        be combined with "sequential".
     thrusters : Thrusters, or sequence of Thrusters or None, optional
         Thrusters of all spacecraft, or of each (None: thrust in any direction).  They require cost "delta-v",
         which is then summed over the thrusters: two that fire at once both count.  No impulse is below

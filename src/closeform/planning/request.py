@@ -252,7 +252,9 @@ class Request:
         return request._checked()
 
     def _checked(self) -> Request:
-        """Return the request; raise ValueError if an obstacle ends before the drift does."""
+        """Return the request; raise ValueError if limits have a proof, or an obstacle ends too early."""
+        if self.proof_time and self.cost == "delta-v" and self.limits is not None:
+            raise ValueError("prove: cannot be combined with max_acceleration and cost 'delta-v'; omit one")
         if self.drift is None or self.obstacles is None:
             return self
         until = float((self.starts + self.durations).max()) + self.drift
@@ -386,9 +388,8 @@ def _options(
     if cost == "energy" and thrusters is not None:
         raise ValueError("thrusters: require cost 'delta-v'; set it, or omit thrusters")
     proving, unusual = prove > 0.0, method != known[0]
-    if cost == "delta-v" and (proving or unusual):
-        name = "prove" if proving else "method"
-        raise ValueError(f"{name}: cannot be combined with cost 'delta-v'; omit it, or set cost 'energy'")
+    if cost == "delta-v" and unusual:
+        raise ValueError("method: cannot be combined with cost 'delta-v'; omit it, or set cost 'energy'")
     if drift is not None:
         drift = number("drift", drift)
         if drift == inf:

@@ -232,7 +232,6 @@ class Clearing(Thrusting):
     def unprovable(self) -> str | None:
         """Setting that `prove` cannot be combined with, or None."""
         also = {
-            'cost = "delta-v"': self.cost != "energy",
             "a method without a lower bound": not self.is_exact,
             "drift": self.plans_drift,
             "sigmas": self.sigmas is not None,

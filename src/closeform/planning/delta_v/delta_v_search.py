@@ -14,6 +14,7 @@ from closeform.motion.arc import END, START
 from closeform.motion.saturated import CLOSE
 from closeform.motion.within_limit import TooLittleThrust
 from closeform.planning.delta_v.checks import Spent
+from closeform.planning.delta_v.delta_v_proof import DeltaVProof
 from closeform.planning.delta_v.firing_times import Moments
 from closeform.planning.delta_v.impulse_descent import at_rest, descended, step_near
 from closeform.planning.delta_v.impulse_solver import AIM, NEAR, WIDEST, ImpulseSolver, beside
@@ -141,23 +142,48 @@ def solved(
     if best is not None:
         if solver.failures is not None and (plain := cheaper(solver, best, by_energy)) is not None:
             return replace(plain, tried=tried + plain.tried), free
-        touched, at, priced = solver.settled(best).some(best.pushing), best.flown, True
-        if solver.failures is not None:
-            touched = touched.some(touched.multipliers > FELT * best.delta_v)
-            touched, priced = solver.failures.touching(at, touched)
-            at = solver.failures.brief(at)
-        elif (whole := in_bits(solver, best)) is not None:
-            best, at, priced = whole, whole.flown, False
-            places = problem.motions(at, touched)[:, 0]
-            touched = touched.some((touched.normals * places).sum(axis=1) < NEAR)
-        answer = best.flown, contacts_of(problem, touched, at), nan, best.margin, False, tried
-        small = int(solver.below_bit(best).sum())
-        return Outcome(*answer, delta_v=best.delta_v, priced=priced, below_bit=small), free
+        return outcome_of(solver, best, tried), free
     if solver.pushes.fixed.any() or problem.requirements:
         blocking = blocked(solver, free)
         return Outcome(None, (), nan, 1.0, False, tried, blocking, closest=solver.closest, unfired=safe), free
     other = thrusting(problem, by_energy())
     return replace(other, tried=tried + other.tried, closest=solver.closest), free
+
+
+def outcome_of(solver: ImpulseSolver, best: Spent, tried: int) -> Outcome:
+    """Return the outcome of a search that found clear paths."""
+    problem = solver.problem
+    touched, at, priced = solver.settled(best).some(best.pushing), best.flown, True
+    if solver.failures is not None:
+        touched = touched.some(touched.multipliers > FELT * best.delta_v)
+        touched, priced = solver.failures.touching(at, touched)
+        at = solver.failures.brief(at)
+    elif (whole := in_bits(solver, best)) is not None:
+        best, at, priced = whole, whole.flown, False
+        places = problem.motions(at, touched)[:, 0]
+        touched = touched.some((touched.normals * places).sum(axis=1) < NEAR)
+    answer = best.flown, contacts_of(problem, touched, at), nan, best.margin, False, tried
+    small = int(solver.below_bit(best).sum())
+    return Outcome(*answer, delta_v=best.delta_v, priced=priced, below_bit=small)
+
+
+def proven(
+    problem: Problem,
+    thrusters: Sequence[Thrusters | None],
+    names: Sequence[str],
+    spent: float,
+    seconds: float,
+    gap: float,
+) -> tuple[float, Outcome | None]:
+    """Return a lower bound [m/s] on the delta-v of all clear plans, and a cheaper plan if one was found.
+
+    The proof ends at a relative gap, or after some seconds.
+    """
+    solver = ImpulseSolver(problem, thrusters, names)
+    proof = DeltaVProof(solver, spent, gap)
+    proof.run(seconds)
+    better = proof.better
+    return proof.bound, None if better is None else outcome_of(solver, fewest(solver, better), proof.nodes)
 
 
 def clear_optimum(solver: ImpulseSolver, free: Spent, best: Spent | None) -> Spent | None:
