@@ -238,7 +238,7 @@ def test_what_is_not_supported_is_refused_in_words():
         lambda: cf.clearance_in_sigmas(one, other, zone, cf.Uncertainty(np.eye(6))),
         lambda: cf.collision_probability(one, other, zone, cf.Uncertainty(np.eye(6))),
         lambda: cf.max_clearance(one, other, zone, 1.0),
-        lambda: cf.least_delta_v(orbit, START, END, 1000.0),
+        lambda: cf.least_delta_v(orbit, START, END, 1000.0, 1e-3),
         lambda: cf.delta_v_bound(orbit, START, END, 1000.0),
         lambda: cf.least_time(orbit, START, END, 1e-3),
         lambda: cf.shortest_transfer(orbit, START, END, 1e-3),
