@@ -246,3 +246,9 @@ def test_what_is_not_supported_is_refused_in_words():
     ):
         with pytest.raises(ValueError, match=r"[Oo]rbit|circular|too short|revolutions"):
             call()
+
+
+def test_paths_are_drawn_in_the_planes_of_the_orbit():
+    path = eccentric(0.3).two_impulse(START, END, 3000.0)
+    hill = cf.Orbit.circular(700e3).two_impulse(START, END, 3000.0)
+    assert len(cf.plot(path).axes) == len(cf.plot(hill).axes)
