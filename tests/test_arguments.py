@@ -104,7 +104,7 @@ CALLS = {
         thrusters=cf.Thrusters.rtn(),
     ),
     "least_delta_v": inputs(
-        orbit=ORBIT, initial=START, final=START[::-1], duration=TIMES, max_acceleration=100.0
+        orbit=ORBIT, initial=START, final=START[::-1], duration=TIMES, max_acceleration=100.0, start=TIMES
     ),
     "delta_v_bound": inputs(orbit=ORBIT, initial=START, final=START[::-1], duration=TIMES),
     "transfer_cost_table": inputs(

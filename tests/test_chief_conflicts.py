@@ -134,6 +134,46 @@ def test_paths_with_other_times_and_joints_are_compared_over_their_common_time()
     assert np.allclose(both.start, [first.start, second.start, third.start], atol=1e-9)
 
 
+@pytest.mark.parametrize("e", [0.0, 0.5, 0.9])
+def test_joined_paths_of_all_kinds_are_searched_between_their_joints(e):
+    """Coasts, transfers, impulses and burns at random times, and from and to the joints of the table."""
+    orbit, random = cf.Orbit.eccentric(e, perigee_altitude=500e3), np.random.default_rng(5)
+    units = np.array([100.0] * 3 + [200.0 * np.pi / orbit.period] * 3)
+    angles = orbit.chief.table.joints
+    joints = (angles - e * np.sin(angles)) / orbit.chief.mean_motion
+    paths = []
+    for k in range(16):
+        time = float(random.choice(joints)) if k % 3 == 0 else random.uniform(-0.3, 0.5) * orbit.period
+        state, parts = random.normal(size=6) * units, []
+        for m in range(random.integers(1, 5)):
+            length = random.uniform(0.02, 0.5) * orbit.period
+            after = joints[joints > time + 0.001 * orbit.period]
+            if k % 4 == 1 and m == 0 and len(after):
+                length = float(after[0] - time)
+            kind = ("coast", "transfer", "impulsive", "burn")[random.integers(4)]
+            more = {"coast": [], "burn": [random.normal(size=3) * 1e-5]}.get(
+                kind, [random.normal(size=6) * units]
+            )
+            parts.append(getattr(orbit, kind)(state, *more, length, time))
+            state, time = parts[-1].state(parts[-1].end), float(parts[-1].end)
+        paths.append(cf.join(parts))
+    found = cf.screen(paths, ZONES["cylinder"])
+    rows = iter(zip(found.start, found.end, strict=True))
+    for i in range(16):
+        for j in range(i + 1, 16):
+            single = cf.find_conflicts(paths[i], paths[j], ZONES["cylinder"])
+            for one in single:
+                assert np.allclose((one.start, one.end), next(rows), rtol=0, atol=1e-7)
+            begin, end = max(paths[i].start, paths[j].start), min(paths[i].end, paths[j].end)
+            if begin < end:
+                times = np.linspace(begin, end, 300)
+                norms = ZONES["cylinder"].norm(paths[i].position(times) - paths[j].position(times))
+                for one in single:
+                    norms[(times > one.start - 1e-5) & (times < one.end + 1e-5)] = 1.0
+                assert norms.min() >= 1.0 - 1e-9
+    assert next(rows, None) is None
+
+
 def test_no_common_time_is_no_conflict():
     orbit = eccentric(0.4)
     one, other = orbit.coast(np.zeros(6), 100.0), orbit.coast(np.zeros(6), 100.0, start=100.5)

@@ -79,6 +79,23 @@ def test_bounds_hold_at_every_time():
         assert np.allclose(made, change, atol=1e-9)
 
 
+@pytest.mark.parametrize("e", [0.0, 0.3, 0.8])
+def test_primers_prove_the_bound(e):
+    """|p| is at most 1 at dense samples, 1 along each impulse, and the plan costs its bound."""
+    orbit, random = eccentric(e), np.random.default_rng(4)
+    ends = random.normal(size=(2, 6)) * UNITS
+    bound = cf.least_delta_v(orbit, *ends, 0.9 * orbit.period, start=700.0)
+    path = orbit.impulsive(*ends, 0.9 * orbit.period, 700.0)
+    assert bound.proven
+    assert path.delta_v == pytest.approx(bound.upper, rel=1e-9)
+    assert (bound.primer.start, bound.primer.end) == (path.start, path.end)
+    times = np.linspace(path.start, path.end, 4000)
+    assert np.linalg.norm(bound.primer.position(times), axis=1).max() <= 1.0 + 1e-9
+    for time, push in path.impulses:
+        along = push / np.linalg.norm(push)
+        assert np.allclose(bound.primer.position(time), along, atol=1e-4)
+
+
 def test_states_of_one_coast_need_no_impulse():
     orbit = eccentric(0.4)
     coast = orbit.coast(START, 5000.0, 300.0)

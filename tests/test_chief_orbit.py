@@ -238,7 +238,7 @@ def test_what_is_not_supported_is_refused_in_words():
         lambda: cf.clearance_in_sigmas(one, other, zone, cf.Uncertainty(np.eye(6))),
         lambda: cf.collision_probability(one, other, zone, cf.Uncertainty(np.eye(6))),
         lambda: cf.max_clearance(one, other, zone, 1.0),
-        lambda: cf.least_delta_v(orbit, START, END, 1000.0),
+        lambda: cf.least_delta_v(orbit, START, END, 1000.0, 1e-3),
         lambda: cf.delta_v_bound(orbit, START, END, 1000.0),
         lambda: cf.least_time(orbit, START, END, 1e-3),
         lambda: cf.shortest_transfer(orbit, START, END, 1e-3),
@@ -246,3 +246,9 @@ def test_what_is_not_supported_is_refused_in_words():
     ):
         with pytest.raises(ValueError, match=r"[Oo]rbit|circular|too short|revolutions"):
             call()
+
+
+def test_paths_are_drawn_in_the_planes_of_the_orbit():
+    path = eccentric(0.3).two_impulse(START, END, 3000.0)
+    hill = cf.Orbit.circular(700e3).two_impulse(START, END, 3000.0)
+    assert len(cf.plot(path).axes) == len(cf.plot(hill).axes)

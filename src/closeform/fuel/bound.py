@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats
-from closeform.motion.arc import END, WIDTH
+from closeform.motion.arc import END, START, WIDTH
+from closeform.motion.chief_orbit import ChiefOrbit
 from closeform.motion.constant_primers import constant_bounds
 from closeform.motion.ends import arcs_between
 from closeform.motion.impulses import answers
@@ -36,7 +37,7 @@ class Bound(Rows):
         Cost of the impulses of `Orbit.impulsive`.
     primer : Path
         Primer that proves `lower`: `primer.position(t)` is p(t), without unit and at most of length 1
-        (more only within a thrust limit), from time 0 on.
+        (more only within a thrust limit), from departure on.
         An impulse of an optimal plan is along p at a time when |p| is 1.
     proven : bool or array of bool of shape (...)
         True if the bounds agree to a relative 1e-9, or to 1e-6 within a thrust limit.
@@ -71,13 +72,14 @@ def least_delta_v(
     final: ArrayLike,
     duration: ArrayLike,
     max_acceleration: ArrayLike | None = None,
+    start: ArrayLike = 0.0,
 ) -> Bound:
     """Return the minimum delta-v from `initial` to `final` in `duration`, and its proof.
 
     Parameters
     ----------
     orbit : Orbit
-        Orbit that defines the rotating frame.
+        Orbit that defines the rotating frame, also one of `Orbit.eccentric` or `Orbit.perturbed`.
     initial : array_like of shape (..., 6) [m, m/s]
         States at the beginning, in the rotating frame.
     final : array_like of shape (..., 6) [m, m/s]
@@ -86,6 +88,8 @@ def least_delta_v(
         Above 0, at most 100 orbits; all broadcast.
     max_acceleration : array_like of shape (...) [m/s^2], default None
         Limit of the thrust; None for no limit, with impulses.
+    start : array_like of shape (...) [s], default 0
+        Departure time.  The cost depends on it about a chief that is not on a circle.
 
     Returns
     -------
@@ -116,23 +120,32 @@ def least_delta_v(
     (True, True)
     """
     if max_acceleration is not None:
-        return _within(orbit, initial, final, duration, max_acceleration)
-    arcs, finals = arcs_between(circular_orbit("orbit", orbit).mean_motion, initial, final, duration, 0.0)
-    shape, rows = arcs.shape[:-1], arcs.reshape(-1, WIDTH)
-    found = answers(orbit.mean_motion, rows, finals)
-    lower, upper = found[:, LOWER], found[:, UPPER]
-    primer = orbit.coast(found[:, PRIMER : PRIMER + 6], rows[:, END])
-    columns = lower, upper, upper - lower <= PROVEN * upper, found[:, UNIQUE] > 0.5
+        return _within(orbit, initial, final, duration, max_acceleration, start)
+    if isinstance(orbit, ChiefOrbit):
+        shape, rows, found = orbit._bounds(initial, final, duration, start)
+    else:
+        n = circular_orbit("orbit", orbit).mean_motion
+        arcs, finals = arcs_between(n, initial, final, duration, start)
+        shape, rows = arcs.shape[:-1], arcs.reshape(-1, WIDTH)
+        found = answers(n, rows, finals)[:, [LOWER, UPPER, UNIQUE, *range(PRIMER, PRIMER + 6)]]
+    lower, upper, unique_plan = found[:, :3].T
+    primer = orbit.coast(found[:, 3:], rows[:, END] - rows[:, START], rows[:, START])
+    columns = lower, upper, upper - lower <= PROVEN * upper, unique_plan > 0.5
     low, high, proven, unique = (column.reshape(shape) if shape else column[0] for column in columns)
     return Bound(low, high, Path(orbit, primer.arcs, primer.offsets, shape), proven, unique)
 
 
 def _within(
-    orbit: Orbit, initial: ArrayLike, final: ArrayLike, duration: ArrayLike, max_acceleration: ArrayLike
+    orbit: Orbit,
+    initial: ArrayLike,
+    final: ArrayLike,
+    duration: ArrayLike,
+    max_acceleration: ArrayLike,
+    start: ArrayLike,
 ) -> Bound:
     """Return the minimum delta-v within a limit; it is unique if thrust is at the limit or zero."""
     n = circular_orbit("orbit", orbit).mean_motion
-    arcs, finals = arcs_between(n, initial, final, duration, 0.0)
+    arcs, finals = arcs_between(n, initial, final, duration, start)
     steer(n, arcs.reshape(-1, WIDTH), finals)
     ends = finals.reshape(*arcs.shape[:-1], 6)
     rows, offsets, shape, facts = limited(n, arcs, ends, max_acceleration, True)
@@ -143,7 +156,8 @@ def _within(
     )
     full = 2.0 * np.asarray(path.energy) >= limits * spent * (1.0 - 1e-6)
     lower = facts[:, BOUND].reshape(shape)
-    primer = orbit.coast(facts[:, PROOF:].reshape(*shape, 6), np.asarray(path.end))
+    length = np.asarray(path.end) - path.start
+    primer = orbit.coast(facts[:, PROOF:].reshape(*shape, 6), length, path.start)
     return Bound(lower[()], path.delta_v, primer, (spent - lower <= WORST * spent)[()], full[()])
 
 

@@ -12,9 +12,9 @@ from closeform.arrays import Floats, broadcast, finite, shown
 from closeform.motion import effort
 from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, PUSH, START, STATE, THRUST, WIDTH
 from closeform.motion.chief import segments as kernels
-from closeform.motion.chief.bernstein import TERMS
+from closeform.motion.chief.bernstein import TERMS, basis_at
 from closeform.motion.chief.clock import angles_at
-from closeform.motion.chief.impulses import COUNT, FIRST, LOWER, UPPER, primer_rows, solve
+from closeform.motion.chief.impulses import COUNT, FIRST, LOWER, PRIMER, UNIQUE, UPPER, primer_rows, solve
 from closeform.motion.chief.kepler import KeplerChief
 from closeform.motion.chief.numerical import GivenChief, OblateChief
 from closeform.motion.chief.table import COLUMNS, COSTATE
@@ -285,20 +285,60 @@ class ChiefOrbit:
             raise ValueError(
                 f"thrusters: hold for circular orbits only, not for an {self.chief}; leave them out"
             )
-        arcs, finals = arcs_between(self._rate, initial, final, duration, start)
-        rows = self._arcs(arcs).reshape(-1, WIDTH)
-        lengths = rows[:, END] - rows[:, START]
-        if len(rows) and lengths.max() > MOST_TURNS * self.period:
-            raise ValueError(
-                f"duration: the minimum delta-v is computed over at most {MOST_TURNS:g} revolutions, got "
-                f"{lengths.max() / self.period:g}; coast for the rest"
-            )
+        shape, rows, finals = self._departures(initial, final, duration, start)
         plans = [self._fired(row, end, self._least(row, end)) for row, end in zip(rows, finals, strict=True)]
         offsets = np.concatenate([[0], np.cumsum([len(plan) for plan in plans])]).astype(np.int64)
-        return path_of(self, np.concatenate([np.empty((0, WIDTH)), *plans]), offsets, arcs.shape[:-1])
+        return path_of(self, np.concatenate([np.empty((0, WIDTH)), *plans]), offsets, shape)
+
+    def _departures(
+        self, initial: ArrayLike, final: ArrayLike, duration: ArrayLike, start: ArrayLike
+    ) -> tuple[tuple[int, ...], Floats, Floats]:
+        """Return the shape, the arcs (P, 30) and the final states (P, 6) of transfers by impulses."""
+        arcs, finals = arcs_between(self._rate, initial, final, duration, start)
+        rows = self._arcs(arcs).reshape(-1, WIDTH)
+        longest = float((rows[:, END] - rows[:, START]).max(initial=0.0))
+        if longest > MOST_TURNS * self.period:
+            raise ValueError(
+                f"duration: the minimum delta-v is computed over at most {MOST_TURNS:g} revolutions, got "
+                f"{longest / self.period:g}; coast for the rest"
+            )
+        return arcs.shape[:-1], rows, finals
+
+    def _bounds(
+        self, initial: ArrayLike, final: ArrayLike, duration: ArrayLike, start: ArrayLike
+    ) -> tuple[tuple[int, ...], Floats, Floats]:
+        """Return the shape, the arcs (P, 30) and bounds, 1 if unique, and primers at the start (P, 9)."""
+        shape, rows, finals = self._departures(initial, final, duration, start)
+        found = np.empty((len(rows), 9))
+        for p in range(len(rows)):
+            answer, _ = self._answer(rows[p], finals[p])
+            found[p] = answer[[LOWER, UPPER, UNIQUE, *range(PRIMER, FIRST)]]
+        return shape, rows, found
 
     def _least(self, arc: Floats, final: Floats) -> Floats:
         """Return the impulses (K, 4) [s, m/s] of minimum delta-v from an arc's state to a final one."""
+        answer, segments = self._answer(arc, final)
+        if not answer[UPPER] - answer[LOWER] <= PROVEN * answer[UPPER]:
+            raise ValueError(
+                f"duration: no plan of impulses about an {self.chief} is proven to be within {PROVEN:g} "
+                f"of the minimum, {answer[LOWER]:.6g} m/s; change the duration, or use two_impulse"
+            )
+        clock = self.chief.table.clock
+        found = answer[FIRST:].reshape(-1, 5)[: int(answer[COUNT])]
+        windows = segments[found[:, 0].astype(int)]
+        first, last = windows[:, kernels.FIRST], windows[:, kernels.LAST]
+        angles = first + found[:, 1] * (last - first)
+        times = (angles - clock[1] * np.sin(angles) - clock[2]) / clock[0]
+        times = np.clip(times, arc[START], arc[END])
+        times[angles <= segments[0, kernels.FIRST] + kernels.ON_JOINT] = arc[START]
+        times[angles >= segments[-1, kernels.LAST] - kernels.ON_JOINT] = arc[END]
+        return np.column_stack([times, found[:, 2:]])
+
+    def _answer(self, arc: Floats, final: Floats) -> tuple[Floats, Floats]:
+        """Return the answer of `impulses.solve` from an arc's state to a final one in SI, and the segments.
+
+        Its primer is that at the arc's start.
+        """
         table, rate = self.chief.table, self._rate
         unit = np.array([1.0] * 3 + [rate] * 3)
         segments, _ = self._segments(arc[None], np.array([0, 1]))
@@ -308,24 +348,16 @@ class ChiefOrbit:
         change = np.linalg.solve(whole, final / unit - whole @ begin)
         sizes = np.abs(whole) @ np.abs(begin) + np.abs(final / unit)
         if np.abs(whole @ change).max() <= UNMOVED * sizes.max():
-            return np.empty((0, 4))
-        skew = table.skew(int(segments[0, kernels.WINDOW]))
+            change = np.zeros(6)
+        k, first = int(segments[0, kernels.WINDOW]), segments[0, kernels.FIRST]
         # theory (99)
-        answer = solve(rows, np.concatenate([change[3:] + skew @ change[:3], -change[:3]]))
-        if not answer[UPPER] - answer[LOWER] <= PROVEN * answer[UPPER]:
-            raise ValueError(
-                f"duration: no plan of impulses about an {self.chief} is proven to be within {PROVEN:g} "
-                f"of the minimum, {rate * answer[LOWER]:.6g} m/s; change the duration, or use two_impulse"
-            )
-        found = answer[FIRST:].reshape(-1, 5)[: int(answer[COUNT])]
-        windows = segments[found[:, 0].astype(int)]
-        first, last = windows[:, kernels.FIRST], windows[:, kernels.LAST]
-        angles = first + found[:, 1] * (last - first)
-        times = (angles - table.clock[1] * np.sin(angles) - table.clock[2]) / rate
-        times = np.clip(times, arc[START], arc[END])
-        times[angles <= segments[0, kernels.FIRST] + kernels.ON_JOINT] = arc[START]
-        times[angles >= segments[-1, kernels.LAST] - kernels.ON_JOINT] = arc[END]
-        return np.column_stack([times, rate * found[:, 2:]])
+        answer = solve(rows, np.concatenate([change[3:] + table.skew(k) @ change[:3], -change[:3]]))
+        answer[[LOWER, UPPER]] *= rate
+        answer[FIRST:].reshape(-1, 5)[:, 2:] *= rate
+        share = (first - segments[0, kernels.ORIGIN]) / (table.joints[k + 1] - table.joints[k])
+        there = np.einsum("b,jib->ij", basis_at(np.array(max(share, 0.0))), table.rows[k, :6])
+        answer[PRIMER:FIRST] = unit * (there @ answer[PRIMER:FIRST])
+        return answer, segments
 
     def _fired(self, arc: Floats, final: Floats, impulses: Floats) -> Floats:
         """Return the coasts (M, 30) between impulses (K, 4) from an arc's state to a final one."""

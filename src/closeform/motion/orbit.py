@@ -38,7 +38,7 @@ class Orbit(CircularOrbit):
 
     States are positions and their rates: x radial outward, y along the velocity, z along the orbit
     normal.  In deep space the frame does not rotate.  A motion lasts at least 1e-12 s and at most 1e6
-    orbits.
+    orbits.  `Orbit.eccentric`, `Orbit.perturbed` and `Orbit.from_transition` return orbits of other chiefs.
 
     Parameters
     ----------

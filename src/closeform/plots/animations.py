@@ -180,7 +180,7 @@ class FormationFilm:
         reach = np.max(sizes, axis=0, initial=0.0) if sizes else np.zeros(3)
         points = np.vstack([np.vstack(self.tracks) + sign * reach for sign in (-1.0, 1.0)])
         few, named = len(self.called) <= FEW, len(self.called) <= NAMED
-        if orbit.mean_motion:
+        if np.isfinite(orbit.period):
             self.figure, unit, ((*planes, space),) = three_planes(points, below=STRIP)
             cameras = [(axes, camera, unit.size) for axes, (_, camera) in zip(planes, PLANES, strict=True)]
             space_axes(space, ORBITAL(points), ORBITAL, AXES)

@@ -129,7 +129,7 @@ def overview(
         axes.tick_params(labelbottom=False)
 
     scene, conflicts, story = whole_mission(flights, called)
-    in_orbit = bool(first.orbit.mean_motion)
+    in_orbit = bool(np.isfinite(first.orbit.period))
     camera = ORBITAL if in_orbit else OBLIQUE
     space_axes(view, camera(scene.points), camera, AXES if in_orbit else INERTIAL)
     said = f"{count} craft, {plural(len(flights), 'stage')}"
@@ -145,9 +145,7 @@ def stages_given(stages: Any, zone: Any, titles: Any) -> list[Stage]:
     if not paths:
         raise ValueError("stages: give at least one path")
     first = one_path("stages", paths[0])
-    matching = all(
-        path.shape == first.shape and path.orbit.mean_motion == first.orbit.mean_motion for path in paths
-    )
+    matching = all(path.shape == first.shape and path.orbit == first.orbit for path in paths)
     if len(first.shape) != 1 or not matching:
         raise ValueError(
             f"stages: must be of one orbit and one shape (N,), got {[one.shape for one in paths]}"

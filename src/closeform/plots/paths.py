@@ -281,7 +281,7 @@ def formation_paths(
     """
     one_path("before", before)
     one_path("after", after)
-    matching = before.shape == after.shape and before.orbit.mean_motion == after.orbit.mean_motion
+    matching = before.shape == after.shape and before.orbit == after.orbit
     if not matching or len(before.shape) != 1 or not len(before):
         raise ValueError(
             f"before, after: must be of one orbit and one shape (N,), got {before.shape} and {after.shape}"
@@ -294,7 +294,7 @@ def formation_paths(
     for title, paths in sides:
         shown = stages[0].shown if stages else None
         stages.append(Formation.of(title, paths, others, zone, every, shown))
-    draw = in_planes if before.orbit.mean_motion else in_space
+    draw = in_planes if np.isfinite(before.orbit.period) else in_space
     return draw([stage.scene for stage in stages], formation_story(stages, len(called)))
 
 
@@ -403,7 +403,7 @@ def before_after(
     marks.append(Mark(last, INK, label="end", order=6.0))
     said = ". ".join(f"{story[0].upper()}{story[1:]}" for story in stories)
     scene = Scene(tracks, marks, shapes)
-    return (in_planes if before.orbit.mean_motion else in_space)([scene], said)
+    return (in_planes if np.isfinite(before.orbit.period) else in_space)([scene], said)
 
 
 def passage_of(

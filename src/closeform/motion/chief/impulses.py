@@ -26,10 +26,12 @@ from closeform.motion.chief.segments import LAST as LAST_ANGLE
 from closeform.motion.chief.segments import ORIGIN, TABLE, WINDOW, share, squared
 from closeform.motion.linear import back_substitute, dot, factorise
 from closeform.motion.nonnegative import MOST, left_over, nonnegative
-from closeform.motion.reduced import half_solve
+from closeform.motion.reduced import half_solve, independent
 
-LOWER, UPPER, COUNT, PRIMER, FIRST = 0, 1, 2, 3, 9
-ANSWER = FIRST + 5 * MOST  # bounds, number of impulses, primer, and of each: window, place in it, velocity
+# Columns of an answer: bounds, the number of impulses, 1 if the optimal plan is unique, the primer where the
+# first window begins, and of each impulse its window, its place in that, and its velocity.
+LOWER, UPPER, COUNT, UNIQUE, PRIMER, FIRST = 0, 1, 2, 3, 4, 10
+ANSWER = FIRST + 5 * MOST
 SPACING = 4  # times of the first grid in a window
 ROOM = 8  # places of a window among which impulses are chosen
 ROUNDS, NEWTON = 12, 20
@@ -368,6 +370,7 @@ def newton(rows, g, metric, y, found, work, answer):
         chosen = nonnegative(columns, count, g, costs, pushes, active)
         keep_plan(rows, y, g, places, pushes, active, chosen, basis, spare, answer)
         if answer[UPPER] - answer[LOWER] <= FINAL * answer[LOWER]:
+            answer[UNIQUE] = 1.0 * independent(columns, squares, count, most, active)
             break
         trace = 0.0
         for i in range(6):
@@ -411,7 +414,7 @@ def widen(rows, places, count, basis, spare, table, grid):
 
 @kernel(int64(float64[:, :, :, ::1], float64[::1], float64[::1]))
 def least_impulses(rows, g, answer):
-    """Fill `answer` (39,) for a required change g (6,) of length one; rows and g are overwritten.
+    """Fill `answer` (40,) for a required change g (6,) of length one; rows and g are overwritten.
 
     Returns the number of rounds.
     """
@@ -427,7 +430,7 @@ def least_impulses(rows, g, answer):
     for k in range(grid):
         w, u = place_of(rows, k / (SPACING - 1.0))
         lay(rows, w, u, basis, spare, table, k)
-    answer[LOWER], answer[UPPER] = 0.0, inf
+    answer[LOWER], answer[UPPER], answer[UNIQUE] = 0.0, inf, 1.0
     gap, weight = GAP, sqrt(2.0 * grid / dot(g, g))
     for turn in range(ROUNDS):
         weight = climb(table, grid, g, y, gap, weight)
@@ -452,8 +455,9 @@ def least_impulses(rows, g, answer):
 
 
 def solve(rows: Floats, change: Floats) -> Floats:
-    """Return the answer (39,) for a change (6,) of the functional, of any size."""
+    """Return the answer (40,) for a change (6,) of the functional, of any size."""
     answer, size = np.zeros(ANSWER), float(np.linalg.norm(change))
+    answer[UNIQUE] = 1.0
     if size == 0.0:
         return answer
     least_impulses(np.ascontiguousarray(rows), change / size, answer)

@@ -24,7 +24,7 @@ uses it for interpolants of degree 29, of which the remainder is far below round
 """
 
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cached_property, lru_cache
 from typing import Self
 
 import numpy as np
@@ -176,7 +176,7 @@ def _joints(e: float, count: int) -> Floats:
     return np.asarray(joints)
 
 
-@cache
+@lru_cache(maxsize=64)
 def _revolution(e: float) -> Table:
     """Return the table of an eccentricity, for a chief of mean motion 1 that is at perigee at time 0."""
     count = FEWEST + int(26.0 * e)

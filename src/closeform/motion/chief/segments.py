@@ -19,6 +19,7 @@ from closeform.motion.arc import THRUST as ARC_THRUST
 from closeform.motion.chief.bernstein import PRODUCT, SQUARE, TERMS, cut, value_at, weights
 from closeform.motion.chief.clock import RATE, angle_at, pace, time_at
 from closeform.motion.chief.table import COLUMNS, COSTATE, PUSH
+from closeform.motion.effort import GAUSS, KRONROD, NODES
 from closeform.motion.linear import solve
 
 BEGIN, FINISH, FIRST, LAST, WINDOW, ORIGIN, COLUMN = 0, 1, 2, 3, 4, 5, 6
@@ -348,12 +349,6 @@ def squared(c, f):
             f[i + j] += PRODUCT[i, j] * (x * c[0, j] + y * c[1, j] + z * c[2, j])
 
 
-# Kronrod's 15 points and weights and the 7 Gauss weights among them (QUADPACK, positive half).
-NODES: tuple[float, ...] = (0.9914553711208126, 0.9491079123427585, 0.8648644233597691, 0.7415311855993945)
-NODES += (0.5860872354676911, 0.4058451513773972, 0.2077849550078985, 0.0)
-KRONROD: tuple[float, ...] = (0.0229353220105292, 0.0630920926299786, 0.1047900103222502, 0.1406532597159259)
-KRONROD += (0.1690047266392679, 0.1903505780647854, 0.2044329400752989, 0.2094821410847278)
-GAUSS = (0.0, 0.1294849661688697, 0.0, 0.2797053914892767, 0.0, 0.3818300505051189, 0.0, 0.4179591836734694)
 DEEPEST = 40  # halvings of an interval of quadrature: near a zero of the thrust its norm has a kink
 
 
