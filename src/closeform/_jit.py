@@ -134,6 +134,8 @@ def kernel(signature: Any = None, inline: bool = False) -> Callable[[Callable[..
         are written to only if the caller has just made them.
     inline
         Copy the function into its callers. LLVM turns a loop over it into vector instructions only then.
+        It also saves seconds for a function with one caller and large callees: LLVM optimises every function
+        together with all that it calls.
     """
     if numba.config.DISABLE_JIT:
         return lambda function: function

@@ -66,7 +66,7 @@ def range_of(side, cell, j, n):
     return cell[o + LOW], cell[o + LOW]
 
 
-@kernel(inline=True)
+@kernel()
 def ranges(one, two, cell, end, n, low, high, scale):
     """Fill the limits and scales of all unknowns of a cell's pieces, the time last.
 
@@ -208,7 +208,7 @@ def turn_metric(metric, step, change, size):
             metric[k, m] += share * step[k] * step[m] - (spread[k] * step[m] + step[k] * spread[m]) / along
 
 
-@kernel(inline=True)
+@kernel()
 def step_down(one, two, s, u, v, count, low, high, scale, metric, n, form, room, found, slope, after):
     """Step from unknowns `u` to `v` so that the norm s and its slope fall; return the norm there.
 

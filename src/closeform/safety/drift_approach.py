@@ -271,13 +271,10 @@ def _checked(path: Path, other: Path, zone: Zone, until: float, failure: Any, fa
     if not isinstance(failing, str) or failing not in ("path", "other", "either", "both"):
         raise ValueError(f"failing: expected 'path', 'other', 'either' or 'both', got {shown(failing)}")
     end = drift_end(until, path.orbit)
-    fails = {"path": (True, False), "other": (False, True)}.get(failing, (True, True))
-    continuing = {"path": (False, True), "other": (True, False), "either": (True, True)}.get(
-        failing, (False, False)
-    )
-    for name, one, fail, continues in zip(("path", "other"), (path, other), fails, continuing, strict=True):
-        if fail:
+    for name, one, rest in (("path", path, "other"), ("other", other, "path")):
+        if failing != rest:  # it fails, in some or all cases
             checked_end(name, one, end, failure)
+        continues = failing not in (name, "both")
         if (
             continues
             and last_times(one).min(initial=np.inf) < end < np.inf

@@ -56,7 +56,7 @@ LONG = 6.0 * pi  # of a drift, in n t: the zone's shadow is checked first
 TIME, RATIO, LOWER, PLACE, FAILURE = 0, 1, 2, 3, 6
 
 
-@kernel(inline=True)
+@kernel()
 def fill_cells(one, two, begin, n, cells):
     """Fill all cells of a pair, each of one side with each of the other; return their number.
 
@@ -92,7 +92,7 @@ def descend_from(one, two, when, end, n, form, room, best):
     return descend_by_instants(one, two, when, end, n, form, room, best)
 
 
-@kernel()
+@kernel(inline=True)
 def least_downhill(one, two, top, end, n, form, room, best, when, most):
     """Return the minimum norm that descents from cells reach, if below `best`, and its time.
 
@@ -174,23 +174,23 @@ def search(one, two, top, end, n, form, scale, shadow, floor, certain, most, roo
     result is 1 without a time where undecided; if `certain` is 0 any of these suffices. The failure is stored
     in `room.point[1]`.
     """
-    best, when = most, nan
-    if most == inf:
-        best, when = least_downhill(one, two, top, end, n, form, room, best, when, -inf)
-    count = parameter_count(one) + parameter_count(two)
-    for k in range(count):
-        room.shares[k] = 0.5
+    best, when, spent, level = most, nan, 0, -inf
+    count, descends = parameter_count(one) + parameter_count(two), most == inf
     calm = max(calm_from(one, n), calm_from(two, n))
-    spent = 0
     while top > 0:
-        spent += 1
         if spent > MANY:
             if best == MEETS:
                 return 1.0, nan, 0.0
-            if most == inf and one.now[KIND] != MISSED and two.now[KIND] != MISSED:
-                # the remaining cells may contain a smaller norm
-                best, when = least_downhill(one, two, top, end, n, form, room, best, when, inf)
             certain, spent = LESS * certain, 0
+            # the remaining cells may contain a smaller norm
+            descends = most == inf and one.now[KIND] != MISSED and two.now[KIND] != MISSED
+        if descends:
+            best, when = least_downhill(one, two, top, end, n, form, room, best, when, level)
+            descends, level = False, inf
+        if spent == 0:
+            for k in range(count):
+                room.shares[k] = 0.5
+        spent += 1
         target = target_below(best, certain)
         if certain > 1.0 or target <= floor + NIL:
             break

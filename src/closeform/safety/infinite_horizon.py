@@ -105,7 +105,7 @@ def drift_of(q, n, direction, square):
     return (x * direction[0] + y * direction[1] + z * direction[2]) / square
 
 
-@kernel()
+@kernel(inline=True)
 def drift_range(one, two, cell, far, n, form, rest, room):
     """Return the minimum and maximum drift along the track in a cell, and the error of `drifts` [m/s]."""
     direction, square = along_track(form[1])
@@ -173,7 +173,7 @@ def remove_drift(one, two, cell, far, n, form, slow, count, room):
     return False
 
 
-@kernel()
+@kernel(inline=True)
 def limit_ahead(one, two, t, n, form, shadow, way, room, best):
     """Return the minimum norm of the region ahead of a closed ellipse, `room.point[0]`, if below `best`.
 
@@ -201,7 +201,7 @@ def limit_ahead(one, two, t, n, form, shadow, way, room, best):
     return best
 
 
-@kernel()
+@kernel(inline=True)
 def ways_from(one, two, cell, far, n, form, slow, count, room):
     """Return True for each sense of drift, forward and backward, of failures near the one at `shares`."""
     forward, backward = False, False
@@ -236,7 +236,7 @@ def limit_of(one, two, cell, slow, far, n, form, shadow, count, room, best):
     return propagate(one, two, room.point[0], t, turn, n, shadow, room, best)[0]
 
 
-@kernel()
+@kernel(inline=True)
 def limit_downhill(one, two, cell, slow, far, n, form, shadow, room, best):
     """Return the minimum of the limits of slow drifts along failures without drift from `room.point[1]`.
 

@@ -403,7 +403,7 @@ def deepest(one, two, room, window, local, form):
     return norm(form[0], form[2], x, y, z)
 
 
-@kernel()
+@kernel(inline=True)
 def valley(one, two, room, window, local, span, form):
     """Follow the minimum norm of the parallelotope downhill from a time of a window; return its time."""
     n = window.n

@@ -119,7 +119,7 @@ def note(room, cell):
         room.point[1, c] = cell[c]
 
 
-@kernel()
+@kernel(inline=True)
 def glance(one, two, cell, end, n, form, room, best):
     """Estimate the minimum norm of the span of a cell at times GLANCE apart, if below `best`.
 
@@ -169,7 +169,7 @@ def around(one, two, cell, when, end, n):
     return begin, min(end, max(when, begin) + reach)
 
 
-@kernel(inline=True)
+@kernel()
 def near_by(one, two, cell, t, near, end, n, count, room):
     """Aim at the failure that is nearest where planes end; return the interval in which it is followed."""
     size = widest(room, count)[1] if near < inf else inf
@@ -180,7 +180,7 @@ def near_by(one, two, cell, t, near, end, n, count, room):
     return max(cell[FROM], s, min(t, begin) if size <= SMALLEST else begin), stop
 
 
-@kernel()
+@kernel(inline=True)
 def descend_by_instants(one, two, when, end, n, form, room, best):
     """Follow the worst failure found downhill, from instant to instant; return the minimum norm and its time.
 
