@@ -217,6 +217,27 @@ def test_join_of_batches():
     np.testing.assert_array_equal(path[1].state(300.0), out.state(300.0)[1])
 
 
+@pytest.mark.parametrize("orbit", [ORBIT, DEEP, cf.Orbit.eccentric(0.1, semi_major_axis=8e6)])
+def test_extended_paths_coast_on(orbit):
+    states = np.stack([INITIAL, FINAL])
+    short = orbit.coast(states, [500.0, 700.0])
+    longer = short.extended(600.0)
+    np.testing.assert_array_equal(longer.end, [600.0, 700.0])
+    np.testing.assert_array_equal(longer[1].state(650.0), short[1].state(650.0))
+    np.testing.assert_allclose(longer[0].state(600.0), orbit.coast(INITIAL, 600.0).state(600.0), atol=1e-9)
+    assert longer[0].impulses == ()
+    assert short.extended(400.0) is short
+
+
+def test_a_path_is_extended_from_its_last_impulse():
+    move = ORBIT.two_impulse(INITIAL, FINAL, 900.0)
+    longer = move.extended(1500.0)
+    np.testing.assert_allclose(longer.state(1500.0), ORBIT.coast(FINAL, 600.0).state(600.0), atol=1e-9)
+    assert len(longer.impulses) == len(move.impulses) == 2
+    with pytest.raises(ValueError, match="until"):
+        move.extended(np.inf)
+
+
 def test_stack_of_different_times_and_arcs():
     path = cf.stack([PATHS["legs"], PATHS["transfer"]])
     assert path.shape == (2,)

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import inf
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 
 from closeform.arrays import Floats, broadcast, instance, shown, size
 from closeform.conflicts.pair_rows import approaches_of, conflicts_of
+from closeform.conflicts.zero_crossings import zero_crossings
 from closeform.motion.arc import MEAN_MOTION, START, STATE
 from closeform.motion.chief_orbit import ChiefOrbit
 from closeform.motion.path import Path
@@ -115,8 +116,12 @@ def find_conflicts(
     errors: Uncertainty | None = None,
     other_errors: Uncertainty | None = None,
     sigmas: float = 3.0,
+    method: Literal["exact", "sauter-palmer"] = "exact",
 ) -> tuple[Conflict, ...]:
     """Return every conflict of one spacecraft with the zone around another, in order of time.
+
+    Only the common time of the two paths is searched: a spacecraft may be anywhere before its path starts and
+    after it ends.  `path.extended(until)` adds a coast to a path that ends too early.
 
     Parameters
     ----------
@@ -133,6 +138,10 @@ def find_conflicts(
         Errors of `other`, independent of `errors`.
     sigmas : float, no unit, default 3
         Number of standard deviations, if there are errors.
+    method : "exact" or "sauter-palmer", default "exact"
+        "exact": the certified search, which misses no conflict.
+        "sauter-palmer": the paper's zero crossings, to compare with. They miss conflicts that begin and end
+        between two of their starts, which are half a period apart, and are not certified; see Notes.
 
     Returns
     -------
@@ -144,13 +153,15 @@ def find_conflicts(
     ------
     ValueError
         If a path is a batch (use `screen`), the orbits differ, an argument is of another type, or `sigmas` is
-        negative or not finite.
+        negative or not finite; with "sauter-palmer" also if there are errors, the orbit is deep space or
+        not circular, the zone is not a box or an ellipsoid, or a path has other thrust than that of
+        minimum energy, or samples.
 
     Notes
     -----
-    Certified: between two conflicts the norm of the relative position is above 1.  This holds without a time
-    step, for conflicts of any duration, up to rounding: of positions, about 1e-15 of the largest
-    relative coordinate; of time, one unit in its last place.  A norm of up to 1 + 8e-14 is
+    Certified, with method "exact": between two conflicts the norm of the relative position is above 1.  This
+    holds without a time step, for conflicts of any duration, up to rounding: of positions, about 1e-15 of the
+    largest relative coordinate; of time, one unit in its last place.  A norm of up to 1 + 8e-14 is
     a conflict, one above 1 + 4e-13 is none.  At every start and end inside the common time
     |norm - 1| <= 1e-12 where rounding allows (coordinates of some tens of zones, times whose
     last place is small against zone / speed), so times are accurate to 1e-6 s wherever the norm
@@ -161,9 +172,15 @@ def find_conflicts(
     no errors within the ellipsoid cause a conflict; with cylinders, the end of a conflict may be too late by
     1e-5 of the sigmas.
 
+    Method "sauter-palmer" finds when each coordinate enters and leaves the half-width of the zone, to 1e-9
+    radians of n t, with one search between two extremes of natural motion, or two peaks with thrust.
+    A drifting coordinate peaks beside the extreme of its oscillation, and thrust can turn it twice in the
+    quarter of a period in which peaks are sought. What happens between goes unseen: a short conflict is
+    missed, and one that is left for a short time goes on; `ratio`, the minimum of samples, may then exceed 1.
+
     References
     ----------
-    docs/theory.md section 3; the problem is that of SP11 (Sauter and Palmer 2011) section 3.
+    docs/theory.md section 3; SP11 (Sauter and Palmer 2011) section 3, eqs. 12-19.
 
     Examples
     --------
@@ -181,6 +198,12 @@ def find_conflicts(
             "index them, or use screen"
         )
     sigmas = size("sigmas", sigmas)
+    if not isinstance(method, str) or method not in ("exact", "sauter-palmer"):
+        raise ValueError(f"method: must be 'exact' or 'sauter-palmer', got {shown(method)}")
+    if method == "sauter-palmer":
+        if errors is not None or other_errors is not None:
+            raise ValueError("method: 'sauter-palmer' cannot be combined with errors; use 'exact'")
+        return tuple(Conflict(*row) for row in zero_crossings(path, other, zone).tolist())
     if known := one_of([("errors", errors), ("other_errors", other_errors)]):
         require_hill(path, "errors")
         stays: tuple[Conflict, ...] = known._find_conflicts(path, other, zone, errors, other_errors, sigmas)

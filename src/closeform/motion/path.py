@@ -12,7 +12,7 @@ from numba import float64, int64, void
 from numpy.typing import ArrayLike
 
 from closeform._jit import kernel
-from closeform.arrays import Floats, instance, numbers, shown
+from closeform.arrays import Floats, finite, instance, number, numbers, shown
 from closeform.motion.arc import END, IMPULSE, START, STATE, WIDTH, state_at
 from closeform.motion.certified_march import locate
 from closeform.motion.effort import DELTA_V, ENERGY, HIDDEN, PEAK, thrust_at
@@ -198,6 +198,50 @@ class Path(Result):
         docs/theory.md section 2.
         """
         return self._evaluate(time, 3)
+
+    def extended(self, until: float) -> Path:
+        """Return the path with natural motion after its end.
+
+        Parameters
+        ----------
+        until : float [s]
+            End of the natural motion.  Spacecraft of a batch with a path that ends later are unchanged.
+
+        Returns
+        -------
+        Path
+            Path of the same shape.
+
+        Raises
+        ------
+        ValueError
+            If the time is not finite, or too late for the orbit.
+
+        References
+        ----------
+        docs/theory.md section 1.
+
+        Examples
+        --------
+        >>> orbit = cf.Orbit.circular(500e3)
+        >>> client = orbit.coast(np.zeros(6), 2000.0)
+        >>> visitor = orbit.coast([-20, -100, 0, 0, 0.0332, 0], 500.0)
+        >>> len(cf.find_conflicts(visitor, client, cf.Sphere(60.0)))
+        0
+        >>> len(cf.find_conflicts(visitor.extended(2000.0), client, cf.Sphere(60.0)))
+        1
+        """
+        time = float(finite("until", number("until", until)))
+        lasts = self.offsets[1:]
+        ends = self.arcs[lasts - 1, END]
+        early = ends < time
+        if not early.any():
+            return self
+        states = self._evaluate_rows(ends[:, None])[early, 0]
+        coasts = self.orbit.coast(states, time - ends[early], ends[early]).arcs
+        arcs = np.insert(self.arcs, lasts[early], coasts, axis=0)
+        offsets = self.offsets + np.concatenate([[0], np.cumsum(early)])
+        return path_of(self.orbit, arcs, offsets, self.shape)
 
     @property
     def energy(self) -> Any:
