@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import closeform as cf
-from closeform.motion.chief.numerical import frames, gradient, gravity
+from closeform.motion.chief.oblate_or_supplied import frames, gradient, gravity
 
 START = np.array([100.0, -200.0, 50.0, 0.1, -0.2, 0.05])
 END = np.array([10.0, 20.0, -30.0, 0.01, 0.0, 0.02])

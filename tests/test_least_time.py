@@ -41,7 +41,7 @@ def test_speeding_up_along_the_line():
     for duration in (0.3, slow * 0.999, late * 1.001, 10.0):
         assert DEEP.transfer(begin, end, duration, 0.0, 1.0).peak_thrust <= 1 + 1e-9
     for duration in (slow * 1.001, 1.0, 3.0, late * 0.999):
-        with pytest.raises(ValueError, match="no thrust within 1 m/s\\^2"):
+        with pytest.raises(ValueError, match="a thrust of 1 m/s\\^2 is too low"):
             DEEP.transfer(begin, end, duration, 0.0, 1.0)
 
 
@@ -58,7 +58,7 @@ def test_minimum_time_and_longer_energy_profiles():
     for k in range(12):
         np.testing.assert_allclose(paths[k].state(paths[k].end)[:3], ends[k][:3], atol=1e-6)
         for shorter in (0.99999, 0.99, 0.9, 0.7, 0.4):
-            with pytest.raises(ValueError, match="no thrust within"):
+            with pytest.raises(ValueError, match="is too low to arrive"):
                 ORBIT.transfer(begins[k], ends[k], paths[k].end * shorter, 0.0, limits[k])
     energy = cf.least_time(ORBIT, begins, ends, limits, profile="energy")
     np.testing.assert_array_equal(energy.end, cf.shortest_transfer(ORBIT, begins, ends, limits).end)

@@ -33,7 +33,7 @@ def planned(*requirements, **more):
 def flown(plan, samples=40_000):
     """Return times and states of a plan's impulses, integrated by DOP853."""
     state, found, impulses = START.copy(), [], dict(plan.path.impulses)
-    edges = sorted({0.0, TIME, *impulses})
+    edges = sorted({0.0, 900.0, TIME, *impulses})
     for begin, end in zip(edges[:-1], edges[1:], strict=True):
         state[3:] += impulses.get(begin, 0.0)
         times = np.linspace(begin, end, 2 + int(samples * (end - begin) / TIME))

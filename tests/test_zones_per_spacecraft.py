@@ -12,8 +12,8 @@ from scipy.stats import chi2
 import closeform as cf
 from closeform.cli.app import main
 from closeform.scenario import ScenarioError, parse
+from closeform.zones.minkowski_sums import outer_sum
 from closeform.zones.pair_zones import all_made
-from closeform.zones.sums import outer_sum
 
 SPACE = cf.Orbit(0.0)
 COVARIANCE = np.diag([25.0, 400.0, 25.0])  # sigma 5, 20 and 5 m

@@ -94,7 +94,7 @@ def screen(
         if asked.sigmas is not None and not any(held is not None for held in frame.covariances):
             raise ValueError("--sigmas: no ephemeris has a covariance; add blocks, or give --covariance")
         if cdm:
-            from closeform.results.conflict_messages import require_covariances, screening_messages
+            from closeform.results.conjunction_messages import require_covariances, screening_messages
 
             require_covariances(frame, own)
     except ScenarioError as error:

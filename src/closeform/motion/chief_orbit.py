@@ -16,13 +16,13 @@ from closeform.motion.chief.bernstein import TERMS, basis_at
 from closeform.motion.chief.clock import angles_at
 from closeform.motion.chief.impulses import COUNT, FIRST, LOWER, PRIMER, UNIQUE, UPPER, primer_rows, solve
 from closeform.motion.chief.kepler import KeplerChief
-from closeform.motion.chief.numerical import GivenChief, OblateChief
+from closeform.motion.chief.oblate_or_supplied import GivenChief, OblateChief
 from closeform.motion.chief.table import COLUMNS, COSTATE
 from closeform.motion.chief.table import PUSH as PUSHED
 from closeform.motion.duration import MOST_TURNS
 from closeform.motion.ends import arcs_between, arcs_from
-from closeform.motion.lambert import drifts
 from closeform.motion.path import FORGIVEN, Path, path_of
+from closeform.motion.two_impulse import drifts
 
 if TYPE_CHECKING:
     from closeform.fuel.thrusters import Thrusters

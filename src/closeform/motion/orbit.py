@@ -13,17 +13,17 @@ from closeform.arrays import Floats, finite, instance, number, positive, shown, 
 from closeform.motion.arc import END, MEAN_MOTION, PUSH, START, WIDTH
 from closeform.motion.chief.ellipse import ellipse_of
 from closeform.motion.chief.kepler import KeplerChief
-from closeform.motion.chief.numerical import GivenChief, OblateChief
+from closeform.motion.chief.oblate_or_supplied import GivenChief, OblateChief
 from closeform.motion.chief_orbit import ChiefOrbit
 from closeform.motion.circular import CircularOrbit
 from closeform.motion.effort import totals
 from closeform.motion.elements import inertial_from_elements
 from closeform.motion.ends import arcs_between, arcs_from
-from closeform.motion.lambert import drifts
 from closeform.motion.mean_motion import EARTH_J2, EARTH_MU, EARTH_RADIUS
 from closeform.motion.path import Path, evaluate, path_of
 from closeform.motion.sampling import arcs_through, fired_at_ends
 from closeform.motion.steering import fix_inertially, steer
+from closeform.motion.two_impulse import drifts
 from closeform.motion.within_limit import limited
 
 if TYPE_CHECKING:

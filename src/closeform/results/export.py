@@ -12,7 +12,7 @@ from typing import Any
 from closeform.arrays import instance, number, sequence, shown
 from closeform.exchange.ccsds.aem import aem
 from closeform.exchange.ccsds.ocm import ocm
-from closeform.exchange.ccsds.oem_text import oem, oem_xml, opm
+from closeform.exchange.ccsds.oem_opm_text import oem, oem_xml, opm
 from closeform.exchange.chief import Chief
 from closeform.exchange.epochs import Epoch
 from closeform.exchange.export_tracks.sampled_paths import tracks
@@ -224,7 +224,7 @@ def write_aem(made: Export, place: Folder) -> None:
 def write_cdm(made: Export, place: Folder) -> None:
     """Write a CDM of each conflict."""
     from closeform.exchange.ccsds.cdm import write_cdm
-    from closeform.results.conflict_messages import messages  # imported late: compiles kernels
+    from closeform.results.conjunction_messages import messages  # imported late: compiles kernels
 
     found = list(messages(made.source))
     names = file_names([name for name, _, _ in found])

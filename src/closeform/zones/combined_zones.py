@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, shown
 from closeform.zones.containment import containing_zone
+from closeform.zones.minkowski_sums import outer_sum
 from closeform.zones.solids import Ellipsoid
-from closeform.zones.sums import outer_sum
 from closeform.zones.zone import Zone
 
 REGION, COVARIANCE, BODY = "keep-out region", "covariance", "body"

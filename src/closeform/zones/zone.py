@@ -177,7 +177,7 @@ class Zone:
         ----------
         docs/theory.md section 3, (24) and (25).
         """
-        from closeform.zones.sums import padded
+        from closeform.zones.minkowski_sums import padded
 
         metres = numbers("margin", margin)
         if metres.shape or not 0.0 <= metres < np.inf:

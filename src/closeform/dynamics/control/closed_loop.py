@@ -157,7 +157,7 @@ class ClosedLoop:
         """Return covariances (T, 3, 3) [m^2] due to process noise of a `density` [m^2/s^3].
 
         Also return second moments (I, 6, 6) of the deviation that is believed in each interval. Noise during
-        the delay is not yet measured.  # theory (97)
+        the delay is not yet measured.  # theory (96a)
         """
         steps, fresh = len(self.since) - 1, density * process_noise_covariances(self.orbit, self.since)
         unseen, believed, out, seen = fresh[self.wait], np.zeros((6, 6)), np.zeros((count, 6, 6)), []

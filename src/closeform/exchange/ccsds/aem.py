@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.exchange.ccsds.oem_text import ORIGINATOR, keyed
+from closeform.exchange.ccsds.oem_opm_text import ORIGINATOR, keyed
 from closeform.exchange.epochs import now
 from closeform.exchange.export_tracks.track import FileFrame, text_rows
 

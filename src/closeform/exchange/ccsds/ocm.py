@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.exchange.ccsds.oem_text import ORIGINATOR, STATE, comments, keyed
+from closeform.exchange.ccsds.oem_opm_text import ORIGINATOR, STATE, comments, keyed
 from closeform.exchange.epochs import now
 from closeform.exchange.export_tracks.interpolation_nodes import DEGREE
 from closeform.exchange.export_tracks.track import FileFrame, Track, text_rows

@@ -27,8 +27,8 @@ from closeform.uncertainty.covariance_propagation import PropagatedErrors, covar
 from closeform.uncertainty.errors import Uncertainty, one_for_each
 from closeform.uncertainty.sigmas.conflicts import search_of
 from closeform.uncertainty.sigmas.ellipsoid_planes import faced, gauges
+from closeform.zones.minkowski_sums import outer_sum
 from closeform.zones.solids import Ellipsoid
-from closeform.zones.sums import outer_sum
 from closeform.zones.zone import Zone
 
 ROUNDING = 1e-16  # of a covariance: regularises zero uncertainty, where the planes are not unique
