@@ -38,7 +38,7 @@ def capacity(angle: float) -> int:
     return ceil(2.0 * angle / pi) + 4
 
 
-@kernel()
+@kernel(inline=True)
 def distance(a, t):
     """Return one axis's distance function at the angle t, from its eight coefficients `a`.
 
@@ -49,20 +49,20 @@ def distance(a, t):
     return secular + (a[4] + a[6] * t) * cos(t) + (a[5] + a[7] * t) * sin(t)
 
 
-@kernel()
+@kernel(inline=True)
 def slope(a, t):
     c, s = cos(t), sin(t)
     secular = a[1] + t * (2.0 * a[2] + t * 3.0 * a[3])
     return secular + (a[6] + a[5] + a[7] * t) * c + (a[7] - a[4] - a[6] * t) * s
 
 
-@kernel()
+@kernel(inline=True)
 def ellipsoid(d, t):
     """Return SP11 eq. 16, zero on the surface; rows of d in units of the semi-axes."""
     return distance(d[0], t) ** 2 + distance(d[1], t) ** 2 + distance(d[2], t) ** 2 - 1.0
 
 
-@kernel()
+@kernel(inline=True)
 def ellipsoid_slope(d, t):
     return (
         distance(d[0], t) * slope(d[0], t)
@@ -71,7 +71,7 @@ def ellipsoid_slope(d, t):
     )
 
 
-@kernel()
+@kernel(inline=True)
 def value(kind, d, axis, line, t):
     if kind == LINE:
         return distance(d[axis], t) - line
