@@ -152,7 +152,8 @@ def screen(
     Parameters
     ----------
     paths : Path or sequence of Path
-        A Path of shape (N,), or N paths of single spacecraft, in one orbit; times may differ.
+        A Path of shape (N,), or N paths of single spacecraft, in one orbit. Times may differ: each pair is
+        searched while both have a path, and `Path.extended` lets all end together.
     zone : Zone, CovarianceZone, Body, None, sequence of these, or PairZones
         One zone is the own zone of every spacecraft, a sequence has one for each (None: no own zone).
         Of two regions the larger holds, covariances and bodies add; `PairZones` defines the zone of

@@ -234,6 +234,8 @@ def one_of(errors: Sequence[tuple[str, Any]]) -> Any:
 def closest_approach(path: Path, other: Path, zone: Zone) -> Approach:
     """Return the minimum norm of one spacecraft's position relative to another, over their common time.
 
+    `Path.extended` adds a coast to a path that ends too early.
+
     Parameters
     ----------
     path : Path
