@@ -16,8 +16,8 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.motion.arc import END, START
 from closeform.motion.joining import stack
+from closeform.motion.minimum_delta_v.within_limit import TooLittleThrust
 from closeform.motion.path import Path
-from closeform.motion.within_limit import TooLittleThrust
 from closeform.planning.bounds.branch_and_bound import closeness, is_proven
 from closeform.planning.bounds.branch_and_bound import prove as prove_bound
 from closeform.planning.delta_v.checks import Spent
