@@ -393,6 +393,8 @@ def before_after(
                 closest.append((one.ratio, k))
         clear = {0: "clear", 1: "1 conflict"}.get(count := sum(map(len, found)), f"{count} conflicts")
         least = f", {min(one.ratio for one in near):.2f} × zone" if near else ""
+        if corridor is not None:
+            least += f", {'in' if corridor._worst(path)[0] >= 0.0 else 'outside'} the corridor"
         stories.append(f"{role}: {clear}{least}")
     if closest and not shapes:
         _, k = min(closest)
