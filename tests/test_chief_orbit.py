@@ -6,7 +6,7 @@ from scipy.integrate import solve_ivp
 
 import closeform as cf
 from chiefs import MU, flown, linear_matrix
-from closeform.motion.elements import inertial_from_elements
+from closeform.motion.elements.elements import inertial_from_elements
 
 START = np.array([100.0, -200.0, 50.0, 0.1, -0.2, 0.05])
 END = np.array([10.0, 20.0, -30.0, 0.01, 0.0, 0.02])

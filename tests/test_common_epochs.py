@@ -12,8 +12,8 @@ from closeform.exchange.ccsds.oem import read_oem, write_oem
 from closeform.exchange.common_frame import common_frame
 from closeform.exchange.ephemerides.ephemeris import Ephemeris
 from closeform.exchange.ephemerides.interpolation import interpolated
-from closeform.motion.elements import elements_from_inertial, inertial_from_elements
-from closeform.motion.mean_motion import EARTH_MU
+from closeform.motion.elements.elements import elements_from_inertial, inertial_from_elements
+from closeform.motion.elements.mean_motion import EARTH_MU
 from test_ccsds import circular as turning
 
 GRACE = Path(__file__).parents[1] / "examples" / "grace"

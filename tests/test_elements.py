@@ -8,12 +8,12 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from closeform.motion.elements import (
+from closeform.motion.elements.elements import (
     elements_from_inertial,
     inertial_from_elements,
 )
-from closeform.motion.frames import inertial_from_relative, relative_from_inertial
-from closeform.motion.mean_motion import (
+from closeform.motion.elements.frames import inertial_from_relative, relative_from_inertial
+from closeform.motion.elements.mean_motion import (
     EARTH_MU,
     EARTH_RADIUS,
     altitude_from_mean_motion,
@@ -23,11 +23,11 @@ from closeform.motion.mean_motion import (
     period_from_mean_motion,
     semi_major_axis_from_mean_motion,
 )
-from closeform.motion.palmer import (
+from closeform.motion.elements.palmer import (
     palmer_from_state,
     state_from_palmer,
 )
-from closeform.motion.roe import (
+from closeform.motion.elements.roe import (
     elements_from_roe,
     roe_from_elements,
     roe_from_state,

@@ -9,8 +9,8 @@ from PIL import Image
 import closeform as cf
 from closeform import plots
 from closeform.plots.animations import FormationFilm
-from closeform.plots.palette import COLOURS, CONFLICT
-from closeform.plots.space import OBLIQUE
+from closeform.plots.drawing.palette import COLOURS, CONFLICT
+from closeform.plots.drawing.space import OBLIQUE
 
 DEEP = cf.Orbit(0.0)
 ORBIT = cf.Orbit.circular(500e3)

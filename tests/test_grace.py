@@ -14,8 +14,8 @@ from astropy.utils import iers
 from closeform import Orbit
 from closeform.exchange.ccsds.oem import read_oem
 from closeform.exchange.common_frame import common_frame
-from closeform.motion.elements import elements_from_inertial
-from closeform.motion.frames import relative_from_inertial
+from closeform.motion.elements.elements import elements_from_inertial
+from closeform.motion.elements.frames import relative_from_inertial
 
 ROOT = Path(__file__).parents[1]
 

@@ -8,10 +8,10 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from closeform import Orbit
-from closeform.motion.elements import inertial_from_elements
-from closeform.motion.frames import relative_from_inertial
-from closeform.motion.mean_motion import EARTH_MU
-from closeform.motion.roe import elements_from_roe
+from closeform.motion.elements.elements import inertial_from_elements
+from closeform.motion.elements.frames import relative_from_inertial
+from closeform.motion.elements.mean_motion import EARTH_MU
+from closeform.motion.elements.roe import elements_from_roe
 
 A = 6.85e6  # m
 DRIFTLESS = np.array([0.0, 1.0, 0.3, 0.2, 0.1, 0.3])  # in every direction, one period: no drift

@@ -8,7 +8,7 @@ from matplotlib.colors import to_rgba
 
 import closeform as cf
 from closeform import plots
-from closeform.plots.palette import CONFLICT
+from closeform.plots.drawing.palette import CONFLICT
 
 mpl.use("agg")
 ORBIT = cf.Orbit.circular(500e3)

@@ -14,8 +14,8 @@ from closeform.exchange.ccsds.oem import read_oem, write_oem
 from closeform.exchange.common_frame import common_frame
 from closeform.exchange.ephemerides.covariance import Covariances, axes, inertial
 from closeform.exchange.ephemerides.propagated_covariance import covariance_at
-from closeform.motion.frames import relative_from_inertial
-from closeform.motion.mean_motion import EARTH_MU
+from closeform.motion.elements.frames import relative_from_inertial
+from closeform.motion.elements.mean_motion import EARTH_MU
 from test_ccsds import GOOD, circular
 
 # Made with random numbers: a square root times its transpose, eight digits as in the standard's example.

@@ -13,7 +13,7 @@ from matplotlib.text import Text
 import closeform as cf
 from closeform import plots
 from closeform.mission.mission import fly
-from closeform.plots.style import banner
+from closeform.plots.drawing.style import banner
 from closeform.report.picture import Film
 from closeform.report.run import RunReport
 from closeform.scenario.load import parse

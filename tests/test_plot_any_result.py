@@ -14,7 +14,7 @@ from PIL import Image
 
 import closeform as cf
 from answers import NAMES, answers
-from closeform.plots.palette import CONFLICT
+from closeform.plots.drawing.palette import CONFLICT
 from closeform.plots.results import FLYING, PICTURES
 
 # what users give, and parts of answers that are seen in the picture of the whole

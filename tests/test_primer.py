@@ -8,7 +8,7 @@ from scipy.linalg import expm
 import closeform as cf
 from bridge import hill
 from closeform._jit import kernel
-from closeform.motion.primer import (
+from closeform.motion.minimum_delta_v.primer import (
     functional,
     load_primer,
     peaks,

@@ -12,9 +12,9 @@ from scipy.spatial import ConvexHull
 
 from bodies import Body
 from closeform import plots
+from closeform.plots.drawing.space import GROUP_COLOURS, OBLIQUE, Camera, hull, ring
 from closeform.plots.gatherings import SUN_VIEW, Knots, Moment, ThreeViews, schedule
 from closeform.plots.searches import CAMERA, Meeting, half_rim
-from closeform.plots.space import GROUP_COLOURS, OBLIQUE, Camera, hull, ring
 from closeform.search.gathering.gather import gather
 from closeform.search.lock_times import lock_times
 from closeform.search.proofs.theorem import cone_regions

@@ -9,8 +9,8 @@ from scipy.integrate import solve_ivp
 
 import closeform as cf
 from closeform.exchange.formats.states_csv import state_rows
-from closeform.motion.elements import inertial_from_elements
-from closeform.motion.frames import relative_from_inertial
+from closeform.motion.elements.elements import inertial_from_elements
+from closeform.motion.elements.frames import relative_from_inertial
 from closeform.report.run import states as flown_states
 from closeform.scenario import parse
 from test_epoch_scenario import CIRCLE, MEETING, chief, scenario

@@ -329,7 +329,7 @@ def test_burns_of_one_craft_are_not_told_of_another(monkeypatch):
     """Short burns that are too dear are left to another method; the next of the batch may be refused."""
     begins, ends, durations, free, _ = cases(42, 12, 1.0, 1.0)
     limits = free.peak_thrust * np.tile([1100.0, 0.3], 6)
-    monkeypatch.setattr("closeform.motion.within_limit.WORST", -1.0)
+    monkeypatch.setattr("closeform.motion.minimum_delta_v.within_limit.WORST", -1.0)
     for k in range(0, 12, 2):
         two = slice(k, k + 2)
         with pytest.raises(ValueError, match=r"^max_acceleration: craft 1: a thrust of "):

@@ -152,9 +152,9 @@ def two_digits(value: float, up: bool) -> float:
 
 def draw_picture(shares: dict[str, list[tuple[float, int]]], safe: dict[str, float], cases: int) -> None:
     """Draw the share of lost pairs against the size of each error; a line where no pair is lost."""
-    from closeform.plots.palette import AFTER, CONFLICT, INK
-    from closeform.plots.style import dress, headline, sheet
-    from closeform.plots.text import SMALL, TEXT
+    from closeform.plots.drawing.palette import AFTER, CONFLICT, INK
+    from closeform.plots.drawing.style import dress, headline, sheet
+    from closeform.plots.drawing.text import SMALL, TEXT
 
     names = [name for name in shares if len(shares[name]) > 1]
     figure = sheet(3.7)

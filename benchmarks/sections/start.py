@@ -18,7 +18,7 @@ PHASES = Path(__file__).parents[1] / "phases.py"
 EXAMPLES = Path(__file__).parents[2] / "examples"
 NAMES = ("cluster", *sorted(file.stem for file in EXAMPLES.glob("*.toml") if file.stem != "cluster"))
 BY_FUEL = re.compile(r'^\s*(cost\s*=\s*"delta-v"|thrusters\s*=|do\s*=\s*"transfer")', re.MULTILINE)
-FUEL = ("fuel.", "motion.constant_primers", "motion.impulse", "planning.impulse_", "planning.joint_dual")
+FUEL = ("fuel.", "motion.minimum_delta_v.", "planning.delta_v.")
 PLANNED = "swap_impulses"  # compared with the same file at minimum energy
 COLUMNS = ("imports", "kernels", "planning", "pictures", "tables, page", "animation")
 

@@ -6,7 +6,7 @@ from typing import Any
 # Loaded at first use, so that `import closeform` and the command line start at once.
 _NAMES = {
     "motion.orbit": "Orbit",
-    "motion.eccentric": "EccentricOrbit",
+    "motion.elements.eccentric": "EccentricOrbit",
     "motion.path": "Path",
     "motion.joining": "join stack",
     "zones.zone": "Zone",
@@ -69,7 +69,7 @@ _NAMES = {
     "exchange.ephemerides.covariance": "Covariances",
 }
 _MODULES = {
-    "elements": "motion.conversions",
+    "elements": "motion.elements.conversions",
     "papers": "papers",
     "plots": "plots",
     "targets": "planning.targets",

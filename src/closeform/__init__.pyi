@@ -5,7 +5,7 @@ from closeform.plots.results import animate as animate, plot as plot
 from closeform.planning import requirements as requirements
 from closeform.planning import targets as targets
 from closeform import papers as papers
-from closeform.motion import conversions as elements
+from closeform.motion.elements import conversions as elements
 from closeform.planning.avoid import avoid as avoid
 from closeform.planning.plan import (
     Plan as Plan,
@@ -90,7 +90,7 @@ from closeform.fuel.least_time import least_time as least_time
 from closeform.fuel.shortest import shortest_transfer as shortest_transfer
 from closeform.fuel.thrusters import Thrusters as Thrusters
 from closeform.planning.limits import propellant as propellant
-from closeform.motion.eccentric import EccentricOrbit as EccentricOrbit
+from closeform.motion.elements.eccentric import EccentricOrbit as EccentricOrbit
 from closeform.motion.orbit import Orbit as Orbit
 from closeform.motion.joining import join as join, stack as stack
 from closeform.motion.path import Path as Path

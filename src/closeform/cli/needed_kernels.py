@@ -14,7 +14,10 @@ PLANNING = (
     "planning.energy.quadratic_program"
 )
 LEAST_ENERGY = "planning.energy.contact_solver planning.bounds.dual_bound planning.energy.side_costs"
-LEAST_DELTA_V = "motion.impulses motion.impulse_arcs motion.constant_primers"
+LEAST_DELTA_V = (
+    "motion.minimum_delta_v.impulses motion.minimum_delta_v.impulse_arcs "
+    "motion.minimum_delta_v.constant_primers"
+)
 JOINT_DELTA_V = (
     "planning.delta_v.dual.dual_program planning.delta_v.dual.primer_maxima "
     "planning.delta_v.dual.impulse_paths planning.delta_v.dual.plane_shortfalls"
@@ -71,6 +74,6 @@ def _needs(scenario: "Scenario") -> Iterator[str]:
     if any(craft.covariance is not None for craft in scenario.craft):
         yield ERRORS
     if any(craft.thrusters is not None for craft in scenario.craft):
-        yield f"{LEAST_DELTA_V} motion.saturated"
+        yield f"{LEAST_DELTA_V} motion.minimum_delta_v.saturated"
     if scenario.orbit.field is not None:
         yield FIELD

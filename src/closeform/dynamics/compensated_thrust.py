@@ -17,8 +17,8 @@ from closeform.dynamics.planned_paths import checked_paths, running_engines
 from closeform.dynamics.simulation.guidance import Guidance
 from closeform.dynamics.simulation.impulse_retargeting import Retargeted
 from closeform.fuel.thrusters import Thrusters, each_set
+from closeform.motion.elements.mean_motion import checked
 from closeform.motion.joining import stack
-from closeform.motion.mean_motion import checked
 from closeform.motion.path import Path
 from closeform.result import Rows
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.motion.mean_motion import EARTH_J2, EARTH_RADIUS
+from closeform.motion.elements.mean_motion import EARTH_J2, EARTH_RADIUS
 
 MOVES, COASTS = "moves", "coasts"
 TURNS = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0)

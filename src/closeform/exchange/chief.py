@@ -14,9 +14,9 @@ from closeform.exchange.common_frame import INERTIAL
 from closeform.exchange.ephemerides.ephemeris import Ephemeris
 from closeform.exchange.ephemerides.interpolation import states_of
 from closeform.exchange.epochs import Epoch
-from closeform.motion.elements import elements_from_inertial, inertial_from_elements, inertial_later
-from closeform.motion.frames import AlongTrack, inertial_from_relative, relative_from_inertial
-from closeform.motion.mean_motion import EARTH_MU, checked
+from closeform.motion.elements.elements import elements_from_inertial, inertial_from_elements, inertial_later
+from closeform.motion.elements.frames import AlongTrack, inertial_from_relative, relative_from_inertial
+from closeform.motion.elements.mean_motion import EARTH_MU, checked
 
 if TYPE_CHECKING:
     from closeform.motion.orbit import Orbit

@@ -16,8 +16,8 @@ from closeform.exchange.ephemerides.interpolation import nearest
 from closeform.exchange.ephemerides.propagated_covariance import covariance_at
 from closeform.exchange.ephemerides.spans import Spans
 from closeform.exchange.epochs import seconds_of
-from closeform.motion.frames import AlongTrack, relative_from_inertial, relative_jacobian
-from closeform.motion.mean_motion import EARTH_MU, mean_motion_from_semi_major_axis
+from closeform.motion.elements.frames import AlongTrack, relative_from_inertial, relative_jacobian
+from closeform.motion.elements.mean_motion import EARTH_MU, mean_motion_from_semi_major_axis
 from closeform.result import Result
 
 if TYPE_CHECKING:

@@ -11,15 +11,15 @@ from numpy.typing import ArrayLike
 from closeform.arrays import Floats
 from closeform.motion.arc import END, START, WIDTH
 from closeform.motion.chief_orbit import ChiefOrbit
-from closeform.motion.constant_primers import constant_bounds
 from closeform.motion.ends import arcs_between
-from closeform.motion.impulses import answers
+from closeform.motion.minimum_delta_v.constant_primers import constant_bounds
+from closeform.motion.minimum_delta_v.impulses import answers
+from closeform.motion.minimum_delta_v.reduced import LOWER, PRIMER, UNIQUE, UPPER
+from closeform.motion.minimum_delta_v.saturated import BOUND, PROOF, WORST
+from closeform.motion.minimum_delta_v.within_limit import limited
 from closeform.motion.orbit import Orbit, circular_orbit
 from closeform.motion.path import Path, path_of
-from closeform.motion.reduced import LOWER, PRIMER, UNIQUE, UPPER
-from closeform.motion.saturated import BOUND, PROOF, WORST
 from closeform.motion.steering import steer
-from closeform.motion.within_limit import limited
 from closeform.result import Rows
 
 PROVEN = 1e-9  # gap between the bounds, relative

@@ -17,8 +17,8 @@ from closeform.fuel.order import order_of
 from closeform.fuel.pulses import Pulses, extended, one_table
 from closeform.fuel.thrusters import Thrusters, each_set
 from closeform.motion.arc import START
+from closeform.motion.elements.mean_motion import checked
 from closeform.motion.joining import stack
-from closeform.motion.mean_motion import checked
 from closeform.motion.path import Path
 from closeform.result import Result
 from closeform.zones.combined_zones import OwnZone

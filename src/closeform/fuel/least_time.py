@@ -22,15 +22,15 @@ from closeform.arrays import Floats, broadcast, numbers, shown
 from closeform.fuel.shortest import REACH, shortest_transfer, surely_too_short
 from closeform.kernel_loans import stack_matrix, stack_vector
 from closeform.motion.arc import END, MEAN_MOTION, START, STATE, WIDTH, acceleration
-from closeform.motion.ascent import IMPOSSIBLE, climb, downhill, least_limit
 from closeform.motion.costates import FREE, sum_up
 from closeform.motion.duration import SHORTEST
+from closeform.motion.elements.mean_motion import checked
 from closeform.motion.hill import coast, costate
 from closeform.motion.linear import dot
-from closeform.motion.mean_motion import checked
+from closeform.motion.minimum_delta_v.ascent import IMPOSSIBLE, climb, downhill, least_limit
+from closeform.motion.minimum_delta_v.saturated import worth
 from closeform.motion.orbit import Orbit, circular_orbit
 from closeform.motion.path import Path, path_of
-from closeform.motion.saturated import worth
 
 SETTLED = 1e-10  # of the duration: shorter steps end the search
 BETTER = 0.05  # share of a primer's margin to which the best one is computed

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, broadcast, numbers
 from closeform.motion.duration import SHORTEST
-from closeform.motion.mean_motion import checked
+from closeform.motion.elements.mean_motion import checked
 from closeform.motion.orbit import Orbit, circular_orbit
 from closeform.motion.path import Path
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, of_each, positive, sequence, shown
-from closeform.motion.mean_motion import checked
+from closeform.motion.elements.mean_motion import checked
 from closeform.motion.orbit import Orbit, circular_orbit
 
 UNIT = 1e-6  # accepted deviation of a direction's length from 1: six digits may be typed

@@ -15,7 +15,7 @@ from closeform.arrays import Floats
 from closeform.confidence import estimate
 from closeform.dynamics.model_error_estimate import COASTS, MOVES, model_error
 from closeform.mission.verdict import MET, NOT_MET, SAMPLED, Asked, Margin, Use, beyond
-from closeform.motion.mean_motion import EARTH_MU, EARTH_RADIUS, semi_major_axis_from_mean_motion
+from closeform.motion.elements.mean_motion import EARTH_MU, EARTH_RADIUS, semi_major_axis_from_mean_motion
 
 if TYPE_CHECKING:
     from closeform.dynamics.model_error import Validity

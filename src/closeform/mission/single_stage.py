@@ -15,8 +15,8 @@ from closeform.mission.stage_start import StageStart, too_late
 from closeform.mission.thruster_firing import pulsed
 from closeform.motion.duration import far_beyond
 from closeform.motion.joining import join
+from closeform.motion.minimum_delta_v.within_limit import TooLittleThrust
 from closeform.motion.path import Path
-from closeform.motion.within_limit import TooLittleThrust
 from closeform.scenario import Avoid, Transfer
 from closeform.scenario.path_requirements import built_all
 from closeform.zones.zone import ON, Zone

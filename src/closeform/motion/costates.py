@@ -17,7 +17,7 @@ from math import inf, sqrt
 from closeform._jit import kernel
 from closeform.kernel_loans import stack_matrix, stack_vector
 from closeform.motion.hill import coast, oscillation
-from closeform.motion.primer import NARROWEST, UNCLEAR, kind_of, series
+from closeform.motion.minimum_delta_v.primer import NARROWEST, UNCLEAR, kind_of, series
 
 FREE = 1e200  # thrust limit of unlimited thrust
 COASTING, RISING, SATURATED = 0, 1, 2  # |p| below both levels, between them, above both

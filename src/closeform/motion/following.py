@@ -6,7 +6,7 @@ import numpy as np
 
 from closeform.arrays import Floats, number
 from closeform.motion.duration import flaw
-from closeform.motion.mean_motion import checked
+from closeform.motion.elements.mean_motion import checked
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
 

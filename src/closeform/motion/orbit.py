@@ -15,16 +15,16 @@ from closeform.motion.chief.ellipse import ellipse_of
 from closeform.motion.chief.kepler import KeplerChief
 from closeform.motion.chief.oblate_or_supplied import GivenChief, OblateChief
 from closeform.motion.chief_orbit import ChiefOrbit
-from closeform.motion.circular import CircularOrbit
 from closeform.motion.effort import totals
-from closeform.motion.elements import inertial_from_elements
+from closeform.motion.elements.circular import CircularOrbit
+from closeform.motion.elements.elements import inertial_from_elements
+from closeform.motion.elements.mean_motion import EARTH_J2, EARTH_MU, EARTH_RADIUS
 from closeform.motion.ends import arcs_between, arcs_from
-from closeform.motion.mean_motion import EARTH_J2, EARTH_MU, EARTH_RADIUS
+from closeform.motion.minimum_delta_v.within_limit import limited
 from closeform.motion.path import Path, evaluate, path_of
 from closeform.motion.sampling import arcs_through, fired_at_ends
 from closeform.motion.steering import fix_inertially, steer
 from closeform.motion.two_impulse import drifts
-from closeform.motion.within_limit import limited
 
 if TYPE_CHECKING:
     from closeform.fuel.thrusters import Thrusters
@@ -439,15 +439,15 @@ class Orbit(CircularOrbit):
         """
         # Imported here so that a program without impulses neither compiles them nor loads linear
         # programming.
-        from closeform.motion.impulse_arcs import flown_arcs
-        from closeform.motion.impulses import answers
+        from closeform.motion.minimum_delta_v.impulse_arcs import flown_arcs
+        from closeform.motion.minimum_delta_v.impulses import answers
 
         arcs, finals = arcs_between(self.mean_motion, initial, final, duration, start)
         given = self.mean_motion, arcs.reshape(-1, WIDTH), finals
         if thrusters is None:
             found = answers(*given)
         else:
-            from closeform.motion.directed import answers_of
+            from closeform.motion.minimum_delta_v.directed import answers_of
 
             found = answers_of(thrusters, *given)
         rows, offsets = flown_arcs(*given, found)

@@ -11,7 +11,7 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.conflicts.two_paths import closest_approach
 from closeform.motion.arc import END, START
-from closeform.motion.palmer import palmer_from_state
+from closeform.motion.elements.palmer import palmer_from_state
 from closeform.motion.path import Path
 from closeform.planning.energy.side_search import MARGINS
 from closeform.planning.problem.problem import Problem

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from closeform.arrays import Floats
 from closeform.fuel.falling_mass import STANDARD_GRAVITY
 from closeform.fuel.shortest import REACH
-from closeform.motion.mean_motion import checked
+from closeform.motion.elements.mean_motion import checked
 from closeform.motion.orbit import Orbit
 
 FAR = 100.0  # times the duration: longest duration tried in deep space

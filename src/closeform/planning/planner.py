@@ -16,8 +16,8 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.motion.arc import END, START
 from closeform.motion.joining import stack
+from closeform.motion.minimum_delta_v.within_limit import TooLittleThrust
 from closeform.motion.path import Path
-from closeform.motion.within_limit import TooLittleThrust
 from closeform.planning.bounds.branch_and_bound import closeness, is_proven
 from closeform.planning.bounds.branch_and_bound import prove as prove_bound
 from closeform.planning.delta_v.checks import Spent
@@ -233,6 +233,8 @@ def not_found(request: Request, problem: Problem, found: Outcome) -> str:
         if request.limits is not None and request.cost == "delta-v" and not found.limited:
             reason += ", nor without the thrust limit"
         return reason + found.near_miss(problem, request.names)
+    if problem.requirements and found.blocked is None:
+        return f"{reason} keeps all requirements; allow more time, or relax one of them"
     if found.blocked is not None:
         first, second = (request.names[k] for k in found.blocked)
         reason += f": {first} and {second} remain in conflict"
@@ -277,7 +279,8 @@ def end_outside(problem: Problem, request: Request) -> str:
             for word, time, margin in zip(("start", "end"), (start, end), one.margin(ends), strict=True):
                 if one.start <= time <= one.end and margin < 0.0:
                     kind, name = type(one).__name__, request.names[k]
-                    return f"the {word} of {name} is outside its {kind}, by {-margin:.3g}; move one of them"
+                    outside = f"the {word} of {name} is outside its {kind}, by {-margin:.3g} {one.unit}"
+                    return f"{outside}; move it, or relax the requirement"
     return ""
 
 
@@ -303,7 +306,8 @@ def fallen_back(request: Request, plan: Plan) -> tuple[Request, Plan]:
             other = attempt(changed, fallback == "more sides")
             done.append(f"{words}: {other.reason}")
             if other.ok:
-                return changed, replace(other, measures=tuple(done))
+                late = "" if changed is request else f"; {words}"
+                return changed, replace(other, measures=tuple(done), reason=f"{other.reason}{late}")
     return request, replace(plan, measures=tuple(done))
 
 
@@ -365,7 +369,8 @@ def within_limits(request: Request, plan: Plan) -> tuple[Request, Plan]:
     measures = *plan.measures, later.measure
     if later.found is None:
         return request, replace(refused("raise the limit", later.excess, later.factor), measures=measures)
-    return request.longer(later.factor), replace(later.found, measures=measures, punctual=plan.punctual)
+    found = replace(later.found, measures=measures, punctual=plan.punctual)
+    return request.longer(later.factor), replace(found, reason=f"{found.reason}; {later.measure}")
 
 
 def peak_thrusts(plan: Plan) -> Floats:

@@ -14,8 +14,8 @@ import numpy as np
 
 from closeform.arrays import Floats, instance
 from closeform.motion.arc import IMPULSE, MEAN_MOTION, PUSH, THRUST
+from closeform.motion.elements.palmer import state_from_palmer
 from closeform.motion.joining import join
-from closeform.motion.palmer import state_from_palmer
 from closeform.motion.path import Path
 from closeform.planning.energy.exit_directions import exit_normals
 from closeform.planning.energy.side_search import MARGINS

@@ -17,14 +17,23 @@ from PIL import Image
 
 from closeform.arrays import Floats
 from closeform.motion.path import Path
-from closeform.plots.charts import Curve, Panel, draw
-from closeform.plots.inputs import crafts, filmed
-from closeform.plots.pairs import Pairs, ratio_text
-from closeform.plots.palette import CONFLICT, INK, OTHER, ZONE, colours, dark
+from closeform.plots.drawing.charts import Curve, Panel, draw
+from closeform.plots.drawing.inputs import crafts, filmed
+from closeform.plots.drawing.pairs import Pairs, ratio_text
+from closeform.plots.drawing.palette import CONFLICT, INK, OTHER, ZONE, colours, dark
+from closeform.plots.drawing.space import (
+    AXES,
+    INERTIAL,
+    OBLIQUE,
+    ORBITAL,
+    PLANES,
+    Camera,
+    space_axes,
+    three_planes,
+)
+from closeform.plots.drawing.style import clock, dress, headline, instants, sheet, wrapped
+from closeform.plots.drawing.text import SMALL, follow, plain, short_names
 from closeform.plots.paths import NAMED, carries
-from closeform.plots.space import AXES, INERTIAL, OBLIQUE, ORBITAL, PLANES, Camera, space_axes, three_planes
-from closeform.plots.style import clock, dress, headline, instants, sheet, wrapped
-from closeform.plots.text import SMALL, follow, plain, short_names
 from closeform.zones.combined_zones import OwnZone
 from closeform.zones.outlines import drawn, shadow
 from closeform.zones.pair_zones import PairZones

@@ -13,11 +13,11 @@ from matplotlib.figure import Figure
 from closeform.arrays import Floats, instance, number, sequence, shown, whole
 from closeform.conflicts.two_paths import Conflict, closest_approach, find_conflicts, nearest_first
 from closeform.motion.path import Path
-from closeform.plots.charts import Curve, Panel, series, styled, timeline
-from closeform.plots.inputs import crafts, one_craft, texts
-from closeform.plots.pairs import Pairs, asked_pairs, ratio_text, verdict_of_pairs
-from closeform.plots.palette import AFTER, BEFORE, CONFLICT, DIRECTIONS, INK, ZONE
-from closeform.plots.style import (
+from closeform.plots.drawing.charts import Curve, Panel, series, styled, timeline
+from closeform.plots.drawing.inputs import crafts, one_craft, texts
+from closeform.plots.drawing.pairs import Pairs, asked_pairs, ratio_text, verdict_of_pairs
+from closeform.plots.drawing.palette import AFTER, BEFORE, CONFLICT, DIRECTIONS, INK, ZONE
+from closeform.plots.drawing.style import (
     DASHED,
     Clock,
     Unit,
@@ -30,7 +30,7 @@ from closeform.plots.style import (
     plain_unit,
     time_axes,
 )
-from closeform.plots.text import SMALL, short_names
+from closeform.plots.drawing.text import SMALL, short_names
 from closeform.safety.drift_approach import DriftApproach, drift_approach
 from closeform.uncertainty.clearance import clearance_in_sigmas
 from closeform.uncertainty.errors import Uncertainty

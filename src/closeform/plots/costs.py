@@ -21,9 +21,9 @@ from closeform.motion.path import Path, ends_of
 from closeform.planning.clearance_cost_curve import ClearanceCostCurve, slope
 from closeform.planning.max_clearance import MaxClearance
 from closeform.planning.plan import Plan
-from closeform.plots.inputs import crafts, one_craft
-from closeform.plots.palette import AFTER, BEFORE, CONFLICT, FAINT, INK, OTHER, ZONE
-from closeform.plots.style import (
+from closeform.plots.drawing.inputs import crafts, one_craft
+from closeform.plots.drawing.palette import AFTER, BEFORE, CONFLICT, FAINT, INK, OTHER, ZONE
+from closeform.plots.drawing.style import (
     DASHED,
     DOTTED,
     Unit,
@@ -40,7 +40,7 @@ from closeform.plots.style import (
     speed_unit,
     time_axes,
 )
-from closeform.plots.text import NEAR, SMALL, label, word
+from closeform.plots.drawing.text import NEAR, SMALL, label, word
 
 EQUAL = 0.05  # per cent above a bound that count as equal to it
 LABELLED = 12  # impulses or slots that are labelled

@@ -22,9 +22,9 @@ from closeform.arrays import Floats, instance, number
 from closeform.motion.arc import END, START
 from closeform.motion.path import Path
 from closeform.plots.animations import NARROW, PLAY, WIDE, Reel
-from closeform.plots.inputs import filmed
-from closeform.plots.palette import BEFORE, CONFLICT, FAINT, INK, OTHER
-from closeform.plots.space import (
+from closeform.plots.drawing.inputs import filmed
+from closeform.plots.drawing.palette import BEFORE, CONFLICT, FAINT, INK, OTHER
+from closeform.plots.drawing.space import (
     GROUP_COLOURS,
     OBLIQUE,
     SUN_COLOUR,
@@ -35,8 +35,8 @@ from closeform.plots.space import (
     space_axes,
     triad,
 )
-from closeform.plots.style import DASHED, headline, legend, sheet, wrapped
-from closeform.plots.text import SMALL, follow, plain, short_names, word
+from closeform.plots.drawing.style import DASHED, headline, legend, sheet, wrapped
+from closeform.plots.drawing.text import SMALL, follow, plain, short_names, word
 from closeform.search.gathering.join_rule import FORMATION, LOST
 from closeform.search.gathering.result import Event, EventKind, Gathering
 from closeform.search.leg import SPELLED, SUN, Leg

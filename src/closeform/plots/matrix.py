@@ -13,10 +13,10 @@ from matplotlib.patches import Patch
 
 from closeform.arrays import Floats
 from closeform.motion.path import Path
-from closeform.plots.pairs import Pairs, asked_pairs, ratio_text, verdict_of_pairs
-from closeform.plots.palette import CONFLICT, FAINT, INK, OTHER
-from closeform.plots.style import headline, legend, sheet
-from closeform.plots.text import SMALL, TEXT, plain
+from closeform.plots.drawing.pairs import Pairs, asked_pairs, ratio_text, verdict_of_pairs
+from closeform.plots.drawing.palette import CONFLICT, FAINT, INK, OTHER
+from closeform.plots.drawing.style import headline, legend, sheet
+from closeform.plots.drawing.text import SMALL, TEXT, plain
 from closeform.zones.combined_zones import OwnZone
 from closeform.zones.pair_zones import PairZones
 

@@ -14,14 +14,14 @@ from matplotlib.figure import Figure
 from closeform.arrays import Floats, number, sequence, shown, whole
 from closeform.fuel.burns import Burns, burns_of
 from closeform.motion.path import Path
-from closeform.plots.charts import Curve, Panel, draw
-from closeform.plots.inputs import one_path, texts
-from closeform.plots.pairs import Pairs
-from closeform.plots.palette import CONFLICT, FAINT, INK, OTHER, colours
+from closeform.plots.drawing.charts import Curve, Panel, draw
+from closeform.plots.drawing.inputs import one_path, texts
+from closeform.plots.drawing.pairs import Pairs
+from closeform.plots.drawing.palette import CONFLICT, FAINT, INK, OTHER, colours
+from closeform.plots.drawing.space import AXES, INERTIAL, OBLIQUE, ORBITAL, Scene, finished, space_axes
+from closeform.plots.drawing.style import Clock, clock, dress, instants, plural, sheet, speed, time_axes
+from closeform.plots.drawing.text import SMALL, plain, short_names
 from closeform.plots.paths import NAMED, closest_pair, conflicts_of, ends, own_tracks, stretches
-from closeform.plots.space import AXES, INERTIAL, OBLIQUE, ORBITAL, Scene, finished, space_axes
-from closeform.plots.style import Clock, clock, dress, instants, plural, sheet, speed, time_axes
-from closeform.plots.text import SMALL, plain, short_names
 from closeform.plots.thrusts import burn_rows
 from closeform.zones.combined_zones import OwnZone
 from closeform.zones.pair_zones import PairZones

@@ -21,9 +21,9 @@ from closeform.motion.path import Path
 from closeform.planning.both_sides import ways_around
 from closeform.planning.requirements import ApproachCone
 from closeform.plots.clearances import Deviations, Failed
-from closeform.plots.inputs import crafts, one_craft, one_path, same
-from closeform.plots.pairs import Pairs, ratio_text
-from closeform.plots.palette import (
+from closeform.plots.drawing.inputs import crafts, one_craft, one_path, same
+from closeform.plots.drawing.pairs import Pairs, ratio_text
+from closeform.plots.drawing.palette import (
     AFTER,
     ALTERNATIVE,
     BEFORE,
@@ -34,7 +34,7 @@ from closeform.plots.palette import (
     ZONE,
     colours,
 )
-from closeform.plots.space import (
+from closeform.plots.drawing.space import (
     PLANES,
     Camera,
     Mark,
@@ -46,7 +46,7 @@ from closeform.plots.space import (
     in_planes,
     in_space,
 )
-from closeform.plots.style import (
+from closeform.plots.drawing.style import (
     DASHED,
     DOTTED,
     clock,
@@ -61,7 +61,7 @@ from closeform.plots.style import (
     signed_percent,
     speed,
 )
-from closeform.plots.text import SMALL, plain, short_names
+from closeform.plots.drawing.text import SMALL, plain, short_names
 from closeform.uncertainty.clearance import clearance_in_sigmas
 from closeform.uncertainty.errors import Uncertainty
 from closeform.zones.combined_zones import OwnZone
@@ -393,6 +393,8 @@ def before_after(
                 closest.append((one.ratio, k))
         clear = {0: "clear", 1: "1 conflict"}.get(count := sum(map(len, found)), f"{count} conflicts")
         least = f", {min(one.ratio for one in near):.2f} × zone" if near else ""
+        if corridor is not None:
+            least += f", {'in' if corridor._worst(path)[0] >= 0.0 else 'outside'} the corridor"
         stories.append(f"{role}: {clear}{least}")
     if closest and not shapes:
         _, k = min(closest)

@@ -16,11 +16,11 @@ from closeform.arrays import shown
 from closeform.confidence import estimate
 from closeform.motion.joining import stack
 from closeform.motion.path import Path
-from closeform.plots.charts import Curve, Panel, Spans, intervals, series, spans
-from closeform.plots.inputs import crafts
-from closeform.plots.palette import colours
-from closeform.plots.style import DASHED, Clock, plain_unit, plural, speed, thrust_unit
-from closeform.plots.text import short_names
+from closeform.plots.drawing.charts import Curve, Panel, Spans, intervals, series, spans
+from closeform.plots.drawing.inputs import crafts
+from closeform.plots.drawing.palette import colours
+from closeform.plots.drawing.style import DASHED, Clock, plain_unit, plural, speed, thrust_unit
+from closeform.plots.drawing.text import short_names
 from closeform.zones.combined_zones import OwnZone
 from closeform.zones.pair_zones import PairZones
 

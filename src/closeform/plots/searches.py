@@ -14,8 +14,8 @@ from matplotlib.transforms import Bbox
 from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, instance, number, numbers, whole
-from closeform.plots.palette import AFTER, ALTERNATIVE, BEFORE, FAINT, INK, OTHER, ZONE
-from closeform.plots.space import (
+from closeform.plots.drawing.palette import AFTER, ALTERNATIVE, BEFORE, FAINT, INK, OTHER, ZONE
+from closeform.plots.drawing.space import (
     GROUP_COLOURS,
     ROMAN,
     SUN_COLOUR,
@@ -28,8 +28,8 @@ from closeform.plots.space import (
     solid,
     to_sun,
 )
-from closeform.plots.style import DASHED, DOTTED, headline, length_unit, sheet
-from closeform.plots.text import SMALL, TEXT, word
+from closeform.plots.drawing.style import DASHED, DOTTED, headline, length_unit, sheet
+from closeform.plots.drawing.text import SMALL, TEXT, word
 from closeform.search.leg import SUN, Leg, rotation
 from closeform.search.lock_times import lock_times
 from closeform.search.proofs.theorem import regions_searched

@@ -12,9 +12,9 @@ from closeform.arrays import Floats, instance
 from closeform.dynamics.clearance import closest_pair, ratios_at_times
 from closeform.dynamics.control.tracking_tube import Tube
 from closeform.dynamics.simulation.simulation_result import Simulation
-from closeform.plots.charts import PALE, Curve, Panel, draw, name_rows, series
-from closeform.plots.palette import AFTER, ALTERNATIVE, BEFORE, CONFLICT, INK, ZONE
-from closeform.plots.style import (
+from closeform.plots.drawing.charts import PALE, Curve, Panel, draw, name_rows, series
+from closeform.plots.drawing.palette import AFTER, ALTERNATIVE, BEFORE, CONFLICT, INK, ZONE
+from closeform.plots.drawing.style import (
     DASHED,
     Clock,
     clock,
@@ -29,7 +29,7 @@ from closeform.plots.style import (
     speed_unit,
     time_axes,
 )
-from closeform.plots.text import short_names
+from closeform.plots.drawing.text import short_names
 from closeform.zones.pair_zones import PairZones
 from closeform.zones.zone import Zone
 

@@ -15,9 +15,9 @@ from numpy.typing import ArrayLike
 
 from closeform.arrays import instance, number, numbers, sequence
 from closeform.motion.path import Path
-from closeform.plots.inputs import one_craft
-from closeform.plots.palette import AFTER, ALTERNATIVE, BEFORE, CONFLICT, INK, OTHER, colours
-from closeform.plots.style import (
+from closeform.plots.drawing.inputs import one_craft
+from closeform.plots.drawing.palette import AFTER, ALTERNATIVE, BEFORE, CONFLICT, INK, OTHER, colours
+from closeform.plots.drawing.style import (
     DASHED,
     Clock,
     Unit,
@@ -29,7 +29,7 @@ from closeform.plots.style import (
     right_axis,
     time_axes,
 )
-from closeform.plots.text import NEAR, fonts, label
+from closeform.plots.drawing.text import NEAR, fonts, label
 from closeform.search.lock_statistics import FINER, TimeHistogram
 from closeform.search.schedule import Search
 from closeform.uncertainty.probability import Probability

@@ -21,9 +21,9 @@ from closeform.fuel.firing import ThrusterFiring
 from closeform.fuel.pulses import Pulses
 from closeform.fuel.thrusters import Thrusters
 from closeform.motion.path import Path
-from closeform.plots.charts import Curve, Panel, name_rows, series
-from closeform.plots.inputs import crafts, texts
-from closeform.plots.palette import (
+from closeform.plots.drawing.charts import Curve, Panel, name_rows, series
+from closeform.plots.drawing.inputs import crafts, texts
+from closeform.plots.drawing.palette import (
     AFTER,
     ALTERNATIVE,
     BEFORE,
@@ -34,7 +34,7 @@ from closeform.plots.palette import (
     OTHER,
     colours,
 )
-from closeform.plots.style import (
+from closeform.plots.drawing.style import (
     DASHED,
     DOTTED,
     Clock,
@@ -51,7 +51,7 @@ from closeform.plots.style import (
     thrust_unit,
     time_axes,
 )
-from closeform.plots.text import NEAR, SMALL, label, short_names, word
+from closeform.plots.drawing.text import NEAR, SMALL, label, short_names, word
 
 FEW = 12  # maximum number of spacecraft in the legend
 FAR = 3.0  # times the maximum: a limit above that would flatten all curves

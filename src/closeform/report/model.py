@@ -12,7 +12,7 @@ from closeform.conflicts.flight import WatchedFlight
 from closeform.mission.mission_result import Mission, StageResult
 from closeform.mission.simulation_verdict import mission_error
 from closeform.mission.verdict import metres
-from closeform.motion.mean_motion import EARTH_MU, EARTH_RADIUS, semi_major_axis_from_mean_motion
+from closeform.motion.elements.mean_motion import EARTH_MU, EARTH_RADIUS, semi_major_axis_from_mean_motion
 from closeform.report.section import Column, Section, Table, plan_of
 
 # Upper bounds; the median and 95 % errors at the end of a plan follow another rule: theory (84).

@@ -462,7 +462,7 @@ def optimality(
             listed = f"{len(found)} contacts, from {found[0]} to {found[-1]}"
         yield f"Active constraints ({margin(plan)}keep-out zones): {listed}"
     else:
-        yield "Active constraints: none"
+        yield "Active constraints: no contact with a zone"
     if plan.prices:
         (one, other), most, _ = prices(plan, names, result.after.names).rows[0]
         share = f" ({100.0 * plan.price / plan.spent:+.3g} %)" if plan.spent > 0.0 else ""

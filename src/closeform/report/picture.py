@@ -70,7 +70,7 @@ class Picture:
 
     def draw(self, folder: "Folder") -> Shot:
         """Draw the picture into a folder and return it."""
-        from closeform.plots.style import banner, headline
+        from closeform.plots.drawing.style import banner, headline
 
         figure = self.made
         says = figure.get_suptitle().replace("\n", " ")

@@ -12,9 +12,9 @@ from pydantic import AfterValidator, BeforeValidator, Field, PlainValidator, Pri
 from closeform.arrays import Floats
 from closeform.fuel.falling_mass import STANDARD_GRAVITY
 from closeform.fuel.thrusters import Thrusters
+from closeform.motion.elements.palmer import state_from_palmer
+from closeform.motion.elements.roe import state_from_scaled_roe
 from closeform.motion.orbit import Orbit
-from closeform.motion.palmer import state_from_palmer
-from closeform.motion.roe import state_from_scaled_roe
 from closeform.scenario.formation import Start
 from closeform.scenario.orbit import ThrustError
 from closeform.scenario.quantity import (

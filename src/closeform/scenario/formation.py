@@ -7,9 +7,9 @@ import numpy as np
 from pydantic import BeforeValidator, Field
 
 from closeform.arrays import Floats
+from closeform.motion.elements.palmer import state_from_palmer
+from closeform.motion.elements.roe import state_from_scaled_roe
 from closeform.motion.orbit import Orbit
-from closeform.motion.palmer import state_from_palmer
-from closeform.motion.roe import state_from_scaled_roe
 from closeform.scenario.quantity import ANGLE, LENGTH, Reader
 from closeform.scenario.table import (
     FileName,

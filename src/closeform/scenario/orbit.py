@@ -9,8 +9,8 @@ from pydantic import AfterValidator, BeforeValidator, Field
 
 from closeform.arrays import Floats
 from closeform.exchange.epochs import SYSTEMS, Epoch
-from closeform.motion.elements import inertial_from_elements
-from closeform.motion.mean_motion import EARTH_MU, EARTH_RADIUS
+from closeform.motion.elements.elements import inertial_from_elements
+from closeform.motion.elements.mean_motion import EARTH_MU, EARTH_RADIUS
 from closeform.motion.orbit import Orbit
 from closeform.scenario.inputs import Inputs
 from closeform.scenario.quantity import (

@@ -14,7 +14,7 @@ from closeform.exchange.ephemerides.spans import Spans
 from closeform.exchange.epochs import Epoch
 from closeform.exchange.export_tracks.track import ROTATING
 from closeform.exchange.formats.states_csv import ephemerides_of
-from closeform.motion.frames import relative_from_inertial
+from closeform.motion.elements.frames import relative_from_inertial
 from closeform.scenario.craft import Craft
 from closeform.scenario.inputs import DOUBTFUL, Inputs
 from closeform.scenario.table import did_you_mean

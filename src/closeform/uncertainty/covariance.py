@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, finite
-from closeform.motion.frames import relative_from_inertial
+from closeform.motion.elements.frames import relative_from_inertial
 
 # Relative to sqrt(P_ii P_jj): tolerance of symmetry, and of negative eigenvalues.
 ROUNDING = 1e-9

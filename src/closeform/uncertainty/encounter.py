@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, positive, shown
-from closeform.motion.frames import relative_from_inertial
-from closeform.motion.mean_motion import EARTH_MU
+from closeform.motion.elements.frames import relative_from_inertial
+from closeform.motion.elements.mean_motion import EARTH_MU
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
 from closeform.result import Result

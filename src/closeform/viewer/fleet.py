@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from closeform.motion.arc import IMPULSE
-from closeform.plots.palette import colours, written
+from closeform.plots.drawing.palette import colours, written
 from closeform.viewer.shown import Shown
 from closeform.viewer.solids import Solids
 from closeform.viewer.thrusts import thrusting

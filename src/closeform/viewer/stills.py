@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.plots.palette import INK, ZONE
+from closeform.plots.drawing.palette import INK, ZONE
 from closeform.viewer.scene import Scene
 from closeform.viewer.shown import Shown
 from closeform.viewer.tracks import before

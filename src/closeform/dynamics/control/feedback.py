@@ -9,7 +9,7 @@ import numpy as np
 from closeform.arrays import Floats, number, whole
 from closeform.dynamics.infeasible import Infeasible
 from closeform.motion.arc import THRUST
-from closeform.motion.mean_motion import checked
+from closeform.motion.elements.mean_motion import checked
 from closeform.motion.orbit import Orbit
 
 REPLACED = 1e-6  # of an interval: an impulse this close to the next measurement is replaced by its response

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, number
-from closeform.motion.mean_motion import checked
+from closeform.motion.elements.mean_motion import checked
 
 
 @dataclass(frozen=True)

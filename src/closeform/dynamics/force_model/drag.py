@@ -16,7 +16,7 @@ import numpy as np
 from closeform._jit import kernel
 from closeform.arrays import Floats, number, numbers, of_each, shown
 from closeform.dynamics.force_model.gravity import DEGREES, ZONALS
-from closeform.motion.mean_motion import EARTH_RADIUS, checked
+from closeform.motion.elements.mean_motion import EARTH_RADIUS, checked
 
 EARTH_SPIN = 7.292115e-5  # rad/s: GRS 80
 DENSITY = ZONALS + DEGREES  # index of the atmosphere among the constants of a force model

@@ -8,7 +8,7 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.dynamics.force_model.field import Field
-from closeform.motion.frames import turning_axes
+from closeform.motion.elements.frames import turning_axes
 
 BESIDE = 1.0  # s, half-interval of the central difference of the cross-track force
 

@@ -17,7 +17,7 @@ from closeform.arrays import Floats, shown, whole
 from closeform.dynamics.control.navigation import Navigation
 from closeform.dynamics.simulation.time_grid import TimeGrid
 from closeform.motion.arc import END, START
-from closeform.motion.mean_motion import checked
+from closeform.motion.elements.mean_motion import checked
 from closeform.motion.path import Path
 from closeform.motion.steering import transition_matrices
 from closeform.uncertainty.error_columns import burn_ranges

@@ -9,7 +9,7 @@ import numpy as np
 
 from closeform.arrays import Floats, instance, number, numbers, positive, sequence, shown
 from closeform.exchange.ephemerides.covariance import axes, canonical, check, inertial
-from closeform.motion.mean_motion import EARTH_MU
+from closeform.motion.elements.mean_motion import EARTH_MU
 from closeform.result import Result
 
 if TYPE_CHECKING:

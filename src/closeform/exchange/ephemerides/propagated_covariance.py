@@ -7,9 +7,9 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.exchange.ephemerides.covariance import inertial
 from closeform.exchange.ephemerides.ephemeris import SAME_EPOCH, Ephemeris
-from closeform.motion.circular import CircularOrbit
-from closeform.motion.elements import elements_from_inertial, inertial_later
-from closeform.motion.frames import relative_jacobian
+from closeform.motion.elements.circular import CircularOrbit
+from closeform.motion.elements.elements import elements_from_inertial, inertial_later
+from closeform.motion.elements.frames import relative_jacobian
 
 
 def covariance_at(ephemeris: Ephemeris, time: float, mu: float) -> tuple[Floats, float] | None:

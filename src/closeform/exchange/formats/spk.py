@@ -13,7 +13,7 @@ from closeform.arrays import Floats
 from closeform.exchange.epochs import Epoch
 from closeform.exchange.export_tracks.interpolation_nodes import DEGREE
 from closeform.exchange.export_tracks.track import FileFrame, Piece, Track
-from closeform.motion.mean_motion import EARTH_MU
+from closeform.motion.elements.mean_motion import EARTH_MU
 
 CODES = {"EARTH": 399, "MOON": 301, "SUN": 10, "MARS": 499}
 FIRST_CODE = -999001  # NAIF's integers for spacecraft are negative; ours count down from here

@@ -19,14 +19,14 @@ from numba import float64, int64, void
 
 from closeform._jit import kernel
 from closeform.arrays import Floats
-from closeform.motion.barrier import ROWS, SLACK, SQUARES, TIME, WIDTH, climb, overlap
 from closeform.motion.chief.bernstein import DEGREE, SQUARE, TERMS, changes, cut, value_at, weights
 from closeform.motion.chief.segments import FIRST as FIRST_ANGLE
 from closeform.motion.chief.segments import LAST as LAST_ANGLE
 from closeform.motion.chief.segments import ORIGIN, TABLE, WINDOW, share, squared
 from closeform.motion.linear import back_substitute, dot, factorise
-from closeform.motion.nonnegative import MOST, left_over, nonnegative
-from closeform.motion.reduced import half_solve, independent
+from closeform.motion.minimum_delta_v.barrier import ROWS, SLACK, SQUARES, TIME, WIDTH, climb, overlap
+from closeform.motion.minimum_delta_v.nonnegative import MOST, left_over, nonnegative
+from closeform.motion.minimum_delta_v.reduced import half_solve, independent
 
 # Columns of an answer: bounds, the number of impulses, 1 if the optimal plan is unique, the primer where the
 # first window begins, and of each impulse its window, its place in that, and its velocity.

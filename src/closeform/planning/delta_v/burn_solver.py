@@ -18,11 +18,11 @@ from closeform.arrays import Floats
 from closeform.fuel.pulses import extended
 from closeform.fuel.thrusters import Thrusters
 from closeform.motion.arc import END, START
-from closeform.motion.impulse_arcs import flown_arcs
+from closeform.motion.minimum_delta_v.impulse_arcs import flown_arcs
+from closeform.motion.minimum_delta_v.reduced import LOWER
+from closeform.motion.minimum_delta_v.saturated import BOUND
+from closeform.motion.minimum_delta_v.within_limit import TooLittleThrust, limited
 from closeform.motion.path import Path
-from closeform.motion.reduced import LOWER
-from closeform.motion.saturated import BOUND
-from closeform.motion.within_limit import TooLittleThrust, limited
 from closeform.planning.delta_v.checks import Failures, Spent
 from closeform.planning.delta_v.firing_times import Moments, pushes_table, sizes_of, some_of_each
 from closeform.planning.delta_v.impulse_descent import cleared

@@ -11,8 +11,8 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.fuel.thrusters import Thrusters
 from closeform.motion.arc import END, START
-from closeform.motion.saturated import CLOSE
-from closeform.motion.within_limit import TooLittleThrust
+from closeform.motion.minimum_delta_v.saturated import CLOSE
+from closeform.motion.minimum_delta_v.within_limit import TooLittleThrust
 from closeform.planning.delta_v.checks import Spent
 from closeform.planning.delta_v.delta_v_proof import DeltaVProof
 from closeform.planning.delta_v.firing_times import Moments

@@ -18,9 +18,9 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.fuel.thrusters import Thrusters
 from closeform.motion.arc import END, START, STATE, THRUST, WIDTH
-from closeform.motion.nonnegative import MOST
-from closeform.motion.reduced import COUNT, LOWER
-from closeform.motion.reduced import FIRST as FIRED_FROM
+from closeform.motion.minimum_delta_v.nonnegative import MOST
+from closeform.motion.minimum_delta_v.reduced import COUNT, LOWER
+from closeform.motion.minimum_delta_v.reduced import FIRST as FIRED_FROM
 from closeform.planning.delta_v.checks import Checked, Failures, Spent, arrive, drifting, pushing
 from closeform.planning.delta_v.dual.dual_program import price
 from closeform.planning.delta_v.dual.fleet import Dual, Fleet, Planes, Priced

@@ -8,9 +8,9 @@ import numpy as np
 from closeform.arrays import Floats
 from closeform.fuel.thrusters import Thrusters
 from closeform.motion.ends import arcs_between
-from closeform.motion.impulses import answers
+from closeform.motion.minimum_delta_v.impulses import answers
+from closeform.motion.minimum_delta_v.reduced import ANSWER, LOWER
 from closeform.motion.orbit import Orbit
-from closeform.motion.reduced import ANSWER, LOWER
 
 
 def answers_alone(
@@ -28,7 +28,7 @@ def answers_alone(
     if free.all():
         return answers(mean_motion, arcs, finals)
     # Imported here, because only thrusters need linear programs.
-    from closeform.motion.directed import answers_of
+    from closeform.motion.minimum_delta_v.directed import answers_of
 
     found = np.empty((len(arcs), ANSWER))
     if free.any():

@@ -6,7 +6,7 @@ from math import inf
 import numpy as np
 
 from closeform.arrays import Floats
-from closeform.motion.palmer import state_from_palmer
+from closeform.motion.elements.palmer import state_from_palmer
 from closeform.motion.path import Path
 from closeform.planning.energy.local_solver import Solution
 from closeform.planning.energy.side_search import Found

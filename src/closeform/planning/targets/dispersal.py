@@ -9,9 +9,9 @@ from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats
 from closeform.conflicts.two_paths import closest_approach
-from closeform.motion.mean_motion import checked
+from closeform.motion.elements.mean_motion import checked
+from closeform.motion.elements.palmer import palmer_from_state, state_from_palmer
 from closeform.motion.orbit import Orbit, circular_orbit
-from closeform.motion.palmer import palmer_from_state, state_from_palmer
 from closeform.planning.targets.relative_orbits import orbiting, scalar
 from closeform.zones.solids import Sphere
 

@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, number, whole
-from closeform.motion.mean_motion import checked
+from closeform.motion.elements.mean_motion import checked
+from closeform.motion.elements.palmer import state_from_palmer
 from closeform.motion.orbit import Orbit, circular_orbit
-from closeform.motion.palmer import state_from_palmer
 
 
 def safety_ellipse(

@@ -10,7 +10,7 @@ from closeform.arrays import Floats
 from closeform.kernel_loans import Lent, stack_matrix
 from closeform.motion.arc import END, MEAN_MOTION, START, STATE
 from closeform.motion.hill import coast
-from closeform.motion.primer import functional, position_rows, rate_rows
+from closeform.motion.minimum_delta_v.primer import functional, position_rows, rate_rows
 from closeform.planning.delta_v.firing_times import Moments
 from closeform.planning.problem.scene import BLOCKS, INDICES, NUMBERS, ROWS
 

@@ -8,7 +8,7 @@ from numba import float64
 from closeform._jit import kernel
 from closeform.motion.arc import END, MEAN_MOTION, START, acceleration
 from closeform.motion.hill import coast
-from closeform.motion.primer import peaks
+from closeform.motion.minimum_delta_v.primer import peaks
 from closeform.planning.delta_v.dual.fleet import DUAL, FLEET, PLANES, coast_state, cut_of, is_free
 from closeform.planning.problem.scene import INDICES, PAIRS, ROWS
 

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, broadcast, number, numbers
-from closeform.motion.elements import ellipse
-from closeform.motion.mean_motion import EARTH_MU, checked, mean_motion_from_semi_major_axis
-from closeform.motion.palmer import palmer_from_state, state_from_palmer
+from closeform.motion.elements.elements import ellipse
+from closeform.motion.elements.mean_motion import EARTH_MU, checked, mean_motion_from_semi_major_axis
+from closeform.motion.elements.palmer import palmer_from_state, state_from_palmer
 
 LEAST_SIN_INCLINATION = 1e-6
 """Sine of the chief's inclination below which the node, and with it the ROE, is refused."""

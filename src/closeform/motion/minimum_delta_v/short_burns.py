@@ -6,10 +6,10 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.motion.arc import END, MEAN_MOTION, PUSH, START, STATE, WIDTH
-from closeform.motion.burn_bound import prove_burns
-from closeform.motion.impulses import answers
+from closeform.motion.minimum_delta_v.burn_bound import prove_burns
+from closeform.motion.minimum_delta_v.impulses import answers
+from closeform.motion.minimum_delta_v.reduced import COUNT, FIRST, LOWER, PRIMER, UPPER
 from closeform.motion.path import evaluate
-from closeform.motion.reduced import COUNT, FIRST, LOWER, PRIMER, UPPER
 from closeform.motion.steering import transition_matrices
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(8)

@@ -12,7 +12,7 @@ from math import log, sqrt
 from closeform._jit import kernel
 from closeform.kernel_loans import stack_matrix, stack_vector
 from closeform.motion.linear import back_substitute, factorise
-from closeform.motion.primer import position_rows
+from closeform.motion.minimum_delta_v.primer import position_rows
 
 # A row of the grid holds the time, `rows` (3, 6), the upper half of the Gram matrix of `rows` (21), and space
 # for p, its step and 1 - |p|^2.

@@ -15,9 +15,9 @@ from matplotlib.ticker import LogLocator, NullFormatter
 from closeform.arrays import Floats
 from closeform.motion.arc import START
 from closeform.motion.path import Path
-from closeform.plots.inputs import one_craft
-from closeform.plots.palette import CONFLICT, FAINT, INK, OTHER, ZONE
-from closeform.plots.text import HALO, SMALL, TEXT, plain
+from closeform.plots.drawing.inputs import one_craft
+from closeform.plots.drawing.palette import CONFLICT, FAINT, INK, OTHER, ZONE
+from closeform.plots.drawing.text import HALO, SMALL, TEXT, plain
 
 WIDTH, DPI = 10.6, 150  # inches and dots per inch: 1590 pixels
 LETTERS = 8.6  # characters of a headline per inch

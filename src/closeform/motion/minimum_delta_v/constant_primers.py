@@ -22,7 +22,7 @@ from numba import float64, void
 from closeform._jit import kernel
 from closeform.arrays import Floats
 from closeform.kernel_loans import stack_vector
-from closeform.motion.primer import gained
+from closeform.motion.minimum_delta_v.primer import gained
 
 STEEP = sqrt(0.75)  # cross-track amplitude of the circle; its radial amplitude is a half
 

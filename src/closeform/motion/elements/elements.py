@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, number
-from closeform.motion.mean_motion import EARTH_MU, checked
+from closeform.motion.elements.mean_motion import EARTH_MU, checked
 
 KEPLER_ITERATIONS = 50  # Newton needs 3 to 8 from the start used here
 

@@ -13,10 +13,10 @@ from math import sqrt
 
 from closeform._jit import kernel
 from closeform.kernel_loans import stack_matrix, stack_vector
-from closeform.motion.barrier import overlap, through
 from closeform.motion.linear import back_substitute, dot, factorise
-from closeform.motion.nonnegative import MOST, left_over, nonnegative
-from closeform.motion.primer import peaks, position_rows, rate_rows, square_at
+from closeform.motion.minimum_delta_v.barrier import overlap, through
+from closeform.motion.minimum_delta_v.nonnegative import MOST, left_over, nonnegative
+from closeform.motion.minimum_delta_v.primer import peaks, position_rows, rate_rows, square_at
 
 # Columns of an answer, in SI: bounds of delta-v, the number of impulses, 1 if the optimal plan is unique, the
 # primer over the duration, and for each impulse its time and velocity.

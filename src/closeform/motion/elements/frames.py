@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, broadcast, shown
-from closeform.motion.mean_motion import checked
+from closeform.motion.elements.mean_motion import checked
 
 AlongTrack = Literal["straight", "arc"]
 STEPS = np.array([100.0, 100.0, 100.0, 1.0, 1.0, 1.0])  # m, m/s: steps of central differences

@@ -22,9 +22,18 @@ from mpl_toolkits.axes_grid1.anchored_artists import AnchoredSizeBar  # type: ig
 from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats
-from closeform.plots.palette import AFTER, CONFLICT, DIRECTIONS, INK, OTHER, ZONE
-from closeform.plots.style import WIDTH, Unit, dress, headline, legend, length_unit, rounded_down, sheet
-from closeform.plots.text import HALO, SMALL, label, plain, word
+from closeform.plots.drawing.palette import AFTER, CONFLICT, DIRECTIONS, INK, OTHER, ZONE
+from closeform.plots.drawing.style import (
+    WIDTH,
+    Unit,
+    dress,
+    headline,
+    legend,
+    length_unit,
+    rounded_down,
+    sheet,
+)
+from closeform.plots.drawing.text import HALO, SMALL, label, plain, word
 from closeform.search.leg import SUN
 from closeform.zones.outlines import CIRCLE, drawn, shadow
 from closeform.zones.zone import Zone

@@ -13,8 +13,8 @@ from closeform.conflicts.flight import nearest
 from closeform.conflicts.two_paths import Conflict, closest_approach, find_conflicts, nearest_first
 from closeform.motion.joining import stack
 from closeform.motion.path import Path
-from closeform.plots.inputs import crafts
-from closeform.plots.text import short_names
+from closeform.plots.drawing.inputs import crafts
+from closeform.plots.drawing.text import short_names
 from closeform.zones.made_table import NONE
 from closeform.zones.pair_zones import by_zone, pair_zones
 from closeform.zones.zone import Zone

@@ -10,8 +10,8 @@ from closeform.arrays import Floats
 from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, START, STATE
 from closeform.motion.arc import WIDTH as ARC
 from closeform.motion.hill import coast
-from closeform.motion.nonnegative import MOST
-from closeform.motion.reduced import COUNT, FIRST
+from closeform.motion.minimum_delta_v.nonnegative import MOST
+from closeform.motion.minimum_delta_v.reduced import COUNT, FIRST
 
 
 @kernel(void(float64, float64[:, ::1], float64[:, ::1], float64[:, ::1], float64[:, :, ::1], int64[::1]))

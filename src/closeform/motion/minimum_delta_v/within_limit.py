@@ -8,9 +8,18 @@ from numpy.typing import ArrayLike
 from closeform.arrays import Floats, broadcast
 from closeform.motion.arc import END, START, WIDTH
 from closeform.motion.effort import ENERGY, totals
-from closeform.motion.mean_motion import checked
-from closeform.motion.saturated import CLOSE, ENOUGH, NEEDED, POSSIBLE, PROOF, UNDECIDED, WORST, limit_thrust
-from closeform.motion.short_burns import short_burns
+from closeform.motion.elements.mean_motion import checked
+from closeform.motion.minimum_delta_v.saturated import (
+    CLOSE,
+    ENOUGH,
+    NEEDED,
+    POSSIBLE,
+    PROOF,
+    UNDECIDED,
+    WORST,
+    limit_thrust,
+)
+from closeform.motion.minimum_delta_v.short_burns import short_burns
 
 ROOM, MORE = 40, 1000  # space in arcs: per path at first, and in addition
 DEARER = 1e-3  # accepted relative excess of short burns over their bound if no other plan is found

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, broadcast
-from closeform.motion.mean_motion import checked
+from closeform.motion.elements.mean_motion import checked
 
 
 def palmer_from_state(state: ArrayLike, mean_motion: ArrayLike) -> Floats:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, finite, number, size
-from closeform.motion.mean_motion import (
+from closeform.motion.elements.mean_motion import (
     EARTH_MU,
     EARTH_RADIUS,
     mean_motion_from_altitude,

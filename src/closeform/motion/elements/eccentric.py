@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, broadcast, finite, number
-from closeform.motion.elements import eccentric_latitude, ellipse
+from closeform.motion.elements.elements import eccentric_latitude, ellipse
+from closeform.motion.elements.mean_motion import EARTH_MU, checked, mean_motion_from_semi_major_axis
 from closeform.motion.following import followed
-from closeform.motion.mean_motion import EARTH_MU, checked, mean_motion_from_semi_major_axis
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
 

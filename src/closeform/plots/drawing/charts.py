@@ -13,8 +13,8 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats
-from closeform.plots.palette import AFTER, ALONG, ALTERNATIVE, BEFORE, CONFLICT, CROSS, INK, OTHER
-from closeform.plots.style import (
+from closeform.plots.drawing.palette import AFTER, ALONG, ALTERNATIVE, BEFORE, CONFLICT, CROSS, INK, OTHER
+from closeform.plots.drawing.style import (
     DOTTED,
     Clock,
     chart,
@@ -26,7 +26,7 @@ from closeform.plots.style import (
     time_axes,
     zone_band,
 )
-from closeform.plots.text import NEAR, SMALL, label, plain
+from closeform.plots.drawing.text import NEAR, SMALL, label, plain
 
 SURE = 1e-8  # above a limit: numerical tolerance of a minimum
 PALE = "#9ec5df"

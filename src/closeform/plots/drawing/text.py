@@ -14,8 +14,8 @@ from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 
 from closeform.arrays import Floats
-from closeform.plots.inputs import texts
-from closeform.plots.palette import INK, dark
+from closeform.plots.drawing.inputs import texts
+from closeform.plots.drawing.palette import INK, dark
 
 TEXT, SMALL = 13.0, 11.5  # points, readable at half size
 LONG = 13  # maximum number of characters of a name

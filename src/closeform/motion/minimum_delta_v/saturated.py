@@ -14,11 +14,19 @@ from numba import boolean, float64, int64, void
 from closeform._jit import kernel
 from closeform.kernel_loans import borrowed, stack_matrix, stack_vector
 from closeform.motion.arc import END, MEAN_MOTION, PUSH, START, STATE, THRUST, WIDTH, state_at
-from closeform.motion.ascent import DONE, IMPOSSIBLE, climb, distance, downhill, least_limit, sharpen
 from closeform.motion.costates import COASTING, FREE, RISING, piece_end, side, sum_up
 from closeform.motion.hill import coast, oscillation
 from closeform.motion.linear import dot
-from closeform.motion.primer import NARROWEST, functional
+from closeform.motion.minimum_delta_v.ascent import (
+    DONE,
+    IMPOSSIBLE,
+    climb,
+    distance,
+    downhill,
+    least_limit,
+    sharpen,
+)
+from closeform.motion.minimum_delta_v.primer import NARROWEST, functional
 
 # Largest error of an arc, as a share of the limit. Ten times as much: half as many arcs, and a limit exceeded
 # by more than the promised 1e-9.

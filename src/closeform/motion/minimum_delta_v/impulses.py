@@ -24,13 +24,13 @@ from closeform._jit import kernel
 from closeform.arrays import Floats
 from closeform.kernel_loans import borrowed, stack_matrix, stack_vector
 from closeform.motion.arc import END, START, STATE
-from closeform.motion.barrier import SLACK, TIME, WIDTH, climb, lay, orthonormal
-from closeform.motion.constant_primers import constant_primer
 from closeform.motion.duration import MOST_TURNS
 from closeform.motion.linear import dot
-from closeform.motion.nonnegative import MOST
-from closeform.motion.primer import gained, peaks
-from closeform.motion.reduced import (
+from closeform.motion.minimum_delta_v.barrier import SLACK, TIME, WIDTH, climb, lay, orthonormal
+from closeform.motion.minimum_delta_v.constant_primers import constant_primer
+from closeform.motion.minimum_delta_v.nonnegative import MOST
+from closeform.motion.minimum_delta_v.primer import gained, peaks
+from closeform.motion.minimum_delta_v.reduced import (
     ANSWER,
     COUNT,
     FIRST,

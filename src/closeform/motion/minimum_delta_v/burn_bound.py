@@ -6,9 +6,9 @@ from numba import float64
 
 from closeform._jit import kernel
 from closeform.kernel_loans import borrowed, stack_matrix, stack_vector
-from closeform.motion.ascent import damped_step
 from closeform.motion.costates import FREE, sum_up
 from closeform.motion.linear import dot
+from closeform.motion.minimum_delta_v.ascent import damped_step
 
 CLIMBS, RISE = 60, 1e-10  # steps to a better bound, and the relative increase at which they stop
 GENTLE = 1e-6  # share of Newton's matrix that is added as damping at first

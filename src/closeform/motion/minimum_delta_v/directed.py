@@ -19,8 +19,8 @@ from scipy.optimize import linprog
 
 from closeform.arrays import Floats, shown
 from closeform.motion.arc import END, START, STATE
-from closeform.motion.impulses import longest_turn
-from closeform.motion.reduced import ANSWER, COUNT, FIRST, LOWER, PRIMER, UNIQUE, UPPER
+from closeform.motion.minimum_delta_v.impulses import longest_turn
+from closeform.motion.minimum_delta_v.reduced import ANSWER, COUNT, FIRST, LOWER, PRIMER, UNIQUE, UPPER
 from closeform.motion.steering import transition_matrices
 
 GRID, GRID_PER_TURN = 25, 24.0  # times of the first program

@@ -1,0 +1,1 @@
+"""Elements and frames: conversions between relative states, orbital elements and inertial frames."""

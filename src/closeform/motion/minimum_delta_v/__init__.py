@@ -1,0 +1,1 @@
+"""Impulses and burns of minimum delta-v of one spacecraft: primers, dual programs and their paths."""

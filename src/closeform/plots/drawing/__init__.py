@@ -1,0 +1,1 @@
+"""What all figures are drawn with: views in space, charts, style, colours and text."""
