@@ -29,7 +29,8 @@ CALLS = {
         "frames": 3, "progress": lambda done, total: None,
     },
     "plots.before_after": {
-        "before": MOVE, "after": MOVE, "obstacles": [REST], "zone": BALL, "names": ["a"]
+        "before": MOVE, "after": MOVE, "obstacles": [REST], "zone": BALL, "names": ["a"],
+        "corridor": cf.requirements.ApproachCone(axis=[0, 1, 0], half_angle=0.2, radius=1.0),
     },
     "plots.burns": {"paths": COAST, "names": ["a", "b", "c"]},
     "plots.clearance": OTHERS["plots.clearance"],

@@ -375,6 +375,7 @@ def before_after(
         times = instants(*common_time(before, other), other)
         tracks.append(Track(other.position(times), OTHER, 1.1, label="obstacles"))
     if corridor is not None:
+        instance("corridor", corridor, ApproachCone)
         for line in corridor._outline(after.position(instants(after.start, after.end, after))):
             tracks.append(Track(line, ALTERNATIVE, 1.2, "-", "corridor", arrow=False))
     hit, closest = set[int](), list[tuple[float, int]]()

@@ -128,7 +128,7 @@ def passively_safe(
     >>> bool(cf.passively_safe(approach, client, cf.Sphere(10.0), client.end))
     False
     """
-    if isinstance(path.orbit, ChiefOrbit):
+    if isinstance(instance("path", path, Path).orbit, ChiefOrbit):
         return _safe_beside_chief(path, other, zone, until, failure, failing)
     ratios = [rows[:, RATIO] for _, rows, *_ in _worst(path, other, zone, until, failure, failing, 0.0)]
     shape = broadcast(path=path.shape, other=other.shape)
