@@ -18,6 +18,7 @@ import closeform as cf
 # To users these are modules of the package; their code has other homes.
 sys.modules["closeform.targets"] = cf.targets
 sys.modules["closeform.elements"] = cf.elements
+sys.modules["closeform.requirements"] = cf.requirements
 
 project = "closeform"
 author = "the authors of closeform"
