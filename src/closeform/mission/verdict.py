@@ -174,8 +174,8 @@ class Margin:
             return f"{words}, {error}"
         exceeds = "exceeds it" if self.expected > self.distance else "can exceed it"
         least = f"{ceil(self.unlikely)}" if self.unlikely > 10.0 else raised(self.unlikely, 2)
-        margin = f'set margin = "{least} m", or ' if self.planned else ""
-        return f"{words}; {error} {exceeds}: {margin}add a field"
+        margin = f', or margin = "{least} m" where the ends allow it' if self.planned else ""
+        return f"{words}; {error} {exceeds}: add a field{margin}"
 
 
 @dataclass(frozen=True)
