@@ -137,7 +137,8 @@ def _covariances(blocks: Sequence[Sequence[Entry]], epochs: Floats, states: str)
             if (wrong := flaw_of_frame(frame, states)) is not None:
                 raise ValueError(f"line {entries[0].line}: COV_REF_FRAME {wrong}")
             del entries[0]
-        matrix = from_lower(_lower(epoch, entries)) * 1e6
+        with np.errstate(over="ignore"):  # the check refuses what is not finite
+            matrix = from_lower(_lower(epoch, entries)) * 1e6
         check(f"line {epoch.line}: covariance of {epoch.value}", matrix)
         frames.append(frame)
         matrices.append(matrix)
