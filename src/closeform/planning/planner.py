@@ -414,13 +414,18 @@ def bounded_delta_v(request: Request, plan: Plan) -> Plan:
     problem = request.problem()
     given = request.thrusters, request.names, plan.delta_v, request.proof_time, request.gap
     bound, better = proven(problem, *given)
+    reason, before = plan.reason, closeness(plan.delta_v, plan.lower_bound, "delta-v")
     if better is not None and better.flown is not None and better.delta_v < plan.delta_v:
-        paths = problem.path(better.flown)
+        reason = f"{contact_count(better)}, {before}{better.unfireable}"
         plan = replace(
-            plan, paths=paths, delta_v=better.delta_v, contacts=once(better.contacts), tried=better.tried
+            plan,
+            paths=problem.path(better.flown),
+            delta_v=better.delta_v,
+            contacts=once(better.contacts),
+            tried=better.tried,
+            clearance_ratio=better.margin,
+            priced=better.priced,
         )
-        plan = replace(plan, clearance_ratio=better.margin, priced=better.priced)
     bound = min(max(plan.lower_bound, bound), plan.delta_v)
-    number = len(plan.contacts)
-    reason = f"{number or 'no'} contact{'s' * (number != 1)}, {closeness(plan.delta_v, bound, 'delta-v')}"
+    reason = reason.replace(before, closeness(plan.delta_v, bound, "delta-v"))
     return replace(plan, lower_bound=bound, proven=is_proven(plan.delta_v, bound), reason=reason)

@@ -79,7 +79,7 @@ class DeltaVProof:
         """Queue a node whose parent has the bound `before`, unless its own reaches the goal."""
         self.nodes += 1
         solver, moments, bound, found = self.solver, self.solver.grid, before, None
-        solver.aim = 1.0
+        solver.aim, solver.inward = 1.0, 0.0  # of the zones and requirements themselves, without reserve
         planes = solver.planes(contacts)
         for turn in range(PRICINGS):
             fleet = solver.fleet(moments)
@@ -128,7 +128,7 @@ class DeltaVProof:
         """Close a node whose own paths are clear; keep them if they are cheaper than the plan."""
         self.least = min(self.least, node.bound)
         solver = self.solver
-        solver.aim = solver.least
+        solver.aim, solver.inward = solver.least, 1.0
         found = solver.solve(node.contacts, self.spent)
         if found is not None and found.delta_v < self.spent:
             self.spent, self.better = found.delta_v, found

@@ -86,10 +86,8 @@ class ImpulseSolver:
         self.aim = self.least = AIM  # of a zone: distance of planes, and its minimum
         self.closest = Closest()
         self.cuts, self.reserves = Planes.room(0), np.empty(0)  # of requirements, from all paths so far
-        self.inward, self.outside = (
-            1.0,
-            0.0,
-        )  # factor of the reserves; shortfall of the last paths, in reserves
+        self.inward = 1.0  # factor of the reserves
+        self.outside = 0.0  # shortfall of the last paths, in reserves
         self.bound = 0.0  # on the delta-v [m/s] of all paths that keep the requirements, as far as known
         base = problem.base
         turns = problem.orbit.mean_motion * float((base[:, END] - base[:, START]).max()) / (2.0 * pi)
@@ -429,8 +427,7 @@ class ImpulseSolver:
         if cost == inf:
             self.needed = min(self.needed, needed) if needed > 1.0 else self.needed
             return None
-        room = ROOM
-        instants, which = np.empty((count, room)), np.empty((count, room), dtype=np.int64)
+        instants, which = np.empty((count, ROOM)), np.empty((count, ROOM), dtype=np.int64)
         counts = np.zeros(count, dtype=np.int64)
         longest = find_peaks(fleet, planes, dual, LEVEL, instants, which, counts)
         found = zip(instants, which, counts, strict=True)

@@ -1,1 +1,1 @@
-"""What all figures are drawn with: views in space, charts, style, colours and text."""
+"""Primitives of all figures: views in space, charts, style, colours and text."""
