@@ -1,6 +1,7 @@
 """Before NumPy is loaded: small matrices on many BLAS threads take longer, not shorter."""
 
 import os
+import signal
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -14,35 +15,26 @@ hypothesis.settings.register_profile("compiles", deadline=None, max_examples=50)
 hypothesis.settings.load_profile("compiles")
 
 
-APART = ("site", "basilisk")  # each has a marker of its own
-FAULTS = ("attacks", "many_craft", "result_folder")
+APART = ("slow", "fault", "site", "basilisk")  # markers of tests with commands of their own
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Without files or a selection: all but slow proofs, commands under attack and what is APART."""
+    """Without files or a selection: all but the tests that are APART."""
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # begun in the background of a script
+        signal.signal(signal.SIGINT, signal.default_int_handler)
     whole = config.args_source is not config.ArgsSource.ARGS
     if whole and not hasattr(config, "workerinput"):  # once, before workers begin
         from closeform._jit import compile_ahead, kernel_modules
 
         compile_ahead(kernel_modules(), print)
     if not config.option.markexpr and whole:
-        config.option.markexpr = " and ".join(f"not {one}" for one in ("slow", "fault", *APART))
+        config.option.markexpr = " and ".join(f"not {one}" for one in APART)
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
     """The browser's tests need an extra of their own: they are looked at by `-m browser` or by name only."""
     asked = "browser" in config.option.markexpr or any("browser" in argument for argument in config.args)
     return True if collection_path.name == "browser" and not asked else None
-
-
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark files of commands under attack, and those with a marker of their own."""
-    for item in items:
-        subject = item.path.stem.removeprefix("test_")
-        if subject in FAULTS:
-            item.add_marker("fault")
-        elif subject in APART:
-            item.add_marker(subject)
 
 
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int | None:

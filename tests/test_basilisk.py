@@ -9,6 +9,7 @@ import pytest
 
 pytest.importorskip("Basilisk", reason="no Basilisk: pip install '.[basilisk]'")
 
+pytestmark = pytest.mark.basilisk
 EXAMPLE = Path(__file__).parents[1] / "examples" / "basilisk"
 
 

@@ -15,6 +15,7 @@ import pytest
 from scenarios import GOOD, LOST
 from test_invalid_input import oem
 
+pytestmark = pytest.mark.fault
 COMMANDS = {
     "run": "run good.toml --out out",
     "check": "check good.toml",

@@ -15,6 +15,7 @@ from closeform.storage.publishing import folder, settle
 from closeform.storage.result_folder import PRIVATE, SUMMARY, Folder, FolderError, finished, page_of
 from scenarios import GOOD, LOST
 
+pytestmark = pytest.mark.fault
 BUILDERS = {"run": folder, "study": partial(folder, study=True)}
 
 

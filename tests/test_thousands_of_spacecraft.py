@@ -14,6 +14,7 @@ from closeform.conflicts import flight
 from closeform.zones.pair_zones import AT_ONCE, PairZones, portions, portions_near
 from scenarios import LOST
 
+pytestmark = pytest.mark.fault
 ORBIT = cf.Orbit.circular(500e3)
 
 
