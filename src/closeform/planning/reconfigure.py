@@ -30,7 +30,7 @@ def reconfigure(
     obstacles: Path | Sequence[Path] = (),
     max_acceleration: ArrayLike | None = None,
     if_blocked: Sequence[Fallback] = FALLBACKS,
-    method: Literal["joint", "sequential"] = "joint",
+    method: Literal["joint", "sequential", "distributed"] = "joint",
     order: Sequence[int] | None = None,
     names: Sequence[str] | None = None,
     budget: int | None = None,
@@ -74,11 +74,13 @@ def reconfigure(
     if_blocked : sequence of "more sides", "longer" or "stagger", default all
         Fallbacks, in order, for when no clear plan is found.  Without "longer", durations are not stretched
         for a thrust limit either.
-    method : "joint" or "sequential", default "joint"
+    method : "joint", "sequential" or "distributed", default "joint"
         "joint": all paths are optimised together.  "sequential": the spacecraft are planned one by one, and
-        earlier paths are obstacles for later ones.
+        earlier paths are obstacles for later ones.  "distributed": each spacecraft plans on its own, all at
+        once, and again when it receives a plan that conflicts with its own; the later in `order` gives way.
     order : sequence of int, optional
-        Planning order of the spacecraft, by index, for "sequential"; 0, 1, ... by default.
+        Planning order of the spacecraft, by index, for "sequential", or their right of way for
+        "distributed"; 0, 1, ... by default.
     names : sequence of str, optional
         Names of the spacecraft, or of the spacecraft and obstacles, for use in reasons.
     budget : int, optional
@@ -134,7 +136,8 @@ def reconfigure(
 
     References
     ----------
-    docs/theory.md section 4, many spacecraft; "sequential" follows SP11 (Sauter and Palmer 2011).
+    docs/theory.md section 4, many spacecraft; "sequential" and "distributed" follow SP11 (Sauter and Palmer
+    2011).
     """
     return planned(
         Request.of_formation(

@@ -257,6 +257,7 @@ def gather(mission: Mission, result: Gathered) -> Section:
             *((history,) if history.rows else ()),
             replace(spent, rows=[*spent.rows, total]),
             *ways(result),
+            *joins(gathering, names),
             *met,
             facts(once, gathering.duration, result.sun),
             phases(once, rounds),
@@ -343,6 +344,26 @@ def met(moment: EventMoment, pair: Sequence[str | None]) -> str:
     if min(before) < 0:
         return f"lock, {pair[before.index(-1)]} joins {goal}"
     return f"lock, knowledge set {max(before)} joins {goal}"
+
+
+def joins(gathering: Gathering, names: Sequence[str]) -> Iterator[Table]:
+    """Yield the locks as H03's table of joins, and those of two craft that already were in one set."""
+    kinds = ("lost", "in a knowledge set", "in the formation set")
+    columns = Column("one is", words=True), *(Column(f"the other is {kind}") for kind in kinds)
+    rows = [(kind, *row) for kind, row in zip(kinds, gathering.join_table.tolist(), strict=True)]
+    yield Table("Locks by the sets of the two: H03's cases 1 to 9", columns, rows, folded=True)
+    if gathering.known_locks:
+        columns = replace(PAIR, key=None), Column("at [s]", form="{:.2f}".format, since="stage"), PHASE
+        known = [
+            ((names[one.first], names[one.second]), one.time, (one.phase, one.round), one.case, one.label)
+            for one in gathering.known_locks
+        ]
+        yield Table(
+            "Locks within a set, which join nothing",
+            (*columns, Column("case"), Column("set")),
+            known,
+            folded=True,
+        )
 
 
 def progress(gathering: Gathering) -> Table:
@@ -499,6 +520,10 @@ def gather_figures(result: Gathered, known: list[bool]) -> dict[str, Any]:
         "sets": [[names[k] for k in some] for some in gathering.sets],
         "lost": [names[k] for k in gathering.lost],
         "adrift": [names[k] for k in gathering.adrift],
+        "known_locks": [
+            [one.time, names[one.first], names[one.second], one.phase, one.round, one.case, one.label]
+            for one in gathering.known_locks
+        ],
         "locks": sum(event.kind is EventKind.LOCK for event in gathering.events),
         "burns_count": sum(event.kind is not EventKind.LOCK for event in gathering.events),
         "conflicts_known": known,

@@ -380,7 +380,7 @@ def doubted(scenario: Scenario, number: int, stage: StageTable) -> Iterator[str]
             )
         if len(scenario.craft) < 2:
             yield f"stage[{number}].{key}: needs another craft; add one, or remove {key}"
-    sizes = [(craft.keep_out, craft.hard_body) for craft in scenario.craft]
+    sizes = [(craft.keep_out, craft.body_radius) for craft in scenario.craft]
     if stage.max_probability is not None and any(body is None for _, body in sizes):
         yield f"craft.hard_body: {Craft.missing('hard_body')}"
     if stage.sigmas is not None and isinstance(stage, Avoid | Joint) and stage.plans_drift and stage.is_exact:
@@ -627,7 +627,7 @@ def drawn_errors(scenario: Scenario) -> Iterator[str]:
 
 def somebody_to_meet(scenario: Scenario) -> Iterator[str]:
     """Yield an error line if a study of conflicts has no zones or no second craft."""
-    if all(craft.keep_out is None and craft.hard_body is None for craft in scenario.craft):
+    if all(craft.keep_out is None and craft.body_radius is None for craft in scenario.craft):
         yield f"craft.keep_out: {Craft.missing('keep_out')}"
     if len(scenario.craft) < 2:
         yield "study.draws: needs another craft; add one"
