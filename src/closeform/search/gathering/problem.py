@@ -101,8 +101,9 @@ class GatheringProblem:
         """Return the kernel's arrays for some cases; those that are alike in all cases have a length of 1."""
         all_rows = (self._ends, self._burns, self.rows)
         ends, burns, errors = (rows if len(rows) == 1 else rows[some] for rows in all_rows)
-        sensor = self.search.sensor.offset, self.step, all_locks, np.empty((2, SEGMENT))
-        return SearchingCraft(self.search.table, *self._sides, ends, burns, errors, *sensor)
+        offset, segments = self.search.sensor.offset, np.empty((2, SEGMENT))
+        craft = self.search.table, *self._sides, ends, burns, errors
+        return SearchingCraft(*craft, offset, self.step, all_locks, segments)
 
     @cached_property
     def _sides(self) -> tuple[Any, Any]:
