@@ -275,6 +275,7 @@ CALLS = {
     "Search.boresight": inputs(self=SEARCH, t=np.array([0.0, 9.0]), group="A"),
     "Search.alignment": inputs(self=SEARCH, attitude=np.eye(3), group="A"),
     "Search.coverage": inputs(self=SEARCH, phase=SEARCH.legs[0].phase),
+    "Search.near_field_radius": inputs(self=SEARCH, height=np.array([0.0, 9.0])),
     "lock_times": inputs(
         search=SEARCH,
         relative_position=PLACES[:2],
