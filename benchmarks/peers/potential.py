@@ -1,8 +1,8 @@
 """Path past a moving ellipsoid by an artificial potential function, as SP11 discusses for its rivals.
 
-A spacecraft follows its unconstrained path of minimum energy: feedback w^2 e + 2 w e' pulls it back along a
-parabolic potential of the deviation e, and a Gaussian potential A exp((1 - s^2) / (2 b^2)) pushes it away from
-the obstacle, s the norm of the zone. Thrust is held between steps. No tuning is right for every encounter, so
+A spacecraft follows its unconstrained path of minimum energy. Feedback w^2 e + 2 w e' pulls it back along a
+parabolic potential of the deviation e. A Gaussian potential A exp((1 - s^2) / (2 b^2)) pushes it away from
+the obstacle, with s the norm of the zone. Thrust is held between steps. No tuning suits every encounter, so
 all of a grid are tried, and the one of least energy that stays clear and arrives is kept.
 """
 

@@ -113,9 +113,9 @@ def ellipsoids(found: dict[str, list[Outcome]], programs: list[convex.Shaped]) -
             "search of closeform checks the others."
         ),
         (
-            f"Artificial potentials: {potential.STEPS} steps, a Gaussian around the obstacle and feedback to the "
-            f"direct path. Of {TUNINGS} tunings for each passage, the one of least energy that stays clear and "
-            f"arrives within {potential.ARRIVED:g} m counts; the time is that of all."
+            f"Artificial potentials: {potential.STEPS} steps, a Gaussian around the obstacle and feedback to "
+            f"the direct path. Of {TUNINGS} tunings for each passage, the one of least energy that is clear "
+            f"and arrives within {potential.ARRIVED:g} m counts; the time is that of all."
         ),
     ]
     title = f"Path past one obstacle, {len(found[EXACT])} passages, ellipsoid 20 x 40 x 20 m, one core"

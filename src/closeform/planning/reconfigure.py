@@ -96,7 +96,7 @@ def reconfigure(
     cost : "energy" or "delta-v", default "energy"
         The minimised cost.  With "delta-v" the spacecraft fire impulses, or burns within `max_acceleration`:
         few, except where a path slides along a zone.  `budget` then counts starting points; "delta-v" cannot
-        be combined with "sequential".
+        be combined with "sequential" or "distributed".
     thrusters : Thrusters, or sequence of Thrusters or None, optional
         Thrusters of all spacecraft, or of each (None: thrust in any direction).  They require cost "delta-v",
         which is then summed over the thrusters: two that fire at once both count.  No impulse is below
@@ -106,11 +106,11 @@ def reconfigure(
     drift : float [s], optional
         Passive-safety horizon.  If any one spacecraft permanently loses thrust at any time, while the others
         complete their plans and coast, it stays clear of every zone until this long after the last arrival.
-        Obstacles must be known until then.  Cannot be combined with `prove` or "sequential".
+        Obstacles must be known until then.  Requires method "joint", without `prove`.
     errors : Uncertainty, sequence of these, or None, default None
         Uncertainty of all, or of each spacecraft followed by each obstacle, independent, from the start of
-        its path in the plan.  No errors within `sigmas` standard deviations cause a conflict.  Cannot be
-        combined with `drift`, `prove` or "sequential".
+        its path in the plan.  No errors within `sigmas` standard deviations cause a conflict.  Requires
+        method "joint", without `drift` and `prove`.
     sigmas : float, no unit, default 3
         Number of standard deviations that are kept clear.
     margin : float, Tube or array_like of shape (N + M, N + M) [m], default 0

@@ -162,7 +162,7 @@ def deviated(problem: Problem, names: Sequence[str]) -> Outcome:
         leg = _alone(legs, k)
         if len(contacts) >= LEGS or not 1e-6 < (time - leg.start) / (leg.end - leg.start) < 1.0 - 1e-6:
             return refused(f"no path past {obstacle} at {time:.6g} s")
-        inside = [at for at in (time, start) if 1e-6 < (at - leg.start) / (leg.end - leg.start)]
+        inside = [at for at in (time, start) if (at - leg.start) / (leg.end - leg.start) > 1e-6]
         both = [_deviation(leg, problem.index[pair], time, at, problem) for at in inside]
         found = min((one for one in both if one is not None), key=lambda one: one[0].energy, default=None)
         if found is None:

@@ -71,9 +71,17 @@ def _in_order(problem: Problem, order: list[int], budget: int | None) -> Outcome
     return _together(problem, order, plans)
 
 
+@dataclass(frozen=True, eq=False)
+class Settled(Outcome):
+    """Outcome of distributed planning: number of published new plans, and the last round with one."""
+
+    messages: int = 0
+    rounds: int = 0
+
+
 def by_messages(
     problem: Problem, order: Sequence[int], budget: int | None = None, delays: int | Floats = 1
-) -> Outcome:
+) -> Settled:
     """Return paths of all craft that plan at once, in rounds, each from the messages that have reached it.
 
     At first each knows the boundary conditions of all, and so their paths of minimum energy.  In each round
@@ -105,7 +113,8 @@ def by_messages(
     found = _together(problem, order, plans)
     rounds = len(sent) - 1 - quiet
     reason = f"distributed planning: {messages} new plans published, settled after round {rounds}"
-    return replace(found, tried=tried, reason=reason if found.flown is not None else "")
+    said = {"tried": tried, "reason": reason if found.flown is not None else ""}
+    return Settled(**vars(found) | said, messages=messages, rounds=rounds)
 
 
 def _together(problem: Problem, order: Sequence[int], plans: Mapping[int, OwnPlan]) -> Outcome:

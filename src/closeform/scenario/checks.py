@@ -149,8 +149,11 @@ def stages(scenario: Scenario) -> Iterator[str]:
         if isinstance(stage, Avoid | Joint | Transfer):
             yield from thrusting(scenario, number, stage)
             yield from firing(scenario, number, stage)
-            if any(later.verb == "gather" for later in scenario.stages[number:]):
-                yield f"stage[{number}].do: {stage.verb} needs craft that were found; put it after the gather"
+            if any(isinstance(later, Gather) and not later.again for later in scenario.stages[number:]):
+                yield (
+                    f"stage[{number}].do: {stage.verb} needs craft that were found; put it after the gather, "
+                    "or write again = true in a gather after a fault"
+                )
         if isinstance(stage, Drifting) and stage.drift is not None:
             yield from drifting(scenario, number, stage)
         beside = stage.keeps_out and len(scenario.craft) > 1

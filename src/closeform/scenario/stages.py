@@ -513,6 +513,7 @@ class Gather(StageTable):
         "then takes the minimum delta-v",
         "least",
     )
+    again: bool = setting("false", "true after a fault by which known spacecraft were lost", False)
     step: Seconds | None = setting(
         '"1 s"', "detect locks only at multiples of this time, at least 0.01 s; by default at any time"
     )
