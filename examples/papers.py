@@ -105,6 +105,7 @@ def s04() -> None:
         s04_figure_5=cf.plots.complementary_cones(search),
         s04_figure_6=cf.plots.lemma_2(search, [-100.0, 240.0, 170.0], [-0.05, -0.10, 0.03]),
         s04_figure_7=cf.plots.histogram(study.time, search),
+        s04_counterexample=cf.plots.lock_map(search, *counterexample, reach=3.0),
     )
 
 

@@ -31,6 +31,7 @@ _HOMES = {
     "in_plane_search": "searches",
     "join_table": "papers",
     "lemma_2": "searches",
+    "lock_map": "papers",
     "manoeuvres": "searches",
     "near_field": "papers",
     "overview": "missions",

@@ -6,12 +6,24 @@ from math import cos, degrees, isinf, pi, sin
 from typing import Any
 
 import numpy as np
+from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
+from matplotlib.patches import Circle
 from matplotlib.transforms import Bbox
 from numpy.typing import ArrayLike
 
-from closeform.arrays import instance, number, numbers, positive
-from closeform.plots.drawing.palette import AFTER, ALTERNATIVE, BEFORE, CONFLICT, FAINT, INK, OTHER, ZONE
+from closeform.arrays import finite, instance, number, numbers, positive
+from closeform.plots.drawing.palette import (
+    AFTER,
+    ALTERNATIVE,
+    BEFORE,
+    CONFLICT,
+    FAINT,
+    INK,
+    OTHER,
+    ZONE,
+    colours,
+)
 from closeform.plots.drawing.space import (
     OBLIQUE,
     SUNWARD,
@@ -34,9 +46,13 @@ from closeform.plots.drawing.style import (
 )
 from closeform.plots.drawing.text import SMALL, TEXT, short_names, word
 from closeform.search.gathering.result import Gathering
+from closeform.search.lock_statistics import phase_index, phase_labels
+from closeform.search.lock_times import lock_times
+from closeform.search.proofs.lock_margins import lock_margins
 from closeform.search.schedule import Search
 from closeform.search.sensor import Sensor
 
+PIXELS = 241  # of the picture, along each side
 SETS = ("lost", "knowledge set", "formation set")
 JOINS = (  # H03 figure 8: what a lock between craft of two sets does
     ("a set begins", "joins the knowledge set", "burns, joins the formation set"),
@@ -293,6 +309,66 @@ def sets(gathering: Gathering, time: float, names: Any = None) -> Figure:
 def _colour(label: int) -> str:
     """Return the colour of a set by its label."""
     return {-1: OTHER, 0: AFTER}.get(int(label), ZONE)
+
+
+def lock_map(search: Search, position: ArrayLike, velocity: ArrayLike, reach: float) -> Figure:
+    """Plot the phase of the first lock for initial positions around a given one, at the same velocity.
+
+    The positions differ along x and y by up to `reach`. Within the circle `lock_margins` proves the same
+    outcome. S04 asks whether the pairs that need the second mOPS have measure zero.
+
+    Parameters
+    ----------
+    search : Search
+        Search of both spacecraft.
+    position : array_like of shape (3,) [m]
+        Position of B relative to A at the start of the search, in the inertial frame.
+    velocity : array_like of shape (3,) [m/s]
+        Velocity of B relative to A, in the inertial frame.
+    reach : float [m]
+        Largest difference along each axis.
+
+    Returns
+    -------
+    Figure
+        Matplotlib figure; save it with its `savefig` method.
+
+    Raises
+    ------
+    ValueError
+        If a shape is wrong, a number is not finite, `reach` is not positive, the two are at the same position
+        anywhere in the picture, or an argument has the wrong type.
+
+    References
+    ----------
+    S04 (Scharf, Ploen, Hadaegh and Sohl 2004) section V; docs/robustness.md.
+    """
+    instance("search", search, Search)
+    side = positive("reach", reach) * np.linspace(-1.0, 1.0, PIXELS)
+    r, v = finite("position", position), finite("velocity", velocity)
+    for name, vector in (("position", r), ("velocity", v)):
+        if vector.shape != (3,):
+            raise ValueError(f"{name}: expected shape (3,), got {vector.shape}")
+    x, y = np.meshgrid(side, side)
+    places = r + np.stack([x, y, 0.0 * x], axis=-1).reshape(-1, 3)
+    locks = lock_times(search, places, np.broadcast_to(v, places.shape))
+    phase, names = phase_index(search, locks.time, locks.leg), phase_labels(search)
+    margins = lock_margins(search, r, v)
+    figure = sheet(5.5)
+    axes = figure.subplots()
+    dress(axes)
+    for k in np.unique(phase):
+        share = float((phase == k).mean())
+        seen = np.ma.masked_where(phase.reshape(x.shape) != k, np.ones(x.shape))
+        tint = colours(len(names))[k]
+        axes.pcolormesh(side, side, seen, cmap=ListedColormap([tint]), shading="nearest", rasterized=True)
+        axes.plot([], [], "s", color=tint, label=f"{names[k]}: {share:.1%}")
+    axes.add_patch(Circle((0.0, 0.0), margins.position, fill=False, color="white", linewidth=1.5))
+    axes.plot(0.0, 0.0, "+", color="white", markersize=9)
+    axes.set(aspect="equal", xlabel="difference along x [m]", ylabel="difference along y [m]")
+    axes.legend(loc="center left", bbox_to_anchor=(1.02, 0.5), fontsize=SMALL, frameon=False)
+    headline(figure, f"Phase of the first lock; the same within {margins.position:.3g} m, proven")
+    return figure
 
 
 def join_table(gathering: Gathering | None = None) -> Figure:

@@ -31,6 +31,7 @@ from closeform.search.lock_statistics import count_by_phase, phase_labels
 from closeform.search.schedule import Search
 
 ROUNDING = 1e-9  # rad
+RESIDUAL = 1e-9  # m/s, above the rounding of velocities
 FROM, TO = (
     Column(f"{word} [s]", key, "{:.1f}".format, since="stage")
     for word, key in (("from", "start_s"), ("to", "end_s"))
@@ -481,6 +482,8 @@ def ended(result: Gathered) -> Iterator[str]:
     if gathering.adrift:
         adrift = listed([names[k] for k in gathering.adrift])
         yield f"Adrift in the formation set, without thrust: {adrift}"
+    if gathering.sets and (residual := float(np.nanmax(gathering.residual_speeds))) > RESIDUAL:
+        yield f"Residual velocity within the formation set: at most {1e3 * residual:.3f} mm/s"
     lowest = min(gathering.totals.values())
     if result.stage.burns == "least" and gathering.totals[gathering.burns] > lowest * (1.0 + 1e-9):
         yield f"The option {choice(result)} is not the one of lowest cost, which leaves more craft lost"

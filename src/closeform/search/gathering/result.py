@@ -194,6 +194,17 @@ class Gathering(Result):
         cases = [event.case for event in (*self.events, *self.known_locks) if event.kind is EventKind.LOCK]
         return np.bincount(cases, minlength=10)[1:].reshape(3, 3)
 
+    @property
+    def residual_speeds(self) -> Floats:
+        """Final speed of each craft relative to the mean of the formation set (N,) [m/s]; nan outside of it.
+
+        Exact burns leave none; in a case of a study, their execution errors do.
+        """
+        velocities, inside = self.paths.velocity(self.duration), np.zeros(len(self.groups), dtype=bool)
+        inside[list(self.sets[0]) if self.sets else []] = True
+        mean = velocities[inside].mean(axis=0) if self.sets else np.zeros(3)
+        return np.where(inside, np.linalg.norm(velocities - mean, axis=1), np.nan)
+
     @cached_property
     def history(self) -> Any:
         """Label of each craft before the first event and after each, (E + 1, N), no unit; see `Event`."""
