@@ -30,11 +30,10 @@ from closeform.scenario.stages import (
     Thrusting,
     Transfer,
 )
-from closeform.scenario.study import FAILS, NORMAL_REACH, SEARCHED, TABLED, Draw, draw_error, readers
+from closeform.scenario.study import FAILS, NORMAL_REACH, TABLED, Draw, draw_error, readers
 from closeform.scenario.table import alike, did_you_mean, dotted, key_of, meant_by
 from closeform.search.repeated_search import MOST_ROUNDS, repeated_search
 
-MOST_SAMPLES = 1e7
 ORBIT = r"orbit(\.(?!field).*)?"  # keys that define the orbit; the field does not
 PLACED = "position|velocity|start|keep_out"  # keys of [craft] that place craft and their zones
 
@@ -322,12 +321,6 @@ def search(scenario: Scenario, sensor: SensorTable, table: SearchTable) -> Itera
         and any(s.verb != "lock" for s in scenario.stages)
     ):
         yield "study.sampled: sampling requires that every stage is a lock stage; remove sampled"
-    for step in scenario.study.sampled if scenario.study is not None else ():
-        if plan.duration / step > MOST_SAMPLES:
-            yield (
-                f"study.sampled: {step:g} s is too short for a search of {plan.duration:g} s; "
-                f"at most {MOST_SAMPLES:g} samples"
-            )
 
 
 def suited(scenario: Scenario) -> Iterator[str]:
@@ -549,9 +542,6 @@ def draws(scenario: Scenario, sound: Callable[[str], bool]) -> Iterator[str]:
         yield from drawn_errors(scenario)
     if scenario.study.draws == "errors":
         yield from somebody_to_meet(scenario)
-    astray = any(craft.astray for craft in scenario.craft) or {*SEARCHED} & {*scenario.study.vary}
-    if scenario.study.sampled and astray:
-        yield "study.sampled: cannot be combined with search errors; remove one of them"
     for key, draw in scenario.study.vary.items():
         place, known = dotted(("study", "vary", key)), readers()
         section = key.rpartition(".")[0]

@@ -3,14 +3,14 @@
 A burn changes a craft's straight line and therefore all later locks of that craft.
 """
 
-from math import ceil, inf
+from math import inf
 from typing import Any, NamedTuple
 
 from closeform._jit import kernel
 from closeform.arrays import Floats
 from closeform.search.gathering.craft_state import SINCE
 from closeform.search.gathering.join_rule import know_each_other
-from closeform.search.lock_march import first_lock
+from closeform.search.lock_march import detected_lock
 
 HELD = -1.0  # time of a lock that has happened
 
@@ -52,13 +52,7 @@ def lock_of_pair(search, craft, i, j, t):
         other[2] - other[5] * u - (one[2] - one[5] * s),
     )
     pair = position, velocity, search.offset, search.errors[i], search.errors[j], search.segments
-    when, _ = first_lock(search.legs, t, *pair)
-    while search.step > 0.0 and when < inf:
-        sample = ceil(when / search.step) * search.step
-        sample += search.step if sample < when else 0.0
-        when, _ = first_lock(search.legs, sample, *pair)
-        if when == sample:
-            break
+    when, _ = detected_lock(search.legs, t, search.step, *pair)
     return when
 
 
