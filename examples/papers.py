@@ -141,10 +141,12 @@ def h03() -> None:
     row("20 000 cases: gathered in the first IPS", "typically", f"{first.by_end.share:.1%}")
     row("never gathered", "no failures", f"{study.shares[-1].cases}")
     ahead = np.array([50, 170]) * DEGREE
+    places = [[0, 0], [10, 140], [70, 60], [190, 110], [230, 20]]  # three in group A, two in B
     saved(
         h03_figure_1=cf.plots.simultaneity(search.sensor, [[0, 0], [100, 30]], ahead),
         h03_figure_2=cf.plots.spacecraft(search, shade=15.0),
-        h03_figures_3_4=cf.plots.in_plane_search(search),
+        h03_figure_3=cf.plots.simultaneity(search.sensor, places, np.array([0, 0, 0, 180, 180]) * DEGREE),
+        h03_figure_4=cf.plots.in_plane_search(search),
         h03_figure_5=cf.plots.manoeuvres(search),
         h03_figure_6=cf.plots.near_field(search),
         h03_figure_7=cf.plots.sets(gathering, 1000.0, names),
