@@ -201,7 +201,7 @@ def find_conflicts(
             "index them, or use screen"
         )
     sigmas = size("sigmas", sigmas)
-    if instance("extend", extend, bool):
+    if instance("extend", extend, bool, np.bool_):
         path, other = (one.extended(max(path.end, other.end)) for one in (path, other))
     if not isinstance(method, str) or method not in ("exact", "sauter-palmer"):
         raise ValueError(f"method: must be 'exact' or 'sauter-palmer', got {shown(method)}")

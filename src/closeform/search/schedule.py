@@ -146,6 +146,7 @@ class Search(Result):
         turn = positive("in_plane_turn", in_plane_turn)
         instance("sensor", sensor, Sensor)
         whole("passes", passes, 1)
+        instance("relaxed", relaxed, bool, np.bool_)
         # tips of twice the half-angle of a complementary cone reach its far side
         usual = max(pi - 2.0 * sensor.half_angle, 0.0) if relaxed else limit
         tip = usual if tip_angle is None else positive("tip_angle", tip_angle)
