@@ -136,7 +136,9 @@ CALLS = {
     "Zone.padded": inputs(self=BALL, margin=2.0),
     "Zone.support": inputs(self=BALL, direction=START[:, :3]),
     "PairZones.of": inputs(zones=[BALL, None, BALL], names=["a", "b", "c"], moves=[True, True, False]),
-    "find_conflicts": inputs(path=MOVE, other=REST, zone=BALL, sigmas=3.0, method="sauter-palmer"),
+    "find_conflicts": inputs(
+        path=MOVE, other=REST, zone=BALL, sigmas=3.0, method="sauter-palmer", extend=True
+    ),
     "closest_approach": inputs(path=COAST, other=REST, zone=BALL),
     "last_possible_conflict": inputs(path=COAST, other=REST, zone=BALL),
     "screen": inputs(paths=COAST, zone=BALL, sigmas=3.0, span=np.array([-1.0, 800.0])),
@@ -269,17 +271,20 @@ CALLS = {
     "Sensor": inputs(half_angle=1.2, offset=1.0, range=1e4),
     "Search.modified": inputs(sensor=cf.Sensor(1.2), slew_rate=0.004, sun_limit=0.43),
     "Search.basic": inputs(
-        sensor=cf.Sensor(1.2), slew_rate=0.004, sun_limit=0.43, in_plane_turn=9.42, tip_angle=0.4
+        sensor=cf.Sensor(1.2), slew_rate=0.004, sun_limit=0.43, in_plane_turn=9.42, tip_angle=0.4,
+        passes=1, relaxed=True,
     ),
     "Search.attitude": inputs(self=SEARCH, t=np.array([0.0, 9.0]), group="A"),
     "Search.boresight": inputs(self=SEARCH, t=np.array([0.0, 9.0]), group="A"),
     "Search.alignment": inputs(self=SEARCH, attitude=np.eye(3), group="A"),
     "Search.coverage": inputs(self=SEARCH, phase=SEARCH.legs[0].phase),
+    "Search.near_field_radius": inputs(self=SEARCH, height=np.array([0.0, 9.0])),
     "lock_times": inputs(
         search=SEARCH,
         relative_position=PLACES[:2],
         relative_velocity=SPEEDS[:2],
         errors=cf.SearchErrors(start=[0.0, 2.0]),
+        step=30.0,
     ),
     "SearchErrors": inputs(
         pointing=[[0.0, 0.01, 0.0], [0.01, 0.0, 0.0]],
@@ -308,12 +313,12 @@ CALLS = {
     "gather": inputs(
         search=SEARCH, positions=PLACES, velocities=SPEEDS, groups=list("ABA"), keep_out=BALL,
         rounds=2,
-        burns="least", max_speed=9.0, errors=cf.SearchErrors(start=[0.0, 2.0, 1.0]),
+        burns="least", max_speed=9.0, errors=cf.SearchErrors(start=[0.0, 2.0, 1.0]), step=30.0,
     ),
     "gather_cases": inputs(
         search=SEARCH, positions=PLACES[None], velocities=SPEEDS[None], groups=list("ABA"), keep_out=BALL,
         rounds=2,
-        burns="least", max_speed=9.0, errors=cf.SearchErrors(start=[0.0, 2.0, 1.0]),
+        burns="least", max_speed=9.0, errors=cf.SearchErrors(start=[0.0, 2.0, 1.0]), step=30.0,
     ),
     "Gathering.acquainted": inputs(self=GATHERED, first=0, second=1),
     "Gathering.known": inputs(self=GATHERED, first=0, second=1, time=3.0),

@@ -34,7 +34,6 @@ from closeform.scenario import Scenario, ScenarioError, load, parse
 from closeform.search.gathering.gather import gather
 from closeform.search.gathering.result import Gathering
 from closeform.search.lock_times import lock_times
-from closeform.search.sampled_detection import sampled_times
 from closeform.search.schedule import Search
 from closeform.search.sensor import Sensor
 from pages import assert_linked
@@ -304,7 +303,8 @@ def test_sampled_detection_by_angles() -> None:
         angle = np.arccos(np.clip((line * boresight).sum(-1) / far, -1.0, 1.0))
         seen = (angle <= search.sensor.half_angle) & (far <= search.sensor.range)
         expected = np.where(seen.any(axis=1), samples[seen.argmax(axis=1)], np.nan)
-        times, legs = sampled_times(search, position, velocity, 50.0)
+        found = lock_times(search, position, velocity, step=50.0)
+        times, legs = found.time, found.leg
         np.testing.assert_array_equal(times, expected)
         assert ((legs >= 0) == seen.any(axis=1)).all()
         for time, leg in zip(times[legs >= 0], legs[legs >= 0], strict=True):
@@ -578,7 +578,6 @@ def test_messages(tmp_path, monkeypatch, capsys) -> None:
         ("deep_space = true", 'altitude = "500 km"', "orbit: a search is for deep space only; "),
         ('["60 s"]', '["1 ms"]', "study: sampled has a step below 0.01 s; "),
         ('["60 s"]', '["1 m"]', 'study.sampled[1]: "1 m" is a length, not a time; '),
-        ('slew_rate = "0.25 deg/s"', 'slew_rate = "1e-6 deg/s"', "study.sampled: 60 s is too short for "),
         ("[study.vary]", '[study.published]\n"IPS" = "5 %"\n[study.vary]', 'study: published has "IPS", '),
         ("[study.vary]", '[study.published]\nnever = "%s"\n[study.vary]' % ("5" * 21), "study: published "),
         (

@@ -139,6 +139,61 @@ def test_case_numbers_of_h03():
     assert case_number(7, 0) == 6
 
 
+def sees(search, t, place):
+    """Return whether a pair at relative positions (T, 3), B minus A, locks at times (T,)."""
+    boresight = search.boresight(t)
+    q = place - 2.0 * search.sensor.offset * boresight
+    size = norm(q, axis=1)
+    return ((boresight * -q).sum(axis=1) <= -size * search.sensor.cosine) & (size <= search.sensor.range)
+
+
+def test_locks_of_craft_that_know_each_other():
+    """Cases 5 and 9 within a set, against samples of the paths every half second."""
+    cases, step, search = Counter(), 0.5, basic(20.0, 7.5)
+    for seed in range(4):
+        g = cf.gather(search, *drawn(seed, 16), rounds=1)
+        found = {(one.first, one.second): one for one in g.known_locks}
+        own = {(one.first, one.second) for one in g.events if one.kind == "lock"}
+        assert not own & set(found)
+        for low, high in np.argwhere(np.triu(np.not_equal.outer(g.groups, g.groups))).tolist():
+            begin = g.acquainted(low, high)
+            if (low, high) in own or begin >= g.duration - 2 * step:
+                continue
+            a, b = (low, high) if g.groups[low] == "A" else (high, low)
+            t = np.arange(begin + 1e-6, g.duration - step, step)
+            seen = sees(g.search, t, g.paths[b].position(t) - g.paths[a].position(t))
+            one, first = found.get((low, high)), t[np.argmax(seen)] if seen.any() else np.inf
+            if one is None:
+                assert first == np.inf
+                continue
+            assert begin <= one.time <= first
+            after = np.array([one.time + 1e-5])
+            assert sees(g.search, after, g.paths[b].position(after) - g.paths[a].position(after)).all()
+            cases[one.case] += 1
+        joined = [one.case for one in g.events if one.kind == "lock"]
+        assert g.join_table.sum() == len(joined) + len(found)
+        assert g.join_table[0, 0] == joined.count(1)
+    assert cases[5] > 0 < cases[9], cases
+
+
+def test_locks_at_multiples_of_a_step():
+    """Against a scan of all samples."""
+    search, rng = basic(60.0, 7.5), np.random.default_rng(3)
+    r, v = rng.uniform(-200.0, 200.0, (400, 2, 3)), rng.uniform(-0.06, 0.06, (400, 2, 3))
+    exact = cf.gather_cases(search, r, v, rounds=1)
+    for step in (2.0, 45.0):
+        many = cf.gather_cases(search, r, v, rounds=1, step=step)
+        times = np.arange(0.0, search.duration, step)
+        for case in range(400):
+            place = r[case, 1] - r[case, 0] + times[:, None] * (v[case, 1] - v[case, 0])
+            seen = sees(search, times, place)
+            assert (many.left[case] == 0) == seen.any()
+            assert not seen.any() or many.duration[case] == times[np.argmax(seen)]
+        assert (exact.duration <= many.duration).all()
+    with pytest.raises(ValueError, match="step: must be positive"):
+        cf.gather_cases(search, r, v, step=0.0)
+
+
 def test_locks_within_a_set_are_no_events():
     """The last link of a closed ring of four adds no knowledge."""
     g = cf.gather(modified(), [[0, 0, 0], [100, 0, 0], [100, 80, 0], [0, 90, 0]], np.zeros((4, 3)))

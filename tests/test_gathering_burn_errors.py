@@ -271,6 +271,10 @@ def test_burn_errors_follow_gates_model():
         model = gathered(sky, scenario.plan.sensor, states[:, :3], states[:, 3:], GROUPS, way, 0.6, off=off)
         assert_agree(result.result, model)
         burns += sum(event.kind != "lock" for event in result.result.events)
+        inside = sorted(model.sets[0])
+        left = np.linalg.norm(model.velocities[inside] - model.velocities[inside].mean(axis=0), axis=1)
+        np.testing.assert_allclose(result.result.residual_speeds[inside], left, atol=1e-12)
+        assert left.max() > 1e-4
         planned = result.commanded.paths
         end = min(result.end, result.commanded.end)
         coasted = planned.position(end) + (result.end - end) * planned.velocity(end)

@@ -110,6 +110,7 @@ def test_loaded_gathering_is_identical(gathered) -> None:
         assert getattr(mine, key) == getattr(theirs, key), key
     np.testing.assert_array_equal(mine.delta_v, theirs.delta_v)
     np.testing.assert_array_equal(mine.history, theirs.history)
+    np.testing.assert_array_equal(mine.join_table, theirs.join_table)
     for one, other in zip(mine.events, theirs.events, strict=True):
         told, own = ({k: v for k, v in vars(event).items() if k != "delta_v"} for event in (one, other))
         assert told == own

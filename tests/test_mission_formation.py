@@ -379,16 +379,19 @@ to = [
 """
 
 
-def test_sequential_planning_in_order() -> None:
+@pytest.mark.parametrize(
+    ("plan", "how"), [("sequential", "one craft after another"), ("distributed", "by each craft on its own")]
+)
+def test_separate_planning_in_order(plan: str, how: str) -> None:
     """The first spacecraft takes its own optimum; joint planning costs no more."""
     joint = fly(parse(fleet(REVERSED))).results[0].result.plan
-    mission = fly(parse(fleet(f'{REVERSED}plan = "sequential"\norder = ["F3"]')))
+    mission = fly(parse(fleet(f'{REVERSED}plan = "{plan}"\norder = ["F3"]')))
     (flown,) = mission.results
-    plan = flown.result.plan
+    made = flown.result.plan
     assert mission.clear
-    assert plan.paths[2].energy == pytest.approx(plan.direct[2].energy, rel=1e-9)
-    assert plan.energy >= joint.energy * (1 - 1e-9)
-    assert "one craft after another" in "\n".join(RunReport(mission).sections[0].closing)
+    assert made.paths[2].energy == pytest.approx(made.direct[2].energy, rel=1e-9)
+    assert made.energy >= joint.energy * (1 - 1e-9)
+    assert how in "\n".join(RunReport(mission).sections[0].closing)
 
 
 def weak(*stages: str, thrust: str = '"0.2 N"') -> str:

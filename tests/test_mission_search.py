@@ -12,6 +12,7 @@ import numpy as np
 import pyarrow.parquet
 import pytest
 
+import closeform as cf
 import turns
 from closeform.cli.app import main
 from closeform.cli.console import WIDTH
@@ -305,6 +306,51 @@ def test_gathering_starts_at_the_end_of_the_previous_stage() -> None:
     np.testing.assert_allclose(speeds, speeds[:1].repeat(3, axis=0), atol=1e-12)
     told = "\n".join(RunReport(both).sections[1].lines)
     assert "Times count from the start of the search, at 10.0 s" in told
+
+
+MOVE = """
+[[stage]]
+do = "reconfigure"
+within = "20 min"
+to = [
+  { position = "100 0 0 m", velocity = "1 2 0 cm/s" },
+  { position = "190 80 40 m", velocity = "0 -3 2 cm/s" },
+  { position = "0 90 260 m", velocity = "-2 0 1 cm/s" },
+]
+"""
+
+
+def test_gather_after_a_fault() -> None:
+    """The search begins at the states that the move and the coast have reached, in one pass, at 1 Hz."""
+    text = searched(MOVE + FIRST).replace(
+        'method = "modified"', 'method = "basic"\npasses = 1\nrelaxed = true'
+    )
+    with pytest.raises(ValueError, match="again = true in a gather after a fault"):
+        fly(parse(text))
+    move, coast, gather = fly(parse(text.replace('"gather"', '"gather"\nagain = true\nstep = "1 s"'))).results
+    assert move.failure is None
+    begin = move.after.paths.state(move.end)
+    begin = begin + np.pad(begin[:, 3:] * (coast.end - coast.start), ((0, 0), (0, 3)))  # a straight coast
+    search = cf.Search.basic(
+        cf.Sensor(np.radians(70), 7.5), *np.radians([0.25, 25.0]), passes=1, relaxed=True
+    )
+    told = gather.result.search
+    ends = [leg.end for leg in search.legs]  # a turn back to the start follows
+    assert [leg.end for leg in told.legs[: len(ends)]] == ends
+    alone = cf.gather(search, begin[:, :3], begin[:, 3:], ["A", "B", "A"], keep_out=cf.Sphere(10.0), step=1.0)
+    assert [(e.time, e.first, e.second) for e in gather.result.events] == [
+        (e.time, e.first, e.second) for e in alone.events
+    ]
+    assert gather.result.ok
+    assert all(event.time == round(event.time) for event in gather.result.events)
+
+
+def test_shade_is_the_body_of_a_spacecraft() -> None:
+    """Two shades of 15 m touch at 15 m between their centres, without a keep_out."""
+    text = searched().replace('keep_out = { sphere = "10 m" }', 'shade = "15 m"')
+    assert parse(text).zones.between(0, 1).extents == pytest.approx([15.0] * 3)
+    other = text.replace('shade = "15 m"', 'shade = "15 m"\nhard_body = "2 m"')
+    assert parse(other).zones.between(0, 1).extents == pytest.approx([4.0] * 3)
 
 
 def test_gathering_of_mutually_visible_spacecraft_takes_no_time() -> None:

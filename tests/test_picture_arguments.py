@@ -65,6 +65,12 @@ CALLS = {
     },
     "plots.histogram": {"times": np.array([1.0, 2.0]), "search": SEARCH, "bin": 60.0, "what": "pairs lock"},
     "plots.in_plane_search": {"search": SEARCH},
+    "plots.join_table": {"gathering": GATHERED},
+    "plots.lock_map": {"search": SEARCH, "position": PLACE, "velocity": SPEED, "reach": 1.0},
+    "plots.near_field": {"search": cf.Search.basic(cf.Sensor(1.2, 7.5), 0.004, 0.5)},
+    "plots.sets": {"gathering": GATHERED, "time": 0.0, "names": ["a", "b", "c"]},
+    "plots.simultaneity": {"sensor": SEARCH.sensor, "positions": np.eye(2), "boresights": np.zeros(2)},
+    "plots.spacecraft": {"search": SEARCH, "shade": 15.0},
     "plots.lemma_2": {"search": SEARCH, "position": PLACE, "velocity": SPEED, "time": 1.0},
     "plots.manoeuvres": {"search": SEARCH, "number": 1},
     "plots.overview": {

@@ -323,3 +323,52 @@ def test_invalid_input():
     ]:
         with pytest.raises(ValueError, match=message):
             call()
+
+
+# ---- schematic pictures of the papers
+
+
+def test_simultaneity_by_angles():
+    """Craft 1 and 2 see each other, craft 3 is seen by none of them and sees both."""
+    places, looks = np.array([[0.0, 0.0], [100.0, 30.0], [40.0, 110.0]]), np.radians([20.0, 190.0, -75.0])
+    figure = plots.simultaneity(Sensor(radians(35.0)), places, looks)
+    between = np.arctan2(30.0, 100.0)
+    angles = [np.degrees(abs(looks[0] - between)), np.degrees(abs(looks[1] - pi - between))]
+    said = [text.get_text() for text in figure.axes[0].texts]
+    assert {f"θ1 = {angles[0]:.0f}°", f"θ2 = {angles[1]:.0f}°"} <= set(said)
+    lines = [line for line in figure.axes[0].lines if len(line.get_xdata()) == 2]
+    assert [line.get_xydata().tolist() for line in lines] == [[[100.0, 30.0], [0.0, 0.0]]]
+
+
+def test_near_field_picture_is_the_region_that_the_cone_leaves():
+    figure = plots.near_field(BASIC)
+    (region,) = figure.axes[0].collections
+    outline = region.get_paths()[0].vertices
+    assert abs(outline[:, 0]).max() == pytest.approx(BASIC.near_field)
+    assert abs(outline[:, 1]).max() == pytest.approx(7.5)
+    with pytest.raises(ValueError, match="near field is empty"):
+        plots.near_field(MODIFIED)
+
+
+def test_join_table_counts_the_locks():
+    figure = plots.join_table(FIVE)
+    (table,) = figure.axes[0].tables
+    shown = [
+        int(cell.get_text().get_text().split("\n")[-1])
+        for (i, j), cell in sorted(table.get_celld().items())
+        if i and j >= 0
+    ]
+    assert shown == FIVE.join_table.ravel().tolist()
+    assert sum(shown) == len(LOCKS) + len(FIVE.known_locks)
+
+
+def test_sets_show_velocities_relative_to_the_formation_set():
+    time = 0.5 * (LOCKS[1].time + LOCKS[2].time)
+    axes = plots.sets(FIVE, time).axes[0]
+    labels = FIVE.history[np.searchsorted([event.time for event in FIVE.events], time)]
+    moving = labels != 0
+    assert len(axes.patches) == moving.sum()
+    assert {text.get_text() for text in axes.get_legend().get_texts()} >= {
+        "formation set: one velocity",
+        "lost",
+    }

@@ -234,13 +234,47 @@ def test_near_field_against_the_cone():
     assert H03.near_field == pytest.approx(81.0, abs=0.5)
 
 
-def test_near_field_width():
-    """H03 figure 6, from the sun line to its side: widest level with the tipped sensor, then tapering."""
-    heights = np.array([7.5 * sin(LIMIT) + 0.01, 20.0, 40.0, 60.0, 80.0])
-    widths = [brentq(lambda a, h=h: own_cone(h, a, LIMIT, 7.5, radians(70)), 0.0, 7.5) for h in heights]
-    assert widths[0] == pytest.approx(7.0, abs=0.3)
-    # its side is the cone's edge, 25 + 70 deg above the plane
-    np.testing.assert_allclose(widths, (H03.near_field - heights) * np.tan(radians(5)), atol=1e-6)
+def test_near_field_radius_against_the_cone():
+    """H03 figure 6: about 7 m from the sun line, tapering to zero over 80 m."""
+    for half_angle, tip in [
+        (70.0, 25.0),
+        (60.0, 40.0),
+        (70.0, 15.0),
+        (95.0, 25.0),
+        (150.0, 25.0),
+        (170.0, 25.0),
+    ]:
+        search = Search.basic(Sensor(radians(half_angle), 7.5), RATE, radians(tip))
+        cone = radians(tip), 7.5, radians(half_angle)
+        for height in np.array([0.02, 0.3, 0.6, 0.97]) * min(search.near_field, 60.0):
+            aside = brentq(lambda a, h=height, cone=cone: own_cone(h, a, *cone), 0.0, 40.0)
+            assert search.near_field_radius(height) == pytest.approx(aside, abs=0.01)  # 0.25 deg between tips
+    assert H03.near_field_radius([0.0, -7.5 * sin(LIMIT), 81.0]) == pytest.approx(
+        [7.5, 7.5 * cos(LIMIT), 0.0]
+    )
+    assert S04.near_field_radius(0.0) == 0.0
+
+
+def test_relaxed_sun_limit():
+    """H03, footnote 5: a single tip of 40 deg each way searches whole complementary cones of 20 deg."""
+    search = Search.basic(Sensor(radians(70)), RATE, LIMIT, passes=1, relaxed=True)
+    own = Turning(
+        [("IPS", "sun", radians(540)), *(("OPS", "y", radians(angle)) for angle in (40, -80, 40))], RATE
+    )
+    times = np.linspace(0.0, search.duration, 1000)
+    assert search.duration == pytest.approx(own.ends[-1], rel=1e-12)
+    np.testing.assert_allclose(search.attitude(times), own.attitude(times), rtol=0.0, atol=1e-12)
+    assert degrees(search.sun_angle) == pytest.approx(40.0)
+    assert search.coverage() == pytest.approx(1.0, abs=1e-6)
+    # each pair at rest locks; with tips that are half a degree smaller, some do not
+    poles = generator(4).normal(size=(2000, 3)) * [1.0, 1.0, 4.0]
+    assert (lock_times(search, poles, np.zeros(3)).leg >= 0).all()
+    less = Search.basic(Sensor(radians(70)), RATE, LIMIT, tip_angle=radians(39.5), passes=1, relaxed=True)
+    assert (lock_times(less, poles, np.zeros(3)).leg < 0).any()
+    usual = Search.basic(Sensor(radians(70)), RATE, LIMIT, passes=1)
+    assert search.duration - search.legs[0].end < 0.5 * (usual.duration - usual.legs[0].end)
+    assert usual.duration == pytest.approx(H03.duration / 2)
+    assert [leg.phase for leg in usual.legs] == [leg.phase for leg in H03.legs if leg.round == 1]
 
 
 def test_empty_and_unbounded_near_field():
@@ -377,6 +411,7 @@ def test_invalid_calls():
             lambda: Search.basic(Sensor(1.0), RATE, LIMIT, in_plane_turn=0.0),
             "in_plane_turn: must be positive",
         ),
+        (lambda: Search.basic(Sensor(1.0), RATE, LIMIT, passes=0), "passes: expected a whole number from 1"),
         (lambda: S04.attitude(-1.0), "t: must be within the search, from 0 to 8566"),
         (lambda: S04.attitude(8567.0), "t: must be within the search"),
         (lambda: S04.boresight(np.nan), "t: must be within the search"),

@@ -115,3 +115,7 @@ def test_conflict_beyond_the_common_time_needs_an_extended_path(method):
     reach = (100.0 - np.sqrt(60.0**2 - 20.0**2)) / (30.0 * N)  # it drifts at this rate, 20 m below
     assert conflict.start == pytest.approx(reach, abs=1e-5)
     assert conflict.end == 2000.0
+    for pair in ((visitor, client), (client, visitor)):
+        (same,) = cf.find_conflicts(*pair, ball, method=method, extend=True)
+        assert (same.start, same.end) == pytest.approx((conflict.start, conflict.end), abs=1e-9)
+    assert cf.find_conflicts(visitor, visitor.extended(100.0), ball, extend=True)[0].end == 500.0

@@ -33,6 +33,7 @@ EXAMPLES = {
     },
     "Avoid conflicts": {
         "cluster": "before-after",
+        "sp11": "distances",
         "inspector": "stage-2-paths",
         "polar_inspection": "overview",
         "three_sigmas": "tube",

@@ -1,4 +1,7 @@
-"""Path past one obstacle: closeform, the method of SP11, convex programs and a mixed-integer program."""
+"""Path past one obstacle: closeform, the method of SP11, and the rivals that SP11 discusses.
+
+They are convex and mixed-integer programs and artificial potential functions.
+"""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -10,14 +13,16 @@ import numpy as np
 
 import closeform as cf
 from cases import MEAN_MOTION, ZONE, Passage, passages
-from peers import convex, mixed_integer
+from peers import convex, mixed_integer, potential
 from peers.motion import Array, position
 from tables import Figure, Report, Table, seconds, times
 from timing import say
 
 EXACT, PAPER, CONVEX = "closeform, exact", "closeform, sauter-palmer", "convex programs, inflated"
+POTENTIAL = "artificial potentials, best tuning"
 EXACT_BOX, MIXED = "closeform, exact", "mixed-integer, 20 steps"
 SHAPE = np.diag(1 / ZONE**2)
+TUNINGS = len(potential.PULLS) * len(potential.WIDTHS) * len(potential.PUSHES)
 FINE = 20_001  # samples that judge a path
 
 
@@ -42,7 +47,7 @@ def measure(quick: bool) -> Report:
     ellipsoid, box = cf.Ellipsoid(ZONE), cf.Box(ZONE)
     for method in ("exact", "sauter-palmer"):
         avoided(work[0], ellipsoid, method, 1)  # compile
-    found: dict[str, list[Outcome]] = {name: [] for name in (EXACT, PAPER, CONVEX)}
+    found: dict[str, list[Outcome]] = {name: [] for name in (EXACT, PAPER, CONVEX, POTENTIAL)}
     boxed: dict[str, list[Outcome]] = {name: [] for name in (EXACT_BOX, MIXED)}
     programs = []
     for number, passage in enumerate(work):
@@ -52,6 +57,7 @@ def measure(quick: bool) -> Report:
         outcome, shaped = programmed(passage)
         found[CONVEX].append(outcome)
         programs.append(shaped)
+        found[POTENTIAL].append(pushed(passage))
         boxed[EXACT_BOX].append(avoided(passage, box, "exact", repeats))
         boxed[MIXED].append(mixed(passage))
     solved = [shaped for shaped in programs if shaped]
@@ -104,7 +110,12 @@ def ellipsoids(found: dict[str, list[Outcome]], programs: list[convex.Shaped]) -
         (
             "The time of closeform includes search, planning and certificate; it is the median of its "
             f"repeats. {FINE:,} samples of an independent motion model check its paths. The certified "
-            "search of closeform checks the convex ones."
+            "search of closeform checks the others."
+        ),
+        (
+            f"Artificial potentials: {potential.STEPS} steps, a Gaussian around the obstacle and feedback to "
+            f"the direct path. Of {TUNINGS} tunings for each passage, the one of least energy that is clear "
+            f"and arrives within {potential.ARRIVED:g} m counts; the time is that of all."
         ),
     ]
     title = f"Path past one obstacle, {len(found[EXACT])} passages, ellipsoid 20 x 40 x 20 m, one core"
@@ -212,6 +223,15 @@ def certified(passage: Passage, thrust: Array) -> float:
         state = burns[-1].state(burns[-1].end)
     _, obstacle = closeform_paths(passage)
     return float(cf.closest_approach(cf.join(burns), obstacle, cf.Ellipsoid(ZONE)).ratio)
+
+
+def pushed(passage: Passage) -> Outcome:
+    begin = perf_counter()
+    found = potential.solve(passage.path, passage.obstacle_path, passage.duration, MEAN_MOTION, ZONE)
+    time = perf_counter() - begin
+    if found is None:
+        return Outcome(time)
+    return Outcome(time, found.energy, found.delta_v, certified(passage, found.thrust))
 
 
 def mixed(passage: Passage) -> Outcome:

@@ -26,7 +26,6 @@ from closeform.search.gathering.result import Gatherings
 from closeform.search.lock_statistics import NEVER, count_by_phase, phase_index, phase_labels
 from closeform.search.lock_times import lock_times
 from closeform.search.repeated_search import repeated_search
-from closeform.search.sampled_detection import sampled_times
 from closeform.search.schedule import Search
 from closeform.search.search_errors import SearchErrors, errors_of_each, errors_of_pairs
 from closeform.search.slew_profile import ExecutedTurns
@@ -167,8 +166,8 @@ class LockCases(SearchCases):
         found = lock_times(self.search, moves[:, :3], moves[:, 3:], errors)
         columns = dict(zip(STATE, moves.T, strict=True)) | {"time_s": found.time, "leg": found.leg}
         for step in self.steps:
-            sampled = sampled_times(self.search, moves[:, :3], moves[:, 3:], step)
-            columns |= dict(zip(lock_columns(step), sampled, strict=True))
+            late = lock_times(self.search, moves[:, :3], moves[:, 3:], errors, step)
+            columns |= dict(zip(lock_columns(step), (late.time, late.leg), strict=True))
         if any(zone is not None for zone in self.scenario.keep_out):
             clear = coasts_clear(self.scenario, states, self.search.duration)
             columns["clear"] = np.repeat(clear, self.rows)

@@ -117,11 +117,12 @@ def find_conflicts(
     other_errors: Uncertainty | None = None,
     sigmas: float = 3.0,
     method: Literal["exact", "sauter-palmer"] = "exact",
+    extend: bool = False,
 ) -> tuple[Conflict, ...]:
     """Return every conflict of one spacecraft with the zone around another, in order of time.
 
     Only the common time of the two paths is searched: a spacecraft may be anywhere before its path starts and
-    after it ends.  `path.extended(until)` adds a coast to a path that ends too early.
+    after it ends.  With `extend`, the one that ends first coasts until the other ends.
 
     Parameters
     ----------
@@ -142,6 +143,8 @@ def find_conflicts(
         "exact": the certified search, which misses no conflict.
         "sauter-palmer": the paper's zero crossings, to compare with. They miss conflicts that begin and end
         between two of their starts, which are half a period apart, and are not certified; see Notes.
+    extend : bool, default False
+        True to search until the later end of the two, for different times of flight: see `Path.extended`.
 
     Returns
     -------
@@ -198,6 +201,8 @@ def find_conflicts(
             "index them, or use screen"
         )
     sigmas = size("sigmas", sigmas)
+    if instance("extend", extend, bool, np.bool_):
+        path, other = (one.extended(max(path.end, other.end)) for one in (path, other))
     if not isinstance(method, str) or method not in ("exact", "sauter-palmer"):
         raise ValueError(f"method: must be 'exact' or 'sauter-palmer', got {shown(method)}")
     if method == "sauter-palmer":

@@ -119,7 +119,7 @@ def planned(
         ]
     )
     order = None
-    if stage.plan == "sequential":
+    if stage.plan != "joint":
         order = [moving.index(scenario.names.index(name)) for name in stage.order or ()]
         order += [k for k in range(len(moving)) if k not in order]
     duration, known = start.asked(stage), start.planned_errors(stage, moving + rest)

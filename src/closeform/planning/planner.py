@@ -32,7 +32,7 @@ from closeform.planning.problem.scene import Contacts
 from closeform.planning.request import ROUNDING, Fallback, Request
 from closeform.planning.requirements import NoThrust
 from closeform.planning.sauter_palmer import deviated
-from closeform.planning.sequential import one_by_one
+from closeform.planning.sequential import by_messages, one_by_one
 from closeform.planning.slots import revised
 from closeform.zones.padding import Short
 
@@ -81,6 +81,8 @@ def attempt(request: Request, more: bool = False) -> Plan:
         found = deviated(problem, request.names)
     elif request.method == "sequential":
         found = one_by_one(problem, request.order or range(problem.count), request.budget, more)
+    elif request.method == "distributed":
+        found = by_messages(problem, request.order or range(problem.count), request.budget)
     else:
         found = solve(problem, request.budget, more)
         if found.flown is None and problem.count > 1 and problem.drift is None and request.errors is None:

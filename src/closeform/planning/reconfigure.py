@@ -30,7 +30,7 @@ def reconfigure(
     obstacles: Path | Sequence[Path] = (),
     max_acceleration: ArrayLike | None = None,
     if_blocked: Sequence[Fallback] = FALLBACKS,
-    method: Literal["joint", "sequential"] = "joint",
+    method: Literal["joint", "sequential", "distributed"] = "joint",
     order: Sequence[int] | None = None,
     names: Sequence[str] | None = None,
     budget: int | None = None,
@@ -74,11 +74,13 @@ def reconfigure(
     if_blocked : sequence of "more sides", "longer" or "stagger", default all
         Fallbacks, in order, for when no clear plan is found.  Without "longer", durations are not stretched
         for a thrust limit either.
-    method : "joint" or "sequential", default "joint"
+    method : "joint", "sequential" or "distributed", default "joint"
         "joint": all paths are optimised together.  "sequential": the spacecraft are planned one by one, and
-        earlier paths are obstacles for later ones.
+        earlier paths are obstacles for later ones.  "distributed": each spacecraft plans on its own, all at
+        once, and again when it receives a plan that conflicts with its own; the later in `order` gives way.
     order : sequence of int, optional
-        Planning order of the spacecraft, by index, for "sequential"; 0, 1, ... by default.
+        Planning order of the spacecraft, by index, for "sequential", or their right of way for
+        "distributed"; 0, 1, ... by default.
     names : sequence of str, optional
         Names of the spacecraft, or of the spacecraft and obstacles, for use in reasons.
     budget : int, optional
@@ -94,7 +96,7 @@ def reconfigure(
     cost : "energy" or "delta-v", default "energy"
         The minimised cost.  With "delta-v" the spacecraft fire impulses, or burns within `max_acceleration`:
         few, except where a path slides along a zone.  `budget` then counts starting points; "delta-v" cannot
-        be combined with "sequential".
+        be combined with "sequential" or "distributed".
     thrusters : Thrusters, or sequence of Thrusters or None, optional
         Thrusters of all spacecraft, or of each (None: thrust in any direction).  They require cost "delta-v",
         which is then summed over the thrusters: two that fire at once both count.  No impulse is below
@@ -104,11 +106,11 @@ def reconfigure(
     drift : float [s], optional
         Passive-safety horizon.  If any one spacecraft permanently loses thrust at any time, while the others
         complete their plans and coast, it stays clear of every zone until this long after the last arrival.
-        Obstacles must be known until then.  Cannot be combined with `prove` or "sequential".
+        Obstacles must be known until then.  Requires method "joint", without `prove`.
     errors : Uncertainty, sequence of these, or None, default None
         Uncertainty of all, or of each spacecraft followed by each obstacle, independent, from the start of
-        its path in the plan.  No errors within `sigmas` standard deviations cause a conflict.  Cannot be
-        combined with `drift`, `prove` or "sequential".
+        its path in the plan.  No errors within `sigmas` standard deviations cause a conflict.  Requires
+        method "joint", without `drift` and `prove`.
     sigmas : float, no unit, default 3
         Number of standard deviations that are kept clear.
     margin : float, Tube or array_like of shape (N + M, N + M) [m], default 0
@@ -134,7 +136,8 @@ def reconfigure(
 
     References
     ----------
-    docs/theory.md section 4, many spacecraft; "sequential" follows SP11 (Sauter and Palmer 2011).
+    docs/theory.md section 4, many spacecraft; "sequential" and "distributed" follow SP11 (Sauter and Palmer
+    2011).
     """
     return planned(
         Request.of_formation(

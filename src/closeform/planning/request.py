@@ -43,7 +43,7 @@ from closeform.zones.zone import Zone
 if TYPE_CHECKING:
     from closeform.planning.sigmas.sigma_problem import Margin
 
-Method = Literal["joint", "sequential", "exact", "sauter-palmer"]
+Method = Literal["joint", "sequential", "distributed", "exact", "sauter-palmer"]
 Fallback = Literal["more sides", "longer", "stagger"]
 FALLBACKS: tuple[Fallback, ...] = ("more sides", "longer", "stagger")
 ROUNDING = 1e-9  # of a duration
@@ -120,7 +120,8 @@ class Request:
     ) -> Request:
         """Return the request for the arguments of `reconfigure`; raise ValueError naming a bad argument."""
         instance("assign", assign, bool, np.bool_)
-        options = _options(method, ("joint", "sequential"), cost, thrusters, drift, (errors,), zone, **effort)
+        known = "joint", "sequential", "distributed"
+        options = _options(method, known, cost, thrusters, drift, (errors,), zone, **effort)
         begins, places = _states("initial", initial), _states("final", final)
         count = len(begins)
         if assign and len(places) < count:
@@ -152,7 +153,8 @@ class Request:
             order = sequence("order", order, int, np.integer)
             if method == "joint" or sorted(order) != list(range(count)):
                 raise ValueError(
-                    f"order: requires method 'sequential' and each of 0 to {count - 1} once, got {order}"
+                    "order: requires method 'sequential' or 'distributed' and each of "
+                    f"0 to {count - 1} once, got {order}"
                 )
         request = cls(
             orbit=orbit,
@@ -361,7 +363,7 @@ def _ends(path: Path) -> dict[str, Any]:
 
 def _options(
     method: str,
-    known: tuple[str, str],
+    known: tuple[str, ...],
     cost: str,
     thrusters: Any,
     drift: float | None,

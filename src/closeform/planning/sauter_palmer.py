@@ -110,13 +110,20 @@ def _two_legs(leg: Path, time: float, deviation: Floats) -> Path:
     return join([before, leg.orbit.transfer(middle, leg.state(leg.end), leg.end - time, time)])
 
 
-def _deviation(leg: Path, which: int, time: float, problem: Problem) -> tuple[Path, Contact] | None:
-    """Return the cheapest pair of legs through one deviation point that clears one obstacle."""
-    deviations = _across(leg, time)
-    flexibility = np.linalg.inv(deviations @ cost_of_moving(leg, time) @ deviations.T)
+def _deviation(
+    leg: Path, which: int, time: float, at: float, problem: Problem
+) -> tuple[Path, Contact] | None:
+    """Return the cheapest pair of legs through a deviation point at time `at` that clears one obstacle.
+
+    The size of the deviation is that which the closest approach at `time` requires.
+    """
+    deviations = _across(leg, at)
+    flexibility = np.linalg.inv(deviations @ cost_of_moving(leg, at) @ deviations.T)
+    there = leg.state(time)[:3]
+    moved = np.array([_two_legs(leg, at, one).state(time)[:3] - there for one in deviations])
     pair = (0, int(problem.pairs[which, 1]))
     zone = problem.zones[problem.kinds[which]]
-    reach = zone.matrix @ deviations[:, :3].T
+    reach = zone.matrix @ moved.T
     gap, speed, _ = problem.motions(problem.with_path(leg), problem.at(pair, time))[0]
     best: tuple[Path, Contact] | None = None
     compliance = reach @ flexibility @ reach.T
@@ -124,15 +131,15 @@ def _deviation(leg: Path, which: int, time: float, problem: Problem) -> tuple[Pa
         multiplier = (MARGINS[0] - normal @ gap) / (normal @ compliance @ normal)
         weights = flexibility @ reach.T @ normal * multiplier
         for scale in SCALES:
-            legs = _two_legs(leg, time, scale * weights @ deviations)
+            legs = _two_legs(leg, at, scale * weights @ deviations)
             if best is not None and legs.energy >= best[0].energy:
                 break
             if not any(met == pair for met, _ in problem.conflicts(problem.with_path(legs))):
                 push = zone.matrix.T @ normal
                 size = float(np.linalg.norm(push))
-                where = legs.state(time)[:3]
+                where = legs.state(at)[:3]
                 pushed = float(multiplier * scale)
-                best = legs, Contact(time, *pair, where, push / size, pushed * size, 1.0 / size)
+                best = legs, Contact(at, *pair, where, push / size, pushed * size, 1.0 / size)
                 break
     return best
 
@@ -149,13 +156,15 @@ def deviated(problem: Problem, names: Sequence[str]) -> Outcome:
         return replace(none, reason=f"{why}; use 'exact'")
 
     while conflicts := problem.conflicts(problem.with_path(legs)):
-        pair, (_, _, time, _) = deepest(conflicts)
+        pair, (start, _, time, _) = deepest(conflicts)
         obstacle = names[pair[1]]
         k = max(int(np.searchsorted(legs.arcs[:, 0], time, side="right")) - 1, 0)
         leg = _alone(legs, k)
         if len(contacts) >= LEGS or not 1e-6 < (time - leg.start) / (leg.end - leg.start) < 1.0 - 1e-6:
             return refused(f"no path past {obstacle} at {time:.6g} s")
-        found = _deviation(leg, problem.index[pair], time, problem)
+        inside = [at for at in (time, start) if (at - leg.start) / (leg.end - leg.start) > 1e-6]
+        both = [_deviation(leg, problem.index[pair], time, at, problem) for at in inside]
+        found = min((one for one in both if one is not None), key=lambda one: one[0].energy, default=None)
         if found is None:
             return refused(f"no single deviation clears {obstacle} at {time:.6g} s")
         contacts.append(found[1])

@@ -13,6 +13,12 @@ from closeform.plots.gatherings import animation as animation
 from closeform.plots.gatherings import three_views as three_views
 from closeform.plots.matrix import ratio_matrix as ratio_matrix
 from closeform.plots.missions import overview as overview
+from closeform.plots.papers import join_table as join_table
+from closeform.plots.papers import lock_map as lock_map
+from closeform.plots.papers import near_field as near_field
+from closeform.plots.papers import sets as sets
+from closeform.plots.papers import simultaneity as simultaneity
+from closeform.plots.papers import spacecraft as spacecraft
 from closeform.plots.paths import before_after as before_after
 from closeform.plots.paths import drift_fan as drift_fan
 from closeform.plots.paths import flight_paths as flight_paths

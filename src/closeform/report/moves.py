@@ -30,6 +30,11 @@ Moved = StageResult[Transfer, TransferResult]
 Avoiding = StageResult[Avoid, AvoidResult]
 Joint = StageResult[Any, ReconfigureResult]
 
+ORDERS = {
+    "joint": "jointly",
+    "sequential": "one craft after another",
+    "distributed": "by each craft on its own",
+}
 SAME_PHASE = 0.02  # deg: phases that are reported as equal
 NOTHING = 1e-9  # m/s: rounding error of a plan without burns
 UNIMPROVED = 1e-6  # share of the cost: a bound that does not improve on free paths
@@ -253,7 +258,7 @@ def reconfigure(mission: Mission, result: Joint, reached: str | None = None) -> 
                 folded=True,
             )
         ]
-    how = f"Planned {'jointly' if result.stage.plan == 'joint' else 'one craft after another'}"
+    how = f"Planned {ORDERS[result.stage.plan]}"
     optimal = best(mission, result, plan, *moved.movers)
     if not plan.ok:
         worth = [f"{how}, without success: these are the direct paths"]

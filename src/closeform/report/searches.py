@@ -31,6 +31,7 @@ from closeform.search.lock_statistics import count_by_phase, phase_labels
 from closeform.search.schedule import Search
 
 ROUNDING = 1e-9  # rad
+RESIDUAL = 1e-9  # m/s, above the rounding of velocities
 FROM, TO = (
     Column(f"{word} [s]", key, "{:.1f}".format, since="stage")
     for word, key in (("from", "start_s"), ("to", "end_s"))
@@ -257,6 +258,7 @@ def gather(mission: Mission, result: Gathered) -> Section:
             *((history,) if history.rows else ()),
             replace(spent, rows=[*spent.rows, total]),
             *ways(result),
+            *joins(gathering, names),
             *met,
             facts(once, gathering.duration, result.sun),
             phases(once, rounds),
@@ -343,6 +345,26 @@ def met(moment: EventMoment, pair: Sequence[str | None]) -> str:
     if min(before) < 0:
         return f"lock, {pair[before.index(-1)]} joins {goal}"
     return f"lock, knowledge set {max(before)} joins {goal}"
+
+
+def joins(gathering: Gathering, names: Sequence[str]) -> Iterator[Table]:
+    """Yield the locks as H03's table of joins, and those of two craft that already were in one set."""
+    kinds = ("lost", "in a knowledge set", "in the formation set")
+    columns = Column("one is", words=True), *(Column(f"the other is {kind}") for kind in kinds)
+    rows = [(kind, *row) for kind, row in zip(kinds, gathering.join_table.tolist(), strict=True)]
+    yield Table("Locks by the sets of the two: H03's cases 1 to 9", columns, rows, folded=True)
+    if gathering.known_locks:
+        columns = replace(PAIR, key=None), Column("at [s]", form="{:.2f}".format, since="stage"), PHASE
+        known = [
+            ((names[one.first], names[one.second]), one.time, (one.phase, one.round), one.case, one.label)
+            for one in gathering.known_locks
+        ]
+        yield Table(
+            "Locks within a set, which join nothing",
+            (*columns, Column("case"), Column("set")),
+            known,
+            folded=True,
+        )
 
 
 def progress(gathering: Gathering) -> Table:
@@ -460,6 +482,8 @@ def ended(result: Gathered) -> Iterator[str]:
     if gathering.adrift:
         adrift = listed([names[k] for k in gathering.adrift])
         yield f"Adrift in the formation set, without thrust: {adrift}"
+    if gathering.sets and (residual := float(np.nanmax(gathering.residual_speeds))) > RESIDUAL:
+        yield f"Residual velocity within the formation set: at most {1e3 * residual:.3f} mm/s"
     lowest = min(gathering.totals.values())
     if result.stage.burns == "least" and gathering.totals[gathering.burns] > lowest * (1.0 + 1e-9):
         yield f"The option {choice(result)} is not the one of lowest cost, which leaves more craft lost"
@@ -499,6 +523,10 @@ def gather_figures(result: Gathered, known: list[bool]) -> dict[str, Any]:
         "sets": [[names[k] for k in some] for some in gathering.sets],
         "lost": [names[k] for k in gathering.lost],
         "adrift": [names[k] for k in gathering.adrift],
+        "known_locks": [
+            [one.time, names[one.first], names[one.second], one.phase, one.round, one.case, one.label]
+            for one in gathering.known_locks
+        ],
         "locks": sum(event.kind is EventKind.LOCK for event in gathering.events),
         "burns_count": sum(event.kind is not EventKind.LOCK for event in gathering.events),
         "conflicts_known": known,

@@ -86,7 +86,7 @@ def message(
     paths = [flight.path(name) for name in pair]
     errors = [at_start(source, stage, name, known[name]) for name in pair]
     time = nearest(lambda times: paths[0].position(times) - paths[1].position(times), met)
-    bodies = [scenario.craft[scenario.names.index(name)].hard_body for name in pair]
+    bodies = [scenario.craft[scenario.names.index(name)].body_radius for name in pair]
     first, second = (
         conjunction_object(chief, name, path, one.covariance(path, time), time, body)
         for name, path, one, body in zip(pair, paths, errors, bodies, strict=True)

@@ -339,6 +339,10 @@ class RunTables:
             self.scenario.groups,
             replace(after.paths, arcs=arcs),
             events,
+            tuple(
+                Event(time, EventKind.LOCK, where[one], where[other], phase, number, case, label, np.zeros(3))
+                for time, one, other, phase, number, case, label in entry["known_locks"]
+            ),
             np.array([entry["delta_v_m_s"][name] for name in after.names]),
             dict(entry["totals_m_s"]),
             entry["burns"],

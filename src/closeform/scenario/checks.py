@@ -30,11 +30,10 @@ from closeform.scenario.stages import (
     Thrusting,
     Transfer,
 )
-from closeform.scenario.study import FAILS, NORMAL_REACH, SEARCHED, TABLED, Draw, draw_error, readers
+from closeform.scenario.study import FAILS, NORMAL_REACH, TABLED, Draw, draw_error, readers
 from closeform.scenario.table import alike, did_you_mean, dotted, key_of, meant_by
 from closeform.search.repeated_search import MOST_ROUNDS, repeated_search
 
-MOST_SAMPLES = 1e7
 ORBIT = r"orbit(\.(?!field).*)?"  # keys that define the orbit; the field does not
 PLACED = "position|velocity|start|keep_out"  # keys of [craft] that place craft and their zones
 
@@ -149,8 +148,11 @@ def stages(scenario: Scenario) -> Iterator[str]:
         if isinstance(stage, Avoid | Joint | Transfer):
             yield from thrusting(scenario, number, stage)
             yield from firing(scenario, number, stage)
-            if any(later.verb == "gather" for later in scenario.stages[number:]):
-                yield f"stage[{number}].do: {stage.verb} needs craft that were found; put it after the gather"
+            if any(isinstance(later, Gather) and not later.again for later in scenario.stages[number:]):
+                yield (
+                    f"stage[{number}].do: {stage.verb} needs craft that were found; put it after the gather, "
+                    "or write again = true in a gather after a fault"
+                )
         if isinstance(stage, Drifting) and stage.drift is not None:
             yield from drifting(scenario, number, stage)
         beside = stage.keeps_out and len(scenario.craft) > 1
@@ -319,12 +321,6 @@ def search(scenario: Scenario, sensor: SensorTable, table: SearchTable) -> Itera
         and any(s.verb != "lock" for s in scenario.stages)
     ):
         yield "study.sampled: sampling requires that every stage is a lock stage; remove sampled"
-    for step in scenario.study.sampled if scenario.study is not None else ():
-        if plan.duration / step > MOST_SAMPLES:
-            yield (
-                f"study.sampled: {step:g} s is too short for a search of {plan.duration:g} s; "
-                f"at most {MOST_SAMPLES:g} samples"
-            )
 
 
 def suited(scenario: Scenario) -> Iterator[str]:
@@ -380,7 +376,7 @@ def doubted(scenario: Scenario, number: int, stage: StageTable) -> Iterator[str]
             )
         if len(scenario.craft) < 2:
             yield f"stage[{number}].{key}: needs another craft; add one, or remove {key}"
-    sizes = [(craft.keep_out, craft.hard_body) for craft in scenario.craft]
+    sizes = [(craft.keep_out, craft.body_radius) for craft in scenario.craft]
     if stage.max_probability is not None and any(body is None for _, body in sizes):
         yield f"craft.hard_body: {Craft.missing('hard_body')}"
     if stage.sigmas is not None and isinstance(stage, Avoid | Joint) and stage.plans_drift and stage.is_exact:
@@ -546,9 +542,6 @@ def draws(scenario: Scenario, sound: Callable[[str], bool]) -> Iterator[str]:
         yield from drawn_errors(scenario)
     if scenario.study.draws == "errors":
         yield from somebody_to_meet(scenario)
-    astray = any(craft.astray for craft in scenario.craft) or {*SEARCHED} & {*scenario.study.vary}
-    if scenario.study.sampled and astray:
-        yield "study.sampled: cannot be combined with search errors; remove one of them"
     for key, draw in scenario.study.vary.items():
         place, known = dotted(("study", "vary", key)), readers()
         section = key.rpartition(".")[0]
@@ -627,7 +620,7 @@ def drawn_errors(scenario: Scenario) -> Iterator[str]:
 
 def somebody_to_meet(scenario: Scenario) -> Iterator[str]:
     """Yield an error line if a study of conflicts has no zones or no second craft."""
-    if all(craft.keep_out is None and craft.hard_body is None for craft in scenario.craft):
+    if all(craft.keep_out is None and craft.body_radius is None for craft in scenario.craft):
         yield f"craft.keep_out: {Craft.missing('keep_out')}"
     if len(scenario.craft) < 2:
         yield "study.draws: needs another craft; add one"

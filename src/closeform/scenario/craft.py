@@ -422,7 +422,9 @@ class Craft(Engine):
         '"5 m"',
         "radius of the enclosing sphere, for the collision probability; the radii of two spacecraft add",
     )
-    shade: Length | None = setting('"15 m"', "diameter of the sunshade; informative only")
+    shade: Length | None = setting(
+        '"15 m"', "diameter of the sunshade; the sphere around it is the default `hard_body`"
+    )
     pointing_error: Annotated[Vector, Reader(ANGLE, 3)] = setting(
         '"0 0 0 deg"',
         "constant rotation vector of the body in a search, in body axes with the "
@@ -443,6 +445,11 @@ class Craft(Engine):
     )
     _place: tuple[int, int] = PrivateAttr((0, 1))  # place and number of places in a formation
     _known: Floats | None = PrivateAttr(None)  # initial state (6,) that is inertial or in a file
+
+    @property
+    def body_radius(self) -> float | None:
+        """Radius of the hard body [m], by default half the diameter of the shade; None without either."""
+        return self.hard_body if self.hard_body is not None or self.shade is None else 0.5 * self.shade
 
     @classmethod
     def example(cls, key: str) -> Any:
@@ -606,13 +613,19 @@ class SearchTable(Table):
     tip_angle: Turn | None = setting(
         '"25 deg"', 'tip angle of the out-of-plane search, `sun_limit` by default; method = "basic" only'
     )
+    passes: Annotated[int, Field(ge=1, le=100)] | None = setting(
+        "1", 'number of times that IPS and OPS are made, 2 by default; method = "basic" only'
+    )
+    relaxed: bool = setting(
+        "true", 'true if the out-of-plane search may exceed `sun_limit`; method = "basic" only', False
+    )
     max_speed: Speed | None = setting(
         '"12 cm/s"', "largest relative speed, which determines the near-field search"
     )
 
     def flaws(self) -> Iterator[str]:
-        for key in ("in_plane_turn", "tip_angle"):
-            if self.method == "modified" and getattr(self, key) is not None:
+        for key in ("in_plane_turn", "tip_angle", "passes", "relaxed"):
+            if self.method == "modified" and getattr(self, key) not in (None, False):
                 yield f'{key} requires method = "basic"; remove {key}'
         if self.sun_limit >= pi / 2.0:
             yield 'sun_limit must be below 90 deg; write for example "25 deg"'
@@ -628,4 +641,8 @@ class SearchTable(Table):
         if self.method == "modified":
             return Search.modified(sensor, self.slew_rate, self.sun_limit)
         turn = 3.0 * pi if self.in_plane_turn is None else self.in_plane_turn
-        return Search.basic(sensor, self.slew_rate, self.sun_limit, turn, self.tip_angle)
+        passes = 2 if self.passes is None else self.passes
+        options = turn, self.tip_angle
+        return Search.basic(
+            sensor, self.slew_rate, self.sun_limit, *options, passes=passes, relaxed=self.relaxed
+        )

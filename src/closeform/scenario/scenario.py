@@ -198,7 +198,7 @@ class Scenario:
     @cached_property
     def hard_bodies(self) -> tuple[Body | None, ...]:
         """Hard-body sphere of each craft, or None."""
-        radii = [craft.hard_body for craft in self.craft]
+        radii = [craft.body_radius for craft in self.craft]
         return tuple(None if one is None else Body(Sphere(one)) for one in radii)
 
     def states(self, orbit: Orbit) -> Floats:
@@ -308,6 +308,7 @@ class Scenario:
             "burns": stage.burns,
             "max_speed": self.search.max_speed if self.search is not None else None,
             "errors": self.search_errors,
+            "step": stage.step,
         }
 
     @property

@@ -24,6 +24,7 @@ from closeform.scenario.table import (
     Names,
     Position,
     Proof,
+    Seconds,
     Share,
     Span,
     Speed,
@@ -343,11 +344,13 @@ class Joint(Clearing):
     """Stage in which the whole formation moves."""
 
     within: Span = setting('"0.5 orbits"', "duration", ...)
-    plan: Literal["joint", "sequential"] = setting(
-        '"joint"', "planning of all spacecraft at once, or one after another for minimum energy", "joint"
+    plan: Literal["joint", "sequential", "distributed"] = setting(
+        '"joint"',
+        "planning of all spacecraft together, or for minimum energy one after another, or by each on its own",
+        "joint",
     )
     order: Names | None = setting(
-        '["F3", "F1"]', 'planning order, by default that of `name`; plan = "sequential" only'
+        '["F3", "F1"]', 'planning order or right of way, by default that of `name`; not with plan = "joint"'
     )
     if_blocked: Fallbacks = setting(
         FALLBACK_EXAMPLE,
@@ -362,8 +365,8 @@ class Joint(Clearing):
 
     def flaws(self) -> Iterator[str]:
         yield from super().flaws()
-        if self.order is not None and self.plan != "sequential":
-            yield 'order requires plan = "sequential"; remove order'
+        if self.order is not None and self.plan == "joint":
+            yield 'order requires plan = "sequential" or "distributed"; remove order'
         if self.cost == "delta-v" and self.plan != "joint":
             yield f'plan = "{self.plan}" cannot be combined with cost = "{self.cost}"; remove one of them'
 
@@ -510,7 +513,16 @@ class Gather(StageTable):
         "then takes the minimum delta-v",
         "least",
     )
+    again: bool = setting("false", "true after a fault by which known spacecraft were lost", False)
+    step: Seconds | None = setting(
+        '"1 s"', "detect locks only at multiples of this time, at least 0.01 s; by default at any time"
+    )
     animation: bool = setting("false", "true for a GIF of the motion of up to 200 spacecraft", True)
+
+    def flaws(self) -> Iterator[str]:
+        yield from super().flaws()
+        if self.step is not None and self.step < 0.01:
+            yield 'step must be at least 0.01 s; write for example step = "1 s"'
 
 
 class Unknown(StageTable):

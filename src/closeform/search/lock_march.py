@@ -15,7 +15,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from math import factorial, floor, inf, nan, pi, sqrt
+from math import ceil, factorial, floor, inf, nan, pi, sqrt
 from typing import Any
 
 import numpy as np
@@ -267,6 +267,19 @@ def first_lock(legs, t, position, velocity, offset, one, other, segments):
         t = end
 
 
+@kernel()
+def detected_lock(legs, t, step, position, velocity, offset, one, other, segments):
+    """Return the first lock as `first_lock` does; with a `step` above 0, the first at a multiple of it."""
+    when, leg = first_lock(legs, t, position, velocity, offset, one, other, segments)
+    while step > 0.0 and when < inf:
+        sample = ceil(when / step) * step
+        sample += step if sample < when else 0.0
+        when, leg = first_lock(legs, sample, position, velocity, offset, one, other, segments)
+        if when == sample:
+            break
+    return when, leg
+
+
 # inlined where the arrays are allocated, so that the compiler knows that they do not overlap
 @kernel(inline=True)
 def march_block(leg, positions, velocities, begin, count, sensors, parts, reached, sure):
@@ -297,18 +310,20 @@ def march_block(leg, positions, velocities, begin, count, sensors, parts, reache
             sure[k] = 1.0 if (locked | near) & (t + h < end) else 0.0
 
 
-@kernel(void(*(float64[:, ::1],) * 3, float64[:, :, ::1], float64, float64[::1], int64[::1]))
+@kernel(void(*(float64[:, ::1],) * 3, float64[:, :, ::1], float64, float64, float64[::1], int64[::1]))
 def first_locks(
     legs: Floats,
     positions: Floats,
     velocities: Floats,
     craft: Floats,
     offset: float,
+    step: float,
     times: Floats,
     found: Any,
 ) -> None:
     """Write the first lock of each pair to `times` and `found`; `found` holds a code for an invalid pair.
 
+    With a `step` [s] above 0, locks are detected only at its multiples.
     `craft` (M, 2, 9 + 2 K) has the search errors of each pair, or (1, 2, 9 + 2 K) those of all.
     """
     alike, exact = len(craft) == 1, craft[0, 0, EXACT] * craft[0, 1, EXACT] > 0.0
@@ -329,12 +344,13 @@ def first_locks(
                 found[m] = NOT_FINITE
             elif size < 1.0 / LARGEST:
                 found[m] = COINCIDENT
-            elif sure[k] > 0.0:
+            elif sure[k] > 0.0 and step == 0.0:
                 times[m], found[m] = reached[k], 0
             else:
                 one, other = craft[0 if alike else m, 0], craft[0 if alike else m, 1]
                 position, velocity = (x, y, z), (vx, vy, vz)
-                when, leg = first_lock(legs, reached[k], position, velocity, offset, one, other, segments)
+                pair = position, velocity, offset, one, other, segments
+                when, leg = detected_lock(legs, reached[k], step, *pair)
                 found[m] = leg
                 if leg >= 0:
                     times[m] = when

@@ -15,13 +15,14 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats, instance, numbers, positive, shown
+from closeform.arrays import Floats, instance, numbers, positive, shown, whole
 from closeform.result import Result
 from closeform.search.leg import AXES_OF_GROUP, START_ATTITUDE, SUN, Group, Leg, rotation
 from closeform.search.sensor import Sensor
 from closeform.search.sky_coverage import covered_share
 
 START, END, ANGLE, MATRICES = range(4)  # columns of `Search.table`
+LEVEL = 1e-12  # rad: a cone that reaches the sun line only in rounding does not
 YEAR = 365.25636 * 86400.0  # s, sidereal: period of the sun's direction at 1 AU
 
 
@@ -91,7 +92,7 @@ class Search(Result):
                 f"a half-angle of {enough:.4f} deg is sufficient"
             )
         tips = [1, -2, "sun", 2, "sun", -2, 1]
-        return cls(sensor, rate, limit, tip, _legs(rate, 3.0 * pi, tip, "mOPS", tips))
+        return cls(sensor, rate, limit, tip, _legs(rate, 3.0 * pi, tip, "mOPS", tips, 2))
 
     @classmethod
     def basic(
@@ -101,8 +102,11 @@ class Search(Result):
         sun_limit: float,
         in_plane_turn: float = 3.0 * pi,
         tip_angle: float | None = None,
+        *,
+        passes: int = 2,
+        relaxed: bool = False,
     ) -> Self:
-        """Create H03's search: IPS, OPS, IPS, OPS.
+        """Create H03's search: IPS and OPS, twice.
 
         Parameters
         ----------
@@ -115,7 +119,13 @@ class Search(Result):
         in_plane_turn : float [rad], default 3 pi
             Angle of each IPS: one and a half turns (H03's simulation: one turn).
         tip_angle : float [rad], optional
-            Angle of the out-of-plane turns. Default: the sun limit.
+            Angle of the out-of-plane turns. Default: the sun limit, or with `relaxed` the angle that covers
+            the complementary cones.
+        passes : int, default 2
+            Number of times that IPS and OPS are made (H03's simulation: 1).
+        relaxed : bool, default False
+            True if the out-of-plane turns may exceed the sun limit. A single larger tip each way then
+            replaces the turn of 180 deg and the second tips (H03, footnote 5).
 
         Returns
         -------
@@ -125,22 +135,28 @@ class Search(Result):
         Raises
         ------
         ValueError
-            If the tip is above the sun limit, or a number is not positive and finite.
+            If the tip is above the sun limit without `relaxed`, a number is not positive and finite, or
+            `passes` is below 1.
 
         References
         ----------
-        H03 (Hadaegh, Scharf and Ploen 2003); docs/lost_craft.md.
+        H03 (Hadaegh, Scharf and Ploen 2003) section III; docs/lost_craft.md.
         """
         rate, limit = _limits(slew_rate, sun_limit)
         turn = positive("in_plane_turn", in_plane_turn)
         instance("sensor", sensor, Sensor)
-        tip = limit if tip_angle is None else positive("tip_angle", tip_angle)
-        if tip > limit:
+        whole("passes", passes, 1)
+        instance("relaxed", relaxed, bool, np.bool_)
+        # tips of twice the half-angle of a complementary cone reach its far side
+        usual = max(pi - 2.0 * sensor.half_angle, 0.0) if relaxed else limit
+        tip = usual if tip_angle is None else positive("tip_angle", tip_angle)
+        if tip > limit and not relaxed:
             raise ValueError(
                 f"tip_angle: {degrees(tip):g} deg is above the sun limit of {degrees(limit):g} deg; "
-                f"reduce the tip angle"
+                f"reduce the tip angle, or set relaxed"
             )
-        return cls(sensor, rate, limit, tip, _legs(rate, turn, tip, "OPS", [1, -2, "sun", 2, -1]))
+        tips = [1, -2, 1] if relaxed else [1, -2, "sun", 2, -1]
+        return cls(sensor, rate, limit, tip, _legs(rate, turn, tip, "OPS", tips, passes))
 
     @property
     def duration(self) -> float:
@@ -239,7 +255,46 @@ class Search(Result):
         It is 0 for a sensor at the centre of mass, and inf if the tip is too small to reach the sun line. Two
         facing craft require twice that length: their sensors are two offsets apart.
         """
-        return near_field(self.sensor, self.tip_angle)
+        reach = self.sensor.offset * sin(self.sensor.half_angle)
+        if reach == 0.0:
+            return 0.0
+        return reach / sin(self._rise) if self._rise > 0.0 else inf  # theory (16)
+
+    def near_field_radius(self, height: ArrayLike) -> Floats:
+        """Return the distance from the sun line within which one craft's own cone never looks (H03 fig. 6).
+
+        Parameters
+        ----------
+        height : array_like of shape (...) [m]
+            Height along the sun line, on either side of the craft.
+
+        Returns
+        -------
+        array of shape (...) [m]
+            Radius of the region, 0 beyond `near_field`.
+
+        Raises
+        ------
+        ValueError
+            If `height` is not numeric.
+
+        References
+        ----------
+        H03 (Hadaegh, Scharf and Ploen 2003) figure 6; docs/theory.md (16).
+        """
+        h = np.abs(numbers("height", height))
+        # the rims of all tips touch a ball; above the highest of these points the last rim bounds the region
+        ball = self.sensor.offset * sin(max(self.sensor.half_angle, pi / 2.0))
+        last = min(self.tip_angle + max(self.sensor.half_angle - pi / 2.0, 0.0), pi / 2.0)
+        top, rim = ball * sin(last), ball * cos(last)
+        above = rim - (h - top) * tan(self._rise) if self._rise < pi / 2.0 else np.zeros_like(h)
+        return np.asarray(np.where(h < top, np.sqrt(np.maximum(ball**2 - h**2, 0.0)), np.maximum(above, 0.0)))
+
+    @property
+    def _rise(self) -> float:
+        """Angle [rad] by which the rim of the highest tip leans over the sun line."""
+        over = self.tip_angle + self.sensor.half_angle - pi / 2.0
+        return 0.0 if abs(over) < LEVEL else min(over, pi / 2.0)
 
     def alignment(self, attitude: ArrayLike, group: Group = "A") -> tuple[Floats, float, float]:
         """Return the turn from any attitude to the start attitude of the search.
@@ -337,23 +392,6 @@ def least_half_angle(tip: float) -> float:
     return acos(tan(tip) / sqrt(1.0 + 2.0 * tan(tip) ** 2))
 
 
-def near_field(sensor: Sensor, tip: float) -> float:
-    """Return the length [m] along the sun line of the region that the own cone never covers.
-
-    `tip`: the tip angle [rad].
-    """
-    if sensor.offset == 0.0:
-        return 0.0
-    # a point h up the sun line, seen from the sensor at its highest tip, lies on the cone:
-    # h sin(tip) - rho = c sqrt(rho^2 + h^2 - 2 rho h sin(tip))                     # theory (16)
-    reach, c = sin(tip), sensor.cosine
-    if reach <= c:
-        return inf
-    a, b, ss = reach * reach - c * c, reach * (1.0 - c * c), 1.0 - c * c
-    root = sqrt(max(0.0, b * b - a * ss))
-    return sensor.offset * ((b + root) / a if c > 0.0 else ss / (b + root))
-
-
 def _known(group: Any) -> None:
     """Raise ValueError unless `group` is "A" or "B"."""
     if not isinstance(group, str) or group not in START_ATTITUDE:
@@ -368,13 +406,15 @@ def _limits(slew_rate: float, sun_limit: float) -> tuple[float, float]:
     return rate, limit
 
 
-def _legs(rate: float, in_plane: float, tip: float, name: str, tips: list[Any]) -> tuple[Leg, ...]:
-    """Return the turns of two rounds: in plane about the sun line, then out of plane by `tips`."""
+def _legs(
+    rate: float, in_plane: float, tip: float, name: str, tips: list[Any], passes: int
+) -> tuple[Leg, ...]:
+    """Return the turns of each pass: in plane about the sun line, then out of plane by `tips`."""
     turns: list[tuple[str, str, float]] = [("IPS", "sun line", in_plane)]
     turns += [(name, "sun line", pi) if k == "sun" else (name, "body y", k * tip) for k in tips]
     legs: list[Leg] = []
     start, attitude = 0.0, START_ATTITUDE["A"]
-    for number in (1, 2):
+    for number in range(1, passes + 1):
         for phase, about, angle in turns:
             if angle == 0.0:
                 continue  # a sensor that sees half of the sky requires no tips

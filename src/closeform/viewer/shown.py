@@ -80,7 +80,7 @@ class Shown:
             mission.orbit,
             scenario.epoch,
             scenario.names,
-            tuple(craft.hard_body for craft in scenario.craft),
+            tuple(craft.body_radius for craft in scenario.craft),
             scenario.zones,
             tuple(own),
             scenario.groups,

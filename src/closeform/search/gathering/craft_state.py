@@ -7,6 +7,7 @@ from closeform.arrays import Floats
 from closeform.search.gathering.join_rule import LOST
 
 LOCK, BURN, CORRECTION, NEAR_FIELD = range(4)  # kinds of events
+KNOWN_LOCK = 4  # of two craft of one set, which joins nothing
 EVENT = 10  # columns of an event: time, kind, first, second, leg, case, label, delta-v (3)
 # columns of a craft after its position: velocity, the time of both, the delta-v spent in all, on corrections
 # and in the near field, the number of burns, whether it is adrift, and the burn errors of this instant

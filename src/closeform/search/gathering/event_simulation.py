@@ -4,7 +4,7 @@ from math import inf
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import float64, int64, types, void
+from numba import boolean, float64, int64, types, void
 
 from closeform._jit import kernel
 from closeform.arrays import Floats
@@ -22,6 +22,7 @@ from closeform.search.gathering.craft_state import (
     BURNS,
     COLUMNS,
     CORRECTED,
+    KNOWN_LOCK,
     LOCK,
     NEAR_FIELD_SPENT,
     SPENT,
@@ -30,7 +31,13 @@ from closeform.search.gathering.craft_state import (
     place,
     record,
 )
-from closeform.search.gathering.join_rule import FORMATION, case_number, join, joint_label
+from closeform.search.gathering.join_rule import (
+    FORMATION,
+    case_number,
+    join,
+    joint_label,
+    know_each_other,
+)
 from closeform.search.gathering.keep_out_monitor import (
     ZONES,
     KeepOutMonitor,
@@ -39,7 +46,7 @@ from closeform.search.gathering.keep_out_monitor import (
     count_violations,
     reset,
 )
-from closeform.search.gathering.lock_prediction import SearchingCraft, earliest_lock, predict_locks
+from closeform.search.gathering.lock_prediction import HELD, SearchingCraft, earliest_lock, predict_locks
 from closeform.search.lock_march import NEVER
 from closeform.search.schedule import START
 
@@ -50,7 +57,10 @@ ROWS, BLOCKS, INDICES, LABELS = float64[:, ::1], float64[:, :, ::1], int64[::1],
 
 # of C gatherings: `end` (C,), `burns` (C, P, 6) and `errors` (C, N, 9 + 2 K), of length 1 if all are alike
 SEARCHING = Lent(
-    types.NamedTuple((ROWS, INDICES, INDICES, float64[::1], BLOCKS, BLOCKS, float64, ROWS), SearchingCraft)
+    types.NamedTuple(
+        (ROWS, INDICES, INDICES, float64[::1], BLOCKS, BLOCKS, float64, float64, boolean, ROWS),
+        SearchingCraft,
+    )
 )
 
 
@@ -74,7 +84,7 @@ def simulate_gathering(search, monitor, craft, log, locks, choice, result):
     log.count[0] = 0
     reset(monitor)
     while formed < len(labels):
-        when, low, high = earliest_lock(search, craft, locks)
+        when, a, b = earliest_lock(search, craft, locks)
         if k < len(burns) and burns[k, WHEN] <= when:
             t, leg = burns[k, WHEN], int(burns[k, LEG])
             k = burn_in_near_field(burns, monitor, craft, log, k)
@@ -82,8 +92,13 @@ def simulate_gathering(search, monitor, craft, log, locks, choice, result):
             t, leg = search.end, NEVER
             break
         else:
-            t, leg = when, leg_at(search.legs, when)
+            t, leg, locks[a, b] = when, leg_at(search.legs, when), HELD
+            low, high = min(search.first[a], search.second[b]), max(search.first[a], search.second[b])
             one, other = labels[low], labels[high]
+            if know_each_other(labels, low, high):
+                case = case_number(one, other)
+                record(log, t, KNOWN_LOCK, low, high, leg, case, one, (0.0, 0.0, 0.0))
+                continue
             label = joint_label(one, other, formed > 0, unused)
             unused += label == unused
             check_joining(monitor, craft, low, high, t)
@@ -133,12 +148,12 @@ def simulate_each(searching, errors, choices, positions, velocities, monitor, lo
     for c in range(len(positions)):
         one = 0 if len(searching.end) == 1 else c
         end, burns, rows = searching.end[one], searching.burns[one], searching.errors[one]
-        sensors = rows, searching.offset, searching.segments
+        sensors = rows, searching.offset, searching.step, searching.all_locks, searching.segments
         search = lent(SearchingCraft(legs, first, second, end, burns, *sensors))
         memory = scratch.rows, labels[c], scratch.moved, scratch.fresh, scratch.shared
         craft = lent(CraftState(*memory, losses[c], gates, normals[c]))
         place(craft, positions[c], velocities[c])
-        craft.moved[:] = True
+        craft.moved[:], scratch.initial[:] = True, 0.0
         predict_locks(search, craft, scratch.initial, 0.0)
         for w in range(len(choices)):
             place(craft, positions[c], velocities[c])

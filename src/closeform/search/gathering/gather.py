@@ -14,7 +14,7 @@ from closeform.motion.arc import END, IMPULSE, START, STATE, WIDTH
 from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
 from closeform.search.gathering.burn_errors import BurnErrors
-from closeform.search.gathering.craft_state import LOCK
+from closeform.search.gathering.craft_state import KNOWN_LOCK, LOCK
 from closeform.search.gathering.event_simulation import (
     CORRECTIONS,
     END_LEG,
@@ -65,6 +65,7 @@ def gather(
     burns: Burns = "least",
     max_speed: float | None = None,
     errors: SearchErrors | None = None,
+    step: float | None = None,
 ) -> Gathering:
     """Simulate a gathering: lost craft search, lock and join until one formation set holds them all.
 
@@ -96,6 +97,8 @@ def gather(
     errors : SearchErrors, optional
         Search errors of the craft, (N,) or common to all, for the whole gathering. Each craft turns, and
         burns in the near-field search, by its own clock.
+    step : float [s], optional
+        Detect locks only at multiples of this time, as a processor does (H03: 1 s). Default: at any time.
 
     Returns
     -------
@@ -107,7 +110,7 @@ def gather(
     ValueError
         If there are fewer than two craft, a group is empty, two craft are at the same position, shapes do
         not match, a number is not finite, `keep_out` has another shape or no zone for a pair, `burns`,
-        `rounds` or `max_speed` is out of range, or `errors` do not match or leave no cone.
+        `rounds`, `max_speed` or `step` is out of range, or `errors` do not match or leave no cone.
 
     Notes
     -----
@@ -119,7 +122,8 @@ def gather(
     H03 (Hadaegh, Scharf and Ploen 2003) section IV, the near-field search section III.C; docs/lost_craft.md.
     """
     where, speeds = initial_states(positions, velocities, 2)
-    problem = gathering_problem(search, groups, where.shape[:2], keep_out, rounds, burns, max_speed, errors)
+    options = keep_out, rounds, burns, max_speed, errors, step
+    problem = gathering_problem(search, groups, where.shape[:2], *options)
     results = problem.simulate(where, speeds, list(CHOICES))[2]
     totals = dict(zip(CHOICES, results[0, :, TOTAL].tolist(), strict=True))
     best = [*CHOICES][best_choice(results)[0]] if burns == "least" else burns
@@ -138,6 +142,7 @@ def gather_cases(
     burns: Burns = "least",
     max_speed: float | None = None,
     errors: SearchErrors | None = None,
+    step: float | None = None,
 ) -> Gatherings:
     """Simulate many gatherings on all cores, as `gather` does, without paths and events.
 
@@ -161,6 +166,8 @@ def gather_cases(
         As in `gather`.
     errors : SearchErrors, optional
         Search errors of the craft of each case, (C, N), or (N,) for all cases.
+    step : float [s], optional
+        As in `gather`.
 
     Returns
     -------
@@ -177,7 +184,8 @@ def gather_cases(
     H03 (Hadaegh, Scharf and Ploen 2003) section IV; docs/lost_craft.md.
     """
     where, speeds = initial_states(positions, velocities, 3)
-    problem = gathering_problem(search, groups, where.shape[:2], keep_out, rounds, burns, max_speed, errors)
+    options = keep_out, rounds, burns, max_speed, errors, step
+    problem = gathering_problem(search, groups, where.shape[:2], *options)
     return gatherings(problem, simulate_best(problem, where, speeds, burns)[0])
 
 
@@ -289,6 +297,8 @@ def gathering(
     done = results[0, 0, LEFT] == 0
     adrift = tuple(np.flatnonzero(results[0, 0, RESULT + len(positions) :]).tolist())
     ended = GatherStatus.ADRIFT if adrift else GatherStatus.GATHERED
+    known = events[:, 1] == KNOWN_LOCK
+    repeated, events = events[known], events[~known]
     burned = events[events[:, 1] != LOCK]
     delta_v = np.zeros(len(positions))
     np.add.at(delta_v, burned[:, 2].astype(int), np.linalg.norm(burned[:, 7:], axis=1))
@@ -298,6 +308,7 @@ def gathering(
         problem.groups,
         _paths(positions, velocities, burned, duration),
         tuple(_event(problem.search, row) for row in events),
+        tuple(_event(problem.search, row) for row in repeated),
         delta_v,
         totals,
         choice,
@@ -317,6 +328,7 @@ def _event(search: Search, row: Floats) -> Event:
     """Return an event from its row."""
     kind, first, second, leg, case, label = map(int, row[1:7])
     there = search.legs[leg]
+    kind = LOCK if kind == KNOWN_LOCK else kind
     return Event(
         float(row[0]), KINDS[kind], first, second, there.phase, there.round, case, label, row[7:].copy()
     )

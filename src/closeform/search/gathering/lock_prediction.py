@@ -10,7 +10,9 @@ from closeform._jit import kernel
 from closeform.arrays import Floats
 from closeform.search.gathering.craft_state import SINCE
 from closeform.search.gathering.join_rule import know_each_other
-from closeform.search.lock_march import first_lock
+from closeform.search.lock_march import detected_lock
+
+HELD = -1.0  # time of a lock that has happened
 
 
 class SearchingCraft(NamedTuple):
@@ -18,8 +20,9 @@ class SearchingCraft(NamedTuple):
 
     `legs` are those of `Search.table`; `first` (A,) and `second` (B,) the craft of the groups; `end` [s] that
     of all turns. `burns` (P, 6): the near-field burns in order of time: time, craft, leg, delta-v. `errors`
-    (N, 9 + 2 K) are the craft's rows of search errors, and `offset` [m] is that of their sensors. `segments`
-    (2, SEGMENT) is scratch memory.
+    (N, 9 + 2 K) are the craft's rows of search errors, and `offset` [m] is that of their sensors. Locks are
+    detected at multiples of `step` [s], at any time if it is 0. With `all_locks` also the first lock of two
+    craft of one set is found. `segments` (2, SEGMENT) is scratch memory.
     """
 
     legs: Floats
@@ -29,13 +32,15 @@ class SearchingCraft(NamedTuple):
     burns: Floats
     errors: Floats
     offset: float
+    step: float
+    all_locks: bool
     segments: Floats
 
 
 @kernel()
 def lock_of_pair(search, craft, i, j, t):
     """Return the next lock of craft i of A and j of B from time t on; inf if they know each other."""
-    if know_each_other(craft.labels, i, j):
+    if know_each_other(craft.labels, i, j) and not search.all_locks:
         return inf
     one, other = craft.rows[i], craft.rows[j]
     # the march counts from time 0, which loses digits only for craft that move far beyond their distance
@@ -46,33 +51,34 @@ def lock_of_pair(search, craft, i, j, t):
         other[1] - other[4] * u - (one[1] - one[4] * s),
         other[2] - other[5] * u - (one[2] - one[5] * s),
     )
-    errors = search.errors
-    when, _ = first_lock(
-        search.legs, t, position, velocity, search.offset, errors[i], errors[j], search.segments
-    )
+    pair = position, velocity, search.offset, search.errors[i], search.errors[j], search.segments
+    when, _ = detected_lock(search.legs, t, search.step, *pair)
     return when
 
 
 @kernel()
 def predict_locks(search, craft, times, t):
-    """Update the next locks (A, B) of all craft that have burned, from time t on."""
+    """Update the next locks (A, B) of all craft that have burned, from time t on, unless they are HELD."""
     moved = craft.moved
     for a in range(len(search.first)):
         for b in range(len(search.second)):
             i, j = search.first[a], search.second[b]
-            if moved[i] or moved[j]:
+            if (moved[i] or moved[j]) and times[a, b] != HELD:
                 times[a, b] = lock_of_pair(search, craft, i, j, t)
     moved[:] = False
 
 
 @kernel()
 def earliest_lock(search, craft, times):
-    """Return the next lock of two craft that do not know each other: (time, lower index, higher index)."""
-    earliest, i, j = inf, 0, 0
+    """Return the next lock: (time, its craft in A and in B by their places in `times`), or (inf, -1, -1).
+
+    Craft that know each other count only for `all_locks`.
+    """
+    earliest, one, other = inf, -1, -1
     for a in range(len(search.first)):
         for b in range(len(search.second)):
-            if times[a, b] < earliest and not know_each_other(
-                craft.labels, search.first[a], search.second[b]
+            if HELD < times[a, b] < earliest and (
+                search.all_locks or not know_each_other(craft.labels, search.first[a], search.second[b])
             ):
-                earliest, i, j = times[a, b], search.first[a], search.second[b]
-    return earliest, min(i, j), max(i, j)
+                earliest, one, other = times[a, b], a, b
+    return earliest, one, other

@@ -45,6 +45,7 @@ class GatheringProblem:
 
     `search` is that over all `rounds`, `errors` (C or 1, N) are None without search errors, and `rows` (C or
     1, N, 9 + 2 K) those of kernels. In each of `burn_legs` a lost craft burns `near_field_burn` [m/s].
+    Locks are detected every `step` [s], at any time if it is 0.
     """
 
     search: Search
@@ -55,6 +56,7 @@ class GatheringProblem:
     near_field_burn: float
     errors: SearchErrors | None
     rows: Floats
+    step: float
 
     def simulate(
         self,
@@ -69,7 +71,8 @@ class GatheringProblem:
     ) -> tuple[Floats, Any, Floats]:
         """Simulate gatherings for each of the given choices of burns; they are the cases `some` of all.
 
-        Returns the events (E, 10) of the last case and choice if there is `room` for any, the labels (C, N)
+        Returns the events (E, 10) of the last case and choice if there is `room` for any, with the locks of
+        craft that know each other, the labels (C, N)
         of the last choice, and results (C, choices, RESULT + 2 N). `burn_errors` have random numbers for
         `sampled` burns of each craft; the simulation is repeated if these or the room do not suffice.
         """
@@ -78,7 +81,7 @@ class GatheringProblem:
         results = np.empty((len(positions), len(choices), RESULT + 2 * positions.shape[1]))
         wrong = burn_errors or BurnErrors.none(positions.shape[:2])
         simulate_gatherings(
-            self._searching(some),
+            self._searching(some, room > 0),
             self._zones,
             *wrong.sampled(sampled),
             np.array([CHOICES[choice] for choice in choices]),
@@ -94,12 +97,13 @@ class GatheringProblem:
             return self.simulate(positions, velocities, choices, some, burn_errors, **larger)
         return events[:count], labels, results
 
-    def _searching(self, some: Any) -> SearchingCraft:
+    def _searching(self, some: Any, all_locks: bool) -> SearchingCraft:
         """Return the kernel's arrays for some cases; those that are alike in all cases have a length of 1."""
         all_rows = (self._ends, self._burns, self.rows)
         ends, burns, errors = (rows if len(rows) == 1 else rows[some] for rows in all_rows)
         offset, segments = self.search.sensor.offset, np.empty((2, SEGMENT))
-        return SearchingCraft(self.search.table, *self._sides, ends, burns, errors, offset, segments)
+        craft = self.search.table, *self._sides, ends, burns, errors
+        return SearchingCraft(*craft, offset, self.step, all_locks, segments)
 
     @cached_property
     def _sides(self) -> tuple[Any, Any]:
@@ -156,6 +160,7 @@ def gathering_problem(
     burns: Burns,
     max_speed: float | None,
     errors: SearchErrors | None,
+    step: float | None = None,
 ) -> GatheringProblem:
     """Return the problem of gatherings (C, N) from the arguments of `gather`.
 
@@ -183,7 +188,9 @@ def gathering_problem(
     rows = craft_rows(errors, search.sensor, each, np.array(own_groups) == "B", asked)
     errors = None if errors is None else errors_of_each(errors, each)
     near_field_burn = 2.0 * (speed or 0.0)
-    return GatheringProblem(repeated, int(rounds), burn_legs, own_groups, kept, near_field_burn, errors, rows)
+    every = 0.0 if step is None else positive("step", step)
+    begun = repeated, int(rounds), burn_legs, own_groups
+    return GatheringProblem(*begun, kept, near_field_burn, errors, rows, every)
 
 
 def check_zone(zone: Any) -> None:

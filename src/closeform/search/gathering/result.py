@@ -103,6 +103,8 @@ class Gathering(Result):
         Paths of shape (N,), with burns as impulses.
     events : tuple of Event
         Events in order of time.
+    known_locks : tuple of Event
+        First locks of two craft that already were in one set, which join nothing, until the gathering ends.
     delta_v : array of shape (N,) [m/s]
         Delta-v of each craft.
     totals : dict of str to float [m/s]
@@ -133,6 +135,7 @@ class Gathering(Result):
     groups: tuple[Group, ...]
     paths: Path
     events: tuple[Event, ...]
+    known_locks: tuple[Event, ...]
     delta_v: Floats
     totals: dict[str, float]
     burns: str
@@ -180,6 +183,27 @@ class Gathering(Result):
             **labels,
             **dict(zip(("dvx_m_s", "dvy_m_s", "dvz_m_s"), pushes.T, strict=True)),
         }
+
+    @property
+    def join_table(self) -> Any:
+        """Number of locks in each of H03's nine cases (3, 3), no unit, with those within a set.
+
+        The rows are the set of the one before the lock, the columns that of the other: lost, knowledge,
+        formation.
+        """
+        cases = [event.case for event in (*self.events, *self.known_locks) if event.kind is EventKind.LOCK]
+        return np.bincount(cases, minlength=10)[1:].reshape(3, 3)
+
+    @property
+    def residual_speeds(self) -> Floats:
+        """Final speed of each craft relative to the mean of the formation set (N,) [m/s]; nan outside of it.
+
+        Exact burns leave none; in a case of a study, their execution errors do.
+        """
+        velocities, inside = self.paths.velocity(self.duration), np.zeros(len(self.groups), dtype=bool)
+        inside[list(self.sets[0]) if self.sets else []] = True
+        mean = velocities[inside].mean(axis=0) if self.sets else np.zeros(3)
+        return np.where(inside, np.linalg.norm(velocities - mean, axis=1), np.nan)
 
     @cached_property
     def history(self) -> Any:
