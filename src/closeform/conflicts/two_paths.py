@@ -205,7 +205,6 @@ def find_conflicts(
             raise ValueError("method: 'sauter-palmer' cannot be combined with errors; use 'exact'")
         return tuple(Conflict(*row) for row in zero_crossings(path, other, zone).tolist())
     if known := one_of([("errors", errors), ("other_errors", other_errors)]):
-        require_hill(path, "errors")
         stays: tuple[Conflict, ...] = known._find_conflicts(path, other, zone, errors, other_errors, sigmas)
         return stays
     one = np.zeros(1, dtype=np.int64)

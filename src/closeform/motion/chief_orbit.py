@@ -13,7 +13,7 @@ from closeform.motion import effort
 from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, PUSH, START, STATE, THRUST, WIDTH
 from closeform.motion.chief import segments as kernels
 from closeform.motion.chief.bernstein import TERMS, basis_at
-from closeform.motion.chief.clock import angles_at
+from closeform.motion.chief.clock import angles_at, pace_at, times_at
 from closeform.motion.chief.impulses import COUNT, FIRST, LOWER, PRIMER, UNIQUE, UPPER, primer_rows, solve
 from closeform.motion.chief.kepler import KeplerChief
 from closeform.motion.chief.oblate_or_supplied import GivenChief, OblateChief
@@ -31,6 +31,8 @@ SUPPORTED = "transfer, impulsive, screen and passively_safe, which hold about an
 
 
 PROVEN = 1e-6  # relative gap between the cost of impulses and its lower bound
+# [rad] of motion: for a shorter time noise acts as in deep space, and R would be rounding.
+BRIEF = 1e-3
 UNMOVED = 1e-14  # of the states: a smaller change is rounding, and takes no impulse
 
 
@@ -328,8 +330,7 @@ class ChiefOrbit:
         windows = segments[found[:, 0].astype(int)]
         first, last = windows[:, kernels.FIRST], windows[:, kernels.LAST]
         angles = first + found[:, 1] * (last - first)
-        times = (angles - clock[1] * np.sin(angles) - clock[2]) / clock[0]
-        times = np.clip(times, arc[START], arc[END])
+        times = np.clip(times_at(clock, angles), arc[START], arc[END])
         times[angles <= segments[0, kernels.FIRST] + kernels.ON_JOINT] = arc[START]
         times[angles >= segments[-1, kernels.LAST] - kernels.ON_JOINT] = arc[END]
         return np.column_stack([times, found[:, 2:]])
@@ -496,6 +497,46 @@ class ChiefOrbit:
         flow, response = np.empty((len(spans), 6, 6)), np.empty((len(spans), 6, COLUMNS - COSTATE))
         kernels.flows(self.chief.table.form, np.ascontiguousarray(spans), flow, response)
         return flow, response
+
+    def _spread(self, begin: float, end: float, per_turn: float, fewest: int) -> Floats:
+        """Return times from `begin` to `end`, so many in a revolution and in all: dense near perigee."""
+        clock = self.chief.table.clock
+        first, last = angles_at(clock, np.array([begin, end]))
+        count = max(fewest, int(np.ceil(per_turn * (last - first) / (2.0 * np.pi))) + 1)
+        times = times_at(clock, np.linspace(first, last, count))
+        times[[0, -1]] = begin, end
+        return times
+
+    def _noise(self, start: float, times: Floats) -> Floats:
+        """Return the covariances (T, 6, 6) that white noise of density 1 from a start to `times` (T,) adds.
+
+        theory (9). W = R P Phi^T: R is the response to the costate at the start, and P gives that costate, by
+        the symplectic form there, as in `covariance_propagation.add_noise`.
+        """
+        rate = self._rate
+        flow, response = self._flows(np.stack([np.full(len(times), start), times], axis=1))
+        back = np.swapaxes(flow, 1, 2)
+        costates = np.concatenate([back[:, 3:], -back[:, :3] - self._skew(start) @ back[:, 3:]], axis=1)
+        out = response[:, :, :6] @ costates
+        unit = np.array([1.0] * 3 + [rate] * 3)
+        found = 0.5 * (out + np.swapaxes(out, 1, 2)) * unit[:, None] * unit / rate**3
+        passed = times - start
+        soon = rate * passed < BRIEF * pace_at(self.chief.table.clock, self._angle(start)) ** 1.5
+        powers = np.array([[passed**3 / 3.0, passed**2 / 2.0], [passed**2 / 2.0, passed]])
+        free = np.kron(powers.transpose(2, 0, 1), np.eye(3))
+        found[soon] = free[soon]
+        return np.asarray(found)
+
+    def _skew(self, time: float) -> Floats:
+        """Return W (3, 3), as `Table.skew`, at any time: carried there from the beginning of its window."""
+        table, angle = self.chief.table, self._angle(time)
+        passed = table.turn * np.floor((angle - table.joints[0]) / table.turn) if table.turn else 0.0
+        k = min(int(np.searchsorted(table.joints, angle - passed, side="right")), len(table.joints) - 1) - 1
+        begin = times_at(table.clock, np.array(passed + table.joints[k]))
+        back = np.linalg.inv(self._flows(np.array([[min(begin, time), time]]))[0][0])
+        form = np.zeros((6, 6))
+        form[:3, :3], form[:3, 3:], form[3:, :3] = table.skew(k), np.eye(3), -np.eye(3)
+        return np.asarray((back.T @ form @ back)[:3, :3])
 
     def _flow(self, arcs: Floats) -> Floats:
         """Return the transition matrices (M, 6, 6) over arcs (M, 30)."""

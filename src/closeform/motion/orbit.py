@@ -567,6 +567,11 @@ class Orbit(CircularOrbit):
         totals(path.arcs, path.offsets, self.mean_motion, what, out)
         return out
 
+    def _spread(self, begin: float, end: float, per_turn: float, fewest: int) -> Floats:
+        """Return times from `begin` to `end`, at least so many in a revolution and in all."""
+        turns = (end - begin) / self.period if self.mean_motion else 1.0
+        return np.linspace(begin, end, max(fewest, int(np.ceil(per_turn * turns)) + 1))
+
     def _flow(self, arcs: Floats) -> Floats:
         """Return the transition matrices (M, 6, 6) over arcs (M, 30)."""
         return self.transition(arcs[:, END] - arcs[:, START])

@@ -39,6 +39,7 @@ from closeform.uncertainty.sigmas.tube import (
     gap_at_sigmas,
     load_tube,
     plane_time,
+    position_inside,
     tube_for,
 )
 from closeform.zones.shapes import inside_step
@@ -47,7 +48,6 @@ from closeform.zones.zone import Zone
 # As in `conflicts.pair_search`, with the accuracy of covariances and planes.
 TOUCH = 1e-11
 ENTRY_AIM, ENTERED, LEFT, EXIT_AIM = 1 + 0.08 * TOUCH, 1 + 0.16 * TOUCH, 1 + 0.4 * TOUCH, 1 + 0.5 * TOUCH
-DEEP, SHALLOW = 0.5, 0.75  # norms of a position well inside: the target, and the accepted value
 
 
 @kernel(inline=True)
@@ -67,23 +67,6 @@ def march_outside(tube, t, span, k, patience):
                 return t, True
         t = min(span, max(t + h, t * (1.0 + 2.3e-16)))
     return t, False
-
-
-@kernel()
-def position_inside(tube, norm, k):
-    """Return the sigmas of a position well inside the zone, or of the deepest one, and its norm."""
-    if norm <= DEEP:
-        return 0.0, norm
-    used = 0.0
-    while True:
-        g = gap_at_sigmas(tube, used, inf)
-        if g <= SHALLOW or used >= k:
-            return used, g
-        best, place = tube.best, tube.place
-        ahead = best[0] * place[0] + best[1] * place[1] + best[2] * place[2]
-        wide = sqrt(tube.along[0])
-        more = (ahead - DEEP) / wide if wide > 0.0 else k
-        used = min(k, max(more, 1.01 * used))
 
 
 @kernel(inline=True)
