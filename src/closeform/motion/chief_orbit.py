@@ -14,13 +14,14 @@ from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, PUSH, START, STATE, 
 from closeform.motion.chief import segments as kernels
 from closeform.motion.chief.bernstein import TERMS, basis_at
 from closeform.motion.chief.clock import angles_at, pace_at, times_at
-from closeform.motion.chief.impulses import COUNT, FIRST, LOWER, PRIMER, UNIQUE, UPPER, primer_rows, solve
+from closeform.motion.chief.impulses import primer_rows, solve
 from closeform.motion.chief.kepler import KeplerChief
 from closeform.motion.chief.oblate_or_supplied import GivenChief, OblateChief
 from closeform.motion.chief.table import COLUMNS, COSTATE
 from closeform.motion.chief.table import PUSH as PUSHED
 from closeform.motion.duration import MOST_TURNS
 from closeform.motion.ends import arcs_between, arcs_from
+from closeform.motion.minimum_delta_v.reduced import COUNT, FIRST, LOWER, PRIMER, UNIQUE, UPPER
 from closeform.motion.path import FORGIVEN, Path, path_of
 from closeform.motion.two_impulse import drifts
 
@@ -326,14 +327,15 @@ class ChiefOrbit:
                 f"of the minimum, {answer[LOWER]:.6g} m/s; change the duration, or use two_impulse"
             )
         clock = self.chief.table.clock
-        found = answer[FIRST:].reshape(-1, 5)[: int(answer[COUNT])]
-        windows = segments[found[:, 0].astype(int)]
+        found = answer[FIRST:].reshape(-1, 4)[: int(answer[COUNT])]
+        index = np.minimum(found[:, 0].astype(int), len(segments) - 1)
+        windows = segments[index]
         first, last = windows[:, kernels.FIRST], windows[:, kernels.LAST]
-        angles = first + found[:, 1] * (last - first)
+        angles = first + (found[:, 0] - index) * (last - first)
         times = np.clip(times_at(clock, angles), arc[START], arc[END])
         times[angles <= segments[0, kernels.FIRST] + kernels.ON_JOINT] = arc[START]
         times[angles >= segments[-1, kernels.LAST] - kernels.ON_JOINT] = arc[END]
-        return np.column_stack([times, found[:, 2:]])
+        return np.column_stack([times, found[:, 1:]])
 
     def _answer(self, arc: Floats, final: Floats) -> tuple[Floats, Floats]:
         """Return the answer of `impulses.solve` from an arc's state to a final one in SI, and the segments.
@@ -354,7 +356,7 @@ class ChiefOrbit:
         # theory (99)
         answer = solve(rows, np.concatenate([change[3:] + table.skew(k) @ change[:3], -change[:3]]))
         answer[[LOWER, UPPER]] *= rate
-        answer[FIRST:].reshape(-1, 5)[:, 2:] *= rate
+        answer[FIRST:].reshape(-1, 4)[:, 1:] *= rate
         share = (first - segments[0, kernels.ORIGIN]) / (table.joints[k + 1] - table.joints[k])
         there = np.einsum("b,jib->ij", basis_at(np.array(max(share, 0.0))), table.rows[k, :6])
         answer[PRIMER:FIRST] = unit * (there @ answer[PRIMER:FIRST])
