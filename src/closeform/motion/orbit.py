@@ -17,8 +17,13 @@ from closeform.motion.chief.oblate_or_supplied import GivenChief, OblateChief
 from closeform.motion.chief_orbit import ChiefOrbit
 from closeform.motion.effort import totals
 from closeform.motion.elements.circular import CircularOrbit
-from closeform.motion.elements.elements import inertial_from_elements
-from closeform.motion.elements.mean_motion import EARTH_J2, EARTH_MU, EARTH_RADIUS
+from closeform.motion.elements.elements import ellipse, inertial_from_elements
+from closeform.motion.elements.mean_motion import (
+    EARTH_J2,
+    EARTH_MU,
+    EARTH_RADIUS,
+    mean_motion_from_semi_major_axis,
+)
 from closeform.motion.ends import arcs_between, arcs_from
 from closeform.motion.minimum_delta_v.within_limit import limited
 from closeform.motion.path import Path, evaluate, path_of
@@ -38,7 +43,8 @@ class Orbit(CircularOrbit):
 
     States are positions and their rates: x radial outward, y along the velocity, z along the orbit
     normal.  In deep space the frame does not rotate.  A motion lasts at least 1e-12 s and at most 1e6
-    orbits.  `Orbit.eccentric`, `Orbit.perturbed` and `Orbit.from_transition` return orbits of other chiefs.
+    orbits.  `Orbit.eccentric`, `Orbit.from_elements`, `Orbit.perturbed` and
+    `Orbit.from_transition` return orbits of other chiefs.
 
     Parameters
     ----------
@@ -117,6 +123,38 @@ class Orbit(CircularOrbit):
         return ChiefOrbit(KeplerChief.at(*size_and_shape, anomaly, mu))
 
     @staticmethod
+    def from_elements(elements: ArrayLike, mu: float = EARTH_MU) -> ChiefOrbit:
+        """Return the orbit of a chief on an ellipse from its elements, such as `chief.elements`.
+
+        Parameters
+        ----------
+        elements : array_like of shape (6,) [m, rad, no unit, no unit, rad, rad]
+            Elements [a, u, ex, ey, i, O] at time 0, as in `inertial_from_elements`.
+        mu : float [m^3/s^2], default that of the Earth
+            Gravitational parameter of the body.
+
+        Returns
+        -------
+        ChiefOrbit
+            Orbit as by `eccentric`, with the chief's shape and anomaly.
+
+        Raises
+        ------
+        ValueError
+            If the elements are not six of an ellipse with an eccentricity up to 0.9, or `mu` is not positive.
+
+        References
+        ----------
+        docs/elements.md.
+        """
+        a, u, ex, ey, *_ = ellipse("elements", elements)
+        if np.ndim(a):
+            raise ValueError(f"elements: expected those of one chief, got shape {np.shape(elements)}")
+        size, e = ellipse_of(float(np.hypot(ex, ey)), float(a), None, mu, 0.0)
+        rate = float(mean_motion_from_semi_major_axis(size, number("mu", mu)))
+        return ChiefOrbit(KeplerChief(rate, e, float(u - np.arctan2(ey, ex))))
+
+    @staticmethod
     def perturbed(
         eccentricity: float,
         inclination: float,
@@ -148,7 +186,7 @@ class Orbit(CircularOrbit):
         true_anomaly : float [rad], default 0
             The chief's true anomaly at time 0.
         span : float [s], default one day
-            The chief is integrated from time 0 to this time, once; about 20 ms for each revolution.
+            The chief is integrated from time 0 to this time, once; about 10 ms for each revolution.
         j2 : float, no unit, default that of the Earth
             Oblateness of the body.
         mu : float [m^3/s^2], default that of the Earth

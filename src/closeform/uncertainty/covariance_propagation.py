@@ -286,7 +286,6 @@ def uncertainty_at_end(errors: "Uncertainty", path: Path) -> "Uncertainty":
     """
     if isinstance(path.orbit, ChiefOrbit):
         (root,) = errors._roots(path, np.array([path.end]))
-        triangle: Floats = np.linalg.qr(root.T, mode="r")
-        return errors._with_root(triangle.T)
+        return errors._with_root(np.asarray(np.linalg.qr(root.T, mode="r")).T)
     _, roots = propagate_to_ends(path, [errors])
     return errors._with_root(roots[0])

@@ -121,10 +121,14 @@ class OblateChief:
         starts = np.concatenate([np.array(self.state)[None] / unit, chief[:-1, -1]])
         begin = frames(starts[:, None], strength, bulge)[1]
         values = to_frame @ flow @ begin
+        motion = chief[:, :-1], starts, gradients, gravity(chief[:, :-1, :3], strength, bulge), flow[:, :-1]
         tails = remainders(
-            *(chief[:, :-1], starts, gradients, gravity(chief[:, :-1, :3], strength, bulge), flow[:, :-1]),
-            *(_skew(starts, strength, bulge), _paces(clock[1], joints, passed)),
-            *((strength, bulge), (changed, left), values[:, :-1]),
+            *motion,
+            _skew(starts, strength, bulge),
+            _paces(clock[1], joints, passed),
+            (strength, bulge),
+            (changed, left),
+            values[:, :-1],
         )
         return table_with(clock, joints, values[:, :-1], values[:, -1], tails)
 
