@@ -32,36 +32,25 @@ def probability(number, **options):
     )
 
 
-@pytest.mark.parametrize("number", [5, 6, *(pytest.param(k, marks=pytest.mark.slow) for k in (7, 8))])
-def test_circular_orbits_are_within_the_published_intervals(number):
-    found, figure = probability(number)
-    low, high = CASES[number]["interval_95"]
-    assert low < figure.value < high
-    assert figure.high - figure.low < 2e-3 * figure.value  # 0.1 % either way
-    assert figure.mean_entries == pytest.approx(CASES[number]["entries"], rel=1e-3)
+# of the two objects inside at the start of these cases, which entries do not count
+BEGIN_INSIDE = {9, 11, 12}
+
+
+@pytest.mark.parametrize("number", CASES)
+def test_all_cases_agree_with_published_figures(number):
+    """Entries agree to 0.1 %, and the Monte Carlo of 1e8 trials within its interval."""
+    case, (found, figure) = CASES[number], probability(number)
+    assert figure.mean_entries == pytest.approx(case["entries"], rel=1e-3)
+    assert figure.high - figure.low < 3e-3 * figure.value
     assert found.warnings == ()
-
-
-@pytest.mark.parametrize("number", [11, pytest.param(12, marks=pytest.mark.slow)])
-def test_mean_entries_of_neighbours_on_one_orbit(number):
-    """The published figure counts entries only; `value` includes objects inside at the start."""
-    _, figure = probability(number)
-    assert figure.mean_entries == pytest.approx(CASES[number]["entries"], rel=1e-3)
-    assert figure.at_start > 0.7 * figure.mean_entries
-    assert figure.at_start < figure.value < figure.at_start + figure.mean_entries
-
-
-@pytest.mark.parametrize("number", [1, *(pytest.param(k, marks=pytest.mark.slow) for k in (2, 3, 4))])
-def test_small_eccentricity_is_warned_of(number):
-    found, figure = probability(number)
-    assert "eccentricity is 0.0119" in found.warnings[0]
-    assert figure.value == pytest.approx(CASES[number]["monte_carlo_1e8"], rel=0.035)
-
-
-@pytest.mark.parametrize("number", [9, 10])
-def test_eccentric_orbit_is_refused(number):
-    with pytest.raises(ValueError, match=r"eccentricity 0\.741"):
-        encounter(CASES[number])
+    if number in BEGIN_INSIDE:
+        assert figure.at_start > 0.2 * figure.mean_entries
+        assert figure.at_start < figure.value <= figure.at_start + figure.mean_entries
+    elif case["interval_95"][0] is None:
+        assert figure.value == pytest.approx(case["monte_carlo_1e8"], rel=1e-3)
+    else:
+        low, high = case["interval_95"]
+        assert low < figure.value < high
 
 
 @pytest.mark.parametrize(("number", "short"), [(1, 0.14675), (2, 0.006222), (4, 0.049715), (5, 0.044492)])

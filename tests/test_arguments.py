@@ -370,14 +370,7 @@ CALLS = {
         ballistics=np.array([0.01, 0.02]),
     ),
     "Field.chief_states": inputs(self=cf.Field(LOW), times=np.array([0.0, 60.0])),
-    "EccentricOrbit": inputs(mean_motion=1.1e-3, eccentricity=0.02, anomaly=0.5),
-    "EccentricOrbit.from_elements": inputs(elements=ELEMENTS, mu=4e14),
-    "EccentricOrbit.transition": inputs(
-        self=cf.EccentricOrbit(1.1e-3, 0.02), duration=np.array([[1.0, 2.0]]), start=np.array([[3.0, 4.0]])
-    ),
-    "EccentricOrbit.coast": inputs(
-        self=cf.EccentricOrbit(1.1e-3, 0.02), state=START, duration=900.0, start=5.0, within=0.01
-    ),
+    "Orbit.from_elements": inputs(elements=ELEMENTS, mu=4e14),
     "Field.coast": inputs(
         self=cf.Field(LOW), states=START, duration=900.0, start=5.0, within=0.01, orbit=cf.Field(LOW).orbit
     ),

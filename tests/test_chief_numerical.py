@@ -7,6 +7,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import closeform as cf
+from chiefs import transition_mp
+from closeform.motion.chief.bernstein import basis_at
 from closeform.motion.chief.oblate_or_supplied import frames, gradient, gravity
 
 START = np.array([100.0, -200.0, 50.0, 0.1, -0.2, 0.05])
@@ -73,6 +75,38 @@ def test_errors_of_tables_are_small():
         table = perturbed(e).chief.table
         size = np.maximum(1.0, np.abs(table.rows[:, :, :3]).max(axis=(2, 3)))
         assert (table.errors / size).max() <= 1e-11
+
+
+@pytest.mark.parametrize(("e", "j2"), [(0.001, EARTH_J2), (0.0, 0.02), (0.5, EARTH_J2), (0.7, 0.01)])
+def test_errors_bound_the_difference_to_much_shorter_windows(e, j2):
+    """Of four windows in one, polynomials of the same degree are good to rounding."""
+    chief = cf.Orbit.perturbed(e, 1.1, perigee_altitude=600e3, true_anomaly=2.7, span=6000.0, j2=j2).chief
+    clock = chief.osculating.table.clock
+    whole = np.array(chief.table.joints)
+    parts = np.append((whole[:-1, None] + np.diff(whole)[:, None] * np.arange(4) / 4.0).ravel(), whole[-1])
+    fine, table = chief._with(clock, parts), chief.table
+    for k in range(0, len(whole) - 1, 3):
+        state = np.eye(15)
+        for part in range(4):
+            for u in (0.2, 0.53, 0.9):
+                found = np.einsum("b,jib->ij", basis_at(np.array(0.25 * (part + u))), table.rows[k])[:3]
+                truth = np.einsum("b,jib->ij", basis_at(np.array(u)), fine.rows[4 * k + part]) @ state
+                off = np.abs(found - truth[:3]).max(axis=0)
+                assert (off <= table.errors[k] + 2e-15 * np.abs(truth).max()).all()
+            state = fine.steps[4 * k + part] @ state
+
+
+@pytest.mark.parametrize("e", [0.0, 0.3, 0.7])
+def test_a_body_without_j2_stays_within_the_bounds_of_kepler_motion(e):
+    """In 60 digits, as for the closed form."""
+    orbit = cf.Orbit.perturbed(e, 0.0, perigee_altitude=600e3, span=6000.0, j2=0.0)
+    table = orbit.chief.table
+    joints = table.joints
+    for k in (0, len(joints) // 2):
+        for u in (0.03, 0.4, 0.97):
+            truth = transition_mp(e, joints[k], joints[k] + u * (joints[k + 1] - joints[k]))
+            found = np.einsum("b,jib->ij", basis_at(np.array(u)), table.rows[k, :6])
+            assert (np.abs(found - truth)[:3].max(axis=0) <= table.errors[k, :6]).all()
 
 
 def test_transfers_fly_in_nonlinear_j2_to_first_order():

@@ -1,4 +1,4 @@
-"""Encounters in the Hill frame of the primary, against explicitly rotated states and covariances."""
+"""Encounters in the turning frame of the primary, against explicitly rotated states and covariances."""
 
 import numpy as np
 import pytest
@@ -42,7 +42,7 @@ def close(found, expected, share):
     assert (np.abs(found - expected) / np.outer(sizes, sizes)).max() < share
 
 
-@pytest.mark.parametrize("eccentricity", [0.0, 0.004])
+@pytest.mark.parametrize("eccentricity", [0.0, 0.004, 0.6])
 def test_state_and_covariances_at_closest_approach(eccentricity):
     """Covariances are rotated from each object's axes into the primary's frame."""
     primary = PRIMARY * np.array([1, 1, 1, *[np.sqrt(1 + eccentricity)] * 3])
@@ -76,13 +76,15 @@ def two_body(_, y):
     return np.concatenate([y[3:], -cf.elements.EARTH_MU * y[:3] / np.linalg.norm(y[:3]) ** 3])
 
 
-def test_propagated_covariance_agrees_with_samples():
+@pytest.mark.parametrize("eccentricity", [0.0, 0.7])
+def test_propagated_covariance_agrees_with_samples(eccentricity):
     """Samples in two-body motion; curvature contributes up to 1e-4."""
-    encounter = cf.Encounter.of(PRIMARY, PRIMARY + GAP, KNOWN, OTHER)
+    primary = PRIMARY * np.array([1, 1, 1, *[np.sqrt(1 + eccentricity)] * 3])
+    encounter = cf.Encounter.of(primary, primary + GAP, KNOWN, OTHER)
     end = encounter.path.end
-    assert end == pytest.approx(0.25 * 2 * np.pi * RADIUS / SPEED)
+    assert end == pytest.approx(0.25 * 2 * np.pi * RADIUS / SPEED / (1 - eccentricity) ** 1.5)
     flown = {}
-    for name, state, matrix in (("first", PRIMARY, KNOWN), ("second", PRIMARY + GAP, OTHER)):
+    for name, state, matrix in (("first", primary, KNOWN), ("second", primary + GAP, OTHER)):
         own = np.kron(np.eye(2), axes(state)).T @ np.sqrt(matrix)
         for k, column in enumerate([np.zeros(6), *own.T]):
             flown[name, k] = solve_ivp(
@@ -104,8 +106,5 @@ def test_window_of_fast_encounters():
 
 
 def test_model_error_gives_a_warning():
-    eccentric = PRIMARY * np.array([1, 1, 1, *[np.sqrt(1.02)] * 3])
-    (line,) = cf.Encounter.of(eccentric, eccentric + GAP, KNOWN, OTHER).warnings
-    assert "eccentricity is 0.0200" in line
     (line,) = cf.Encounter.of(PRIMARY, PRIMARY + [0, 2e4, 0, 0, 0, 0], KNOWN, OTHER).warnings
     assert "curvature of the orbit is 29 m" in line  # d^2 / 2 r

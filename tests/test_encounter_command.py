@@ -51,13 +51,13 @@ def test_slow_conjunction_of_alfano(capsys):
     assert "Warning" not in printed
 
 
-def test_eccentric_orbit_gives_a_warning(capsys):
-    """CARA's Monte Carlo of Alfano's case 1, e = 0.012, gives 0.216865; a circular chief agrees to 3.5 %."""
+def test_eccentric_orbit(capsys):
+    """CARA's Monte Carlo of Alfano's case 1, e = 0.012, gives 0.216785 to 0.216946 (95 %)."""
     assert main(["encounter", "slow.cdm", "--window", "21600 s"]) == 0
     printed = capsys.readouterr().out
-    assert figure("ever inside", printed)[0] == pytest.approx(0.216865, rel=0.035)
+    assert 0.216785 < figure("ever inside", printed)[0] < 0.216946
     assert figure("short encounter (2-D)", printed)[0] < 0.7 * 0.216865
-    assert "Warning: the primary's eccentricity is 0.0119" in printed
+    assert "Warning" not in printed
 
 
 def test_fast_conjunction_agrees_with_its_message(capsys):

@@ -21,7 +21,7 @@ from closeform.plots.results import FLYING, PICTURES
 GIVEN = {"Orbit", "Zone", "Box", "Ellipsoid", "Sphere", "Cylinder", "HalfSpaces", "Uncertainty", "Body"}
 GIVEN |= {"PairZones", "Uncertainty", "ThrustLost", "MissedBurns", "DegradedThrust", "StuckOnThrust"}
 GIVEN |= {"Thrusters", "Sensor", "Chief", "Field", "Drag", "Feedback", "Navigation"}
-GIVEN |= {"SearchErrors", "EccentricOrbit", "CovarianceZone"}
+GIVEN |= {"SearchErrors", "CovarianceZone"}
 PARTS = {
     "Contact",
     "ThrustShortfall",

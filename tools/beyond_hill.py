@@ -81,7 +81,7 @@ def deviations(seed: int, eccentricity: float, turns: int) -> list[float]:
         hill @ fitted(hill, flown),
         averaged @ start,
         averaged @ fitted(averaged, flown),
-        cf.EccentricOrbit.from_elements(chief.elements).transition(times) @ start,
+        cf.Orbit.from_elements(chief.elements).transition(times) @ start,
         field.transition(times) @ start,
     ]
     far = np.linalg.norm(flown, axis=1).max() * turns / 1e3

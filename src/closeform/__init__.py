@@ -6,7 +6,6 @@ from typing import Any
 # Loaded at first use, so that `import closeform` and the command line start at once.
 _NAMES = {
     "motion.orbit": "Orbit",
-    "motion.elements.eccentric": "EccentricOrbit",
     "motion.path": "Path",
     "motion.joining": "join stack",
     "zones.zone": "Zone",

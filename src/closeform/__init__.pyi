@@ -90,7 +90,6 @@ from closeform.fuel.least_time import least_time as least_time
 from closeform.fuel.shortest import shortest_transfer as shortest_transfer
 from closeform.fuel.thrusters import Thrusters as Thrusters
 from closeform.planning.limits import propellant as propellant
-from closeform.motion.elements.eccentric import EccentricOrbit as EccentricOrbit
 from closeform.motion.orbit import Orbit as Orbit
 from closeform.motion.joining import join as join, stack as stack
 from closeform.motion.path import Path as Path

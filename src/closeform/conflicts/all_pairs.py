@@ -17,7 +17,7 @@ from closeform.conflicts.batches import ahead, chunks, rounds, sieve_of
 from closeform.conflicts.pair_rows import collected, conflicts_of, tracks_of_all
 from closeform.conflicts.pair_search import COLUMNS, conflicts_of_pairs
 from closeform.conflicts.tracks import NO_TRACKS, Tracks, follow
-from closeform.conflicts.two_paths import PairConflict, one_of, require_hill
+from closeform.conflicts.two_paths import PairConflict, one_of
 from closeform.motion.joining import stack
 from closeform.motion.path import Path
 from closeform.result import Rows
@@ -211,8 +211,6 @@ def screen(
     sigmas = size("sigmas", sigmas)
     held = zone if isinstance(zone, Zone) else pair_zones("zone", zone, len(batch))
     known = _known(held, errors)
-    if known is not None:
-        require_hill(batch, "errors")
     sieve = sieve_of(batch, held) if known is None else None
     zones = _zones(held)
     search = _search(batch, zones, known, errors, sigmas, sieve is None)

@@ -25,6 +25,7 @@ import numpy as np
 from numba import float64, int64, void
 
 from closeform._jit import kernel
+from closeform.conflicts.pair_search import conflicts_from
 from closeform.conflicts.quick_rejection import OFF_CHORD, count_near
 from closeform.kernel_loans import borrowed, stack_matrix, stack_vector
 from closeform.motion.chief.bernstein import PRODUCT, SQUARE, TERMS, changes, cut, value_at
@@ -603,23 +604,59 @@ def instant(clock, s, first, last, start, end):
     return end if s >= last else min(max(time_at(clock, s), start), end)
 
 
+@kernel()
+def meet_segments(scene, one, two):
+    """Return False for a pair that never comes near, and the segments and angles from which to search."""
+    _, _, segs, firsts, others, other_firsts, _, angles, tracks, other_tracks, near, _, _, _ = scene
+    i, i_end, j, j_end = firsts[one], firsts[one + 1], other_firsts[two], other_firsts[two + 1]
+    start, end = common(segs, i, i_end, others, j, j_end)
+    since = max(segs[i, FIRST], others[j, FIRST])
+    until = min(segs[i_end - 1, LAST], others[j_end - 1, LAST])
+    begin = i, i_end, j, j_end, start, end, since, until
+    if not start <= end:
+        return False, begin
+    if len(near) > 0:
+        low, high = 0, len(near)
+        while low + 1 < high and angles[low + 1] <= since:
+            low += 1
+        while high > low + 1 and angles[high - 1] >= until:
+            high -= 1
+        if count_near(tracks, one, other_tracks, two, low, high) == 0:
+            return False, begin
+        for k in range(len(near)):
+            near[k] = low <= k < high and count_near(tracks, one, other_tracks, two, k, k + 1) > 0
+    return True, begin
+
+
+@kernel()
+def search_segments(scene, begin, pair, rows, count):
+    """Append the conflicts of a pair in angles; return the new count."""
+    table, errors, segs, _, others, _, form, angles, _, _, near, work, _, _ = scene
+    i, i_end, j, j_end, _, _, since, _ = begin
+    i, j = reaches(segs, i, i_end, since), reaches(others, j, j_end, since)
+    pairs = segs, i, i_end, others, j, j_end
+    return pair_conflicts(table, errors, *pairs, form, angles, near, work, pair, rows, count)
+
+
+@kernel()
+def nearest_segments(scene, begin, row):
+    """Write the time of the minimum norm in a conflict, and the minimum, and turn its angles into times."""
+    table, errors, segs, _, others, _, form, _, _, _, _, _, work, pieces = scene
+    i, i_end, j, j_end, start, end, since, until = begin
+    i, j = reaches(segs, i, i_end, row[1]), reaches(others, j, j_end, row[1])
+    pairs = segs, i, i_end, others, j, j_end
+    row[4], at = closest(table, errors, *pairs, form, row[1], row[2], work, pieces)
+    clock = table[0]
+    row[3] = instant(clock, at, since, until, start, end)
+    row[1] = instant(clock, row[1], since, until, start, end)
+    row[2] = instant(clock, row[2], since, until, start, end)
+
+
 @kernel(
     int64(
-        TABLE,
-        float64[:, ::1],
-        float64[:, ::1],
-        int64[::1],
-        float64[:, ::1],
-        int64[::1],
-        int64[::1],
-        int64[::1],
-        int64,
-        FORM,
-        float64[::1],
-        float64[:, :, ::1],
-        float64[:, :, ::1],
-        float64[:, ::1],
-        int64[::1],
+        *(TABLE, float64[:, ::1], float64[:, ::1], int64[::1], float64[:, ::1], int64[::1]),
+        *(int64[::1], int64[::1], int64, FORM, float64[::1], float64[:, :, ::1], float64[:, :, ::1]),
+        *(float64[:, ::1], int64[::1]),
     )
 )
 def conflicts_of_pairs(
@@ -639,80 +676,29 @@ def conflicts_of_pairs(
     rows,
     done,
 ):
-    """Fill `rows` with the conflicts of pairs (first[k], second[k]) from k = `pair` on, as many as fit.
-
-    Returns the number of rows; `done` receives the next pair, and how many rows that pair needs if they do
-    not fit.
-    """
+    """Fill `rows` with conflicts of pairs, as `pair_search.conflicts_from`."""
     clock, joints, turn, rows_of, steps = table
     table = borrowed(clock), borrowed(joints), turn, borrowed(rows_of), borrowed(steps)
     errors, segs, others, rows = borrowed(errors), borrowed(segs), borrowed(others), borrowed(rows)
+    firsts, other_firsts = borrowed(firsts), borrowed(other_firsts)
     tracks, other_tracks, angles = borrowed(tracks), borrowed(other_tracks), borrowed(angles)
     form = form[0], borrowed(form[1]), borrowed(form[2])
     room = 2 * SQUARE + 2 * TERMS * (6 + len(form[2]))
     places, outs = np.empty(room), np.empty(room, dtype=np.int64)
-    work = (
-        stack_vector(COLUMNS),
-        stack_matrix(3, TERMS),
-        stack_matrix(3, TERMS),
-        stack_vector(3),
-        stack_matrix(DEPTH, SQUARE),
-        stack_vector(DEPTH),
-        borrowed(places),
-        borrowed(outs),
-    )
-    least_work = work[0], work[1], work[2], work[3], stack_vector(SQUARE), stack_vector(DEPTH)
-    pieces = stack_matrix(DEEP, TERMS)
+    z, p, c, off = stack_vector(COLUMNS), stack_matrix(3, TERMS), stack_matrix(3, TERMS), stack_vector(3)
+    ends, pieces = stack_vector(DEPTH), stack_matrix(DEEP, TERMS)
+    work = z, p, c, off, stack_matrix(DEPTH, SQUARE), ends, borrowed(places), borrowed(outs)
+    least_work = z, p, c, off, stack_vector(SQUARE), ends
     near = np.empty(max(0, len(angles) - 1), dtype=np.bool_)
-    count = 0
-    for m in range(pair, len(first)):
-        one, two = first[m], second[m]
-        i, i_end, j, j_end = firsts[one], firsts[one + 1], other_firsts[two], other_firsts[two + 1]
-        start, end = common(segs, i, i_end, others, j, j_end)
-        if not start <= end:
-            continue
-        since = max(segs[i, FIRST], others[j, FIRST])
-        until = min(segs[i_end - 1, LAST], others[j_end - 1, LAST])
-        if len(near) > 0:
-            low, high = 0, len(near)
-            while low + 1 < high and angles[low + 1] <= since:
-                low += 1
-            while high > low + 1 and angles[high - 1] >= until:
-                high -= 1
-            if count_near(tracks, one, other_tracks, two, low, high) == 0:
-                continue
-            for k in range(len(near)):
-                near[k] = low <= k < high and count_near(tracks, one, other_tracks, two, k, k + 1) > 0
-        i, j = reaches(segs, i, i_end, since), reaches(others, j, j_end, since)
-        total = pair_conflicts(
-            table, errors, segs, i, i_end, others, j, j_end, form, angles, near, work, m, rows, count
-        )
-        if total > len(rows):
-            done[0], done[1] = m, total - count
-            return count
-        for r in range(count, total):
-            i, j = reaches(segs, i, i_end, rows[r, 1]), reaches(others, j, j_end, rows[r, 1])
-            least, at = closest(
-                table,
-                errors,
-                segs,
-                i,
-                i_end,
-                others,
-                j,
-                j_end,
-                form,
-                rows[r, 1],
-                rows[r, 2],
-                least_work,
-                pieces,
-            )
-            rows[r, 4] = least
-            rows[r, 3] = instant(clock, at, since, until, start, end)
-            rows[r, 1] = instant(clock, rows[r, 1], since, until, start, end)
-            rows[r, 2] = instant(clock, rows[r, 2], since, until, start, end)
-        count = total
-    done[0] = len(first)
+    scene = (
+        *(table, errors, segs, firsts, others, other_firsts, form),
+        *(angles, tracks, other_tracks, borrowed(near), work, least_work, pieces),
+    )
+    count = conflicts_from(
+        meet_segments, search_segments, nearest_segments, scene, first, second, pair, rows, done
+    )
+    near[:] = False  # counted uses: the loans end here
+    places[0], outs[0] = 0.0, 0
     return count
 
 

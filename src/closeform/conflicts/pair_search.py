@@ -200,6 +200,73 @@ def approaches_of_pairs(arcs, offsets, others, other_offsets, first, second, for
             out[pair, 0], out[pair, 1] = when, ratio
 
 
+@kernel(inline=True)
+def conflicts_from(meet, search, nearest, scene, first, second, pair, rows, done):
+    """Fill `rows` with the conflicts of pairs (first[k], second[k]) from k = `pair` on, as many as fit.
+
+    `meet(scene, one, two)` returns False for a pair that never comes near, and where its search begins.
+    `search(scene, begin, k, rows, count)` appends its conflicts, and `nearest(scene, begin, row)` completes
+    one. Returns the number of rows; `done` receives the next pair, and how many rows that pair needs if they
+    do not fit.
+    """
+    count = 0
+    for k in range(pair, len(first)):
+        near, begin = meet(scene, first[k], second[k])
+        if not near:
+            continue
+        total = search(scene, begin, k, rows, count)
+        if total > len(rows):
+            done[0], done[1] = k, total - count
+            return count
+        for m in range(count, total):
+            nearest(scene, begin, rows[m])
+        count = total
+    done[0] = len(first)
+    return count
+
+
+@kernel(inline=True)
+def meet_arcs(scene, one, two):
+    """Return False for paths of arcs that never come near, and the arcs and times from which to search."""
+    arcs, offsets, others, other_offsets, form, q, times, tracks, other_tracks, near = scene
+    i, i_end, j, j_end = offsets[one], offsets[one + 1], other_offsets[two], other_offsets[two + 1]
+    start = max(arcs[i, START], others[j, START])
+    end = min(arcs[i_end - 1, END], others[j_end - 1, END])
+    k, last = 0, 0
+    if not start <= end:
+        return False, (i, i_end, j, j_end, start, end, k)
+    if len(near) > 0:
+        k, last = interval(times, start), interval(times, end) + 1
+    begin = i, i_end, j, j_end, start, end, k
+    few = 0 < last - k <= FEW  # intervals that cost less than the bound of an ellipse
+    if few and count_near(tracks, one, other_tracks, two, k, last) == 0:
+        return False, begin
+    i, j = locate(arcs, i, i_end, start), locate(others, j, j_end, start)
+    if not few and coasts_apart(arcs[i], others[j], start, end, form, q):
+        return False, begin
+    if last - k > FEW and count_near(tracks, one, other_tracks, two, k, last) == 0:
+        return False, begin
+    mark_near(tracks, one, other_tracks, two, k, last, near)
+    return True, (i, i_end, j, j_end, start, end, k)
+
+
+@kernel()
+def search_arcs(scene, begin, pair, rows, count):
+    """Append the conflicts of a pair; return the new count."""
+    arcs, _, others, _, form, q, times, _, _, near = scene
+    i, i_end, j, j_end, start, end, k = begin
+    search = arcs, i, i_end, others, j, j_end, start, end, times, near, k, pair, rows, count
+    return pair_conflicts(load_window, cross_norm, (arcs, others, form, q), *search)
+
+
+@kernel()
+def nearest_arcs(scene, begin, row):
+    """Write the time of the minimum norm in a conflict, and the minimum."""
+    arcs, _, others, _, form, q, _, _, _, _ = scene
+    i, i_end, j, j_end, _, _, _ = begin
+    row[4], row[3] = closest(arcs, i, i_end, others, j, j_end, row[1], row[2], form, q)
+
+
 @kernel(
     int64(
         float64[:, ::1],
@@ -220,48 +287,18 @@ def approaches_of_pairs(arcs, offsets, others, other_offsets, first, second, for
 def conflicts_of_pairs(
     arcs, offsets, others, other_offsets, first, second, pair, form, times, tracks, other_tracks, rows, done
 ):
-    """Fill `rows` with the conflicts of pairs (first[k], second[k]) from k = `pair` on, as many as fit.
-
-    `times` and the tracks are those of `tracks.Tracks`. Returns the number of rows; `done` receives the next
-    pair, and how many rows that pair needs if they do not fit.
-    """
+    """Fill `rows` with conflicts of pairs, as `conflicts_from`; times and tracks are those of `Tracks`."""
     arcs, others, rows, times = borrowed(arcs), borrowed(others), borrowed(rows), borrowed(times)
     tracks, other_tracks = borrowed(tracks), borrowed(other_tracks)
+    offsets, other_offsets = borrowed(offsets), borrowed(other_offsets)
     form = form[0], borrowed(form[1]), borrowed(form[2])
-    q = stack_matrix(8, 3)
     near = np.empty(max(0, len(times) - 1), dtype=np.bool_)
-    count = 0
-    for p in range(pair, len(first)):
-        one, two = first[p], second[p]
-        i, i_end, j, j_end = offsets[one], offsets[one + 1], other_offsets[two], other_offsets[two + 1]
-        start = max(arcs[i, START], others[j, START])
-        end = min(arcs[i_end - 1, END], others[j_end - 1, END])
-        if not start <= end:
-            continue
-        k, last = 0, 0
-        if len(near) > 0:
-            k, last = interval(times, start), interval(times, end) + 1
-        few = 0 < last - k <= FEW  # intervals that cost less than the bound of an ellipse
-        if few and count_near(tracks, one, other_tracks, two, k, last) == 0:
-            continue
-        i, j = locate(arcs, i, i_end, start), locate(others, j, j_end, start)
-        if not few and coasts_apart(arcs[i], others[j], start, end, form, q):
-            continue
-        if last - k > FEW and count_near(tracks, one, other_tracks, two, k, last) == 0:
-            continue
-        mark_near(tracks, one, other_tracks, two, k, last, near)
-        scene, search = (arcs, others, form, q), (times, near, k, p, rows, count)
-        total = pair_conflicts(
-            load_window, cross_norm, scene, arcs, i, i_end, others, j, j_end, start, end, *search
-        )
-        if total > len(rows):
-            done[0], done[1] = p, total - count
-            return count
-        for m in range(count, total):
-            ratio, when = closest(arcs, i, i_end, others, j, j_end, rows[m, 1], rows[m, 2], form, q)
-            rows[m, 3], rows[m, 4] = when, ratio
-        count = total
-    done[0] = len(first)
+    scene = (
+        *(arcs, offsets, others, other_offsets, form, stack_matrix(8, 3)),
+        *(times, tracks, other_tracks, borrowed(near)),
+    )
+    count = conflicts_from(meet_arcs, search_arcs, nearest_arcs, scene, first, second, pair, rows, done)
+    near[:] = False  # a counted use: the loan ends here
     return count
 
 

@@ -13,7 +13,6 @@ from closeform.arrays import Floats, broadcast, instance, shown, size
 from closeform.conflicts.pair_rows import approaches_of, conflicts_of
 from closeform.conflicts.zero_crossings import zero_crossings
 from closeform.motion.arc import MEAN_MOTION, START, STATE
-from closeform.motion.chief_orbit import ChiefOrbit
 from closeform.motion.path import Path
 from closeform.result import Result, Rows
 from closeform.zones.combined_zones import Body, CovarianceZone
@@ -210,21 +209,11 @@ def find_conflicts(
             raise ValueError("method: 'sauter-palmer' cannot be combined with errors; use 'exact'")
         return tuple(Conflict(*row) for row in zero_crossings(path, other, zone).tolist())
     if known := one_of([("errors", errors), ("other_errors", other_errors)]):
-        require_hill(path, "errors")
         stays: tuple[Conflict, ...] = known._find_conflicts(path, other, zone, errors, other_errors, sigmas)
         return stays
     one = np.zeros(1, dtype=np.int64)
     _, rows = conflicts_of(path, other, zone, one, one)
     return tuple(Conflict(*map(float, row)) for row in rows)
-
-
-def require_hill(path: Path, feature: str) -> None:
-    """Raise ValueError if the orbit is not circular: `feature` holds for Hill's equations only."""
-    if isinstance(path.orbit, ChiefOrbit):
-        raise ValueError(
-            f"{feature}: supported about a circular orbit only, not about an {path.orbit.chief}; leave it "
-            "out, and enlarge the zone instead"
-        )
 
 
 def one_of(errors: Sequence[tuple[str, Any]]) -> Any:

@@ -3,26 +3,28 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from closeform.arrays import Floats, broadcast, finite, shown
+from closeform.arrays import Floats, broadcast, finite
 from closeform.motion import effort
-from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, PUSH, START, STATE, THRUST, WIDTH
+from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, START, STATE, THRUST, WIDTH
 from closeform.motion.chief import segments as kernels
 from closeform.motion.chief.bernstein import TERMS, basis_at
-from closeform.motion.chief.clock import angles_at
-from closeform.motion.chief.impulses import COUNT, FIRST, LOWER, PRIMER, UNIQUE, UPPER, primer_rows, solve
+from closeform.motion.chief.clock import angles_at, pace_at, times_at
+from closeform.motion.chief.impulses import primer_rows, solve
 from closeform.motion.chief.kepler import KeplerChief
 from closeform.motion.chief.oblate_or_supplied import GivenChief, OblateChief
 from closeform.motion.chief.table import COLUMNS, COSTATE
 from closeform.motion.chief.table import PUSH as PUSHED
 from closeform.motion.duration import MOST_TURNS
-from closeform.motion.ends import arcs_between, arcs_from
+from closeform.motion.ends import arcs_between
+from closeform.motion.minimum_delta_v.reduced import COUNT, FIRST, LOWER, PRIMER, UNIQUE, UPPER
 from closeform.motion.path import FORGIVEN, Path, path_of
-from closeform.motion.two_impulse import drifts
+from closeform.motion.reference_orbit import ReferenceOrbit
+from closeform.motion.sampling import nodes_of
 
 if TYPE_CHECKING:
     from closeform.fuel.thrusters import Thrusters
@@ -31,11 +33,13 @@ SUPPORTED = "transfer, impulsive, screen and passively_safe, which hold about an
 
 
 PROVEN = 1e-6  # relative gap between the cost of impulses and its lower bound
+# [rad] of motion: for a shorter time noise acts as in deep space, and R would be rounding.
+BRIEF = 1e-3
 UNMOVED = 1e-14  # of the states: a smaller change is rounding, and takes no impulse
 
 
 @dataclass(frozen=True, repr=False)
-class ChiefOrbit:
+class ChiefOrbit(ReferenceOrbit):
     """A reference orbit that is not circular, in whose turning frame spacecraft move.
 
     `Orbit.eccentric`, `Orbit.perturbed` and `Orbit.from_transition` make it.  The motion is of first order in
@@ -105,215 +109,58 @@ class ChiefOrbit:
         scale = np.array([1.0] * 3 + [self.chief.table.clock[0]] * 3)
         return np.asarray((scale[:, None] * flow / scale).reshape(*shape, 6, 6))
 
-    def coast(self, state: ArrayLike, duration: ArrayLike, start: ArrayLike = 0.0) -> Path:
-        """Return natural motion from a state.
+    def _within_limit(self, *_: Any) -> Path:
+        raise ValueError(
+            f"max_acceleration: a thrust limit holds for circular orbits only, not for an {self.chief}; "
+            "leave it out and compare peak_thrust of the path, or lengthen the transfer"
+        )
 
-        Parameters
-        ----------
-        state : array_like of shape (..., 6) [m, m/s]
-            State at the start, in the chief's frame.
-        duration : array_like of shape (...) [s]
-            Above 0.
-        start : array_like of shape (...) [s], default 0
-            Time of the state, from that of the chief's elements; all arguments broadcast.
+    def _fixed_inertially(self, arcs: Floats) -> Floats:
+        raise ValueError(f"frame: 'orbit' for an {self.chief}, not 'inertial'; join short burns that turn")
 
-        Returns
-        -------
-        Path
-            Path of the broadcast shape.
+    def _through(self, times: ArrayLike, states: ArrayLike) -> Path:
+        instants, points = nodes_of(times, states)
+        arcs, finals = arcs_between(
+            self._rate, points[..., :-1, :], points[..., 1:, :], np.diff(instants), instants[:-1]
+        )
+        rows = self._arcs(arcs).reshape(-1, WIDTH)
+        self._steer(rows, finals)
+        *batch, each, _ = arcs.shape
+        offsets = each * np.arange(int(np.prod(batch, dtype=int)) + 1)
+        return path_of(self, rows, offsets, tuple(batch))
 
-        Raises
-        ------
-        ValueError
-            If a duration is not positive or too long, a time is outside of the span of the chief, shapes do
-            not fit, or a number is not finite.
-
-        References
-        ----------
-        docs/motion.md.
-        """
-        return self._path(self._arcs(arcs_from(self._rate, duration, start, state=state)))
-
-    def transfer(
-        self,
-        initial: ArrayLike,
-        final: ArrayLike,
-        duration: ArrayLike,
-        start: ArrayLike = 0.0,
-        max_acceleration: ArrayLike | None = None,
-        cost: Literal["energy", "delta-v"] = "energy",
-    ) -> Path:
-        """Return the path of minimum control energy between two states.
-
-        Parameters
-        ----------
-        initial : array_like of shape (..., 6) [m, m/s]
-            State at the start, in the chief's frame.
-        final : array_like of shape (..., 6) [m, m/s]
-            State at the end, in the chief's frame.
-        duration : array_like of shape (...) [s]
-            Above 0.
-        start : array_like of shape (...) [s], default 0
-            Time of the initial state, from that of the chief's elements; all arguments broadcast.
-        max_acceleration : None
-            A limit of the thrust holds for circular orbits only.
-        cost : {"energy", "delta-v"}, default "energy"
-            Quantity to minimise: control energy, or the sum of the sizes of impulses (`impulsive`).
-
-        Returns
-        -------
-        Path
-            Path of the broadcast shape.
-
-        Raises
-        ------
-        ValueError
-            If there is a limit of the thrust; if a duration is not positive, too long or too short, a time
-            is outside of the span of the chief, shapes do not fit, or a number is not finite.
-
-        Notes
-        -----
-        In any gravity field the optimal thrust obeys the equation of natural relative motion.  The transition
-        matrix therefore gives it, by one system of six equations.
-
-        References
-        ----------
-        docs/theory.md (7) and docs/theory.md (8); docs/motion.md.
-
-        Examples
-        --------
-        >>> orbit = cf.Orbit.eccentric(0.3, perigee_altitude=500e3)
-        >>> path = orbit.transfer([0, -200, 0, 0, 0, 0], np.zeros(6), orbit.period / 2, start=600.0)
-        >>> bool(np.allclose(path.position(path.end), 0.0, atol=1e-8))
-        True
-        """
-        if not isinstance(cost, str) or cost not in ("energy", "delta-v"):
-            raise ValueError(f'cost: expected "energy" or "delta-v", got {shown(cost)}')
-        if max_acceleration is not None:
-            raise ValueError(
-                f"max_acceleration: a thrust limit holds for circular orbits only, not for an {self.chief}; "
-                "leave it out and compare peak_thrust of the path, or lengthen the transfer"
-            )
-        if cost == "delta-v":
-            return self.impulsive(initial, final, duration, start)
-        arcs, finals = arcs_between(self._rate, initial, final, duration, start)
-        self._steer(self._arcs(arcs).reshape(-1, WIDTH), finals)
-        return self._path(arcs)
-
-    def two_impulse(
-        self, initial: ArrayLike, final: ArrayLike, duration: ArrayLike, start: ArrayLike = 0.0
-    ) -> Path:
-        """Return the coast between two states, with an impulse at each end.
-
-        Parameters
-        ----------
-        initial : array_like of shape (..., 6) [m, m/s]
-            Before the first impulse, in the chief's frame.
-        final : array_like of shape (..., 6) [m, m/s]
-            After the last one, in the chief's frame.
-        duration : array_like of shape (...) [s]
-            Above 0.
-        start : array_like of shape (...) [s], default 0
-            Time of the first impulse, from that of the chief's elements; all arguments broadcast.
-
-        Returns
-        -------
-        Path
-            Path of the broadcast shape.
-
-        Raises
-        ------
-        ValueError
-            If no two impulses reach a final position in the duration (the message gives the miss distance), a
-            duration is not positive or too long, a time is outside of the span of the chief, shapes do not
-            fit, or a number is not finite.
-
-        References
-        ----------
-        docs/motion.md.
-        """
-        arcs, finals = arcs_between(self._rate, initial, final, duration, start)
-        return drifts(self, self._arcs(arcs), finals)
-
-    def impulsive(
-        self,
-        initial: ArrayLike,
-        final: ArrayLike,
-        duration: ArrayLike,
-        start: ArrayLike = 0.0,
-        thrusters: Thrusters | None = None,
-    ) -> Path:
-        """Return the minimum-delta-v impulses between two states in a given time: at most six.
-
-        Parameters
-        ----------
-        initial : array_like of shape (..., 6) [m, m/s]
-            Before the first impulse, in the chief's frame.
-        final : array_like of shape (..., 6) [m, m/s]
-            After the last one, in the chief's frame.
-        duration : array_like of shape (...) [s]
-            Above 0, at most 100 revolutions.
-        start : array_like of shape (...) [s], default 0
-            Departure time, from that of the chief's elements; all arguments broadcast.
-        thrusters : None
-            Fixed thrusters hold for circular orbits only.
-
-        Returns
-        -------
-        Path
-            Path of the broadcast shape; `impulses` lists times and velocity changes of one spacecraft.
-
-        Raises
-        ------
-        ValueError
-            If thrusters are given; if no plan is proven to be within a relative 1e-6 of the minimum; if a
-            duration is not positive or too long, a time is outside of the span of the chief, shapes do not
-            fit, or a number is not finite.
-
-        References
-        ----------
-        Lawden's primer, by its dual in six unknowns: docs/theory.md (29).
-
-        Examples
-        --------
-        >>> orbit = cf.Orbit.eccentric(0.3, perigee_altitude=500e3)
-        >>> given = [0, -200, 0, 0, 0, 0], np.zeros(6), orbit.period
-        >>> bool(orbit.impulsive(*given).delta_v < orbit.two_impulse(*given[:2], 0.9 * orbit.period).delta_v)
-        True
-        """
+    def _least_impulses(self, arcs: Floats, finals: Floats, thrusters: Thrusters | None) -> Path:
         if thrusters is not None:
             raise ValueError(
                 f"thrusters: hold for circular orbits only, not for an {self.chief}; leave them out"
             )
-        shape, rows, finals = self._departures(initial, final, duration, start)
+        rows = self._departures(arcs)
         plans = [self._fired(row, end, self._least(row, end)) for row, end in zip(rows, finals, strict=True)]
         offsets = np.concatenate([[0], np.cumsum([len(plan) for plan in plans])]).astype(np.int64)
-        return path_of(self, np.concatenate([np.empty((0, WIDTH)), *plans]), offsets, shape)
+        return path_of(self, np.concatenate([np.empty((0, WIDTH)), *plans]), offsets, arcs.shape[:-1])
 
-    def _departures(
-        self, initial: ArrayLike, final: ArrayLike, duration: ArrayLike, start: ArrayLike
-    ) -> tuple[tuple[int, ...], Floats, Floats]:
-        """Return the shape, the arcs (P, 30) and the final states (P, 6) of transfers by impulses."""
-        arcs, finals = arcs_between(self._rate, initial, final, duration, start)
-        rows = self._arcs(arcs).reshape(-1, WIDTH)
+    def _departures(self, arcs: Floats) -> Floats:
+        """Return the arcs (P, 30) of transfers by impulses; raise ValueError if one is too long."""
+        rows = arcs.reshape(-1, WIDTH)
         longest = float((rows[:, END] - rows[:, START]).max(initial=0.0))
         if longest > MOST_TURNS * self.period:
             raise ValueError(
                 f"duration: the minimum delta-v is computed over at most {MOST_TURNS:g} revolutions, got "
                 f"{longest / self.period:g}; coast for the rest"
             )
-        return arcs.shape[:-1], rows, finals
+        return rows
 
     def _bounds(
         self, initial: ArrayLike, final: ArrayLike, duration: ArrayLike, start: ArrayLike
     ) -> tuple[tuple[int, ...], Floats, Floats]:
         """Return the shape, the arcs (P, 30) and bounds, 1 if unique, and primers at the start (P, 9)."""
-        shape, rows, finals = self._departures(initial, final, duration, start)
+        arcs, finals = arcs_between(self._rate, initial, final, duration, start)
+        rows = self._departures(self._arcs(arcs))
         found = np.empty((len(rows), 9))
         for p in range(len(rows)):
             answer, _ = self._answer(rows[p], finals[p])
             found[p] = answer[[LOWER, UPPER, UNIQUE, *range(PRIMER, FIRST)]]
-        return shape, rows, found
+        return arcs.shape[:-1], rows, found
 
     def _least(self, arc: Floats, final: Floats) -> Floats:
         """Return the impulses (K, 4) [s, m/s] of minimum delta-v from an arc's state to a final one."""
@@ -324,15 +171,15 @@ class ChiefOrbit:
                 f"of the minimum, {answer[LOWER]:.6g} m/s; change the duration, or use two_impulse"
             )
         clock = self.chief.table.clock
-        found = answer[FIRST:].reshape(-1, 5)[: int(answer[COUNT])]
-        windows = segments[found[:, 0].astype(int)]
+        found = answer[FIRST:].reshape(-1, 4)[: int(answer[COUNT])]
+        index = np.minimum(found[:, 0].astype(int), len(segments) - 1)
+        windows = segments[index]
         first, last = windows[:, kernels.FIRST], windows[:, kernels.LAST]
-        angles = first + found[:, 1] * (last - first)
-        times = (angles - clock[1] * np.sin(angles) - clock[2]) / clock[0]
-        times = np.clip(times, arc[START], arc[END])
+        angles = first + (found[:, 0] - index) * (last - first)
+        times = np.clip(times_at(clock, angles), arc[START], arc[END])
         times[angles <= segments[0, kernels.FIRST] + kernels.ON_JOINT] = arc[START]
         times[angles >= segments[-1, kernels.LAST] - kernels.ON_JOINT] = arc[END]
-        return np.column_stack([times, found[:, 2:]])
+        return np.column_stack([times, found[:, 1:]])
 
     def _answer(self, arc: Floats, final: Floats) -> tuple[Floats, Floats]:
         """Return the answer of `impulses.solve` from an arc's state to a final one in SI, and the segments.
@@ -353,7 +200,7 @@ class ChiefOrbit:
         # theory (99)
         answer = solve(rows, np.concatenate([change[3:] + table.skew(k) @ change[:3], -change[:3]]))
         answer[[LOWER, UPPER]] *= rate
-        answer[FIRST:].reshape(-1, 5)[:, 2:] *= rate
+        answer[FIRST:].reshape(-1, 4)[:, 1:] *= rate
         share = (first - segments[0, kernels.ORIGIN]) / (table.joints[k + 1] - table.joints[k])
         there = np.einsum("b,jib->ij", basis_at(np.array(max(share, 0.0))), table.rows[k, :6])
         answer[PRIMER:FIRST] = unit * (there @ answer[PRIMER:FIRST])
@@ -373,95 +220,6 @@ class ChiefOrbit:
         if row[START] == row[END]:
             row[STATE : STATE + 6] = final
         return np.array([*out, row])
-
-    def burn(
-        self,
-        state: ArrayLike,
-        acceleration: ArrayLike,
-        duration: ArrayLike,
-        start: ArrayLike = 0.0,
-        frame: Literal["orbit", "inertial"] = "orbit",
-    ) -> Path:
-        """Return motion under constant thrust from a state.
-
-        Parameters
-        ----------
-        state : array_like of shape (..., 6) [m, m/s]
-            State at the start, in the chief's frame.
-        acceleration : array_like of shape (..., 3) [m/s^2]
-            Thrust acceleration, constant in the chief's turning frame.
-        duration : array_like of shape (...) [s]
-            Above 0.
-        start : array_like of shape (...) [s], default 0
-            Time of the state, from that of the chief's elements; all arguments broadcast.
-        frame : "orbit"
-            Thrust that is constant in inertial axes holds for circular orbits only.
-
-        Returns
-        -------
-        Path
-            Path of the broadcast shape.
-
-        Raises
-        ------
-        ValueError
-            If a duration is not positive or too long, a time is outside of the span of the chief, shapes do
-            not fit, a number is not finite, or `frame` is not "orbit".
-
-        References
-        ----------
-        docs/motion.md.
-        """
-        if not isinstance(frame, str) or frame != "orbit":
-            raise ValueError(
-                f"frame: 'orbit' for an {self.chief}, not {shown(frame)}; join short burns that turn"
-            )
-        push = finite("acceleration", acceleration, 3)
-        arcs = arcs_from(self._rate, duration, start, state=state, like=push.shape[:-1])
-        arcs[..., PUSH : PUSH + 3] = push
-        return self._path(self._arcs(arcs))
-
-    def sampled(self, times: ArrayLike, states: ArrayLike) -> Path:
-        """Return the path through states: between two of them the transfer of minimum energy.
-
-        Parameters
-        ----------
-        times : array_like of shape (T,) [s]
-            Increasing, T >= 2.
-        states : array_like of shape (..., T, 6) [m, m/s]
-            States at these times, in the chief's frame; the path passes through all of them.
-
-        Returns
-        -------
-        Path
-            Path of the states' leading shape; see its `interpolation_error`.
-
-        Raises
-        ------
-        ValueError
-            If times do not increase, shapes do not fit, a number is not finite, an interval between times
-            is too long or too short, or a time is outside of the span of the chief.
-
-        References
-        ----------
-        docs/motion.md.
-        """
-        instants, points = finite("times", times), finite("states", states, 6)
-        if instants.ndim != 1 or len(instants) < 2 or points.shape[-2:-1] != instants.shape:
-            raise ValueError(
-                "states: expected shape (..., T, 6) for T >= 2 times, "
-                f"got {points.shape} for times of shape {instants.shape}"
-            )
-        if not (np.diff(instants) > 0).all():
-            raise ValueError("times: must increase strictly")
-        arcs, finals = arcs_between(
-            self._rate, points[..., :-1, :], points[..., 1:, :], np.diff(instants), instants[:-1]
-        )
-        rows = self._arcs(arcs).reshape(-1, WIDTH)
-        self._steer(rows, finals)
-        *batch, each, _ = arcs.shape
-        offsets = each * np.arange(int(np.prod(batch, dtype=int)) + 1)
-        return path_of(self, rows, offsets, tuple(batch))
 
     # What paths ask of their orbit
 
@@ -496,6 +254,46 @@ class ChiefOrbit:
         flow, response = np.empty((len(spans), 6, 6)), np.empty((len(spans), 6, COLUMNS - COSTATE))
         kernels.flows(self.chief.table.form, np.ascontiguousarray(spans), flow, response)
         return flow, response
+
+    def _spread(self, begin: float, end: float, per_turn: float, fewest: int) -> Floats:
+        """Return times from `begin` to `end`, so many in a revolution and in all: dense near perigee."""
+        clock = self.chief.table.clock
+        first, last = angles_at(clock, np.array([begin, end]))
+        count = max(fewest, int(np.ceil(per_turn * (last - first) / (2.0 * np.pi))) + 1)
+        times = times_at(clock, np.linspace(first, last, count))
+        times[[0, -1]] = begin, end
+        return times
+
+    def _noise(self, start: float, times: Floats) -> Floats:
+        """Return the covariances (T, 6, 6) that white noise of density 1 from a start to `times` (T,) adds.
+
+        theory (9). W = R P Phi^T: R is the response to the costate at the start, and P gives that costate, by
+        the symplectic form there, as in `covariance_propagation.add_noise`.
+        """
+        rate = self._rate
+        flow, response = self._flows(np.stack([np.full(len(times), start), times], axis=1))
+        back = np.swapaxes(flow, 1, 2)
+        costates = np.concatenate([back[:, 3:], -back[:, :3] - self._skew(start) @ back[:, 3:]], axis=1)
+        out = response[:, :, :6] @ costates
+        unit = np.array([1.0] * 3 + [rate] * 3)
+        found = 0.5 * (out + np.swapaxes(out, 1, 2)) * unit[:, None] * unit / rate**3
+        passed = times - start
+        soon = rate * passed < BRIEF * pace_at(self.chief.table.clock, self._angle(start)) ** 1.5
+        powers = np.array([[passed**3 / 3.0, passed**2 / 2.0], [passed**2 / 2.0, passed]])
+        free = np.kron(powers.transpose(2, 0, 1), np.eye(3))
+        found[soon] = free[soon]
+        return np.asarray(found)
+
+    def _skew(self, time: float) -> Floats:
+        """Return W (3, 3), as `Table.skew`, at any time: carried there from the beginning of its window."""
+        table, angle = self.chief.table, self._angle(time)
+        passed = table.turn * np.floor((angle - table.joints[0]) / table.turn) if table.turn else 0.0
+        k = min(int(np.searchsorted(table.joints, angle - passed, side="right")), len(table.joints) - 1) - 1
+        begin = times_at(table.clock, np.array(passed + table.joints[k]))
+        back = np.linalg.inv(self._flows(np.array([[min(begin, time), time]]))[0][0])
+        form = np.zeros((6, 6))
+        form[:3, :3], form[:3, 3:], form[3:, :3] = table.skew(k), np.eye(3), -np.eye(3)
+        return np.asarray((back.T @ form @ back)[:3, :3])
 
     def _flow(self, arcs: Floats) -> Floats:
         """Return the transition matrices (M, 6, 6) over arcs (M, 30)."""
@@ -580,7 +378,3 @@ class ChiefOrbit:
             return out
         out *= effort.BANG_BANG * (path.arcs[:, END] - path.arcs[:, START]) ** 2
         return np.asarray(np.maximum.reduceat(out, path.offsets[:-1]))
-
-    def _path(self, arcs: Any) -> Path:
-        rows = np.ascontiguousarray(arcs).reshape(-1, WIDTH)
-        return path_of(self, rows, np.arange(len(rows) + 1), arcs.shape[:-1])

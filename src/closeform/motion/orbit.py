@@ -4,27 +4,32 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, finite, instance, number, positive, shown, size
-from closeform.motion.arc import END, MEAN_MOTION, PUSH, START, WIDTH
+from closeform.motion.arc import END, MEAN_MOTION, START, WIDTH
 from closeform.motion.chief.ellipse import ellipse_of
 from closeform.motion.chief.kepler import KeplerChief
 from closeform.motion.chief.oblate_or_supplied import GivenChief, OblateChief
 from closeform.motion.chief_orbit import ChiefOrbit
 from closeform.motion.effort import totals
 from closeform.motion.elements.circular import CircularOrbit
-from closeform.motion.elements.elements import inertial_from_elements
-from closeform.motion.elements.mean_motion import EARTH_J2, EARTH_MU, EARTH_RADIUS
-from closeform.motion.ends import arcs_between, arcs_from
+from closeform.motion.elements.elements import ellipse, inertial_from_elements
+from closeform.motion.elements.mean_motion import (
+    EARTH_J2,
+    EARTH_MU,
+    EARTH_RADIUS,
+    mean_motion_from_semi_major_axis,
+)
+from closeform.motion.ends import arcs_between
 from closeform.motion.minimum_delta_v.within_limit import limited
 from closeform.motion.path import Path, evaluate, path_of
+from closeform.motion.reference_orbit import ReferenceOrbit
 from closeform.motion.sampling import arcs_through, fired_at_ends
 from closeform.motion.steering import fix_inertially, steer
-from closeform.motion.two_impulse import drifts
 
 if TYPE_CHECKING:
     from closeform.fuel.thrusters import Thrusters
@@ -33,12 +38,13 @@ MOST_REVOLUTIONS = 1000.0  # of a span that is integrated: half a minute
 
 
 @dataclass(frozen=True)
-class Orbit(CircularOrbit):
+class Orbit(CircularOrbit, ReferenceOrbit):
     """A circular reference orbit, in whose rotating frame spacecraft move.
 
     States are positions and their rates: x radial outward, y along the velocity, z along the orbit
     normal.  In deep space the frame does not rotate.  A motion lasts at least 1e-12 s and at most 1e6
-    orbits.  `Orbit.eccentric`, `Orbit.perturbed` and `Orbit.from_transition` return orbits of other chiefs.
+    orbits.  `Orbit.eccentric`, `Orbit.from_elements`, `Orbit.perturbed` and
+    `Orbit.from_transition` return orbits of other chiefs.
 
     Parameters
     ----------
@@ -117,6 +123,38 @@ class Orbit(CircularOrbit):
         return ChiefOrbit(KeplerChief.at(*size_and_shape, anomaly, mu))
 
     @staticmethod
+    def from_elements(elements: ArrayLike, mu: float = EARTH_MU) -> ChiefOrbit:
+        """Return the orbit of a chief on an ellipse from its elements, such as `chief.elements`.
+
+        Parameters
+        ----------
+        elements : array_like of shape (6,) [m, rad, no unit, no unit, rad, rad]
+            Elements [a, u, ex, ey, i, O] at time 0, as in `inertial_from_elements`.
+        mu : float [m^3/s^2], default that of the Earth
+            Gravitational parameter of the body.
+
+        Returns
+        -------
+        ChiefOrbit
+            Orbit as by `eccentric`, with the chief's shape and anomaly.
+
+        Raises
+        ------
+        ValueError
+            If the elements are not six of an ellipse with an eccentricity up to 0.9, or `mu` is not positive.
+
+        References
+        ----------
+        docs/elements.md.
+        """
+        a, u, ex, ey, *_ = ellipse("elements", elements)
+        if np.ndim(a):
+            raise ValueError(f"elements: expected those of one chief, got shape {np.shape(elements)}")
+        size, e = ellipse_of(float(np.hypot(ex, ey)), float(a), None, mu, 0.0)
+        rate = float(mean_motion_from_semi_major_axis(size, number("mu", mu)))
+        return ChiefOrbit(KeplerChief(rate, e, float(u - np.arctan2(ey, ex))))
+
+    @staticmethod
     def perturbed(
         eccentricity: float,
         inclination: float,
@@ -148,7 +186,7 @@ class Orbit(CircularOrbit):
         true_anomaly : float [rad], default 0
             The chief's true anomaly at time 0.
         span : float [s], default one day
-            The chief is integrated from time 0 to this time, once; about 20 ms for each revolution.
+            The chief is integrated from time 0 to this time, once; about 10 ms for each revolution.
         j2 : float, no unit, default that of the Earth
             Oblateness of the body.
         mu : float [m^3/s^2], default that of the Earth
@@ -253,196 +291,37 @@ class Orbit(CircularOrbit):
         _ = chief.table  # to refuse a matrix that does not fit here, not later
         return ChiefOrbit(chief)
 
-    def coast(self, state: ArrayLike, duration: ArrayLike, start: ArrayLike = 0.0) -> Path:
-        """Return natural motion from a state.
+    @property
+    def _rate(self) -> float:
+        return self.mean_motion
 
-        Parameters
-        ----------
-        state : array_like of shape (..., 6) [m, m/s]
-            State at the start, in the rotating frame.
-        duration : array_like of shape (...) [s]
-            Above 0.
-        start : array_like of shape (...) [s], default 0
-            Time of the state; all arguments broadcast.
+    def _arcs(self, arcs: Floats) -> Floats:
+        return arcs
 
-        Returns
-        -------
-        Path
-            Path of the broadcast shape.
+    def _steer(self, arcs: Floats, finals: Floats) -> None:
+        steer(self.mean_motion, arcs, finals)
 
-        Raises
-        ------
-        ValueError
-            If a duration is not positive or too long, shapes do not fit, or a number is not finite.
-
-        References
-        ----------
-        docs/theory.md section 1.
-        """
-        return self._path(arcs_from(self.mean_motion, duration, start, state=state))
-
-    def transfer(
+    def _within_limit(
         self,
         initial: ArrayLike,
         final: ArrayLike,
         duration: ArrayLike,
-        start: ArrayLike = 0.0,
-        max_acceleration: ArrayLike | None = None,
-        cost: Literal["energy", "delta-v"] = "energy",
+        start: ArrayLike,
+        limit: ArrayLike,
+        delta_v: bool,
     ) -> Path:
-        """Return the optimal path between two states: of minimum control energy, or of minimum delta-v.
-
-        Parameters
-        ----------
-        initial : array_like of shape (..., 6) [m, m/s]
-            State at the start, in the rotating frame.
-        final : array_like of shape (..., 6) [m, m/s]
-            State at the end, in the rotating frame.
-        duration : array_like of shape (...) [s]
-            Above 0.
-        start : array_like of shape (...) [s], default 0
-            Time of the initial state; all arguments broadcast, so that `transfer(a[:, None], b, T).energy` is
-            the matrix of costs from every a to every b.
-        max_acceleration : array_like of shape (...) [m/s^2], default None
-            Limit of the thrust acceleration; None for no limit.
-        cost : {"energy", "delta-v"}, default "energy"
-            Quantity to minimise: control energy, or the integral of |thrust|.  Minimum delta-v consists of
-            burns at the limit with coasts between them, and of impulses if there is no limit (`impulsive`).
-
-        Returns
-        -------
-        Path
-            Path of the broadcast shape.  It keeps the limit to 1e-9, and its cost exceeds a lower bound,
-            which is computed with it, by at most a relative 1e-6.
-
-        Raises
-        ------
-        ValueError
-            If it is proven that no thrust within the limit achieves the transfer: the message names the
-            spacecraft and a sufficient limit; if a limit or a duration is not positive, a duration is too
-            long, shapes do not fit, or a number is not finite.
-
-        References
-        ----------
-        docs/theory.md section 2, from docs/theory.md (7) and docs/theory.md (8); with limits docs/theory.md
-        section 6, from docs/theory.md (31) on.
-
-        Examples
-        --------
-        >>> orbit = cf.Orbit.circular(500e3)
-        >>> path = orbit.transfer([0, -200, 0, 0, 0, 0], np.zeros(6), orbit.period / 2)
-        >>> bool(np.allclose(path.position(path.end), 0.0))
-        True
-        """
-        if not isinstance(cost, str) or cost not in ("energy", "delta-v"):
-            raise ValueError(f'cost: expected "energy" or "delta-v", got {shown(cost)}')
-        if cost == "delta-v" and max_acceleration is None:
-            return self.impulsive(initial, final, duration, start)
         arcs, finals = arcs_between(self.mean_motion, initial, final, duration, start)
-        steer(self.mean_motion, arcs.reshape(-1, WIDTH), finals)
-        if max_acceleration is None:
-            return self._path(arcs)
+        self._steer(arcs.reshape(-1, WIDTH), finals)
         ends = finals.reshape(*arcs.shape[:-1], 6)
-        rows, offsets, shape, _ = limited(self.mean_motion, arcs, ends, max_acceleration, cost == "delta-v")
+        rows, offsets, shape, _ = limited(self.mean_motion, arcs, ends, limit, delta_v)
         return path_of(self, rows, offsets, shape)
 
-    def two_impulse(
-        self, initial: ArrayLike, final: ArrayLike, duration: ArrayLike, start: ArrayLike = 0.0
-    ) -> Path:
-        """Return the coast between two states, with an impulse at each end.
-
-        Parameters
-        ----------
-        initial : array_like of shape (..., 6) [m, m/s]
-            Before the first impulse, in the rotating frame.
-        final : array_like of shape (..., 6) [m, m/s]
-            After the last one, in the rotating frame.
-        duration : array_like of shape (...) [s]
-            Above 0.
-        start : array_like of shape (...) [s], default 0
-            Time of the first impulse; all arguments broadcast.
-
-        Returns
-        -------
-        Path
-            Path of the broadcast shape.
-
-        Raises
-        ------
-        ValueError
-            If no two impulses reach a final position in the duration (the message gives the miss distance), a
-            duration is not positive or too long, shapes do not fit, or a number is not finite.
-
-        Notes
-        -----
-        At times when an initial velocity has no effect along some direction, as after half an orbit, either
-        many coasts reach a position or none does. Of many, the result minimises the sum of both impulses
-        squared.
-
-        References
-        ----------
-        Clohessy and Wiltshire, J. Aerospace Sciences 27(9), 653-658, 1960; docs/motion.md.
-        """
-        return drifts(self, *arcs_between(self.mean_motion, initial, final, duration, start))
-
-    def impulsive(
-        self,
-        initial: ArrayLike,
-        final: ArrayLike,
-        duration: ArrayLike,
-        start: ArrayLike = 0.0,
-        thrusters: Thrusters | None = None,
-    ) -> Path:
-        """Return the minimum-delta-v impulses between two states in a given time: at most six.
-
-        Parameters
-        ----------
-        initial : array_like of shape (..., 6) [m, m/s]
-            Before the first impulse, in the rotating frame.
-        final : array_like of shape (..., 6) [m, m/s]
-            After the last one, in the rotating frame.
-        duration : array_like of shape (...) [s]
-            Above 0, at most 100 orbits.
-        start : array_like of shape (...) [s], default 0
-            Departure time; all arguments broadcast, and a batch is computed on all cores.
-        thrusters : Thrusters, optional
-            Use these thrusters only, and sum delta-v over them: several that fire at once are as many
-            impulses.
-
-        Returns
-        -------
-        Path
-            Path of the broadcast shape; `impulses` lists times and velocity changes of one spacecraft.
-
-        Raises
-        ------
-        ValueError
-            If a duration is not positive or too long, shapes do not fit, a number is not finite, or the
-            thrusters cannot achieve a transfer (the message states why).
-
-        Notes
-        -----
-        `least_delta_v` reports the certified bound on the cost. If several plans have the same cost, the
-        result is one of them. In deep space it equals `two_impulse`; between states of one natural motion
-        there is no impulse.
-
-        References
-        ----------
-        Lawden's primer, by its dual in six unknowns: docs/theory.md (29, 30, 36).
-
-        Examples
-        --------
-        >>> orbit = cf.Orbit.circular(500e3)
-        >>> path = orbit.impulsive([0, -200, 0, 0, 0, 0], np.zeros(6), orbit.period)
-        >>> len(path.impulses), round(path.delta_v, 4)
-        (4, 0.0235)
-        """
+    def _least_impulses(self, arcs: Floats, finals: Floats, thrusters: Thrusters | None) -> Path:
         # Imported here so that a program without impulses neither compiles them nor loads linear
         # programming.
         from closeform.motion.minimum_delta_v.impulse_arcs import flown_arcs
         from closeform.motion.minimum_delta_v.impulses import answers
 
-        arcs, finals = arcs_between(self.mean_motion, initial, final, duration, start)
         given = self.mean_motion, arcs.reshape(-1, WIDTH), finals
         if thrusters is None:
             found = answers(*given)
@@ -453,87 +332,9 @@ class Orbit(CircularOrbit):
         rows, offsets = flown_arcs(*given, found)
         return path_of(self, rows, offsets, arcs.shape[:-1])
 
-    def burn(
-        self,
-        state: ArrayLike,
-        acceleration: ArrayLike,
-        duration: ArrayLike,
-        start: ArrayLike = 0.0,
-        frame: Literal["orbit", "inertial"] = "orbit",
-    ) -> Path:
-        """Return motion under constant thrust from a state.
-
-        Parameters
-        ----------
-        state : array_like of shape (..., 6) [m, m/s]
-            State at the start, in the rotating frame.
-        acceleration : array_like of shape (..., 3) [m/s^2]
-            Thrust acceleration in `frame`.
-        duration : array_like of shape (...) [s]
-            Above 0.
-        start : array_like of shape (...) [s], default 0
-            Time of the state; all arguments broadcast.
-        frame : "orbit" or "inertial", default "orbit"
-            Frame in which the thrust is constant: the rotating one, or inertial axes equal to the orbit's at
-            time 0.
-
-        Returns
-        -------
-        Path
-            Path of the broadcast shape.
-
-        Raises
-        ------
-        ValueError
-            If a duration is not positive or too long, shapes do not fit, a number is not finite, or `frame`
-            is unknown.
-
-        References
-        ----------
-        docs/theory.md section 1; docs/motion.md.
-        """
-        if not isinstance(frame, str) or frame not in ("orbit", "inertial"):
-            raise ValueError(f"frame: 'orbit' or 'inertial', not {shown(frame)}")
-        push = finite("acceleration", acceleration, 3)
-        arcs = arcs_from(self.mean_motion, duration, start, state=state, like=push.shape[:-1])
-        arcs[..., PUSH : PUSH + 3] = push
-        if frame == "inertial":
-            fix_inertially(self.mean_motion, arcs)
-        return self._path(arcs)
-
-    def sampled(self, times: ArrayLike, states: ArrayLike) -> Path:
-        """Return the path through states: natural motion where spacecraft coast, cubics elsewhere.
-
-        Parameters
-        ----------
-        times : array_like of shape (T,) [s]
-            Increasing, T >= 2.
-        states : array_like of shape (..., T, 6) [m, m/s]
-            States at these times, in the rotating frame; the path passes through all of them.
-
-        Returns
-        -------
-        Path
-            Path of the states' leading shape; see its `interpolation_error` and `cubic_share`.
-
-        Raises
-        ------
-        ValueError
-            If times do not increase, shapes do not fit, a number is not finite, or an interval between times
-            is too long.
-
-        Notes
-        -----
-        Between two samples the path is the optimal transfer in this orbit if that needs less than a tenth of
-        the energy of a cubic: there the spacecraft nearly coasts.  Otherwise it is the cubic (Hermite), which
-        is the transfer at n = 0: for samples h apart its position error is at most h^4/384 max|r''''|, its
-        velocity error h^3/124 max|r''''|, per axis.
-
-        References
-        ----------
-        docs/theory.md section 2; docs/ephemerides.md.
-        """
-        return self._through(times, states)
+    def _fixed_inertially(self, arcs: Floats) -> Floats:
+        fix_inertially(self.mean_motion, arcs)
+        return arcs
 
     def _through(self, times: ArrayLike, states: ArrayLike, arrivals: Floats | None = None) -> Path:
         """Return the path that interpolates samples.
@@ -567,13 +368,14 @@ class Orbit(CircularOrbit):
         totals(path.arcs, path.offsets, self.mean_motion, what, out)
         return out
 
+    def _spread(self, begin: float, end: float, per_turn: float, fewest: int) -> Floats:
+        """Return times from `begin` to `end`, at least so many in a revolution and in all."""
+        turns = (end - begin) / self.period if self.mean_motion else 1.0
+        return np.linspace(begin, end, max(fewest, int(np.ceil(per_turn * turns)) + 1))
+
     def _flow(self, arcs: Floats) -> Floats:
         """Return the transition matrices (M, 6, 6) over arcs (M, 30)."""
         return self.transition(arcs[:, END] - arcs[:, START])
-
-    def _path(self, arcs: Any) -> Path:
-        rows = np.ascontiguousarray(arcs).reshape(-1, WIDTH)
-        return path_of(self, rows, np.arange(len(rows) + 1), arcs.shape[:-1])
 
 
 def circular_orbit(name: str, orbit: Any) -> Orbit:

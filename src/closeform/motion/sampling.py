@@ -16,13 +16,8 @@ from closeform.motion.steering import steer
 COASTING = 0.1
 
 
-def arcs_through(
-    mean_motion: float, times: ArrayLike, states: ArrayLike, arrivals: Floats | None = None
-) -> Floats:
-    """Return arcs (..., T - 1, 30) that connect states (..., T, 6) at times (T,).
-
-    Where `arrivals` (..., T, 6) differ from `states`, arcs end there, and an impulse follows.
-    """
+def nodes_of(times: ArrayLike, states: ArrayLike) -> tuple[Floats, Floats]:
+    """Return increasing times (T,) and the states (..., T, 6) at them, validated."""
     instants = finite("times", times)
     nodes = finite("states", states, 6)
     if instants.ndim != 1 or len(instants) < 2 or nodes.shape[-2:-1] != instants.shape:
@@ -32,6 +27,17 @@ def arcs_through(
         )
     if not (np.diff(instants) > 0).all():
         raise ValueError("times: must increase strictly")
+    return instants, nodes
+
+
+def arcs_through(
+    mean_motion: float, times: ArrayLike, states: ArrayLike, arrivals: Floats | None = None
+) -> Floats:
+    """Return arcs (..., T - 1, 30) that connect states (..., T, 6) at times (T,).
+
+    Where `arrivals` (..., T, 6) differ from `states`, arcs end there, and an impulse follows.
+    """
+    instants, nodes = nodes_of(times, states)
     if wrong := flaw(np.diff(instants), mean_motion):
         raise ValueError(f"times: each interval {wrong}")
     arcs = np.zeros((*nodes.shape[:-2], len(instants) - 1, WIDTH))

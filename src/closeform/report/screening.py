@@ -272,7 +272,7 @@ FIGURES = (
 SAMPLES = 201  # instants in states.parquet
 TUBE = 3.0  # sigmas
 SURE_OF_ENCOUNTER = (
-    ("Clearance in sigmas", "certified for the Gaussian errors of the message, in Hill's equations"),
+    ("Clearance in sigmas", "certified for the Gaussian errors of the message, in linear relative motion"),
     ("ever inside, mean entries", "estimated: the 95 % interval covers sampling and quadrature"),
     ("short encounter (2-D)", "its assumptions, straight motion and constant errors, may not hold"),
 )
@@ -338,7 +338,7 @@ class EncounterReport:
             f"{first} and {second}, closest at {message.tca} UTC",
             f"Miss distance {encounter.distance:.3f} m ({place}), relative speed {encounter.speed:.6g} m/s",
             f"Radius of both bodies {self.radius:g} m; evaluated for {span:.6g} s before and after, "
-            f"in the Hill frame of {message.objects[0].name}",
+            f"in the turning frame of {message.objects[0].name}",
         )
 
     @property
@@ -392,10 +392,10 @@ class EncounterReport:
 
     @property
     def limits(self) -> Iterator[str]:
-        """The assumptions of Hill's equations for this encounter."""
+        """The assumptions of linear relative motion for this encounter."""
         yield (
-            "Both objects follow Hill's equations about the first one: a circular orbit, a point mass, no "
-            "other force. Errors are Gaussian and propagated by the same equations."
+            "The second object moves relative to the first one to first order in their distance. The first "
+            "is on an ellipse about a point mass, with no other force. Errors are Gaussian and move likewise."
         )
         looked = 2.0 * self.encounter.path.end
         yield f"The time before and after these {looked:.6g} s is not evaluated."
@@ -434,7 +434,7 @@ class EncounterReport:
             "miss_distance_m": met.distance,
             "relative_speed_m_s": met.speed,
             "window_s": met.path.end,
-            "mean_motion_rad_s": met.path.orbit.mean_motion,
+            "mean_motion_rad_s": 2.0 * np.pi / met.path.orbit.period,
             "sigmas": float(self.clearance.sigmas),
             "sigmas_time_s": float(self.clearance.time),
             "warnings": list(met.warnings),

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from closeform.arrays import Floats, broadcast, instance, number, shown
-from closeform.conflicts.two_paths import check_comparable, craft_of, require_hill
+from closeform.conflicts.two_paths import check_comparable, craft_of
 from closeform.motion.arc import END, IMPULSE, START
 from closeform.motion.chief_orbit import ChiefOrbit
 from closeform.motion.duration import MOST_ORBITS
@@ -141,7 +141,11 @@ def _safe_beside_chief(
 ) -> bool | NDArray[np.bool_]:
     """Return `passively_safe` about a chief that is not on a circle."""
     if not isinstance(failure, ThrustLost) or failing == "both":
-        require_hill(path, "failure, failing: other failures than ThrustLost of one spacecraft")
+        raise ValueError(
+            "failure, failing: only ThrustLost of one spacecraft is judged about an "
+            f"{path.orbit.chief}; failures with several unknowns "  # type: ignore[attr-defined]
+            "are searched about a circular orbit"
+        )
     if not np.isfinite(number("until", until)):
         raise ValueError(
             f"until: must be finite about an {path.orbit}, whose drifts have no closed form; give a time in s"
@@ -171,7 +175,8 @@ def drift_approach(
     Parameters
     ----------
     path : Path
-        Path of one spacecraft, or a batch.
+        Path of one spacecraft, or a batch, about a circular orbit or in deep space: about other chiefs only
+        the verdict for a zone is searched (`passively_safe`).
     other : Path
         Path of the spacecraft that the zone is around, or a batch, in the same orbit; batch shapes broadcast.
     zone : Zone
@@ -197,13 +202,19 @@ def drift_approach(
     ------
     ValueError
         If a path that does not fail ends before `until`, `until` is before the end of a path that fails,
-        impulses would be stuck on, the orbits differ, batch shapes do not broadcast, or an argument is
-        of another type.
+        impulses would be stuck on, the orbits differ, batch shapes do not broadcast, an argument is of
+        another type, or the chief is not on a circle.
 
     References
     ----------
     docs/theory.md section 8; docs/passive_safety.md.
     """
+    if isinstance(instance("path", path, Path).orbit, ChiefOrbit):
+        raise ValueError(
+            f"path: the closest of all drifts is searched about a circular orbit only, not about an "
+            f"{path.orbit.chief}; "  # type: ignore[attr-defined]
+            "passively_safe gives the verdict for a zone, also an enlarged one"
+        )
     found = [
         _columns_of(which, rows, zone, sides, ends)
         for which, rows, zone, sides, ends in _worst(path, other, zone, until, failure, failing, SAME)

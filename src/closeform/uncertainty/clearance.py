@@ -10,10 +10,12 @@ import numpy as np
 
 from closeform.arrays import broadcast
 from closeform.conflicts.two_paths import check_comparable, closest_approach, craft_of
+from closeform.motion.chief_orbit import ChiefOrbit
 from closeform.motion.path import Path
 from closeform.result import Rows
 from closeform.uncertainty.covariance_propagation import propagate_errors
-from closeform.uncertainty.errors import Uncertainty, one_for_each
+from closeform.uncertainty.errors import Uncertainty, beside_chief, one_for_each
+from closeform.uncertainty.sigmas.beside_chief import least_of_all
 from closeform.uncertainty.sigmas.levels import least_of_pairs
 from closeform.uncertainty.sigmas.tube import tube_for
 from closeform.zones.zone import Zone
@@ -92,14 +94,22 @@ def clearance_in_sigmas(
     """
     check_comparable(path, other, zone)
     shape = broadcast(path=path.shape, other=other.shape)
-    one = propagate_errors(path, one_for_each("errors", errors, len(path.offsets) - 1))
-    two = propagate_errors(other, one_for_each("other_errors", other_errors, len(other.offsets) - 1))
+    own = one_for_each("errors", errors, len(path.offsets) - 1)
+    others = one_for_each("other_errors", other_errors, len(other.offsets) - 1)
     first, second = craft_of(path, shape), craft_of(other, shape)
     mean = closest_approach(path, other, zone)
     time, sigmas = np.array(mean.time).reshape(-1), np.zeros(len(first))
     apart = np.reshape(mean.ratio, -1) > 1.0
-    found = np.empty((int(apart.sum()), 2))
-    least_of_pairs(one, two, first[apart], second[apart], tube_for(zone, path.orbit.mean_motion), -1.0, found)
+    apart &= np.isfinite(time)
+    sigmas[~np.isfinite(time)] = np.inf
+    if isinstance(path.orbit, ChiefOrbit):
+        pair = beside_chief(path, own), beside_chief(other, others)
+        found = least_of_all(path, other, first[apart], second[apart], zone, *pair)
+    else:
+        found = np.empty((int(apart.sum()), 2))
+        both = propagate_errors(path, own), propagate_errors(other, others)
+        tube = tube_for(zone, path.orbit.mean_motion)
+        least_of_pairs(*both, first[apart], second[apart], tube, -1.0, found)
     time[apart], sigmas[apart] = found.T
     if not shape:
         return SigmaApproach(float(sigmas[0]), float(time[0]))

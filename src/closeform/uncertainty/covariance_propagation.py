@@ -34,6 +34,7 @@ from closeform.motion.arc import (
     thrusts,
 )
 from closeform.motion.certified_march import locate
+from closeform.motion.chief_orbit import ChiefOrbit
 from closeform.motion.hill import coast, response
 from closeform.motion.linear import triangle
 from closeform.motion.path import Path
@@ -283,5 +284,8 @@ def uncertainty_at_end(errors: "Uncertainty", path: Path) -> "Uncertainty":
     Burns, impulses and noise on the path have added their errors; the execution errors ahead are unchanged.
     Roots are propagated, so that directions keep their digits.  # theory (51)
     """
+    if isinstance(path.orbit, ChiefOrbit):
+        (root,) = errors._roots(path, np.array([path.end]))
+        return errors._with_root(np.asarray(np.linalg.qr(root.T, mode="r")).T)
     _, roots = propagate_to_ends(path, [errors])
     return errors._with_root(roots[0])

@@ -1,4 +1,4 @@
-"""Encounter of a conjunction message: two inertial states at closest approach, in one Hill frame."""
+"""Encounter of a conjunction message: two inertial states at closest approach, in the frame of the first."""
 
 from __future__ import annotations
 
@@ -9,21 +9,22 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, positive, shown
+from closeform.motion.chief.ellipse import LARGEST
+from closeform.motion.chief.kepler import KeplerChief
+from closeform.motion.chief_orbit import ChiefOrbit
 from closeform.motion.elements.frames import relative_from_inertial
 from closeform.motion.elements.mean_motion import EARTH_MU
-from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path
 from closeform.result import Result
 from closeform.uncertainty.covariance import root_of
 from closeform.uncertainty.errors import Uncertainty, one_state
 
-CIRCULAR, TOO_ECCENTRIC = 0.005, 0.1
-FAR = 0.01  # of the orbit's radius: largest separation for Hill's equations
+FAR = 0.01  # of the orbit's radius: largest separation for linear relative motion
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Encounter(Result):
-    """Two objects near closest approach, in the Hill frame of the primary; created by `Encounter.of`.
+    """Two objects near closest approach, in the turning frame of the primary; created by `Encounter.of`.
 
     `path`, `other`, `errors` and `other_errors` are arguments of `collision_probability`.
 
@@ -42,9 +43,9 @@ class Encounter(Result):
     speed : float [m/s]
         Relative speed at time 0, in inertial axes.
     eccentricity : float, no unit
-        Eccentricity of the primary's orbit, which is approximated by a circle.
+        Eccentricity of the primary's orbit.
     warnings : tuple of str
-        Reasons for inaccurate results; empty where Hill's equations hold.
+        Reasons for inaccurate results; empty where linear relative motion holds.
     """
 
     path: Path
@@ -91,18 +92,14 @@ class Encounter(Result):
         Returns
         -------
         Encounter
-            Paths and uncertainties in the primary's Hill frame, which rotates at its true rate.
+            Paths and uncertainties in the primary's frame, which rotates at its true rate: relative motion
+            of first order about the primary's ellipse.
 
         Raises
         ------
         ValueError
-            If the primary's orbit is open or has an eccentricity above 0.1, the distance exceeds a hundredth
+            If the primary's orbit is open or has an eccentricity above 0.9, the distance exceeds a hundredth
             of its radius, a covariance is invalid, or another argument is.
-
-        Notes
-        -----
-        The motion is that about a circle of the primary's semi-major axis. An eccentricity above 0.005 gives
-        a warning: at 0.012 the errors in Alfano's cases are 0 to 3.5 %.
 
         References
         ----------
@@ -113,17 +110,17 @@ class Encounter(Result):
             raise ValueError(f'axes: expected "rtn" or "inertial", got {shown(axes)}')
         root_of("covariance", covariance)
         root_of("secondary_covariance", secondary_covariance)
-        orbit, eccentricity = _circle(chief, positive("mu", mu, " m^3/s^2"))
+        orbit, eccentricity = _orbit_of(chief, positive("mu", mu, " m^3/s^2"))
         relative = relative_from_inertial(chief, deputy)
         radius, distance = float(np.linalg.norm(chief[:3])), float(np.linalg.norm(relative[:3]))
         if distance > FAR * radius:
             raise ValueError(
-                f"secondary: {distance:.4g} m from the primary, but Hill's equations hold up to "
-                f"{FAR * radius:.4g} m; give states at closest approach"
+                f"secondary: {distance:.4g} m from the primary, but linear relative motion holds up "
+                f"to {FAR * radius:.4g} m; give states at closest approach"
             )
         speed = float(np.linalg.norm(deputy[3:] - chief[3:]))
         half = _half_window(half_window, orbit, FAR * radius, speed)
-        start = orbit.transition(-half) @ relative
+        start = orbit.transition(-half, 0.0) @ relative
         path = orbit.coast(start, 2 * half, start=-half)
         other = orbit.coast(np.zeros(6), 2 * half, start=-half)
         if axes == "rtn":
@@ -140,28 +137,30 @@ class Encounter(Result):
             distance,
             speed,
             eccentricity,
-            tuple(_warnings(eccentricity, distance, radius, errors, other_errors)),
+            tuple(_warnings(distance, radius, errors, other_errors)),
         )
 
 
-def _circle(chief: Floats, mu: float) -> tuple[Orbit, float]:
-    """Return the circular approximation of the primary's orbit, and its true eccentricity."""
+def _orbit_of(chief: Floats, mu: float) -> tuple[ChiefOrbit, float]:
+    """Return the primary's orbit, with its true anomaly at time 0, and its eccentricity."""
     position, velocity = chief[:3], chief[3:]
     radius = float(np.linalg.norm(position))
     inverse = 2.0 / radius - float(velocity @ velocity) / mu
     if not inverse > 0.0:
         raise ValueError(f"primary: not on a closed orbit with mu = {mu:g} m^3/s^2; are states in m and m/s?")
-    momentum = np.cross(position, velocity)
-    eccentricity = float(np.linalg.norm(np.cross(velocity, momentum) / mu - position / radius))
-    if eccentricity > TOO_ECCENTRIC:
+    momentum = float(np.linalg.norm(np.cross(position, velocity)))
+    ahead, outward = momentum**2 / (mu * radius) - 1.0, momentum * float(position @ velocity) / (mu * radius)
+    eccentricity = float(np.hypot(ahead, outward))  # of which these are the parts along the radius and across
+    if eccentricity > LARGEST:
         raise ValueError(
-            f"primary: eccentricity {eccentricity:.3f} with states in m and m/s; Hill's equations are "
-            f"limited to {TOO_ECCENTRIC:g}"
+            f"primary: eccentricity {eccentricity:.3f} with states in m and m/s; tables of relative motion "
+            f"are limited to {LARGEST:g}"
         )
-    return Orbit.from_semi_major_axis(1.0 / inverse, mu), eccentricity
+    anomaly = float(np.arctan2(outward, ahead))
+    return ChiefOrbit(KeplerChief.at(1.0 / inverse, eccentricity, anomaly, mu)), eccentricity
 
 
-def _half_window(given: float | None, orbit: Orbit, far: float, speed: float) -> float:
+def _half_window(given: float | None, orbit: ChiefOrbit, far: float, speed: float) -> float:
     """Return a quarter of the period, or the time for which the two are near each other."""
     if given is None:
         quarter = 0.25 * orbit.period
@@ -169,14 +168,9 @@ def _half_window(given: float | None, orbit: Orbit, far: float, speed: float) ->
     return positive("half_window", given, " s")
 
 
-def _warnings(eccentricity: float, distance: float, radius: float, *errors: Uncertainty) -> list[str]:
-    """Return warnings on model errors of Hill's equations that matter here."""
+def _warnings(distance: float, radius: float, *errors: Uncertainty) -> list[str]:
+    """Return warnings on model errors of linear relative motion that matter here."""
     found = []
-    if eccentricity > CIRCULAR:
-        found.append(
-            f"the primary's eccentricity is {eccentricity:.4f}: Hill's equations assume a circular orbit, "
-            "and results have errors of some percent"
-        )
     curved = distance**2 / (2.0 * radius)
     least = float(np.sqrt(np.linalg.eigvalsh(sum(one.state[:3, :3] for one in errors))[0].clip(0.0)))
     if curved > 0.1 * least and curved > 1.0:

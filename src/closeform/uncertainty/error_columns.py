@@ -10,6 +10,7 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, START, STATE, THRUST, WIDTH
+from closeform.motion.joining import stack
 from closeform.motion.path import Path, of_one_craft, path_of, runs_of
 from closeform.uncertainty.covariance_propagation import BURN_ERRORS, ROW, burn_error_arc
 
@@ -30,6 +31,34 @@ def columns_of(path: Path, errors: Uncertainty) -> Path:
     offsets = np.cumsum([0, *map(len, found)])
     arcs = np.concatenate([np.empty((0, WIDTH)), *found])
     return path_of(path.orbit, arcs, offsets, (len(found),))
+
+
+def columns_of_pair(
+    path: Path, other: Path, errors: Uncertainty | None, other_errors: Uncertainty | None
+) -> Path:
+    """Return the error columns (m,) of one craft relative to another, natural ones merged to six."""
+    pairs = [(one, known) for one, known in ((path, errors), (other, other_errors)) if known is not None]
+    columns = [columns_of(*pair) for pair in pairs]
+    every = [each[k] for each in columns for k in range(len(each))]
+    if not every:
+        return path_of(path.orbit, np.empty((0, WIDTH)), np.zeros(1, dtype=np.int64), (0,))
+    return merged(stack(every), max(path.start, other.start), min(path.end, other.end))
+
+
+def merged(columns: Path, start: float, end: float) -> Path:
+    """Return the same errors with fewer columns: all natural ones become the six of a state."""
+    rows = columns.arcs
+    forced = rows[:, IMPULSE : IMPULSE + 3].any(axis=1) | rows[:, THRUST:].any(axis=1)
+    forced |= columns.orbit._interpolates(rows)
+    natural = ~np.logical_or.reduceat(forced, columns.offsets[:-1])
+    if not natural.any():
+        return columns
+    states = columns[natural]._evaluate_rows(np.array([[start]]))[:, 0]
+    root = np.linalg.qr(states, mode="r")  # of the covariance states.T @ states
+    coasts = columns.orbit.coast(root, end - start, start=start)
+    rest = columns[~natural]
+    every = [coasts[k] for k in range(len(coasts))] + [rest[k] for k in range(len(rest))]
+    return stack(every) if every[len(coasts) :] else coasts
 
 
 def executed_path(path: Path, columns: Path, sizes: Floats) -> Path:
@@ -78,7 +107,7 @@ def impulse_errors(jump: Floats, errors: Uncertainty) -> Floats:
 def _coasts(path: Path, start: float, state: Floats) -> Floats:
     """Return arcs at rest up to a start, then natural motion from a state."""
     arcs = np.zeros((2, WIDTH))
-    arcs[:, MEAN_MOTION] = path.orbit.mean_motion
+    arcs[:, MEAN_MOTION] = path.orbit._column
     arcs[:, START], arcs[:, END] = (path.start, start), (start, path.end)
     arcs[1, STATE : STATE + 6] = state
     return arcs if start > path.start else arcs[1:]
@@ -106,7 +135,7 @@ def _of_burns(path: Path, errors: Uncertainty) -> Iterator[Floats]:
     burns = burn_ranges(path) if errors.magnitude or errors.pointing else []
     for first, last in burns:
         arcs = path.arcs[first:last]
-        for forced in _forced(path.orbit.mean_motion, arcs, errors):
+        for forced in _forced(path.orbit._column, arcs, errors):
             _set_states(path, forced)
             before = _coasts(path, arcs[0, START], np.zeros(6))[:-1]
             after = _coasts(path, arcs[-1, END], _ends(path, forced[-1:])[0])[-1:]
@@ -137,6 +166,6 @@ def _states(path: Path, arcs: Floats, times: Floats) -> Any:
 def _set_states(path: Path, arcs: Floats) -> None:
     """Set the initial states of the arcs of a burn: from rest, each where the previous one ended."""
     pushed = _ends(path, arcs)
-    carried = path.orbit.transition(arcs[:, END] - arcs[:, START])
+    carried = path.orbit._flow(arcs)
     for k in range(1, len(arcs)):
         arcs[k, STATE : STATE + 6] = carried[k - 1] @ arcs[k - 1, STATE : STATE + 6] + pushed[k - 1]

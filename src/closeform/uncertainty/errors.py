@@ -13,9 +13,13 @@ from numpy.typing import ArrayLike
 
 from closeform.arrays import Floats, finite, number, numbers, shown, size
 from closeform.conflicts.two_paths import Conflict
+from closeform.motion.arc import THRUST
+from closeform.motion.chief_orbit import ChiefOrbit
 from closeform.motion.path import Path, of_one_craft
-from closeform.uncertainty.covariance import axes_of, into_frame, root_of
+from closeform.uncertainty.covariance import axes_of, into_frame, root_of, roots_of
 from closeform.uncertainty.covariance_propagation import covariances, propagate_errors
+from closeform.uncertainty.error_columns import columns_of
+from closeform.uncertainty.sigmas.beside_chief import conflicts_of_all
 from closeform.uncertainty.sigmas.conflicts import search_of, sigma_conflicts
 from closeform.zones.zone import Zone
 
@@ -132,7 +136,7 @@ class Uncertainty:
         Notes
         -----
         The frame rotates, so that its velocities differ by rotation rate x position. From `time` to the start
-        the covariance is propagated by natural motion in the path's circular orbit, without noise.
+        the covariance is propagated by natural motion in the path's orbit, without noise.
 
         References
         ----------
@@ -186,7 +190,7 @@ class Uncertainty:
         when = number("time", time)
         if not np.isfinite(when):
             raise ValueError(f"time: must be finite, got {when:g} s")
-        back = of_one_craft(path).orbit.transition(path.start - when)
+        (back,) = of_one_craft(path).orbit._flow(np.array([[when, path.start]]))
         root: Any = back @ into_frame(chief) @ turned @ root_of("covariance", covariance)
         return cls(None, **execution)._with_root(root)
 
@@ -224,26 +228,47 @@ class Uncertainty:
         """
         times = numbers("time", time)
         of_one_craft(path).state(times)  # raises an error for invalid times
+        if isinstance(path.orbit, ChiefOrbit):
+            root = self._roots(path, times.reshape(-1))
+            return np.asarray((root @ np.swapaxes(root, 1, 2)).reshape(*times.shape, 6, 6))
         propagated = propagate_errors(path, [self])
         out = np.empty((times.size, 6, 6))
         flat = np.ascontiguousarray(times.reshape(-1))
         covariances(path.arcs, path.orbit.mean_motion, propagated.rows, propagated.execution, flat, out)
         return out.reshape(*times.shape, 6, 6)
 
+    def _roots(self, path: Path, times: Floats) -> Floats:
+        """Return roots (T, 6, K) of the covariances beside a chief, of one column for each error."""
+        roots = columns_of(path, self)._evaluate_rows(times[None]).transpose(1, 2, 0)
+        if not self.noise:
+            return roots
+        added = self.noise * path.orbit._noise(path.start, times)  # type: ignore[attr-defined]
+        return np.concatenate([roots, roots_of(added)], axis=2)
+
     @staticmethod
     def _find_conflicts(
         path: Path, other: Path, zone: Zone, errors: Any, other_errors: Any, sigmas: Any
     ) -> tuple[Conflict, ...]:
         """Return the conflicts of two craft with errors, for `find_conflicts`."""
-        one, two = propagate_errors(path, [errors]), propagate_errors(other, [other_errors])
         first = np.zeros(1, dtype=np.int64)
+        if isinstance(path.orbit, ChiefOrbit):
+            pair = beside_chief(path, [errors]), beside_chief(other, [other_errors])
+            _, rows = conflicts_of_all(path, other, first, first, zone, *pair, size("sigmas", sigmas))
+            return tuple(Conflict(*map(float, row)) for row in rows)
+        one, two = propagate_errors(path, [errors]), propagate_errors(other, [other_errors])
         found = sigma_conflicts(one, two, first, first, zone, path.orbit.mean_motion, size("sigmas", sigmas))
         return tuple(Conflict(*map(float, row[1:])) for row in found)
 
     @staticmethod
     def _search_of(paths: Path, errors: Any, zones: Sequence[Zone], sigmas: Any) -> Any:
         """Return the search of pairs with errors, for `screen`."""
-        propagated = propagate_errors(paths, one_for_each("errors", errors, len(paths.offsets) - 1))
+        known = one_for_each("errors", errors, len(paths.offsets) - 1)
+        if isinstance(paths.orbit, ChiefOrbit):
+            each, k = beside_chief(paths, known), size("sigmas", sigmas)
+            return lambda zone, first, second: conflicts_of_all(
+                paths, paths, first, second, zone, each, each, k
+            )
+        propagated = propagate_errors(paths, known)
         return search_of(propagated, zones, paths.orbit.mean_motion, size("sigmas", sigmas))
 
     @property
@@ -263,11 +288,16 @@ class Uncertainty:
 
     def _check_for(self, path: Path) -> None:
         """Raise ValueError for thrust errors on a sampled path, and warn of mixed units."""
-        n = path.orbit.mean_motion
+        n = 2.0 * np.pi / path.orbit.period
         if (self.magnitude or self.pointing or any(self.impulse)) and np.any(path.cubic_share):
             raise ValueError(
                 "errors: execution errors require a path with known thrust, not a sampled path; give "
                 "`state` and `noise` only"
+            )
+        if self.pointing and isinstance(path.orbit, ChiefOrbit) and path.arcs[:, THRUST:].any():
+            raise ValueError(
+                "errors: pointing errors of burns are supported about a circular orbit only, not about an "
+                f"{path.orbit.chief}; leave `pointing` out, or plan impulses and give `impulse`"
             )
         place, speed = (float(np.sqrt(np.trace(self.state[k : k + 3, k : k + 3]))) for k in (0, 3))
         if MIXED * n * place < speed < EXACT * n * place and not _nearly_singular(self.state):
@@ -306,6 +336,18 @@ def one_state(name: str, value: ArrayLike) -> Floats:
     if state.shape != (6,):
         raise ValueError(f"{name}: expected one state of shape (6,), got {state.shape}")
     return state
+
+
+def beside_chief(path: Path, errors: list[Uncertainty | None]) -> list[Uncertainty | None]:
+    """Return errors that a search of k sigmas beside a chief can take; raise ValueError for noise."""
+    for one in errors:
+        if one is not None and one.noise:
+            raise ValueError(
+                "errors: process noise within k sigmas is supported about a circular orbit only, not about "
+                f"an {path.orbit.chief}; leave `noise` out, or use "  # type: ignore[attr-defined]
+                'collision_probability with method="bound"'
+            )
+    return errors
 
 
 def one_for_each(name: str, errors: Any, count: int) -> list[Uncertainty | None]:

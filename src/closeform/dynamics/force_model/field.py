@@ -303,7 +303,7 @@ class Field:
 
         Notes
         -----
-        For a point mass these are the matrices of Yamanaka and Ankersen (`EccentricOrbit`). For J2 those of
+        For a point mass these are the matrices of Yamanaka and Ankersen (`Orbit.eccentric`). For J2 those of
         Gim and Alfriend are first order in J2, in mean elements; here all orders are included, for any field.
 
         References

@@ -71,6 +71,12 @@ def bernstein_of() -> Floats:
 @cache
 def integral_to(degree: int, ends: tuple[float, ...]) -> Floats:
     """Return the matrix from values at the nodes of a degree to integrals from 0 to each of `ends`."""
+    return np.asarray(chebyshev_at(degree + 1, np.array(ends)) @ integral_of(degree))
+
+
+@cache
+def integral_of(degree: int) -> Floats:
+    """Return the matrix from values at the nodes to Chebyshev coefficients of the integral from 0."""
     integrals = np.zeros((degree + 2, degree + 1))
     for k in range(degree + 1):  # of T_k(2 u - 1) by u
         if k == 0:
@@ -80,8 +86,9 @@ def integral_to(degree: int, ends: tuple[float, ...]) -> Floats:
         else:
             integrals[k + 1, k] += 0.25 / (k + 1)
             integrals[k - 1, k] -= 0.25 / (k - 1)
-    at = chebyshev_at(degree + 1, np.array(ends)) - chebyshev_at(degree + 1, np.zeros(1))
-    return np.asarray(at @ integrals @ chebyshev_of(degree))
+    integrals = integrals @ chebyshev_of(degree)
+    integrals[0] -= (chebyshev_at(degree + 1, np.zeros(1)) @ integrals)[0]
+    return np.asarray(integrals)
 
 
 def chebyshev_at(degree: int, u: Floats) -> Floats:

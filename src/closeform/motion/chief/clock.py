@@ -57,6 +57,16 @@ def fill_angles(clock, times, angles):
         angles[k] = angle_at(clock, times[k])
 
 
+def times_at(clock: Floats, angles: Floats) -> Floats:
+    """Return the times [s] of angles of any shape."""
+    return np.asarray((angles - clock[ECCENTRICITY] * np.sin(angles) - clock[PHASE]) / clock[RATE])
+
+
+def pace_at(clock: Floats, angle: float) -> float:
+    """Return dt/ds at an angle, in units of 1/n."""
+    return 1.0 - float(clock[ECCENTRICITY]) * cos(angle)
+
+
 def angles_at(clock: Floats, times: Floats) -> Floats:
     """Return the angles of times of any shape."""
     out = np.empty(times.size)

@@ -3,10 +3,8 @@
     maximise   g . c   subject to   |p(t)| <= 1 at all times,   p(t) = rows(t) c           # theory (27, 29)
 
 Rows are polynomials in each window, so the maxima of |p| over all times are found by hulls and Descartes'
-rule, and g . c over the largest |p| is a lower bound on the delta-v of any thrust.  A barrier on a grid of
-times finds c approximately, and Newton's method on the maxima converges, as in `motion.impulses`; where it
-does not, the maxima join the grid.  Impulses along p at the maxima, corrected so that they make the transfer,
-are a plan; the gap between its cost and the bound is valid however it was found.
+rule, and g . c over the largest |p| is a lower bound on the delta-v of any thrust.  The solver is that of
+`minimum_delta_v.reduced`; time is w + u for u of window w.
 
 `rows` (W, 3, 6, 12) are those of any linear system with bounded |p|: of the transition matrix, or of the
 sensitivities of relative orbital elements.
@@ -15,7 +13,7 @@ sensitivities of relative orbital elements.
 from math import inf, sqrt
 
 import numpy as np
-from numba import float64, int64, void
+from numba import float64, void
 
 from closeform._jit import kernel
 from closeform.arrays import Floats
@@ -23,33 +21,33 @@ from closeform.motion.chief.bernstein import DEGREE, SQUARE, TERMS, changes, cut
 from closeform.motion.chief.segments import FIRST as FIRST_ANGLE
 from closeform.motion.chief.segments import LAST as LAST_ANGLE
 from closeform.motion.chief.segments import ORIGIN, TABLE, WINDOW, share, squared
-from closeform.motion.linear import back_substitute, dot, factorise
-from closeform.motion.minimum_delta_v.barrier import ROWS, SLACK, SQUARES, TIME, WIDTH, climb, overlap
-from closeform.motion.minimum_delta_v.nonnegative import MOST, left_over, nonnegative
-from closeform.motion.minimum_delta_v.reduced import half_solve, independent
+from closeform.motion.linear import factorise
+from closeform.motion.minimum_delta_v.barrier import WIDTH, overlap
+from closeform.motion.minimum_delta_v.nonnegative import MOST
+from closeform.motion.minimum_delta_v.reduced import (
+    ANSWER,
+    COUNT,
+    FIRST,
+    LOWER,
+    ROUNDS,
+    TOUCHING,
+    UNIQUE,
+    UPPER,
+    improve,
+    lay,
+)
 
-# Columns of an answer: bounds, the number of impulses, 1 if the optimal plan is unique, the primer where the
-# first window begins, and of each impulse its window, its place in that, and its velocity.
-LOWER, UPPER, COUNT, UNIQUE, PRIMER, FIRST = 0, 1, 2, 3, 4, 10
-ANSWER = FIRST + 5 * MOST
 SPACING = 4  # times of the first grid in a window
 ROOM = 8  # places of a window among which impulses are chosen
-ROUNDS, NEWTON = 12, 20
-GAP, CLOSER = 3e-3, 0.05  # gap of the barrier at first, and its factor each time
-ENOUGH, FINAL = 1e-10, 1e-12  # gaps at which no round, and no step of Newton's method, follows
-TOUCHING = 0.8  # |p| from which a maximum can become active
-SPARING = 0.1  # cost of a weight where |p| is below 1
-ENDS_THERE = 1e-11  # share of the required change that a plan may leave
-REACH = 0.5  # longest step of Newton's method, as a share of |y|
-RIDGE = 1e-10  # share of the curvature that is added to it
-FALLS = 1e-14  # relative decrease of the bound that counts as rounding
 DEPTH = 50  # of pieces in work
 NARROWEST = 1e-9  # of a window: a shorter piece in which |p| is flat to rounding is one maximum
 
 
 @kernel()
-def rows_at(rows, w, u, basis, out):
-    """Fill `out` (18,) with the rows at u of window w."""
+def rows_at(scene, t, out):
+    """Fill `out` (18,) with the rows at a time."""
+    rows, basis = scene[0], scene[1]
+    w, u = place_of(rows, t)
     weights(u, basis)
     for axis in range(3):
         for i in range(6):
@@ -57,6 +55,33 @@ def rows_at(rows, w, u, basis, out):
             for b in range(TERMS):
                 total += basis[b] * rows[w, axis, i, b]
             out[6 * axis + i] = total
+
+
+@kernel()
+def place_of(rows, t):
+    """Return the window of a time, and the place in it."""
+    w = min(int(t), len(rows) - 1)
+    return w, min(max(t - w, 0.0), 1.0)
+
+
+@kernel()
+def bend_at(scene, t, y, out, rates):
+    """Fill `out` and `rates` (18,), and return the second derivative of |p|^2 / 2."""
+    rows, c = scene[0], scene[2]
+    w, u = place_of(rows, t)
+    bend = 0.0
+    for axis in range(3):
+        for k in range(TERMS):
+            c[0, k] = 0.0
+            for i in range(6):
+                c[0, k] += rows[w, axis, i, k] * y[i]
+        for k in range(TERMS - 2):
+            c[1, k] = DEGREE * (DEGREE - 1.0) * (c[0, k + 2] - 2.0 * c[0, k + 1] + c[0, k])
+        p, rate = value_at(c[0], TERMS, u)
+        bend += rate * rate + p * value_at(c[1], TERMS - 2, u)[0]
+        for i in range(6):
+            out[6 * axis + i], rates[6 * axis + i] = value_at(rows[w, axis, i], TERMS, u)
+    return bend
 
 
 @kernel(void(TABLE, float64[:, ::1], float64[:, :, :, ::1], float64[:, ::1]))
@@ -107,26 +132,13 @@ def primer_rows(table, segments, rows, whole):
 
 
 @kernel()
-def lay(rows, w, u, basis, spare, table, k):
-    """Fill row k of the barrier's grid, for u of window w; its time is w + u."""
-    rows_at(rows, w, u, basis, spare)
-    table[k, TIME] = w + u
-    for i in range(18):
-        table[k, ROWS + i] = spare[i]
-    q = SQUARES
-    for i in range(6):
-        for j in range(i, 6):
-            table[k, q] = overlap(spare, i, j)
-            q += 1
-
-
-@kernel()
-def scale_rows(rows, g, metric, basis, spare):
+def scale_rows(scene, g, metric):
     """Replace rows and g by those of y with c = metric y, so that |y|^2 is the mean of |p|^2."""
+    rows, spare = scene[0], np.empty(18)
     mean, count = np.zeros((6, 6)), SPACING * len(rows)
     for w in range(len(rows)):
         for k in range(SPACING):
-            rows_at(rows, w, k / (SPACING - 1.0), basis, spare)
+            rows_at(scene, w + k / (SPACING - 1.0), spare)
             for i in range(6):
                 for j in range(i, 6):
                     mean[i, j] += overlap(spare, i, j)
@@ -188,9 +200,10 @@ def note(places, squares, count, place, square):
 
 
 @kernel()
-def maxima(rows, y, places, squares, c, stack, ends):
+def maxima(scene, y, places, squares):
     """Fill in the local maxima of |p|^2 from TOUCHING^2 on; return how many, and a bound over all times."""
-    floor, count, slopes = TOUCHING * TOUCHING, 0, np.empty(SQUARE)
+    rows, _, c, stack, ends, slopes = scene
+    floor, count = TOUCHING * TOUCHING, 0
     most, last, rose = floor, 0.0, False
     for w in range(len(rows)):
         for axis in range(3):
@@ -240,222 +253,27 @@ def maxima(rows, y, places, squares, c, stack, ends):
     return count, most
 
 
-@kernel()
-def place_of(rows, place):
-    """Return the window and the place in it of a maximum."""
-    w = min(int(place), len(rows) - 1)
-    return w, min(max(place - w, 0.0), 1.0)
-
-
-@kernel()
-def along(rows, place, y, basis, spare, column):
-    """Fill `column` (9,) with rows' p followed by p, and `spare` with the rows; return |p|."""
-    w, u = place_of(rows, place)
-    rows_at(rows, w, u, basis, spare)
-    for i in range(6):
-        column[i] = 0.0
-    square = 0.0
-    for axis in range(3):
-        p = 0.0
-        for i in range(6):
-            p += spare[6 * axis + i] * y[i]
-        for i in range(6):
-            column[i] += p * spare[6 * axis + i]
-        column[6 + axis] = p
-        square += p * p
-    return sqrt(square)
-
-
-@kernel()
-def keep_plan(rows, y, g, places, weights_of, active, count, basis, spare, answer):
-    """Correct impulses of these weights along p so that they make the transfer; keep them if cheaper."""
-    rest, aim, normal, columns = np.empty(6), y.copy(), np.zeros((6, 6)), np.empty((MOST, 9))
-    trace, total = 0.0, 0.0
-    for turn in range(4):
-        total = 0.0
-        for i in range(6):
-            rest[i] = g[i]
-        for a in range(count):
-            column, weight = columns[a], weights_of[active[a]]
-            total += weight * along(rows, places[active[a]], aim, basis, spare, column)
-            for i in range(6):
-                rest[i] -= weight * column[i]
-                if turn == 0:
-                    for j in range(i, 6):
-                        normal[i, j] += weight * overlap(spare, i, j)
-        if turn == 3:
-            break
-        if turn == 0:
-            for i in range(6):
-                trace += normal[i, i]
-            for i in range(6):
-                normal[i, i] += 1e-14 * trace
-            factorise(normal, 6)
-        back_substitute(normal, rest, 6)
-        for i in range(6):
-            aim[i] += rest[i]
-    if dot(rest, rest) <= ENDS_THERE * ENDS_THERE * dot(g, g) and total < answer[UPPER]:
-        answer[UPPER], answer[COUNT] = total, count
-        for a in range(count):
-            w, u = place_of(rows, places[active[a]])
-            at = FIRST + 5 * a
-            answer[at], answer[at + 1] = w, u
-            for axis in range(3):
-                answer[at + 2 + axis] = weights_of[active[a]] * columns[a, 6 + axis]
-
-
-@kernel()
-def add_curvature(rows, place, y, weight, basis, spare, curvature):
-    """Add `weight` times the Hessian of theory (30) at a maximum of |p|, upper half."""
-    w, u = place_of(rows, place)
-    rates, b, bend = np.empty(18), np.zeros(6), 0.0
-    twice, c = np.empty(TERMS), np.empty(TERMS)
-    for axis in range(3):
-        for k in range(TERMS):
-            c[k] = 0.0
-            for i in range(6):
-                c[k] += rows[w, axis, i, k] * y[i]
-        for k in range(TERMS - 2):
-            twice[k] = DEGREE * (DEGREE - 1.0) * (c[k + 2] - 2.0 * c[k + 1] + c[k])
-        p, rate = value_at(c, TERMS, u)
-        bend += rate * rate + p * value_at(twice, TERMS - 2, u)[0]
-        for i in range(6):
-            value, slope = value_at(rows[w, axis, i], TERMS, u)
-            spare[6 * axis + i], rates[6 * axis + i] = value, slope
-            b[i] += slope * p + value * rate
-    moves = weight / max(-bend, 1e-9) if 0.0 < place < len(rows) and bend < 0.0 else 0.0
-    for i in range(6):
-        for j in range(i, 6):
-            curvature[i, j] += weight * overlap(spare, i, j) + moves * b[i] * b[j]
-
-
-@kernel()
-def keep_bound(answer, metric, y, worth):
-    """Keep a primer that proves a higher bound."""
-    if worth > answer[LOWER]:
-        answer[LOWER] = worth
-        for i in range(6):
-            answer[PRIMER + i] = 0.0
-            for j in range(i, 6):
-                answer[PRIMER + i] += metric[i, j] * y[j]
-
-
-@kernel()
-def newton(rows, g, metric, y, found, work, answer):
-    """Run Newton's method on the local maxima of |p|, theory (30); return how many there are.
-
-    A step that lowers the bound is halved: where |p| is nearly constant maxima move far and vanish.
-    """
-    places, squares, costs, pushes, columns, bent, active = found
-    c, stack, ends, basis, spare = work
-    ahead, step, last, curvature = np.empty(6), np.empty(6), np.empty(6), np.empty((6, 6))
-    count, part, proved = 0, 0.0, 0.0
-    for _ in range(NEWTON):
-        count, most = maxima(rows, y, places, squares, c, stack, ends)
-        if count == 0:
-            break
-        scale = 1.0 / sqrt(most)
-        for i in range(6):
-            y[i] *= scale
-        keep_bound(answer, metric, y, dot(g, y))
-        if dot(g, y) < (1.0 - FALLS) * proved:
-            part *= 0.5
-            for i in range(6):
-                y[i] = last[i] + part * step[i]
-            continue
-        proved = dot(g, y)
-        for k in range(count):
-            along(rows, places[k], y, basis, spare, columns[k])
-            costs[k] = 0.0
-        chosen = nonnegative(columns, count, g, costs, pushes, active)
-        keep_plan(rows, y, g, places, pushes, active, chosen, basis, spare, answer)
-        if answer[UPPER] - answer[LOWER] <= FINAL * answer[LOWER]:
-            answer[UNIQUE] = 1.0 * independent(columns, squares, count, most, active)
-            break
-        trace = 0.0
-        for i in range(6):
-            for j in range(6):
-                curvature[i, j] = 0.0
-        for a in range(chosen):
-            add_curvature(rows, places[active[a]], y, pushes[active[a]], basis, spare, curvature)
-        for i in range(6):
-            trace += curvature[i, i]
-        for i in range(6):
-            curvature[i, i] += RIDGE * trace
-        factorise(curvature, 6)
-        half_solve(curvature, g, ahead)
-        for k in range(count):
-            half_solve(curvature, columns[k], bent[k])
-            costs[k] = 0.5 * (1.0 - squares[k] * scale * scale)
-        chosen = nonnegative(bent, count, ahead, costs, pushes, active)
-        left_over(columns, g, pushes, active, chosen, step)
-        back_substitute(curvature, step, 6)
-        long = dot(step, step)
-        part = min(1.0, REACH * sqrt(dot(y, y) / long)) if long > 0.0 else 0.0
-        for i in range(6):
-            last[i] = y[i]
-            y[i] += part * step[i]
-    return count
-
-
-@kernel()
-def widen(rows, places, count, basis, spare, table, grid):
-    """Add places to the barrier's grid that are not yet on it; return its size."""
-    for k in range(count):
-        on = grid == len(table)
-        for j in range(grid):
-            on = on or abs(table[j, TIME] - places[k]) < 1e-9
-        if not on:
-            w, u = place_of(rows, places[k])
-            lay(rows, w, u, basis, spare, table, grid)
-            grid += 1
-    return grid
-
-
-@kernel(int64(float64[:, :, :, ::1], float64[::1], float64[::1]))
+@kernel(void(float64[:, :, :, ::1], float64[::1], float64[::1]))
 def least_impulses(rows, g, answer):
-    """Fill `answer` (40,) for a required change g (6,) of length one; rows and g are overwritten.
-
-    Returns the number of rounds.
-    """
-    basis, spare, metric, y, near = np.empty(TERMS), np.empty(18), np.empty((6, 6)), np.zeros(6), np.empty(6)
-    scale_rows(rows, g, metric, basis, spare)
-    grid = (SPACING - 1) * len(rows) + 1
-    table, size = np.empty((grid + 2 * ROUNDS * (8 + len(rows)), WIDTH)), ROOM * len(rows) + 8
-    places, squares, costs, pushes = np.empty(size), np.empty(size), np.empty(size), np.empty(size)
-    columns, bent, active = np.empty((size, 9)), np.empty((size, 9)), np.empty(MOST, dtype=np.int64)
-    found = places, squares, costs, pushes, columns, bent, active
-    c, stack, ends = np.empty((3, TERMS)), np.empty((DEPTH, SQUARE)), np.empty(DEPTH)
-    work = c, stack, ends, basis, spare
+    """Fill `answer` (34,) for a required change g (6,) of length one; rows and g are overwritten."""
+    metric, active = np.empty((6, 6)), np.empty(MOST, dtype=np.int64)
+    scene = (
+        *(rows, np.empty(TERMS), np.empty((3, TERMS))),
+        *(np.empty((DEPTH, SQUARE)), np.empty(DEPTH), np.empty(SQUARE)),
+    )
+    scale_rows(scene, g, metric)
+    grid, size = (SPACING - 1) * len(rows) + 1, ROOM * len(rows) + 8
+    table = np.empty((grid + 2 * ROUNDS * (8 + len(rows)), WIDTH))
+    lines, columns = np.empty((4, size)), np.empty((2, size, 9))
+    work = lines[0], lines[1], columns[0], columns[1], lines[2], lines[3], active
     for k in range(grid):
-        w, u = place_of(rows, k / (SPACING - 1.0))
-        lay(rows, w, u, basis, spare, table, k)
+        lay(rows_at, scene, k / (SPACING - 1.0), table, k)
     answer[LOWER], answer[UPPER], answer[UNIQUE] = 0.0, inf, 1.0
-    gap, weight = GAP, sqrt(2.0 * grid / dot(g, g))
-    for turn in range(ROUNDS):
-        weight = climb(table, grid, g, y, gap, weight)
-        if turn:
-            for k in range(min(grid, size)):
-                places[k], costs[k] = table[k, TIME], SPARING * table[k, SLACK]
-                along(rows, places[k], y, basis, spare, columns[k])
-            chosen = nonnegative(columns, min(grid, size), g, costs, pushes, active)
-            keep_plan(rows, y, g, places, pushes, active, chosen, basis, spare, answer)
-        for i in range(6):
-            near[i] = y[i]
-        count, most = maxima(rows, y, places, squares, c, stack, ends)
-        for i in range(6):
-            y[i] *= 0.999 / sqrt(most)
-        grid = widen(rows, places, count, basis, spare, table, grid)
-        count = newton(rows, g, metric, near, found, work, answer)
-        if answer[UPPER] - answer[LOWER] <= ENOUGH * answer[LOWER]:
-            return turn + 1
-        grid = widen(rows, places, count, basis, spare, table, grid)
-        gap *= CLOSER
-    return ROUNDS
+    improve(rows_at, bend_at, maxima, scene, 1.0 * len(rows), metric, g, table, grid, work, answer)
 
 
 def solve(rows: Floats, change: Floats) -> Floats:
-    """Return the answer (40,) for a change (6,) of the functional, of any size."""
+    """Return the answer (34,) for a change (6,) of the functional, of any size, impulses in order of time."""
     answer, size = np.zeros(ANSWER), float(np.linalg.norm(change))
     answer[UNIQUE] = 1.0
     if size == 0.0:
@@ -463,7 +281,7 @@ def solve(rows: Floats, change: Floats) -> Floats:
     least_impulses(np.ascontiguousarray(rows), change / size, answer)
     answer[[LOWER, UPPER]] *= size
     answer[LOWER] = min(answer[LOWER], answer[UPPER])  # a plan may leave 1e-11 of the change
-    impulses = answer[FIRST:].reshape(MOST, 5)[: int(answer[COUNT])]
-    impulses[:, 2:] *= size
-    impulses[:] = impulses[np.lexsort((impulses[:, 1], impulses[:, 0]))]
+    impulses = answer[FIRST:].reshape(MOST, 4)[: int(answer[COUNT])]
+    impulses[:, 1:] *= size
+    impulses[:] = impulses[np.argsort(impulses[:, 0])]
     return answer

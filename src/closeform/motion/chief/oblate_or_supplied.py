@@ -1,10 +1,9 @@
 """Tables of chiefs whose transition matrix is integrated or supplied by the user: J2, and any other dynamics.
 
-Less is proven of them than of an ellipse.  The error of the polynomials is measured at 30 Chebyshev nodes of
-each window.  Between these it is bounded as in `table`, by a remainder that is *estimated*: twenty times the
-largest of the last Chebyshev coefficients of degree 29, which decrease geometrically for analytic motion.
-At the nodes the motion of a J2 chief solves its integral equations to rounding.  The defect between them,
-again that remainder, grows by at most exp(integral of |A| dt) in a window, by Gronwall's inequality.
+The error of the polynomials is measured at 30 Chebyshev nodes of each window.  Between these it is bounded
+as in `table`, by a remainder.  Of a J2 chief the remainder is proven (`oblate_bounds`).  Of a supplied
+matrix, of which only values are known, it is *estimated*: twenty times the largest of the last Chebyshev
+coefficients of degree 29, which decrease geometrically for analytic motion.
 """
 
 from collections.abc import Callable
@@ -17,6 +16,7 @@ from closeform.arrays import Floats
 from closeform.motion.chief.bernstein import DEGREE, chebyshev_at, chebyshev_of, integral_to, nodes
 from closeform.motion.chief.clock import angles_at
 from closeform.motion.chief.kepler import KeplerChief, joints_of
+from closeform.motion.chief.oblate_bounds import ELLIPSES, remainders
 from closeform.motion.chief.table import CHECKS, COLUMNS, Table, build
 
 WANTED = (
@@ -25,7 +25,6 @@ WANTED = (
 LAST, ESTIMATED = 6, 20.0  # coefficients at the end of a series, and the factor from these to what follows
 ROUNDS, CONVERGED = 40, 2e-15  # Picard's iterations of a window; a radian converges in twelve
 MOST = 512  # windows of a period
-GROWTH = 12.0  # bound of exp(integral of |A| dt) over a window of at most a radian
 
 
 def tails_of(values: Floats) -> Floats:
@@ -34,19 +33,25 @@ def tails_of(values: Floats) -> Floats:
     return np.asarray(ESTIMATED * np.abs(series).max(axis=(0, 2)))
 
 
-def table_with(clock: Floats, joints: Floats, inner: Floats, ends: Floats) -> Table:
+def table_with(
+    clock: Floats, joints: Floats, inner: Floats, ends: Floats, tails: tuple[Floats, Floats]
+) -> Table:
     """Return the table of matrices at the nodes (K, CHECKS + 1, 6, 6) and at the ends (K, 6, 6)."""
     low = chebyshev_at(CHECKS, nodes(DEGREE)) @ chebyshev_of(CHECKS)
     first = np.tensordot(low, inner, (1, 1)).swapaxes(0, 1)
     values = np.concatenate([first, ends[:, None], inner], axis=1)
+    return build(clock, joints, 0.0, lambda u: (values, np.abs(values).max(axis=1)), *tails)
+
+
+def estimated(clock: Floats, joints: Floats, inner: Floats, ends: Floats) -> tuple[Floats, Floats]:
+    """Return estimates of the remainders of a table (K, 15), and of its `returns` (K, 9)."""
     tails = np.zeros((len(inner), COLUMNS))
-    tails[:, :6] = GROWTH * tails_of(inner)
+    tails[:, :6] = tails_of(inner)
     reach = (np.diff(joints) * (1.0 + clock[1]))[:, None]
     tails[:, 6:] = (
         reach * tails[:, :6].max(axis=1, keepdims=True) * np.abs(inner).max(axis=(1, 2, 3))[:, None]
     )
-    back = tails[:, 6:] * np.abs(np.linalg.inv(ends)).max(axis=(1, 2))[:, None]
-    return build(clock, joints, 0.0, lambda u: (values, np.abs(values).max(axis=1)), tails, back)
+    return tails, tails[:, 6:] * np.abs(np.linalg.inv(ends)).max(axis=(1, 2))[:, None]
 
 
 def accurate(table: Table, wanted: float) -> bool:
@@ -84,11 +89,15 @@ class OblateChief:
         e, count = self.osculating.eccentricity, len(self.osculating.table.joints)
         clock = self.osculating.table.clock
         first, last = angles_at(clock, np.array(self.span))
+        end = min(last, first + 2.0 * np.pi)  # a revolution tells how many windows are needed
         while True:
-            made = self._with(clock, joints_of(e, count, first, last))
-            if accurate(made, WANTED) or count > MOST:
+            made = self._with(clock, joints_of(e, count, first, end))
+            if not (accurate(made, WANTED) or count > MOST):
+                count += 1 + count // 8
+            elif end == last:
                 return made
-            count += 1 + count // 4
+            else:
+                end = last
 
     def _with(self, clock: Floats, joints: Floats) -> Table:
         """Return the table with given joints."""
@@ -102,25 +111,52 @@ class OblateChief:
         )
         chief = np.empty((len(lengths), len(points), 6))
         state = np.array(self.state) / unit
+        changed = 0.0
         for k in range(len(lengths)):
-            chief[k] = _window(state, integrals * passed[k], strength, bulge)
-            state = chief[k, -1]
+            chief[k], change = _window(state, integrals * passed[k], strength, bulge)
+            state, changed = chief[k, -1], max(changed, change)
         gradients = gradient(chief[:, :-1, :3], strength, bulge)
-        flow = _variations(gradients, integrals * passed[:, None, :])
+        flow, left = _variations(gradients, integrals * passed[:, None, :])
         to_frame, _ = frames(chief, strength, bulge)
         starts = np.concatenate([np.array(self.state)[None] / unit, chief[:-1, -1]])
         begin = frames(starts[:, None], strength, bulge)[1]
         values = to_frame @ flow @ begin
-        return table_with(clock, joints, values[:, :-1], values[:, -1])
+        motion = chief[:, :-1], starts, gradients, gravity(chief[:, :-1, :3], strength, bulge), flow[:, :-1]
+        tails = remainders(
+            *motion,
+            _skew(starts, strength, bulge),
+            _paces(clock[1], joints, passed),
+            (strength, bulge),
+            (changed, left),
+            values[:, :-1],
+        )
+        return table_with(clock, joints, values[:, :-1], values[:, -1], tails)
 
 
-def _variations(gradients: Floats, integrals: Floats) -> Floats:
+def _skew(starts: Floats, strength: float, bulge: float) -> Floats:
+    """Return W (K, 3, 3), twice the cross product with the frame's rate, in states (K, 6)."""
+    there, _ = frames(starts, strength, bulge)
+    return np.asarray(-2.0 * there[:, 3:, :3] @ np.swapaxes(there[:, :3, :3], 1, 2))
+
+
+def _paces(e: float, joints: Floats, passed: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return dt/du of windows: at the nodes (K, 30), at most (K,), and in each ellipse (K, P)."""
+    lengths, turns = np.diff(joints), np.floor((joints - np.pi) / (2.0 * np.pi))
+    ends = np.cos(joints)
+    slow = np.where(np.diff(turns) > 0.0, -1.0, np.minimum(ends[1:], ends[:-1]))
+    tall = 0.25 * lengths[:, None] * (ELLIPSES - 1.0 / ELLIPSES)
+    return passed, lengths * (1.0 - e * slow), lengths[:, None] * (1.0 + e * np.cosh(tall))
+
+
+def _variations(gradients: Floats, integrals: Floats) -> tuple[Floats, float]:
     """Return inertial transition matrices (K, Q + 1, 6, 6) at the points of all windows.
 
-    Picard's iteration, with gradients of gravity (K, Q, 3, 3) and `integrals` (K, Q + 1, Q) over time.
+    Picard's iteration, with gradients of gravity (K, Q, 3, 3) and `integrals` (K, Q + 1, Q) over time; also
+    returns the last change of a position.
     """
     count, points = integrals.shape[:2]
     flow = np.broadcast_to(np.eye(6), (count, points, 6, 6)).copy()
+    converged = False  # one more round then leaves rounding alone
     for _ in range(ROUNDS):
         before = flow[:, :, :3].copy()
         rates = gradients @ flow[:, :-1, :3]
@@ -128,21 +164,29 @@ def _variations(gradients: Floats, integrals: Floats) -> Floats:
         flow[:, :, 3:, 3:] += np.eye(3)
         flow[:, :, :3] = (integrals @ flow[:, :-1, 3:].reshape(count, -1, 18)).reshape(count, points, 3, 6)
         flow[:, :, :3, :3] += np.eye(3)
-        if np.abs(flow[:, :, :3] - before).max() <= CONVERGED:
+        left = float(np.abs(flow[:, :, :3] - before).max())
+        if converged:
             break
-    return flow
+        converged = left <= CONVERGED
+    return flow, left
 
 
-def _window(state: Floats, integrals: Floats, strength: float, bulge: float) -> Floats:
-    """Return the chief's states (Q + 1, 6) at the points of a window, by Picard's iteration."""
+def _window(state: Floats, integrals: Floats, strength: float, bulge: float) -> tuple[Floats, float]:
+    """Return the chief's states (Q + 1, 6) at the points of a window, by Picard's iteration.
+
+    Also returns the last change of a coordinate, relative to the largest.
+    """
     out = np.tile(state, (len(integrals), 1))
+    converged = False
     for _ in range(ROUNDS):
         before = out[:, :3].copy()
         out[:, 3:] = state[3:] + integrals @ gravity(out[:-1, :3], strength, bulge)
         out[:, :3] = state[:3] + integrals @ out[:-1, 3:]
-        if np.abs(out[:, :3] - before).max() <= CONVERGED * np.abs(state[:3]).max():
+        left = float(np.abs(out[:, :3] - before).max() / np.abs(state[:3]).max())
+        if converged:
             break
-    return out
+        converged = left <= CONVERGED
+    return out, left
 
 
 def gravity(places: Floats, strength: float, bulge: float) -> Floats:
@@ -220,7 +264,8 @@ class GivenChief:
                     for a, b in zip(joints, joints[1:], strict=False)
                 ]
             )
-            made = table_with(clock, joints, values[:, :-1], values[:, -1])
+            given = clock, joints, values[:, :-1], values[:, -1]
+            made = table_with(*given, estimated(*given))
             if accurate(made, max(WANTED, 20.0 * self.error)) or count > MOST * (last - first) / (
                 2.0 * np.pi
             ):

@@ -12,7 +12,6 @@ from math import log, sqrt
 from closeform._jit import kernel
 from closeform.kernel_loans import stack_matrix, stack_vector
 from closeform.motion.linear import back_substitute, factorise
-from closeform.motion.minimum_delta_v.primer import position_rows
 
 # A row of the grid holds the time, `rows` (3, 6), the upper half of the Gram matrix of `rows` (21), and space
 # for p, its step and 1 - |p|^2.
@@ -24,60 +23,9 @@ STEPS = 500  # ten times the most that was seen
 
 
 @kernel()
-def orthonormal(n, duration, count, metric):
-    """Fill the upper triangular `metric` (6, 6).
-
-    With c = metric y, |y|^2 is the mean of |p|^2 at equal intervals.
-    """
-    psi, mean = stack_matrix(3, 6), stack_matrix(6, 6)
-    for i in range(6):
-        for j in range(6):
-            mean[i, j] = metric[i, j] = 0.0
-    for k in range(count):
-        position_rows(n, duration * k / (count - 1.0), psi)
-        for axis in range(3):
-            for i in range(6):
-                for j in range(i, 6):
-                    mean[i, j] += psi[axis, i] * psi[axis, j]
-    factorise(mean, 6)  # mean = R' R with rows of R those of `mean` over the roots of the diagonal
-    for j in range(6):
-        metric[j, j] = sqrt(count / mean[j, j])
-        for i in range(j - 1, -1, -1):
-            for k in range(i + 1, j + 1):
-                metric[i, j] -= mean[i, k] / mean[i, i] * metric[k, j]
-
-
-@kernel()
-def through(psi, metric, rows):
-    """Fill `rows` (18,), shape (3, 6): the product psi metric, which maps y as `psi` (3, 6) maps c."""
-    for i in range(3):
-        for j in range(6):
-            total = 0.0
-            for k in range(j + 1):
-                total += psi[i, k] * metric[k, j]
-            rows[6 * i + j] = total
-
-
-@kernel()
 def overlap(rows, i, j):
     """Return the scalar product of columns i and j of `rows` (18,)."""
     return rows[i] * rows[j] + rows[6 + i] * rows[6 + j] + rows[12 + i] * rows[12 + j]
-
-
-@kernel()
-def lay(n, t, metric, table, k):
-    """Fill row k of the grid for time t."""
-    psi, rows = stack_matrix(3, 6), stack_vector(18)
-    position_rows(n, t, psi)
-    through(psi, metric, rows)
-    table[k, TIME] = t
-    for i in range(18):
-        table[k, ROWS + i] = rows[i]
-    q = SQUARES
-    for i in range(6):
-        for j in range(i, 6):
-            table[k, q] = overlap(rows, i, j)
-            q += 1
 
 
 @kernel()

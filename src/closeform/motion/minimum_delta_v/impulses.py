@@ -4,9 +4,8 @@ The maximum of (27), g . c over primers with |p| <= 1, equals the minimum sum of
 convex, with six unknowns for any number of times.                                               # theory (29)
 
 A primer of constant length is tried first (28).  If it is optimal, every instant is, infinitely many
-plans have the same cost, and nonnegative weights choose one.  Otherwise a barrier on a grid of times finds
-an approximation, and Newton's method converges on the local maxima (`reduced`).  Where that stalls the maxima
-are added to the grid and the barrier continues.  Every answer has a certified lower bound, g . c over the
+plans have the same cost, and nonnegative weights choose one.  Otherwise a barrier and Newton's method find
+one (`reduced`).  Every answer has a certified lower bound, g . c over the
 largest |p|, and the cost of a plan that ends in its final state: the gap between them is valid however the
 plan was found.
 
@@ -25,11 +24,11 @@ from closeform.arrays import Floats
 from closeform.kernel_loans import borrowed, stack_matrix, stack_vector
 from closeform.motion.arc import END, START, STATE
 from closeform.motion.duration import MOST_TURNS
-from closeform.motion.linear import dot
-from closeform.motion.minimum_delta_v.barrier import SLACK, TIME, WIDTH, climb, lay, orthonormal
+from closeform.motion.linear import dot, factorise
+from closeform.motion.minimum_delta_v.barrier import TIME, WIDTH
 from closeform.motion.minimum_delta_v.constant_primers import constant_primer
 from closeform.motion.minimum_delta_v.nonnegative import MOST
-from closeform.motion.minimum_delta_v.primer import gained, peaks
+from closeform.motion.minimum_delta_v.primer import gained, peaks, position_rows, rate_rows, square_at
 from closeform.motion.minimum_delta_v.reduced import (
     ANSWER,
     COUNT,
@@ -40,26 +39,89 @@ from closeform.motion.minimum_delta_v.reduced import (
     TOUCHING,
     UNIQUE,
     UPPER,
+    improve,
     keep_bound,
+    lay,
     natural,
-    newton,
     weigh,
 )
 
 GRID, GRID_PER_TURN = 13, 12.0  # times of the barrier's grid
 FINER = 4  # grids of times, each four times as fine as the last, around the times used
-NEAR = 3e-3  # gap to which the barrier is solved at first
-CLOSER = 0.05  # factor of that gap each time the barrier continues
-ROUNDS = 12
-ENOUGH = 1e-10  # gap at which no further method is tried
-SPARING = 0.1  # cost of a weight where |p| is below 1
 EXACT = 1e-15  # share of the states: a smaller change is rounding, for each radian
 CHUNK = 64  # transfers that one thread takes at a time
 
 
 @kernel()
-def try_constant(n, metric, g, start, table, grid, times, columns, costs, weights, active, answer):
+def orthonormal(n, duration, count, metric):
+    """Fill the upper triangular `metric` (6, 6).
+
+    With c = metric y, |y|^2 is the mean of |p|^2 at equal intervals.
+    """
+    psi, mean = stack_matrix(3, 6), stack_matrix(6, 6)
+    for i in range(6):
+        for j in range(6):
+            mean[i, j] = metric[i, j] = 0.0
+    for k in range(count):
+        position_rows(n, duration * k / (count - 1.0), psi)
+        for axis in range(3):
+            for i in range(6):
+                for j in range(i, 6):
+                    mean[i, j] += psi[axis, i] * psi[axis, j]
+    factorise(mean, 6)  # mean = R' R with rows of R those of `mean` over the roots of the diagonal
+    for j in range(6):
+        metric[j, j] = sqrt(count / mean[j, j])
+        for i in range(j - 1, -1, -1):
+            for k in range(i + 1, j + 1):
+                metric[i, j] -= mean[i, k] / mean[i, i] * metric[k, j]
+
+
+@kernel()
+def through(psi, metric, rows):
+    """Fill `rows` (18,), shape (3, 6): the product psi metric, which maps y as `psi` (3, 6) maps c."""
+    for i in range(3):
+        for j in range(6):
+            total = 0.0
+            for k in range(j + 1):
+                total += psi[i, k] * metric[k, j]
+            rows[6 * i + j] = total
+
+
+@kernel()
+def hill_rows(scene, t, rows):
+    """Fill `rows` (18,), which map y to the primer at time t."""
+    n, metric = scene
+    psi = stack_matrix(3, 6)
+    position_rows(n, t, psi)
+    through(psi, metric, rows)
+
+
+@kernel()
+def hill_bend(scene, t, y, rows, rates):
+    """Fill `rows` and `rates` (18,), and return the second derivative of |p|^2 / 2."""
+    n, metric = scene
+    psi, c = stack_matrix(3, 6), stack_vector(6)
+    hill_rows(scene, t, rows)
+    rate_rows(n, t, psi)
+    through(psi, metric, rates)
+    natural(metric, y, c)
+    return square_at(n, c, t)[2]
+
+
+@kernel()
+def hill_maxima(scene, y, times, squares):
+    """Find the local maxima of |p|^2, as `primer.peaks`."""
+    n, metric = scene
+    c = stack_vector(6)
+    natural(metric, y, c)
+    return peaks(n, 1.0, c, TOUCHING, times, squares)
+
+
+@kernel()
+def try_constant(scene, g, start, table, grid, work, answer):
     """Try a primer of constant length: keep its bound, and a plan along it if there is one."""
+    n, metric = scene
+    times, _, columns, _, costs, weights, active = work
     c, y = stack_vector(6), stack_vector(6)
     worth, constant = constant_primer(n, start, c)
     keep_bound(answer, c, worth)
@@ -76,7 +138,7 @@ def try_constant(n, metric, g, start, table, grid, times, columns, costs, weight
     for _ in range(FINER):
         for k in range(size):
             costs[k] = 0.0
-        count = weigh(n, metric, y, g, times, size, columns, costs, weights, active, answer)
+        count = weigh(hill_rows, scene, y, g, times, size, columns, costs, weights, active, answer)
         if answer[UPPER] - answer[LOWER] <= GAP * answer[LOWER]:
             return
         size = 0
@@ -98,55 +160,24 @@ def spread(n, metric, table):
     grid = int(GRID + GRID_PER_TURN * n / 6.283185307179586)
     orthonormal(n, 1.0, grid, metric)
     for k in range(grid):
-        lay(n, k / (grid - 1.0), metric, table, k)
+        lay(hill_rows, (n, metric), k / (grid - 1.0), table, k)
     return grid
 
 
 @kernel()
-def optimise(n, start, metric, grid, table, times, squares, columns, bent, costs, weights, active, answer):
+def optimise(n, start, metric, grid, table, work, answer):
     """Fill the answer for a required change whose functional (6,) at the start has length one."""
-    g, c, y, near = stack_vector(6), stack_vector(6), stack_vector(6), stack_vector(6)
+    g, scene = stack_vector(6), (n, metric)
     for i in range(6):
-        g[i], y[i] = 0.0, 0.0
+        g[i] = 0.0
         for j in range(i + 1):
             g[i] += metric[j, i] * start[j]
-    try_constant(n, metric, g, start, table, grid, times, columns, costs, weights, active, answer)
+    try_constant(scene, g, start, table, grid, work, answer)
     answer[UNIQUE] = 0.0
     if answer[UPPER] - answer[LOWER] <= GAP * answer[LOWER]:
         return
     answer[UNIQUE] = 1.0
-    gap, weight = NEAR, sqrt(2.0 * grid / dot(g, g))
-    for turn in range(ROUNDS):
-        weight = climb(table, grid, g, y, gap, weight)
-        if turn:
-            for k in range(grid):
-                times[k], costs[k] = table[k, TIME], SPARING * table[k, SLACK]
-            weigh(n, metric, y, g, times, grid, columns, costs, weights, active, answer)
-        for i in range(6):
-            near[i] = y[i]
-        natural(metric, y, c)
-        size, highest = peaks(n, 1.0, c, TOUCHING, times, squares)
-        for i in range(6):
-            y[i] *= 0.999 / sqrt(highest)
-        grid = widen(n, metric, times, size, table, grid)
-        size = newton(n, metric, g, near, times, squares, columns, bent, costs, weights, active, answer)
-        if answer[UPPER] - answer[LOWER] <= ENOUGH * answer[LOWER]:
-            return
-        grid = widen(n, metric, times, size, table, grid)
-        gap *= CLOSER
-
-
-@kernel()
-def widen(n, metric, times, size, table, grid):
-    """Add times to the grid that are not yet on it; return its size."""
-    for k in range(size):
-        on = grid == len(table)
-        for j in range(grid):
-            on = on or abs(table[j, TIME] - times[k]) < 1e-9
-        if not on:
-            lay(n, times[k], metric, table, grid)
-            grid += 1
-    return grid
+    improve(hill_rows, hill_bend, hill_maxima, scene, 1.0, metric, g, table, grid, work, answer)
 
 
 @kernel(
@@ -168,7 +199,7 @@ def least_impulses(n, arcs, finals, table, lines, columns, active, answers):
     """
     arcs, finals, answers = borrowed(arcs), borrowed(finals), borrowed(answers)
     table, lines, columns, active = borrowed(table), borrowed(lines), borrowed(columns), borrowed(active)
-    times, squares, costs, weights = lines[0], lines[1], lines[2], lines[3]
+    work = lines[0], lines[1], columns[0], columns[1], lines[2], lines[3], active
     metric, start, angle, grid = stack_matrix(6, 6), stack_vector(6), 0.0, 0
     for p in range(len(arcs)):
         arc, answer = arcs[p], answers[p]
@@ -189,21 +220,7 @@ def least_impulses(n, arcs, finals, table, lines, columns, active, answers):
             angle = n * t
             grid = spread(angle, metric, table)
         answer[UPPER] = inf
-        optimise(
-            angle,
-            start,
-            metric,
-            grid,
-            table,
-            times,
-            squares,
-            columns[0],
-            columns[1],
-            costs,
-            weights,
-            active,
-            answer,
-        )
+        optimise(angle, start, metric, grid, table, work, answer)
         answer[UPPER] *= size
         answer[LOWER] = min(size * answer[LOWER], answer[UPPER])  # a plan may leave 1e-11 of the change
         for axis in range(3):

@@ -115,12 +115,7 @@ def nearest_times(sampled: SampledTrajectories) -> tuple[Floats, Floats]:
 
     The times are all local minima that contribute to the integral.
     """
-    n = sampled.mean_motion
-    grid = []
-    for begin, end in zip(sampled.edges[:-1], sampled.edges[1:], strict=True):
-        turns = n * (end - begin) / (2.0 * np.pi)
-        grid.append(np.linspace(begin, end, max(9, int(np.ceil(SAMPLES * (turns if n else 1.0))) + 1)))
-    times = np.unique(np.concatenate(grid))
+    times = sampled.spread(SAMPLES)
     distances = entry_rates(sampled, times, 0.0)[:, 1]
     if not np.isfinite(distances).all():
         raise Unresolved
@@ -150,8 +145,7 @@ def passage_edges(sampled: SampledTrajectories, nearest: Floats) -> Floats:
         width = (1.0 + spread) / speed
     start, end = sampled.edges[0], sampled.edges[-1]
     width = np.minimum(width, end - start)
-    n = sampled.mean_motion
-    even = np.linspace(start, end, 5 + int(np.ceil(4 * n * (end - start) / (2.0 * np.pi))))
+    even = sampled.path.orbit._spread(start, end, 4.0, 5)
     about = (nearest[:, None] + width[:, None] * LADDER).ravel()
     about = about[(about > start) & (about < end)]
     return np.unique(np.concatenate([sampled.edges, even, about]))

@@ -27,9 +27,9 @@ from numba import boolean, float64, int64, void
 from closeform._jit import kernel
 from closeform.arrays import Floats
 from closeform.kernel_loans import borrowed, stack_matrix, stack_vector
-from closeform.motion.certified_march import relative_state
+from closeform.motion.chief.bernstein import TERMS
 from closeform.uncertainty.collision.expected_entries import integral
-from closeform.uncertainty.collision.sampled_trajectories import SampledTrajectories
+from closeform.uncertainty.collision.sampled_trajectories import SampledTrajectories, motion_at
 from closeform.uncertainty.collision.short_encounter import probability_inside
 
 BIG = 40.0  # standard deviations: the probability beyond is negligible
@@ -67,8 +67,8 @@ def weight(low, high, plane):
 @kernel()
 def place_line(mean, line, order, n, t, at):
     """Fill `at` (4, 3) with a line at a time of a window: midpoint, direction, and the rates of both."""
-    at[0, 0], at[0, 1], at[0, 2], at[2, 0], at[2, 1], at[2, 2] = relative_state(mean, order, n, t)
-    at[1, 0], at[1, 1], at[1, 2], at[3, 0], at[3, 1], at[3, 2] = relative_state(line, order, n, t)
+    at[0, 0], at[0, 1], at[0, 2], at[2, 0], at[2, 1], at[2, 2] = motion_at(mean, order, n, t)
+    at[1, 0], at[1, 1], at[1, 2], at[3, 0], at[3, 1], at[3, 2] = motion_at(line, order, n, t)
 
 
 @kernel()
@@ -268,7 +268,7 @@ def sample_time(n, length, at):
 @kernel()
 def follow_line(times, orders, n, windows, way, plane, result):
     """Write the probabilities to begin inside and to be ever inside, and the expected entries."""
-    line, spans = stack_matrix(8, 3), np.empty((MOST, 2))
+    line, spans = stack_matrix(TERMS, 3), np.empty((MOST, 2))
     before, between = stack_matrix(4, 3), stack_matrix(4, 3)
     after, at = stack_matrix(4, 3), stack_matrix(4, 3)
     outward, run = stack_matrix(2, 3), stack_vector(7)
@@ -276,7 +276,7 @@ def follow_line(times, orders, n, windows, way, plane, result):
         run[k] = 0.0
     for w in range(len(orders)):
         order, length, mean = orders[w], times[w + 1] - times[w], windows[w, 0]
-        for k in range(8):
+        for k in range(order):
             for i in range(3):
                 line[k, i] = 0.0
                 for j in range(len(way)):
@@ -357,7 +357,7 @@ def _at_angles(sampled: SampledTrajectories, directions: Floats, what: int, angl
 def _along_lines(sampled: SampledTrajectories, directions: Floats, plane: bool) -> Floats:
     """Return the results of lines along some directions (K, M): (K, 3)."""
     out = np.empty((len(directions), 3))
-    held = sampled.times, sampled.orders, sampled.mean_motion, sampled.windows
+    held = sampled.times, sampled.orders, sampled.rate, sampled.windows
     follow_lines(*held, np.ascontiguousarray(directions), plane, out)
     return out
 
@@ -374,11 +374,7 @@ def low_rank_directions(sampled: SampledTrajectories) -> Floats | None:
 
 def _effects(sampled: SampledTrajectories) -> tuple[Floats, Floats]:
     """Return positions (T, 3) and the effect of each error (T, 3, M) over time, in zone coordinates."""
-    n, grid = sampled.mean_motion, []
-    for begin, end in zip(sampled.edges[:-1], sampled.edges[1:], strict=True):
-        turns = n * (end - begin) / (2.0 * np.pi) if n else 1.0
-        grid.append(np.linspace(begin, end, int(np.ceil(SAMPLES * turns)) + 9))
-    mean, factor = sampled.states(np.unique(np.concatenate(grid)))
+    mean, factor = sampled.states(sampled.spread(SAMPLES))
     matrix = sampled.zone.matrix
     return mean[:, :3] @ matrix.T, np.einsum("ij,tjm->tim", matrix, factor[:, :3])
 

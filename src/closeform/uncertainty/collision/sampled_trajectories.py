@@ -4,6 +4,9 @@ A trajectory is the mean motion plus each column times its error. Derivatives at
 motions, so that a trajectory costs one sum per window, and the march that finds conflicts counts its entries.
 Most windows need no march: the whole trajectory lies beyond a plane that touches the zone near the mean.
 
+Beside a chief that is not on a circle, windows have a variable of their own from 0 to 1, and motions are
+polynomials of it (see `table_windows`), of order `TERMS`; the signs of polynomials count the entries.
+
 Process noise acts by changes of velocity between short steps, so that states are exact at the ends of steps
 and paths are continuous. The effect of these changes is a natural motion, which is six more columns. The
 remaining effect of noise within a step is bounded.
@@ -14,7 +17,7 @@ from __future__ import annotations
 import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from math import ceil
+from math import ceil, inf
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,10 +25,11 @@ from numba import float64, int64, void
 
 from closeform._jit import kernel
 from closeform.arrays import Floats, instance
+from closeform.conflicts.beside_chief import DEPTH, excluded, window_changes
 from closeform.conflicts.pair_search import ENTERED, cross
 from closeform.conflicts.two_paths import check_comparable
 from closeform.kernel_loans import borrowed, stack_matrix
-from closeform.motion.arc import ANGLE, END, IMPULSE, MEAN_MOTION, PUSH, START, THRUST, derivatives_at
+from closeform.motion.arc import ANGLE, END, MEAN_MOTION, PUSH, START, THRUST, derivatives_at
 from closeform.motion.certified_march import (
     COAST_ANGLE,
     LESS_PATIENCE,
@@ -34,11 +38,13 @@ from closeform.motion.certified_march import (
     relative_state,
     store,
 )
-from closeform.motion.joining import stack
+from closeform.motion.chief.bernstein import SQUARE, TERMS
+from closeform.motion.chief_orbit import ChiefOrbit
 from closeform.motion.path import Path
 from closeform.uncertainty.covariance import roots_of
-from closeform.uncertainty.error_columns import columns_of
+from closeform.uncertainty.error_columns import columns_of_pair
 from closeform.uncertainty.errors import Uncertainty
+from closeform.uncertainty.table_windows import polynomial_state, table_windows
 from closeform.uncertainty.white_noise import (
     MOST_OFF,
     SAME,
@@ -61,6 +67,14 @@ ROWS, WINDOWS = float64[:, ::1], float64[:, :, :, ::1]
 
 
 @kernel()
+def motion_at(q, order, n, t):
+    """Return position and velocity at time t after the start of a window."""
+    if order == TERMS:
+        return polynomial_state(q, t)
+    return relative_state(q, order, n, t)
+
+
+@kernel()
 def advance(q, order, n, t):
     """Propagate derivatives (8, 3) by a time t."""
     more = stack_matrix(14, 3)
@@ -77,6 +91,28 @@ def advance(q, order, n, t):
         x, y, z, vx, vy, vz = relative_state(more[k:], order, n, t)
         q[k, 0], q[k, 1], q[k, 2] = x, y, z
         q[k + 1, 0], q[k + 1, 1], q[k + 1, 2] = vx, vy, vz
+
+
+@kernel()
+def count_changes(form, q, c, inside, work):
+    """Return whether a polynomial is inside at its end, and its entries; `inside` before its start."""
+    shape, _, faces = form
+    off, stack, ends, places, outs = work
+    for b in range(TERMS):
+        for axis in range(3):
+            c[axis, b] = q[b, axis]
+    if excluded(shape, faces, c, off, stack[0]):
+        return False, 0
+    number, out = window_changes(shape, faces, c, off, stack, ends, places, outs)
+    now = out == 0
+    count = 1 if now and not inside else 0
+    for m in range(number):
+        out += outs[m]
+        if (out == 0) != now:
+            now = not now
+            if now:
+                count += 1
+    return now, count
 
 
 @kernel()
@@ -125,15 +161,16 @@ def fill_planes(times, orders, n, windows, form, planes):
 
     In zone units: at a window's start, at its end, and the sag between, in two parts. A trajectory whose sums
     exceed 1 at both ends by more than its sag has no entry there. All are 0 for a window that is neither
-    natural motion nor cubic.
+    natural motion nor cubic. Of polynomials they are the coefficients (W, 1 + m, 12) of the distance.
     """
     shape, _, faces = form
     for w in range(len(orders)):
-        if orders[w] != 4:
+        order = orders[w]
+        if order == 8:
             continue
         h = times[w + 1] - times[w]
         bend = h if n == 0.0 else min(h, 1.0 / n)
-        x, y, z, _, _, _ = relative_state(windows[w, 0], 4, n, 0.5 * h)
+        x, y, z, _, _, _ = motion_at(windows[w, 0], order, n, 0.5 * h)
         farthest, gx, gy, gz = part(shape, faces, 0, x, y, z)
         for k in range(1, part_count(shape, faces)):
             s, ax, ay, az = part(shape, faces, k, x, y, z)
@@ -141,6 +178,10 @@ def fill_planes(times, orders, n, windows, form, planes):
                 farthest, gx, gy, gz = s, ax, ay, az
         for j in range(len(planes[w])):
             q, row = windows[w, j], planes[w, j]
+            for k in range(order if order == TERMS else 0):
+                row[k] = gx * q[k, 0] + gy * q[k, 1] + gz * q[k, 2]
+            if order == TERMS:
+                continue
             x, y, z, _, _, _ = relative_state(q, 4, n, h)
             row[0] = gx * q[0, 0] + gy * q[0, 1] + gz * q[0, 2]
             row[1] = gx * x + gy * y + gz * z
@@ -152,8 +193,18 @@ def fill_planes(times, orders, n, windows, form, planes):
 def is_beyond(shape, plane, error, scale):
     """Return True if a trajectory stays beyond a window's plane (1 + m, 4), or beyond the opposite one.
 
-    The planes are those of the zone enlarged by `scale`.
+    The planes are those of the zone enlarged by `scale`. Of polynomials all coefficients must be beyond.
     """
+    if plane.shape[1] == TERMS:
+        least, most = inf, -inf
+        for b in range(TERMS):
+            total = plane[0, b]
+            for j in range(len(error)):
+                total += error[j] * plane[j + 1, b]
+            least, most = min(least, total), max(most, total)
+            if least <= BEYOND * scale and (most >= -BEYOND * scale or shape == FACES):
+                return False
+        return True
     first, last, sag, more = plane[0, 0], plane[0, 1], plane[0, 2], plane[0, 3]
     for j in range(len(error)):
         first += error[j] * plane[j + 1, 0]
@@ -183,7 +234,16 @@ def count_trajectories(
     windows, planes, errors, out = borrowed(windows), borrowed(planes), borrowed(errors), borrowed(out)
     flows, ends, pushes = borrowed(flows), borrowed(ends), borrowed(pushes)
     form = form[0], borrowed(form[1]), borrowed(form[2])
-    q, scaled, given, width = stack_matrix(8, 3), stack_matrix(8, 3), errors.shape[1], windows.shape[1] - 1
+    given, width = errors.shape[1], windows.shape[1] - 1
+    q, scaled, c = stack_matrix(TERMS, 3), stack_matrix(TERMS, 3), stack_matrix(3, TERMS)
+    room = 2 * SQUARE + 2 * TERMS * (6 + len(form[2]))
+    work = (
+        np.zeros(3),
+        np.empty((DEPTH, SQUARE)),
+        np.empty(DEPTH),
+        np.empty(room),
+        np.empty(room, dtype=np.int64),
+    )
     xi, moved, inside = np.zeros(width), np.zeros(6), np.zeros(len(factors), dtype=np.bool_)
     for p in range(len(errors)):
         for j in range(width):
@@ -215,7 +275,10 @@ def count_trajectories(
                         )
                         out[p, z, 0] = inside[z]
                     before, span = inside[z], times[w + 1] - times[w]
-                    inside[z], more = count_entries(scaled, orders[w], n, span, form, before)
+                    if orders[w] == TERMS:
+                        inside[z], more = count_changes(form, scaled, c, before, work)
+                    else:
+                        inside[z], more = count_entries(scaled, orders[w], n, span, form, before)
                     out[p, z, 1] += more
                     if w > 0 and not before and more == 0:
                         break  # smaller zones have no entries either
@@ -257,10 +320,11 @@ class SampledTrajectories:
     noise: float  # spectral density of the process noise [m^2/s^3]
     zone: Zone
     edges: Floats
-    times: Floats  # (W + 1,) edges of windows
+    times: Floats  # (W + 1,) edges of windows; 0, 1, ... where these are polynomials
     orders: Any  # (W,)
-    windows: Floats  # (W, 1 + M, 8, 3), or (W, 7 + M, 8, 3) with steps
-    planes: Floats  # (W, 1 + M, 4), or (W, 7 + M, 4)
+    rate: float  # mean motion in the time of windows [rad/s]; 0 of polynomials and in deep space
+    windows: Floats  # (W, 1 + M, 8, 3), (W, 7 + M, 8, 3) with steps, (W, 1 + M, 12, 3) of polynomials
+    planes: Floats  # (W, 1 + M, 4), (W, 7 + M, 4) or (W, 1 + M, 12)
     step: float | None
     instants: Any
     flows: Floats
@@ -280,14 +344,24 @@ class SampledTrajectories:
 
         Without a `step`, process noise is not included in trajectories.
         """
-        n = path.orbit.mean_motion
         rows = np.concatenate([path.arcs, other.arcs, columns.arcs])
         start, end = max(path.start, other.start), min(path.end, other.end)
+        if isinstance(path.orbit, ChiefOrbit):
+            edges = _edges(start, end, rows[:, START])
+            _, windows, _ = table_windows(path, other, columns, zone)
+            count = len(windows)
+            times, held = np.arange(count + 1.0), np.full(count, TERMS)
+            planes = np.zeros((*windows.shape[:2], TERMS))
+            fill_planes(times, held, 0.0, windows, zone.form, planes)
+            return cls(
+                *(path, other, columns, noise, zone, edges, times, held, 0.0),
+                *(windows, planes, None, np.full(count, -1), np.empty((0, 6, 6)), 0.0),
+            )
+        n = path.orbit.mean_motion
         changes = np.empty(0)
         if step is not None:
             changes = start + step * np.arange(ceil((end - start) / step - SAME))
-        joints = np.concatenate([rows[:, START], changes])
-        edges = np.unique(np.concatenate([[start, end], joints[(joints > start) & (joints < end)]]))
+        edges = _edges(start, end, np.concatenate([rows[:, START], changes]))
         thrusting = rows[:, THRUST:].any(axis=1) | (rows[:, MEAN_MOTION] != n)
         bent = n > 0.0 and step is not None  # by natural motion added to cubics
         cubic = (rows[:, MEAN_MOTION] == 0.0) & ~rows[:, PUSH + 3 :].any(axis=1) & (not bent)
@@ -314,19 +388,19 @@ class SampledTrajectories:
         planes = np.zeros((*windows.shape[:2], 4))
         fill_planes(times, held, n, windows, zone.form, planes)
         return cls(
-            *(path, other, columns, noise, zone, edges, times, held),
+            *(path, other, columns, noise, zone, edges, times, held, n),
             *(windows, planes, step, instants, flows, off),
         )
-
-    @property
-    def mean_motion(self) -> float:
-        """Mean motion of the orbit [rad/s]; 0 in deep space."""
-        return self.path.orbit.mean_motion
 
     @property
     def changes(self) -> int:
         """Number of velocity changes by process noise."""
         return int(self.instants.max()) + 1
+
+    def spread(self, per_turn: float) -> Floats:
+        """Return times of the whole motion, so many in a revolution, with all edges."""
+        pairs, orbit = zip(self.edges[:-1], self.edges[1:], strict=True), self.path.orbit
+        return np.unique(np.concatenate([orbit._spread(*pair, per_turn, 9) for pair in pairs]))
 
     def states(self, times: Floats) -> tuple[Floats, Floats]:
         """Return the mean (T, 6) and a factor (T, 6, M) of the covariance of the relative state."""
@@ -345,7 +419,7 @@ class SampledTrajectories:
         """
         held = np.empty((len(errors), 0, 6)) if pushes is None else pushes
         out = np.empty((len(errors), 1, 2), dtype=np.int64)
-        ends = np.zeros((6, 6)) if self.step is None else end_changes(self.mean_motion, self.step)
+        ends = np.zeros((6, 6)) if self.step is None else end_changes(self.rate, self.step)
         with ThreadPoolExecutor(CORES) as pool:
             size = max(1, min(CHUNK // 4, -(-len(errors) // (2 * CORES))))
             jobs = [slice(k, k + size) for k in range(0, len(errors), size)]
@@ -364,7 +438,7 @@ class SampledTrajectories:
         changes, factors, ends = self.changes, np.ones(1), np.zeros((6, 6))
         if self.step is not None:
             factors = np.array([1.0 + self.off, 1.0, 1.0 - self.off])
-            moved = self.mean_motion, self.step
+            moved = self.rate, self.step
             ends = np.ascontiguousarray(np.sqrt(self.noise) * end_changes(*moved) @ step_noise(*moved)[1])
         size = max(1, min(CHUNK, NUMBERS // max(1, 6 * changes)))
 
@@ -385,8 +459,13 @@ class SampledTrajectories:
 
     def _count(self, factors: Floats, ends: Floats, errors: Floats, pushes: Floats, out: Any) -> None:
         """Count the entries of trajectories with the kernel."""
-        held = self.times, self.orders, self.mean_motion, self.windows, self.planes, self.zone.form
+        held = self.times, self.orders, self.rate, self.windows, self.planes, self.zone.form
         count_trajectories(*held, factors, self.instants, self.flows, ends, errors, pushes, out)
+
+
+def _edges(start: float, end: float, times: Floats) -> Floats:
+    """Return a start, an end, and the times between them."""
+    return np.unique(np.concatenate([[start, end], times[(times > start) & (times < end)]]))
 
 
 def natural_derivatives(zone: Zone, n: float) -> Floats:
@@ -405,6 +484,11 @@ def noise_step(path: Path, other: Path, noise: float, zone: Zone) -> float | Non
     """
     if not noise:
         return None
+    if isinstance(path.orbit, ChiefOrbit):
+        raise ValueError(
+            f"errors: process noise is sampled about a circular orbit only, not about an {path.orbit.chief}; "
+            'use method="bound"'
+        )
     n, span = path.orbit.mean_motion, min(path.end, other.end) - max(path.start, other.start)
     step: float = span / ceil(span / step_for_zone(n, noise, zone.inner_radius, span) - SAME)
     if deviation_in_step(noise, step) > MOST_OFF * zone.inner_radius:
@@ -433,30 +517,10 @@ def relative_errors(
             f"other: starts at {other.start:g} s, path at {path.start:g} s; errors hold at the start, "
             "so both must start at the same time"
         )
-    columns, noise = [columns_of(path, errors)], errors.noise
     if other_errors is not None:
         instance("other_errors", other_errors, Uncertainty)
-        columns.append(columns_of(other, other_errors))
-        noise += other_errors.noise
-    every = [each[k] for each in columns for k in range(len(each))]
-    if every:
-        return merged(stack(every), path.start, min(path.end, other.end)), noise
-    if not noise:
+    columns = columns_of_pair(path, other, errors, other_errors)
+    noise = errors.noise + (0.0 if other_errors is None else other_errors.noise)
+    if not len(columns) and not noise:
         raise ValueError("errors: all are zero; give an uncertainty, or use find_conflicts")
-    return columns[0], noise
-
-
-def merged(columns: Path, start: float, end: float) -> Path:
-    """Return the same errors with fewer columns: all natural ones become the six of a state."""
-    rows = columns.arcs
-    forced = rows[:, IMPULSE : IMPULSE + 3].any(axis=1) | rows[:, THRUST:].any(axis=1)
-    forced |= rows[:, MEAN_MOTION] != columns.orbit.mean_motion
-    natural = ~np.logical_or.reduceat(forced, columns.offsets[:-1])
-    if not natural.any():
-        return columns
-    states = columns[natural]._evaluate_rows(np.array([[start]]))[:, 0]
-    root = np.linalg.qr(states, mode="r")  # of the covariance states.T @ states
-    coasts = columns.orbit.coast(root, end - start, start=start)
-    rest = columns[~natural]
-    every = [coasts[k] for k in range(len(coasts))] + [rest[k] for k in range(len(rest))]
-    return stack(every) if every[len(coasts) :] else coasts
+    return columns, noise

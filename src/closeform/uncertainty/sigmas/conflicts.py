@@ -9,7 +9,7 @@ from numba import float64, int64
 
 from closeform._jit import kernel
 from closeform.arrays import Floats
-from closeform.conflicts.pair_search import all_rows, pair_conflicts
+from closeform.conflicts.pair_search import all_rows, conflicts_from, pair_conflicts
 from closeform.conflicts.quick_rejection import count_near, interval, mark_near
 from closeform.conflicts.tracks import NO_TRACKS, Tracks, follow
 from closeform.kernel_loans import borrowed, lent, stack_vector
@@ -39,6 +39,7 @@ from closeform.uncertainty.sigmas.tube import (
     gap_at_sigmas,
     load_tube,
     plane_time,
+    position_inside,
     tube_for,
 )
 from closeform.zones.shapes import inside_step
@@ -47,7 +48,6 @@ from closeform.zones.zone import Zone
 # As in `conflicts.pair_search`, with the accuracy of covariances and planes.
 TOUCH = 1e-11
 ENTRY_AIM, ENTERED, LEFT, EXIT_AIM = 1 + 0.08 * TOUCH, 1 + 0.16 * TOUCH, 1 + 0.4 * TOUCH, 1 + 0.5 * TOUCH
-DEEP, SHALLOW = 0.5, 0.75  # norms of a position well inside: the target, and the accepted value
 
 
 @kernel(inline=True)
@@ -67,23 +67,6 @@ def march_outside(tube, t, span, k, patience):
                 return t, True
         t = min(span, max(t + h, t * (1.0 + 2.3e-16)))
     return t, False
-
-
-@kernel()
-def position_inside(tube, norm, k):
-    """Return the sigmas of a position well inside the zone, or of the deepest one, and its norm."""
-    if norm <= DEEP:
-        return 0.0, norm
-    used = 0.0
-    while True:
-        g = gap_at_sigmas(tube, used, inf)
-        if g <= SHALLOW or used >= k:
-            return used, g
-        best, place = tube.best, tube.place
-        ahead = best[0] * place[0] + best[1] * place[1] + best[2] * place[2]
-        wide = sqrt(tube.along[0])
-        more = (ahead - DEEP) / wide if wide > 0.0 else k
-        used = min(k, max(more, 1.01 * used))
 
 
 @kernel(inline=True)
@@ -169,6 +152,43 @@ def cross_sigmas(scene, _, t, span, inside, patience):
     return march_inside(tube, t, span, k, patience) if inside else march_outside(tube, t, span, k, patience)
 
 
+@kernel()
+def meet_tubes(scene, one, two):
+    """Return False for a pair that never comes near, and the arcs and times from which to search."""
+    tube, first, second, _, times, tracks, other_tracks, near = scene
+    start, end = begin_pair(tube, first, one, second, two)
+    m = 0
+    if not start <= end:
+        return False, (one, two, start, end, m)
+    if len(near) > 0:
+        m, last = interval(times, start), interval(times, end) + 1
+        if count_near(tracks, one, other_tracks, two, m, last) == 0:
+            return False, (one, two, start, end, m)
+        mark_near(tracks, one, other_tracks, two, m, last, near)
+    reset_stalls(tube)
+    return True, (one, two, start, end, m)
+
+
+@kernel()
+def search_tubes(scene, begin, pair, rows, count):
+    """Append the conflicts of a pair; return the new count."""
+    tube, first, second, k, times, _, _, near = scene
+    one, two, start, end, m = begin
+    i_end, j_end = first.offsets[one + 1], second.offsets[two + 1]
+    i = locate(first.arcs, first.offsets[one], i_end, start)
+    j = locate(second.arcs, second.offsets[two], j_end, start)
+    search = first.arcs, i, i_end, second.arcs, j, j_end, start, end, times, near, m, pair, rows, count
+    return pair_conflicts(load_pair, cross_sigmas, (tube, first, one, second, two, k), *search)
+
+
+@kernel()
+def nearest_tubes(scene, begin, row):
+    """Write the time of the minimum level in a conflict, and the level."""
+    tube, first, second, k, _, _, _, _ = scene
+    one, two, _, _, _ = begin
+    row[4], row[3] = least_of_pair(tube, first, one, second, two, row[1], row[2], k, inf, nan)
+
+
 @kernel(
     int64(
         *(ERRORS_TYPE, ERRORS_TYPE, int64[::1], int64[::1], int64, TUBE, float64),
@@ -180,34 +200,9 @@ def sigma_conflicts_of_pairs(one, two, first, second, pair, tube, k, times, trac
     one, two, tube = lent(one), lent(two), lent(tube)
     times, tracks, other_tracks = borrowed(times), borrowed(tracks), borrowed(other_tracks)
     near = np.empty(max(0, len(times) - 1), dtype=np.bool_)
-    count = 0
-    for p in range(pair, len(first)):
-        start, end = begin_pair(tube, one, first[p], two, second[p])
-        if not start <= end:
-            continue
-        m = 0
-        if len(near) > 0:
-            m, last = interval(times, start), interval(times, end) + 1
-            if count_near(tracks, first[p], other_tracks, second[p], m, last) == 0:
-                continue
-            mark_near(tracks, first[p], other_tracks, second[p], m, last, near)
-        i, i_end = one.offsets[first[p]], one.offsets[first[p] + 1]
-        j, j_end = two.offsets[second[p]], two.offsets[second[p] + 1]
-        i, j = locate(one.arcs, i, i_end, start), locate(two.arcs, j, j_end, start)
-        reset_stalls(tube)
-        scene, search = (tube, one, first[p], two, second[p], k), (times, near, m, p, rows, count)
-        total = pair_conflicts(
-            load_pair, cross_sigmas, scene, one.arcs, i, i_end, two.arcs, j, j_end, start, end, *search
-        )
-        if total > len(rows):
-            done[0], done[1] = p, total - count
-            return count
-        for r in range(count, total):
-            begin, leaves = rows[r, 1], rows[r, 2]
-            ratio, when = least_of_pair(tube, one, first[p], two, second[p], begin, leaves, k, inf, nan)
-            rows[r, 3], rows[r, 4] = when, ratio
-        count = total
-    done[0] = len(first)
+    scene = tube, one, two, k, times, tracks, other_tracks, borrowed(near)
+    count = conflicts_from(meet_tubes, search_tubes, nearest_tubes, scene, first, second, pair, rows, done)
+    near[:] = False  # a counted use: the loan ends here
     return count
 
 

@@ -38,6 +38,7 @@ from closeform.zones.zone import Zone
 NEVER = 1e4  # number of sigmas that counts as infinite
 ALMOST = 1e-3  # of a level: planes with less margin beyond it are computed exactly
 SKETCHED = 0.01  # relative deficit of an approximate level
+DEEP, SHALLOW = 0.5, 0.75  # norms of a position well inside: the target, and the accepted value
 COLUMNS = 20  # six settled, four of a burn in progress of either craft, six of noise
 # Entries of `state`: order and mean motion of the mean, number of active columns, noise of both, length of
 # the window, last step of a moving certificate, three times the number of columns at an instant, and the
@@ -177,7 +178,7 @@ def load_tube(tube, one, i, first, two, j, second, t, h):
 @kernel()
 def evaluate_tube(tube, t):
     """Compute the mean, the columns and their covariance at time t of the window; return the mean's norm."""
-    n, rows, at, s = tube.mean_motion, tube.settled, tube.at, tube.square
+    n, rows, at = tube.mean_motion, tube.settled, tube.at
     x, y, z, vx, vy, vz = relative_state(tube.mean, int(tube.state[ORDER]), tube.state[MEAN_RATE], t)
     place = tube.place
     place[0], place[1], place[2], place[3], place[4], place[5] = x, y, z, vx, vy, vz
@@ -200,6 +201,14 @@ def evaluate_tube(tube, t):
                 at[1, width + i] = m[i, 0] * a[3, j] + m[i, 1] * a[4, j] + m[i, 2] * a[5, j]
             width += 3
     tube.state[WIDTH] = width
+    fill_square(tube)
+    return norm(tube.shape, tube.faces, x, y, z)
+
+
+@kernel()
+def fill_square(tube):
+    """Compute the covariance of the columns at the instant."""
+    at, s, width = tube.at, tube.square, int(tube.state[WIDTH])
     xx = xy = xz = yy = yz = zz = 0.0
     for j in range(0, width, 3):
         px, py, pz = at[0, j], at[0, j + 1], at[0, j + 2]
@@ -209,7 +218,6 @@ def evaluate_tube(tube, t):
     s[2, 0], s[2, 1], s[2, 2] = xz, yz, zz
     for i in range(3):  # regularization: without uncertainty the plane would not be unique
         s[i, i] += 1e-16 * (xx + yy + zz)
-    return norm(tube.shape, tube.faces, x, y, z)
 
 
 @kernel()
@@ -231,6 +239,23 @@ def gap_at_sigmas(tube, k, enough):
         search_planes(shape, faces, r, root, k, best)
         evaluate_plane(tube, k)
     return best[3]
+
+
+@kernel()
+def position_inside(tube, norm, k):
+    """Return the sigmas of a position well inside the zone, or of the deepest one, and its norm."""
+    if norm <= DEEP:
+        return 0.0, norm
+    used = 0.0
+    while True:
+        g = gap_at_sigmas(tube, used, inf)
+        if g <= SHALLOW or used >= k:
+            return used, g
+        best, place = tube.best, tube.place
+        ahead = best[0] * place[0] + best[1] * place[1] + best[2] * place[2]
+        wide = sqrt(tube.along[0])
+        more = (ahead - DEEP) / wide if wide > 0.0 else k
+        used = min(k, max(more, 1.01 * used))
 
 
 @kernel()
@@ -318,14 +343,20 @@ def level_of_plane(tube, k):
 
 @kernel()
 def level(tube, t, k, start, enough, fine):
-    """Return the level of the zone, or the sigmas, at contact at time t, from a lower bound `start` or 0.
+    """Return the level of the zone, or the sigmas, at contact at time t, from a lower bound `start` or 0."""
+    if evaluate_tube(tube, t) <= (1.0 if k < 0.0 else 0.0):
+        return 0.0
+    return level_here(tube, k, start, enough, fine)
+
+
+@kernel()
+def level_here(tube, k, start, enough, fine):
+    """Return the level at the instant at which the tube was evaluated.
 
     k < 0: the number of sigmas that touch the zone; otherwise the scale of zone and k sigmas together, which
     is the mean's norm in their sum. It is inf if it is at least `enough`, and approximate unless `fine`.
     Newton's method: g is convex in either, so that it converges from below.
     """
-    if evaluate_tube(tube, t) <= (1.0 if k < 0.0 else 0.0):
-        return 0.0
     s, better = start, start
     for _ in range(40):
         sigmas = s if k < 0.0 else s * k
