@@ -25,8 +25,9 @@ from closeform.arrays import (
 )
 from closeform.fuel.bound import least_delta_v
 from closeform.fuel.thrusters import Thrusters, each_set
+from closeform.motion.chief_orbit import ChiefOrbit
 from closeform.motion.joining import stack
-from closeform.motion.orbit import Orbit, circular_orbit
+from closeform.motion.orbit import Orbit
 from closeform.motion.path import Path, ends_of
 from closeform.planning.bounds.branch_and_bound import GAP
 from closeform.planning.delta_v.unconstrained import costs_alone
@@ -132,7 +133,7 @@ class Request:
                 f"final: {len(places)} states for {count} craft; give one for each, or pass assign=True if "
                 "there are more states than craft"
             )
-        batch = obstacle_batch(circular_orbit("orbit", orbit), obstacles)
+        batch = obstacle_batch(instance("orbit", orbit, Orbit, ChiefOrbit), obstacles)
         extra = 0 if batch is None else len(batch)
         called = _names(names, count, extra)
         limits = (
@@ -271,14 +272,13 @@ class Request:
         """The unconstrained optima, each over the spacecraft's own time."""
         if self.given is not None:
             return stack([transfer_of(self.given)])
-        before = self.orbit.transition(-self.early)
-        finals = (before @ self.places[self.slots][:, :, None])[..., 0]
+        finals = (self._before_slots @ self.places[self.slots][:, :, None])[..., 0]
         return self.orbit.transfer(self.initial, finals, self.durations, self.starts)
 
     @property
     def costs(self) -> Floats:
         """Minimum costs (N, S) of every spacecraft to every slot, without any keep-out zone."""
-        finals = self.places @ self.orbit.transition(-self.early).transpose(0, 2, 1)
+        finals = self.places @ self._before_slots.transpose(0, 2, 1)
         if any(own is not None for own in self.thrusters):
             given = self.orbit, self.initial, finals, self.durations, self.starts
             return costs_alone(*given, self.thrusters, self.names)
@@ -286,9 +286,15 @@ class Request:
         costs: Floats = (
             least_delta_v(self.orbit, begins, finals, durations).lower
             if self.cost == "delta-v"
-            else self.orbit.transfer(begins, finals, durations).energy
+            else self.orbit.transfer(begins, finals, durations, self.starts[:, None]).energy
         )
         return costs
+
+    @property
+    def _before_slots(self) -> Floats:
+        """Matrices (N, 6, 6) from the states at the slots' epoch to those on arrival."""
+        arrivals = self.starts + self.durations
+        return flows(self.orbit, arrivals + self.early, arrivals)
 
     @property
     def longest(self) -> float:
@@ -347,9 +353,17 @@ class Request:
         """
         longest = share * self.durations.max()
         waits = np.linspace(0.0, longest, len(self.initial))
-        initial = (self.orbit.transition(waits) @ self.initial[:, :, None])[..., 0]
+        ahead = flows(self.orbit, self.starts, self.starts + waits)
+        initial = (ahead @ self.initial[:, :, None])[..., 0]
         later = replace(self, initial=initial, early=longest - waits, starts=self.starts + waits)
         return later.cheapest()
+
+
+def flows(orbit: Orbit, since: Floats, until: Floats) -> Floats:
+    """Return the transition matrices (N, 6, 6) of natural motion from times (N,) to others."""
+    if isinstance(orbit, ChiefOrbit):
+        return orbit.transition(until - since, since)
+    return orbit.transition(until - since)
 
 
 def _ends(path: Path) -> dict[str, Any]:

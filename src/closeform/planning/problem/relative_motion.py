@@ -4,18 +4,22 @@ from closeform._jit import kernel
 from closeform.motion.arc import MEAN_MOTION, acceleration, derivatives_at, state_at
 from closeform.motion.certified_march import locate
 from closeform.motion.hill import coast
+from closeform.planning.problem.pieces import add_piece
 
 
 @kernel()
 def add_body(scene, arcs, offsets, body, t, order, out, sign):
-    """Add `sign` times the derivatives of a body's position at time t to `out`."""
+    """Add `sign` times the first `order` derivatives (at most 3 of pieces) of a body's position to `out`."""
     if body < len(scene.base):
-        first, last = offsets[body], offsets[body + 1]
-        derivatives_at(arcs[locate(arcs, first, last, t)], t, order, out, sign)
+        row = arcs[locate(arcs, offsets[body], offsets[body + 1], t)]
     else:
         body -= len(scene.base)
         first, last = scene.other_offsets[body], scene.other_offsets[body + 1]
-        derivatives_at(scene.others[locate(scene.others, first, last, t)], t, order, out, sign)
+        row = scene.others[locate(scene.others, first, last, t)]
+    if len(scene.clock) == 0:
+        derivatives_at(row, t, order, out, sign)
+    else:
+        add_piece(scene.clock, row, t, out, sign)
 
 
 @kernel()
