@@ -301,7 +301,7 @@ def fallen_back(request: Request, plan: Plan) -> tuple[Request, Plan]:
     for fallback in request.if_blocked:
         for changed, words in changes(request, fallback):
             if changed is not request and changed.longest < 1.0:
-                done.append(f"{words}: an obstacle ends before the drift does")
+                done.append(f"{words}: an obstacle or the orbit is not known for so long")
                 continue
             other = attempt(changed, fallback == "more sides")
             done.append(f"{words}: {other.reason}")
@@ -351,7 +351,7 @@ def within_limits(request: Request, plan: Plan) -> tuple[Request, Plan]:
         return request, refused("allow longer, or give more time", least=proven)
     if request.longest <= 1.0 + ROUNDING:
         end = float((request.starts + request.durations).max())
-        remedy = f"give more time, or obstacles that are known beyond {end:.6g} s"
+        remedy = f"give more time, with obstacles and an orbit that are known beyond {end:.6g} s"
         return request, refused(remedy, least=proven)
 
     def attempted(factor: float) -> tuple[Plan, Floats] | None:

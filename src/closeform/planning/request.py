@@ -133,7 +133,7 @@ class Request:
                 f"final: {len(places)} states for {count} craft; give one for each, or pass assign=True if "
                 "there are more states than craft"
             )
-        batch = obstacle_batch(instance("orbit", orbit, Orbit, ChiefOrbit), obstacles)
+        batch = obstacle_batch(check_orbit(orbit, method, cost, drift, (errors,)), obstacles)
         extra = 0 if batch is None else len(batch)
         called = _names(names, count, extra)
         limits = (
@@ -217,7 +217,9 @@ class Request:
             instance("thrusters", thrusters, Thrusters)
             if max_acceleration is not None:
                 raise ValueError(f"max_acceleration: {OWN_LIMITS}; omit it")
-        batch = obstacle_batch(path.orbit, obstacles)
+        batch = obstacle_batch(
+            check_orbit(path.orbit, method, cost, drift, (errors, other_errors)), obstacles
+        )
         if batch is None:
             raise ValueError("obstacles: give at least one path")
         limits = None
@@ -298,15 +300,15 @@ class Request:
 
     @property
     def longest(self) -> float:
-        """Largest factor of all durations for which the obstacles remain known until the horizon ends.
+        """Largest factor of all durations for which obstacles and orbit remain known until the horizon ends.
 
         An obstacle of a formation is absent after its path ends, unless there is a passive-safety horizon.
         """
-        if self.obstacles is None or (self.drift is None and self.given is None):
-            return np.inf
-        last = float((self.starts + self.durations).max()) - ROUNDING * float(self.durations.max())
-        ends = self.obstacles.end[self.obstacles.end >= last] - (self.drift or 0.0)
-        return float(((ends.min(initial=np.inf) - self.starts) / self.durations).min())
+        known = self.orbit.chief.span[1] if isinstance(self.orbit, ChiefOrbit) else np.inf
+        if self.obstacles is not None and (self.drift is not None or self.given is not None):
+            last = float((self.starts + self.durations).max()) - ROUNDING * float(self.durations.max())
+            known = self.obstacles.end[self.obstacles.end >= last].min(initial=known)
+        return float(((known - (self.drift or 0.0) - self.starts) / self.durations).min())
 
     def problem(self) -> Problem:
         """Return the planning problem of this request."""
@@ -357,6 +359,30 @@ class Request:
         initial = (ahead @ self.initial[:, :, None])[..., 0]
         later = replace(self, initial=initial, early=longest - waits, starts=self.starts + waits)
         return later.cheapest()
+
+
+def check_orbit(
+    orbit: Any,
+    method: str,
+    cost: str,
+    drift: float | None,
+    errors: Sequence[Any],
+) -> Any:
+    """Return an orbit in which a plan is supported; raise ValueError with the alternative otherwise."""
+    if not isinstance(instance("orbit", orbit, Orbit, ChiefOrbit), ChiefOrbit):
+        return orbit
+    refused = {
+        "cost: 'delta-v'": (cost == "delta-v", "set cost 'energy', or use impulsive, which knows no zones"),
+        "method: 'sauter-palmer'": (method == "sauter-palmer", "omit it"),
+        "errors": (_any_errors(errors), "omit them, and enlarge the zones by `margin`"),
+        "drift": (drift is not None, "omit it, and check the plan with passively_safe"),
+    }
+    for name, (asked, remedy) in refused.items():
+        if asked:
+            raise ValueError(
+                f"{name}: planned about a circular orbit only, not about an {orbit.chief}; {remedy}"
+            )
+    return orbit
 
 
 def flows(orbit: Orbit, since: Floats, until: Floats) -> Floats:

@@ -12,9 +12,7 @@ state at s to the costate at the end where the state is zero, and C from l = (-p
 from typing import Any
 
 import numpy as np
-from numba import float64, int64, void
 
-from closeform._jit import kernel
 from closeform.arrays import Floats
 from closeform.motion.arc import END, START, STATE, THRUST
 from closeform.motion.chief.bernstein import TERMS
@@ -24,43 +22,23 @@ from closeform.motion.chief.segments import (
     COLUMN,
     FINISH,
     LAST,
-    TABLE,
     WINDOW,
-    blocks_at,
-    share,
-    solve_all,
 )
 from closeform.motion.chief.segments import ORIGIN as WINDOW_ORIGIN
 from closeform.motion.chief.table import COLUMNS, COSTATE, PUSH
 from closeform.motion.chief_orbit import ChiefOrbit
 from closeform.planning.problem.deflection import fill_changes
-from closeform.planning.problem.pieces import AHEAD, BACK, LENGTH, PATHS, PIECE, PLACES
+from closeform.planning.problem.pieces import (
+    AHEAD,
+    BACK,
+    LENGTH,
+    PATHS,
+    PIECE,
+    PLACES,
+    columns_back,
+    flow_at,
+)
 from closeform.planning.problem.scene import Contacts, Scene
-
-
-@kernel(void(TABLE, float64[:, ::1], int64, int64, float64[:, ::1], float64[:, :, ::1]))
-def columns_back(table, segments, first, last, costates, out):
-    """Fill `out` (last - first, 12, 6): columns at the window beginnings of consecutive segments.
-
-    They belong to six optimal paths that reach the origin at rest, with `costates` (6, 6) as columns, at the
-    end of the last segment.
-    """
-    _, joints, _, rows, _ = table
-    flow, response, basis, work = np.empty((6, 6)), np.empty((6, 9)), np.empty(TERMS), np.empty((7, 6))
-    states, ends = np.zeros((6, 6)), costates.copy()
-    for q in range(last - 1, first - 1, -1):
-        k = int(segments[q, WINDOW])
-        u = share(joints, k, segments[q, WINDOW_ORIGIN], segments[q, LAST])
-        blocks_at(rows, k, u, flow, response, basis)
-        solve_all(flow, ends, work)
-        for i in range(6):
-            for j in range(6):
-                for m in range(6):
-                    states[i, j] -= response[i, m] * ends[m, j]
-        solve_all(flow, states, work)
-        for i in range(6):
-            for j in range(6):
-                out[q - first, i, j], out[q - first, 6 + i, j] = states[i, j], ends[i, j]
 
 
 class ChiefPaths:
@@ -85,7 +63,7 @@ class ChiefPaths:
         self.units = self._coefficients(whole, columns)
 
     def _ahead(self, craft: Any) -> Floats:
-        """Return the columns (S, 6, 12) of A at the window beginnings of the segments of each `craft` (S,)."""
+        """Return the columns (S, 6, 12) of A at the window beginnings of segments of each `craft` (S,)."""
         arcs = np.repeat(self.base, 6, axis=0)
         arcs[:, STATE:] = 0.0
         arcs[:, THRUST : THRUST + 6] = np.tile(np.eye(6), (len(self.base), 1))
@@ -205,9 +183,3 @@ def with_coasts(orbit: ChiefOrbit, base: Floats, first: float, last: float) -> t
         found += own
         offsets.append(offsets[-1] + len(own))
     return np.concatenate(found), np.array(offsets, dtype=np.int64)
-
-
-@kernel(void(TABLE, int64, float64, float64[:, ::1], float64[:, ::1]))
-def flow_at(table, k, u, flow, response):
-    """Fill Phi (6, 6) and [R, G] (6, 9) from the beginning of window k to u."""
-    blocks_at(table[3], k, u, flow, response, np.empty(TERMS))

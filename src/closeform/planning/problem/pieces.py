@@ -13,6 +13,7 @@ linear combination of thirteen polynomials, and A, B and their rates are values 
 """
 
 import numpy as np
+from numba import float64, int64, void
 
 from closeform._jit import kernel
 from closeform.kernel_loans import stack_matrix, stack_vector
@@ -20,6 +21,8 @@ from closeform.motion.arc import END, START
 from closeform.motion.certified_march import locate
 from closeform.motion.chief.bernstein import BINOMIAL, CHOOSE, DEGREE, TERMS
 from closeform.motion.chief.clock import ECCENTRICITY, RATE, angle_at
+from closeform.motion.chief.segments import LAST, TABLE, WINDOW, blocks_at, share, solve_all
+from closeform.motion.chief.segments import ORIGIN as WINDOW_ORIGIN
 
 ORIGIN, LENGTH, PLACES = 2, 3, 4  # columns of a piece after its start and end
 PIECE = PLACES + 3 * TERMS
@@ -176,3 +179,34 @@ def deflect_pieces(scene, contacts, count, factors, rows, offsets):
             fill_piece(scene, at, start, end, ahead, back, rows[row])
             row += 1
     offsets[len(scene.base)] = row
+
+
+@kernel(void(TABLE, float64[:, ::1], int64, int64, float64[:, ::1], float64[:, :, ::1]))
+def columns_back(table, segments, first, last, costates, out):
+    """Fill `out` (last - first, 12, 6): columns at the window beginnings of consecutive segments.
+
+    They belong to six optimal paths that reach the origin at rest, with `costates` (6, 6) as columns, at the
+    end of the last segment.
+    """
+    _, joints, _, rows, _ = table
+    flow, response, basis, work = np.empty((6, 6)), np.empty((6, 9)), np.empty(TERMS), np.empty((7, 6))
+    states, ends = np.zeros((6, 6)), costates.copy()
+    for q in range(last - 1, first - 1, -1):
+        k = int(segments[q, WINDOW])
+        u = share(joints, k, segments[q, WINDOW_ORIGIN], segments[q, LAST])
+        blocks_at(rows, k, u, flow, response, basis)
+        solve_all(flow, ends, work)
+        for i in range(6):
+            for j in range(6):
+                for m in range(6):
+                    states[i, j] -= response[i, m] * ends[m, j]
+        solve_all(flow, states, work)
+        for i in range(6):
+            for j in range(6):
+                out[q - first, i, j], out[q - first, 6 + i, j] = states[i, j], ends[i, j]
+
+
+@kernel(void(TABLE, int64, float64, float64[:, ::1], float64[:, ::1]))
+def flow_at(table, k, u, flow, response):
+    """Fill Phi (6, 6) and [R, G] (6, 9) from the beginning of window k to u."""
+    blocks_at(table[3], k, u, flow, response, np.empty(TERMS))
