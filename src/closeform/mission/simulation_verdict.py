@@ -15,6 +15,7 @@ from closeform.arrays import Floats
 from closeform.confidence import estimate
 from closeform.dynamics.model_error_estimate import COASTS, MOVES, model_error
 from closeform.mission.verdict import MET, NOT_MET, SAMPLED, Asked, Margin, Use, beyond
+from closeform.motion.chief_orbit import ChiefOrbit
 from closeform.motion.elements.mean_motion import EARTH_MU, EARTH_RADIUS, semi_major_axis_from_mean_motion
 
 if TYPE_CHECKING:
@@ -144,8 +145,11 @@ class Neglected:
     def on(cls, orbit: "Orbit", scenario: "Scenario") -> "Neglected | None":
         """Return the orbit of a scenario without a high-fidelity model.
 
-        Return None with such a model, in deep space and around other bodies.
+        Return None with such a model, in deep space, about a chief that is not on a circle, and around other
+        bodies.
         """
+        if isinstance(orbit, ChiefOrbit):
+            return None
         n, chief = orbit.mean_motion, scenario.chief
         mu = chief.mu if chief is not None else scenario.orbit.mu or EARTH_MU
         if (

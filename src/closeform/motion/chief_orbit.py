@@ -466,6 +466,11 @@ class ChiefOrbit:
     # What paths ask of their orbit
 
     @property
+    def _model(self) -> str:
+        """Name of the equations of relative motion."""
+        return f"linear motion beside an {self.chief}"
+
+    @property
     def _column(self) -> float:
         """Value of the column MEAN_MOTION of arcs: Hill's kernels make nothing of it."""
         return np.nan

@@ -295,8 +295,7 @@ class Request:
     @property
     def _before_slots(self) -> Floats:
         """Matrices (N, 6, 6) from the states at the slots' epoch to those on arrival."""
-        arrivals = self.starts + self.durations
-        return flows(self.orbit, arrivals + self.early, arrivals)
+        return self.orbit.transition(-self.early, self.starts + self.durations + self.early)
 
     @property
     def longest(self) -> float:
@@ -355,7 +354,7 @@ class Request:
         """
         longest = share * self.durations.max()
         waits = np.linspace(0.0, longest, len(self.initial))
-        ahead = flows(self.orbit, self.starts, self.starts + waits)
+        ahead = self.orbit.transition(waits, self.starts)
         initial = (ahead @ self.initial[:, :, None])[..., 0]
         later = replace(self, initial=initial, early=longest - waits, starts=self.starts + waits)
         return later.cheapest()
@@ -383,13 +382,6 @@ def check_orbit(
                 f"{name}: planned about a circular orbit only, not about an {orbit.chief}; {remedy}"
             )
     return orbit
-
-
-def flows(orbit: Orbit, since: Floats, until: Floats) -> Floats:
-    """Return the transition matrices (N, 6, 6) of natural motion from times (N,) to others."""
-    if isinstance(orbit, ChiefOrbit):
-        return orbit.transition(until - since, since)
-    return orbit.transition(until - since)
 
 
 def _ends(path: Path) -> dict[str, Any]:

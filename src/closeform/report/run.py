@@ -239,7 +239,7 @@ def of_stage(mission: Mission, result: StageResult[Any, Any]) -> Iterator[tuple[
     if not result.flown:
         return
     if "within" in stage.durations:
-        asked = stage.durations["within"].on(mission.orbit.mean_motion)
+        asked = stage.durations["within"].on(mission.orbit.period)
         took = f"takes {result.end - result.start:.1f} s"
         yield f"{where}: within {asked:.1f} s", took, result.late is None
     arrival = getattr(stage, "arrival", None)

@@ -294,7 +294,11 @@ def located(
         return scenario
     field = None
     if chief is not None:
-        scenario = replace(scenario, chief=chief, orbit=scenario.orbit.following(chief))
+        try:
+            scenario = replace(scenario, chief=chief, orbit=scenario.orbit.following(chief, scenario.stages))
+        except ValueError as error:
+            complain(("orbit", "chief"), str(error))
+            return scenario
         if not found.sound(r"orbit\.field"):
             return scenario
         try:
