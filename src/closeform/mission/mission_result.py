@@ -118,7 +118,7 @@ class StageResult(Result, Generic[AnyStage, AnyResult]):
         arcs = paths.arcs.copy()
         for k in self.on_ephemerides:
             own = arcs[paths.offsets[k] : paths.offsets[k + 1]]  # cubics have a mean motion of 0
-            own[:, THRUST:], own[:, MEAN_MOTION] = 0.0, paths.orbit.mean_motion
+            own[:, THRUST:], own[:, MEAN_MOTION] = 0.0, paths.orbit._column
         return Path(paths.orbit, arcs, paths.offsets, paths.shape)
 
     @cached_property

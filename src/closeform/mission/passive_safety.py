@@ -321,10 +321,11 @@ def beside_chief(
         coasts = path.orbit.coast(path.state(times), until - times, times)
         close = closest_approach(coasts, met, zone)
         k = int(np.argmin(close.ratio))
-        found = close.time[k], close.ratio[k], close.distance[k]
+        lost_at = float(times[k]) if thrusts else nan
+        found = (float(column[k]) for column in (close.time, close.ratio, close.distance))
         lower = 1.0 if passively_safe(path, met, zone, until) else 0.0
-        lost_at = times[k] if thrusts else nan
-        yield PairDrift(flight.names[one], flight.names[other], zone, lost_at, *found, lower, path.orbit._model)
+        names = flight.names[one], flight.names[other]
+        yield PairDrift(*names, zone, lost_at, *found, lower, path.orbit._model)
 
 
 def is_planned(result: StageResult[Any, Any]) -> bool:

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import isfinite
+from math import isfinite, pi
 from typing import Any
 
 import numpy as np
@@ -90,9 +90,9 @@ def header(shown: Shown) -> dict[str, Any]:
         "start": results[0].start,
         "end": results[-1].end,
         "epoch": epoch_of(shown),
-        "mean_motion": orbit.mean_motion,
+        "mean_motion": 2.0 * pi / orbit.period,
         "period": orbit.period if isfinite(orbit.period) else None,
-        "axes": ORBITAL if orbit.mean_motion else INERTIAL,
+        "axes": ORBITAL if isfinite(orbit.period) else INERTIAL,
         "sun": SUN.tolist() if searched else None,
     }
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from closeform.arrays import Floats
 from closeform.mission.mission_result import StageResult
-from closeform.motion.arc import END, IMPULSE, MEAN_MOTION, START, THRUST
+from closeform.motion.arc import END, IMPULSE, START, THRUST
 from closeform.motion.path import Path, runs_of
 from closeform.viewer.numbers import Numbers
 from closeform.viewer.shown import Shown
@@ -56,7 +56,7 @@ def arcs_of(paths: Path, craft: int) -> Floats:
 
 def thrusting(paths: Path) -> Any:
     """Return whether thrust is known to act in each arc (M,); it is unknown on a path through samples."""
-    return paths.arcs[:, THRUST:].any(axis=1) & (paths.arcs[:, MEAN_MOTION] == paths.orbit.mean_motion)
+    return paths.arcs[:, THRUST:].any(axis=1) & ~paths.orbit._interpolates(paths.arcs)
 
 
 def stretches(result: StageResult[Any, Any], craft: int) -> Floats:
