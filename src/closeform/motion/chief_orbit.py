@@ -468,7 +468,8 @@ class ChiefOrbit:
     @property
     def _model(self) -> str:
         """Name of the equations of relative motion."""
-        return f"linear motion beside an {self.chief}"
+        words = str(self.chief)
+        return f"linear motion beside {'an' if words[0] in 'aeiou' else 'a'} {words}"
 
     @property
     def _column(self) -> float:
