@@ -322,10 +322,10 @@ def beside_chief(
         close = closest_approach(coasts, met, zone)
         k = int(np.argmin(close.ratio))
         lost_at = float(times[k]) if thrusts else nan
-        found = (float(column[k]) for column in (close.time, close.ratio, close.distance))
+        time, ratio, distance = (float(column[k]) for column in (close.time, close.ratio, close.distance))
         lower = 1.0 if passively_safe(path, met, zone, until) else 0.0
-        names = flight.names[one], flight.names[other]
-        yield PairDrift(*names, zone, lost_at, *found, lower, path.orbit._model)
+        fails, meets = flight.names[one], flight.names[other]
+        yield PairDrift(fails, meets, zone, lost_at, time, ratio, distance, lower, path.orbit._model)
 
 
 def is_planned(result: StageResult[Any, Any]) -> bool:

@@ -115,8 +115,8 @@ def source_of(result: Mission | LoadedRun | Path, chief: Chief | None, names: Se
     """Return the source of an export. Raises ValueError for a chief or names that do not fit."""
     if isinstance(result.orbit, ChiefOrbit):
         raise ValueError(
-            f"result: exported from Hill's equations only, not from {result.orbit._model}; read arcs.parquet of "
-            "the result folder, or Path.state"
+            f"result: exported from Hill's equations only, not from {result.orbit._model}; read arcs.parquet "
+            "of the result folder, or Path.state"
         )
     if isinstance(result, Path):
         return checked(of_paths(result, chief, names))

@@ -101,8 +101,8 @@ def adrift(
 
     Both craft are planned, or one is planned and the other does not avoid it.
     """
-    planned = scenario.orbit.model == "hill"  # otherwise passive safety is only checked afterwards
-    safe = planned and isinstance(stage, Avoid | Joint) and stage.is_exact and stage.plans_drift
+    hill = scenario.orbit.model == "hill"  # otherwise passive safety is only checked afterwards
+    safe = hill and isinstance(stage, Avoid | Joint) and stage.is_exact and stage.plans_drift
     joint = isinstance(stage, Joint)
     if (
         after is None

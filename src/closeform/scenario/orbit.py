@@ -392,6 +392,6 @@ def beside(chief: "Chief", model: Model, radius: float, stages: Sequence[Any]) -
     moves = sum(time for each in times for key, time in each.items() if key != "drift")
     drift = max((each.get("drift", 0.0) for each in times), default=0.0)
     if not drift < inf:
-        raise ValueError('model = "j2" needs a drift that ends; write for example passive_safety = "24 h"')
+        raise ValueError('model = "j2" needs a drift that ends; write for example drift = "24 h"')
     span = LATER * moves + drift + SPARE * period
     return Orbit.perturbed(e, inclination, argument_of_perigee=perigee, span=span, **shape)

@@ -393,7 +393,8 @@ class Problem:
         for zone, pairs in zip(self.zones, self.pairs_by_kind, strict=True):
             one = zone if factor == 1.0 else Zone(zone.shape, zone.matrix / factor, zone.faces)
             tracks = tracks_of_all(bodies, (one,), pairs.shape[1])[one]
-            table = conflicts_of(bodies, bodies, one, *pairs, tracks)
+            first, second = pairs
+            table = conflicts_of(bodies, bodies, one, first, second, tracks)
             found += [((int(i), int(j)), row) for (i, j), row in zip(*table, strict=True)]
         return found
 
