@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from math import inf
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -310,7 +311,14 @@ class Request:
         return float(((known - (self.drift or 0.0) - self.starts) / self.durations).min())
 
     def problem(self) -> Problem:
-        """Return the planning problem of this request."""
+        """Return the planning problem of this request: a new one each time with `drift` or errors."""
+        return self._plain if self.drift is None and self.errors is None else self._new_problem()
+
+    @cached_property
+    def _plain(self) -> Problem:
+        return self._new_problem()
+
+    def _new_problem(self) -> Problem:
         zones = self.zones if self.padding is None else self.padding.groups(self.zones)
         plain = Problem.of(self.direct, self.obstacles, zones, self.drift)
         plain = replace(plain, requirements=self.requirements) if self.requirements else plain

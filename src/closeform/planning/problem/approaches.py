@@ -54,19 +54,19 @@ def sample_body(arcs, first, last, times, states):
 
 
 @kernel()
-def sample_path(clock, rows, first, last, times, states):
+def sample_path(clock, rows, first, last, times, bases, states):
     """Fill the states (T, 6) of one body at `times`, from arcs, or from pieces on the clock of a chief."""
     if len(clock) == 0:
         sample_body(rows, first, last, times, states)
     else:
-        sample_pieces(clock, rows, first, last, times, states)
+        sample_pieces(clock, rows, first, last, times, bases, states)
 
 
-@kernel(void(NUMBERS, ROWS, INDICES, NUMBERS, BLOCKS))
-def sample_bodies(clock, rows, offsets, times, states):
-    """Fill the states (B, T, 6) of all bodies at `times`."""
+@kernel(void(NUMBERS, ROWS, INDICES, NUMBERS, ROWS, BLOCKS))
+def sample_bodies(clock, rows, offsets, times, bases, states):
+    """Fill the states (B, T, 6) of all bodies at `times`, and of any chief the `bases` (T, 25) there."""
     for body in range(len(offsets) - 1):
-        sample_path(clock, rows, offsets[body], offsets[body + 1], times, states[body])
+        sample_path(clock, rows, offsets[body], offsets[body + 1], times, bases, states[body])
 
 
 @kernel()
@@ -216,7 +216,7 @@ def sample_craft(scene, arcs, offsets, contacts, count, states, places, speeds):
     for craft in range(len(scene.base)):
         if pushed[craft]:
             first, last = offsets[craft], offsets[craft + 1]
-            sample_path(scene.clock, arcs, first, last, scene.times, states[craft])
+            sample_path(scene.clock, arcs, first, last, scene.times, scene.bases, states[craft])
             speeds[craft] = spread(states[craft], places[craft])
         else:
             for k in range(len(scene.times)):

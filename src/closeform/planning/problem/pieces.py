@@ -26,6 +26,7 @@ from closeform.motion.chief.segments import ORIGIN as WINDOW_ORIGIN
 
 ORIGIN, LENGTH, PLACES = 2, 3, 4  # columns of a piece after its start and end
 PIECE = PLACES + 3 * TERMS
+BASE = 1 + 2 * TERMS  # numbers of a base: see `sample_pieces`
 AHEAD, BACK, PATHS = 1, 7, 13  # of a craft's polynomials: its base path, six of A, six of B^T
 
 
@@ -64,21 +65,35 @@ def weigh(clock, row, t, out):
 
 
 @kernel()
-def add_piece(clock, row, t, out, sign):
-    """Add `sign` times position, velocity and acceleration of a piece at time t to the rows of `out`."""
-    w = stack_matrix(3, 12)
-    weigh(clock, row, t, w)
+def fill_gap(clock, one, other, t, out):
+    """Fill the rows of `out` with position, velocity and acceleration of a piece relative to another."""
+    w, apart = stack_matrix(3, 12), stack_vector(36)
+    weigh(clock, one, t, w)
+    same = one[ORIGIN] == other[ORIGIN]  # in one window, where both have the same weights
+    for b in range(3 * TERMS):
+        apart[b] = one[PLACES + b] - other[PLACES + b] if same else one[PLACES + b]
     for k in range(3):
         for axis in range(3):
             total = 0.0
             for b in range(TERMS):
-                total += w[k, b] * row[PLACES + TERMS * axis + b]
-            out[k, axis] += sign * total
+                total += w[k, b] * apart[TERMS * axis + b]
+            out[k, axis] = total
+    if same:
+        return
+    weigh(clock, other, t, w)
+    for k in range(3):
+        for axis in range(3):
+            for b in range(TERMS):
+                out[k, axis] -= w[k, b] * other[PLACES + TERMS * axis + b]
 
 
 @kernel()
-def sample_pieces(clock, rows, first, last, times, states):
-    """Fill the states (T, 6) of one body at `times`; the first number is inf where it is absent."""
+def sample_pieces(clock, rows, first, last, times, bases, states):
+    """Fill the states (T, 6) of one body at `times`; the first number is inf where it is absent.
+
+    `bases` (T, 25) holds the angle of a window at each time and the weights there, or nan before they are
+    known: all bodies have the same in the same window.
+    """
     w, at = stack_matrix(3, 12), first
     for k in range(len(times)):
         t = times[k]
@@ -87,12 +102,17 @@ def sample_pieces(clock, rows, first, last, times, states):
             continue
         while at + 1 < last and rows[at + 1, START] <= t:
             at += 1
-        weigh(clock, rows[at], t, w)
+        base = bases[k]
+        if base[0] != rows[at, ORIGIN]:
+            weigh(clock, rows[at], t, w)
+            base[0] = rows[at, ORIGIN]
+            for b in range(TERMS):
+                base[1 + b], base[1 + TERMS + b] = w[0, b], w[1, b]
         for part in range(2):
             for axis in range(3):
                 total = 0.0
                 for b in range(TERMS):
-                    total += w[part, b] * rows[at, PLACES + TERMS * axis + b]
+                    total += base[1 + TERMS * part + b] * rows[at, PLACES + TERMS * axis + b]
                 states[k, 3 * part + axis] = total
 
 

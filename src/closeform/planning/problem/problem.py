@@ -21,7 +21,7 @@ from closeform.planning.problem.approaches import sample_bodies
 from closeform.planning.problem.chief_paths import ChiefPaths
 from closeform.planning.problem.contacts import turn_normals
 from closeform.planning.problem.deflection import fly, invert_responses, look_at, room_for
-from closeform.planning.problem.pieces import PATHS
+from closeform.planning.problem.pieces import BASE, PATHS
 from closeform.planning.problem.scene import Contacts, Scene
 from closeform.zones.shapes import BALL
 from closeform.zones.zone import Zone, scaled_norm
@@ -233,6 +233,7 @@ class Problem:
             np.empty((0, 0, 6)),
             np.array([self.first, self.last]),
             *(none if beside is None else (beside.clock, beside.spans, beside.units, beside.offsets)),
+            np.empty((0, BASE)),
         )
 
     @cached_property
@@ -247,8 +248,9 @@ class Problem:
         """Return a scene with the states of all bodies at `times`."""
         rows, offsets = self.rows(self.direct)
         states = np.empty((len(offsets) - 1, len(times), 6))
-        sample_bodies(scene.clock, rows, offsets, times, states)
-        return scene._replace(times=times, states=states)
+        bases = np.full((len(times) if self.beside is not None else 0, BASE), np.nan)
+        sample_bodies(scene.clock, rows, offsets, times, bases, states)
+        return scene._replace(times=times, states=states, bases=bases)
 
     def samples(self) -> Floats:
         """Return sample times that cover every craft's own time and every revolution of the orbit."""

@@ -42,6 +42,7 @@ class Scene(NamedTuple):
     spans: Floats  # (U, 4): start, end, angle and length of the window of every craft's polynomials
     units: Floats  # (U, 13, 36): their coefficients, of the base path, A and B^T
     unit_offsets: Any  # (N + 1,)
+    bases: Floats  # (T, 25): weights of the coefficients at the samples
 
     @property
     def room(self) -> tuple[int, int]:
@@ -107,7 +108,7 @@ SCENE = Lent(
         (
             *(ROWS, BLOCKS, ROWS, INDICES, ROWS, INDICES, PAIRS, INDICES, ROWS, ROWS),
             *(INDICES, BLOCKS, ROWS, INDICES, NUMBERS, NUMBERS, NUMBERS, NUMBERS, BLOCKS, NUMBERS),
-            *(NUMBERS, ROWS, BLOCKS, INDICES),
+            *(NUMBERS, ROWS, BLOCKS, INDICES, ROWS),
         ),
         Scene,
     )
