@@ -186,6 +186,8 @@ class Problem:
     @cached_property
     def direct(self) -> Flown:
         """The unconstrained optima, with the coasts before and after them, and the obstacles."""
+        if self.beside is not None:
+            return self.with_obstacles(*self.beside.direct)
         return self.fly(self.bare, Contacts.none())
 
     @property
@@ -276,6 +278,8 @@ class Problem:
 
     def planned(self, contacts: Contacts) -> Flown:
         """Return the paths under the contacts' multipliers, only up to the last arrival."""
+        if self.drift is None:
+            return self.flown(contacts)
         return self.fly(self.bare._replace(span=np.array([self.first, self.arrival])), contacts)
 
     def motions(self, flown: Flown, contacts: Contacts) -> Floats:
