@@ -3,7 +3,7 @@
 The polynomials of `pieces` come from the chief's table.  Paths at rest at the end T follow from those at rest
 at the start by the constant l1.x2 - l2.x1 of two optimal paths, l their costates:
 
-    B(s)^T = E R(s, T) G,    G = -C F(T)^-T,    C = [[0, I], [-I, -W]]
+    B(s)^T = E R(s, T) G,    G = -C F(T)^-T,    C = [[0, I], [-I, -W]]                   # theory (97a)
 
 with F(T) the response of the state at the end to the costate c = (p, p') at the start, R(s, T) that of the
 state at s to the costate at the end where the state is zero, and C from l = (-p' - W p, p) to c.
