@@ -134,7 +134,7 @@ class Request:
                 f"final: {len(places)} states for {count} craft; give one for each, or pass assign=True if "
                 "there are more states than craft"
             )
-        batch = obstacle_batch(check_orbit(orbit, method, cost, drift, (errors,)), obstacles)
+        batch = obstacle_batch(check_orbit(orbit, method, cost, (errors,)), obstacles)
         extra = 0 if batch is None else len(batch)
         called = _names(names, count, extra)
         limits = (
@@ -218,9 +218,7 @@ class Request:
             instance("thrusters", thrusters, Thrusters)
             if max_acceleration is not None:
                 raise ValueError(f"max_acceleration: {OWN_LIMITS}; omit it")
-        batch = obstacle_batch(
-            check_orbit(path.orbit, method, cost, drift, (errors, other_errors)), obstacles
-        )
+        batch = obstacle_batch(check_orbit(path.orbit, method, cost, (errors, other_errors)), obstacles)
         if batch is None:
             raise ValueError("obstacles: give at least one path")
         limits = None
@@ -310,6 +308,11 @@ class Request:
             known = self.obstacles.end[self.obstacles.end >= last].min(initial=known)
         return float(((known - (self.drift or 0.0) - self.starts) / self.durations).min())
 
+    @property
+    def verifies_drift(self) -> bool:
+        """True if passive safety is only verified, as beside a chief that is not on a circle."""
+        return self.drift is not None and isinstance(self.orbit, ChiefOrbit)
+
     def problem(self) -> Problem:
         """Return the planning problem of this request: a new one each time with `drift` or errors."""
         return self._plain if self.drift is None and self.errors is None else self._new_problem()
@@ -320,7 +323,8 @@ class Request:
 
     def _new_problem(self) -> Problem:
         zones = self.zones if self.padding is None else self.padding.groups(self.zones)
-        plain = Problem.of(self.direct, self.obstacles, zones, self.drift)
+        drift = None if self.verifies_drift else self.drift
+        plain = Problem.of(self.direct, self.obstacles, zones, drift)
         plain = replace(plain, requirements=self.requirements) if self.requirements else plain
         return plain if self.errors is None else self.errors.problem(plain)
 
@@ -368,13 +372,7 @@ class Request:
         return later.cheapest()
 
 
-def check_orbit(
-    orbit: Any,
-    method: str,
-    cost: str,
-    drift: float | None,
-    errors: Sequence[Any],
-) -> Any:
+def check_orbit(orbit: Any, method: str, cost: str, errors: Sequence[Any]) -> Any:
     """Return an orbit in which a plan is supported; raise ValueError with the alternative otherwise."""
     if not isinstance(instance("orbit", orbit, Orbit, ChiefOrbit), ChiefOrbit):
         return orbit
@@ -382,7 +380,6 @@ def check_orbit(
         "cost: 'delta-v'": (cost == "delta-v", "set cost 'energy', or use impulsive, which knows no zones"),
         "method: 'sauter-palmer'": (method == "sauter-palmer", "omit it"),
         "errors": (_any_errors(errors), "omit them, and enlarge the zones by `margin`"),
-        "drift": (drift is not None, "omit it, and check the plan with passively_safe"),
     }
     for name, (asked, remedy) in refused.items():
         if asked:
