@@ -78,14 +78,18 @@ def unsafe_pair(request: Request, plan: Plan) -> tuple[int, int] | None:
     """
     if plan.paths is None or request.drift is None:
         return None
-    from closeform.safety.drift_approach import passively_safe  # only plans with a drift need its kernels
+    from closeform.safety.drift_approach import (
+        Failing,
+        passively_safe,
+    )  # only plans with a drift need its kernels
 
     problem = request.problem()
     until = problem.arrival + request.drift
     own, others = plan.paths.extended(until), problem.obstacles
     for (i, j), kind in zip(problem.pairs.tolist(), problem.kinds, strict=True):
         planned = j < problem.count
-        met, failing = (own[j], "either") if planned else (others[j - problem.count], "path")
+        met = own[j] if planned else others[j - problem.count]
+        failing: Failing = "either" if planned else "path"
         if not passively_safe(own[i], met, problem.zones[kind], until, failing=failing):
             return i, j
     return None

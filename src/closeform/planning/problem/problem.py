@@ -21,7 +21,7 @@ from closeform.planning.problem.approaches import sample_bodies
 from closeform.planning.problem.chief_paths import ChiefPaths
 from closeform.planning.problem.contacts import turn_normals
 from closeform.planning.problem.deflection import fly, invert_responses, look_at, room_for
-from closeform.planning.problem.pieces import BASE, PATHS
+from closeform.planning.problem.pieces import BASE, PATHS, PLACES
 from closeform.planning.problem.scene import Contacts, Scene
 from closeform.zones.shapes import BALL
 from closeform.zones.zone import Zone, scaled_norm
@@ -211,10 +211,9 @@ class Problem:
         inverses, beside = np.empty((self.count, 6, 6)), self.beside
         if beside is None:
             invert_responses(self.base, inverses)
-            none = np.empty(0), np.empty((0, 4)), np.empty((0, PATHS, 0)), np.zeros(1, dtype=np.int64)
         faces = [zone.faces for zone in self.zones]
         windows, presence = self.windows
-        return Scene(
+        scene = Scene(
             np.ascontiguousarray(self.base),
             inverses,
             np.empty((0, WIDTH)),
@@ -234,8 +233,16 @@ class Problem:
             np.empty(0),
             np.empty((0, 0, 6)),
             np.array([self.first, self.last]),
-            *(none if beside is None else (beside.clock, beside.spans, beside.units, beside.offsets)),
+            np.empty(0),
+            np.empty((0, PLACES)),
+            np.empty((0, PATHS, 0)),
+            np.zeros(1, dtype=np.int64),
             np.empty((0, BASE)),
+        )
+        if beside is None:
+            return scene
+        return scene._replace(
+            clock=beside.clock, spans=beside.spans, units=beside.units, unit_offsets=beside.offsets
         )
 
     @cached_property
