@@ -58,12 +58,12 @@ class ChiefPaths:
         columns[:, 0] = whole[:, COLUMN:]
         craft = np.repeat(np.arange(len(base)), np.diff(self.offsets))
         own = (whole[:, BEGIN] >= base[craft, START]) & (whole[:, FINISH] <= base[craft, END])
-        columns[own, AHEAD:BACK, :PUSH] = self._ahead(craft[own])
+        columns[own, AHEAD:BACK, :PUSH] = self._ahead()
         columns[own, BACK:, :PUSH] = self._back(whole[own], craft[own])
         self.units = self._coefficients(whole, columns)
 
-    def _ahead(self, craft: Any) -> Floats:
-        """Return the columns (S, 6, 12) of A at the window beginnings of segments of each `craft` (S,)."""
+    def _ahead(self) -> Floats:
+        """Return the columns (S, 6, 12) of A at the window beginnings of all craft's own segments."""
         arcs = np.repeat(self.base, 6, axis=0)
         arcs[:, STATE:] = 0.0
         arcs[:, THRUST : THRUST + 6] = np.tile(np.eye(6), (len(self.base), 1))
@@ -76,7 +76,6 @@ class ChiefPaths:
             ],
             axis=1,
         )
-        assert rows.shape[1] == len(craft)
         return np.asarray(rows.swapaxes(0, 1))
 
     def _back(self, segments: Floats, craft: Any) -> Floats:
