@@ -8,9 +8,10 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import closeform as cf
-from chiefs import linear_matrix
+from chiefs import MU, linear_matrix
 from closeform.cli.app import main
 from closeform.mission.mission import fly
+from closeform.motion.chief.oblate_or_supplied import frames, gravity
 from closeform.scenario import ScenarioError, parse
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
@@ -66,6 +67,46 @@ def test_an_unsafe_drift_beside_a_chief_is_found():
     met = met if worst.time <= met.end else met.extended(worst.time)
     gap = drift.position(worst.time) - met.position(worst.time)
     assert worst.zone.norm(gap) == pytest.approx(worst.ratio, rel=1e-6)
+
+
+@pytest.mark.parametrize("model", ["kepler", "j2"])
+def test_inertial_starts_move_as_integrated(model):
+    """Beside both spacecraft integrated about the Earth, to first order in the distance."""
+    bulge = 1.082635854e-3 * 6378137.0**2 if model == "j2" else 0.0
+    chief = np.array([6.9e6, 1e5, -2e5, 300.0, 1200.0, 7900.0])
+    apart = np.array([30.0, -50.0, 20.0, 0.02, 0.03, -0.01])
+    orbit = " ".join(map(str, chief[:3])) + " m, " + " ".join(map(str, chief[3:])) + " m/s"
+    other = chief + apart
+    place = (
+        " ".join(f"{x:.9f}" for x in other[:3]) + " m, " + " ".join(f"{x:.12f}" for x in other[3:]) + " m/s"
+    )
+    text = f"""closeform = 1
+title = "inertial start"
+[orbit]
+epoch = "2026-11-22T12:00:00Z"
+model = "{model}"
+chief = {{ state = "{orbit}" }}
+[craft]
+name = ["F1"]
+start = {{ inertial = "{place}" }}
+[[stage]]
+do = "coast"
+for = "90 min"
+"""
+    flown = planned(text).results[0].after.paths[0]
+
+    def rates(_, y):
+        felt = gravity(y.reshape(2, 6)[:, :3], MU, bulge)
+        return np.concatenate([y[3:6], felt[0], y[9:], felt[1]])
+
+    times = np.linspace(0.0, 5400.0, 9)
+    y = solve_ivp(
+        rates, (0.0, 5400.0), [*chief, *other], rtol=1e-12, atol=1e-6, method="DOP853", t_eval=times
+    ).y.T
+    for time, row in zip(times, y, strict=True):
+        known = frames(row[:6], MU, bulge)[0] @ (row[6:] - row[:6])
+        assert np.abs(flown.state(time) - known)[:3].max() < 0.02
+        assert np.abs(flown.state(time) - known)[3:].max() < 2e-5
 
 
 def test_a_run_beside_a_j2_chief_is_written_and_loaded(tmp_path):

@@ -27,7 +27,7 @@ from closeform.motion.two_impulse import drifts
 if TYPE_CHECKING:
     from closeform.fuel.thrusters import Thrusters
 
-SUPPORTED = "transfer, impulsive, screen and passively_safe, which hold about any chief"
+SUPPORTED = "transfer, impulsive, avoid, reconfigure, screen and passively_safe, which hold about any chief"
 
 
 PROVEN = 1e-6  # relative gap between the cost of impulses and its lower bound

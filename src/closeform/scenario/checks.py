@@ -361,8 +361,8 @@ def beside_chief(scenario: Scenario) -> Iterator[str]:
     for key, given in tables.items():
         if given is not None:
             yield f"{key}: {only}; remove it, or the model"
-    if any(craft.start is not None for craft in scenario.craft):
-        yield f"craft.start: {only}; give position and velocity"
+    if any(craft.start is not None and not craft.start.inertially for craft in scenario.craft):
+        yield f"craft.start: a relative orbit {only}; give position and velocity, inertial or oem"
     if scenario.uncertain:
         yield f"craft.covariance, craft.execution: {only}; remove them, and give a margin to the stages"
     for number, stage in enumerate(scenario.stages, 1):

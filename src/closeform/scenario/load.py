@@ -307,6 +307,10 @@ def located(
             key, _, words = str(error).partition(": ")
             complain(("orbit", key), words)
             return scenario
+    if chief is not None and scenario.orbit.model != "hill":
+        from closeform.dynamics.force_model.field import Field  # only these scenarios need it
+
+        field = Field(chief, 2 if scenario.orbit.model == "j2" else 0)  # whose frame turns with the chief
     placed = list(scenario.craft)
     for number, craft in enumerate(placed):
         inertially = craft.start is not None and craft.start.inertially
