@@ -86,6 +86,7 @@ def tasks(quick: bool) -> list[tuple[Task, bool]]:
     some += [reconfiguration(count, 2, spacing=3.0) for count in (4, 8, 12, 20, 30)]
     some += [reconfiguration(count, 2, LOW_ORBIT, spacing=3.0) for count in (4, 8, 12, 20)]
     many = [reconfiguration(count, 1, orbit) for count in (50, 200) for orbit in (cf.Orbit(0.0), LOW_ORBIT)]
+    many.append(reconfiguration(1000, 1, LOW_ORBIT))
     return [(task, True) for task in some] + [(task, False) for task in many]
 
 
@@ -109,7 +110,8 @@ def row(task: Task, programs: bool, quick: bool) -> Row:
     say(f"  {task.name}")
     direct = task.orbit.transfer(task.initial, task.final, task.duration)
     met = len(np.unique(cf.screen(direct, task.zone).pairs, axis=0))
-    joint, sequential = (planned(task, method, 1 if quick else 20) for method in ("joint", "sequential"))
+    repeats = 1 if quick else 20 if task.count <= 200 else 3
+    joint, sequential = (planned(task, method, repeats) for method in ("joint", "sequential"))
     made = Row(task, float(direct.energy.sum()), met, joint, sequential)
     if programs:
         made.convex = programmed(task, starts=4 if task.count <= 12 and not quick else 2)
@@ -323,7 +325,7 @@ def swap_figures(made: Row) -> list[Figure]:
 
 def figures(rows: list[Row]) -> list[Figure]:
     found = [figure for made in rows if made.task.name.startswith("swap") for figure in swap_figures(made)]
-    for count, most in ((50, 2.0), (200, 1.0)):
+    for count, most in ((50, 2.0), (200, 1.0), (1000, 10.0)):
         own = [made.joint for made in rows if made.task.count == count]
         if own:
             slowest, all_clear = max(joint.time for joint in own), all(joint.clear for joint in own)

@@ -90,26 +90,30 @@ def read_field(context: Any, builder: Any, lent: Lent, pointer: Any, name: str) 
 
 @unbox(Lent)
 def refer(lent: Lent, given: Any, c: Any) -> NativeValue:
-    """Put an entry point's tuple on the stack; its arrays stay those of its caller, uncounted."""
+    """Put an entry point's tuple on the stack; its arrays are released after the call."""
     place = cgutils.alloca_once(c.builder, c.context.get_value_type(lent.of))
-    return NativeValue(place, is_error=_fill(lent.of, given, place, c))
+    arrays: list[tuple[Any, Any]] = []
+    failed = _fill(lent.of, given, place, arrays, c)
+
+    def release() -> None:
+        for kind, array in arrays:
+            c.context.nrt.decref(c.builder, kind, array)
+
+    return NativeValue(place, is_error=failed, cleanup=release)
 
 
-def _fill(kind: Any, given: Any, place: Any, c: Any) -> Any:
-    """Fill a place with a tuple, an array or a number; return True if there was an error."""
-    if isinstance(kind, types.Array):
-        word = c.pyapi.voidptr
-        adapt = c.pyapi._get_function(ir.FunctionType(ir.IntType(32), [word, word]), "numba_adapt_ndarray")
-        failed = c.builder.call(adapt, (given, c.builder.bitcast(place, word)))
-        return cgutils.is_not_null(c.builder, failed)
+def _fill(kind: Any, given: Any, place: Any, arrays: list[tuple[Any, Any]], c: Any) -> Any:
+    """Fill a place with a tuple, an array or a number, and list its arrays; return whether it failed."""
     if isinstance(kind, types.BaseTuple):
         failed = cgutils.false_bit
         for k, one in enumerate(kind):
             inner = cgutils.gep_inbounds(c.builder, place, 0, k)
-            failed = c.builder.or_(failed, _fill(one, c.pyapi.tuple_getitem(given, k), inner, c))
+            failed = c.builder.or_(failed, _fill(one, c.pyapi.tuple_getitem(given, k), inner, arrays, c))
         return failed
     native = c.unbox(kind, given)
-    c.builder.store(native.value, place)
+    c.builder.store(uncounted(c.context, c.builder, kind, native.value), place)
+    if isinstance(kind, types.Array):
+        arrays.append((kind, native.value))
     return native.is_error
 
 

@@ -62,8 +62,9 @@ def factorise(matrix, size):
     for k in range(size):
         for i in range(k + 1, size):
             share = matrix[k, i] / matrix[k, k]
-            for j in range(i, size):  # along a row: vector instructions
-                matrix[i, j] -= share * matrix[k, j]
+            if share != 0.0:  # few contacts of a large formation act on each other
+                for j in range(i, size):  # along a row: vector instructions
+                    matrix[i, j] -= share * matrix[k, j]
 
 
 @kernel()

@@ -118,6 +118,8 @@ def certified(places, gram, offsets, floors, multipliers):
     if invert(inverse, size) == -inf:
         return -inf
     bound = weigh(places, gram, offsets, floors, multipliers, larger, DEFINITE, roots, aims, matrix)
+    inverse[:] = matrix  # definite too, and its inverse makes the residual below small
+    invert(inverse, size)
     times(inverse, aims, size, x)
     curved, straight, left = times(matrix, x, size, product), 0.0, 0.0
     for r in range(size):

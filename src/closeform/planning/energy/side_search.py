@@ -59,6 +59,7 @@ class Search:
         self.best: Solution | None = None
         self.proven = False
         self.seen: list[Solution] = []
+        self.unranked: list[Solution] = []  # whose other sides are not in the queue yet
         self.queue: list[tuple[float, int, Turn]] = []
         self.queued = 0
         self.starts: set[Any] = set()
@@ -85,6 +86,8 @@ class Search:
             if self.best is not None and self.tried - improved >= patience:
                 break
             before = self.best
+            while self.unranked:
+                self.push_turns(self.unranked.pop())
             if self.queue and (self.alone or self.tried % DRAWN):
                 cost, _, turn = heapq.heappop(self.queue)
                 if self.best is not None and cost > HOPELESS * self.best.energy and not self.more:
@@ -123,7 +126,7 @@ class Search:
             self.best, self.proven = last, self.solver.proven(last)
 
     def examine(self, start: Contacts, sides: Sides) -> Solution:
-        """Solve from a start; keep a better solution, and queue starts on its other sides."""
+        """Solve from a start; keep a better solution, and note those with other sides to examine."""
         bar = self.best.energy if self.best is not None else inf
         blunt = self.tried % 2 if self.problem.count > 1 else 0
         solution = self.solver.solve(start, sides, bar, blunt)
@@ -135,7 +138,7 @@ class Search:
                 self.best = solution
                 self.proven = self.solver.proven(solution)
             if not self.proven and not (self.alone and solution.contacts.number == 1):
-                self.push_turns(solution)
+                self.unranked.append(solution)
         return solution
 
     def push(self, cost: float, turn: Turn) -> None:
