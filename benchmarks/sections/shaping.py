@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 import closeform as cf
-from cases import MEAN_MOTION, ZONE, Passage, cluster, passages
+from cases import MEAN_MOTION, ZONE, Passage, passages
 from peers import convex, mixed_integer
 from peers.motion import Array, position
 from tables import Figure, Report, Table, seconds, times
@@ -59,8 +59,7 @@ def measure(quick: bool) -> Report:
         "shaping": middle(o.time for o in found[EXACT]),
         "shaping SP11": middle(o.time for o in found[PAPER]),
     }
-    chiefs, slower = beside_chiefs(count, repeats)
-    return Report([ellipsoids(found, solved), boxes(boxed), chiefs], [*figures(found), slower], speeds)
+    return Report([ellipsoids(found, solved), boxes(boxed)], figures(found), speeds)
 
 
 def middle(values: Iterable[float]) -> float:
@@ -152,45 +151,6 @@ def boxes(found: dict[str, list[Outcome]]) -> Table:
         ["method", "median time", "relative time", "energy", "delta-v", "cuts", "longest cut"],
         rows,
         notes,
-    )
-
-
-def beside_chiefs(count: int, repeats: int) -> tuple[Table, Figure]:
-    """Return times and optimality gaps of plans about any chief, beside those in Hill's equations."""
-    orbits = {
-        "circular, Hill": cf.Orbit.circular(500e3),
-        **{f"eccentric, e = {e:g}": cf.Orbit.eccentric(e, perigee_altitude=500e3) for e in (0.1, 0.3, 0.6)},
-        "J2, e = 0.01": cf.Orbit.perturbed(0.01, np.radians(97.4), perigee_altitude=500e3, span=20_000.0),
-    }
-    zone, runs, gaps = cf.Ellipsoid(ZONE), {name: [] for name in orbits}, {name: [] for name in orbits}
-    for k in range(-1, count):  # the first one compiles and warms up
-        for name, orbit in orbits.items():  # interleaved, on the same tasks
-            rng = np.random.default_rng(abs(k))
-            duration, start = rng.uniform(0.4, 1.0) * orbit.period, rng.uniform(0.0, 1.0) * orbit.period
-            path = orbit.transfer(*cluster(2, 200.0, abs(k)), duration, start)
-            middle_time = start + rng.uniform(0.25, 0.75) * duration
-            met = path.state(middle_time) + np.append(0.3 * ZONE * rng.uniform(-1, 1, 3), [0.02, 0.0, 0.05])
-            flow = orbit.transition(start - middle_time, middle_time)
-            obstacle, each = orbit.coast(flow @ met, duration, start), []
-            for _ in range(repeats):
-                begin = perf_counter()
-                plan = cf.avoid(path, obstacle, zone)
-                each.append(perf_counter() - begin)
-            if k >= 0 and plan.status.name == "AVOIDED":
-                runs[name].append(median(each))
-                gaps[name].append(100.0 * plan.gap)
-    times_of = {name: middle(own) for name, own in runs.items()}
-    hill = times_of["circular, Hill"]
-    rows = [
-        [name, len(runs[name]), seconds(time), times(time / hill), f"{np.nanmedian(gaps[name]):.3f} %"]
-        for name, time in times_of.items()
-    ]
-    title = "Path past one obstacle about any chief, ellipsoid 20 x 40 x 20 m, one core"
-    columns = ["chief", "avoided", "median time", "relative time", "proven gap, median"]
-    most = max(times_of.values()) / hill
-    return (
-        Table(title, columns, rows, ["The gap is that of the first bound, without `prove`."]),
-        Figure("avoid about any chief, against Hill", "<= 2x", times(most), most <= 2.0),
     )
 
 

@@ -32,8 +32,8 @@ from closeform.zones.zone import Zone
 MOST = 2000  # maximum number of directed pairs with an exact minimum; of more, only unsafe ones get one
 ROUNDING = 1e-8  # relative tolerance within which a bound equals a clearance ratio
 HILL = "Hill's equations"
-LOSSES = 200  # instants of loss of thrust sampled about a chief that is not on a circle
 CHUNK = 64  # directed pairs that one thread evaluates at a time
+LOSSES = 200  # instants of loss of thrust sampled about a chief that is not on a circle
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,7 +15,6 @@ from closeform.arrays import Floats
 from closeform.confidence import estimate
 from closeform.dynamics.model_error_estimate import COASTS, MOVES, model_error
 from closeform.mission.verdict import MET, NOT_MET, SAMPLED, Asked, Margin, Use, beyond
-from closeform.motion.chief_orbit import ChiefOrbit
 from closeform.motion.elements.mean_motion import EARTH_MU, EARTH_RADIUS, semi_major_axis_from_mean_motion
 
 if TYPE_CHECKING:
@@ -148,7 +147,7 @@ class Neglected:
         Return None with such a model, in deep space, about a chief that is not on a circle, and around other
         bodies.
         """
-        if isinstance(orbit, ChiefOrbit):
+        if scenario.orbit.model != "hill":
             return None
         n, chief = orbit.mean_motion, scenario.chief
         mu = chief.mu if chief is not None else scenario.orbit.mu or EARTH_MU
