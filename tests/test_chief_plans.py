@@ -187,6 +187,19 @@ def test_formations_with_times_of_their_own_are_clear(kind):
     assert free.energy <= plan.energy * (1.0 + 1e-9)
 
 
+def test_fallbacks_end_with_the_span_of_the_chief():
+    """A plan past a client is never passively safe, so that longer ones are tried up to the last instant."""
+    orbit = cf.Orbit.perturbed(0.01, 1.1, perigee_altitude=600e3, span=5000.0)
+    slots = np.stack([AHEAD, [300.0, 700.0, 0, 0, 0, 0]])
+    options = {"obstacles": orbit.coast(np.zeros(6), 5000.0), "assign": True, "drift": 1200.0}
+    plan = cf.reconfigure(orbit, BEHIND[None], slots, 2500.0, ZONE, **options)
+    assert not plan.ok
+    assert sum("not known for so long" in line for line in plan.measures) >= 2
+    for options in ({"start": 3000.0}, {"drift": 3000.0, "obstacles": orbit.coast(np.zeros(6), 5000.0)}):
+        with pytest.raises(ValueError, match="5000"):
+            cf.reconfigure(orbit, BEHIND[None], AHEAD[None], 2500.0, ZONE, **options)
+
+
 def test_thrust_limits_lengthen_plans_within_the_span_of_the_chief():
     direct, client = case("J2", 0.3)
     orbit = direct.orbit

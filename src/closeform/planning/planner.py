@@ -78,10 +78,8 @@ def unsafe_pair(request: Request, plan: Plan) -> tuple[int, int] | None:
     """
     if plan.paths is None or request.drift is None:
         return None
-    from closeform.safety.drift_approach import (
-        Failing,
-        passively_safe,
-    )  # only plans with a drift need its kernels
+    # imported here, because only plans with a drift need its kernels
+    from closeform.safety.drift_approach import Failing, passively_safe
 
     problem = request.problem()
     until = problem.arrival + request.drift

@@ -356,7 +356,8 @@ class Request:
         """Return the request with `factor` times the durations; the final states hold at the later ends."""
         if self.path_over is not None:
             return replace(self, **_ends(self.path_over(factor)))
-        return replace(self, durations=factor * self.durations).cheapest()
+        later = replace(self, durations=factor * self.durations)
+        return later.cheapest() if later.longest >= 1.0 else later
 
     def staggered(self, share: float) -> Request:
         """Return the request with staggered starts: the last waits for `share` of the longest duration.
@@ -366,10 +367,11 @@ class Request:
         """
         longest = share * self.durations.max()
         waits = np.linspace(0.0, longest, len(self.initial))
+        later = replace(self, early=longest - waits, starts=self.starts + waits)
+        if later.longest < 1.0:
+            return later
         ahead = self.orbit.transition(waits, self.starts)
-        initial = (ahead @ self.initial[:, :, None])[..., 0]
-        later = replace(self, initial=initial, early=longest - waits, starts=self.starts + waits)
-        return later.cheapest()
+        return replace(later, initial=(ahead @ self.initial[:, :, None])[..., 0]).cheapest()
 
 
 def check_orbit(orbit: Any, method: str, cost: str, errors: Sequence[Any]) -> Any:
